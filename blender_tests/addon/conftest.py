@@ -1,0 +1,117 @@
+"""Loads the checkout as Blender loads the extension, bl_ext.karf_test.karf, and starts every test in an empty file."""
+
+import importlib
+import os
+import shutil
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+MODULE = "bl_ext.karf_test.karf"
+FAKE_ENGINE = Path(__file__).parent / "fake_engine"
+_exit_code = None
+_has_blender = False
+
+
+@pytest.fixture(scope="session")
+def bpy(tmp_path_factory):
+    """Blender as a module, with the checkout enabled as an extension."""
+    global _has_blender
+    bpy = pytest.importorskip("bpy")
+    _has_blender = True
+    repository = tmp_path_factory.mktemp("repository")
+    (repository / "karf").symlink_to(ROOT, target_is_directory=True)
+    bpy.context.preferences.extensions.repos.new(name="KaRF test", module="karf_test", custom_directory=str(repository))
+    assert bpy.ops.preferences.addon_enable(module=MODULE) == {"FINISHED"}
+    return bpy
+
+
+@pytest.fixture
+def addon(bpy, monkeypatch):
+    """The add-on's modules by name, in an empty file, with the fake engine behind them."""
+    bpy.ops.wm.read_homefile(use_empty=True)
+    modules = SimpleNamespace(
+        **{
+            name: importlib.import_module(f"{MODULE}.karf_blender.{name}")
+            for name in (
+                "engine_api environment folders headless job_watch jobs lens masks pictures preferences recolor rig "
+                "steps swatches"
+            ).split()
+        }
+    )
+    monkeypatch.setattr(modules.engine_api, "ENGINE_FOLDER", FAKE_ENGINE)
+    monkeypatch.setenv("KARF_ENGINE_PYTHON", sys.executable)
+    modules.recolor.forget()
+    yield modules
+    assert not modules.job_watch.is_running()
+
+
+@pytest.fixture
+def scene(bpy, addon):
+    return bpy.context.scene
+
+
+@pytest.fixture
+def capture_folder(bpy, addon, tmp_path):
+    """An instant-ngp style capture of three 24 x 16 photos, one of them named in a nested folder."""
+    return make_capture(addon, tmp_path / "pots", 3, 24, 16)
+
+
+def make_capture(addon, folder, count, width, height):
+    """Write photos (a gradient, different in each) and their transforms.json; returns the folder."""
+    api, views = addon.engine_api, []
+    for number in range(count):
+        angle = 0.4 * number
+        pose = np.eye(4)
+        pose[:3, :3] = [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
+        pose[:3, 3] = pose[:3, 2] * 3
+        camera = api.Camera(width, height, 30.0, 28.0, width / 2 + 1, height / 2 - 2, pose)
+        name = f"photo_{number}"
+        rows, columns = np.mgrid[0:height, 0:width]
+        photo = np.stack([rows / height, columns / width, np.full((height, width), number / count)], -1)
+        addon.pictures.write_png(folder / "images" / f"{name}.png", photo)
+        views.append(api.View(f"images/{name}.png", name, camera, None, "train"))
+    api.write_cameras(folder / "transforms.json", views)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def learned_files(tmp_path_factory):
+    """Where the first test that needs a learned project leaves it for the others."""
+    return tmp_path_factory.mktemp("learned")
+
+
+@pytest.fixture
+def learned(bpy, addon, capture_folder, learned_files, tmp_path):
+    """The scene with palettes and its first view shown; the engine has run once for all tests."""
+    karf, project, kept = addon.headless, tmp_path / "project", learned_files / "project"
+    if kept.exists():
+        shutil.copytree(kept, project)
+    karf.import_capture(capture_folder, project)
+    if not kept.exists():
+        karf.learn_scene()
+        karf.extract_palette()
+        shutil.copytree(project, kept)
+    else:
+        palettes = addon.engine_api.read_palettes(addon.folders.project_of(bpy.context.scene).palette_file)
+        addon.swatches.load_palettes(bpy.context.scene, palettes)
+        karf.show_view()
+    return bpy.context.scene
+
+
+def pytest_sessionfinish(session, exitstatus):
+    global _exit_code
+    _exit_code = int(exitstatus)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_unconfigure(config):
+    # bpy 4.2 and 4.5 crash or hang at the interpreter's exit where anything of Blender is left alive
+    if _has_blender and _exit_code is not None:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(_exit_code)

@@ -1,0 +1,90 @@
+"""Importing a capture: the rig, what the scene remembers, and refusals."""
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def imported(bpy, addon, scene, capture_folder, tmp_path):
+    assert bpy.ops.karf.import_capture(filepath=str(capture_folder), project=str(tmp_path / "project")) == {"FINISHED"}
+    return scene
+
+
+def test_there_is_a_camera_with_its_photo_for_every_view(bpy, addon, imported, capture_folder):
+    cameras = imported.karf.rig.children
+    assert sorted(camera.karf_view for camera in cameras) == ["photo_0", "photo_1", "photo_2"]
+    for camera in cameras:
+        image = camera.data.background_images[0].image
+        assert bpy.path.abspath(image.filepath) == str(capture_folder / "images" / f"{camera.karf_view}.png")
+
+
+def test_cameras_stand_where_the_capture_has_them(addon, imported):
+    for view in addon.steps.capture_of(imported).views:
+        matrix = addon.rig.camera_of(imported, view.name).matrix_world
+        np.testing.assert_allclose(np.array(matrix), view.camera.camera_to_world, atol=1e-6)
+
+
+def test_the_scene_looks_through_the_first_view_at_its_size(imported):
+    assert imported.camera.karf_view == imported.karf.active_view == "photo_0"
+    assert (imported.render.resolution_x, imported.render.resolution_y) == (24, 16)
+    aspect = imported.render.pixel_aspect_x / imported.render.pixel_aspect_y
+    assert aspect == pytest.approx(28 / 30)  # fx 30, fy 28: pixels are higher than wide
+
+
+def test_looking_through_another_view_changes_the_camera(bpy, imported):
+    bpy.ops.karf.look_through(view="photo_2")
+    assert imported.camera.karf_view == "photo_2"
+
+
+def test_a_missing_capture_is_refused_in_a_sentence_and_leaves_nothing_behind(bpy, scene, tmp_path):
+    with pytest.raises(RuntimeError, match="nowhere does not exist"):
+        bpy.ops.karf.import_capture(filepath=str(tmp_path / "nowhere"))
+    assert not bpy.data.cameras and scene.karf.rig is None and scene.karf.project == ""
+
+
+def test_a_rig_that_cannot_be_built_leaves_nothing_behind(bpy, addon, scene, capture_folder, monkeypatch):
+    def fail(data, photo):
+        raise RuntimeError("disk gone")
+
+    monkeypatch.setattr(addon.rig, "_set_background", fail)
+    with pytest.raises(RuntimeError, match="disk gone"):
+        addon.headless.import_capture(capture_folder)
+    assert not bpy.data.objects and not bpy.data.collections
+
+
+def test_undo_takes_the_import_back(bpy, addon, capture_folder, tmp_path):
+    bpy.ops.ed.undo_push(message="before")
+    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    bpy.ops.ed.undo_push(message="import")
+    bpy.ops.ed.undo()
+    assert not bpy.context.scene.karf.project and not bpy.data.cameras
+
+
+def test_without_a_project_a_saved_file_gets_one_beside_it(bpy, addon, scene, capture_folder, tmp_path):
+    (tmp_path / "film").mkdir()
+    addon.headless.save(tmp_path / "film" / "shot.blend")
+    addon.headless.import_capture(capture_folder)
+    assert scene.karf.project == "//pots_karf"
+    assert addon.folders.project_of(scene).folder == tmp_path / "film" / "pots_karf"
+
+
+def test_saving_makes_paths_relative_and_saving_elsewhere_keeps_them_right(bpy, addon, imported, tmp_path):
+    first, second = tmp_path / "a" / "shot.blend", tmp_path / "b" / "c" / "shot.blend"
+    first.parent.mkdir()
+    second.parent.mkdir(parents=True)
+    addon.headless.save(first)
+    assert imported.karf.project == "//../project"
+    addon.headless.save(second)
+    assert imported.karf.project == "//../../project"
+    bpy.ops.wm.open_mainfile(filepath=str(second))
+    assert addon.folders.project_of(bpy.context.scene).folder == tmp_path / "project"
+
+
+def test_saving_a_copy_leaves_the_open_file_right_and_the_copy_too(bpy, addon, imported, tmp_path):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b" / "c").mkdir(parents=True)
+    addon.headless.save(tmp_path / "a" / "shot.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "b" / "c" / "copy.blend"), copy=True)
+    assert addon.folders.project_of(imported).folder == tmp_path / "project"
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "b" / "c" / "copy.blend"))
+    assert addon.folders.project_of(bpy.context.scene).folder == tmp_path / "project"

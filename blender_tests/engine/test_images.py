@@ -1,0 +1,328 @@
+"""Image files, masks, resizing, undistortion and working-size plates, against hand arithmetic."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+Image = pytest.importorskip("PIL.Image")
+pytest.importorskip("scipy")
+
+from karf_engine.capture.camera import Camera  # noqa: E402
+from karf_engine.capture.capture import View  # noqa: E402
+from karf_engine.capture.image_size import image_size  # noqa: E402
+from karf_engine.errors import DataError  # noqa: E402
+from karf_engine.images import (  # noqa: E402
+    background_kind,
+    load_views,
+    read_mask,
+    read_photo,
+    resize,
+    undistort,
+    write_png,
+)
+
+
+def random_bytes(*shape):
+    return np.random.default_rng(0).integers(0, 256, size=shape, dtype=np.uint8)
+
+
+# ---------------------------------------------------------------------------------------------------------------- files
+@pytest.mark.parametrize("channels", [3, 4])
+def test_eight_bit_colors_survive_a_round_trip(tmp_path, channels):
+    pixels = random_bytes(5, 7, channels)
+    write_png(tmp_path / "a.png", pixels)
+    photo = read_photo(tmp_path / "a.png")
+    assert photo.dtype == np.float32
+    assert_array_equal(photo, pixels.astype(np.float32) / 255)
+    write_png(tmp_path / "b.png", photo)
+    assert (tmp_path / "b.png").read_bytes() == (tmp_path / "a.png").read_bytes()
+
+
+def test_floats_are_clipped_and_rounded_to_the_nearest_byte(tmp_path):
+    write_png(tmp_path / "a.png", np.array([[-1.0, 0.6 / 255, 0.4 / 255, 254.6 / 255, 2.0]]))
+    assert_array_equal(np.asarray(Image.open(tmp_path / "a.png")), [[0, 1, 0, 255, 255]])
+
+
+def test_sixteen_bit_gray_survives_a_round_trip(tmp_path):
+    depth = np.array([[0, 1, 1000], [40000, 65534, 65535]], np.uint16)
+    write_png(tmp_path / "a.png", depth)
+    photo = read_photo(tmp_path / "a.png")
+    assert photo.shape == (2, 3, 3)
+    assert_array_equal(np.rint(photo[..., 1] * 65535).astype(np.uint16), depth)
+
+
+def test_arrays_that_are_no_picture_are_refused(tmp_path):
+    for array in (np.zeros((2, 2), np.int64), np.zeros((2, 2, 3), np.uint16)):
+        with pytest.raises(TypeError):
+            write_png(tmp_path / "a.png", array)
+    assert not list(tmp_path.iterdir())
+
+
+def test_gray_palette_and_transparent_palette_pictures_become_rgb(tmp_path):
+    Image.fromarray(np.array([[0, 51]], np.uint8)).save(tmp_path / "gray.png")
+    assert_allclose(read_photo(tmp_path / "gray.png"), [[[0, 0, 0], [0.2, 0.2, 0.2]]])
+
+    palette = Image.fromarray(np.array([[0, 1]], np.uint8)).convert("P")
+    palette.putpalette([255, 0, 0, 0, 51, 255])
+    palette.save(tmp_path / "palette.png")
+    assert_allclose(read_photo(tmp_path / "palette.png"), [[[1, 0, 0], [0, 0.2, 1]]])
+    palette.save(tmp_path / "transparent.png", transparency=0)
+    assert_allclose(read_photo(tmp_path / "transparent.png"), [[[1, 0, 0, 0], [0, 0.2, 1, 1]]])
+
+
+@pytest.mark.parametrize(("orientation", "turn"), [(1, 0), (3, 2), (6, 3), (8, 1)])
+def test_exif_orientation_is_applied_and_agrees_with_the_header_size(tmp_path, orientation, turn):
+    pixels = np.zeros((16, 32, 3), np.uint8)
+    pixels[:8, :8] = 255
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    Image.fromarray(pixels).save(tmp_path / "a.jpg", exif=exif, quality=100)
+    photo = read_photo(tmp_path / "a.jpg")
+    assert_allclose(photo, np.rot90(pixels / 255, turn), atol=0.05)
+    assert image_size(tmp_path / "a.jpg") == photo.shape[1::-1]
+    assert read_photo(tmp_path / "a.jpg", upright=False).shape == (16, 32, 3)
+
+
+@pytest.mark.parametrize("options", [{"lossless": True}, {"lossless": False}, {"exif": b"Exif\0\0"}])
+@pytest.mark.parametrize("channels", [3, 4])
+def test_webp_header_sizes_agree_with_the_pixels(tmp_path, options, channels):
+    Image.fromarray(random_bytes(21, 37, channels)).save(tmp_path / "a.webp", **options)
+    assert image_size(tmp_path / "a.webp") == (37, 21)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"", "is empty"),
+        (b"version https://git-lfs.github.com/spec/v1\n", "Git-LFS pointer"),
+        (b"hello, no picture", "cannot be read as a picture"),
+    ],
+)
+def test_unreadable_photos_are_named_with_the_reason(tmp_path, data, words):
+    path = tmp_path / "a.png"
+    path.write_bytes(data)
+    with pytest.raises(DataError) as caught:
+        read_photo(path)
+    assert words in caught.value.sentence and str(path) in caught.value.sentence
+
+
+def test_truncated_and_missing_photos_are_named(tmp_path):
+    path = tmp_path / "a.png"
+    write_png(path, random_bytes(50, 50, 3))
+    path.write_bytes(path.read_bytes()[:3000])
+    with pytest.raises(DataError, match=r"a\.png cannot be read as a picture: .*truncated"):
+        read_photo(path)
+    with pytest.raises(DataError, match=r"b\.png cannot be read: No such file"):
+        read_photo(tmp_path / "b.png")
+    with pytest.raises(DataError, match="cannot be read: Is a directory"):
+        read_photo(tmp_path)
+
+
+# ---------------------------------------------------------------------------------------------------------------- masks
+SHAPE = np.array([[True, False, False], [True, True, False]])
+
+
+def rgba(color, alpha):
+    return np.dstack([np.broadcast_to(color, (2, 3)).astype(np.uint8)] * 3 + [np.broadcast_to(alpha, (2, 3))])
+
+
+@pytest.mark.parametrize(
+    "pixels",
+    [
+        SHAPE,
+        SHAPE * np.uint8(255),
+        np.where(SHAPE, 128, 127).astype(np.uint8),
+        SHAPE.astype(np.uint8),
+        SHAPE * np.uint16(40000),
+        np.dstack([SHAPE * np.uint8(255), np.zeros((2, 3, 2), np.uint8)]),
+        rgba(255, np.uint8(SHAPE * 255)),
+        rgba(0, np.uint8(SHAPE * 255)),
+        rgba([[9, 99, 200], [200, 9, 9]], np.uint8(SHAPE * 255)),
+        rgba(SHAPE * 255, np.uint8(255)),
+    ],
+    ids=["bool", "gray", "half", "labels", "16-bit", "red", "white matte", "black matte", "cut-out", "opaque"],
+)
+def test_masks_of_any_kind_give_the_same_shape(tmp_path, pixels):
+    write_png(tmp_path / "m.png", pixels)
+    assert_array_equal(read_mask(tmp_path / "m.png"), SHAPE)
+
+
+@pytest.mark.parametrize(
+    ("pixels", "inside"),
+    [
+        (rgba(0, np.uint8(255)), False),
+        (rgba(255, np.uint8(0)), False),
+        (rgba(255, np.uint8(255)), True),
+        (np.zeros((2, 3), np.uint8), False),
+        (np.full((2, 3), 255, np.uint8), True),
+    ],
+)
+def test_masks_without_a_border_are_all_or_nothing(tmp_path, pixels, inside):
+    write_png(tmp_path / "m.png", pixels)
+    assert_array_equal(read_mask(tmp_path / "m.png"), np.full((2, 3), inside))
+
+
+# ------------------------------------------------------------------------------------------------------------- resizing
+def test_shrinking_averages_areas_also_at_broken_factors():
+    row = np.array([[0.0, 3.0, 6.0]])  # three pixels to two: 1 + 1/2 pixels each
+    assert_allclose(resize(row, 2, 1), [[(0 + 3 / 2) / 1.5, (3 / 2 + 6) / 1.5]])
+    image = np.random.default_rng(1).random((6, 8, 3))
+    assert_allclose(resize(image, 4, 2), image.reshape(2, 3, 4, 2, 3).mean((1, 3)), atol=1e-6)
+
+
+def test_enlarging_interpolates_between_pixel_centers():
+    assert_allclose(resize(np.array([[0.0, 1.0]]), 4, 2), [[0, 0.25, 0.75, 1.0]] * 2)
+
+
+def test_resizing_to_the_same_size_changes_nothing():
+    image = np.random.default_rng(2).random((3, 5, 3)).astype(np.float32)
+    assert_array_equal(resize(image, 5, 3), image)
+
+
+# --------------------------------------------------------------------------------------------------------- undistortion
+LENS = (-0.12, 0.05, 0.011, -0.0095, 0.01)
+
+
+def distorted_pixel(camera, point):
+    """OpenCV's documented model, written out for one point in camera axes (x right, y up, looking down -z)."""
+    k1, k2, p1, p2, k3 = camera.distortion
+    x, y = point[0] / -point[2], -point[1] / -point[2]
+    r2 = x**2 + y**2
+    radial = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
+    distorted_x = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x**2)
+    distorted_y = y * radial + p1 * (r2 + 2 * y**2) + 2 * p2 * x * y
+    return camera.fx * distorted_x + camera.cx, camera.fy * distorted_y + camera.cy
+
+
+def test_dots_photographed_through_the_lens_land_where_the_pinhole_says():
+    camera = Camera(160, 120, 130.0, 120.0, 83.0, 57.0, np.eye(4), LENS)
+    v, u = np.mgrid[0:120, 0:160] + 0.5
+    points = [np.array([x, y, -2.0]) for x in np.linspace(-0.9, 0.9, 5) for y in np.linspace(-0.7, 0.7, 4)]
+    photo = np.zeros((120, 160, 1))
+    for point in points:
+        dot_u, dot_v = distorted_pixel(camera, point)
+        photo[..., 0] += np.exp(-((u - dot_u) ** 2 + (v - dot_v) ** 2) / (2 * 1.5**2))
+    plate, pinhole, valid = undistort(photo, camera)
+    expected, _ = pinhole.project(np.array(points))
+    moved = [np.hypot(*(np.array(distorted_pixel(camera, p)) - e)) for p, e in zip(points, expected, strict=True)]
+    assert max(moved) > 3  # the lens really bends
+    for target in expected:
+        near = np.hypot(u - target[0], v - target[1]) < 6
+        assert valid[near].all()
+        weights = plate[near, 0] / plate[near, 0].sum()
+        assert_allclose([weights @ u[near], weights @ v[near]], target, atol=0.05)
+
+
+def test_undistortion_looks_up_the_photo_at_the_distorted_position():
+    camera = Camera(160, 120, 130.0, 120.0, 83.0, 57.0, np.eye(4), LENS)
+    v, u = np.mgrid[0:120, 0:160] + 0.5
+    plate, pinhole, valid = undistort(np.dstack([u, v]), camera)  # the photo shows its own coordinates
+    assert (pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy) == (130.0, 120.0, 83.0, 57.0)
+    assert (pinhole.width, pinhole.height, pinhole.distortion) == (160, 120, ())
+    for row, column in ((0, 0), (60, 80), (33, 150), (119, 159), (100, 5)):
+        local = [(column + 0.5 - 83.0) / 130.0, (57.0 - row - 0.5) / 120.0, -1.0]
+        looked_up = distorted_pixel(camera, np.array(local))
+        inside = 0 <= looked_up[0] <= 160 and 0 <= looked_up[1] <= 120
+        assert valid[row, column] == inside
+        if inside:
+            assert_allclose(plate[row, column], np.clip(looked_up, 0.5, [159.5, 119.5]), atol=1e-6)
+
+
+def test_pixels_beyond_the_fold_of_the_lens_model_are_invalid():
+    camera = Camera(100, 100, 40.0, 40.0, 50.0, 50.0, np.eye(4), (-0.4, 0.0, 0.0, 0.0))
+    _, _, valid = undistort(np.zeros((100, 100, 3)), camera)
+    fold = 40.0 / np.sqrt(3 * 0.4)  # d/dr (r - 0.4 r^3) = 0
+    radius = np.hypot(*(np.mgrid[0:100, 0:100] - 49.5))
+    assert_array_equal(valid, radius < fold)
+
+
+def test_a_lens_without_distortion_leaves_the_photo_alone():
+    camera = Camera(4, 3, 5.0, 5.0, 2.0, 1.5, np.eye(4), (0.0, 0.0, 0.0, 0.0))
+    photo = np.random.default_rng(3).random((3, 4, 3))
+    plate, pinhole, valid = undistort(photo, camera)
+    assert_array_equal(plate, photo)
+    assert pinhole.distortion == () and valid.all()
+
+
+# --------------------------------------------------------------------------------------------------------------- plates
+def view_of(path, pixels, distortion=(), size=None):
+    write_png(path, pixels)
+    width, height = size or pixels.shape[1::-1]
+    return View(path.stem, path.stem, Camera(width, height, 20.0, 22.0, 9.0, 6.0, np.eye(4), distortion), path, "train")
+
+
+def test_plates_shrink_to_the_long_side_with_their_camera(tmp_path):
+    pixels = random_bytes(12, 18, 3)
+    (plate,) = load_views([view_of(tmp_path / "a.png", pixels)], 9)
+    assert plate.color.shape == (6, 9, 3) and plate.color.dtype == np.float32
+    assert_allclose(plate.color, pixels.reshape(6, 2, 9, 2, 3).mean((1, 3)) / 255, atol=1e-6)
+    camera = plate.camera
+    assert (camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy) == (9, 6, 10, 11, 4.5, 3)
+    assert plate.alpha is None and plate.valid is None
+
+
+def test_plates_are_never_enlarged_and_then_keep_every_stored_color(tmp_path):
+    pixels = random_bytes(12, 18, 4)
+    (plate,) = load_views([view_of(tmp_path / "a.png", pixels)], 400)
+    assert_array_equal(plate.color, pixels[..., :3].astype(np.float32) / 255)
+    assert_array_equal(plate.alpha, pixels[..., 3].astype(np.float32) / 255)
+
+
+def test_hidden_colors_do_not_bleed_into_shrunken_plates(tmp_path):
+    pixels = np.zeros((2, 4, 4), np.uint8)
+    pixels[:, 0] = [255, 51, 0, 255]  # orange and opaque beside green and fully transparent
+    pixels[:, 1:] = [0, 255, 0, 0]
+    (plate,) = load_views([view_of(tmp_path / "a.png", pixels)], 2)
+    assert_allclose(plate.alpha, [[0.5, 0.0]])
+    assert_allclose(plate.color[0, 0], [1.0, 0.2, 0.0], atol=1e-6)
+
+
+def test_an_alpha_of_255_everywhere_is_no_matte(tmp_path):
+    pixels = random_bytes(12, 18, 4)
+    pixels[..., 3] = 255
+    (plate,) = load_views([view_of(tmp_path / "a.png", pixels)], 9)
+    assert plate.alpha is None and plate.color.shape == (6, 9, 3)
+
+
+def test_undistorted_plates_tell_which_pixels_the_photo_covers(tmp_path):
+    view = view_of(tmp_path / "a.png", random_bytes(12, 18, 3), distortion=(0.5, 0.0, 0.0, 0.0))
+    (plate,) = load_views([view], 9)
+    assert plate.camera.distortion == ()
+    assert plate.valid.shape == (6, 9) and plate.valid[3, 4] and not plate.valid[0, 0]
+
+
+@pytest.mark.parametrize(("size", "turn"), [((16, 32), 3), ((32, 16), 0)])
+def test_turned_photos_are_loaded_as_their_camera_was_made(tmp_path, size, turn):
+    pixels = np.zeros((16, 32, 3), np.uint8)
+    pixels[:8, :8] = 255
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    path = tmp_path / "a.jpg"
+    Image.fromarray(pixels).save(path, exif=exif, quality=100)
+    camera = Camera(*size, 20.0, 20.0, size[0] / 2, size[1] / 2, np.eye(4))
+    (plate,) = load_views([View("a", "a", camera, path, "train")], 100)
+    assert_allclose(plate.color, np.rot90(pixels / 255, turn), atol=0.05)
+
+
+def test_photos_that_do_not_fit_their_camera_are_named(tmp_path):
+    view = view_of(tmp_path / "a.png", random_bytes(12, 18, 3), size=(20, 12))
+    with pytest.raises(DataError, match=r"a\.png is 18x12 pixels where its camera has 20x12"):
+        load_views([view], 9)
+
+
+# ----------------------------------------------------------------------------------------------------------- background
+def test_backgrounds_are_told_apart():
+    photo = np.random.default_rng(4).uniform(0.2, 0.8, size=(20, 30, 3))
+    black, white, matte = photo.copy(), photo.copy(), np.dstack([photo, np.ones((20, 30))])
+    for image, color in ((black, 0.01), (white, 0.99)):
+        image[:2], image[-2:], image[:, :2], image[:, -2:] = color, color, color, color
+        image[0, 10:20] = 0.5  # the object touches the border
+    matte[:5, :, 3] = 0
+    opaque = np.dstack([black, np.ones((20, 30))])
+    assert background_kind([photo] * 3) == "opaque"
+    assert background_kind([black] * 3) == "black"
+    assert background_kind([opaque] * 3) == "black"
+    assert background_kind([white] * 3) == "white"
+    assert background_kind([matte] * 3) == "alpha"
+    assert background_kind([black] * 9 + [photo]) == "black"
+    assert background_kind([black] * 2 + [photo]) == "opaque"

@@ -1,0 +1,24 @@
+"""What differs between Blender versions, and nothing else; the only file that asks for the version."""
+
+import bpy
+
+# properties that hold paths must say since 4.5 that `//` is understood; before, the word is unknown
+PATH_OPTIONS = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
+
+
+def exit_handlers() -> list | None:
+    """The handlers called when Blender quits (5.1 and later), or None; the engine also notices when Blender is gone."""
+    return getattr(bpy.app.handlers, "exit_pre", None)
+
+
+def set_brush_color(tool_settings: bpy.types.ToolSettings, color: tuple[float, float, float]) -> None:
+    """Give the image paint brush this color; the unified color overrides it, and moved to the paint mode in 5.0."""
+    paint = tool_settings.image_paint
+    for owner in (paint, tool_settings):
+        unified = getattr(owner, "unified_paint_settings", None)
+        if unified is not None:
+            unified.color = color
+            break
+    # brushes are assets since 4.3: there may be none before the first stroke
+    if paint.brush is not None:
+        paint.brush.color = color

@@ -1,0 +1,65 @@
+"""The one door to the engine: its rooms that need nothing but the standard library and numpy."""
+
+from pathlib import Path
+
+from .. import karf_engine
+from ..karf_engine.capture import open_capture, write_cameras
+from ..karf_engine.capture.camera import Camera
+from ..karf_engine.capture.capture import Capture, View
+from ..karf_engine.edit.compositing import Planes, delta_composite, paper_composite, read_planes, stack_palettes
+from ..karf_engine.edit.match import match_becomes, match_fewest, nearest_weights
+from ..karf_engine.edit.palette import (
+    COMPOSITING_MODES,
+    Edit,
+    Palette,
+    hex_to_rgb,
+    read_edit,
+    read_palettes,
+    rgb_to_hex,
+    write_edit,
+)
+from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency, error_from_code
+from ..karf_engine.project import Project, atomic_write
+from ..karf_engine.settings import PRESETS
+from ..karf_engine.wire import LOG_FILE, Event, EventReader, Request
+
+# the folder that the engine's own Python executes
+ENGINE_FOLDER = Path(karf_engine.__file__).parent
+
+__all__ = [
+    "COMPOSITING_MODES",
+    "ENGINE_FOLDER",
+    "LOG_FILE",
+    "PRESETS",
+    "BadRequest",
+    "Camera",
+    "Cancelled",
+    "Capture",
+    "DataError",
+    "Edit",
+    "Event",
+    "EventReader",
+    "KarfError",
+    "MissingDependency",
+    "Palette",
+    "Planes",
+    "Project",
+    "Request",
+    "View",
+    "atomic_write",
+    "delta_composite",
+    "error_from_code",
+    "hex_to_rgb",
+    "match_becomes",
+    "match_fewest",
+    "nearest_weights",
+    "open_capture",
+    "paper_composite",
+    "read_edit",
+    "read_palettes",
+    "read_planes",
+    "rgb_to_hex",
+    "stack_palettes",
+    "write_cameras",
+    "write_edit",
+]

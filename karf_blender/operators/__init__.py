@@ -1,0 +1,18 @@
+"""The operators, one file per step of the panel."""
+
+import bpy
+
+from . import cancel, edit, import_capture, mark, render, stages
+
+FILES = (import_capture, mark, stages, edit, render, cancel)
+CLASSES = tuple(each for file in FILES for each in file.CLASSES)
+
+
+def register():
+    for each in CLASSES:
+        bpy.utils.register_class(each)
+
+
+def unregister():
+    for each in reversed(CLASSES):
+        bpy.utils.unregister_class(each)

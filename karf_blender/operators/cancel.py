@@ -1,0 +1,28 @@
+"""Stopping the running job."""
+
+import bpy
+
+from .. import job_watch
+from .reporting import reports_errors
+
+
+class KARF_OT_cancel(bpy.types.Operator):
+    """Stop the running job at its next safe point; what was learned so far is kept"""
+
+    bl_idname = "karf.cancel"
+    bl_label = "Cancel"
+
+    @classmethod
+    def poll(cls, context):
+        if not job_watch.is_running():
+            cls.poll_message_set("No job is running")
+            return False
+        return True
+
+    @reports_errors
+    def execute(self, context):
+        job_watch.cancel()
+        return {"FINISHED"}
+
+
+CLASSES = (KARF_OT_cancel,)

@@ -1,0 +1,85 @@
+"""Step 6: swatches."""
+
+from pathlib import Path
+
+import bpy
+from bpy.props import IntProperty, StringProperty
+
+from .. import steps, swatches
+from .reporting import SwatchStep, reports_errors
+
+
+class KARF_OT_reset_swatch(SwatchStep, bpy.types.Operator):
+    """Give a swatch, or all of an object, the learned color back"""
+
+    bl_idname = "karf.reset_swatch"
+    bl_label = "Reset Swatch"
+    bl_options = {"REGISTER", "UNDO"}
+
+    object_name: StringProperty(name="Object")
+    index: IntProperty(name="Swatch", default=0, min=0, description="From 1; 0: all", options={"SKIP_SAVE"})
+
+    @reports_errors
+    def execute(self, context):
+        swatches.reset(context.scene, self.object_name, self.index or None)
+        return {"FINISHED"}
+
+
+class KARF_OT_becomes(SwatchStep, bpy.types.Operator):
+    """Set the object's swatches so that its source color becomes the target color"""
+
+    bl_idname = "karf.becomes"
+    bl_label = "Becomes"
+    bl_options = {"REGISTER", "UNDO"}
+
+    object_name: StringProperty(name="Object")
+
+    @reports_errors
+    def execute(self, context):
+        item = swatches.object_named(context.scene, self.object_name)
+        steps.becomes(context.scene, item.name, item.source, item.target, item.rule)
+        return {"FINISHED"}
+
+
+class KARF_OT_load_edit(SwatchStep, bpy.types.Operator):
+    """Set the swatches to those of an edit file"""
+
+    bl_idname = "karf.load_edit"
+    bl_label = "Load Edit"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
+    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+
+    def invoke(self, context, event):
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    @reports_errors
+    def execute(self, context):
+        steps.load_edit(context.scene, Path(bpy.path.abspath(self.filepath)))
+        return {"FINISHED"}
+
+
+class KARF_OT_save_edit(SwatchStep, bpy.types.Operator):
+    """Write the swatches to an edit file, for other scenes of the same objects and for scripts"""
+
+    bl_idname = "karf.save_edit"
+    bl_label = "Save Edit"
+
+    filepath: StringProperty(subtype="FILE_PATH", default="edit.json")
+    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+    check_existing: bpy.props.BoolProperty(default=True, options={"HIDDEN"})
+
+    def invoke(self, context, event):
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    @reports_errors
+    def execute(self, context):
+        steps.save_edit(context.scene, Path(bpy.path.abspath(self.filepath)))
+        self.report({"INFO"}, f"Wrote {self.filepath}")
+        return {"FINISHED"}
+
+
+CLASSES = (KARF_OT_reset_swatch, KARF_OT_becomes, KARF_OT_load_edit, KARF_OT_save_edit)

@@ -1,0 +1,51 @@
+"""Step 7: pictures."""
+
+import bpy
+from bpy.props import StringProperty
+
+from .. import folders, job_watch, steps
+from .reporting import PaletteStep, SwatchStep, reports_errors
+
+
+class KARF_OT_render_view(SwatchStep, bpy.types.Operator):
+    """Write the active view as it is shown"""
+
+    bl_idname = "karf.render_view"
+    bl_label = "This View"
+
+    @reports_errors
+    def execute(self, context):
+        self.report({"INFO"}, f"Wrote {steps.render_view(context.scene)}")
+        return {"FINISHED"}
+
+
+class KARF_OT_render_capture(PaletteStep, bpy.types.Operator):
+    """Recolor the capture's photos with the swatches as they stand"""
+
+    bl_idname = "karf.render_capture"
+    bl_label = "Captured Views"
+
+    views: StringProperty(name="Views", default="all", description="all, train, test or names with commas")
+
+    @reports_errors
+    def execute(self, context):
+        job_watch.launch(steps.render_captured(context.scene, self.views))
+        self.report({"INFO"}, f"Pictures go to {folders.out_folder(context.scene) / 'recolor'}")
+        return {"FINISHED"}
+
+
+class KARF_OT_render_camera(PaletteStep, bpy.types.Operator):
+    """Recolor what the scene's camera sees, for every frame of the scene; swatches may be keyframed"""
+
+    bl_idname = "karf.render_camera"
+    bl_label = "Camera's Frames"
+
+    @reports_errors
+    def execute(self, context):
+        scene = context.scene
+        job_watch.launch(steps.render_camera(scene, scene.camera, steps.frame_range(scene)))
+        self.report({"INFO"}, f"Pictures go to {folders.out_folder(scene) / 'recolor'}")
+        return {"FINISHED"}
+
+
+CLASSES = (KARF_OT_render_view, KARF_OT_render_capture, KARF_OT_render_camera)

@@ -1,0 +1,100 @@
+"""Steps 2, 4 and 5: what the engine learns, and showing a view of it."""
+
+import bpy
+from bpy.props import StringProperty
+
+from .. import environment, job_watch, preferences, steps
+from .reporting import EngineStep, SwatchStep, reports_errors
+
+
+class KARF_OT_learn_scene(EngineStep, bpy.types.Operator):
+    """Learn the scene's geometry from the photos"""
+
+    bl_idname = "karf.learn_scene"
+    bl_label = "Learn Scene"
+
+    @reports_errors
+    def execute(self, context):
+        job_watch.launch(steps.learn_scene(context.scene))
+        return {"FINISHED"}
+
+
+class KARF_OT_segment(EngineStep, bpy.types.Operator):
+    """Turn the coarse masks into clean ones in every view"""
+
+    bl_idname = "karf.segment"
+    bl_label = "Segment"
+
+    @reports_errors
+    def execute(self, context):
+        job_watch.launch(steps.segment(context.scene))
+        return {"FINISHED"}
+
+
+class KARF_OT_extract_palette(EngineStep, bpy.types.Operator):
+    """Find the swatches of every object and learn what each pixel takes from them; edits are given up"""
+
+    bl_idname = "karf.extract_palette"
+    bl_label = "Extract Palette"
+
+    @reports_errors
+    def execute(self, context):
+        job_watch.launch(steps.extract_palette(context.scene))
+        return {"FINISHED"}
+
+
+class KARF_OT_show_view(SwatchStep, bpy.types.Operator):
+    """Show a captured view with the swatches as they stand; the engine prepares it the first time"""
+
+    bl_idname = "karf.show_view"
+    bl_label = "Show View"
+    bl_options = {"REGISTER", "UNDO"}
+
+    view: StringProperty(name="View", description="Empty: the active view", options={"SKIP_SAVE"})
+
+    @reports_errors
+    def execute(self, context):
+        task = steps.show_view(context.scene, self.view)
+        if task is not None:
+            job_watch.launch(task)
+        if context.area and context.area.type == "IMAGE_EDITOR" and context.scene.karf.result:
+            context.space_data.image = context.scene.karf.result
+        return {"FINISHED"}
+
+
+class KARF_OT_prepare_views(EngineStep, bpy.types.Operator):
+    """Prepare all captured views, so that each shows at once"""
+
+    bl_idname = "karf.prepare_views"
+    bl_label = "Prepare All Views"
+
+    views: StringProperty(name="Views", default="all", description="all, train, test or names with commas")
+
+    @reports_errors
+    def execute(self, context):
+        job_watch.launch(steps.prepare_views(context.scene, self.views))
+        return {"FINISHED"}
+
+
+class KARF_OT_examine_engine(bpy.types.Operator):
+    """Ask the engine's Python what it is and what it lacks"""
+
+    bl_idname = "karf.examine_engine"
+    bl_label = "Test Engine"
+
+    @reports_errors
+    def execute(self, context):
+        found = environment.examine(preferences.engine_python())
+        preferences.current().examination = found.sentence
+        self.report({"ERROR" if found.missing else "INFO"}, found.sentence)
+        return {"CANCELLED"} if found.missing else {"FINISHED"}
+
+
+CLASSES = (
+    KARF_OT_learn_scene,
+    KARF_OT_segment,
+    KARF_OT_extract_palette,
+    KARF_OT_show_view,
+    KARF_OT_prepare_views,
+    KARF_OT_examine_engine,
+)

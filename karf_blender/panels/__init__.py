@@ -1,0 +1,17 @@
+"""The KaRF tab of the sidebar, in the 3D View and in the Image Editor. Drawing only reads."""
+
+import bpy
+
+from . import sidebar
+
+CLASSES = sidebar.CLASSES
+
+
+def register():
+    for each in CLASSES:
+        bpy.utils.register_class(each)
+
+
+def unregister():
+    for each in reversed(CLASSES):
+        bpy.utils.unregister_class(each)

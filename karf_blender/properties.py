@@ -1,0 +1,126 @@
+"""What the .blend remembers (Scene.karf: saved, undone, keyframed) and what it does not (WindowManager.karf_progress)."""
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+from . import recolor
+from .compat import PATH_OPTIONS
+from .engine_api import COMPOSITING_MODES, PRESETS
+
+PRESET_ITEMS = [(name, name.capitalize(), f"The {name} settings") for name in PRESETS]
+COMPOSITING_HELP = {
+    "delta": "Add the palette's change to the photo: nothing changed leaves the photo as it is",
+    "paper": "Replace the object by its palette mixture",
+}
+COMPOSITING_ITEMS = [(name, name.capitalize(), COMPOSITING_HELP[name]) for name in COMPOSITING_MODES]
+RULE_ITEMS = [
+    ("becomes", "Material", "Paint the whole object anew, light and highlights kept"),
+    ("fewest", "Fewest swatches", "Reach the color with as few changed swatches as possible"),
+]
+
+
+def _edit_changed(self, context):
+    recolor.follow(self.id_data)
+
+
+def _view_chosen(self, context):
+    recolor.follow(self.id_data)
+
+
+def srgb(name: str, default: float = 0.0, **options):
+    """A color property of sRGB numbers, as palettes are learned."""
+    return FloatVectorProperty(
+        name=name, subtype="COLOR_GAMMA", size=3, min=0.0, max=1.0, default=(default,) * 3, **options
+    )
+
+
+class KARF_PG_swatch(bpy.types.PropertyGroup):
+    """One palette color of an object: as learned, and as the artist wants it."""
+
+    learned: srgb("Learned", description="The color that was found in the photos")
+    color: srgb("Color", description="The color it shall have", update=_edit_changed)
+    locked: BoolProperty(name="Lock", description="'Becomes' leaves this swatch alone")
+
+
+class KARF_PG_object(bpy.types.PropertyGroup):
+    """One marked object. Its first swatch is black and stays black."""
+
+    swatches: CollectionProperty(type=KARF_PG_swatch)
+    source: srgb("Source", 0.5, description="A color of the object, picked from the photo")
+    target: srgb("Target", 0.5, description="The color that the source shall become")
+    rule: EnumProperty(name="Rule", items=RULE_ITEMS)
+
+
+class KARF_PG_view(bpy.types.PropertyGroup):
+    """A captured view, known by its name."""
+
+    split: StringProperty(name="Split", description="train, val or test")
+
+
+class KARF_PG_scene(bpy.types.PropertyGroup):
+    """A scene's project, palettes and edits."""
+
+    project: StringProperty(
+        name="Project", subtype="DIR_PATH", options=PATH_OPTIONS, description="Folder of all that is learned"
+    )
+    capture: StringProperty(name="Capture", subtype="FILE_PATH", options=PATH_OPTIONS, description="Cameras and photos")
+    masks: StringProperty(
+        name="Masks",
+        subtype="DIR_PATH",
+        options=PATH_OPTIONS,
+        description="Folder with <object>/<photo name>.png, white where the object is",
+    )
+    out: StringProperty(
+        name="Output",
+        subtype="DIR_PATH",
+        options=PATH_OPTIONS,
+        description="Where pictures go; empty: out in the project",
+    )
+    preset: EnumProperty(name="Preset", items=PRESET_ITEMS, description="How long and how well to learn")
+    compositing: EnumProperty(name="Compositing", items=COMPOSITING_ITEMS, update=_edit_changed)
+    rig: PointerProperty(name="Rig", type=bpy.types.Object, description="The Empty that holds the captured cameras")
+    views: CollectionProperty(type=KARF_PG_view)
+    active_view: StringProperty(name="View", description="The captured view that is shown", update=_view_chosen)
+    objects: CollectionProperty(type=KARF_PG_object)
+    result: PointerProperty(name="Result", type=bpy.types.Image, description="The recolored picture")
+    mask_object: StringProperty(name="Object", description="Name of the object to mark", default="object")
+    mask_view: StringProperty(name="Marked view", description="The view that the painted mask belongs to")
+    mask_image: PointerProperty(name="Mask", type=bpy.types.Image, description="The photo that is painted on")
+
+
+class KARF_PG_progress(bpy.types.PropertyGroup):
+    """The running job, and why the last one failed."""
+
+    running: BoolProperty()
+    stage: StringProperty()
+    fraction: FloatProperty(min=0.0, max=1.0)
+    text: StringProperty()
+    error: StringProperty()
+    hint: StringProperty()
+
+
+CLASSES = (KARF_PG_swatch, KARF_PG_object, KARF_PG_view, KARF_PG_scene, KARF_PG_progress)
+
+
+def register():
+    for each in CLASSES:
+        bpy.utils.register_class(each)
+    bpy.types.Scene.karf = PointerProperty(type=KARF_PG_scene)
+    bpy.types.WindowManager.karf_progress = PointerProperty(type=KARF_PG_progress)
+    bpy.types.Object.karf_view = StringProperty(name="KaRF view", description="The captured view of this camera")
+
+
+def unregister():
+    del bpy.types.Object.karf_view
+    del bpy.types.WindowManager.karf_progress
+    del bpy.types.Scene.karf
+    for each in reversed(CLASSES):
+        bpy.utils.unregister_class(each)

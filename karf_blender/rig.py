@@ -1,0 +1,127 @@
+"""A capture as Blender cameras under one Empty, and Blender cameras as cameras of the engine.
+
+The Empty is the capture's world: move, turn or scale it as a whole and all cameras stay right, since poses are always
+taken relative to it.
+"""
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from . import lens
+from .engine_api import BadRequest, Camera, Capture, View
+
+CAMERA_SIZE = 0.05  # drawn size of a camera, in units of the rig's extent
+
+
+def build(capture: Capture, name: str, scene: bpy.types.Scene) -> bpy.types.Object:
+    """Make an Empty with a camera for each view in a collection of their own; returns the Empty.
+
+    The scene stays as it was where a camera cannot be made.
+    """
+    collection = bpy.data.collections.new(name)
+    made = []
+    try:
+        empty = bpy.data.objects.new(name, None)
+        made.append(empty)
+        size = CAMERA_SIZE * _extent(capture)
+        for view in capture.views:
+            made.append(_camera(view, empty, size))
+    except Exception:
+        for item in made:
+            bpy.data.objects.remove(item)
+        bpy.data.collections.remove(collection)
+        raise
+    for item in made:
+        collection.objects.link(item)
+    scene.collection.children.link(collection)
+    return empty
+
+
+def _camera(view: View, parent: bpy.types.Object, size: float) -> bpy.types.Object:
+    data = bpy.data.cameras.new(view.name)
+    numbers = lens.lens_of(view.camera)
+    data.sensor_fit = "HORIZONTAL"
+    data.sensor_width = lens.SENSOR_WIDTH
+    data.lens = numbers.focal_length
+    data.shift_x, data.shift_y = numbers.shift_x, numbers.shift_y
+    data.display_size = size
+    if view.image is not None and view.image.exists():
+        _set_background(data, view.image)
+    camera = bpy.data.objects.new(view.name, data)
+    camera.karf_view = view.name
+    camera.parent = parent
+    camera.matrix_local = Matrix(view.camera.camera_to_world.tolist())
+    return camera
+
+
+def _set_background(data: bpy.types.Camera, photo: Path) -> None:
+    data.show_background_images = True
+    background = data.background_images.new()
+    background.image = bpy.data.images.load(str(photo), check_existing=True)
+    background.frame_method = "STRETCH"
+    background.display_depth = "BACK"
+    background.alpha = 1.0
+
+
+def _extent(capture: Capture) -> float:
+    positions = np.array([view.camera.position for view in capture.views])
+    return float(np.linalg.norm(np.ptp(positions, axis=0))) or 1.0
+
+
+def camera_of(scene: bpy.types.Scene, view: str) -> bpy.types.Object:
+    """The rig's camera of a captured view. Raises BadRequest where it was deleted."""
+    rig = scene.karf.rig
+    for camera in rig.children if rig else ():
+        if camera.karf_view == view:
+            return camera
+    raise BadRequest(f"The scene {scene.name!r} has no camera of the view {view!r}.", "Import the capture again.")
+
+
+def look_through(scene: bpy.types.Scene, view: View) -> None:
+    """Make a view's camera the scene's, with the photo's size and pixel aspect (Blender keeps these in the scene)."""
+    scene.camera = camera_of(scene, view.name)
+    render = scene.render
+    render.resolution_x, render.resolution_y = view.camera.width, view.camera.height
+    render.resolution_percentage = 100
+    render.pixel_aspect_x, render.pixel_aspect_y = lens.lens_of(view.camera).pixel_aspect
+
+
+# --- Blender cameras to the engine ---------------------------------------------------------------------------------
+def frames_of(scene: bpy.types.Scene, camera: bpy.types.Object, numbers: Iterable[int]) -> Iterator[View]:
+    """The camera as the engine sees it, frame by frame (frame_0001 ..); the scene is at that frame when it is yielded.
+
+    Raises BadRequest where the camera is no perspective camera. The current frame is restored at the end.
+    """
+    current = scene.frame_current
+    try:
+        for number in numbers:
+            scene.frame_set(number)
+            name = f"frame_{number:04d}"
+            yield View(name, name, pinhole(scene, camera), None, "test")
+    finally:
+        scene.frame_set(current)
+
+
+def pinhole(scene: bpy.types.Scene, camera: bpy.types.Object) -> Camera:
+    """The pinhole, in the capture's world, of a Blender camera with the scene's render size at its current frame."""
+    if camera.type != "CAMERA" or camera.data.type != "PERSP":
+        raise BadRequest(f"{camera.name!r} is no perspective camera.", "Set the camera's type to Perspective.")
+    render = scene.render
+    scale = render.resolution_percentage / 100
+    width, height = int(render.resolution_x * scale), int(render.resolution_y * scale)
+    # the context's graph may be another scene's
+    layer = scene.view_layers[0]
+    layer.update()
+    depsgraph = layer.depsgraph
+    evaluated = camera.evaluated_get(depsgraph)
+    projection = evaluated.calc_matrix_camera(
+        depsgraph, x=width, y=height, scale_x=render.pixel_aspect_x, scale_y=render.pixel_aspect_y
+    )
+    rig = scene.karf.rig
+    to_capture = rig.evaluated_get(depsgraph).matrix_world.inverted() if rig else Matrix.Identity(4)
+    pose = lens.rigid(np.array(to_capture @ evaluated.matrix_world), camera.name)
+    return lens.pinhole_of(np.array(projection), width, height, pose)

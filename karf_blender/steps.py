@@ -1,0 +1,245 @@
+"""The steps from capture to picture as plain functions; operators and scripts call these.
+
+A step that needs the engine returns a `Task`: launch it beside the interface or wait for it (see `job_watch`). A step
+that numpy does at once does it. All raise KarfError for what a user can mend.
+"""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from . import folders, masks, pictures, preferences, recolor, rig, swatches
+from .engine_api import (
+    BadRequest,
+    Capture,
+    DataError,
+    Edit,
+    Project,
+    Request,
+    View,
+    match_becomes,
+    match_fewest,
+    nearest_weights,
+    open_capture,
+    read_edit,
+    read_palettes,
+    write_cameras,
+    write_edit,
+)
+from .job_watch import Task
+
+
+# --- 1 import ------------------------------------------------------------------------------------------------------
+def import_capture(scene: bpy.types.Scene, path: Path, project: Path | None = None) -> Capture:
+    """Build the rig of a capture and make it the scene's; `project` defaults to a folder beside the .blend.
+
+    Learned palettes of another capture leave the scene.
+    """
+    capture = open_capture(path)
+    karf = scene.karf
+    project = project or folders.default_project(path)
+    karf.rig = rig.build(capture, f"KaRF {project.name}", scene)
+    with recolor.held(scene):
+        if karf.capture != folders.stored(path):
+            karf.objects.clear()
+        karf.capture = folders.stored(path)
+        karf.project = folders.stored(project)
+        karf.views.clear()
+        for view in capture.views:
+            item = karf.views.add()
+            item.name, item.split = view.name, view.split
+        karf.active_view = capture.views[0].name
+    rig.look_through(scene, capture.views[0])
+    return capture
+
+
+def capture_of(scene: bpy.types.Scene) -> Capture:
+    """The scene's capture, read again. Raises BadRequest where none was imported."""
+    return open_capture(_capture_path(scene))
+
+
+def _capture_path(scene: bpy.types.Scene) -> Path:
+    if not scene.karf.capture:
+        raise BadRequest(f"The scene {scene.name!r} has no capture.", "Import a capture first.")
+    return folders.absolute(scene.karf.capture)
+
+
+def view_of(scene: bpy.types.Scene, name: str) -> View:
+    """A captured view by name; an empty name is the active view's."""
+    return capture_of(scene).view(name or scene.karf.active_view)
+
+
+def look_through(scene: bpy.types.Scene, name: str = "") -> None:
+    """Look through a captured view's camera, with its picture size."""
+    rig.look_through(scene, view_of(scene, name))
+
+
+# --- 2 learn, 4 segment, 5 palette ---------------------------------------------------------------------------------
+def learn_scene(scene: bpy.types.Scene, preset: str = "", overrides: Sequence[str] = ()) -> Task:
+    """Geometry from the photos; an empty preset is the panel's."""
+    options = {
+        "capture": str(_capture_path(scene)),
+        "preset": preset or scene.karf.preset,
+        "overrides": list(overrides),
+    }
+    threads = preferences.current().threads
+    return _task(scene, "Learn Scene", ("geometry", options | ({"threads": threads} if threads else {})))
+
+
+def segment(scene: bpy.types.Scene, folder: Path | None = None) -> Task:
+    """Masks of every view from the coarse ones in a folder (default: the panel's). Raises BadRequest where it has none."""
+    if folder is None and not scene.karf.masks:
+        raise BadRequest("No masks are chosen.", "Give a folder with <object>/<photo name>.png, or paint one.")
+    folder = folder or folders.absolute(scene.karf.masks)
+    if not any(folder.glob("*/*.png")):
+        raise BadRequest(f"{folder} holds no <object>/<photo name>.png.", "Choose the folder above the objects'.")
+    scene.karf.masks = folders.stored(folder)
+    return _task(scene, "Segment", ("segmentation", {"masks": str(folder)}))
+
+
+def extract_palette(scene: bpy.types.Scene) -> Task:
+    """Palettes of the objects, what every pixel takes from them, and the planes of the active view."""
+    return _task(scene, "Extract Palette", ("palette", {}), ("recoloring", {}), _planes(scene.karf.active_view))
+
+
+def prepare_views(scene: bpy.types.Scene, views: str) -> Task:
+    """Edit planes of captured views, so that they can be shown: a view's name, `train`, `test` or `all`."""
+    return _task(scene, "Prepare Views", _planes(views))
+
+
+def _planes(views: str) -> tuple[str, dict]:
+    return "render", {"views": views, "edit": None, "out": None, "planes": True, "depth": False, "base": "photo"}
+
+
+def _task(scene: bpy.types.Scene, title: str, *jobs: tuple[str, dict]) -> Task:
+    project = folders.project_of(scene).folder
+    return Task(title, tuple(Request(stage, project, options) for stage, options in jobs), finished)
+
+
+def finished(request: Request) -> None:
+    """Take over what a job has learned into the scenes of its project, which may have been renamed meanwhile."""
+    for scene in folders.scenes_of(Project(request.project).folder):
+        if request.stage == "recoloring":
+            recolor.forget()
+            swatches.load_palettes(scene, read_palettes(Project(request.project).palette_file))
+        if request.stage == "render" and request.options["planes"] and recolor.planes_file(scene).exists():
+            recolor.show(scene)
+
+
+# --- 5 show --------------------------------------------------------------------------------------------------------
+def show_view(scene: bpy.types.Scene, name: str = "") -> Task | None:
+    """Make a captured view active and show it at once, or return the task that prepares it where it has no planes."""
+    karf = scene.karf
+    if name and name not in karf.views:
+        raise BadRequest(f"The capture has no view {name!r}.", "Choose one from the list.")
+    if not karf.objects:
+        raise BadRequest("There is no palette yet.", "Extract the palettes first.")
+    if name:
+        karf.active_view = name
+    if not recolor.is_current(folders.project_of(scene), karf.active_view):
+        return prepare_views(scene, karf.active_view)
+    recolor.show(scene)
+    return None
+
+
+# --- 3 mark --------------------------------------------------------------------------------------------------------
+def paint_mask(scene: bpy.types.Scene, name: str) -> bpy.types.Image:
+    """Begin a coarse mask of object `name` on the active view's photo; returns the image to paint on."""
+    return masks.start(scene, name, view_of(scene, ""))
+
+
+def save_mask(scene: bpy.types.Scene) -> tuple[str, float]:
+    """Write the painted mask; returns its file and the painted share of the picture."""
+    return masks.save(scene, view_of(scene, scene.karf.mask_view))
+
+
+# --- 6 edit --------------------------------------------------------------------------------------------------------
+def becomes(scene: bpy.types.Scene, name: str, source: Sequence[float], target: Sequence[float], rule: str) -> None:
+    """Set an object's swatches so that a color of it becomes another; rule `becomes` or `fewest`. sRGB in [0, 1]."""
+    item = swatches.object_named(scene, name)
+    colors, counts, palette_weights = _object_colors(folders.project_of(scene), name)
+    palette = recolor.learned_colors(item)
+    locked = [index for index, swatch in enumerate(item.swatches) if swatch.locked]
+    source, target = np.asarray(source, np.float32), np.asarray(target, np.float32)
+    if rule == "fewest":
+        weights = nearest_weights(colors, palette_weights, source)
+        edited = match_fewest(weights, palette, target, locked, shown=source)
+    else:
+        edited = match_becomes(colors, counts, palette_weights, palette, source, target, locked)
+    kept = recolor.edited_colors(item)
+    edited[locked] = kept[locked]
+    swatches.apply_edit(scene, Edit({name: edited}, scene.karf.compositing))
+
+
+def _object_colors(project: Project, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """An object's color histogram: colors [n, 3], counts [n], palette_weights [n, M]."""
+    file = project.object_colors_file
+    try:
+        with np.load(file, allow_pickle=False) as arrays:
+            return tuple(arrays[f"{name}/{what}"] for what in ("colors", "counts", "palette_weights"))
+    except (OSError, KeyError, ValueError) as error:
+        raise DataError(f"{file} has no colors of {name!r}.", "Extract the palettes again.") from error
+
+
+def load_edit(scene: bpy.types.Scene, path: Path) -> None:
+    """Set the swatches to an edit file; what it does not name becomes as learned."""
+    swatches.apply_edit(scene, read_edit(path, swatches.learned(scene)))
+
+
+def save_edit(scene: bpy.types.Scene, path: Path) -> None:
+    """Write the swatches as an edit file."""
+    write_edit(path, swatches.current_edit(scene))
+
+
+# --- 7 render ------------------------------------------------------------------------------------------------------
+def render_view(scene: bpy.types.Scene) -> Path:
+    """Write the active view as it is shown, without the engine; returns the PNG."""
+    path = folders.out_folder(scene) / "recolor" / f"{scene.karf.active_view}.png"
+    pictures.write_png(path, recolor.composite(scene))
+    return path
+
+
+def render_captured(scene: bpy.types.Scene, views: str = "all") -> Task:
+    """Recolor captured views (`all`, `train`, `test` or names) with the swatches as they stand, on their photos."""
+    out = folders.out_folder(scene)
+    edit = out / "edit.json"
+    save_edit(scene, edit)
+    return _task(scene, "Render Capture", _pictures(views, edit, out, "photo"))
+
+
+def render_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None, numbers: Iterable[int]) -> Task:
+    """Recolor what any Blender camera (None: the scene's) sees, frame by frame, swatches keyframed or not.
+
+    Frames with the same swatches share a job. The pictures are OUT/recolor/frame_0001.png and so on.
+    """
+    camera = camera or scene.camera
+    if camera is None:
+        raise BadRequest(f"The scene {scene.name!r} has no camera.", "Add one, or choose a camera of the capture.")
+    if not scene.karf.objects:
+        raise BadRequest("There is no palette yet.", "Extract the palettes first.")
+    groups: dict[bytes, tuple[Edit, list[View]]] = {}
+    with recolor.held(scene):
+        for view in rig.frames_of(scene, camera, numbers):
+            edit = swatches.current_edit(scene)
+            key = b"".join(colors.tobytes() for colors in edit.colors.values())
+            groups.setdefault(key, (edit, []))[1].append(view)
+    out = folders.out_folder(scene)
+    jobs = []
+    for edit, views in groups.values():
+        cameras_file, edit_file = (out / "jobs" / f"{views[0].name}_{what}.json" for what in ("cameras", "edit"))
+        write_cameras(cameras_file, views)
+        write_edit(edit_file, edit)
+        jobs.append(_pictures(str(cameras_file), edit_file, out, "render"))
+    return _task(scene, "Render Camera", *jobs)
+
+
+def frame_range(scene: bpy.types.Scene) -> range:
+    """The scene's own frames."""
+    return range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
+
+
+def _pictures(views: str, edit: Path, out: Path, base: str) -> tuple[str, dict]:
+    options = {"views": views, "edit": str(edit), "out": str(out), "planes": False, "depth": False, "base": base}
+    return "render", options

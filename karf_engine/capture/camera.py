@@ -1,0 +1,76 @@
+"""The pinhole camera, with the conventions stated once.
+
+Axes: OpenGL/Blender. The camera looks down its -z, x points right, y up; `camera_to_world` takes its points to the world.
+Pixels: (u right, v down), corners at integers, so the first pixel's center is (0.5, 0.5) and the image spans
+[0, width] x [0, height]. `depth` is the distance along the optical axis, in world units.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Camera:
+    """One photo's camera: size and intrinsics in pixels, pose, and the lens distortion of the photo as stored.
+
+    width, height: int pixels. fx, fy, cx, cy: pixels. camera_to_world: [4, 4] float64, rotation times a uniform scale of
+    one. distortion: OpenCV's (k1, k2, p1, p2[, k3]) or empty for a plain pinhole.
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    camera_to_world: np.ndarray
+    distortion: tuple[float, ...] = ()
+
+    @property
+    def position(self) -> np.ndarray:
+        """Camera center in the world, [3]."""
+        return self.camera_to_world[:3, 3]
+
+    @property
+    def world_to_camera(self) -> np.ndarray:
+        """Inverse pose, [4, 4]."""
+        return np.linalg.inv(self.camera_to_world)
+
+    def scaled(self, width: int, height: int) -> Camera:
+        """The same view at another picture size: intrinsics follow the size, each axis by its own factor."""
+        sx, sy = width / self.width, height / self.height
+        return replace(
+            self, width=width, height=height, fx=self.fx * sx, fy=self.fy * sy, cx=self.cx * sx, cy=self.cy * sy
+        )
+
+    def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Project world points [n, 3] with the pinhole (distortion left out); returns pixels [n, 2] and depth [n]."""
+        world_to_camera = self.world_to_camera
+        local = points @ world_to_camera[:3, :3].T + world_to_camera[:3, 3]
+        depth = -local[:, 2]
+        pixels = np.stack([self.cx + self.fx * local[:, 0] / depth, self.cy - self.fy * local[:, 1] / depth], -1)
+        return pixels, depth
+
+    def rays(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rays through pixel positions [n, 2]; returns origins [n, 3] and directions [n, 3] of unit depth (float64).
+
+        A point at `depth` d lies at origin + d * direction; divide by the norm for `viewdirs`.
+        """
+        local = np.stack(
+            [
+                (pixels[:, 0] - self.cx) / self.fx,
+                (self.cy - pixels[:, 1]) / self.fy,
+                -np.ones(len(pixels)),
+            ],
+            -1,
+        )
+        directions = local @ self.camera_to_world[:3, :3].T
+        return np.broadcast_to(self.position, directions.shape), directions
+
+    def pixel_centers(self) -> np.ndarray:
+        """Centers of all pixels, row by row, [height * width, 2]."""
+        v, u = np.mgrid[0 : self.height, 0 : self.width]
+        return np.stack([u.ravel() + 0.5, v.ravel() + 0.5], -1)

@@ -1,0 +1,126 @@
+"""A capture: cameras with their photos, split into train and test; and its canonical JSON.
+
+The canonical JSON (`capture.json`) holds the same numbers as the dataclasses, with absolute photo paths.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import DataError
+from .camera import Camera
+
+SCHEMA = "karf-capture/1"
+SPLITS = ("train", "val", "test")
+
+
+@dataclass(frozen=True)
+class View:
+    """One captured picture. name: unique in the capture, usable as a file name. stem: the photo's stem as stored.
+
+    image: absolute path of the photo, None for a bare camera. split: train, val or test.
+    """
+
+    name: str
+    stem: str
+    camera: Camera
+    image: Path | None
+    split: str
+
+
+@dataclass(frozen=True)
+class Capture:
+    """Views in file order, the format they came from, and remarks a user should see (skipped frames, guesses made)."""
+
+    source: Path
+    format: str
+    views: tuple[View, ...]
+    remarks: tuple[str, ...] = ()
+
+    def split(self, name: str) -> tuple[View, ...]:
+        """Views of one split (`train`, `val`, `test`), or all of them for `all`."""
+        return self.views if name == "all" else tuple(view for view in self.views if view.split == name)
+
+    def view(self, name: str) -> View:
+        """The view with this name. Raises DataError naming the capture where there is none."""
+        for view in self.views:
+            if view.name == name:
+                return view
+        raise DataError(f"{self.source} has no view {name!r}.", f"Its first view is {self.views[0].name!r}.")
+
+
+def with_test_views(views: list[View]) -> list[View]:
+    """Hold out every 8th photo by name, the first included (the LLFF convention), where no split is declared."""
+    order = sorted(range(len(views)), key=lambda i: views[i].name)
+    test = set(order[::8]) if len(views) >= 8 else set()
+    return [replace(view, split="test" if i in test else "train") for i, view in enumerate(views)]
+
+
+def unique_names(stems: list[tuple[str, str]]) -> list[str]:
+    """Names for (split, stem) pairs: the stem where it is unique in the capture, else split_stem, else numbered.
+
+    NeRF-synthetic captures call the first photo of every split r_0.
+    """
+    count: dict[str, int] = {}
+    for _, stem in stems:
+        count[stem] = count.get(stem, 0) + 1
+    names, taken = [], set()
+    for split, stem in stems:
+        name = base = stem if count[stem] == 1 else f"{split}_{stem}"
+        number = 2
+        while name in taken:
+            name, number = f"{base}_{number}", number + 1
+        taken.add(name)
+        names.append(name)
+    return names
+
+
+def capture_to_json(capture: Capture) -> dict[str, Any]:
+    """The canonical JSON value of a capture; `capture_from_json` reads it back without loss."""
+    return {
+        "schema": SCHEMA,
+        "source": str(capture.source),
+        "format": capture.format,
+        "remarks": list(capture.remarks),
+        "views": [
+            {
+                "name": view.name,
+                "stem": view.stem,
+                "split": view.split,
+                "image": str(view.image) if view.image else None,
+                "size": [view.camera.width, view.camera.height],
+                "intrinsics": [view.camera.fx, view.camera.fy, view.camera.cx, view.camera.cy],
+                "distortion": list(view.camera.distortion),
+                "camera_to_world": view.camera.camera_to_world.tolist(),
+            }
+            for view in capture.views
+        ],
+    }
+
+
+def capture_from_json(content: Any, path: Path) -> Capture:
+    """Read the canonical JSON value found in `path`. Raises DataError where it is no capture of this schema."""
+    try:
+        if content["schema"] != SCHEMA:
+            raise DataError(f"{path} has schema {content['schema']!r}, not {SCHEMA}.", "Import the capture again.")
+        views = tuple(_view_from_json(entry) for entry in content["views"])
+        return Capture(Path(content["source"]), content["format"], views, tuple(content["remarks"]))
+    except (KeyError, TypeError, ValueError) as error:
+        raise DataError(f"{path} is no canonical capture ({error!r}).", "Import the capture again.") from error
+
+
+def _view_from_json(entry: dict[str, Any]) -> View:
+    width, height = entry["size"]
+    camera = Camera(
+        int(width),
+        int(height),
+        *map(float, entry["intrinsics"]),
+        np.array(entry["camera_to_world"], np.float64).reshape(4, 4),
+        tuple(map(float, entry["distortion"])),
+    )
+    image = Path(entry["image"]) if entry["image"] else None
+    return View(entry["name"], entry["stem"], camera, image, entry["split"])

@@ -1,0 +1,162 @@
+"""Recolored pictures from edit planes: a few multiply-adds per pixel, fast enough to follow a dragged swatch.
+
+Naming: K objects, M palette entries (of the largest palette; smaller ones are zero padded), H x W pixels.
+base: [H, W, 3] the picture without the edit, sRGB in [0, 1]. palette_weights: [K, M, H, W], entry j's share of object k
+in the pixel; over j they sum to probabilities [K, H, W]. learned, edited: palettes [K, M, 3].
+"""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import DataError
+from ..project import atomic_write
+
+# rows are done in blocks of about this many pixels: a block's working set stays in a core's cache
+BLOCK_PIXELS = 16384
+# what reading an npz raises when it is cut off, scrambled, or another kind of file
+DAMAGE = (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile, zlib.error)
+
+
+@dataclass(frozen=True)
+class Planes:
+    """Edit planes of one picture, as stored.
+
+    objects: names of the K objects. palette_weights: [K, M, H, W] float16, object probability included.
+    probabilities: [K, H, W] float16. base: [H, W, 3] uint8 sRGB.
+    """
+
+    objects: tuple[str, ...]
+    palette_weights: np.ndarray
+    probabilities: np.ndarray
+    base: np.ndarray
+
+
+def write_planes(path: Path, planes: Planes) -> None:
+    """Write planes as a compressed npz, atomically."""
+
+    def write(temporary: Path) -> None:
+        np.savez_compressed(
+            temporary,
+            objects=np.array(planes.objects, dtype=np.str_),
+            palette_weights=planes.palette_weights.astype(np.float16),
+            probabilities=planes.probabilities.astype(np.float16),
+            base=planes.base,
+        )
+
+    atomic_write(path, write)
+
+
+def read_planes(path: Path) -> Planes:
+    """Read planes that `write_planes` wrote. Raises DataError where the file is missing, damaged or contradictory."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            objects = tuple(str(name) for name in file["objects"])
+            planes = Planes(objects, file["palette_weights"], file["probabilities"], file["base"])
+    except FileNotFoundError as error:
+        raise DataError(f"{path} (edit planes) does not exist.", "Run the render stage with planes.") from error
+    except DAMAGE as error:
+        raise DataError(f"{path} (edit planes) cannot be read: {error}.", "Run the render stage again.") from error
+    _check(path, planes)
+    return planes
+
+
+def _check(path: Path, planes: Planes) -> None:
+    size = planes.base.shape[:2]
+    count = len(planes.objects)
+    weights, probabilities = planes.palette_weights.shape, planes.probabilities.shape
+    fits = len(weights) == 4 and weights[0] == count and weights[2:] == size and probabilities == (count, *size)
+    if not fits or planes.base.dtype != np.uint8 or planes.base.shape[2:] != (3,):
+        raise DataError(
+            f"{path} (edit planes) has weights {weights}, probabilities {probabilities} and base {planes.base.shape}.",
+            "Run the render stage again.",
+        )
+
+
+def stack_palettes(objects: Sequence[str], colors: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Palettes of these objects as one array [K, M, 3] float32, zero padded to the largest. KeyError if one lacks."""
+    stacked = np.zeros((len(objects), max((len(colors[name]) for name in objects), default=0), 3), np.float32)
+    for row, name in zip(stacked, objects, strict=True):
+        row[: len(colors[name])] = colors[name]
+    return stacked
+
+
+def delta_composite(
+    base: np.ndarray,
+    palette_weights: np.ndarray,
+    learned: np.ndarray,
+    edited: np.ndarray,
+    out: np.ndarray | None = None,
+) -> np.ndarray:
+    """The base plus the palette change: clip(base + sum_kj weights_kj (edited_kj - learned_kj)).
+
+    Pixels that no changed swatch reaches keep the base bit by bit. Linear in the edit, so soft edges and highlights
+    stay.
+
+    base: float32 [H, W, 3] in [0, 1]. palette_weights: [K, M, H, W] >= 0; float32 is fast, float16 right but slow.
+    learned, edited: [K, M, 3]. out: float32 [H, W, 3] to write to, also a view such as rgba[..., :3]; not the base.
+    Returns float32 [H, W, 3] in [0, 1].
+    """
+    changes = np.asarray(edited, np.float32) - np.asarray(learned, np.float32)
+    changed = np.argwhere(changes.any(axis=-1))
+    result = np.empty(base.shape, np.float32) if out is None else out
+    height, width = base.shape[:2]
+    step = max(1, BLOCK_PIXELS // max(width, 1))
+    planar = np.empty((3, step, width), np.float32)
+    product = np.empty((step, width), np.float32)
+    for top in range(0, height, step):
+        rows = slice(top, min(top + step, height))
+        result[rows] = base[rows]
+        weights = [(palette_weights[k, j, rows], changes[k, j]) for k, j in changed]
+        weights = [(plane, change) for plane, change in weights if plane.max() > 0]
+        if weights:
+            _add_block(result[rows], weights, planar[:, : rows.stop - top], product[: rows.stop - top])
+    return result
+
+
+def _add_block(
+    block: np.ndarray, weights: list[tuple[np.ndarray, np.ndarray]], planar: np.ndarray, product: np.ndarray
+) -> None:
+    """Add sum of plane x change to the block [h, W, 3] in place and clip; planar [3, h, W], product [h, W]: scratch.
+
+    Each channel is summed in a contiguous plane: interleaved pixels make every operation several times slower, and a
+    matrix product with 3 columns stalls in some BLAS builds.
+    """
+    for channel, total in enumerate(planar):
+        np.copyto(total, block[..., channel])
+        for plane, change in weights:
+            if change[channel]:
+                np.multiply(plane, change[channel], out=product)
+                total += product
+        np.clip(total, 0, 1, out=total)
+        block[..., channel] = total
+
+
+def paper_composite(
+    base: np.ndarray, palette_weights: np.ndarray, probabilities: np.ndarray, edited: np.ndarray
+) -> np.ndarray:
+    """Inside each object's hard mask the base is replaced by the palette's own color, sum_j weights_kj / prob_k edited_kj.
+
+    The mask of an object: pixels where it is more probable than every other object and than the background. Keeps the
+    decomposition error of the palette even where nothing is edited; `delta_composite` does not.
+
+    base: [H, W, 3] in [0, 1]. palette_weights: [K, M, H, W]. probabilities: [K, H, W]. edited: [K, M, 3].
+    Returns float32 [H, W, 3] in [0, 1].
+    """
+    result = np.array(base, np.float32)
+    background = 1 - probabilities.sum(axis=0, dtype=np.float32)
+    winner = np.concatenate([background[None], probabilities]).argmax(axis=0) - 1
+    for k, palette in enumerate(np.asarray(edited, np.float32)):
+        mask = winner == k
+        share = palette_weights[k][:, mask].astype(np.float32)
+        share /= probabilities[k][mask].astype(np.float32)
+        for channel in range(3):
+            color = sum(plane * palette[j, channel] for j, plane in enumerate(share))
+            result[mask, channel] = np.clip(color, 0, 1)
+    return result

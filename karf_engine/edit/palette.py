@@ -1,0 +1,151 @@
+"""Palettes and edits of palettes: what they are, and their JSON files.
+
+Colors are display-referred sRGB in [0, 1]. Entry 0 of every palette is black and stays black.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import DataError
+from ..project import read_json, write_json
+
+PALETTE_SCHEMA = "karf-palette/1"
+EDIT_SCHEMA = "karf-edit/1"
+COMPOSITING_MODES = ("delta", "paper")
+
+
+@dataclass(frozen=True)
+class Palette:
+    """One object's swatches. name: the object's. colors: [M, 3] float32 sRGB in [0, 1]; entry 0 is black, frozen."""
+
+    name: str
+    colors: np.ndarray
+
+
+@dataclass(frozen=True)
+class Edit:
+    """What the artist wants. colors: edited palette [M, 3] of every object. compositing: `delta` or `paper`."""
+
+    colors: dict[str, np.ndarray]
+    compositing: str = "delta"
+
+
+def hex_to_rgb(text: str) -> np.ndarray:
+    """sRGB [3] float32 in [0, 1] of `#rrggbb` (the # may be left out). Raises DataError where it is no such color."""
+    match = re.fullmatch(r"#?([0-9a-fA-F]{6})", text.strip())
+    if match is None:
+        raise DataError(f"{text!r} is no color.", "Write it as #rrggbb, for example #aa2211.")
+    return np.frombuffer(bytes.fromhex(match[1]), np.uint8).astype(np.float32) / np.float32(255)
+
+
+def rgb_to_hex(color: np.ndarray) -> str:
+    """`#rrggbb` of an sRGB color [3]; values are clipped to [0, 1] and rounded."""
+    return "#" + np.rint(np.clip(color, 0, 1) * 255).astype(np.uint8).tobytes().hex()
+
+
+def read_palettes(path: Path) -> tuple[Palette, ...]:
+    """Read palette.json: the palettes as learned, one an object. Raises DataError naming what is wrong."""
+    content = _read_schema(path, "palettes", PALETTE_SCHEMA)
+    palettes = []
+    for entry in _list(content.get("objects"), f"{path}: 'objects'"):
+        name = entry.get("name") if isinstance(entry, dict) else None
+        if not isinstance(name, str) or not name:
+            raise DataError(f"{path} has an object without a name.", "Run the palette stage again.")
+        where = f"{path}: palette of {name!r}"
+        colors = np.stack([_triple(c, where) for c in _list(entry.get("colors"), where)])
+        if colors[0].any():
+            raise DataError(f"{where} does not begin with black.", "Entry 0 is black and frozen; put [0, 0, 0] there.")
+        palettes.append(Palette(name, colors))
+    names = [palette.name for palette in palettes]
+    if len(set(names)) < len(names):
+        raise DataError(f"{path} names an object twice.", "Run the palette stage again.")
+    return tuple(palettes)
+
+
+def write_palettes(
+    path: Path, palettes: Sequence[Palette], shared: bool, initial: Sequence[Palette] | None = None
+) -> None:
+    """Write palette.json atomically. shared: all objects use one hull. initial: as extracted (default: the same)."""
+    initial = palettes if initial is None else initial
+    objects = [
+        {"name": palette.name, "colors": _rows(palette.colors), "initial": _rows(first.colors)}
+        for palette, first in zip(palettes, initial, strict=True)
+    ]
+    write_json(path, {"schema": PALETTE_SCHEMA, "shared": shared, "objects": objects})
+
+
+def read_edit(path: Path, palettes: Sequence[Palette]) -> Edit:
+    """Read edit.json over the learned palettes: null entries and objects left out stay as learned.
+
+    Raises DataError for an unknown object, a wrong number of colors, a bad color or a changed black.
+    """
+    content = _read_schema(path, "edit", EDIT_SCHEMA)
+    compositing = content.get("compositing", "delta")
+    if compositing not in COMPOSITING_MODES:
+        raise DataError(f"{path} has compositing {compositing!r}.", f"Use one of {', '.join(COMPOSITING_MODES)}.")
+    objects = content.get("objects", {})
+    if not isinstance(objects, dict):
+        raise DataError(f"{path}: 'objects' is not a table of objects.", 'Write {"name": {"colors": [...]}}.')
+    colors = {palette.name: palette.colors.copy() for palette in palettes}
+    for name, entry in objects.items():
+        if name not in colors:
+            raise DataError(f"{path} edits the unknown object {name!r}.", f"Objects are: {', '.join(colors)}.")
+        where = f"{path}: edit of {name!r}"
+        entries = _list(entry.get("colors") if isinstance(entry, dict) else None, where)
+        if len(entries) != len(colors[name]):
+            raise DataError(
+                f"{where} has {len(entries)} colors, its palette has {len(colors[name])}.",
+                "Give one color per swatch, black first; null leaves a swatch as it is.",
+            )
+        for index, value in enumerate(entries):
+            if value is not None:
+                colors[name][index] = _triple(value, where)
+        if colors[name][0].any():
+            raise DataError(f"{where} changes entry 0.", "Entry 0 is black and frozen; write null or #000000 there.")
+    return Edit(colors, compositing)
+
+
+def write_edit(path: Path, edit: Edit) -> None:
+    """Write edit.json atomically, colors as sRGB triples (hex would round them)."""
+    objects = {name: {"colors": _rows(colors)} for name, colors in edit.colors.items()}
+    write_json(path, {"schema": EDIT_SCHEMA, "compositing": edit.compositing, "objects": objects})
+
+
+def _read_schema(path: Path, what: str, schema: str) -> dict[str, Any]:
+    content = read_json(path, what)
+    found = content.get("schema") if isinstance(content, dict) else None
+    if found != schema:
+        raise DataError(f"{path} ({what}) has schema {found!r}, not {schema}.", "Update KaRF, or write it again.")
+    return content
+
+
+def _list(value: Any, where: str) -> list:
+    if not isinstance(value, list) or not value:
+        raise DataError(f"{where} is not a list with entries.", "Write a list, black first.")
+    return value
+
+
+def _triple(value: Any, where: str) -> np.ndarray:
+    """sRGB [3] float32 of a hex text or three numbers in [0, 1]."""
+    if isinstance(value, str):
+        try:
+            return hex_to_rgb(value)
+        except DataError as error:
+            raise DataError(f"{where}: {error.sentence}", error.hint) from error
+    is_triple = isinstance(value, list) and len(value) == 3
+    # bool is an int to Python, but no color
+    if not is_triple or not all(isinstance(v, int | float) and not isinstance(v, bool) and 0 <= v <= 1 for v in value):
+        raise DataError(f"{where} has the color {value!r}.", "Write #rrggbb or three sRGB numbers from 0 to 1.")
+    return np.array(value, np.float32)
+
+
+def _rows(colors: np.ndarray) -> list[list[float]]:
+    # the shortest decimal that reads back as the same float32
+    return [[float(str(v)) for v in row] for row in np.asarray(colors, np.float32)]

@@ -1,0 +1,72 @@
+"""The one exception family: what went wrong, in a sentence, and what the user can do about it.
+
+Every error carries a `code` (stable word for programs), a `sentence` (names the file and the value), a `hint` (the
+remedy) and the process exit code of its class.
+"""
+
+from __future__ import annotations
+
+
+class KarfError(Exception):
+    """Base of all errors that a user can act on."""
+
+    code = "internal"
+    exit_code = 70
+
+    def __init__(self, sentence: str, hint: str = "") -> None:
+        super().__init__(f"{sentence} {hint}".strip())
+        self.sentence = sentence
+        self.hint = hint
+
+
+class BadRequest(KarfError):
+    """The command or request is wrong: unknown option, value out of range, stage called too early."""
+
+    code = "request"
+    exit_code = 2
+
+
+class MissingDependency(KarfError):
+    """A package or file that the engine needs is not installed."""
+
+    code = "dependency"
+    exit_code = 3
+
+
+class DataError(KarfError):
+    """A capture, mask, project or edit file is missing, damaged or contradicts another."""
+
+    code = "data"
+    exit_code = 4
+
+
+class OutOfMemory(KarfError):
+    """The device ran out of memory even with the smallest batch."""
+
+    code = "memory"
+    exit_code = 5
+
+
+class Cancelled(KarfError):
+    """The user asked to stop; the last good state is kept."""
+
+    code = "cancelled"
+    exit_code = 6
+
+
+class Diverged(KarfError):
+    """Training produced a value that is not finite."""
+
+    code = "diverged"
+    exit_code = 7
+
+
+ERROR_CLASSES = (BadRequest, MissingDependency, DataError, OutOfMemory, Cancelled, Diverged)
+
+
+def error_from_code(code: str, sentence: str, hint: str = "") -> KarfError:
+    """The error class with this `code`, rebuilt on the other side of a process boundary."""
+    for error_class in ERROR_CLASSES:
+        if error_class.code == code:
+            return error_class(sentence, hint)
+    return KarfError(sentence, hint)

@@ -1,0 +1,196 @@
+"""Training the two KaRF fields on surface samples of the frozen scene (paper, Sec. 4.3).
+
+Losses are means over rays (or points) and sums over channels, which keeps the ratio of the paper's lambdas.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from ..progress import Progress
+from ..rendering.surface_cache import SurfaceCache
+from ..runtime import Runtime
+from ..settings import RecoloringSettings, SegmentationSettings
+from ..training import train, warm_cosine
+from .karf import RecoloringField, SegmentationField
+from .voxels import VoxelField
+
+NEAR_SHARE, OBJECT_SHARE = 0.4, 0.4  # of a batch; the rest comes from anywhere
+POINTS_PER_CHUNK = 1 << 16
+
+
+def fit_on_points(
+    karf: SegmentationField,
+    scene_field: VoxelField,
+    positions: Tensor,
+    classes: Tensor,
+    certainty: Tensor,
+    near: Tensor,
+    settings: SegmentationSettings,
+    runtime: Runtime,
+    progress: Progress,
+) -> None:
+    """Train F_s by cross-entropy on labelled surface points.
+
+    positions: [p, 3]. classes: [p] in 0..K. certainty: [p] in [0, 1], the chance to be drawn. near: [p] bool, background
+    points near an object, where the border is decided.
+    """
+    features = scene_field.features(positions)
+    karf.standardizer.fit(features)
+    pools = [_pool(certainty * (classes == k)) for k in range(1, int(classes.max()) + 1)]
+    near_pool, any_pool = _pool(certainty * (near & (classes == 0))), _pool(certainty)
+    n_near = int(settings.batch * NEAR_SHARE)
+    n_object = int(settings.batch * OBJECT_SHARE) // max(len(pools), 1)
+    optimizer = torch.optim.Adam(karf.parameters(), lr=settings.rate)
+
+    def step(_: int, scale: float) -> tuple[Tensor, dict[str, float]]:
+        parts = [_draw(pool, int(n_object * scale) + 1, runtime) for pool in pools]
+        parts += [_draw(near_pool, int(n_near * scale) + 1, runtime)]
+        parts += [_draw(any_pool, settings.batch // 5, runtime)]
+        index = torch.cat(parts)
+        loss = torch.nn.functional.cross_entropy(karf.logits(positions[index], features[index]), classes[index])
+        return loss, {"loss": float(loss.detach())}
+
+    train(settings.iterations, optimizer, step, warm_cosine(20, 0.05), progress)
+
+
+def fit_on_rays(
+    karf: SegmentationField,
+    scene_field: VoxelField,
+    cache: SurfaceCache,
+    targets: Tensor,
+    settings: SegmentationSettings,
+    runtime: Runtime,
+    progress: Progress,
+) -> None:
+    """Train F_s by the paper's Eq. 12: cross-entropy between rendered probabilities and the masks as given.
+
+    targets: [n, K+1] votes of each cached ray (see labels.seeds). A ray whose votes allow several classes is only asked
+    to be one of them. A third of each batch comes from inside the masks, so that small objects do not vanish.
+    """
+    features = scene_field.features(cache.positions.view(-1, 3))
+    karf.standardizer.fit(features[:: max(1, len(features) // 65536)])
+    features = features.view(*cache.positions.shape[:2], -1)
+    inside = _pool((targets[:, 1:].sum(1) > 0.99).float())
+    optimizer = torch.optim.Adam(karf.parameters(), lr=settings.rate)
+
+    def step(_: int, scale: float) -> tuple[Tensor, dict[str, float]]:
+        count = max(16, int(settings.batch * scale))
+        index = torch.cat([_draw(inside, count // 3, runtime), runtime.randint(len(cache), count - count // 3)])
+        probabilities = render_classes(karf, cache.positions[index], features[index], cache.opacity[index])
+        allowed = (probabilities * (targets[index] > 0)).sum(1)
+        loss = -allowed.clamp_min(1e-6).log().mean()
+        return loss, {"loss": float(loss.detach())}
+
+    train(settings.iterations, optimizer, step, warm_cosine(20, 0.05), progress)
+
+
+def render_classes(karf: SegmentationField, positions: Tensor, features: Tensor, opacity: Tensor) -> Tensor:
+    """Rendered class probabilities of rays (the sum of Eq. 8), [n, K+1]: the remainder goes to the background.
+
+    positions: [n, K, 3] quantile samples; features: [n, K, F]; opacity: [n].
+    """
+    n_rays, n_samples = positions.shape[:2]
+    per_sample = karf(positions.view(-1, 3), features.view(n_rays * n_samples, -1))
+    rendered = per_sample.view(n_rays, n_samples, -1).mean(1) * opacity[:, None]
+    background = rendered[:, :1] + (1 - opacity)[:, None]
+    return torch.cat([background, rendered[:, 1:]], 1)
+
+
+@torch.no_grad()
+def segment_cache(karf: SegmentationField, scene_field: VoxelField, cache: SurfaceCache) -> Tensor:
+    """Rendered class probabilities of all cached rays, [n, K+1]. Rays outside every object's box are not evaluated."""
+    result = torch.zeros(len(cache), len(karf.boxes) + 1, device=cache.opacity.device)
+    result[:, 0] = 1
+    n_samples = cache.positions.shape[1]
+    inside = karf.inside(cache.positions.view(-1, 3)).any(1).view(-1, n_samples).any(1)
+    for part in torch.nonzero(inside).squeeze(1).split(POINTS_PER_CHUNK):
+        positions = cache.positions[part]
+        features = scene_field.features(positions.view(-1, 3)).view(*positions.shape[:2], -1)
+        result[part] = render_classes(karf, positions, features, cache.opacity[part])
+    return result
+
+
+@dataclass(frozen=True)
+class ObjectRays:
+    """Rays of segmented objects, one surface sample each: what F_w learns from.
+
+    positions [n, 3], viewdirs [n, 3], colors [n, 3] of the photo, block [n] (which palette), weights [n, M] star weights.
+    """
+
+    positions: Tensor
+    viewdirs: Tensor
+    colors: Tensor
+    block: Tensor
+    weights: Tensor
+
+
+def fit_recoloring(
+    karf: RecoloringField,
+    scene_field: VoxelField,
+    rays: ObjectRays,
+    palettes: Tensor,
+    settings: RecoloringSettings,
+    runtime: Runtime,
+    progress: Progress,
+) -> Tensor:
+    """Train F_w by Eq. 14 with lambda_Edit = 1; returns the learned palettes [blocks, M, 3].
+
+    In the last share of the iterations the palettes are learned too; black (entry 0) stays.
+    """
+    features = scene_field.features(rays.positions)
+    karf.standardizer.fit(features[:: max(1, len(features) // 65536)])
+    learned = palettes.clone().requires_grad_(True)
+    groups = [{"params": list(karf.parameters()), "lr": settings.rate}, {"params": [learned], "lr": settings.palette_rate}]
+    optimizer = torch.optim.Adam(groups)
+    first_palette_iteration = int(settings.iterations * (1 - settings.palette_share))
+
+    def step(iteration: int, scale: float) -> tuple[Tensor, dict[str, float]]:
+        index = runtime.randint(len(features), max(16, int(settings.batch * scale)))
+        block = rays.block[index]
+        all_weights = karf(rays.positions[index], rays.viewdirs[index], features[index])
+        weights = all_weights[torch.arange(len(index), device=index.device), block]  # [n, M]
+        colors = learned if iteration >= first_palette_iteration else palettes
+        # black stays black and no color leaves [0, 1]
+        colors = torch.cat([palettes[:, :1], colors[:, 1:].clamp(0, 1)], 1)
+        mixed = torch.einsum("nm,nmc->nc", weights, colors[block])
+        palette_loss = ((mixed - rays.colors[index]) ** 2).sum(1).mean()
+        weight_loss = ((weights - rays.weights[index]) ** 2).sum(1).mean()
+        loss = settings.palette_loss * palette_loss + settings.weight_loss * weight_loss
+        return loss, {"palette": float(palette_loss.detach()), "weight": float(weight_loss.detach())}
+
+    train(settings.iterations, optimizer, step, warm_cosine(20, 0.02), progress)
+    return torch.cat([palettes[:, :1], learned.detach()[:, 1:].clamp(0, 1)], 1)
+
+
+@torch.no_grad()
+def weigh_samples(karf: RecoloringField, scene_field: VoxelField, positions: Tensor, viewdirs: Tensor) -> Tensor:
+    """Palette weights of rays from their quantile samples, [n, blocks, M]; rows of a block sum to 1.
+
+    positions: [n, K, 3]; viewdirs: [n, 3].
+    """
+    parts = []
+    for part in torch.arange(len(positions), device=positions.device).split(POINTS_PER_CHUNK):
+        points = positions[part]
+        n_rays, n_samples = points.shape[:2]
+        flat = points.reshape(-1, 3)
+        directions = viewdirs[part][:, None].expand(-1, n_samples, -1).reshape(-1, 3)
+        weights = karf(flat, directions, scene_field.features(flat))
+        parts.append(weights.view(n_rays, n_samples, karf.n_blocks, karf.n_colors).mean(1))
+    return torch.cat(parts)
+
+
+def _pool(chance: Tensor) -> Tensor:
+    """Running sum of chances [p], for `_draw`; empty where nothing can be drawn."""
+    total = torch.cumsum(chance.double(), 0)
+    return total if len(total) and float(total[-1]) > 0 else total[:0]
+
+
+def _draw(pool: Tensor, count: int, runtime: Runtime) -> Tensor:
+    """`count` indices in proportion to the chances of a pool."""
+    if len(pool) == 0:
+        return torch.zeros(0, dtype=torch.long, device=pool.device)
+    return torch.searchsorted(pool, runtime.rand(count).double() * pool[-1]).clamp_max(len(pool) - 1)

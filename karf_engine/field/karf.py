@@ -1,0 +1,100 @@
+"""The two KaRF fields on top of a frozen radiance field: F_s says which object, F_w says which palette colors.
+
+Both read positions scaled to the objects' surroundings ([-1, 1]), standardized prior features and, F_w only, the
+viewing direction (paper, Eq. 7 and 10).
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from ..kan.encoding import positional_encoding
+from ..kan.gated_block import build_head
+from ..kan.standardize import Standardizer
+from ..settings import RecoloringSettings, SegmentationSettings
+
+
+def scale_positions(positions: Tensor, bounds: Tensor) -> Tensor:
+    """World positions [n, 3] so that the box bounds [2, 3] becomes [-1, 1] along its longest side."""
+    center = bounds.mean(0)
+    half = (bounds[1] - bounds[0]).max() / 2
+    return (positions - center) / half
+
+
+class SegmentationField(nn.Module):
+    """F_s of Eq. 7: probabilities of K + 1 classes at positions; class 0 is the background.
+
+    boxes: [K, 2, 3] world boxes round the objects; outside its box an object has probability 0.
+    """
+
+    def __init__(self, boxes: Tensor, n_features: int, settings: SegmentationSettings) -> None:
+        super().__init__()
+        self.frequencies = settings.frequencies
+        self.register_buffer("boxes", boxes.float())
+        self.register_buffer("bounds", torch.stack([boxes[:, 0].amin(0), boxes[:, 1].amax(0)]).float())
+        self.standardizer = Standardizer(n_features)
+        self.head = build_head(
+            settings.head,
+            3 + 6 * settings.frequencies,
+            0,
+            n_features,
+            len(boxes) + 1,
+            settings.width,
+            settings.layer,
+            settings.variant,
+        )
+
+    def logits(self, positions: Tensor, prior_features: Tensor) -> Tensor:
+        """Class logits [n, K+1] at positions [n, 3] with raw prior features [n, F]."""
+        encoded = positional_encoding(scale_positions(positions, self.bounds), self.frequencies)
+        return self.head(encoded, self.standardizer(prior_features))
+
+    def inside(self, positions: Tensor) -> Tensor:
+        """True where a position lies in an object's box, [n, K]."""
+        point = positions[:, None]
+        return ((point >= self.boxes[:, 0]) & (point <= self.boxes[:, 1])).all(-1)
+
+    def forward(self, positions: Tensor, prior_features: Tensor) -> Tensor:
+        """Probabilities [n, K+1], rows sum to 1."""
+        logits = self.logits(positions, prior_features)
+        barred = torch.zeros_like(logits)
+        barred[:, 1:] = torch.where(self.inside(positions), 0.0, -torch.inf)
+        return torch.softmax(logits + barred, 1)
+
+
+class RecoloringField(nn.Module):
+    """F_w of Eq. 10: palette weights at positions seen from directions, one block of M entries for each palette.
+
+    sizes: colors of each palette, black included; M is the largest, and entries beyond a palette's size get weight 0.
+    A shared palette is one block that serves every object.
+    """
+
+    def __init__(self, bounds: Tensor, n_features: int, sizes: list[int], settings: RecoloringSettings) -> None:
+        super().__init__()
+        self.frequencies = settings.frequencies
+        self.direction_frequencies = settings.direction_frequencies
+        self.n_blocks, self.n_colors = len(sizes), max(sizes)
+        self.register_buffer("bounds", bounds.float())
+        missing = torch.arange(self.n_colors) >= torch.tensor(sizes)[:, None]
+        self.register_buffer("missing", missing, persistent=False)
+        self.standardizer = Standardizer(n_features)
+        self.head = build_head(
+            settings.head,
+            3 + 6 * settings.frequencies,
+            3 + 6 * settings.direction_frequencies,
+            n_features,
+            self.n_blocks * self.n_colors,
+            settings.width,
+            settings.layer,
+            settings.variant,
+        )
+
+    def forward(self, positions: Tensor, viewdirs: Tensor, prior_features: Tensor) -> Tensor:
+        """Palette weights [n, blocks, M] >= 0; each block's sum to 1."""
+        logits = self.head(
+            positional_encoding(scale_positions(positions, self.bounds), self.frequencies),
+            self.standardizer(prior_features),
+            positional_encoding(viewdirs, self.direction_frequencies),
+        ).view(-1, self.n_blocks, self.n_colors)
+        return torch.softmax(logits.masked_fill(self.missing, -torch.inf), 2)

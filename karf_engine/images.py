@@ -1,0 +1,243 @@
+"""Image files in and out, resizing and undistortion; the only module that rounds colors to 8 bit.
+
+Images are float32 [H, W, C], display-referred sRGB in [0, 1], row 0 at the top. Pixel corners lie at integers, so the
+value at [row, column] belongs to the position (u, v) = (column + 0.5, row + 0.5). Alpha is straight, not multiplied in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageOps
+from scipy.ndimage import map_coordinates
+
+from .capture.camera import Camera
+from .capture.capture import View
+from .capture.image_size import unreadable
+from .errors import DataError
+from .project import atomic_write
+
+BORDER_TOLERANCE = 0.04  # a border pixel this near to black or white counts as such: JPEG noise, dark gray paper
+BORDER_SHARE = 0.8  # of the border's pixels: an object may touch the border
+VIEW_SHARE = 0.9  # of the views: a few may be close-ups
+
+
+@dataclass(frozen=True)
+class Plate:
+    """A captured view at the working size, without lens distortion.
+
+    camera: pinhole at the working size. color: float32 [H, W, 3], straight. alpha: float32 [H, W], or None where the
+    photo is opaque. valid: bool [H, W], False where undistortion looked outside the photo, or None where all is valid.
+    """
+
+    view: View
+    camera: Camera
+    color: np.ndarray
+    alpha: np.ndarray | None
+    valid: np.ndarray | None
+
+
+# ---------------------------------------------------------------------------------------------------------------- files
+def read_photo(path: Path, upright: bool = True) -> np.ndarray:
+    """Read a picture as float32 [H, W, 3 or 4] in [0, 1], turned as its Exif orientation says if `upright`.
+
+    Gray and palette pictures become RGB. 16-bit gray is exact; 16-bit color is read at 8 bit, as Pillow decodes it.
+    Raises DataError naming the file and the reason where it cannot be read.
+    """
+    try:
+        with Image.open(path) as picture:
+            return _pixels(ImageOps.exif_transpose(picture) if upright else picture)
+    except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
+        raise DataError(f"{path} cannot be read: {error.strerror}.", "Check the path.") from error
+    except Exception as error:  # damaged files make decoders raise nearly anything
+        raise unreadable(path, str(error) or type(error).__name__) from error
+
+
+def _pixels(picture: Image.Image) -> np.ndarray:
+    if picture.mode.startswith("I"):
+        return _gray_to_rgb(np.asarray(picture, np.float32) / 65535)
+    if picture.mode == "F":
+        return _gray_to_rgb(np.asarray(picture, np.float32))
+    has_alpha = "A" in picture.getbands() or "transparency" in picture.info
+    return np.asarray(picture.convert("RGBA" if has_alpha else "RGB"), np.float32) / 255
+
+
+def _gray_to_rgb(gray: np.ndarray) -> np.ndarray:
+    return np.repeat(np.clip(gray, 0, 1)[..., None], 3, axis=-1)
+
+
+def write_png(path: Path, array: np.ndarray) -> None:
+    """Write [H, W] or [H, W, 1, 3 or 4] as PNG, atomically: float in [0, 1] is clipped and rounded to 8 bit, bool
+    becomes 0 and 255, uint8 is kept, uint16 [H, W] (depth) becomes 16-bit gray. Raises TypeError for other kinds."""
+    if np.issubdtype(array.dtype, np.floating):
+        array = np.rint(np.clip(array, 0, 1) * 255).astype(np.uint8)
+    elif array.dtype == bool:
+        array = array.astype(np.uint8) * 255
+    if array.dtype not in (np.uint8, np.uint16) or (array.dtype == np.uint16 and array.squeeze().ndim != 2):
+        raise TypeError(f"a PNG cannot hold an array of {array.dtype} {array.shape}")
+    if array.ndim == 3 and array.shape[-1] == 1:
+        array = array[..., 0]
+    picture = Image.fromarray(np.ascontiguousarray(array))
+    atomic_write(path, lambda temporary: picture.save(temporary, format="PNG"))
+
+
+def read_mask(path: Path) -> np.ndarray:
+    """Read a mask as bool [H, W]: alpha where it tells inside from outside, else the brightest channel, over one half.
+
+    A file whose only values are 0 and 1 (of 255) is read as a label image. Raises DataError naming the file.
+    """
+    photo = read_photo(path)
+    color = photo[..., :3].max(-1)
+    brightest = color.max()
+    inside = color > (0.5 if brightest > 1.5 / 255 else brightest / 2)
+    if photo.shape[-1] == 3:
+        return inside
+    opaque = photo[..., 3] > 0.5
+    # a cut-out may have any color; a mask saved with a flat alpha channel has its shape in the color
+    return opaque if opaque.any() and not opaque.all() else inside & opaque
+
+
+# ------------------------------------------------------------------------------------------------------------- geometry
+def resize(image: np.ndarray, width: int, height: int) -> np.ndarray:
+    """Resize float [H, W] or [H, W, C] to [height, width, ...]: exact area averaging along an axis that shrinks,
+    linear interpolation along an axis that grows."""
+    for axis, size in ((0, height), (1, width)):
+        if size < image.shape[axis]:
+            image = _area_average(image, size, axis)
+        elif size > image.shape[axis]:
+            image = _interpolate(image, size, axis)
+    return image
+
+
+def _area_average(image: np.ndarray, size: int, axis: int) -> np.ndarray:
+    """Difference of the running integral, taken at the borders of the new pixels."""
+    length = image.shape[axis]
+    rows = np.moveaxis(image, axis, 0)
+    integral = np.concatenate([np.zeros_like(rows[:1], np.float64), np.cumsum(rows, axis=0, dtype=np.float64)])
+    borders = _sample_rows(integral, np.linspace(0, length, size + 1))
+    return np.moveaxis(np.diff(borders, axis=0) * (size / length), 0, axis).astype(np.float32)
+
+
+def _interpolate(image: np.ndarray, size: int, axis: int) -> np.ndarray:
+    length = image.shape[axis]
+    centers = (np.arange(size) + 0.5) * (length / size) - 0.5
+    rows = _sample_rows(np.moveaxis(image, axis, 0), np.clip(centers, 0, length - 1))
+    return np.moveaxis(rows, 0, axis).astype(np.float32)
+
+
+def _sample_rows(rows: np.ndarray, positions: np.ndarray) -> np.ndarray:
+    """Linear interpolation along the first axis at row indices `positions` within [0, len(rows) - 1]."""
+    below = np.minimum(positions.astype(int), len(rows) - 1)
+    above = np.minimum(below + 1, len(rows) - 1)
+    share = (positions - below).reshape(-1, *[1] * (rows.ndim - 1))
+    return rows[below] * (1 - share) + rows[above] * share
+
+
+def undistort(image: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera, np.ndarray]:
+    """Remove the lens distortion of `camera` from float [H, W, C]; focal lengths, center and size stay.
+
+    Returns the image, its pinhole camera, and valid bool [H, W]: where the photo was looked up inside its borders.
+    """
+    if not any(camera.distortion):
+        return image, replace(camera, distortion=()), np.ones(image.shape[:2], bool)
+    u, v, one_to_one = _distorted_pixel_centers(camera)
+    channels = [
+        map_coordinates(image[..., i], [v - 0.5, u - 0.5], order=1, mode="nearest") for i in range(image.shape[-1])
+    ]
+    valid = one_to_one & (u >= 0) & (u <= camera.width) & (v >= 0) & (v <= camera.height)
+    return np.stack(channels, -1), replace(camera, distortion=()), valid
+
+
+def _distorted_pixel_centers(camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where OpenCV's lens model puts the centers of the pinhole's pixels: u, v [H, W] in the photo, and whether radii
+    still grow there (beyond that the polynomial folds the plane over)."""
+    k1, k2, p1, p2, k3 = (*camera.distortion, 0.0, 0.0, 0.0, 0.0, 0.0)[:5]
+    x = ((np.arange(camera.width) + 0.5 - camera.cx) / camera.fx)[None, :]
+    y = ((np.arange(camera.height) + 0.5 - camera.cy) / camera.fy)[:, None]
+    r2 = x * x + y * y
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    u = camera.cx + camera.fx * (x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x))
+    v = camera.cy + camera.fy * (y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y)
+    return u, v, 1 + r2 * (3 * k1 + r2 * (5 * k2 + r2 * 7 * k3)) > 0
+
+
+# ------------------------------------------------------------------------------------------------------------- captures
+def load_views(views: Sequence[View], long_side: int) -> list[Plate]:
+    """Read the photos of the views, undistort them and shrink them so that no side exceeds `long_side` pixels.
+
+    Photos are never enlarged. Raises DataError naming the photo that is missing, damaged or of another size.
+    """
+    return [_load_view(view, long_side) for view in views]
+
+
+def _load_view(view: View, long_side: int) -> Plate:
+    photo = _photo_of(view)
+    camera = view.camera
+    factor = min(1.0, long_side / max(camera.width, camera.height))
+    width, height = max(1, round(camera.width * factor)), max(1, round(camera.height * factor))
+    opaque = photo.shape[-1] == 3 or bool((photo[..., 3] == 1).all())
+    if opaque:
+        photo = photo[..., :3]
+    if not any(camera.distortion) and (width, height) == (camera.width, camera.height):
+        return Plate(view, camera, photo[..., :3], None if opaque else photo[..., 3], None)
+
+    # averages must not mix in the hidden colors of transparent pixels
+    photo, pinhole, valid = undistort(photo if opaque else _premultiplied(photo), camera)
+    photo = resize(photo, width, height)
+    valid = resize(valid.astype(np.float32), width, height) > 0.999
+    return Plate(
+        view,
+        pinhole.scaled(width, height),
+        photo if opaque else _straight(photo),
+        None if opaque else photo[..., 3],
+        None if valid.all() else valid,
+    )
+
+
+def _photo_of(view: View) -> np.ndarray:
+    """The view's photo in the orientation that its camera was made for."""
+    if view.image is None:
+        raise DataError(f"View {view.name!r} is a bare camera without a photo.", "Give a capture with photos.")
+    size = (view.camera.height, view.camera.width)
+    for upright in (True, False):
+        photo = read_photo(view.image, upright)
+        if photo.shape[:2] == size:
+            return photo
+    raise DataError(
+        f"{view.image} is {photo.shape[1]}x{photo.shape[0]} pixels where its camera has {size[1]}x{size[0]}.",
+        "Import the capture again.",
+    )
+
+
+def _premultiplied(photo: np.ndarray) -> np.ndarray:
+    return np.concatenate([photo[..., :3] * photo[..., 3:], photo[..., 3:]], -1)
+
+
+def _straight(photo: np.ndarray) -> np.ndarray:
+    alpha = photo[..., 3:]
+    color = np.divide(photo[..., :3], alpha, out=np.zeros_like(photo[..., :3]), where=alpha > 0)
+    return np.minimum(color, 1.0)  # the quotient may round to above one
+
+
+def background_kind(photos: Iterable[np.ndarray]) -> str:
+    """What surrounds the object in float photos [H, W, 3 or 4]: `alpha` (a matte), `black`, `white`, or `opaque`
+    (a real background). An alpha channel that is 1 everywhere is no matte."""
+    kinds = [_background_of(photo) for photo in photos]
+    for kind in ("alpha", "black", "white"):
+        if kinds and kinds.count(kind) >= VIEW_SHARE * len(kinds):
+            return kind
+    return "opaque"
+
+
+def _background_of(photo: np.ndarray) -> str:
+    if photo.shape[-1] == 4 and (photo[..., 3] < 1).any():
+        return "alpha"
+    border = np.concatenate([photo[0], photo[-1], photo[1:-1, 0], photo[1:-1, -1]])[:, :3]
+    if (border.max(-1) <= BORDER_TOLERANCE).mean() >= BORDER_SHARE:
+        return "black"
+    if (border.min(-1) >= 1 - BORDER_TOLERANCE).mean() >= BORDER_SHARE:
+        return "white"
+    return "opaque"

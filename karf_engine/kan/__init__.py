@@ -1,0 +1,1 @@
+"""Kolmogorov-Arnold heads: Gaussian, B-spline and plain layers, and the gated block made of them."""

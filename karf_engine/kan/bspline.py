@@ -1,0 +1,51 @@
+"""B-spline layer of a Kolmogorov-Arnold network: the ablation's counterpart of the Gaussian layer (paper, Fig. 7).
+
+Convention. The range [-2, 2] is cut into `grid` equal intervals; t = (u + 2) / interval counts them. The uniform
+B-splines of `order` p with support (i, i + p + 1), i = -p .. grid - 1, follow the Cox-de Boor recursion
+
+    B_i^0(t) = 1 on [i, i + 1),    B_i^p(t) = ((t - i) B_i^{p-1}(t) + (i + p + 1 - t) B_{i+1}^{p-1}(t)) / p.
+
+They sum to 1 inside the range and vanish outside their support, so beyond the range only the base branch acts.
+"""
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+GRID_LIMIT = 2.0
+INITIAL_SPLINE_STD = 0.02
+
+
+def bspline_bases(u: Tensor, grid: int, order: int) -> Tensor:
+    """Return the B-splines [n, grid + order, n_in] of u [n, n_in], by the Cox-de Boor recursion."""
+    t = (u[:, None, :] + GRID_LIMIT) * (grid / (2 * GRID_LIMIT))
+    starts = torch.arange(-order, grid + order, dtype=u.dtype, device=u.device)[:, None]
+    bases = ((t >= starts) & (t < starts + 1)).to(u.dtype)  # [n, grid + 2 * order, n_in]
+    for p in range(1, order + 1):
+        left = starts[:-p]
+        bases = ((t - left) * bases[:, :-1] + (left + p + 1 - t) * bases[:, 1:]) / p
+    return bases
+
+
+class BSplineLayer(nn.Module):
+    """Map [n, n_in] to [n, n_out]: a B-spline and a SiLU on every edge, without bias.
+
+    Every edge owns grid + order spline weights, one spline scale and one base weight; `layer_norm` adds 2 * n_in
+    parameters. Without it, inputs outside [-2, 2] reach only the base branch.
+    """
+
+    def __init__(self, n_in: int, n_out: int, grid: int = 5, order: int = 3, layer_norm: bool = True):
+        super().__init__()
+        self.grid = grid
+        self.order = order
+        self.norm = nn.LayerNorm(n_in) if layer_norm else nn.Identity()
+        self.base = nn.Linear(n_in, n_out, bias=False)
+        self.spline_weight = nn.Parameter(torch.empty(n_out, grid + order, n_in))
+        self.spline_scale = nn.Parameter(torch.ones(n_out, 1, n_in))
+        nn.init.trunc_normal_(self.spline_weight, std=INITIAL_SPLINE_STD)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Return [n, n_out] for x [n, n_in]."""
+        bases = bspline_bases(self.norm(x), self.grid, self.order)
+        weight = self.spline_weight * self.spline_scale
+        return self.base(F.silu(x)) + F.linear(bases.flatten(1), weight.flatten(1))

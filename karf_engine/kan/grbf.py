@@ -1,0 +1,240 @@
+"""Gaussian radial basis layer of a Kolmogorov-Arnold network (paper, Eq. 4 and 5), with a fast spline branch.
+
+Convention. `x` [n, n_in] is the input, `u` the layer-normalized input. N centers c_k lie evenly on [-2, 2], `spacing`
+apart, and `bandwidth` is h in
+
+    B_k(u) = exp(-(u - c_k)^2 / (2 h^2)),    y_o = b_o + sum_i (sum_k W[o, k, i] B_k(u_i) + W[o, N, i] SiLU(x_i)).
+
+`weight` is stored [n_out, (N + 1) * n_in]: N spline blocks, then the base block, so that one matrix product does all.
+
+The fast path measures u in spacings from the anchor, the center of index m = N // 2: w = (u - c_m) / spacing. With
+kappa = (spacing / h)^2 and j = k - m, neighbors differ by a factor that is itself geometric in j:
+
+    B_m = exp(-kappa w^2 / 2),    B_{j+1} / B_j = exp(kappa (w - 1/2)) exp(-kappa)^j.
+
+So two exponentials, and multiplications outward from the anchor, give all N Gaussians.
+"""
+
+import math
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+from torch.autograd.function import once_differentiable
+
+from ..errors import BadRequest
+
+GRID_LIMIT = 2.0
+BANDWIDTH_LIMITS = (0.35, 2.0)  # in spacings
+MAX_CENTERS = 8
+INITIAL_SPLINE_STD = 0.02
+
+# Beyond this many bandwidths outside the grid every basis is below 2e-8; clamping there keeps the recurrence finite.
+_CLAMP_BANDWIDTHS = 6.0
+# The anchor may not sink below exp(-80): float32 loses digits under exp(-87).
+_LOWEST_EXPONENT = 80.0
+# Rows whose bases ((N + 1) * n_in floats each) stay in a processor's cache; accelerators prefer fewer, larger launches.
+_CPU_ROWS_PER_CHUNK = 256
+_ACCELERATOR_ROWS_PER_CHUNK = 8192
+
+
+def grid_spacing(n_centers: int) -> float:
+    """Return the distance between neighboring centers on [-2, 2]."""
+    return 2 * GRID_LIMIT / (n_centers - 1)
+
+
+def resolve_bandwidth(bandwidth: str | float, n_centers: int) -> float:
+    """Return h in units of the normalized input.
+
+    `eq5` is one spacing, `fastkan` a spacing over sqrt(2), `xkanerf` 1 / sqrt(2); a number is h itself.
+    Raises BadRequest for an unknown name, or an h outside 0.35 to 2 spacings.
+    """
+    spacing = grid_spacing(n_centers)
+    named = {"eq5": spacing, "fastkan": spacing / math.sqrt(2), "xkanerf": 1 / math.sqrt(2)}
+    if isinstance(bandwidth, str) and bandwidth not in named:
+        raise BadRequest(f"The bandwidth '{bandwidth}' is unknown.", f"Use one of {', '.join(named)}, or a number.")
+    h = named[bandwidth] if isinstance(bandwidth, str) else float(bandwidth)
+    low, high = (limit * spacing for limit in BANDWIDTH_LIMITS)
+    if not low <= h <= high:
+        raise BadRequest(
+            f"The bandwidth {h:g} is outside {low:.3g} to {high:.3g}.", "Choose 0.35 to 2 times the center spacing."
+        )
+    return h
+
+
+def grbf_reference(x: Tensor, u: Tensor, weight: Tensor, bias: Tensor, bandwidth: Tensor, n_centers: int) -> Tensor:
+    """Return what `grbf` returns, plainly: every basis stored, every gradient by autograd."""
+    centers = torch.linspace(-GRID_LIMIT, GRID_LIMIT, n_centers, dtype=u.dtype, device=u.device)
+    distances = u[:, None, :] - centers[:, None]  # [n, N, n_in]
+    bases = torch.exp(-(distances**2) / (2 * bandwidth**2))
+    blocks = torch.cat([bases, F.silu(x)[:, None, :]], dim=1)  # [n, N + 1, n_in]
+    return F.linear(blocks.flatten(1), weight, bias)
+
+
+def grbf(x: Tensor, u: Tensor, weight: Tensor, bias: Tensor, bandwidth: Tensor, n_centers: int) -> Tensor:
+    """Return the layer's output [n, n_out], keeping only x and u for the backward pass.
+
+    `x` and `u` [n, n_in], `weight` [n_out, (n_centers + 1) * n_in], `bias` [n_out], `bandwidth` 0-d, within 0.35 to 2
+    spacings. Differentiable once, to these five. Its Gaussians equal Eq. 5 to 2e-8 for any u. Reading the bandwidth
+    waits for an accelerator once a call.
+    """
+    return _GRBF.apply(x, u, weight, bias, bandwidth, n_centers)
+
+
+class _Recurrence:
+    """The constants of one layer's recurrence, and the bases it gives."""
+
+    def __init__(self, bandwidth: float, n_centers: int):
+        self.n_centers = n_centers
+        self.anchor = n_centers // 2
+        self.spacing = grid_spacing(n_centers)
+        self.kappa = (self.spacing / bandwidth) ** 2
+        margin = _CLAMP_BANDWIDTHS * bandwidth / self.spacing
+        self.lowest = -self.anchor - margin
+        self.highest = n_centers - 1 - self.anchor + margin
+        # Narrow Gaussians: the anchor would underflow at the far end, so all bases carry exp(shift), undone by `scale`.
+        farthest = max(-self.lowest, self.highest)
+        self.shift = max(0.0, self.kappa * farthest**2 / 2 - _LOWEST_EXPONENT)
+        self.scale = math.exp(-self.shift)
+
+    def offsets(self, u: Tensor) -> Tensor:
+        """Return w: u in spacings from the anchor, clamped to a few bandwidths beyond the grid."""
+        anchor_position = self.anchor * self.spacing - GRID_LIMIT
+        return (u - anchor_position).mul_(1 / self.spacing).clamp_(self.lowest, self.highest)
+
+    def fill(self, bases: Tensor, w: Tensor) -> None:
+        """Write the Gaussians, times exp(shift), into `bases` [rows, N, n_in]."""
+        m, last = self.anchor, self.n_centers - 1
+        decay = math.exp(-self.kappa)
+        torch.mul(w, w, out=bases[:, m])
+        bases[:, m].mul_(-self.kappa / 2).add_(self.shift).exp_()
+        upward = (w * self.kappa).sub_(self.kappa / 2).exp_()
+        downward = torch.reciprocal(upward).mul_(decay)
+        for k in range(m + 1, last + 1):
+            torch.mul(bases[:, k - 1], upward, out=bases[:, k])
+            upward.mul_(decay)
+        for k in range(m - 1, -1, -1):
+            torch.mul(bases[:, k + 1], downward, out=bases[:, k])
+            downward.mul_(decay)
+
+
+class _GRBF(torch.autograd.Function):
+    """The layer in chunks of rows: bases live for one chunk only, and the backward pass computes them again."""
+
+    @staticmethod
+    def forward(ctx, x, u, weight, bias, bandwidth, n_centers):
+        recurrence = _Recurrence(float(bandwidth), n_centers)
+        ctx.save_for_backward(x, u, weight, bandwidth)
+        ctx.recurrence = recurrence
+        output = x.new_empty(x.shape[0], weight.shape[0])
+        buffer = _chunk_buffer(u, n_centers + 1)
+        for rows in _chunks(u):
+            blocks = buffer[: u[rows].shape[0]]
+            _fill_blocks(blocks, x[rows], recurrence.offsets(u[rows]), recurrence)
+            torch.addmm(bias, blocks.flatten(1), weight.T, alpha=recurrence.scale, out=output[rows])
+        return output
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, grad_output):
+        x, u, weight, bandwidth = ctx.saved_tensors
+        recurrence = ctx.recurrence
+        n, kappa, scale = recurrence.n_centers, recurrence.kappa, recurrence.scale
+        grad_x, grad_u, grad_weight = torch.empty_like(x), torch.empty_like(u), torch.zeros_like(weight)
+        quadratic = u.new_zeros(())
+        blocks_buffer, products_buffer = _chunk_buffer(u, n + 1), _chunk_buffer(u, n + 1)
+        for rows in _chunks(u):
+            w, gradient = recurrence.offsets(u[rows]), grad_output[rows]
+            blocks, products = blocks_buffer[: w.shape[0]], products_buffer[: w.shape[0]]
+            _fill_blocks(blocks, x[rows], w, recurrence)
+            grad_weight.addmm_(gradient.T, blocks.flatten(1), alpha=scale)
+            torch.mm(gradient, weight, out=products.flatten(1))  # dL/dB_k, then dL/dSiLU
+            torch.mul(products[:, n], _silu_slope(x[rows]), out=grad_x[rows])
+            # With E_j = B_j dL/dB_j, dL/dw = kappa (sum_j j E_j - w sum_j E_j).
+            total, first_moment = _moments(products[:, :n].mul_(blocks[:, :n]), recurrence.anchor)
+            weighted_total = total.mul_(w)
+            quadratic += torch.sum(w * (weighted_total - 2 * first_moment))
+            torch.sub(first_moment, weighted_total, out=grad_u[rows])
+        grad_u.mul_(scale * kappa / recurrence.spacing)
+        # dL/dkappa = -1/2 sum (w - j)^2 E_j. Its part in j^2 needs no bases: summed over rows, E_j is W dL/dW.
+        per_center = (grad_weight * weight).unflatten(1, (n + 1, -1))[:, :n].sum(dim=(0, 2))
+        steps = torch.arange(n, dtype=u.dtype, device=u.device) - recurrence.anchor
+        grad_kappa = -0.5 * (scale * quadratic + steps.square() @ per_center)
+        return grad_x, grad_u, grad_weight, grad_output.sum(0), grad_kappa * (-2 * kappa / bandwidth), None
+
+
+def _fill_blocks(blocks: Tensor, x: Tensor, w: Tensor, recurrence: _Recurrence) -> None:
+    """Write the Gaussians of w and SiLU(x), all times exp(shift), into `blocks` [rows, N + 1, n_in]."""
+    recurrence.fill(blocks[:, :-1], w)
+    torch.sigmoid(x, out=blocks[:, -1]).mul_(x).mul_(math.exp(recurrence.shift))
+
+
+def _silu_slope(x: Tensor) -> Tensor:
+    gate = torch.sigmoid(x)
+    return torch.rsub(gate, 1).mul_(x).add_(1).mul_(gate)
+
+
+def _moments(products: Tensor, anchor: int) -> tuple[Tensor, Tensor]:
+    """Return sum_j E_j and sum_j j E_j, each [rows, n_in], of `products` [rows, N, n_in] with j = index - anchor."""
+    total = products[:, 0].clone()
+    first_moment = total * -anchor
+    for k in range(1, products.shape[1]):
+        total.add_(products[:, k])
+        first_moment.add_(products[:, k], alpha=k - anchor)
+    return total, first_moment
+
+
+def _rows_per_chunk(device: torch.device) -> int:
+    return _CPU_ROWS_PER_CHUNK if device.type == "cpu" else _ACCELERATOR_ROWS_PER_CHUNK
+
+
+def _chunks(u: Tensor) -> list[slice]:
+    step = _rows_per_chunk(u.device)
+    return [slice(start, start + step) for start in range(0, u.shape[0], step)]
+
+
+def _chunk_buffer(u: Tensor, n_blocks: int) -> Tensor:
+    return u.new_empty(min(_rows_per_chunk(u.device), u.shape[0]), n_blocks, u.shape[1])
+
+
+class GRBFLayer(nn.Module):
+    """Map [n, n_in] to [n, n_out]: Gaussians of the normalized input, plus a SiLU base branch (paper, Eq. 4 and 5).
+
+    One bandwidth serves the whole layer. With `learn_bandwidth` its logarithm is one trainable number, `log_bandwidth`,
+    clamped to 0.35 to 2 spacings; past a limit its gradient is zero. Otherwise it is a buffer. Parameters:
+    n_in * n_out * (n_centers + 1) + n_out + 2 * n_in, plus 1 if the bandwidth is learned.
+    `n_centers` is 2 to 8. Raises BadRequest outside that range or for a bandwidth `resolve_bandwidth` refuses.
+    """
+
+    def __init__(
+        self,
+        n_in: int,
+        n_out: int,
+        n_centers: int = 8,
+        bandwidth: str | float = "eq5",
+        learn_bandwidth: bool = True,
+    ):
+        super().__init__()
+        if not 2 <= n_centers <= MAX_CENTERS:
+            raise BadRequest(f"{n_centers} Gaussian centers were asked for.", f"Use 2 to {MAX_CENTERS}.")
+        self.n_centers = n_centers
+        self.norm = nn.LayerNorm(n_in)
+        base = nn.Linear(n_in, n_out)
+        # A wider start makes the first logits of a 256-wide block too confident.
+        spline_weight = nn.init.trunc_normal_(torch.empty(n_out, n_centers * n_in), std=INITIAL_SPLINE_STD)
+        self.weight = nn.Parameter(torch.cat([spline_weight, base.weight.detach()], dim=1))
+        self.bias = base.bias
+        log_bandwidth = torch.tensor(math.log(resolve_bandwidth(bandwidth, n_centers)))
+        if learn_bandwidth:
+            self.log_bandwidth = nn.Parameter(log_bandwidth)
+        else:
+            self.register_buffer("log_bandwidth", log_bandwidth)
+
+    def bandwidth(self) -> Tensor:
+        """Return h, a 0-d tensor within 0.35 to 2 spacings."""
+        low, high = (math.log(limit * grid_spacing(self.n_centers)) for limit in BANDWIDTH_LIMITS)
+        return self.log_bandwidth.clamp(low, high).exp()
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Return [n, n_out] for x [n, n_in]."""
+        return grbf(x, self.norm(x), self.weight, self.bias, self.bandwidth(), self.n_centers)

@@ -1,0 +1,1 @@
+"""Coarse masks to clean labels on surface points."""

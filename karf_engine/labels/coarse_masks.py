@@ -1,0 +1,92 @@
+"""Coarse masks on disk: MASKS/<object>/<photo stem>.png, checked against the capture."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..capture.capture import Capture, View
+from ..errors import DataError
+from ..images import Plate, read_mask, resize, undistort
+from ..project import atomic_write
+
+LAYOUT_HINT = "Lay masks out as MASKS/<object>/<photo stem>.png, as large as the photo."
+
+
+@dataclass(frozen=True)
+class CoarseMask:
+    """One object's rough mask in one training view. `path` is the file as the user gave it."""
+
+    object_name: str
+    view: View
+    path: Path
+
+
+def find_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
+    """The masks below a folder, sorted by object and view.
+
+    A mask is named after its photo's stem, or the view's name where stems repeat between splits. Raises DataError where
+    there is none, where a name fits no training photo, or where an object is called `background`.
+    """
+    if not folder.is_dir():
+        raise DataError(f"{folder} is no folder of masks.", LAYOUT_HINT)
+    objects = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
+    masks = [mask for path in objects for mask in _object_masks(path, capture)]
+    if not masks:
+        raise DataError(f"{folder} holds no masks.", LAYOUT_HINT)
+    return masks
+
+
+def _object_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
+    if folder.name.lower() == "background":
+        raise DataError(f"{folder} names an object 'background', which is what no mask covers.", "Rename the folder.")
+    files = sorted(path for path in folder.iterdir() if path.suffix.lower() in (".png", ".jpg", ".jpeg", ".webp"))
+    if not files:
+        raise DataError(f"{folder} holds no mask of the object {folder.name!r}.", LAYOUT_HINT)
+    return [CoarseMask(folder.name, _view_of(path, capture), path) for path in files]
+
+
+def _view_of(path: Path, capture: Capture) -> View:
+    training = capture.split("train")
+    for view in training:
+        if path.stem in (view.name, view.stem):
+            return view
+    if any(path.stem in (view.name, view.stem) for view in capture.views):
+        raise DataError(f"{path} marks a photo that is held out for testing.", "Mark a training photo instead.")
+    raise DataError(
+        f"{path} is named after no training photo.", f"The first one is {training[0].stem!r}." if training else ""
+    )
+
+
+def load_mask(mask: CoarseMask, plate: Plate) -> np.ndarray:
+    """The mask at the plate's working size, bool [H, W].
+
+    Raises DataError where its size is neither the photo's nor the working size, or where it marks nothing.
+    """
+    found = read_mask(mask.path)
+    height, width = found.shape
+    stored, working = mask.view.camera, plate.camera
+    if (width, height) == (stored.width, stored.height):
+        values = found.astype(np.float32)[..., None]
+        if any(stored.distortion):
+            values, _, _ = undistort(values, stored)
+        found = resize(values, working.width, working.height)[..., 0] >= 0.5
+    elif (width, height) != (working.width, working.height):
+        raise DataError(
+            f"{mask.path} is {width}x{height} pixels where its photo has {stored.width}x{stored.height}.",
+            "Save the mask at the photo's size.",
+        )
+    if not found.any():
+        raise DataError(f"{mask.path} marks nothing of {mask.object_name!r}.", "Paint the object white.")
+    return found
+
+
+def keep_masks(masks: list[CoarseMask], folder: Path) -> None:
+    """Copy the masks into the project's folder, each under its view's name."""
+    for mask in masks:
+        target = folder / mask.object_name / f"{mask.view.name}.png"
+        if mask.path.absolute() != target.absolute():
+            atomic_write(target, lambda temporary, source=mask.path: shutil.copyfile(source, temporary))

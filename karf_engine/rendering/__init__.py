@@ -1,0 +1,1 @@
+"""Volume rendering as plain functions of tensors."""

@@ -1,0 +1,93 @@
+"""Pixels of a capture as rays: `PixelBank` holds every training pixel and hands out rays for any of them.
+
+origins [R, 3] in world units; viewdirs [R, 3] of unit length, so that a sample's `distance` is its t.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ..capture.camera import Camera
+
+
+@dataclass(frozen=True)
+class Rays:
+    """origins [R, 3] and unit viewdirs [R, 3], float32, on one device."""
+
+    origins: Tensor
+    viewdirs: Tensor
+
+    def __len__(self) -> int:
+        return len(self.origins)
+
+    def __getitem__(self, index) -> Rays:
+        return Rays(self.origins[index], self.viewdirs[index])
+
+
+def camera_rays(camera: Camera, device: torch.device | str = "cpu") -> Rays:
+    """Rays through all pixel centers of a pinhole camera, row by row."""
+    origins, directions = camera.rays(camera.pixel_centers())
+    viewdirs = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    return Rays(_tensor(origins, device), _tensor(viewdirs, device))
+
+
+def depth_per_distance(camera: Camera) -> np.ndarray:
+    """Factor from distance along the ray to depth along the optical axis, for all pixels, [height * width] in (0, 1]."""
+    _, directions = camera.rays(camera.pixel_centers())
+    return 1.0 / np.linalg.norm(directions, axis=1)
+
+
+def _tensor(array: np.ndarray, device: torch.device | str) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(array, np.float32)).to(device)
+
+
+class PixelBank:
+    """All pixels of some plates: their colors, mattes and rays, addressed by one running index.
+
+    color: [N, 3] uint8 sRGB. alpha: [N] uint8 or None. The pixels of plate v are first[v] .. first[v + 1] - 1.
+    """
+
+    def __init__(
+        self,
+        cameras: list[Camera],
+        colors: list[np.ndarray],
+        alphas: list[np.ndarray] | None,
+        device: torch.device | str = "cpu",
+    ) -> None:
+        self.cameras = cameras
+        self.color = torch.from_numpy(np.concatenate([_bytes(c).reshape(-1, 3) for c in colors])).to(device)
+        self.alpha = (
+            None if alphas is None else torch.from_numpy(np.concatenate([_bytes(a).ravel() for a in alphas])).to(device)
+        )
+        sizes = torch.tensor([c.width * c.height for c in cameras])
+        self.first = torch.cat([torch.zeros(1, dtype=torch.long), sizes.cumsum(0)]).to(device)
+        self._widths = torch.tensor([c.width for c in cameras], device=device)
+        self._intrinsics = torch.tensor([[c.fx, c.fy, c.cx, c.cy] for c in cameras], dtype=torch.float32, device=device)
+        self._rotations = _tensor(np.stack([c.camera_to_world[:3, :3] for c in cameras]), device)
+        self._positions = _tensor(np.stack([c.position for c in cameras]), device)
+
+    def __len__(self) -> int:
+        return len(self.color)
+
+    def view_of(self, index: Tensor) -> Tensor:
+        """Which plate each running index belongs to."""
+        return torch.bucketize(index, self.first, right=True) - 1
+
+    def rays(self, index: Tensor) -> Rays:
+        """Rays through the centers of the pixels with these running indices."""
+        view = self.view_of(index)
+        pixel = index - self.first[view]
+        u = (pixel % self._widths[view]).float() + 0.5
+        v = torch.div(pixel, self._widths[view], rounding_mode="floor").float() + 0.5
+        fx, fy, cx, cy = self._intrinsics[view].unbind(1)
+        local = torch.stack([(u - cx) / fx, (cy - v) / fy, -torch.ones_like(u)], 1)
+        directions = torch.einsum("rij,rj->ri", self._rotations[view], local)
+        return Rays(self._positions[view], torch.nn.functional.normalize(directions, dim=1))
+
+
+def _bytes(image: np.ndarray) -> np.ndarray:
+    return np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)

@@ -1,0 +1,93 @@
+"""A few samples a ray that stand for all of them.
+
+Geometry is frozen after its stage, so the rendering weights of a ray are constants. Of a ray's samples the later stages
+keep K, at the middles of K equal shares of its opacity (K = 3: at 1/6, 3/6 and 5/6), each of weight opacity / K. What
+the ray does not stop is the remainder; it belongs to the background class and to the black palette entry.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import torch
+from torch import Tensor
+
+from ..progress import Progress
+from .rays import Rays
+from .sampling import Samples
+from .volume import ray_weights_from_sigmas
+
+RAYS_PER_CHUNK = 16384
+MIN_OPACITY = 0.02
+
+
+@dataclass(frozen=True)
+class SurfaceCache:
+    """Quantile samples of n rays. positions: [n, K, 3]; distances: [n, K]; viewdirs: [n, 3]; opacity: [n] in [0, 1].
+
+    index: [n] which of the given rays each one is; rays of less opacity than MIN_OPACITY are left out.
+    """
+
+    positions: Tensor
+    distances: Tensor
+    viewdirs: Tensor
+    opacity: Tensor
+    index: Tensor
+
+    def __len__(self) -> int:
+        return len(self.opacity)
+
+    @property
+    def spread(self) -> Tensor:
+        """Distance between the first and the last sample of each ray, [n], world units."""
+        return self.distances[:, -1] - self.distances[:, 0]
+
+
+@torch.no_grad()
+def cache_surface(field, rays: Rays, n_samples: int, step: float, progress: Progress | None = None) -> SurfaceCache:
+    """Quantile samples of rays through a frozen field.
+
+    field: has `march(rays, step)` and `density(positions)`. n_samples: K >= 1. step: stride in voxels.
+    """
+    parts = []
+    for start in range(0, len(rays), RAYS_PER_CHUNK):
+        chunk = rays[start : start + RAYS_PER_CHUNK]
+        samples = field.march(chunk, step)
+        sigmas = field.density_at(*field.corners(samples.positions))
+        ray_weights = ray_weights_from_sigmas(sigmas, samples.step, samples.ray_indices)
+        parts.append(quantile_samples(chunk, samples, ray_weights, n_samples, start))
+        if progress is not None:
+            progress.step(len(chunk))
+    return join_caches(parts)
+
+
+def join_caches(parts: list[SurfaceCache]) -> SurfaceCache:
+    """One cache of the rays of all."""
+    return SurfaceCache(*[torch.cat([getattr(part, item.name) for part in parts]) for item in fields(SurfaceCache)])
+
+
+@torch.no_grad()
+def quantile_samples(rays: Rays, samples: Samples, ray_weights: Tensor, n_samples: int, first: int = 0) -> SurfaceCache:
+    """The quantile samples of marched rays; `first` is added to their index."""
+    n_rays = len(rays)
+    mass = torch.cumsum(ray_weights.double(), 0)
+    counts = torch.bincount(samples.ray_indices, minlength=n_rays)
+    end = torch.cumsum(counts, 0)
+    padded = torch.cat([mass.new_zeros(1), mass])
+    mass_before, opacity = padded[end - counts], padded[end] - padded[end - counts]
+    kept = torch.nonzero(opacity > MIN_OPACITY).squeeze(1)
+
+    # one sorted key for all rays: (number of the ray) + (share of its opacity up to and with this sample)
+    share = (mass - mass_before[samples.ray_indices]) / opacity[samples.ray_indices].clamp_min(1e-12)
+    key = samples.ray_indices + share.clamp(0, 1 - 1e-9)
+    quantiles = (torch.arange(n_samples, device=key.device) + 0.5) / n_samples
+    chosen = torch.searchsorted(key, kept[:, None] + quantiles)
+    # rounding may step over the ray's last sample: stay within the ray
+    chosen = torch.minimum(chosen, end[kept, None] - 1)
+    return SurfaceCache(
+        samples.positions[chosen],
+        samples.distances[chosen],
+        rays.viewdirs[kept],
+        opacity[kept].float(),
+        kept + first,
+    )

@@ -1,0 +1,219 @@
+"""Settings of every stage as data: frozen dataclasses, presets, and what panels and `--help` say of each field.
+
+A preset is a whole `Settings` value. `with_overrides(settings, ["geometry.rays=4096"])` changes single fields, checks
+name, type and range, and raises BadRequest naming the field and the nearest known one.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import json
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any
+
+from .errors import BadRequest
+
+
+def option(default: Any, help: str, minimum: float | None = None, maximum: float | None = None, choices=()) -> Any:
+    """A dataclass field with its help text, range or choices."""
+    return field(
+        default=default, metadata={"help": help, "minimum": minimum, "maximum": maximum, "choices": tuple(choices)}
+    )
+
+
+@dataclass(frozen=True)
+class Level:
+    """One resolution of the coarse-to-fine geometry: cells along the longest side, iterations, step in voxels."""
+
+    voxels: int
+    iterations: int
+    step: float
+
+
+@dataclass(frozen=True)
+class GeometrySettings:
+    """The radiance field: density and prior features."""
+
+    long_side: int = option(256, "Photos are reduced to this long side, pixels", 32, 4096)
+    levels: tuple[Level, ...] = option(
+        (Level(40, 150, 1.0), Level(80, 250, 0.75), Level(152, 500, 0.6)), "Coarse-to-fine levels"
+    )
+    samples: int = option(110_000, "Samples an iteration; the number of rays follows", 1000, 10_000_000)
+    max_rays: int = option(8192, "Rays an iteration at most", 64, 1_000_000)
+    features: int = option(12, "Prior features of the field", 3, 256)
+    table_rate: float = option(0.1, "Learning rate of the voxel tables", 1e-5, 1.0)
+    network_rate: float = option(3e-3, "Learning rate of the color and background networks", 1e-6, 0.1)
+    depth_variance: float = option(1e-4, "Weight of the spread of a ray's samples (opaque captures)", 0.0, 1.0)
+    total_variation: float = option(1e-4, "Weight of the difference between neighboring vertices", 0.0, 1.0)
+    sparsity: float = option(2e-3, "Weight of the mean sample alpha in the first level", 0.0, 1.0)
+    opacity_entropy: float = option(1e-3, "Weight of half-transparent rays (captures without background)", 0.0, 1.0)
+    prune_alpha: float = option(0.02, "Cells below this opacity are dropped", 0.0, 0.5)
+    prune_visibility: float = option(0.04, "Cells that no training ray sees by this weight are dropped", 0.0, 0.5)
+
+
+@dataclass(frozen=True)
+class SegmentationSettings:
+    """From coarse masks to the segmentation field F_s (stage 1)."""
+
+    labels: str = option(
+        "surface",
+        "surface: clean the masks on the surface; masks: plain Eq. 12; votes: take them as exact",
+        choices=("surface", "masks", "votes"),
+    )
+    head: str = option("kan", "kan: gated KAN block (Eq. 6); mlp: two hidden layers", choices=("kan", "mlp"))
+    layer: str = option("grbf", "Layer of the KAN block", choices=("grbf", "bspline", "mlp"))
+    variant: str = option("all", "Parts of Eq. 6", choices=("all", "no_residual", "gate", "none"))
+    width: int = option(64, "Width of the head", 4, 1024)
+    frequencies: int = option(5, "Octaves of the positional encoding", 0, 16)
+    iterations: int = option(300, "Training iterations", 1, 1_000_000)
+    batch: int = option(1024, "Surface points (or rays) an iteration", 16, 1_000_000)
+    rate: float = option(3e-3, "Learning rate", 1e-6, 0.1)
+    cache_views: int = option(24, "Training views whose surface is cached", 1, 1000)
+    samples_per_ray: int = option(3, "Quantile samples a ray in the cache", 1, 16)
+    rounds: int = option(8, "Rounds of the label solve", 1, 50)
+
+
+@dataclass(frozen=True)
+class PaletteSettings:
+    """Palettes from the colors of the segmented objects."""
+
+    colors: int = option(0, "Colors of a palette, black included; 0 finds the smallest faithful number", 0, 16)
+    tolerance: float = option(3.0 / 255, "RMS distance of colors outside the palette's hull", 0.0, 0.2)
+    shared: bool = option(False, "One palette for all objects, as in the paper")
+
+
+@dataclass(frozen=True)
+class RecoloringSettings:
+    """The recoloring field F_w and the learnable palette (stage 2)."""
+
+    head: str = option("kan", "kan: gated KAN block (Eq. 6); mlp: two hidden layers", choices=("kan", "mlp"))
+    layer: str = option("grbf", "Layer of the KAN block", choices=("grbf", "bspline", "mlp"))
+    variant: str = option("all", "Parts of Eq. 6", choices=("all", "no_residual", "gate", "none"))
+    width: int = option(64, "Width of the head", 4, 1024)
+    frequencies: int = option(6, "Octaves of the positional encoding", 0, 16)
+    direction_frequencies: int = option(2, "Octaves of the direction's encoding", 0, 8)
+    iterations: int = option(400, "Training iterations", 1, 1_000_000)
+    batch: int = option(1024, "Rays an iteration", 16, 1_000_000)
+    rate: float = option(3e-3, "Learning rate", 1e-6, 0.1)
+    weight_loss: float = option(0.1, "lambda_w of Eq. 14", 0.0, 100.0)
+    palette_loss: float = option(1.0, "lambda_p of Eq. 14", 0.0, 100.0)
+    palette_share: float = option(0.4, "Last share of the iterations in which the palette is learned too", 0.0, 1.0)
+    palette_rate: float = option(5e-4, "Learning rate of the palette", 0.0, 0.1)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """All stages, the seed, and the name of the preset they came from."""
+
+    preset: str = "demo"
+    seed: int = option(0, "Seed of every random number", 0, 2**31 - 1)
+    geometry: GeometrySettings = GeometrySettings()
+    segmentation: SegmentationSettings = SegmentationSettings()
+    palette: PaletteSettings = PaletteSettings()
+    recoloring: RecoloringSettings = RecoloringSettings()
+
+
+PRESETS: dict[str, Settings] = {"demo": Settings()}
+
+
+def preset(name: str) -> Settings:
+    """The preset with this name. Raises BadRequest listing the known ones."""
+    if name not in PRESETS:
+        raise BadRequest(f"Unknown preset {name!r}.", f"Use one of: {', '.join(PRESETS)}.")
+    return PRESETS[name]
+
+
+def to_dict(settings: Any) -> dict[str, Any]:
+    """Plain JSON values of a settings dataclass."""
+    return json.loads(json.dumps(dataclasses.asdict(settings)))
+
+
+def from_dict(content: dict[str, Any], kind: type = Settings, where: str = "") -> Any:
+    """Rebuild settings from plain values; unknown names, wrong types and values out of range raise BadRequest."""
+    known = {item.name: item for item in fields(kind)}
+    values = {}
+    for name, value in content.items():
+        if name not in known:
+            nearest = difflib.get_close_matches(name, known, 1)
+            hint = f"Did you mean {where}{nearest[0]}?" if nearest else f"Known: {', '.join(known)}."
+            raise BadRequest(f"Unknown setting {where}{name}.", hint)
+        values[name] = _checked(known[name], value, f"{where}{name}")
+    return kind(**values)
+
+
+def with_overrides(settings: Settings, overrides: list[str]) -> Settings:
+    """Apply `stage.field=value` texts; values are JSON, bare words are text."""
+    content = to_dict(settings)
+    for text in overrides:
+        path, equals, value = text.partition("=")
+        if not equals:
+            raise BadRequest(f"Override {text!r} has no '='.", "Write it as stage.field=value.")
+        *parents, last = path.strip().split(".")
+        node = content
+        for parent in parents:
+            if not isinstance(node.get(parent), dict):
+                raise BadRequest(f"Unknown setting {path!r}.", f"Stages: {', '.join(_stages())}.")
+            node = node[parent]
+        try:
+            node[last] = json.loads(value)
+        except json.JSONDecodeError:
+            node[last] = value.strip()
+    return from_dict(content)
+
+
+def describe(kind: type = Settings, where: str = "") -> list[tuple[str, Any, str]]:
+    """(dotted name, default, help with range) of every field, for panels and `--help`."""
+    rows = []
+    for item in fields(kind):
+        if is_dataclass(item.default):
+            rows += describe(type(item.default), f"{where}{item.name}.")
+        elif item.metadata:
+            rows.append((f"{where}{item.name}", item.default, item.metadata["help"] + _range_text(item.metadata)))
+    return rows
+
+
+def _stages() -> list[str]:
+    return [item.name for item in fields(Settings) if is_dataclass(item.default)]
+
+
+def _range_text(metadata: Any) -> str:
+    if metadata["choices"]:
+        return f" ({' | '.join(metadata['choices'])})"
+    return f" [{metadata['minimum']} .. {metadata['maximum']}]" if metadata["minimum"] is not None else ""
+
+
+def _checked(item: dataclasses.Field, value: Any, name: str) -> Any:
+    default = item.default
+    if is_dataclass(default):
+        if not isinstance(value, dict):
+            raise BadRequest(f"{name} = {value!r} is no group of settings.", "Give an object.")
+        return from_dict(value, type(default), f"{name}.")
+    if isinstance(default, tuple):
+        return _checked_levels(value, name)
+    if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if type(value) is not type(default):
+        raise BadRequest(f"{name} = {value!r} is no {type(default).__name__}.", f"The default is {default!r}.")
+    metadata = item.metadata
+    if metadata and metadata["choices"] and value not in metadata["choices"]:
+        raise BadRequest(f"{name} = {value!r} is not allowed.", f"Use one of: {', '.join(metadata['choices'])}.")
+    if metadata and metadata["minimum"] is not None and not metadata["minimum"] <= value <= metadata["maximum"]:
+        raise BadRequest(
+            f"{name} = {value!r} is out of range.", f"Allowed: {metadata['minimum']} to {metadata['maximum']}."
+        )
+    return value
+
+
+def _checked_levels(value: Any, name: str) -> tuple[Level, ...]:
+    try:
+        levels = tuple(
+            Level(int(entry["voxels"]), int(entry["iterations"]), float(entry["step"])) for entry in value
+        )
+    except (TypeError, KeyError, ValueError) as error:
+        raise BadRequest(
+            f"{name} = {value!r} is no list of levels.", 'Give [{"voxels": 40, "iterations": 150, "step": 1.0}, ..].'
+        ) from error
+    if not levels or any(v.voxels < 4 or v.iterations < 1 or v.step <= 0 for v in levels):
+        raise BadRequest(f"{name} holds an empty or impossible level.", "voxels >= 4, iterations >= 1, step > 0.")
+    return levels

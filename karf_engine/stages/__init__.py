@@ -1,0 +1,1 @@
+"""One module a stage: read inputs, call rooms, write artifacts."""

@@ -1,0 +1,88 @@
+"""Stage 0: photos -> radiance field (geometry.safetensors).
+
+Options: capture (path), preset, overrides (list of `stage.field=value`), threads, device.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from .. import settings as settings_module
+from ..capture import open_capture
+from ..capture.capture import Capture, capture_to_json
+from ..errors import BadRequest, DataError
+from ..field.fit import Fit, start_fit
+from ..field.scene import Scene
+from ..images import Plate, background_kind, write_png
+from ..progress import Emit
+from ..project import Project, write_json
+from ..rendering.rays import PixelBank
+from ..settings import Settings
+from ..wire import Request
+from .job import Job, make_job, run_stage, stage_fingerprint
+
+
+def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
+    """Learn the scene of `options["capture"]` into the project; a finished one of the same inputs is kept."""
+    options = request.options
+    if "capture" not in options:
+        raise BadRequest("The geometry stage was given no capture.", "Name a folder or file with photos and poses.")
+    settings = settings_module.with_overrides(
+        settings_module.preset(options.get("preset", "demo")), options.get("overrides", [])
+    )
+    capture = open_capture(Path(options["capture"]))
+    for remark in capture.remarks:
+        emit("warning", code="capture", sentence=remark)
+    project = _open_project(request.project, options["capture"], capture, settings)
+    job = make_job(project, options, settings, emit, should_stop)
+    photos = [[str(view.image), view.image.stat().st_mtime_ns] for view in capture.views]
+    with run_stage(job, "geometry", stage_fingerprint(job, "geometry", capture_to_json(capture), photos)) as facts:
+        if facts is None:
+            return
+        fit = learn(job, capture, facts)
+        scene = Scene(fit.field, fit.background, fit.kind, settings.geometry.levels[-1].step)
+        scene.save(project.geometry_file)
+        job.artifact("geometry", project.geometry_file)
+
+
+def _open_project(folder: Path, source: str, capture: Capture, settings: Settings) -> Project:
+    project = Project(folder)
+    project.create(str(Path(source).absolute()))
+    write_json(project.capture_file, capture_to_json(capture))
+    write_json(project.state_file, project.state() | {"settings": settings_module.to_dict(settings)})
+    return project
+
+
+def learn(job: Job, capture: Capture, facts: dict) -> Fit:
+    """Fit the field level by level, with a preview after each."""
+    settings = job.settings.geometry
+    views = capture.split("train")
+    if len(views) < 3:
+        raise DataError(f"{capture.source} has {len(views)} training photos.", "A scene needs at least three.")
+    plates = job.plates(views)
+    kind = background_kind([_with_alpha(plate) for plate in plates])
+    fit = start_fit(make_bank(plates, kind, job), kind, settings, job.runtime)
+    progress = job.progress("geometry", sum(level.iterations for level in settings.levels))
+    for number, level in enumerate(settings.levels):
+        fit.run_level(number, level, progress)
+        preview = Scene(fit.field, fit.background, kind, level.step).render(plates[0].camera, 1)
+        path = job.project.folder / "preview.png"
+        write_png(path, preview.color.cpu().numpy())
+        job.emit("preview", path=str(path))
+    facts |= {"background": kind, "voxel": fit.field.voxel, "cells": int(fit.field.occupied.sum())}
+    return fit
+
+
+def make_bank(plates: list[Plate], kind: str, job: Job) -> PixelBank:
+    """All pixels of the plates, with mattes where the capture has them."""
+    alphas = None
+    if kind == "alpha":
+        alphas = [plate.color[..., 0] * 0 + 1 if plate.alpha is None else plate.alpha for plate in plates]
+    return PixelBank([p.camera for p in plates], [p.color for p in plates], alphas, job.runtime.device)
+
+
+def _with_alpha(plate: Plate):
+    import numpy as np
+
+    return plate.color if plate.alpha is None else np.dstack([plate.color, plate.alpha])

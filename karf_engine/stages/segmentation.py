@@ -1,0 +1,315 @@
+"""Stage 1: coarse masks -> F_s (segmentation.safetensors), the objects' rays (surface.safetensors) and a report.
+
+Options: masks (folder MASKS/<object>/<photo stem>.png; the project's own masks by default).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from scipy.ndimage import binary_erosion
+from torch import Tensor
+
+from ..capture.capture import View
+from ..checkpoints import load_tensors, save_tensors
+from ..edit.color import srgb_to_lab
+from ..edit.metrics import iou
+from ..errors import DataError
+from ..field.fit_heads import fit_on_points, fit_on_rays, segment_cache
+from ..field.karf import SegmentationField
+from ..field.scene import Scene
+from ..images import Plate
+from ..labels.coarse_masks import CoarseMask, find_masks, keep_masks, load_mask
+from ..labels.seeds import mask_confidence, mask_targets, vote_on_points
+from ..labels.solve import Labels, solve_labels
+from ..labels.surface_points import SurfacePoints, merge_samples
+from ..progress import Emit
+from ..project import write_json
+from ..rendering.rays import camera_rays
+from ..rendering.surface_cache import SurfaceCache, cache_surface
+from ..wire import Request
+from .job import Job, open_job, run_stage, stage_fingerprint
+
+SCHEMA = "karf-segmentation/1"
+SURFACE_SCHEMA = "karf-surface/1"
+CACHE_STEP = 1.0  # voxels; the later stages need where a ray ends, not the last digit of its color
+NEAR_VOXELS = 8.0
+BOX_MARGIN_VOXELS = 6.0
+LOW_PRECISION = 0.6
+SURE = 0.9
+
+
+def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
+    """Segment the objects of the given masks in the whole capture."""
+    job = open_job(request, emit, should_stop)
+    job.project.require("geometry")
+    capture = job.capture()
+    masks = find_masks(Path(job.options.get("masks") or job.project.masks_folder), capture)
+    digests = [[m.object_name, m.view.name, hashlib.sha256(m.path.read_bytes()).hexdigest()] for m in masks]
+    with run_stage(job, "segmentation", stage_fingerprint(job, "segmentation", digests)) as facts:
+        if facts is None:
+            return
+        scene = Scene.load(job.project.geometry_file, job.runtime.device)
+        cached = cache_views(job, scene, masks, list(capture.split("train")))
+        keep_masks(masks, job.project.masks_folder)
+        report = segment(job, scene, cached)
+        facts["objects"] = report["objects"]
+        write_json(job.project.segmentation_report, report)
+        job.artifact("segmentation", job.project.segmentation_file)
+
+
+@dataclass(frozen=True)
+class CachedViews:
+    """Plates, their surface samples, and the coarse masks: masks[v] = {class number: bool [H, W]} of plate v."""
+
+    objects: list[str]
+    plates: list[Plate]
+    masks: list[dict[int, np.ndarray]]
+    cache: SurfaceCache
+    first: list[int]  # of each plate's pixels in the cache's index
+
+    def targets(self) -> tuple[np.ndarray, np.ndarray]:
+        """Votes [N, K+1] and confidence [N] of all pixels; confidence 0 in views without masks."""
+        n_classes = len(self.objects) + 1
+        n_pixels = self.first[-1]
+        votes, confidence = np.full((n_pixels, n_classes), 1.0 / n_classes), np.zeros(n_pixels)
+        for number, masks in enumerate(self.masks):
+            if masks:
+                pixels = slice(self.first[number], self.first[number + 1])
+                votes[pixels] = mask_targets(masks, n_classes).reshape(-1, n_classes)
+                confidence[pixels] = mask_confidence(masks).ravel()
+        return votes, confidence
+
+    def colors(self) -> np.ndarray:
+        """Photo colors of all pixels, [N, 3]."""
+        return np.concatenate([plate.color.reshape(-1, 3) for plate in self.plates])
+
+
+def cache_views(job: Job, scene: Scene, masks: list[CoarseMask], views: list[View]) -> CachedViews:
+    """Load masks, choose views spread round the scene, and cache their surface."""
+    settings = job.settings.segmentation
+    objects = sorted({mask.object_name for mask in masks})
+    marked = list(dict.fromkeys(mask.view.name for mask in masks))
+    chosen = spread_views(views, marked, settings.cache_views)
+    plates = job.plates(chosen)
+    per_view: list[dict[int, np.ndarray]] = [{} for _ in chosen]
+    names = [view.name for view in chosen]
+    for mask in masks:
+        number = names.index(mask.view.name)
+        per_view[number][objects.index(mask.object_name) + 1] = load_mask(mask, plates[number])
+
+    sizes = [plate.camera.width * plate.camera.height for plate in plates]
+    first = [0, *np.cumsum(sizes).tolist()]
+    progress = job.progress("surface", first[-1])
+    parts = []
+    for plate in plates:
+        rays = camera_rays(plate.camera, job.runtime.device)
+        parts.append(cache_surface(scene.field, rays, settings.samples_per_ray, CACHE_STEP, progress))
+    shifted = [
+        SurfaceCache(p.positions, p.distances, p.viewdirs, p.opacity, p.index + start)
+        for p, start in zip(parts, first[:-1], strict=True)
+    ]
+    from ..rendering.surface_cache import join_caches
+
+    return CachedViews(objects, plates, per_view, join_caches(shifted), first)
+
+
+def spread_views(views: list[View], first: list[str], count: int) -> list[View]:
+    """`count` views: those named in `first`, then always the one whose camera is farthest from all chosen."""
+    positions = np.stack([view.camera.position for view in views])
+    chosen = [number for number, view in enumerate(views) if view.name in first] or [0]
+    while len(chosen) < min(count, len(views)):
+        distance = np.linalg.norm(positions[:, None] - positions[chosen], axis=2).min(1)
+        chosen.append(int(distance.argmax()))
+    return [views[number] for number in chosen]
+
+
+def segment(job: Job, scene: Scene, cached: CachedViews) -> dict:
+    """Labels, F_s, and the objects' rays; returns the report."""
+    settings, cache = job.settings.segmentation, cached.cache
+    votes, confidence = cached.targets()
+    index = cache.index.cpu().numpy()
+    votes, confidence = votes[index], confidence[index] * (cache.opacity > 0.3).cpu().numpy()
+    opacity = cache.opacity.cpu().numpy()
+
+    points = _surface_points(cached, scene.field.voxel)
+    if settings.labels == "surface":
+        labels = _solve(job, scene, points, votes, confidence * opacity)
+    else:
+        labels = _votes_only(points, votes, (confidence > 0) * opacity)
+    _warn_of_low_precision(job, cached.objects, labels)
+    karf = _fit(job, scene, cached, points, labels, votes, confidence)
+    probabilities = segment_cache(karf, scene.field, cache)
+    _save(job, karf, cached, probabilities)
+    return _report(cached, labels, probabilities)
+
+
+def _surface_points(cached: CachedViews, voxel: float) -> SurfacePoints:
+    cache = cached.cache
+    lab = srgb_to_lab(cached.colors()[cache.index.cpu().numpy()])
+    # samples of a silhouette ray lie far apart, and its color is a mixture
+    confidence = torch.exp(-cache.spread / (4 * voxel)) * cache.opacity
+    return merge_samples(cache.positions.cpu().numpy(), lab, confidence.cpu().numpy(), voxel)
+
+
+def _solve(job: Job, scene: Scene, points: SurfacePoints, votes: np.ndarray, confidence: np.ndarray) -> Labels:
+    field = scene.field
+    targets, strength = vote_on_points(points.point_of_sample, votes, confidence, len(points))
+    positions = torch.from_numpy(points.positions).float().to(job.runtime.device)
+    normals = field.normals(positions).cpu().numpy()
+    random = np.random.default_rng(job.settings.seed)
+    job.emit("stage", name="labels", text=f"{len(points)} surface points")
+    return solve_labels(
+        points.positions, points.lab, normals, field.voxel, targets, strength, job.settings.segmentation.rounds, random
+    )
+
+
+def _votes_only(points: SurfacePoints, votes: np.ndarray, confidence: np.ndarray) -> Labels:
+    """The masks' votes on the surface as they are: the ceiling, when the masks are true ones."""
+    targets, strength = vote_on_points(points.point_of_sample, votes, confidence, len(points))
+    targets[strength == 0] = np.eye(votes.shape[1])[0]
+    return Labels(targets, np.ones(votes.shape[1] - 1))
+
+
+def _warn_of_low_precision(job: Job, objects: list[str], labels: Labels) -> None:
+    for name, precision in zip(objects, labels.precision, strict=True):
+        if precision < LOW_PRECISION:
+            job.emit(
+                "warning",
+                code="precision",
+                sentence=f"The colors of {name!r} explain only {precision:.0%} of its marks: "
+                "add a mask from another view, or mark it more tightly.",
+            )
+
+
+def _fit(
+    job: Job,
+    scene: Scene,
+    cached: CachedViews,
+    points: SurfacePoints,
+    labels: Labels,
+    votes: np.ndarray,
+    confidence: np.ndarray,
+) -> SegmentationField:
+    settings, device = job.settings.segmentation, job.runtime.device
+    classes = labels.classes
+    for number, name in enumerate(cached.objects, 1):
+        if not (classes == number).any():
+            raise DataError(f"Nothing in the scene belongs to {name!r}.", "Mark it more generously, or in another view.")
+    margin = BOX_MARGIN_VOXELS * scene.field.voxel
+    if settings.labels == "masks":  # as in the paper, nothing bounds the objects
+        boxes = scene.field.bounds.expand(len(cached.objects), 2, 3).clone()
+    else:
+        boxes = _object_boxes(points.positions, classes, len(cached.objects), margin).to(device)
+    karf = SegmentationField(boxes, scene.field.n_features, settings).to(device)
+    progress = job.progress("segmentation", settings.iterations)
+    if settings.labels == "masks":
+        marked = torch.from_numpy(np.flatnonzero(confidence > 0)).to(device)
+        targets = torch.from_numpy(votes).float().to(device)[marked]
+        fit_on_rays(karf, scene.field, _select(cached.cache, marked), targets, settings, job.runtime, progress)
+        return karf.requires_grad_(False)
+    top_two = np.sort(labels.probabilities, 1)[:, -2:]
+    positions = torch.from_numpy(points.positions).float().to(device)
+    fit_on_points(
+        karf,
+        scene.field,
+        positions,
+        torch.from_numpy(classes).to(device),
+        torch.from_numpy(top_two[:, 1] - top_two[:, 0]).float().to(device),
+        torch.from_numpy(_near_objects(points.positions, classes, NEAR_VOXELS * scene.field.voxel)).to(device),
+        settings,
+        job.runtime,
+        progress,
+    )
+    return karf.requires_grad_(False)
+
+
+def _select(cache: SurfaceCache, index: Tensor) -> SurfaceCache:
+    return SurfaceCache(
+        cache.positions[index], cache.distances[index], cache.viewdirs[index], cache.opacity[index], cache.index[index]
+    )
+
+
+def _object_boxes(positions: np.ndarray, classes: np.ndarray, n_objects: int, margin: float) -> Tensor:
+    boxes = []
+    for k in range(1, n_objects + 1):
+        own = positions[classes == k]
+        boxes.append(np.stack([own.min(0) - margin, own.max(0) + margin]))
+    return torch.from_numpy(np.stack(boxes)).float()
+
+
+def _near_objects(positions: np.ndarray, classes: np.ndarray, reach: float) -> np.ndarray:
+    """True for points within about `reach` of an object's point, [p]."""
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(positions[classes > 0], balanced_tree=False, compact_nodes=False)
+    return np.isfinite(tree.query(positions, distance_upper_bound=reach)[0])
+
+
+def _save(job: Job, karf: SegmentationField, cached: CachedViews, probabilities: Tensor) -> None:
+    """Write F_s, and the object rays that the palette and recoloring stages learn from."""
+    facts = {"objects": cached.objects}
+    save_tensors(job.project.segmentation_file, karf.state_dict(), SCHEMA, facts)
+    cache = cached.cache
+    label = probabilities.argmax(1)
+    rays = torch.nonzero(label > 0).squeeze(1)
+    sure = _interior(cached, label, probabilities)
+    middle = cache.positions.shape[1] // 2
+    colors = torch.from_numpy(np.rint(cached.colors() * 255).astype(np.uint8))
+    view = np.searchsorted(cached.first, cache.index[rays].cpu().numpy(), side="right") - 1
+    tensors = {
+        "positions": cache.positions[rays, middle],
+        "viewdirs": cache.viewdirs[rays],
+        "colors": colors[cache.index[rays].cpu()],
+        "object": (label[rays] - 1).to(torch.uint8),
+        "sure": sure[rays.cpu()],
+        "view": torch.from_numpy(view).to(torch.int16),
+    }
+    save_tensors(job.project.surface_file, tensors, SURFACE_SCHEMA, facts)
+
+
+def _interior(cached: CachedViews, label: Tensor, probabilities: Tensor) -> Tensor:
+    """True for cached rays well inside an object: surely it, and one pixel from its border, [n]."""
+    n_pixels = cached.first[-1]
+    index = cached.cache.index.cpu().numpy()
+    picture_label = np.zeros(n_pixels, np.int64)
+    picture_label[index] = label.cpu().numpy()
+    inside = np.zeros(n_pixels, bool)
+    for number, plate in enumerate(cached.plates):
+        pixels = slice(cached.first[number], cached.first[number + 1])
+        labels = picture_label[pixels].reshape(plate.camera.height, plate.camera.width)
+        for k in range(1, len(cached.objects) + 1):
+            inside[pixels] |= binary_erosion(labels == k).ravel()
+    return torch.from_numpy(inside[index] & (probabilities.amax(1) > SURE).cpu().numpy())
+
+
+def load_segmentation(job: Job) -> tuple[SegmentationField, list[str]]:
+    """F_s of the project, and the objects' names."""
+    tensors, facts = load_tensors(job.project.segmentation_file, SCHEMA, job.runtime.device)
+    n_features = len(tensors["standardizer.mean"])
+    karf = SegmentationField(tensors["boxes"], n_features, job.settings.segmentation).to(job.runtime.device)
+    karf.load_state_dict(tensors)
+    return karf.requires_grad_(False), facts["objects"]
+
+
+def _report(cached: CachedViews, labels: Labels, probabilities: Tensor) -> dict:
+    """How well the result agrees with the marks it came from, for the user."""
+    picture_label = np.zeros(cached.first[-1], np.int64)
+    picture_label[cached.cache.index.cpu().numpy()] = probabilities.argmax(1).cpu().numpy()
+    agreement: dict[str, list[float]] = {name: [] for name in cached.objects}
+    for number, masks in enumerate(cached.masks):
+        pixels = picture_label[cached.first[number] : cached.first[number + 1]]
+        for k, mask in masks.items():
+            agreement[cached.objects[k - 1]].append(round(iou(pixels.reshape(mask.shape) == k, mask), 4))
+    return {
+        "objects": cached.objects,
+        "precision": {n: round(float(p), 4) for n, p in zip(cached.objects, labels.precision, strict=True)},
+        "iou_with_marks": agreement,
+        "views": [plate.view.name for plate in cached.plates],
+        "surface_points": len(labels.probabilities),
+    }

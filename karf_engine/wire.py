@@ -1,0 +1,138 @@
+"""The job protocol between a caller (Blender, a script) and an engine child process.
+
+A job is a folder. The caller writes `request.json`; the child appends one JSON object a line to `events.jsonl` and
+leaves stray output in `engine.log`. A file cannot block, survives either side's crash and is readable by a person.
+The child's standard input is lifeline and cancel: the line `cancel`, or its end, asks the child to stop.
+
+Events: hello, stage, progress, preview, artifact, warning, error, done, cancelled. Exit codes are those of `errors`,
+0 for done and 70 for an internal error; anything else is a crash.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from .errors import BadRequest, DataError
+
+PROTOCOL = 1
+REQUEST_FILE = "request.json"
+EVENTS_FILE = "events.jsonl"
+LOG_FILE = "engine.log"
+STAGES = ("geometry", "segmentation", "palette", "recoloring", "render", "match", "all")
+FINAL_EVENTS = ("done", "error", "cancelled")
+
+
+@dataclass(frozen=True)
+class Request:
+    """What one job shall do.
+
+    stage: one of `STAGES`. project: the project folder. options: the stage's own arguments, JSON values only
+    (paths absolute); which ones a stage takes stands in its module's docstring.
+    """
+
+    stage: str
+    project: Path
+    options: dict[str, Any] = field(default_factory=dict)
+
+    def write(self, job: Path) -> Path:
+        """Write `request.json` into the folder `job`, which is made if needed, and return its path."""
+        job.mkdir(parents=True, exist_ok=True)
+        path = job / REQUEST_FILE
+        content = {
+            "protocol": PROTOCOL,
+            "stage": self.stage,
+            "project": str(self.project),
+            "options": self.options,
+        }
+        path.write_text(json.dumps(content, indent=1), encoding="utf-8")
+        return path
+
+    @classmethod
+    def read(cls, job: Path) -> Request:
+        """Read `job/request.json`. Raises DataError where it is unreadable, BadRequest where it asks the impossible."""
+        path = job / REQUEST_FILE
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+            protocol, stage = content["protocol"], content["stage"]
+            request = cls(stage, Path(content["project"]), dict(content.get("options", {})))
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise DataError(f"{path} is no readable request ({error}).", "Start the job again.") from error
+        if protocol != PROTOCOL:
+            raise BadRequest(
+                f"{path} speaks protocol {protocol}, this engine speaks {PROTOCOL}.", "Update the older side."
+            )
+        if stage not in STAGES:
+            raise BadRequest(f"Unknown stage {stage!r}.", f"Use one of: {', '.join(STAGES)}.")
+        return request
+
+
+@dataclass(frozen=True)
+class Event:
+    """One line of `events.jsonl`: a kind, a running number, seconds since the epoch, and the kind's own values."""
+
+    kind: str
+    number: int
+    time: float
+    values: dict[str, Any]
+
+    def __getitem__(self, key: str) -> Any:
+        return self.values[key]
+
+    def get(self, key: str, default: Any = None) -> Any:
+        return self.values.get(key, default)
+
+    @property
+    def is_final(self) -> bool:
+        """True for the last event of a job that ended by itself."""
+        return self.kind in FINAL_EVENTS
+
+    def encode(self) -> str:
+        """One line of JSON, without the line end."""
+        return json.dumps({"t": self.kind, "n": self.number, "time": round(self.time, 3), **self.values})
+
+    @classmethod
+    def decode(cls, line: str) -> Event:
+        """Parse one line. Raises ValueError where it is no event."""
+        content = json.loads(line)
+        return cls(content.pop("t"), content.pop("n"), content.pop("time"), content)
+
+
+class EventWriter:
+    """Appends events to a job's file, each flushed at once so that a reader sees it."""
+
+    def __init__(self, job: Path) -> None:
+        self._stream = (job / EVENTS_FILE).open("a", encoding="utf-8")
+        self._number = 0
+
+    def __call__(self, kind: str, **values: Any) -> None:
+        self._stream.write(Event(kind, self._number, time.time(), values).encode() + "\n")
+        self._stream.flush()
+        self._number += 1
+
+
+class EventReader:
+    """Reads a job's events as they are appended; remembers how far it got and takes whole lines only."""
+
+    def __init__(self, job: Path) -> None:
+        self._path = job / EVENTS_FILE
+        self._offset = 0
+
+    def poll(self) -> Iterator[Event]:
+        """Yield the events that arrived since the last call. Lines that are no event are passed over."""
+        if not self._path.exists():
+            return
+        with self._path.open("rb") as stream:
+            stream.seek(self._offset)
+            data = stream.read()
+        end = data.rfind(b"\n") + 1
+        self._offset += end
+        for line in data[:end].decode("utf-8", "replace").splitlines():
+            try:
+                yield Event.decode(line)
+            except (ValueError, KeyError, AttributeError):
+                continue
