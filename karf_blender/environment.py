@@ -35,7 +35,7 @@ print(json.dumps(facts))
 
 @dataclass(frozen=True)
 class Examination:
-    """What an engine Python is. missing: what to install into it. sentence: the verdict for the user."""
+    """What an engine Python is. missing: the packages to install into it."""
 
     python: Path
     version: str
@@ -45,6 +45,7 @@ class Examination:
 
     @property
     def sentence(self) -> str:
+        """The verdict, with the command that mends it."""
         if self.missing:
             packages = " ".join(self.missing)
             return f"Python {self.version} lacks {packages}; run: {self.python} -m pip install {packages}"

@@ -29,13 +29,15 @@ def import_capture(
 def learn_scene(
     preset: str = "", overrides: Sequence[str] = (), scene: bpy.types.Scene | None = None
 ) -> dict[str, Any]:
-    """Learn the geometry; overrides are `stage.field=value`. Returns the engine's summary."""
-    return job_watch.wait(steps.learn_scene(_scene(scene), preset, overrides))[-1]
+    """Learn the geometry; overrides are `stage.field=value`. Returns what the stage noted (seconds, figures)."""
+    job_watch.wait(steps.learn_scene(_scene(scene), preset, overrides))
+    return folders.project_of(_scene(scene)).finished("geometry")
 
 
 def segment(masks: str | Path | None = None, scene: bpy.types.Scene | None = None) -> dict[str, Any]:
-    """Segment the objects marked by the masks `masks/<object>/<photo name>.png`. Returns the engine's summary."""
-    return job_watch.wait(steps.segment(_scene(scene), Path(masks).absolute() if masks else None))[-1]
+    """Segment the objects marked by the masks `masks/<object>/<photo name>.png`. Returns what the stage noted."""
+    job_watch.wait(steps.segment(_scene(scene), Path(masks).absolute() if masks else None))
+    return folders.project_of(_scene(scene)).finished("segmentation")
 
 
 def extract_palette(scene: bpy.types.Scene | None = None) -> tuple[Palette, ...]:

@@ -9,14 +9,15 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import bpy
+from bpy.app.handlers import persistent
 
 from . import compat, engine_api, jobs, pictures, preferences
 from .engine_api import BadRequest, Event, KarfError, Project, Request
 
 POLL_SECONDS = 0.2
+PRINT_SECONDS = 5.0
 AREAS = ("VIEW_3D", "IMAGE_EDITOR")
 
 
@@ -30,31 +31,31 @@ class Task:
 
 
 class _Running:
-    """A task at work: the job it is at, and the reports of those done."""
+    """A task at work: the job it is at, and how many are done."""
 
     def __init__(self, task: Task, python: Path, threads: int) -> None:
         self.task = task
-        self.summaries: list[dict[str, Any]] = []
+        self._done = 0
         self._python = python
         self._threads = threads
         self.job = self._start()
 
     def _start(self) -> jobs.Job:
-        request = self.task.requests[len(self.summaries)]
+        request = self.task.requests[self._done]
         folder = Project(request.project).new_job(request.stage)
         return jobs.start(self._python, engine_api.ENGINE_FOLDER, request, folder, self._threads)
 
-    def step(self) -> tuple[list[Event], bool]:
-        """New events, and whether the whole task is done. Raises KarfError where a job failed."""
-        events = self.job.poll()
+    def advance(self) -> bool:
+        """Take an ended job over and start the next; True when the last is done. Raises KarfError where it failed."""
         if not self.job.ended:
-            return events, False
-        self.summaries.append(self.job.summary())
+            return False
+        self.job.check()
         self.task.after(self.job.request)
-        if len(self.summaries) == len(self.task.requests):
-            return events, True
+        self._done += 1
+        if self._done == len(self.task.requests):
+            return True
         self.job = self._start()
-        return events, False
+        return False
 
 
 _running: list[_Running] = []
@@ -74,30 +75,32 @@ def launch(task: Task) -> None:
         wait(task)
         return
     _begin(task)
-    bpy.app.timers.register(_tick, first_interval=POLL_SECONDS, persistent=True)
+    if not bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.register(_tick, first_interval=POLL_SECONDS, persistent=True)
 
 
-def wait(task: Task) -> list[dict[str, Any]]:
-    """Run a task and block until it is done, printing its progress; returns each job's summary. Raises KarfError."""
+def wait(task: Task) -> None:
+    """Run a task and block until it is done, printing its progress. Raises KarfError."""
     running = _begin(task)
+    quiet_until = 0.0
     try:
-        while True:
-            events, done = running.step()
-            for event in events:
-                _note(event)
-                line = _line(event)
-                if line:
-                    print(f"KaRF {running.job.request.stage}: {line}", flush=True)
-            if done:
-                break
+        done = False
+        while not done:
+            stage = running.job.request.stage
+            for event in running.job.poll():
+                _note(task.title, event)
+                if event.kind != "progress" or time.monotonic() > quiet_until:
+                    quiet_until = time.monotonic() + PRINT_SECONDS
+                    _print(stage, event)
+            done = running.advance()
             time.sleep(POLL_SECONDS / 2)
+        _finish(None)
     except KarfError as error:
         _finish(error)
         raise
     finally:
         # also where the user interrupts with Ctrl-C
         _end()
-    return running.summaries
 
 
 def cancel() -> None:
@@ -118,7 +121,7 @@ def _begin(task: Task) -> _Running:
     progress.stage = task.title
     progress.fraction = 0.0
     progress.text = "Starting"
-    progress.error = progress.hint = ""
+    progress.warnings = progress.error = progress.hint = ""
     return running
 
 
@@ -128,7 +131,7 @@ def _end() -> None:
         running = _running.pop()
         if not running.job.ended:
             running.job.terminate()
-    _progress().running = False
+        _progress().running = False
 
 
 def _finish(error: KarfError | None) -> None:
@@ -139,21 +142,31 @@ def _finish(error: KarfError | None) -> None:
 
 
 def _tick() -> float | None:
-    """The timer: a step of the running task."""
-    error, done = None, not _running
+    """The timer: takes in what the running task has reported, and stops itself when there is none."""
+    if not _running:
+        return None
+    running = _running[0]
     try:
-        if _running:
-            events, done = _running[0].step()
-            for event in events:
-                _note(event)
-            if not events and not done:
-                return POLL_SECONDS
-    except KarfError as failure:
-        error, done = failure, True
-    if done:
-        _finish(error)
+        events = running.job.poll()
+        for event in events:
+            _note(running.task.title, event)
+        done = running.advance()
+    except Exception as failure:
+        is_ours = isinstance(failure, KarfError)
+        _finish(failure if is_ours else KarfError(f"Internal error: {failure!r}.", "The console shows where."))
         _end()
-    _redraw()
+        _redraw()
+        if not is_ours:
+            raise
+        return None
+    if done:
+        _finish(None)
+        _end()
+        # what the task brought into the scene is a step of its own to undo
+        if bpy.ops.ed.undo_push.poll():
+            bpy.ops.ed.undo_push(message=running.task.title)
+    if events or done:
+        _redraw()
     return None if done else POLL_SECONDS
 
 
@@ -161,14 +174,17 @@ def _progress() -> bpy.types.PropertyGroup:
     return bpy.data.window_managers[0].karf_progress
 
 
-def _note(event: Event) -> None:
+def _note(title: str, event: Event) -> None:
     """Show an event in the panel."""
     progress = _progress()
+    progress.running, progress.stage = True, title
     if event.kind == "progress":
         progress.fraction = event["step"] / max(event["total"], 1)
         progress.text = _line(event)
-    elif event.kind in ("stage", "warning"):
+    elif event.kind == "stage":
         progress.text = _line(event)
+    elif event.kind == "warning":
+        progress.warnings = f"{progress.warnings}\n{event['sentence']}".strip()
     elif event.kind == "preview":
         pictures.show_preview(Path(event["path"]))
 
@@ -180,9 +196,15 @@ def _line(event: Event) -> str:
         left = event.get("eta_s")
         time_left = f", {left / 60:.0f} min left" if left and left > 90 else f", {left:.0f} s left" if left else ""
         return f"{event['step']}/{event['total']}{time_left}{figures}"
-    if event.kind == "hello":
-        return f"engine {event.get('engine')}, torch {event.get('torch')} on {event.get('device')}"
-    return {"stage": event.get("name"), "warning": event.get("sentence"), "done": "done"}.get(event.kind) or ""
+    if event.kind == "stage":
+        return f"{event['name']} {event.get('text', '')}".strip()
+    return {"warning": event.get("sentence"), "done": "done"}.get(event.kind) or ""
+
+
+def _print(stage: str, event: Event) -> None:
+    line = _line(event)
+    if line:
+        print(f"KaRF {stage}: {line}", flush=True)
 
 
 def _redraw() -> None:
@@ -192,18 +214,31 @@ def _redraw() -> None:
                 area.tag_redraw()
 
 
+@persistent
 def _before_exit(*_):
     _end()
 
 
+@persistent
+def _after_load(*_):
+    # a file saved during a job remembers its progress; the job is not in the file
+    progress = _progress()
+    progress.running = is_running()
+    progress.text = progress.warnings = progress.error = progress.hint = ""
+
+
 def register():
+    """Called when the extension is enabled."""
+    bpy.app.handlers.load_post.append(_after_load)
     if compat.exit_handlers() is not None:
         compat.exit_handlers().append(_before_exit)
 
 
 def unregister():
+    """Called when the extension is disabled."""
     if compat.exit_handlers() is not None:
         compat.exit_handlers().remove(_before_exit)
+    bpy.app.handlers.load_post.remove(_after_load)
     # a timer left behind hangs or crashes some Blender versions at exit
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)

@@ -11,7 +11,6 @@ import subprocess
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from .engine_api import LOG_FILE, Event, EventReader, KarfError, MissingDependency, Request, error_from_code
 
@@ -35,7 +34,7 @@ def child_environment(variables: Mapping[str, str], threads: int = 0) -> dict[st
 
 
 class Job:
-    """A child process at work. `poll` it until `ended`, then ask for its `summary`."""
+    """A child process at work. `poll` it until `ended`, then `check` how it ended."""
 
     def __init__(self, request: Request, folder: Path, process: subprocess.Popen, hello_seconds: float) -> None:
         self.request = request
@@ -89,8 +88,8 @@ class Job:
                     self._process.wait(TERMINATE_SECONDS)
         self.ended = True
 
-    def summary(self) -> dict[str, Any]:
-        """What the ended job reported as done. Raises KarfError: the job's own error, or what its crash left."""
+    def check(self) -> None:
+        """Return where the ended job is done. Raises KarfError otherwise: its own error, or what its crash left."""
         if self._silent:
             raise MissingDependency("The engine did not answer after its start.", self._remains())
         if self._final is None:
@@ -100,7 +99,6 @@ class Job:
         if self._final.kind == "error":
             values = self._final.values
             raise error_from_code(values["code"], values["sentence"], values.get("hint", ""))
-        return self._final.get("summary") or {}
 
     def log_tail(self) -> str:
         """The last lines that the child wrote beside its events."""

@@ -16,6 +16,8 @@ THRESHOLD = 8 / 255  # a pixel that differs by more was painted on
 def start(scene: bpy.types.Scene, name: str, view: View) -> bpy.types.Image:
     """Make the picture to paint on for object `name` in a view; returns it. Raises DataError for an unreadable photo."""
     _check_name(name)
+    if view.split != "train":
+        raise BadRequest(f"The view {view.name!r} is held out for testing.", "Choose a view of the train split.")
     if view.image is None:
         raise BadRequest(f"The view {view.name!r} has no photo.", "Choose another view.")
     photo = pictures.read_picture(view.image)

@@ -90,6 +90,17 @@ def _save(image: bpy.types.Image, path: Path) -> None:
     image.save()
 
 
+def reveal(image: bpy.types.Image) -> None:
+    """Show an image in the Image Editors that show none, or the engine's preview."""
+    for window in bpy.data.window_managers[0].windows:
+        for area in window.screen.areas:
+            if area.type == "IMAGE_EDITOR":
+                editor = area.spaces.active
+                # never the picture that somebody paints on meanwhile
+                if editor.image is None or editor.image.name == PREVIEW_NAME:
+                    editor.image = image
+
+
 def show_preview(path: Path) -> None:
     """Show the engine's latest preview in the one preview image; a file that is gone or half written is passed over."""
     image = bpy.data.images.get(PREVIEW_NAME)
@@ -101,3 +112,4 @@ def show_preview(path: Path) -> None:
         return
     image.filepath = str(path)
     image.reload()
+    reveal(image)

@@ -47,8 +47,10 @@ def engine_python() -> Path:
 
 
 def register():
+    """Called when the extension is enabled."""
     bpy.utils.register_class(KARF_AP_preferences)
 
 
 def unregister():
+    """Called when the extension is disabled."""
     bpy.utils.unregister_class(KARF_AP_preferences)

@@ -103,6 +103,7 @@ class KARF_PG_progress(bpy.types.PropertyGroup):
     stage: StringProperty()
     fraction: FloatProperty(min=0.0, max=1.0)
     text: StringProperty()
+    warnings: StringProperty(description="What the last task warned of, a line each")
     error: StringProperty()
     hint: StringProperty()
 
@@ -111,6 +112,7 @@ CLASSES = (KARF_PG_swatch, KARF_PG_object, KARF_PG_view, KARF_PG_scene, KARF_PG_
 
 
 def register():
+    """Called when the extension is enabled."""
     for each in CLASSES:
         bpy.utils.register_class(each)
     bpy.types.Scene.karf = PointerProperty(type=KARF_PG_scene)
@@ -119,6 +121,7 @@ def register():
 
 
 def unregister():
+    """Called when the extension is disabled."""
     del bpy.types.Object.karf_view
     del bpy.types.WindowManager.karf_progress
     del bpy.types.Scene.karf

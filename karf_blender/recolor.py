@@ -79,6 +79,11 @@ def planes_file(scene: bpy.types.Scene) -> Path:
     return folders.project_of(scene).planes_file(scene.karf.active_view)
 
 
+def is_prepared(scene: bpy.types.Scene) -> bool:
+    """True if the active view has planes, current or not."""
+    return bool(scene.karf.project and scene.karf.active_view) and planes_file(scene).exists()
+
+
 def is_current(project: Project, view: str) -> bool:
     """True if the view's planes exist and are no older than what they were made from."""
     planes, sources = project.planes_file(view), (project.palette_file, project.recoloring_file)
@@ -230,11 +235,13 @@ HANDLERS = (
 
 
 def register():
+    """Called when the extension is enabled."""
     for name, handler in HANDLERS:
         getattr(bpy.app.handlers, name).append(handler)
 
 
 def unregister():
+    """Called when the extension is disabled."""
     for name, handler in reversed(HANDLERS):
         getattr(bpy.app.handlers, name).remove(handler)
     forget()

@@ -33,16 +33,19 @@ from .job_watch import Task
 
 # --- 1 import ------------------------------------------------------------------------------------------------------
 def import_capture(scene: bpy.types.Scene, path: Path, project: Path | None = None) -> Capture:
-    """Build the rig of a capture and make it the scene's; `project` defaults to a folder beside the .blend.
+    """Build the rig of a capture and make it the scene's.
 
-    Learned palettes of another capture leave the scene.
+    project: default the one the scene has of this capture, else a folder beside the .blend. Palettes of another capture
+    leave the scene.
     """
     capture = open_capture(path)
     karf = scene.karf
-    project = project or folders.default_project(path)
+    is_known = bool(karf.project) and karf.capture == folders.stored(path)
+    if project is None:
+        project = folders.project_of(scene).folder if is_known else folders.default_project(path)
     karf.rig = rig.build(capture, f"KaRF {project.name}", scene)
     with recolor.held(scene):
-        if karf.capture != folders.stored(path):
+        if not is_known:
             karf.objects.clear()
         karf.capture = folders.stored(path)
         karf.project = folders.stored(project)
@@ -50,8 +53,10 @@ def import_capture(scene: bpy.types.Scene, path: Path, project: Path | None = No
         for view in capture.views:
             item = karf.views.add()
             item.name, item.split = view.name, view.split
-        karf.active_view = capture.views[0].name
-    rig.look_through(scene, capture.views[0])
+        # a view that learns: masks are painted on it
+        first = next(iter(capture.split("train")), capture.views[0])
+        karf.active_view = first.name
+    rig.look_through(scene, first)
     return capture
 
 
@@ -84,8 +89,7 @@ def learn_scene(scene: bpy.types.Scene, preset: str = "", overrides: Sequence[st
         "preset": preset or scene.karf.preset,
         "overrides": list(overrides),
     }
-    threads = preferences.current().threads
-    return _task(scene, "Learn Scene", ("geometry", options | ({"threads": threads} if threads else {})))
+    return _task(scene, "Learn Scene", ("geometry", options))
 
 
 def segment(scene: bpy.types.Scene, folder: Path | None = None) -> Task:
@@ -93,8 +97,6 @@ def segment(scene: bpy.types.Scene, folder: Path | None = None) -> Task:
     if folder is None and not scene.karf.masks:
         raise BadRequest("No masks are chosen.", "Give a folder with <object>/<photo name>.png, or paint one.")
     folder = folder or folders.absolute(scene.karf.masks)
-    if not any(folder.glob("*/*.png")):
-        raise BadRequest(f"{folder} holds no <object>/<photo name>.png.", "Choose the folder above the objects'.")
     scene.karf.masks = folders.stored(folder)
     return _task(scene, "Segment", ("segmentation", {"masks": str(folder)}))
 
@@ -115,7 +117,9 @@ def _planes(views: str) -> tuple[str, dict]:
 
 def _task(scene: bpy.types.Scene, title: str, *jobs: tuple[str, dict]) -> Task:
     project = folders.project_of(scene).folder
-    return Task(title, tuple(Request(stage, project, options) for stage, options in jobs), finished)
+    threads = preferences.current().threads
+    common = {"threads": threads} if threads else {}
+    return Task(title, tuple(Request(stage, project, options | common) for stage, options in jobs), finished)
 
 
 def finished(request: Request) -> None:
@@ -124,8 +128,8 @@ def finished(request: Request) -> None:
         if request.stage == "recoloring":
             recolor.forget()
             swatches.load_palettes(scene, read_palettes(Project(request.project).palette_file))
-        if request.stage == "render" and request.options["planes"] and recolor.planes_file(scene).exists():
-            recolor.show(scene)
+        if request.stage == "render" and request.options["planes"] and recolor.is_prepared(scene):
+            pictures.reveal(recolor.show(scene))
 
 
 # --- 5 show --------------------------------------------------------------------------------------------------------
@@ -140,7 +144,7 @@ def show_view(scene: bpy.types.Scene, name: str = "") -> Task | None:
         karf.active_view = name
     if not recolor.is_current(folders.project_of(scene), karf.active_view):
         return prepare_views(scene, karf.active_view)
-    recolor.show(scene)
+    pictures.reveal(recolor.show(scene))
     return None
 
 

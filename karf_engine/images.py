@@ -17,6 +17,7 @@ from scipy.ndimage import map_coordinates
 from .capture.camera import Camera
 from .capture.capture import View
 from .capture.image_size import unreadable
+from .edit.color import to_bytes
 from .errors import DataError
 from .project import atomic_write
 
@@ -73,7 +74,7 @@ def write_png(path: Path, array: np.ndarray) -> None:
     """Write [H, W] or [H, W, 1, 3 or 4] as PNG, atomically: float in [0, 1] is clipped and rounded to 8 bit, bool
     becomes 0 and 255, uint8 is kept, uint16 [H, W] (depth) becomes 16-bit gray. Raises TypeError for other kinds."""
     if np.issubdtype(array.dtype, np.floating):
-        array = np.rint(np.clip(array, 0, 1) * 255).astype(np.uint8)
+        array = to_bytes(array)
     elif array.dtype == bool:
         array = array.astype(np.uint8) * 255
     if array.dtype not in (np.uint8, np.uint16) or (array.dtype == np.uint16 and array.squeeze().ndim != 2):

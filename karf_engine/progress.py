@@ -57,7 +57,7 @@ class TerminalEmit:
         self._last: tuple[str, float] = ("", 0.0)
         self._width = 0
 
-    def __call__(self, kind: str, **values: Any) -> None:
+    def __call__(self, kind: str, /, **values: Any) -> None:
         if kind == "progress":
             self._progress(values)
         elif kind == "stage":

@@ -59,7 +59,7 @@ def _umask() -> int:
 def write_json(path: Path, content: Any) -> None:
     """Write JSON atomically, indented so that a person can read it."""
     text = json.dumps(content, indent=1, allow_nan=False)
-    atomic_write(path, lambda temporary: temporary.write_text(text + "\n", encoding="utf-8-sig"))
+    atomic_write(path, lambda temporary: temporary.write_text(text + "\n", encoding="utf-8"))
 
 
 def read_json(path: Path, what: str) -> Any:

@@ -109,7 +109,7 @@ class EventWriter:
         self._stream = (job / EVENTS_FILE).open("a", encoding="utf-8")
         self._number = 0
 
-    def __call__(self, kind: str, **values: Any) -> None:
+    def __call__(self, kind: str, /, **values: Any) -> None:
         self._stream.write(Event(kind, self._number, time.time(), values).encode() + "\n")
         self._stream.flush()
         self._number += 1

@@ -13,6 +13,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 MODULE = "bl_ext.karf_test.karf"
 FAKE_ENGINE = Path(__file__).parent / "fake_engine"
+MODULES = """engine_api environment folders headless job_watch jobs lens masks panels.sidebar pictures preferences recolor
+rig steps swatches""".split()
 _exit_code = None
 _has_blender = False
 
@@ -35,13 +37,7 @@ def addon(bpy, monkeypatch):
     """The add-on's modules by name, in an empty file, with the fake engine behind them."""
     bpy.ops.wm.read_homefile(use_empty=True)
     modules = SimpleNamespace(
-        **{
-            name: importlib.import_module(f"{MODULE}.karf_blender.{name}")
-            for name in (
-                "engine_api environment folders headless job_watch jobs lens masks pictures preferences recolor rig "
-                "steps swatches"
-            ).split()
-        }
+        **{name.rpartition(".")[2]: importlib.import_module(f"{MODULE}.karf_blender.{name}") for name in MODULES}
     )
     monkeypatch.setattr(modules.engine_api, "ENGINE_FOLDER", FAKE_ENGINE)
     monkeypatch.setenv("KARF_ENGINE_PYTHON", sys.executable)

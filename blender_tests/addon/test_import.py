@@ -48,7 +48,7 @@ def test_a_rig_that_cannot_be_built_leaves_nothing_behind(bpy, addon, scene, cap
 
     monkeypatch.setattr(addon.rig, "_set_background", fail)
     with pytest.raises(RuntimeError, match="disk gone"):
-        addon.headless.import_capture(capture_folder)
+        addon.headless.import_capture(capture_folder, "project")
     assert not bpy.data.objects and not bpy.data.collections
 
 
@@ -66,6 +66,23 @@ def test_without_a_project_a_saved_file_gets_one_beside_it(bpy, addon, scene, ca
     addon.headless.import_capture(capture_folder)
     assert scene.karf.project == "//pots_karf"
     assert addon.folders.project_of(scene).folder == tmp_path / "film" / "pots_karf"
+
+
+def test_an_unsaved_file_gets_a_project_in_the_extensions_own_folder(
+    bpy, addon, scene, capture_folder, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(
+        bpy.utils,
+        "extension_path_user",
+        lambda package, path, create: str(tmp_path / package.rpartition(".")[2] / path),
+    )
+    addon.headless.import_capture(capture_folder)
+    assert addon.folders.project_of(scene).folder == tmp_path / "karf" / "projects" / "pots"
+
+
+def test_importing_again_keeps_the_project_that_was_chosen(addon, imported, capture_folder, tmp_path):
+    addon.headless.import_capture(capture_folder)
+    assert addon.folders.project_of(imported).folder == tmp_path / "project"
 
 
 def test_saving_makes_paths_relative_and_saving_elsewhere_keeps_them_right(bpy, addon, imported, tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 import os
+import sys
 import time
 from pathlib import Path
 
@@ -10,7 +11,6 @@ import pytest
 
 def run(addon, tmp_path, behave="", stage="geometry", python=None, **options):
     """Start a job of the fake engine."""
-    import sys
 
     capture = options.pop("capture", "nowhere")
     request = addon.engine_api.Request(stage, tmp_path / "project", {"behave": behave, "capture": capture})
@@ -31,15 +31,16 @@ def until_ended(job, seconds=20):
 def test_a_job_reports_hello_progress_and_done(addon, tmp_path, capture_folder):
     job = run(addon, tmp_path, capture=str(capture_folder), threads=3)
     kinds = [event.kind for event in until_ended(job)]
-    assert kinds == ["hello", "stage", "progress", "done"]
-    assert job.summary() == {"stage": "geometry", "threads": "3"}
+    assert kinds == ["hello", "stage", "progress", "warning", "done"]
+    job.check()
+    assert (tmp_path / "job" / "engine.log").read_text() == "threads: 3\n"
 
 
 def test_an_error_event_becomes_the_same_error_here(addon, tmp_path):
     job = run(addon, tmp_path, "error")
     until_ended(job)
     with pytest.raises(addon.engine_api.DataError, match=r"photo_7.png is missing\.") as caught:
-        job.summary()
+        job.check()
     assert caught.value.hint == "Find it."
 
 
@@ -47,14 +48,14 @@ def test_a_missing_torch_is_a_missing_dependency(addon, tmp_path):
     job = run(addon, tmp_path, "no torch")
     until_ended(job)
     with pytest.raises(addon.engine_api.MissingDependency, match="torch is not installed"):
-        job.summary()
+        job.check()
 
 
 def test_a_crash_names_the_signal_and_shows_the_end_of_the_log(addon, tmp_path):
     job = run(addon, tmp_path, "crash")
     until_ended(job)
     with pytest.raises(addon.engine_api.KarfError, match="crashed in the geometry job") as caught:
-        job.summary()
+        job.check()
     assert "SIGABRT" in caught.value.sentence or os.name == "nt"
     assert "something native went wrong" in caught.value.hint
 
@@ -63,7 +64,7 @@ def test_a_silent_engine_is_ended_at_the_hello_deadline(addon, tmp_path):
     job = run(addon, tmp_path, "silent", hello_seconds=0.5)
     until_ended(job, 10)
     with pytest.raises(addon.engine_api.MissingDependency, match="did not answer"):
-        job.summary()
+        job.check()
 
 
 def test_a_python_that_does_not_exist_is_a_missing_dependency(addon, tmp_path):
@@ -78,7 +79,7 @@ def test_cancel_stops_the_engine_at_a_safe_point(addon, tmp_path):
     job.cancel()
     until_ended(job)
     with pytest.raises(addon.engine_api.Cancelled):
-        job.summary()
+        job.check()
 
 
 def test_an_engine_that_ignores_cancel_is_ended_by_force(addon, tmp_path, monkeypatch):
@@ -89,7 +90,7 @@ def test_an_engine_that_ignores_cancel_is_ended_by_force(addon, tmp_path, monkey
     job.cancel()
     until_ended(job, 5)
     with pytest.raises(addon.engine_api.KarfError, match="SIGTERM"):
-        job.summary()
+        job.check()
 
 
 def test_terminate_leaves_no_process(addon, tmp_path):
@@ -123,7 +124,7 @@ def failing(addon, scene, behave):
 
 def test_in_background_mode_an_operator_blocks_and_raises_the_engines_sentence(bpy, addon, project_scene, capfd):
     assert bpy.ops.karf.learn_scene() == {"FINISHED"}
-    assert "KaRF geometry: 1/2" in capfd.readouterr().out
+    assert "KaRF geometry: geometry" in capfd.readouterr().out
     project = addon.folders.project_of(project_scene)
     assert project.geometry_file.exists()
     project.capture_file.unlink()
@@ -146,6 +147,7 @@ def test_the_timer_runs_a_task_to_its_end_without_blocking(bpy, addon, project_s
         time.sleep(0.02)
     assert not progress.running and progress.text == "Done" and progress.error == ""
     assert 0.5 in fractions
+    assert progress.warnings == "This is no real engine."
 
 
 def test_the_timer_shows_a_failed_job_and_ends(bpy, addon, project_scene):
@@ -160,6 +162,21 @@ def test_the_timer_shows_a_failed_job_and_ends(bpy, addon, project_scene):
     assert not watch.is_running()
 
 
+def test_a_fault_after_the_job_ends_the_task_and_is_not_hidden(bpy, addon, project_scene):
+    def fault(request):
+        raise ZeroDivisionError("ours")
+
+    task = addon.job_watch.Task("Trial", addon.steps.learn_scene(project_scene).requests, fault)
+    addon.job_watch._begin(task)
+    with pytest.raises(ZeroDivisionError):
+        deadline = time.monotonic() + 20
+        while addon.job_watch._tick() is not None:
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+    progress = bpy.context.window_manager.karf_progress
+    assert not progress.running and "ours" in progress.error
+
+
 def test_a_second_task_is_refused_while_one_runs_and_cancel_ends_it(bpy, addon, project_scene):
     watch = addon.job_watch
     watch._begin(failing(addon, project_scene, "wait for cancel"))
@@ -172,6 +189,15 @@ def test_a_second_task_is_refused_while_one_runs_and_cancel_ends_it(bpy, addon, 
         assert time.monotonic() < deadline
         time.sleep(0.02)
     assert "cancelled" in bpy.context.window_manager.karf_progress.error
+
+
+def test_a_file_saved_during_a_job_does_not_show_it_when_loaded(bpy, addon, scene, tmp_path):
+    progress = bpy.context.window_manager.karf_progress
+    progress.running, progress.error = True, "old"
+    addon.headless.save(tmp_path / "shot.blend")
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
+    progress = bpy.context.window_manager.karf_progress
+    assert not progress.running and progress.error == ""
 
 
 def test_disabling_the_extension_ends_the_job_and_its_timer(bpy, addon, project_scene):
@@ -212,7 +238,6 @@ def test_the_preference_wins_over_the_variable_and_that_over_the_checkout(addon,
 
 
 def test_a_python_without_torch_is_told_what_to_install(bpy, addon):
-    import sys
 
     found = addon.environment.examine(Path(sys.executable))
     assert "torch" in found.missing and "numpy" not in found.missing

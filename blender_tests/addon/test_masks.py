@@ -49,6 +49,14 @@ def test_a_name_that_is_no_folder_is_refused(bpy, addon, imported):
         bpy.ops.karf.paint_mask(object_name="../pot")
 
 
+def test_a_view_held_out_for_testing_is_refused(bpy, addon, imported, monkeypatch):
+    from dataclasses import replace
+
+    view = replace(addon.steps.view_of(imported, "photo_1"), split="test")
+    with pytest.raises(addon.engine_api.BadRequest, match="held out"):
+        addon.masks.start(imported, "pot", view)
+
+
 def test_painted_masks_segment_without_further_choice(bpy, addon, imported):
     addon.headless.learn_scene()
     addon.steps.paint_mask(imported, "pot")

@@ -6,9 +6,9 @@ import pytest
 
 def test_the_whole_way_from_capture_to_swatches(bpy, addon, capture_folder, tmp_path):
     addon.headless.import_capture(capture_folder, tmp_path / "project")
-    addon.headless.learn_scene("demo", ["geometry.max_rays=64"])
+    assert addon.headless.learn_scene("demo", ["geometry.max_rays=64"])["psnr"] == 30
     addon.pictures.write_png(tmp_path / "given" / "pot" / "photo_0.png", np.ones((16, 24, 3)))
-    addon.headless.segment(tmp_path / "given")
+    assert addon.headless.segment(tmp_path / "given")["objects"] == ["pot"]
     palettes = addon.headless.extract_palette()
     assert [(palette.name, palette.colors.shape) for palette in palettes] == [("lid", (3, 3)), ("pot", (3, 3))]
     assert tuple(bpy.context.scene.karf.result.size) == (24, 16)

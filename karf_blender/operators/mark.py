@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import StringProperty
 
-from .. import steps
+from .. import pictures, steps
 from .reporting import has_project, reports_errors
 
 
@@ -23,6 +23,7 @@ class KARF_OT_paint_mask(bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         image = steps.paint_mask(context.scene, self.object_name or context.scene.karf.mask_object)
+        pictures.reveal(image)
         if context.area and context.area.type == "IMAGE_EDITOR":
             context.space_data.image = image
             context.space_data.mode = "PAINT"

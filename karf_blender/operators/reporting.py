@@ -49,6 +49,7 @@ class PaletteStep(EngineStep):
 
 
 def has_project(cls: type, context) -> bool:
+    """For `poll`: whether a capture was imported; if not, the operator says so."""
     if not context.scene.karf.project:
         cls.poll_message_set("Import a capture first")
         return False
@@ -56,7 +57,8 @@ def has_project(cls: type, context) -> bool:
 
 
 def has_palette(cls: type, context) -> bool:
-    if not len(context.scene.karf.objects):
+    """For `poll`: whether there are palettes; if not, the operator says so."""
+    if not context.scene.karf.objects:
         cls.poll_message_set("Extract the palettes first")
         return False
     return True

@@ -57,8 +57,8 @@ class KARF_OT_show_view(SwatchStep, bpy.types.Operator):
         task = steps.show_view(context.scene, self.view)
         if task is not None:
             job_watch.launch(task)
-        if context.area and context.area.type == "IMAGE_EDITOR" and context.scene.karf.result:
-            context.space_data.image = context.scene.karf.result
+        if context.area and context.area.type == "IMAGE_EDITOR":
+            context.space_data.image = context.scene.karf.result or context.space_data.image
         return {"FINISHED"}
 
 

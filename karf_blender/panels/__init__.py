@@ -8,10 +8,12 @@ CLASSES = sidebar.CLASSES
 
 
 def register():
+    """Called when the extension is enabled."""
     for each in CLASSES:
         bpy.utils.register_class(each)
 
 
 def unregister():
+    """Called when the extension is disabled."""
     for each in reversed(CLASSES):
         bpy.utils.unregister_class(each)

@@ -4,6 +4,8 @@ import textwrap
 
 import bpy
 
+from .. import recolor
+
 LINE = 44  # characters of a message that fit the sidebar's usual width
 
 
@@ -14,6 +16,8 @@ def draw_status(layout, context):
         row = layout.row(align=True)
         row.progress(factor=progress.fraction, text=f"{progress.stage}: {progress.text}")
         row.operator("karf.cancel", text="", icon="CANCEL")
+    if progress.warnings:
+        draw_text(layout.box(), progress.warnings, "INFO")
     if progress.error:
         box = layout.box()
         box.alert = True
@@ -39,6 +43,9 @@ def draw_capture(layout, context):
         row = layout.row(align=True)
         row.prop_search(karf, "active_view", karf, "views", text="", icon="CAMERA_DATA")
         row.operator("karf.look_through", text="", icon="VIEW_CAMERA")
+        chosen = karf.views.get(karf.active_view)
+        if chosen and chosen.split != "train":
+            layout.label(text=f"A {chosen.split} view: not learned from", icon="INFO")
         layout.prop(karf, "preset")
     layout.operator("karf.learn_scene", icon="OUTLINER_OB_VOLUME")
 
@@ -68,6 +75,8 @@ def draw_palette(layout, context):
     row = layout.row(align=True)
     row.prop_search(karf, "active_view", karf, "views", text="", icon="CAMERA_DATA")
     row.operator("karf.show_view", icon="IMAGE_DATA")
+    if not recolor.is_prepared(context.scene):
+        layout.label(text="Press Show View: not prepared yet", icon="INFO")
     layout.operator("karf.prepare_views", icon="RENDERLAYERS")
     row = layout.row(align=True)
     row.operator("karf.load_edit", icon="FILE_FOLDER")

@@ -27,6 +27,11 @@ _LINEAR_TO_XYZ = np.array(
 _WHITE = _LINEAR_TO_XYZ.sum(axis=1)
 
 
+def to_bytes(color: np.ndarray) -> np.ndarray:
+    """8-bit values of sRGB colors in [0, 1], clipped and rounded (cutting would darken by half a level), uint8."""
+    return np.rint(np.clip(color, 0, 1) * 255).astype(np.uint8)
+
+
 def srgb_to_linear(color: np.ndarray) -> np.ndarray:
     """Scene-linear values of sRGB [..., 3]; 0..1 maps to 0..1 (IEC 61966-2-1). Negative values go through linearly."""
     color = np.asarray(color, np.float64)

@@ -141,7 +141,7 @@ def _add_block(
 def paper_composite(
     base: np.ndarray, palette_weights: np.ndarray, probabilities: np.ndarray, edited: np.ndarray
 ) -> np.ndarray:
-    """Inside each object's hard mask the base is replaced by the palette's own color, sum_j weights_kj / prob_k edited_kj.
+    """Inside each object's hard mask the base becomes the palette's own color, sum_j weights_kj / prob_k edited_kj.
 
     The mask of an object: pixels where it is more probable than every other object and than the background. Keeps the
     decomposition error of the palette even where nothing is edited; `delta_composite` does not.

@@ -1,8 +1,8 @@
 """Swatches that make one color become another: a target for every color of the object, then a bounded fit.
 
-Naming: n colors of an object (histogram cells or pixels), [n, 3] sRGB in [0, 1], with counts [n]. palette_weights [n, M]:
-each color's share of the M palette entries; a palette change dP [M, 3] moves the colors by palette_weights @ dP.
-Entry 0 is black and never moves; `locked` lists further entries that stay.
+Naming: n colors of an object (histogram cells or pixels), [n, 3] sRGB in [0, 1], with counts [n]. palette_weights
+[n, M]: each color's share of the M palette entries; a palette change dP [M, 3] moves the colors by
+palette_weights @ dP. Entry 0 is black and never moves; `locked` lists further entries that stay.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from .color import lab_chroma, lab_hue, linear_to_srgb, srgb_to_lab, srgb_to_lin
 
 HUE_GATE = 0.65  # radians of Lab hue at which a color counts as another pigment
 GREY_CHROMA, CHROMA_GATE = 6.0, 25.0  # Lab chroma below which a source has no hue; and the gate that then stands in
+STILL = 1e-4  # a move of a swatch under this, 1/40 of a step of 8 bits, is rounding
 RIDGE = 1e-3  # per unit of counts: what keeps swatches still that hardly any pixel uses
 
 
@@ -23,8 +24,8 @@ def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray
     """What each color becomes when the paint that looks like `source` is changed to look like `target`.
 
     Linear light c = a r + s (1, 1, 1) + rest with the source r; shading a and gloss s are not negative, found by least
-    squares. The paint's part follows: c + gate a (t - r); gate = exp(-(dh / 0.65)^4) of the Lab hue difference dh to the
-    source leaves other pigments alone. A grey source has no hue: there the chroma difference gates.
+    squares. The paint's part follows: c + gate a (t - r); gate = exp(-(dh / 0.65)^4) of the Lab hue difference dh to
+    the source leaves other pigments alone. A grey source has no hue: there the chroma difference gates.
 
     colors: [n, 3]. source, target: [3]; what an eyedropper shows before and after. All sRGB in [0, 1].
     Returns [n, 3] float64 in [0, 1]. Raises BadRequest for a black source, which tells nothing about shading.
@@ -206,5 +207,7 @@ def _room(palette: np.ndarray, locked: Iterable[int]) -> tuple[np.ndarray, np.nd
 
 
 def _moved(palette: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """The palette after the change; swatches that nobody could see moving keep their bits."""
     palette = np.asarray(palette, np.float32)
-    return np.where(change == 0, palette, np.clip(palette + change, 0, 1)).astype(np.float32)
+    still = np.abs(change).max(axis=1, keepdims=True) < STILL
+    return np.where(still, palette, np.clip(palette + change, 0, 1)).astype(np.float32)

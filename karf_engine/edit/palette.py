@@ -15,6 +15,7 @@ import numpy as np
 
 from ..errors import DataError
 from ..project import read_json, write_json
+from .color import to_bytes
 
 PALETTE_SCHEMA = "karf-palette/1"
 EDIT_SCHEMA = "karf-edit/1"
@@ -47,7 +48,7 @@ def hex_to_rgb(text: str) -> np.ndarray:
 
 def rgb_to_hex(color: np.ndarray) -> str:
     """`#rrggbb` of an sRGB color [3]; values are clipped to [0, 1] and rounded."""
-    return "#" + np.rint(np.clip(color, 0, 1) * 255).astype(np.uint8).tobytes().hex()
+    return "#" + to_bytes(color).tobytes().hex()
 
 
 def read_palettes(path: Path) -> tuple[Palette, ...]:

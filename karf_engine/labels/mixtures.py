@@ -27,7 +27,7 @@ class Mixture:
         ):
             factor = np.linalg.cholesky(covariance)
             scaled = np.linalg.solve(factor, (values - mean).T)
-            log_norm = np.log(np.diag(factor)).sum() + 1.5 * np.log(2 * np.pi)
+            log_norm = np.log(np.diag(factor)).sum() + 0.5 * len(mean) * np.log(2 * np.pi)
             parts[:, number] = np.log(share) - log_norm - 0.5 * (scaled**2).sum(0)
         return parts
 

@@ -26,6 +26,8 @@ from .mixtures import Mixture, fit_mixture
 
 NEIGHBORS = 12
 SMOOTHNESS = 20.0
+NORMAL_SCALE = 0.0
+PATTERN = 0.05  # what stays of a weight across a color edge: a smooth surface with a pattern is one thing
 PRIOR = 1e-4
 UNKNOWN_LOG_DENSITY = -11.0
 OBJECT_COMPONENTS, BACKGROUND_COMPONENTS = 5, 10
@@ -57,7 +59,7 @@ def neighbor_graph(positions: np.ndarray, lab: np.ndarray, normals: np.ndarray, 
     color = ((lab[neighbors] - lab[:, None]) ** 2).sum(2) / (2 * 8.0**2)
     turn = (1 - (normals[neighbors] * normals[:, None]).sum(2)) / (2 * 0.15)
     place = distances**2 / (2 * (4 * voxel) ** 2)
-    weights = np.exp(-color - turn - place) + 1e-6
+    weights = np.exp(-turn - place) * (PATTERN + (1 - PATTERN) * np.exp(-color)) + 1e-6
     rows = np.repeat(np.arange(len(positions)), neighbors.shape[1])
     graph = sparse.csr_matrix((weights.ravel(), (rows, neighbors.ravel())), shape=(len(positions),) * 2)
     return graph.maximum(graph.T).tocsr()
@@ -80,7 +82,7 @@ def solve_labels(
     near = (distance < REACH * radii).any(1)
     solver = _Solver(
         positions[near],
-        lab[near],
+        np.concatenate([lab, NORMAL_SCALE * normals], 1)[near],
         neighbor_graph(positions[near], lab[near], normals[near], voxel),
         seed_targets[near],
         seed_confidence[near],

@@ -1,9 +1,9 @@
 """An object's palette: the hull of its colors and black, simplified by moving vertices outward.
 
-Naming: cells [c, 3] are mean colors of occupied histogram bins, with counts [c] in pixels. The cloud spans rank r = 1, 2 or
-3 dimensions about black; `lift` [3, r] takes coordinates of that span to colors. A collapse replaces two neighboring
-vertices by one that lies outside all their facets, so that no color is lost, at the least added volume (Tan,
-Echevarria, Gingold 2018).
+Naming: cells [c, 3] are mean colors of occupied histogram bins, with counts [c] in pixels. The cloud spans rank
+r = 1, 2 or 3 dimensions about black; `lift` [3, r] takes coordinates of that span to colors. A collapse replaces two
+neighboring vertices by one that lies outside all their facets, so that no color is lost, at the least added volume
+(Tan, Echevarria, Gingold 2018).
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ def _quantile(values: np.ndarray, counts: np.ndarray, share: float) -> float:
 
 @dataclass(frozen=True)
 class _Cloud:
-    """Cells [c, 3] with counts [c] and the span [3, r] of their hull."""
+    """Cells [c, 3] with counts [c] and the span `lift` [3, r] of their hull."""
 
     cells: np.ndarray
     counts: np.ndarray
@@ -141,6 +141,7 @@ class _Cloud:
         return float(np.sqrt(self.counts @ squared / self.counts.sum()))
 
     def palette(self, vertices: np.ndarray) -> np.ndarray:
+        """Vertices [V, r] as colors [V, 3]."""
         return np.clip(vertices @ self.lift.T, 0, 1)
 
 
@@ -160,7 +161,8 @@ class _Mesh:
         """Vertices after a collapse of the pair into the point."""
         return np.vstack([self.vertices([i for i in self.ids if i not in pair]), point])
 
-    def accept(self, pair: tuple[int, int], point: np.ndarray) -> None:
+    def collapse(self, pair: tuple[int, int], point: np.ndarray) -> None:
+        """Replace the pair by the point; vertices that the larger hull swallows go too."""
         self.points.append(point)
         self.ids = [i for i in self.ids if i not in pair] + [len(self.points) - 1]
         corners = set(ConvexHull(self.vertices()).vertices)
@@ -189,12 +191,12 @@ def _simplify(cloud: _Cloud, n_colors: int | None, tolerance: float, n_max: int)
     smallest = cloud.lift.shape[1] + 1
     wanted = smallest if n_colors is None else max(n_colors, smallest)
     while len(mesh.ids) > (n_max if n_colors is None else wanted):
-        mesh.accept(*_best_collapse(mesh, cloud))
+        mesh.collapse(*_best_collapse(mesh, cloud))
     while len(mesh.ids) > wanted:
         pair, point = _best_collapse(mesh, cloud)
         if n_colors is None and cloud.loss(mesh.replaced(pair, point)) > tolerance:
             break
-        mesh.accept(pair, point)
+        mesh.collapse(pair, point)
     return cloud.palette(mesh.vertices())
 
 
@@ -253,8 +255,8 @@ def _facet_sizes(corners: np.ndarray) -> np.ndarray:
 def _outward_point(equations: np.ndarray, sizes: np.ndarray, lift: np.ndarray) -> tuple[float, np.ndarray, bool] | None:
     """The point outside all these facets that adds the least volume; None where no point is outside all.
 
-    equations: [k, r + 1] facets as normal and offset. sizes: [k] lengths or areas. Prefers a point inside the color cube;
-    returns the added volume, the point [r] clipped to the cube, and whether it was inside.
+    equations: [k, r + 1] facets as normal and offset. sizes: [k] lengths or areas. Prefers a point inside the color
+    cube; returns the added volume, the point [r] clipped to the cube, and whether it was inside.
     """
     rank = lift.shape[1]
     gradient, constant = sizes @ equations[:, :rank] / rank, sizes @ equations[:, rank] / rank

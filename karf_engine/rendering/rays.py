@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from ..capture.camera import Camera
+from ..edit.color import to_bytes
 
 
 @dataclass(frozen=True)
@@ -59,9 +60,9 @@ class PixelBank:
         device: torch.device | str = "cpu",
     ) -> None:
         self.cameras = cameras
-        self.color = torch.from_numpy(np.concatenate([_bytes(c).reshape(-1, 3) for c in colors])).to(device)
+        self.color = torch.from_numpy(np.concatenate([to_bytes(c).reshape(-1, 3) for c in colors])).to(device)
         self.alpha = (
-            None if alphas is None else torch.from_numpy(np.concatenate([_bytes(a).ravel() for a in alphas])).to(device)
+            None if alphas is None else torch.from_numpy(np.concatenate([to_bytes(a).ravel() for a in alphas])).to(device)
         )
         sizes = torch.tensor([c.width * c.height for c in cameras])
         self.first = torch.cat([torch.zeros(1, dtype=torch.long), sizes.cumsum(0)]).to(device)
@@ -88,6 +89,3 @@ class PixelBank:
         directions = torch.einsum("rij,rj->ri", self._rotations[view], local)
         return Rays(self._positions[view], torch.nn.functional.normalize(directions, dim=1))
 
-
-def _bytes(image: np.ndarray) -> np.ndarray:
-    return np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)

@@ -17,7 +17,7 @@ from torch import Tensor
 
 from ..capture.capture import View
 from ..checkpoints import load_tensors, save_tensors
-from ..edit.color import srgb_to_lab
+from ..edit.color import srgb_to_lab, to_bytes
 from ..edit.metrics import iou
 from ..errors import DataError
 from ..field.fit_heads import fit_on_points, fit_on_rays, segment_cache
@@ -260,7 +260,7 @@ def _save(job: Job, karf: SegmentationField, cached: CachedViews, probabilities:
     rays = torch.nonzero(label > 0).squeeze(1)
     sure = _interior(cached, label, probabilities)
     middle = cache.positions.shape[1] // 2
-    colors = torch.from_numpy(np.rint(cached.colors() * 255).astype(np.uint8))
+    colors = torch.from_numpy(to_bytes(cached.colors()))
     view = np.searchsorted(cached.first, cache.index[rays].cpu().numpy(), side="right") - 1
     tensors = {
         "positions": cache.positions[rays, middle],

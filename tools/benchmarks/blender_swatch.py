@@ -61,7 +61,9 @@ def show(project: Path, options: argparse.Namespace) -> bpy.types.Scene:
     """A scene that shows a made-up view."""
     side, colors = options.size, options.colors
     rows, columns = np.mgrid[0:side, 0:side].astype(np.float32) / side
-    waves = [1 + np.sin(6 * rows * (j + 1) + 9 * columns * (k + 1)) for k in range(options.objects) for j in range(colors)]
+    waves = [
+        1 + np.sin(6 * rows * (j + 1) + 9 * columns * (k + 1)) for k in range(options.objects) for j in range(colors)
+    ]
     weights = np.stack(waves).reshape(options.objects, colors, side, side)
     weights /= weights.sum(axis=(0, 1))
     base = np.stack([rows, columns, 1 - rows], -1)

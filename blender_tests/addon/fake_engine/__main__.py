@@ -34,8 +34,10 @@ def main(job):
     emit("hello", protocol=PROTOCOL, engine="fake", python="3", torch="none", device="none", pid=os.getpid())
     emit("stage", name=request.stage)
     emit("progress", stage=request.stage, step=1, total=2, rate=10.0, eta_s=0.1, metrics={"loss": 0.5})
+    emit("warning", code="fake", sentence="This is no real engine.")
     STAGES[request.stage](Project(request.project), request.options)
-    emit("done", summary={"stage": request.stage, "threads": os.environ.get("OMP_NUM_THREADS", "")})
+    print("threads:", os.environ.get("OMP_NUM_THREADS"))
+    emit("done")
     return 0
 
 
@@ -61,18 +63,20 @@ def misbehave(how, emit):
         emit("hello", protocol=PROTOCOL)
         time.sleep(60)
     if how == "environment":
-        write_json(Path("environment.json"), dict(os.environ))
+        Path("environment.json").write_text(json.dumps(dict(os.environ)))
 
 
 def geometry(project, options):
     project.create(options["capture"])
     write_json(project.capture_file, capture_to_json(open_capture(options["capture"])))
     project.geometry_file.touch()
+    project.finish("geometry", "fake", psnr=30.0)
 
 
 def segmentation(project, options):
     names = sorted(folder.name for folder in Path(options["masks"]).iterdir())
     write_json(project.segmentation_report, {"objects": names})
+    project.finish("segmentation", "fake", objects=names)
 
 
 def palette(project, options):

@@ -19,6 +19,7 @@ from karf_engine.edit.palette import (
     write_palettes,
 )
 from karf_engine.errors import DataError
+from karf_engine.project import read_json
 
 POT = Palette("pot", np.array([[0, 0, 0], [0.1, 1 / 3, 0.7], [1, 0.25, 0.5]], np.float32))
 MUG = Palette("mug", np.array([[0, 0, 0], [0.9, 0.8, 0.7]], np.float32))
@@ -51,7 +52,7 @@ def test_palettes_come_back_bit_by_bit(tmp_path: Path) -> None:
     assert [palette.name for palette in read] == ["pot", "mug"]
     for palette, expected in zip(read, [POT, MUG], strict=True):
         np.testing.assert_array_equal(palette.colors, expected.colors)
-    content = json.loads(path.read_text())
+    content = read_json(path, "palettes")
     assert content["schema"] == "karf-palette/1" and content["shared"] is False
     assert content["objects"][0]["initial"] == [[0, 0, 0], [0.9, 0.8, 0.7]]
 

@@ -1,0 +1,20 @@
+"""`python -m karf_engine ...`, and `python -I path/to/karf_engine ...` for a caller that sets no import path."""
+
+import sys
+
+if not __package__:
+    # run as a folder: load it as the package karf_engine without putting its insides on the path
+    from importlib.util import module_from_spec, spec_from_file_location
+    from pathlib import Path
+
+    folder = Path(__file__).resolve().parent
+    sys.path[:] = [entry for entry in sys.path if not entry or Path(entry).resolve() != folder]
+    spec = spec_from_file_location("karf_engine", folder / "__init__.py", submodule_search_locations=[str(folder)])
+    package = module_from_spec(spec)
+    sys.modules["karf_engine"] = package
+    spec.loader.exec_module(package)
+
+from karf_engine.cli import main  # noqa: E402
+
+if __name__ == "__main__":
+    sys.exit(main())

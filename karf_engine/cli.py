@@ -1,0 +1,214 @@
+"""The command line: one verb a stage, one for all, and `run` for a job folder (see wire)."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from pathlib import Path
+
+from . import __version__
+from .errors import KarfError, MissingDependency, OutOfMemory
+from .progress import Emit, TerminalEmit
+from .project import Project, read_json
+from .settings import PRESETS, describe
+from .wire import PROTOCOL, EventWriter, Request
+
+LEARNING = ("geometry", "segmentation", "palette", "recoloring")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; returns the process exit code."""
+    options = _parser().parse_args(arguments)
+    if options.verb == "run":
+        return run_job(Path(options.job))
+    try:
+        return options.action(options)
+    except KarfError as error:
+        print(f"error: {error.sentence}\n       {error.hint}".rstrip(), file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        print("\ncancelled; what was finished is kept.", file=sys.stderr)
+        return 6
+
+
+# ---------------------------------------------------------------------------------------------------------------- verbs
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="karf_engine",
+        description="KaRF: segment objects in a captured scene from coarse masks and recolor them by palettes.",
+        epilog="Exit codes: 0 done, 2 bad request, 3 missing dependency, 4 bad data, 5 out of memory, 6 cancelled, "
+        "7 diverged, 70 internal error.",
+    )
+    parser.add_argument("--version", action="version", version=f"karf_engine {__version__}")
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
+
+    verb = _verb(verbs, "all", "learn everything: geometry, segmentation, palette, recoloring", _learn)
+    _add_geometry_options(verb)
+    verb.add_argument("--masks", required=True, metavar="DIR", help="coarse masks: DIR/<object>/<photo stem>.png")
+    verb.add_argument("--project", required=True, metavar="DIR", help="project folder, made if needed")
+    verb.set_defaults(stages=LEARNING)
+
+    verb = _verb(verbs, "geometry", "learn the scene from photos with poses", _learn)
+    _add_geometry_options(verb)
+    verb.add_argument("--project", required=True, metavar="DIR", help="project folder, made if needed")
+    verb.set_defaults(stages=("geometry",))
+
+    verb = _verb(verbs, "segmentation", "turn coarse masks into objects in all views", _learn)
+    verb.add_argument("project", metavar="DIR", help="project folder")
+    verb.add_argument("--masks", required=True, metavar="DIR", help="coarse masks: DIR/<object>/<photo stem>.png")
+    verb.set_defaults(stages=("segmentation",))
+
+    for name, text in (
+        ("palette", "extract palettes; with --json only print the learned ones"),
+        ("recoloring", "learn palette weights"),
+    ):
+        verb = _verb(verbs, name, text, _learn)
+        verb.add_argument("project", metavar="DIR", help="project folder")
+        verb.set_defaults(stages=(name,))
+        if name == "palette":
+            verb.add_argument("--json", action="store_true", help="print the palettes as JSON; nothing is computed")
+
+    verb = _verb(verbs, "match", "write the edit with which one color of an object becomes another", _match)
+    verb.add_argument("project", metavar="DIR", help="project folder")
+    verb.add_argument("--object", required=True, help="which object")
+    verb.add_argument("--from", dest="source", required=True, metavar="COLOR", help="a color it shows, #rrggbb")
+    verb.add_argument("--to", dest="target", required=True, metavar="COLOR", help="the color it shall become, #rrggbb")
+    verb.add_argument("--rule", default="becomes", choices=("becomes", "fewest"), help="becomes: the whole material; "
+                      "fewest: as few swatches as possible (default: %(default)s)")  # fmt: skip
+    verb.add_argument("--edit", metavar="FILE", help="start from this edit (one call an object)")
+    verb.add_argument("--out", required=True, metavar="FILE", help="EDIT.json to write")
+
+    verb = _verb(verbs, "render", "render masks, pictures and recolored frames", _render)
+    verb.add_argument("project", metavar="DIR", help="project folder")
+    verb.add_argument(
+        "--views", default="test", help="train, test, val, all, names with commas, or CAMERAS.json (transforms.json "
+        "with sizes) (default: %(default)s)",
+    )  # fmt: skip
+    verb.add_argument("--edit", metavar="FILE", help="EDIT.json: write recolored frames too")
+    verb.add_argument("--out", required=True, metavar="DIR", help="folder for render/, masks/, recolor/")
+    verb.add_argument("--base", default="photo", choices=("photo", "render"), help="what an edit of a captured view "
+                      "changes (default: %(default)s)")  # fmt: skip
+    verb.add_argument("--depth", action="store_true", help="write depth/ too")
+    verb.add_argument("--planes", action="store_true", help="write planes/ too (what Blender recolors from)")
+
+    verb = verbs.add_parser("settings", help="list all settings with defaults and ranges")
+    verb.set_defaults(action=_list_settings)
+    verb = verbs.add_parser("doctor", help="say whether this Python can run the engine")
+    verb.set_defaults(action=_doctor)
+    verb = verbs.add_parser("run", help="run a job folder (used by Blender)")
+    verb.add_argument("job", metavar="JOB")
+    return parser
+
+
+def _verb(verbs, name: str, text: str, action: Callable) -> argparse.ArgumentParser:
+    verb = verbs.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+    verb.set_defaults(action=action)
+    verb.add_argument("--threads", type=int, help="processor threads (default: all cores, at most 4)")
+    verb.add_argument("--device", help="cpu or cuda (default: cuda where there is one)")
+    return verb
+
+
+def _add_geometry_options(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument("capture", metavar="CAPTURE", help="folder or transforms.json with photos and camera poses")
+    verb.add_argument("--preset", default="demo", choices=tuple(PRESETS), help="quality against time (default: demo)")
+    verb.add_argument(
+        "--set", dest="overrides", action="append", default=[], metavar="STAGE.FIELD=VALUE",
+        help="change one setting (see the settings verb); may be repeated",
+    )  # fmt: skip
+
+
+def _learn(options: argparse.Namespace) -> int:
+    if getattr(options, "json", False):
+        project = Project(options.project)
+        project.require("palette")
+        print(json.dumps(read_json(project.palette_file, "palettes"), indent=1))
+        return 0
+    values = {name: getattr(options, name) for name in ("capture", "preset", "overrides", "masks") if hasattr(options, name)}
+    for stage in options.stages:
+        _run_here(stage, options, values)
+    return 0
+
+
+def _match(options: argparse.Namespace) -> int:
+    _run_here("match", options, {n: getattr(options, n) for n in ("object", "source", "target", "rule", "edit", "out")})
+    return 0
+
+
+def _render(options: argparse.Namespace) -> int:
+    _run_here("render", options, {n: getattr(options, n) for n in ("views", "edit", "out", "base", "depth", "planes")})
+    return 0
+
+
+def _run_here(stage: str, options: argparse.Namespace, values: dict) -> None:
+    common = {name: value for name in ("threads", "device") if (value := getattr(options, name)) is not None}
+    run_stage(Request(stage, Path(options.project), values | common), TerminalEmit(), lambda: False)
+
+
+def run_stage(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
+    """Run a request in this process. Raises KarfError; a missing package becomes MissingDependency."""
+    stages = LEARNING if request.stage == "all" else (request.stage,)
+    for stage in stages:
+        try:
+            module = import_module(f".stages.{stage}", __package__)
+        except ModuleNotFoundError as error:
+            raise MissingDependency(
+                f"The engine's Python ({sys.executable}) has no package {error.name!r}.",
+                f"Install it there: {sys.executable} -m pip install {error.name}",
+            ) from error
+        module.run(request, emit, should_stop)
+
+
+def _list_settings(_: argparse.Namespace) -> int:
+    for name, default, text in describe():
+        print(f"{name:34} {default!s:12.60}  {text}")
+    return 0
+
+
+def _doctor(_: argparse.Namespace) -> int:
+    from .doctor import examine
+
+    report = examine()
+    print(json.dumps(report, indent=1))
+    return 0 if report["ok"] else MissingDependency.exit_code
+
+
+# ------------------------------------------------------------------------------------------------------------ child job
+def run_job(job: Path) -> int:
+    """Run a job folder as a child process: events to its file, cancel by standard input; returns the exit code."""
+    emit = EventWriter(job)
+    cancelled = threading.Event()
+    threading.Thread(target=_watch_input, args=(cancelled,), daemon=True).start()
+    try:
+        emit("hello", protocol=PROTOCOL, engine=__version__, python=platform.python_version(), pid=os.getpid())
+        run_stage(Request.read(job), emit, cancelled.is_set)
+    except KarfError as error:
+        if error.code == "cancelled":
+            emit("cancelled", sentence=error.sentence)
+        else:
+            emit("error", code=error.code, sentence=error.sentence, hint=error.hint)
+        return error.exit_code
+    except MemoryError:
+        error = OutOfMemory("The computer ran out of memory.", "Lower geometry.long_side, or close other programs.")
+        emit("error", code=error.code, sentence=error.sentence, hint=error.hint)
+        return error.exit_code
+    except Exception as error:  # an internal error must reach the user too, with its trace in the log
+        traceback.print_exc()
+        emit("error", code="internal", sentence=f"Internal error: {error!r}.", hint="Send the job's engine.log.")
+        return KarfError.exit_code
+    emit("done")
+    return 0
+
+
+def _watch_input(cancelled: threading.Event) -> None:
+    """The line `cancel`, or the end of input (the caller is gone), asks the job to stop."""
+    for line in sys.stdin:
+        if line.strip() == "cancel":
+            break
+    cancelled.set()

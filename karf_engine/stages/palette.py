@@ -1,0 +1,78 @@
+"""Stage 2a: the objects' colors -> palettes (palette.json) and color histograms (object_colors.npz). No options."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from ..checkpoints import load_tensors
+from ..edit.palette import Palette, write_palettes
+from ..errors import DataError
+from ..palette.hull import cell_support, color_cells, extract_palette
+from ..palette.star_weights import star_weights
+from ..progress import Emit
+from ..project import atomic_write
+from ..settings import PaletteSettings
+from ..wire import Request
+from .job import Job, open_job, run_stage, stage_fingerprint
+from .segmentation import SURFACE_SCHEMA
+
+MIN_PIXELS = 50
+
+
+def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
+    """Extract a palette for every segmented object, or one for all of them."""
+    job = open_job(request, emit, should_stop)
+    with run_stage(job, "palette", stage_fingerprint(job, "palette")) as facts:
+        if facts is None:
+            return
+        names, pixels = object_pixels(job)
+        palettes = extract_palettes(names, pixels, job.settings.palette)
+        write_palettes(job.project.palette_file, palettes, job.settings.palette.shared)
+        write_object_colors(job.project.object_colors_file, palettes, pixels)
+        facts["colors"] = {palette.name: len(palette.colors) for palette in palettes}
+        job.artifact("palette", job.project.palette_file)
+
+
+def object_pixels(job: Job) -> tuple[list[str], list[list[np.ndarray]]]:
+    """Objects' names and, for each, the photo colors well inside it, one array [n, 3] in [0, 1] a view.
+
+    Raises DataError where an object shows too few pixels to speak of a palette.
+    """
+    tensors, facts = load_tensors(job.project.surface_file, SURFACE_SCHEMA)
+    colors = tensors["colors"].numpy().astype(np.float32) / 255
+    owner, view, sure = (tensors[name].numpy() for name in ("object", "view", "sure"))
+    pixels = []
+    for k, name in enumerate(facts["objects"]):
+        own = owner == k
+        # an object too thin to have an inside speaks with all its pixels
+        chosen = own & sure if (own & sure).sum() >= MIN_PIXELS else own
+        if chosen.sum() < MIN_PIXELS:
+            raise DataError(f"{name!r} shows only {int(chosen.sum())} pixels in all views.", "Mark it more generously.")
+        pixels.append([colors[chosen & (view == v)] for v in np.unique(view[chosen])])
+    return facts["objects"], pixels
+
+
+def extract_palettes(names: list[str], pixels: list[list[np.ndarray]], settings: PaletteSettings) -> list[Palette]:
+    """One palette an object; with `shared` the same one for all, from all their colors."""
+    groups = [[view for own in pixels for view in own]] if settings.shared else pixels
+    found = []
+    for views in groups:
+        cells, counts = color_cells(np.concatenate(views))
+        found.append(
+            extract_palette(cells, counts, settings.colors or None, settings.tolerance, support=cell_support(cells, views))
+        )
+    return [Palette(name, found[0 if settings.shared else k]) for k, name in enumerate(names)]
+
+
+def write_object_colors(path: Path, palettes: list[Palette], pixels: list[list[np.ndarray]]) -> None:
+    """Each object's color histogram with its palette weights: what "this color becomes that color" is solved on."""
+    arrays = {}
+    for palette, views in zip(palettes, pixels, strict=True):
+        cells, counts = color_cells(np.concatenate(views))
+        arrays[f"{palette.name}/colors"] = cells.astype(np.float32)
+        arrays[f"{palette.name}/counts"] = counts
+        arrays[f"{palette.name}/palette_weights"] = star_weights(cells, palette.colors)
+    atomic_write(path, lambda temporary: np.savez_compressed(temporary, **arrays))

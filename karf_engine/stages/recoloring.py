@@ -1,0 +1,92 @@
+"""Stage 2b: palettes and surface samples -> F_w (recoloring.safetensors) and the learned palettes. No options."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ..checkpoints import load_tensors, save_tensors
+from ..edit.compositing import stack_palettes
+from ..edit.palette import Palette, read_palettes, write_palettes
+from ..field.fit_heads import ObjectRays, fit_recoloring
+from ..field.karf import RecoloringField
+from ..field.scene import Scene
+from ..palette.star_weights import star_weights
+from ..progress import Emit
+from ..project import read_json
+from ..wire import Request
+from .job import Job, open_job, run_stage, stage_fingerprint
+from .palette import object_pixels, write_object_colors
+from .segmentation import SURFACE_SCHEMA, load_segmentation
+
+SCHEMA = "karf-recoloring/1"
+
+
+def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
+    """Learn view-consistent palette weights, and adapt the palettes."""
+    job = open_job(request, emit, should_stop)
+    with run_stage(job, "recoloring", stage_fingerprint(job, "recoloring")) as facts:
+        if facts is None:
+            return
+        initial = _initial_palettes(job)
+        scene = Scene.load(job.project.geometry_file, job.runtime.device)
+        segmentation, _ = load_segmentation(job)
+        blocks = initial[:1] if job.settings.palette.shared else initial
+        sizes = [len(palette.colors) for palette in blocks]
+        settings = job.settings.recoloring
+        karf = RecoloringField(segmentation.bounds, scene.field.n_features, sizes, settings).to(job.runtime.device)
+        rays = _object_rays(job, blocks)
+        stacked = torch.from_numpy(stack_palettes([p.name for p in blocks], {p.name: p.colors for p in blocks}))
+        progress = job.progress("recoloring", settings.iterations)
+        learned = fit_recoloring(
+            karf, scene.field, rays, stacked.to(job.runtime.device), settings, job.runtime, progress
+        )
+        save_tensors(job.project.recoloring_file, karf.state_dict(), SCHEMA, {"sizes": sizes})
+        palettes = _learned_palettes(initial, learned.cpu().numpy(), sizes)
+        write_palettes(job.project.palette_file, palettes, job.settings.palette.shared, initial)
+        write_object_colors(job.project.object_colors_file, palettes, object_pixels(job)[1])
+        moved = [float(np.abs(a.colors - b.colors).max()) for a, b in zip(palettes, initial, strict=True)]
+        facts["palette_moved"] = round(max(moved), 4)
+        job.artifact("recoloring", job.project.recoloring_file)
+
+
+def _initial_palettes(job: Job) -> list[Palette]:
+    """The palettes as extracted, also where an earlier run has already learned others."""
+    path = job.project.palette_file
+    names = [palette.name for palette in read_palettes(path)]
+    entries = {entry["name"]: entry["initial"] for entry in read_json(path, "palettes")["objects"]}
+    return [Palette(name, np.array(entries[name], np.float32)) for name in names]
+
+
+def _object_rays(job: Job, blocks: list[Palette]) -> ObjectRays:
+    tensors, _ = load_tensors(job.project.surface_file, SURFACE_SCHEMA, job.runtime.device)
+    sure = tensors["sure"]
+    colors = tensors["colors"][sure].float() / 255
+    block = tensors["object"][sure].long() * (len(blocks) > 1)
+    n_colors = max(len(palette.colors) for palette in blocks)
+    weights = torch.zeros(len(colors), n_colors, device=colors.device)
+    for k, palette in enumerate(blocks):
+        own = block == k
+        found = star_weights(colors[own].cpu().numpy(), palette.colors)
+        weights[own, : found.shape[1]] = torch.from_numpy(found).to(colors.device)
+    return ObjectRays(tensors["positions"][sure], tensors["viewdirs"][sure], colors, block, weights)
+
+
+def _learned_palettes(initial: list[Palette], learned: np.ndarray, sizes: list[int]) -> list[Palette]:
+    """Back from blocks to one palette an object; a shared block serves all."""
+    palettes = []
+    for k, palette in enumerate(initial):
+        block = k if len(sizes) > 1 else 0
+        palettes.append(Palette(palette.name, learned[block, : sizes[block]].astype(np.float32)))
+    return palettes
+
+
+def load_recoloring(job: Job, bounds: Tensor, n_features: int) -> RecoloringField:
+    """F_w of the project. bounds: those of F_s, [2, 3]."""
+    tensors, facts = load_tensors(job.project.recoloring_file, SCHEMA, job.runtime.device)
+    karf = RecoloringField(bounds, n_features, facts["sizes"], job.settings.recoloring).to(job.runtime.device)
+    karf.load_state_dict(tensors)
+    return karf.requires_grad_(False)

@@ -1,0 +1,224 @@
+"""Rendering: masks, pictures, recolored frames and edit planes of captured views or of any cameras.
+
+Options: views (train | test | val | all | name,name | CAMERAS.json), edit (EDIT.json), out (folder), base (photo |
+render, for captured views), planes, depth (bools). Writes
+
+    OUT/render/<view>.png            the scene as learned
+    OUT/masks/<object>/<view>.png    0 or 255
+    OUT/recolor/<view>.png           the edited base picture
+    OUT/depth/<view>.npy             float32 along the optical axis, world units, 0 where empty
+    OUT/planes/<view>.npz            edit planes; of captured views also in the project, where Blender finds them
+
+Where do the palette weights come from? In a captured view from the photo's own colors times the object's probability:
+they are sharp and hold the highlights. For any other camera from F_w, which is what view-consistent means.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from ..capture import open_capture
+from ..capture.capture import View
+from ..edit.color import to_bytes
+from ..edit.compositing import Planes, delta_composite, paper_composite, stack_palettes, write_planes
+from ..edit.palette import Edit, Palette, read_edit, read_palettes
+from ..errors import BadRequest, DataError
+from ..field.fit_heads import segment_cache, weigh_samples
+from ..field.karf import RecoloringField, SegmentationField
+from ..field.scene import Picture, Scene
+from ..images import Plate, write_png
+from ..palette.star_weights import palette_weights_of_image
+from ..progress import Emit
+from ..project import atomic_write
+from ..wire import Request
+from .job import Job, open_job
+from .recoloring import load_recoloring
+from .segmentation import load_segmentation
+
+N_QUANTILES = 3
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One rendered view. picture: the scene as learned. probabilities: [K, H, W]. palette_weights: [K, M, H, W] or None
+    before the recoloring stage. base: float32 [H, W, 3] that an edit changes."""
+
+    picture: Picture
+    probabilities: np.ndarray
+    palette_weights: np.ndarray | None
+    base: np.ndarray
+
+    @property
+    def masks(self) -> np.ndarray:
+        """The likeliest class of each pixel as masks, [K, H, W] bool (argmax of Eq. 8)."""
+        background = 1 - self.probabilities.sum(0)
+        return (self.probabilities > background) & (self.probabilities == self.probabilities.max(0))
+
+
+class Renderer:
+    """All that is learned of a project, loaded once."""
+
+    def __init__(self, job: Job) -> None:
+        self._job = job
+        self.scene = Scene.load(job.project.geometry_file, job.runtime.device)
+        self.objects: list[str] = []
+        self.palettes: tuple[Palette, ...] = ()
+        self.segmentation: SegmentationField | None = None
+        self.recoloring: RecoloringField | None = None
+        if job.project.finished("segmentation"):
+            self.segmentation, self.objects = load_segmentation(job)
+        if job.project.finished("recoloring"):
+            n_features = self.scene.field.n_features
+            self.recoloring = load_recoloring(job, self.segmentation.bounds, n_features)
+            self.palettes = read_palettes(job.project.palette_file)
+
+    @property
+    def learned(self) -> np.ndarray:
+        """Palettes as learned, [K, M, 3]."""
+        return stack_palettes(self.objects, {palette.name: palette.colors for palette in self.palettes})
+
+    def frame(self, view: View, plate: Plate | None, weights_from: str) -> Frame:
+        """Render a view. plate: its photo, which becomes the base, or None. weights_from: `photo` or `field`."""
+        camera = view.camera if plate is None else plate.camera
+        picture = self.scene.render(replace(camera, distortion=()), N_QUANTILES)
+        base = picture.color.cpu().numpy() if plate is None else self._photo_base(plate)
+        probabilities = self._probabilities(picture)
+        weights = None
+        if self.recoloring is not None:
+            from_photo = weights_from == "photo" and plate is not None
+            weights = self._photo_weights(base, probabilities) if from_photo else self._field_weights(picture)
+        return Frame(picture, probabilities, weights, base)
+
+    def _photo_base(self, plate: Plate) -> np.ndarray:
+        if plate.alpha is None:
+            return plate.color
+        # a matte capture is shown on the same ground as its rendering
+        return plate.color * plate.alpha[..., None] + (1 - plate.alpha[..., None])
+
+    def _probabilities(self, picture: Picture) -> np.ndarray:
+        height, width = picture.opacity.shape
+        result = np.zeros((len(self.objects), height * width), np.float32)
+        if self.segmentation is not None:
+            classes = segment_cache(self.segmentation, self.scene.field, picture.cache)
+            result[:, picture.cache.index.cpu().numpy()] = classes[:, 1:].T.cpu().numpy()
+        return result.reshape(-1, height, width)
+
+    def _photo_weights(self, base: np.ndarray, probabilities: np.ndarray) -> np.ndarray:
+        n_colors = self.learned.shape[1]
+        weights = np.zeros((len(self.objects), n_colors, *base.shape[:2]), np.float32)
+        pixels = to_bytes(base)
+        for k, palette in enumerate(self.palettes):
+            inside = probabilities[k] > 1 / 512  # less cannot change an 8-bit pixel
+            own = palette_weights_of_image(pixels[inside][None], palette.colors)[0]
+            weights[k, : len(palette.colors), inside] = own * probabilities[k][inside, None]
+        return weights
+
+    def _field_weights(self, picture: Picture) -> np.ndarray:
+        """The planes of paper Eq. 9 on top of Eq. 8: sum_i omega_i s_i^k w_ij."""
+        height, width = picture.opacity.shape
+        cache = picture.cache
+        n_colors = self.learned.shape[1]
+        weights = np.zeros((len(self.objects), n_colors, height * width), np.float32)
+        classes = segment_cache(self.segmentation, self.scene.field, cache)
+        inside = torch.nonzero(classes[:, 1:].sum(1) > 1 / 512).squeeze(1)
+        found = weigh_samples(self.recoloring, self.scene.field, cache.positions[inside], cache.viewdirs[inside])
+        index = cache.index[inside].cpu().numpy()
+        for k in range(len(self.objects)):
+            block = found[:, min(k, found.shape[1] - 1)] * classes[inside, k + 1, None]
+            weights[k][:, index] = block.T.cpu().numpy()
+        return weights.reshape(len(self.objects), n_colors, height, width)
+
+    def recolor(self, frame: Frame, edit: Edit) -> np.ndarray:
+        """The frame's base with an edit, float32 [H, W, 3]."""
+        edited = stack_palettes(self.objects, edit.colors)
+        if edit.compositing == "paper":
+            return paper_composite(frame.base, frame.palette_weights, frame.probabilities, edited)
+        return delta_composite(frame.base, frame.palette_weights, self.learned, edited)
+
+
+def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
+    """Render the requested views."""
+    job = open_job(request, emit, should_stop)
+    job.project.require("geometry")
+    options = job.options
+    edit_path = options.get("edit")
+    if edit_path or options.get("planes"):
+        job.project.require("recoloring")
+    if not options.get("out") and not options.get("planes"):
+        raise BadRequest("The render stage was given nowhere to write.", "Name a folder with --out.")
+    views, captured = select_views(job, options.get("views", "test"))
+    renderer = Renderer(job)
+    edit = read_edit(Path(edit_path), renderer.palettes) if edit_path else None
+    names = file_names(views)
+    progress = job.progress("render", len(views))
+    job.emit("stage", name="render", text=f"{len(views)} views")
+    for view, name in zip(views, names, strict=True):
+        on_photo = captured and options.get("base", "photo") == "photo"
+        plate = job.plates([view])[0] if on_photo else None
+        shown = view if captured is False or plate is not None else replace(view, camera=_working_camera(job, view))
+        frame = renderer.frame(shown, plate, "photo" if on_photo else "field")
+        if options.get("out"):
+            _write_frame(job, Path(options["out"]), name, frame, renderer, edit)
+        if options.get("planes"):
+            _write_planes(job, view, name, frame, renderer, captured)
+        progress.step()
+    if options.get("out"):
+        job.artifact("frames", Path(options["out"]))
+
+
+def _working_camera(job: Job, view: View):
+    factor = min(1.0, job.settings.geometry.long_side / max(view.camera.width, view.camera.height))
+    size = max(1, round(view.camera.width * factor)), max(1, round(view.camera.height * factor))
+    return view.camera.scaled(*size)
+
+
+def select_views(job: Job, wanted: str) -> tuple[list[View], bool]:
+    """The views that `views` names, and whether they are captured ones.
+
+    Raises DataError where a name is unknown or a split is empty.
+    """
+    capture = job.capture()
+    if wanted in ("train", "test", "val", "all"):
+        views = list(capture.split(wanted))
+        if not views:
+            raise DataError(f"{capture.source} has no {wanted} views.", "Use another split, or all.")
+        return views, True
+    if wanted.endswith(".json"):
+        return list(open_capture(Path(wanted), photos=False).views), False
+    return [capture.view(name.strip()) for name in wanted.split(",")], True
+
+
+def file_names(views: list[View]) -> list[str]:
+    """The photos' stems where they are unique among these views, else the views' names."""
+    stems = [view.stem for view in views]
+    return stems if len(set(stems)) == len(stems) else [view.name for view in views]
+
+
+def _write_frame(job: Job, out: Path, name: str, frame: Frame, renderer: Renderer, edit: Edit | None) -> None:
+    write_png(out / "render" / f"{name}.png", frame.picture.color.cpu().numpy())
+    for object_name, mask in zip(renderer.objects, frame.masks, strict=True):
+        write_png(out / "masks" / object_name / f"{name}.png", mask)
+    if edit is not None:
+        write_png(out / "recolor" / f"{name}.png", renderer.recolor(frame, edit))
+    if job.options.get("depth"):
+        depth = frame.picture.depth.cpu().numpy().astype(np.float32)
+        atomic_write(out / "depth" / f"{name}.npy", lambda temporary: np.save(temporary, depth))
+
+
+def _write_planes(job: Job, view: View, name: str, frame: Frame, renderer: Renderer, captured: bool) -> None:
+    planes = Planes(
+        tuple(renderer.objects),
+        frame.palette_weights.astype(np.float16),
+        frame.probabilities.astype(np.float16),
+        to_bytes(frame.base),
+    )
+    if job.options.get("out"):
+        write_planes(Path(job.options["out"]) / "planes" / f"{name}.npz", planes)
+    if captured:
+        write_planes(job.project.planes_file(view.name), planes)
+        job.artifact("planes", job.project.planes_file(view.name))

@@ -1,0 +1,55 @@
+"""What is known of the demo capture: labels, true recolors, and the color pair that defines each edit (numpy only)."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+
+DEMO = Path(__file__).resolve().parents[1] / "demo"
+CHANGED = 0.06  # a pixel takes part in an edit where the reference recolor differs by more, sRGB
+
+
+class Truth:
+    """Ground truth of the demo. Pictures are float [H, W, 3] in [0, 1]; labels int [H, W], 0 is no object."""
+
+    def __init__(self) -> None:
+        self.names: dict[str, int] = json.loads((DEMO / "labels" / "names.json").read_text())
+        self.edits: dict[str, dict] = json.loads((DEMO / "edits.json").read_text())["edits"]
+
+    @cache  # noqa: B019 (one instance a run)
+    def labels(self, split: str) -> list[np.ndarray]:
+        """Object ids of each view of a split, in the order of its names."""
+        # palette pictures: plain reading would give the palette's colors instead of the ids
+        return [iio.imread(path, mode="P") for path in sorted((DEMO / "labels" / split).glob("*.png"))]
+
+    @cache  # noqa: B019
+    def recolored(self, edit: str) -> list[np.ndarray]:
+        """True recolors of the test views."""
+        return [iio.imread(path)[..., :3] / 255 for path in sorted((DEMO / "recolor" / edit / "test").glob("*.png"))]
+
+    def color_pair(self, edit: str, object_name: str) -> tuple[np.ndarray, np.ndarray]:
+        """What an eyedropper reads in the one training view whose recolor is known: median color before and after.
+
+        Of the pixels in the object's coarse mask whose paint really changes. [3] each, sRGB.
+        """
+        view = self.edits[edit]["reference_view"]
+        before = iio.imread(DEMO / "train" / f"{view}.png")[..., :3] / 255
+        after = iio.imread(DEMO / "recolor" / edit / "train" / f"{view}.png")[..., :3] / 255
+        mask = iio.imread(DEMO / "coarse_masks" / "one" / object_name / f"{view}.png") > 127
+        changed = mask & (np.abs(after - before).max(-1) > CHANGED)
+        return np.median(before[changed], 0), np.median(after[changed], 0)
+
+    def write_training_masks(self, folder: Path) -> Path:
+        """The true masks of all training views as MASKS/<object>/<photo stem>.png; returns the folder."""
+        for path in sorted((DEMO / "labels" / "train").glob("*.png")):
+            labels = iio.imread(path, mode="P")
+            for name, number in self.names.items():
+                if (labels == number).any():
+                    target = folder / name / path.name
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    iio.imwrite(target, ((labels == number) * 255).astype(np.uint8))
+        return folder

@@ -1,0 +1,135 @@
+"""Set up, demo, test, bench, build: everything a developer or a curious user runs, with nothing but Python 3.11.
+
+    python3 tools/dev.py demo [--out DIR]    the main job on the demo capture, through real Blender
+    python3 tools/dev.py test [-k WORD]      lint and all tests, in both environments
+    python3 tools/dev.py bench [NAME ...]    measured ratios and seconds
+    python3 tools/dev.py build               the extension's zip in dist/
+    python3 tools/dev.py setup               only the environments
+
+Two environments are made under .venv/: `engine` has torch, `blender` has Blender as a module, as at a user's desk.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import os
+import subprocess
+import sys
+import time
+import tomllib
+import venv
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+ENVIRONMENTS = {"engine": ("", "test", "lint"), "blender": ("blender", "test")}
+BLENDER_LIBRARIES = (
+    "libx11-6 libxrender1 libxxf86vm1 libxfixes3 libxi6 libxkbcommon0 libsm6 libice6 libgl1 libgomp1"  # Debian's names
+)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    verbs = parser.add_subparsers(dest="verb", required=True)
+    demo = verbs.add_parser("demo", help="the main job on the demo capture, through real Blender")
+    demo.add_argument("--out", default="demo_out", help="where everything is written (default: %(default)s)")
+    demo.add_argument("--threads", type=int, help="processor threads of the engine")
+    demo.add_argument("--quick", action="store_true", help="leave the comparisons out (ceiling, plain cross-entropy)")
+    for name, text in (("test", "lint and all tests"), ("bench", "measured ratios and seconds")):
+        verb = verbs.add_parser(name, help=text)
+        verb.add_argument("rest", nargs=argparse.REMAINDER, help="passed on")
+    verbs.add_parser("build", help="the extension's zip in dist/")
+    verbs.add_parser("setup", help="only the environments")
+    options, unknown = parser.parse_known_args()
+    if unknown and options.verb not in ("test", "bench"):
+        parser.error(f"unknown arguments: {' '.join(unknown)}")
+    if sys.version_info < (3, 11):
+        print("error: Python 3.11 or newer is needed; this is " + sys.version.split()[0], file=sys.stderr)
+        return 2
+    setup()
+    rest = unknown + list(getattr(options, "rest", []))
+    return {"demo": run_demo, "test": run_tests, "bench": run_bench, "build": build, "setup": lambda *_: 0}[options.verb](
+        options, rest
+    )
+
+
+# ---------------------------------------------------------------------------------------------------------- environments
+def python_of(environment: str) -> Path:
+    """The interpreter of one of the two environments."""
+    folder = ROOT / ".venv" / environment
+    return folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+
+
+def setup() -> None:
+    """Make or update the environments; each remembers what it was made from."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    for environment, groups in ENVIRONMENTS.items():
+        extras = project["optional-dependencies"]
+        wanted = [item for group in groups for item in (extras[group] if group else project["dependencies"])]
+        mark = ROOT / ".venv" / environment / "made-from.txt"
+        digest = hashlib.sha256("\n".join(wanted).encode()).hexdigest()
+        if mark.exists() and mark.read_text() == digest:
+            continue
+        start = time.monotonic()
+        print(f"setting up .venv/{environment} ...", flush=True)
+        venv.create(mark.parent, with_pip=True)
+        install = [str(python_of(environment)), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *wanted]
+        subprocess.run(install, check=True)
+        mark.write_text(digest)
+        print(f"setting up .venv/{environment} took {time.monotonic() - start:.0f} s", flush=True)
+    probe = subprocess.run([str(python_of("blender")), "-c", "import bpy"], capture_output=True, text=True)
+    if "cannot open shared object file" in probe.stderr:
+        print(probe.stderr.strip().splitlines()[-1], file=sys.stderr)
+        sys.exit(f"error: Blender needs system libraries; on Debian or Ubuntu: apt-get install {BLENDER_LIBRARIES}")
+
+
+# ----------------------------------------------------------------------------------------------------------------- verbs
+def run_demo(options: argparse.Namespace, rest: list[str]) -> int:
+    """Learn and recolor the demo capture in Blender, then judge the frames against the true recolors."""
+    out = Path(options.out).absolute()
+    threads = ["--threads", str(options.threads)] if options.threads else []
+    code = _run("blender", "tools/demo.py", "--out", str(out), *threads)
+    if code:
+        return code
+    quick = ["--quick"] if options.quick else []
+    return _run("engine", "tools/judge_demo.py", "--out", str(out), *threads, *quick)
+
+
+def run_tests(options: argparse.Namespace, rest: list[str]) -> int:
+    """Format, lint, engine tests, then the tests that need Blender; the first failure ends it."""
+    if rest:  # single tests while working: pytest's own arguments
+        return _run("engine", "-m", "pytest", "blender_tests/engine", *rest)
+    steps = [
+        ("engine", "-m", "ruff", "format", "--check", "."),
+        ("engine", "-m", "ruff", "check", "."),
+        ("engine", "-m", "pytest", "blender_tests/engine"),
+        ("blender", "-m", "pytest", "blender_tests/addon"),
+    ]
+    for environment, *arguments in steps:
+        print(f"--- {environment}: {' '.join(arguments)}", flush=True)
+        code = _run(environment, *arguments)
+        if code:
+            return code
+    return 0
+
+
+def run_bench(options: argparse.Namespace, rest: list[str]) -> int:
+    return _run("engine", "tools/benchmark.py", *rest)
+
+
+def build(options: argparse.Namespace, rest: list[str]) -> int:
+    """Validate and pack the extension with Blender's own tool."""
+    tool = next((ROOT / ".venv" / "blender").rglob("bl_pkg/cli/blender_ext.py"))
+    (ROOT / "dist").mkdir(exist_ok=True)
+    code = _run("blender", str(tool), "build", "--source-dir", str(ROOT), "--output-dir", str(ROOT / "dist"))
+    return code or max(_run("blender", str(tool), "validate", str(path)) for path in (ROOT / "dist").glob("karf-*.zip"))
+
+
+def _run(environment: str, *arguments: str) -> int:
+    """Run one of the environments' Python at the root, with the engine's Python known to Blender."""
+    variables = os.environ | {"KARF_ENGINE_PYTHON": str(python_of("engine"))}
+    return subprocess.run([str(python_of(environment)), *arguments], cwd=ROOT, env=variables).returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main())
