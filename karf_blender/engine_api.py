@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from .. import karf_engine
-from ..karf_engine.capture import open_capture, write_cameras
+from ..karf_engine.capture import FORMATS, open_capture, write_cameras
 from ..karf_engine.capture.camera import Camera
 from ..karf_engine.capture.capture import Capture, View
 from ..karf_engine.edit.compositing import Planes, delta_composite, paper_composite, read_planes, stack_palettes
-from ..karf_engine.edit.match import match_becomes, match_fewest, nearest_weights
+from ..karf_engine.edit.match import match_becomes, match_fewest, nearest_weights, read_object_colors
 from ..karf_engine.edit.palette import (
     COMPOSITING_MODES,
     Edit,
@@ -23,10 +23,13 @@ from ..karf_engine.project import Project, atomic_write
 from ..karf_engine.settings import PRESETS
 from ..karf_engine.wire import LOG_FILE, Event, EventReader, Request
 
+# the file or folder by which each known kind of capture is recognized
+CAPTURE_MARKS = tuple(known.mark for known in FORMATS)
 # the folder that the engine's own Python executes
 ENGINE_FOLDER = Path(karf_engine.__file__).parent
 
 __all__ = [
+    "CAPTURE_MARKS",
     "COMPOSITING_MODES",
     "ENGINE_FOLDER",
     "LOG_FILE",
@@ -56,6 +59,7 @@ __all__ = [
     "open_capture",
     "paper_composite",
     "read_edit",
+    "read_object_colors",
     "read_palettes",
     "read_planes",
     "rgb_to_hex",

@@ -45,11 +45,15 @@ class Examination:
 
     @property
     def sentence(self) -> str:
-        """The verdict, with the command that mends it."""
+        """The verdict."""
         if self.missing:
-            packages = " ".join(self.missing)
-            return f"Python {self.version} lacks {packages}; run: {self.python} -m pip install {packages}"
+            return f"Python {self.version} lacks {', '.join(self.missing)}"
         return f"Ready: Python {self.version}, torch {self.torch} on {self.device}"
+
+    @property
+    def command(self) -> str:
+        """What to type into a terminal where packages are missing, else empty."""
+        return f'"{self.python}" -m pip install {" ".join(self.missing)}' if self.missing else ""
 
 
 def find_python(preference: str, variables: Mapping[str, str]) -> Path:

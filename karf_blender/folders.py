@@ -2,12 +2,13 @@
 
 import os
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 
 import bpy
 
 from .. import __package__ as extension
-from .engine_api import BadRequest, Project
+from .engine_api import BadRequest, KarfError, Project
 
 PATH_PROPERTIES = ("project", "capture", "masks", "out")
 
@@ -34,6 +35,22 @@ def project_of(scene: bpy.types.Scene) -> Project:
     if not scene.karf.project:
         raise BadRequest(f"The scene {scene.name!r} has no KaRF project.", "Import a capture first.")
     return Project(absolute(scene.karf.project))
+
+
+def finished_stages(scene: bpy.types.Scene) -> frozenset[str]:
+    """The engine's stages that the scene's project has finished; cheap enough to ask while drawing."""
+    if not scene.karf.project:
+        return frozenset()
+    folder = absolute(scene.karf.project)
+    try:
+        return _finished(folder, Project(folder).state_file.stat().st_mtime_ns)
+    except (OSError, KarfError):  # nothing was learned yet
+        return frozenset()
+
+
+@lru_cache(maxsize=4)
+def _finished(folder: Path, written: int) -> frozenset[str]:
+    return frozenset(Project(folder).state()["stages"])
 
 
 def scenes_of(project: Path) -> Iterator[bpy.types.Scene]:

@@ -14,7 +14,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import compat, engine_api, jobs, pictures, preferences
-from .engine_api import BadRequest, Event, KarfError, Project, Request
+from .engine_api import BadRequest, Cancelled, Event, KarfError, Project, Request
 
 POLL_SECONDS = 0.2
 PRINT_SECONDS = 5.0
@@ -31,7 +31,9 @@ class Task:
 
 
 class _Running:
-    """A task at work: the job it is at, and how many are done."""
+    """A task at work: the job it is at, how many are done, and whether it was asked to stop."""
+
+    is_stopping = False
 
     def __init__(self, task: Task, python: Path, threads: int) -> None:
         self.task = task
@@ -108,7 +110,14 @@ def cancel() -> None:
     if not _running:
         raise BadRequest("No KaRF job is running.", "")
     _running[0].job.cancel()
+    _running[0].is_stopping = True
     _progress().text = "Stopping"
+
+
+def dismiss() -> None:
+    """Clear what the panel says of the last task."""
+    progress = _progress()
+    progress.text = progress.figures = progress.warnings = progress.error = progress.hint = ""
 
 
 def _begin(task: Task) -> _Running:
@@ -120,8 +129,8 @@ def _begin(task: Task) -> _Running:
     progress.running = True
     progress.stage = task.title
     progress.fraction = 0.0
+    dismiss()
     progress.text = "Starting"
-    progress.warnings = progress.error = progress.hint = ""
     return running
 
 
@@ -136,9 +145,12 @@ def _end() -> None:
 
 def _finish(error: KarfError | None) -> None:
     progress = _progress()
-    progress.text = "" if error else "Done"
-    progress.error = error.sentence if error else ""
-    progress.hint = error.hint if error else ""
+    if isinstance(error, Cancelled):
+        progress.text = "cancelled"
+    elif error is not None:
+        progress.text, progress.error, progress.hint = "", error.sentence, error.hint
+    else:
+        progress.text = "done"
 
 
 def _tick() -> float | None:
@@ -149,7 +161,8 @@ def _tick() -> float | None:
     try:
         events = running.job.poll()
         for event in events:
-            _note(running.task.title, event)
+            if not running.is_stopping:
+                _note(running.task.title, event)
         done = running.advance()
     except Exception as failure:
         is_ours = isinstance(failure, KarfError)
@@ -180,9 +193,10 @@ def _note(title: str, event: Event) -> None:
     progress.running, progress.stage = True, title
     if event.kind == "progress":
         progress.fraction = event["step"] / max(event["total"], 1)
-        progress.text = _line(event)
+        progress.text = f"{progress.fraction:.0%}{_time_left(event)}"
+        progress.figures = f"{event['stage']} {event['step']}/{event['total']}{_figures(event)}"
     elif event.kind == "stage":
-        progress.text = _line(event)
+        progress.figures = _line(event)
     elif event.kind == "warning":
         progress.warnings = f"{progress.warnings}\n{event['sentence']}".strip()
     elif event.kind == "preview":
@@ -192,13 +206,21 @@ def _note(title: str, event: Event) -> None:
 def _line(event: Event) -> str:
     """What a person reads of an event; empty for those that say nothing to one."""
     if event.kind == "progress":
-        figures = "".join(f", {name} {value:.4g}" for name, value in (event.get("metrics") or {}).items())
-        left = event.get("eta_s")
-        time_left = f", {left / 60:.0f} min left" if left and left > 90 else f", {left:.0f} s left" if left else ""
-        return f"{event['step']}/{event['total']}{time_left}{figures}"
+        return f"{event['step']}/{event['total']}{_time_left(event)}{_figures(event)}"
     if event.kind == "stage":
         return f"{event['name']} {event.get('text', '')}".strip()
     return {"warning": event.get("sentence"), "done": "done"}.get(event.kind) or ""
+
+
+def _time_left(event: Event) -> str:
+    left = event.get("eta_s")
+    if not left:
+        return ""
+    return f", {left / 60:.0f} min left" if left > 90 else f", {left:.0f} s left"
+
+
+def _figures(event: Event) -> str:
+    return "".join(f", {name} {value:.4g}" for name, value in (event.get("metrics") or {}).items())
 
 
 def _print(stage: str, event: Event) -> None:
@@ -222,9 +244,8 @@ def _before_exit(*_):
 @persistent
 def _after_load(*_):
     # a file saved during a job remembers its progress; the job is not in the file
-    progress = _progress()
-    progress.running = is_running()
-    progress.text = progress.warnings = progress.error = progress.hint = ""
+    _progress().running = is_running()
+    dismiss()
 
 
 def register():

@@ -35,9 +35,9 @@ def start(scene: bpy.types.Scene, name: str, view: View) -> bpy.types.Image:
 
 
 def save(scene: bpy.types.Scene, view: View) -> tuple[str, float]:
-    """Write what was painted as a mask into the project; returns the file's path and the painted share of the picture.
+    """Write what was painted as a mask into the chosen folder (default: the project's own).
 
-    Raises BadRequest where no mask was begun or nothing is painted.
+    Returns the file's path and the painted share of the picture. Raises BadRequest where no mask was begun or nothing is painted.
     """
     karf = scene.karf
     _check_name(karf.mask_object)
@@ -50,12 +50,20 @@ def save(scene: bpy.types.Scene, view: View) -> tuple[str, float]:
             f"Nothing is painted on the photo of {view.name!r}.",
             "Paint over the object in the Image Editor's Paint mode.",
         )
-    folder = folders.project_of(scene).masks_folder
-    file = folder / karf.mask_object / f"{view.name}.png"
-    pictures.write_png(file, np.repeat(mask[..., None], 3, axis=-1).astype(np.float32))
     if not karf.masks:
-        karf.masks = folders.stored(folder)
+        karf.masks = folders.stored(folders.project_of(scene).masks_folder)
+    file = folders.absolute(karf.masks) / karf.mask_object / f"{view.name}.png"
+    pictures.write_png(file, np.repeat(mask[..., None], 3, axis=-1).astype(np.float32))
     return str(file), float(mask.mean())
+
+
+def marked(scene: bpy.types.Scene) -> dict[str, int]:
+    """The objects in the chosen folder of masks, each with its number of masks; empty where there is no folder."""
+    folder = folders.absolute(scene.karf.masks) if scene.karf.masks else None
+    if folder is None or not folder.is_dir():
+        return {}
+    counts = {each.name: len(list(each.glob("*.png"))) for each in sorted(folder.iterdir()) if each.is_dir()}
+    return {name: count for name, count in counts.items() if count}
 
 
 def _check_name(name: str) -> None:

@@ -11,7 +11,8 @@ import numpy as np
 
 from .engine_api import DataError, atomic_write
 
-PREVIEW_NAME = "KaRF preview"
+PREFIX = "KaRF"  # of the names of all pictures that are shown
+PREVIEW_NAME = f"{PREFIX} preview"
 
 
 def new_image(name: str, width: int, height: int) -> bpy.types.Image:
@@ -90,15 +91,28 @@ def _save(image: bpy.types.Image, path: Path) -> None:
     image.save()
 
 
-def reveal(image: bpy.types.Image) -> None:
-    """Show an image in the Image Editors that show none, or the engine's preview."""
+def reveal(image: bpy.types.Image, is_wanted: bool = False) -> None:
+    """Show an image in the Image Editors that show none, or one of KaRF's own.
+
+    is_wanted: the user asked for this very picture; else one that is being painted on is left alone. The engine's
+    preview never takes the place of another picture.
+    """
+    replaced = PREVIEW_NAME if image.name.startswith(PREVIEW_NAME) else PREFIX
     for window in bpy.data.window_managers[0].windows:
         for area in window.screen.areas:
             if area.type == "IMAGE_EDITOR":
                 editor = area.spaces.active
-                # never the picture that somebody paints on meanwhile
-                if editor.image is None or editor.image.name == PREVIEW_NAME:
+                is_free = editor.image is None or editor.image.name.startswith(replaced)
+                if is_free and (is_wanted or editor.mode != "PAINT"):
                     editor.image = image
+
+
+def set_mode(image: bpy.types.Image, mode: str) -> None:
+    """Switch the Image Editors that show this image to `PAINT` or `VIEW`."""
+    for window in bpy.data.window_managers[0].windows:
+        for area in window.screen.areas:
+            if area.type == "IMAGE_EDITOR" and area.spaces.active.image == image:
+                area.spaces.active.mode = mode
 
 
 def show_preview(path: Path) -> None:

@@ -26,6 +26,9 @@ class KARF_AP_preferences(bpy.types.AddonPreferences):
         name="Threads", min=0, max=256, description="Threads of the engine; 0: the engine chooses. Give free cores only"
     )
     examination: StringProperty(options={"HIDDEN", "SKIP_SAVE"})
+    command: StringProperty(
+        name="In a terminal", options={"SKIP_SAVE"}, description="Installs what is missing; copy it into a terminal"
+    )
 
     def draw(self, context):
         layout = self.layout
@@ -33,7 +36,9 @@ class KARF_AP_preferences(bpy.types.AddonPreferences):
         layout.prop(self, "threads")
         layout.operator("karf.examine_engine", icon="CHECKMARK")
         if self.examination:
-            layout.label(text=self.examination)
+            layout.label(text=self.examination, icon="ERROR" if self.command else "CHECKMARK")
+        if self.command:
+            layout.prop(self, "command")
 
 
 def current() -> bpy.types.AddonPreferences:

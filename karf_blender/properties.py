@@ -11,16 +11,20 @@ from bpy.props import (
     StringProperty,
 )
 
-from . import recolor
+from . import recolor, swatches
 from .compat import PATH_OPTIONS
 from .engine_api import COMPOSITING_MODES, PRESETS
 
-PRESET_ITEMS = [(name, name.capitalize(), f"The {name} settings") for name in PRESETS]
+PRESET_ITEMS = [
+    (name, name.capitalize(), f"Learn from pictures of at most {settings.geometry.long_side} pixels")
+    for name, settings in PRESETS.items()
+]
+COMPOSITING_NAMES = {"delta": "Photo plus change", "paper": "Palette only"}
 COMPOSITING_HELP = {
     "delta": "Add the palette's change to the photo: nothing changed leaves the photo as it is",
-    "paper": "Replace the object by its palette mixture",
+    "paper": "Replace the object by its palette mixture, as in the paper",
 }
-COMPOSITING_ITEMS = [(name, name.capitalize(), COMPOSITING_HELP[name]) for name in COMPOSITING_MODES]
+COMPOSITING_ITEMS = [(name, COMPOSITING_NAMES[name], COMPOSITING_HELP[name]) for name in COMPOSITING_MODES]
 RULE_ITEMS = [
     ("becomes", "Material", "Paint the whole object anew, light and highlights kept"),
     ("fewest", "Fewest swatches", "Reach the color with as few changed swatches as possible"),
@@ -33,6 +37,10 @@ def _edit_changed(self, context):
 
 def _view_chosen(self, context):
     recolor.follow(self.id_data)
+
+
+def _project_chosen(self, context):
+    swatches.take_over(self.id_data)
 
 
 def srgb(name: str, default: float = 0.0, **options):
@@ -54,22 +62,34 @@ class KARF_PG_object(bpy.types.PropertyGroup):
     """One marked object. Its first swatch is black and stays black."""
 
     swatches: CollectionProperty(type=KARF_PG_swatch)
-    source: srgb("Source", 0.5, description="A color of the object, picked from the photo")
+    source: srgb(
+        "Source",
+        0.5,
+        description="A color of the object as it is in the photo, before any edit; pick it from the picture",
+    )
     target: srgb("Target", 0.5, description="The color that the source shall become")
     rule: EnumProperty(name="Rule", items=RULE_ITEMS)
+    show_becomes: BoolProperty(
+        name="One color becomes another", description="Pick a color of the object and what it shall become"
+    )
 
 
 class KARF_PG_view(bpy.types.PropertyGroup):
     """A captured view, known by its name."""
 
     split: StringProperty(name="Split", description="train, val or test")
+    stem: StringProperty(name="Stem", description="The photo's file name, without folder and ending")
 
 
 class KARF_PG_scene(bpy.types.PropertyGroup):
     """A scene's project, palettes and edits."""
 
     project: StringProperty(
-        name="Project", subtype="DIR_PATH", options=PATH_OPTIONS, description="Folder of all that is learned"
+        name="Project",
+        subtype="DIR_PATH",
+        options=PATH_OPTIONS,
+        description="Folder of all that is learned; choosing one that has palettes brings its swatches",
+        update=_project_chosen,
     )
     capture: StringProperty(name="Capture", subtype="FILE_PATH", options=PATH_OPTIONS, description="Cameras and photos")
     masks: StringProperty(
@@ -103,6 +123,7 @@ class KARF_PG_progress(bpy.types.PropertyGroup):
     stage: StringProperty()
     fraction: FloatProperty(min=0.0, max=1.0)
     text: StringProperty()
+    figures: StringProperty()
     warnings: StringProperty(description="What the last task warned of, a line each")
     error: StringProperty()
     hint: StringProperty()

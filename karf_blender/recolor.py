@@ -97,7 +97,7 @@ def shown_view(scene: bpy.types.Scene) -> ShownView:
     """The planes of the active view, read from disk where they are not the ones in memory. Raises KarfError."""
     file = planes_file(scene)
     if not file.exists():
-        raise DataError(f"{file} (edit planes) does not exist.", "Press Show View.")
+        raise DataError(f"{file} (edit planes) does not exist.", "Press Prepare in step 6.")
     written = file.stat().st_mtime_ns
     known = _Memory.view
     if known is None or (known.file, known.written) != (file, written):
@@ -137,7 +137,7 @@ def composite(scene: bpy.types.Scene) -> np.ndarray:
     learned = stack_palettes(view.objects, {name: learned_colors(item) for name, item in items.items()})
     edited = stack_palettes(view.objects, {name: edited_colors(item) for name, item in items.items()})
     if learned.shape[1] > view.palette_weights.shape[1]:
-        raise DataError(f"{view.file} was made for smaller palettes.", "Press Show View.")
+        raise DataError(f"{view.file} was made for smaller palettes.", "Press Prepare in step 6.")
     if scene.karf.compositing == "paper":
         colors[:] = paper_composite(view.base, view.palette_weights, view.probabilities, edited)
     else:
@@ -211,8 +211,9 @@ def _after_load(*_):
 def _before_save(target, *_):
     # pixels that are only in memory are not saved
     for scene in bpy.data.scenes:
-        if scene.karf.result is not None and scene.karf.result.is_dirty:
-            scene.karf.result.pack()
+        for image in (scene.karf.result, scene.karf.mask_image):
+            if image is not None and image.is_dirty:
+                image.pack()
     if isinstance(target, str) and target:
         folders.rebase(bpy.data.filepath, target)
 

@@ -14,7 +14,7 @@ from mathutils import Matrix
 from . import lens
 from .engine_api import BadRequest, Camera, Capture, View
 
-CAMERA_SIZE = 0.05  # drawn size of a camera, in units of the rig's extent
+CAMERA_SIZE = 0.025  # drawn size of a camera, in units of the rig's extent
 
 
 def build(capture: Capture, name: str, scene: bpy.types.Scene) -> bpy.types.Object:

@@ -14,8 +14,8 @@ from . import folders, masks, pictures, preferences, recolor, rig, swatches
 from .engine_api import (
     BadRequest,
     Capture,
-    DataError,
     Edit,
+    KarfError,
     Project,
     Request,
     View,
@@ -24,6 +24,7 @@ from .engine_api import (
     nearest_weights,
     open_capture,
     read_edit,
+    read_object_colors,
     read_palettes,
     write_cameras,
     write_edit,
@@ -39,6 +40,7 @@ def import_capture(scene: bpy.types.Scene, path: Path, project: Path | None = No
     leave the scene.
     """
     capture = open_capture(path)
+    path = _place_of(path, capture)
     karf = scene.karf
     is_known = bool(karf.project) and karf.capture == folders.stored(path)
     if project is None:
@@ -52,12 +54,23 @@ def import_capture(scene: bpy.types.Scene, path: Path, project: Path | None = No
         karf.views.clear()
         for view in capture.views:
             item = karf.views.add()
-            item.name, item.split = view.name, view.split
+            item.name, item.split, item.stem = view.name, view.split, view.stem
         # a view that learns: masks are painted on it
         first = next(iter(capture.split("train")), capture.views[0])
         karf.active_view = first.name
     rig.look_through(scene, first)
     return capture
+
+
+def _place_of(path: Path, capture: Capture) -> Path:
+    """The folder of a camera file where it is the same capture: chosen either way, it has one path and one project."""
+    if not path.is_file():
+        return path
+    try:
+        same = open_capture(path.parent)
+    except KarfError:
+        return path
+    return path.parent if [view.image for view in same.views] == [view.image for view in capture.views] else path
 
 
 def capture_of(scene: bpy.types.Scene) -> Capture:
@@ -144,7 +157,7 @@ def show_view(scene: bpy.types.Scene, name: str = "") -> Task | None:
         karf.active_view = name
     if not recolor.is_current(folders.project_of(scene), karf.active_view):
         return prepare_views(scene, karf.active_view)
-    pictures.reveal(recolor.show(scene))
+    pictures.reveal(recolor.show(scene), is_wanted=True)
     return None
 
 
@@ -163,7 +176,7 @@ def save_mask(scene: bpy.types.Scene) -> tuple[str, float]:
 def becomes(scene: bpy.types.Scene, name: str, source: Sequence[float], target: Sequence[float], rule: str) -> None:
     """Set an object's swatches so that a color of it becomes another; rule `becomes` or `fewest`. sRGB in [0, 1]."""
     item = swatches.object_named(scene, name)
-    colors, counts, palette_weights = _object_colors(folders.project_of(scene), name)
+    colors, counts, palette_weights = read_object_colors(folders.project_of(scene).object_colors_file, name)
     palette = recolor.learned_colors(item)
     locked = [index for index, swatch in enumerate(item.swatches) if swatch.locked]
     source, target = np.asarray(source, np.float32), np.asarray(target, np.float32)
@@ -175,16 +188,6 @@ def becomes(scene: bpy.types.Scene, name: str, source: Sequence[float], target: 
     kept = recolor.edited_colors(item)
     edited[locked] = kept[locked]
     swatches.apply_edit(scene, Edit({name: edited}, scene.karf.compositing))
-
-
-def _object_colors(project: Project, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """An object's color histogram: colors [n, 3], counts [n], palette_weights [n, M]."""
-    file = project.object_colors_file
-    try:
-        with np.load(file, allow_pickle=False) as arrays:
-            return tuple(arrays[f"{name}/{what}"] for what in ("colors", "counts", "palette_weights"))
-    except (OSError, KeyError, ValueError) as error:
-        raise DataError(f"{file} has no colors of {name!r}.", "Extract the palettes again.") from error
 
 
 def load_edit(scene: bpy.types.Scene, path: Path) -> None:
@@ -200,8 +203,10 @@ def save_edit(scene: bpy.types.Scene, path: Path) -> None:
 # --- 7 render ------------------------------------------------------------------------------------------------------
 def render_view(scene: bpy.types.Scene) -> Path:
     """Write the active view as it is shown, without the engine; returns the PNG."""
-    path = folders.out_folder(scene) / "recolor" / f"{scene.karf.active_view}.png"
-    pictures.write_png(path, recolor.composite(scene))
+    colors = recolor.composite(scene)
+    # as the engine calls a view that is rendered alone
+    path = folders.out_folder(scene) / "recolor" / f"{scene.karf.views[scene.karf.active_view].stem}.png"
+    pictures.write_png(path, colors)
     return path
 
 

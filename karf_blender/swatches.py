@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import bpy
 import numpy as np
 
-from . import recolor
-from .engine_api import BadRequest, Edit, Palette
+from . import folders, recolor
+from .engine_api import BadRequest, Edit, KarfError, Palette, read_palettes
 
 
 def load_palettes(scene: bpy.types.Scene, palettes: Sequence[Palette]) -> None:
@@ -25,7 +25,30 @@ def load_palettes(scene: bpy.types.Scene, palettes: Sequence[Palette]) -> None:
                 swatch.name = f"Color {index}" if index else "Black"
                 swatch.learned = swatch.color = color
                 swatch.locked = index == 0
-            item.source = item.target = palette.colors[-1]
+            item.source = item.target = palette.colors[min(1, len(palette.colors) - 1)]
+
+
+def take_over(scene: bpy.types.Scene) -> None:
+    """Bring what the scene's project has learned: its masks, and its palettes where the scene has others.
+
+    Edits of the same palettes are kept.
+    """
+    if not scene.karf.project:
+        return
+    project = folders.project_of(scene)
+    if not scene.karf.masks and project.masks_folder.is_dir():
+        scene.karf.masks = folders.stored(project.masks_folder)
+    try:
+        palettes = read_palettes(project.palette_file)
+    except KarfError:  # nothing was learned yet
+        return
+    if [_key(palette) for palette in palettes] != [_key(palette) for palette in learned(scene)]:
+        recolor.forget()
+        load_palettes(scene, palettes)
+
+
+def _key(palette: Palette) -> tuple[str, bytes]:
+    return palette.name, palette.colors.astype(np.float32).tobytes()
 
 
 def learned(scene: bpy.types.Scene) -> tuple[Palette, ...]:

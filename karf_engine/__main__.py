@@ -14,7 +14,7 @@ if not __package__:
     sys.modules["karf_engine"] = package
     spec.loader.exec_module(package)
 
-from karf_engine.cli import main  # noqa: E402
+from karf_engine.cli import main
 
 if __name__ == "__main__":
     sys.exit(main())

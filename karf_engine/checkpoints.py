@@ -22,7 +22,9 @@ def save_tensors(path: Path, tensors: dict[str, Tensor], schema: str, facts: dic
     atomic_write(path, lambda temporary: save_file(stored, temporary, header))
 
 
-def load_tensors(path: Path, schema: str, device: torch.device | str = "cpu") -> tuple[dict[str, Tensor], dict[str, Any]]:
+def load_tensors(
+    path: Path, schema: str, device: torch.device | str = "cpu"
+) -> tuple[dict[str, Tensor], dict[str, Any]]:
     """Read tensors and facts. Raises DataError where the file is missing, damaged, of another schema, or not finite."""
     try:
         with safe_open(path, "pt", device=str(device)) as stored:
@@ -30,7 +32,7 @@ def load_tensors(path: Path, schema: str, device: torch.device | str = "cpu") ->
             found = header.get("schema")
             if found != schema:
                 raise DataError(f"{path} holds {found!r}, not {schema!r}.", "Run the stage that writes it again.")
-            tensors = {name: stored.get_tensor(name) for name in stored.keys()}  # noqa: SIM118 (no mapping)
+            tensors = {name: stored.get_tensor(name) for name in stored.keys()}
             facts = json.loads(header["facts"])
     except FileNotFoundError as error:
         raise DataError(f"{path} does not exist.", "Run the stage that writes it.") from error
@@ -38,5 +40,7 @@ def load_tensors(path: Path, schema: str, device: torch.device | str = "cpu") ->
         raise DataError(f"{path} is damaged ({error}).", "Run the stage that writes it again.") from error
     for name, tensor in tensors.items():
         if tensor.is_floating_point() and not torch.isfinite(tensor).all():
-            raise DataError(f"{path} holds values in {name!r} that are not finite.", "Run the stage that writes it again.")
+            raise DataError(
+                f"{path} holds values in {name!r} that are not finite.", "Run the stage that writes it again."
+            )
     return tensors, facts

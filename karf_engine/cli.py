@@ -14,7 +14,7 @@ from importlib import import_module
 from pathlib import Path
 
 from . import __version__
-from .errors import KarfError, MissingDependency, OutOfMemory
+from .errors import Cancelled, DataError, KarfError, MissingDependency, OutOfMemory
 from .progress import Emit, TerminalEmit
 from .project import Project, read_json
 from .settings import PRESETS, describe
@@ -26,16 +26,25 @@ LEARNING = ("geometry", "segmentation", "palette", "recoloring")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the process exit code."""
     options = _parser().parse_args(arguments)
-    if options.verb == "run":
-        return run_job(Path(options.job))
     try:
         return options.action(options)
-    except KarfError as error:
-        print(f"error: {error.sentence}\n       {error.hint}".rstrip(), file=sys.stderr)
-        return error.exit_code
     except KeyboardInterrupt:
         print("\ncancelled; what was finished is kept.", file=sys.stderr)
-        return 6
+        return Cancelled.exit_code
+    except Exception as raised:
+        error = _as_karf_error(raised)
+        print(f"error: {error.sentence}\n       {error.hint}".rstrip(), file=sys.stderr)
+        return error.exit_code
+
+
+def _as_karf_error(error: Exception) -> KarfError:
+    """The error as the user gets it; of an internal one the trace is printed too."""
+    if isinstance(error, KarfError):
+        return error
+    if isinstance(error, MemoryError):
+        return OutOfMemory("The computer ran out of memory.", "Lower geometry.long_side, or close other programs.")
+    traceback.print_exception(error)
+    return KarfError(f"Internal error: {error!r}.", "Report it with its trace (of a job: in engine.log).")
 
 
 # ---------------------------------------------------------------------------------------------------------------- verbs
@@ -103,7 +112,8 @@ def _parser() -> argparse.ArgumentParser:
     verb = verbs.add_parser("doctor", help="say whether this Python can run the engine")
     verb.set_defaults(action=_doctor)
     verb = verbs.add_parser("run", help="run a job folder (used by Blender)")
-    verb.add_argument("job", metavar="JOB")
+    verb.add_argument("job", metavar="JOB", help="folder with request.json")
+    verb.set_defaults(action=lambda options: run_job(Path(options.job)))
     return parser
 
 
@@ -130,7 +140,9 @@ def _learn(options: argparse.Namespace) -> int:
         project.require("palette")
         print(json.dumps(read_json(project.palette_file, "palettes"), indent=1))
         return 0
-    values = {name: getattr(options, name) for name in ("capture", "preset", "overrides", "masks") if hasattr(options, name)}
+    values = {
+        name: getattr(options, name) for name in ("capture", "preset", "overrides", "masks") if hasattr(options, name)
+    }
     for stage in options.stages:
         _run_here(stage, options, values)
     return 0
@@ -181,27 +193,25 @@ def _doctor(_: argparse.Namespace) -> int:
 
 # ------------------------------------------------------------------------------------------------------------ child job
 def run_job(job: Path) -> int:
-    """Run a job folder as a child process: events to its file, cancel by standard input; returns the exit code."""
+    """Run a job folder as a child process: events to its file, cancel by standard input; returns the exit code.
+
+    Raises DataError where there is no such folder.
+    """
+    if not job.is_dir():
+        raise DataError(f"{job} is no job folder.", "Give the folder that holds request.json.")
     emit = EventWriter(job)
     cancelled = threading.Event()
     threading.Thread(target=_watch_input, args=(cancelled,), daemon=True).start()
     try:
         emit("hello", protocol=PROTOCOL, engine=__version__, python=platform.python_version(), pid=os.getpid())
         run_stage(Request.read(job), emit, cancelled.is_set)
-    except KarfError as error:
+    except Exception as raised:
+        error = _as_karf_error(raised)
         if error.code == "cancelled":
             emit("cancelled", sentence=error.sentence)
         else:
             emit("error", code=error.code, sentence=error.sentence, hint=error.hint)
         return error.exit_code
-    except MemoryError:
-        error = OutOfMemory("The computer ran out of memory.", "Lower geometry.long_side, or close other programs.")
-        emit("error", code=error.code, sentence=error.sentence, hint=error.hint)
-        return error.exit_code
-    except Exception as error:  # an internal error must reach the user too, with its trace in the log
-        traceback.print_exc()
-        emit("error", code="internal", sentence=f"Internal error: {error!r}.", hint="Send the job's engine.log.")
-        return KarfError.exit_code
     emit("done")
     return 0
 

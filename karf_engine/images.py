@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
+import imageio.v3 as iio
 import numpy as np
-from PIL import Image, ImageOps
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import map_coordinates, maximum_filter
 
 from .capture.camera import Camera
 from .capture.capture import View
@@ -23,6 +24,7 @@ from .project import atomic_write
 
 BORDER_TOLERANCE = 0.04  # a border pixel this near to black or white counts as such: JPEG noise, dark gray paper
 BORDER_SHARE = 0.8  # of the border's pixels: an object may touch the border
+SOLID_DIFFERENCE = 0.06  # a pixel this far from a black or white background shows something
 VIEW_SHARE = 0.9  # of the views: a few may be close-ups
 
 
@@ -49,25 +51,28 @@ def read_photo(path: Path, upright: bool = True) -> np.ndarray:
     Raises DataError naming the file and the reason where it cannot be read.
     """
     try:
-        with Image.open(path) as picture:
-            return _pixels(ImageOps.exif_transpose(picture) if upright else picture)
+        with iio.imopen(path.read_bytes(), "r", plugin="pillow") as file:
+            mode = _mode_to_read(file.metadata(index=0))
+            return _as_colors(file.read(index=0, mode=mode, rotate=upright))
     except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
         raise DataError(f"{path} cannot be read: {error.strerror}.", "Check the path.") from error
     except Exception as error:  # damaged files make decoders raise nearly anything
         raise unreadable(path, str(error) or type(error).__name__) from error
 
 
-def _pixels(picture: Image.Image) -> np.ndarray:
-    if picture.mode.startswith("I"):
-        return _gray_to_rgb(np.asarray(picture, np.float32) / 65535)
-    if picture.mode == "F":
-        return _gray_to_rgb(np.asarray(picture, np.float32))
-    has_alpha = "A" in picture.getbands() or "transparency" in picture.info
-    return np.asarray(picture.convert("RGBA" if has_alpha else "RGB"), np.float32) / 255
+def _mode_to_read(stored: dict[str, Any]) -> str | None:
+    """Pillow's mode to convert a picture to, of its metadata; None keeps gray ones as deep as they are."""
+    if stored["mode"] in ("LA", "PA", "RGBA") or "transparency" in stored:
+        return "RGBA"
+    is_gray = stored["mode"] in ("1", "L", "F") or stored["mode"].startswith("I")
+    return None if is_gray else "RGB"
 
 
-def _gray_to_rgb(gray: np.ndarray) -> np.ndarray:
-    return np.repeat(np.clip(gray, 0, 1)[..., None], 3, axis=-1)
+def _as_colors(pixels: np.ndarray) -> np.ndarray:
+    if pixels.ndim == 2:
+        pixels = np.repeat(pixels[..., None], 3, axis=-1)
+    largest = 255 if pixels.dtype == np.uint8 else 65535 if pixels.dtype.kind in "ui" else 1
+    return np.clip(pixels.astype(np.float32) / largest, 0, 1)
 
 
 def write_png(path: Path, array: np.ndarray) -> None:
@@ -81,8 +86,7 @@ def write_png(path: Path, array: np.ndarray) -> None:
         raise TypeError(f"a PNG cannot hold an array of {array.dtype} {array.shape}")
     if array.ndim == 3 and array.shape[-1] == 1:
         array = array[..., 0]
-    picture = Image.fromarray(np.ascontiguousarray(array))
-    atomic_write(path, lambda temporary: picture.save(temporary, format="PNG"))
+    atomic_write(path, lambda file: iio.imwrite(file, array, plugin="pillow", extension=".png", is_batch=False))
 
 
 def read_mask(path: Path) -> np.ndarray:
@@ -242,3 +246,12 @@ def _background_of(photo: np.ndarray) -> str:
     if (border.min(-1) >= 1 - BORDER_TOLERANCE).mean() >= BORDER_SHARE:
         return "white"
     return "opaque"
+
+
+def solid_pixels(color: np.ndarray, kind: str) -> np.ndarray:
+    """Pixels [H, W] that surely show something opaque before a `black` or `white` background; color [H, W, 3].
+
+    They differ from the background, and by more than half of what their neighbors do: a mixed pixel at an edge does not.
+    """
+    difference = color.max(-1) if kind == "black" else 1 - color.min(-1)
+    return (difference > SOLID_DIFFERENCE) & (difference > 0.8 * maximum_filter(difference, 3))

@@ -167,6 +167,8 @@ class Project:
         schema = state.get("schema") if isinstance(state, dict) else None
         if schema != SCHEMA:
             raise DataError(f"{self.state_file} has schema {schema!r}, not {SCHEMA}.", "Update KaRF, or start anew.")
+        if not isinstance(state.get("capture"), str) or not isinstance(state.get("stages"), dict):
+            raise DataError(f"{self.state_file} lacks its capture or its stages.", "Start anew in an empty folder.")
         return state
 
     def finished(self, stage: str) -> dict[str, Any] | None:

@@ -37,7 +37,7 @@ class GeometrySettings:
 
     long_side: int = option(256, "Photos are reduced to this long side, pixels", 32, 4096)
     levels: tuple[Level, ...] = option(
-        (Level(40, 150, 1.0), Level(80, 250, 0.75), Level(152, 500, 0.6)), "Coarse-to-fine levels"
+        (Level(40, 120, 1.0), Level(80, 250, 0.75), Level(136, 450, 0.75)), "Coarse-to-fine levels"
     )
     samples: int = option(110_000, "Samples an iteration; the number of rays follows", 1000, 10_000_000)
     max_rays: int = option(8192, "Rays an iteration at most", 64, 1_000_000)
@@ -45,7 +45,7 @@ class GeometrySettings:
     table_rate: float = option(0.1, "Learning rate of the voxel tables", 1e-5, 1.0)
     network_rate: float = option(3e-3, "Learning rate of the color and background networks", 1e-6, 0.1)
     depth_variance: float = option(1e-4, "Weight of the spread of a ray's samples (opaque captures)", 0.0, 1.0)
-    total_variation: float = option(1e-4, "Weight of the difference between neighboring vertices", 0.0, 1.0)
+    total_variation: float = option(1e-5, "Weight of the difference between neighboring vertices", 0.0, 1.0)
     sparsity: float = option(2e-3, "Weight of the mean sample alpha in the first level", 0.0, 1.0)
     opacity_entropy: float = option(1e-3, "Weight of half-transparent rays (captures without background)", 0.0, 1.0)
     prune_alpha: float = option(0.02, "Cells below this opacity are dropped", 0.0, 0.5)
@@ -66,12 +66,13 @@ class SegmentationSettings:
     variant: str = option("all", "Parts of Eq. 6", choices=("all", "no_residual", "gate", "none"))
     width: int = option(64, "Width of the head", 4, 1024)
     frequencies: int = option(5, "Octaves of the positional encoding", 0, 16)
-    iterations: int = option(300, "Training iterations", 1, 1_000_000)
+    iterations: int = option(150, "Training iterations", 1, 1_000_000)
     batch: int = option(1024, "Surface points (or rays) an iteration", 16, 1_000_000)
     rate: float = option(3e-3, "Learning rate", 1e-6, 0.1)
     cache_views: int = option(24, "Training views whose surface is cached", 1, 1000)
+    cache_long_side: int = option(128, "Long side at which unmarked views are cached, pixels", 32, 4096)
     samples_per_ray: int = option(3, "Quantile samples a ray in the cache", 1, 16)
-    rounds: int = option(8, "Rounds of the label solve", 1, 50)
+    rounds: int = option(3, "Rounds of the label solve", 1, 50)
 
 
 @dataclass(frozen=True)
@@ -114,7 +115,34 @@ class Settings:
     recoloring: RecoloringSettings = RecoloringSettings()
 
 
-PRESETS: dict[str, Settings] = {"demo": Settings()}
+PRESETS: dict[str, Settings] = {
+    # two processor cores, about two minutes on photos of 256 pixels
+    "demo": Settings(),
+    # a laptop, 400 pixels: more and finer cells, more samples an iteration
+    "fast": Settings(
+        preset="fast",
+        geometry=GeometrySettings(
+            long_side=400,
+            levels=(Level(48, 150, 1.0), Level(112, 300, 0.75), Level(240, 700, 0.6)),
+            samples=160_000,
+        ),
+        segmentation=SegmentationSettings(cache_long_side=200, iterations=300),
+        recoloring=RecoloringSettings(iterations=1000),
+    ),
+    # a graphics card, 800 pixels; heads as wide as the paper's
+    "quality": Settings(
+        preset="quality",
+        geometry=GeometrySettings(
+            long_side=800,
+            levels=(Level(64, 500, 1.0), Level(160, 1500, 0.75), Level(384, 6000, 0.5)),
+            samples=1_000_000,
+            max_rays=65536,
+            features=24,
+        ),
+        segmentation=SegmentationSettings(width=256, iterations=1000, batch=4096, cache_views=48, cache_long_side=400),
+        recoloring=RecoloringSettings(width=256, frequencies=8, direction_frequencies=4, iterations=5000, batch=4096),
+    ),
+}
 
 
 def preset(name: str) -> Settings:

@@ -59,11 +59,16 @@ def train(
         except torch.OutOfMemoryError as error:
             batch_scale /= 2
             if batch_scale < 1 / 64:
-                raise OutOfMemory("The device has too little memory even for a 64th of the batch.", "Use the CPU.") from error
+                raise OutOfMemory(
+                    "The device has too little memory even for a 64th of the batch.", "Use the CPU."
+                ) from error
             continue
         # reading the loss waits for the device: every tenth time is soon enough to stop
-        if iteration % CHECK_EVERY == 0 and not math.isfinite(float(loss.detach())):
-            raise Diverged(f"Training diverged at iteration {iteration}: loss {float(loss.detach())}.", "Lower the learning rate.")
+        is_checked = iteration % CHECK_EVERY == 0 or iteration == iterations - 1
+        if is_checked and not math.isfinite(float(loss.detach())):
+            raise Diverged(
+                f"Training diverged at iteration {iteration}: loss {float(loss.detach())}.", "Lower the learning rate."
+            )
         optimizer.step()
         progress.step(**metrics)
     for group, rate in zip(optimizer.param_groups, rates, strict=True):

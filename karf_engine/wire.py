@@ -99,6 +99,8 @@ class Event:
     def decode(cls, line: str) -> Event:
         """Parse one line. Raises ValueError where it is no event."""
         content = json.loads(line)
+        if not isinstance(content, dict) or not {"t", "n", "time"} <= content.keys():
+            raise ValueError(f"no event: {line!r}")
         return cls(content.pop("t"), content.pop("n"), content.pop("time"), content)
 
 
@@ -134,5 +136,5 @@ class EventReader:
         for line in data[:end].decode("utf-8", "replace").splitlines():
             try:
                 yield Event.decode(line)
-            except (ValueError, KeyError, AttributeError):
+            except ValueError:
                 continue

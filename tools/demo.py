@@ -9,10 +9,11 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import shutil
 import sys
 import tempfile
 import time
+import traceback
+from importlib import import_module
 from pathlib import Path
 
 import bpy
@@ -32,9 +33,16 @@ def main() -> None:
     options = parser.parse_args()
     out = options.out.absolute()
     start = time.monotonic()
-    karf = enable_extension(options.threads)
+    with tempfile.TemporaryDirectory(prefix="karf-demo-") as repository:
+        karf = enable_extension(Path(repository), options.threads)
+        seconds = main_job(karf, out)
+    facts = {"seconds": seconds, "seconds_main_job": round(time.monotonic() - start, 1)}
+    (out / "main_job.json").write_text(json.dumps(facts, indent=1))
 
-    seconds = {}
+
+def main_job(karf, out: Path) -> dict[str, float]:
+    """From the capture to recolored frames and a saved .blend; returns seconds by step."""
+    seconds: dict[str, float] = {}
     capture = timed(seconds, "import", karf.import_capture, DEMO, out / "project")
     timed(seconds, "geometry", karf.learn_scene, "demo")
     timed(seconds, "segmentation", karf.segment, DEMO / "coarse_masks" / "one")
@@ -43,16 +51,13 @@ def main() -> None:
         recolor(karf, name, edit, out, seconds)
     view = next(v for v in capture.views if v.split == "test")
     karf.show_view(view.name)
-    bpy.ops.file.make_paths_relative() if bpy.data.filepath else None
     karf.save(out / "demo.blend")
-    facts = {"seconds": seconds, "seconds_main_job": round(time.monotonic() - start, 1)}
-    (out / "main_job.json").write_text(json.dumps(facts, indent=1))
+    return seconds
 
 
-def enable_extension(threads: int):
-    """Load this checkout as the extension that a user would install; returns its script functions."""
+def enable_extension(repository: Path, threads: int):
+    """Load this checkout as the extension that a user would install there; returns its script functions."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    repository = Path(tempfile.mkdtemp(prefix="karf-demo-"))
     (repository / "karf").symlink_to(ROOT, target_is_directory=True)
     repositories = bpy.context.preferences.extensions.repos
     repositories.new(name="KaRF demo", module="karf_demo", custom_directory=str(repository))
@@ -60,8 +65,7 @@ def enable_extension(threads: int):
     bpy.ops.preferences.addon_enable(module=module)
     if threads:
         bpy.context.preferences.addons[module].preferences.threads = threads
-    shutil.rmtree(repository, ignore_errors=True)
-    return sys.modules[f"{module}.karf_blender"].headless
+    return import_module(f"{module}.karf_blender.headless")
 
 
 def timed(seconds: dict[str, float], name: str, function, *arguments):
@@ -86,8 +90,6 @@ def recolor(karf, name: str, edit: dict, out: Path, seconds: dict[str, float]) -
 
 def learned_edit(karf):
     """The edit that changes nothing."""
-    from importlib import import_module
-
     package = karf.__name__.rpartition(".")[0]
     palettes = import_module(f"{package}.swatches").learned(bpy.context.scene)
     return karf.Edit({palette.name: palette.colors for palette in palettes})
@@ -102,10 +104,8 @@ if __name__ == "__main__":
     try:
         main()
     except Exception as error:  # the environment's Blender may crash at exit, which would hide the reason
-        print(f"error: {error}", file=sys.stderr)
-        import traceback
-
         traceback.print_exc()
+        print(f"error: {error}", file=sys.stderr)
         code = 1
     sys.stdout.flush()
     sys.stderr.flush()

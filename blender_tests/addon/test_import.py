@@ -85,6 +85,14 @@ def test_importing_again_keeps_the_project_that_was_chosen(addon, imported, capt
     assert addon.folders.project_of(imported).folder == tmp_path / "project"
 
 
+def test_a_capture_chosen_by_its_file_is_the_one_chosen_by_its_folder(addon, learned, capture_folder):
+    addon.headless.set_swatch("pot", 1, (0.25, 0.5, 0.75))
+    project = addon.folders.project_of(learned).folder
+    addon.headless.import_capture(capture_folder / "transforms.json")
+    assert addon.folders.project_of(learned).folder == project
+    assert learned.karf.objects["pot"].swatches[1].color[:] == (0.25, 0.5, 0.75)
+
+
 def test_saving_makes_paths_relative_and_saving_elsewhere_keeps_them_right(bpy, addon, imported, tmp_path):
     first, second = tmp_path / "a" / "shot.blend", tmp_path / "b" / "c" / "shot.blend"
     first.parent.mkdir()
@@ -105,3 +113,35 @@ def test_saving_a_copy_leaves_the_open_file_right_and_the_copy_too(bpy, addon, i
     assert addon.folders.project_of(imported).folder == tmp_path / "project"
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "b" / "c" / "copy.blend"))
     assert addon.folders.project_of(bpy.context.scene).folder == tmp_path / "project"
+
+
+def test_a_learned_project_brings_its_swatches_and_masks(bpy, addon, learned, capture_folder):
+    project = addon.folders.project_of(learned)
+    (project.masks_folder / "pot").mkdir(parents=True)
+    bpy.ops.wm.read_homefile(use_empty=True)
+    addon.headless.import_capture(capture_folder, project.folder)
+    karf = bpy.context.scene.karf
+    assert karf.objects.keys() == ["lid", "pot"]
+    assert addon.folders.absolute(karf.masks) == project.masks_folder
+
+
+def test_choosing_the_same_project_again_keeps_the_edits(addon, learned):
+    addon.headless.set_swatch("pot", 1, (0.25, 0.5, 0.75))
+    learned.karf.project = learned.karf.project + "/../project"
+    assert learned.karf.objects["pot"].swatches[1].color[:] == (0.25, 0.5, 0.75)
+
+
+def test_a_dropped_camera_file_is_imported_at_once(bpy, addon, scene, capture_folder, tmp_path):
+    handler = bpy.types.KARF_FH_capture
+    assert handler.bl_import_operator == "karf.import_capture" and ".json" in handler.bl_file_extensions
+    file = str(capture_folder / "transforms.json")
+    assert bpy.ops.karf.import_capture("INVOKE_DEFAULT", filepath=file, project=str(tmp_path / "p")) == {"FINISHED"}
+    assert len(scene.karf.views) == 3
+
+
+def test_finished_stages_are_those_of_the_project_as_it_is_now(addon, imported):
+    assert addon.folders.finished_stages(imported) == frozenset()
+    addon.headless.learn_scene()
+    assert addon.folders.finished_stages(imported) == {"geometry"}
+    addon.headless.extract_palette()
+    assert addon.folders.finished_stages(imported) == {"geometry", "palette", "recoloring"}

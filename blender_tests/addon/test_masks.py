@@ -38,6 +38,25 @@ def test_the_picture_to_paint_on_is_the_photo_itself(bpy, addon, imported, captu
     np.testing.assert_array_equal(addon.pictures.pixels(imported.karf.mask_image)[..., :3], photo)
 
 
+def test_a_mask_joins_those_of_the_chosen_folder(bpy, addon, imported, tmp_path):
+    addon.pictures.write_png(tmp_path / "given" / "lid" / "photo_1.png", np.ones((16, 24, 3)))
+    imported.karf.masks = str(tmp_path / "given")
+    bpy.ops.karf.paint_mask(object_name="pot")
+    paint(addon, imported.karf.mask_image, slice(0, 4), slice(0, 4))
+    bpy.ops.karf.save_mask()
+    assert (tmp_path / "given" / "pot" / "photo_0.png").exists()
+    assert addon.masks.marked(imported) == {"lid": 1, "pot": 1}
+
+
+def test_a_half_painted_mask_survives_saving_and_loading(bpy, addon, imported, tmp_path):
+    bpy.ops.karf.paint_mask(object_name="pot")
+    paint(addon, imported.karf.mask_image, slice(2, 5), slice(10, 20))
+    addon.headless.save(tmp_path / "shot.blend")
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
+    _, share = addon.steps.save_mask(bpy.context.scene)
+    assert share == pytest.approx(30 / (16 * 24))
+
+
 def test_an_unpainted_mask_is_refused(bpy, addon, imported):
     bpy.ops.karf.paint_mask(object_name="pot")
     with pytest.raises(RuntimeError, match="Nothing is painted on the photo of 'photo_0'"):
@@ -55,6 +74,9 @@ def test_a_view_held_out_for_testing_is_refused(bpy, addon, imported, monkeypatc
     view = replace(addon.steps.view_of(imported, "photo_1"), split="test")
     with pytest.raises(addon.engine_api.BadRequest, match="held out"):
         addon.masks.start(imported, "pot", view)
+    imported.karf.views["photo_1"].split = "test"
+    imported.karf.active_view = "photo_1"
+    assert not bpy.ops.karf.paint_mask.poll()
 
 
 def test_painted_masks_segment_without_further_choice(bpy, addon, imported):

@@ -1,5 +1,9 @@
 """The panels draw in every state of a project, name only what exists, and write nothing."""
 
+import importlib
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 
@@ -14,22 +18,30 @@ class Layout:
 
     column = box = row
 
-    def label(self, text="", **_):
+    def _check(self, icon="NONE", **_):
+        known = self._bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items
+        assert icon in known
+
+    def label(self, text="", **options):
+        self._check(**options)
         self._drawn.append(text)
 
     def progress(self, factor, text):
         assert 0 <= factor <= 1
         self._drawn.append(text)
 
-    def prop(self, data, name, **_):
+    def prop(self, data, name, **options):
+        self._check(**options)
         assert name in data.bl_rna.properties
         self._drawn.append(name)
 
-    def prop_search(self, data, name, where, collection, **_):
+    def prop_search(self, data, name, where, collection, **options):
         assert collection in where.bl_rna.properties
-        self.prop(data, name)
+        self.prop(data, name, **options)
 
-    def operator(self, name, text="", **_):
+    def operator(self, name, text="", **options):
+        self._check(**options)
+        self._drawn.append(text)
         group, _, verb = name.partition(".")
         operator = getattr(getattr(self._bpy.ops, group), verb)
         known = set(operator.get_rna_type().properties.keys())
@@ -51,8 +63,11 @@ class Properties:
 def draw(bpy, addon):
     def draw_all():
         drawn = []
-        for _, _, section in addon.sidebar.SECTIONS:
-            section(Layout(bpy, drawn), bpy.context)
+        context = SimpleNamespace(
+            scene=bpy.context.scene, window_manager=bpy.context.window_manager, screen=SimpleNamespace(areas=[])
+        )
+        for _, _, section, _ in addon.sidebar.SECTIONS:
+            section(Layout(bpy, drawn), context)
         return drawn
 
     return draw_all
@@ -66,25 +81,30 @@ def test_an_empty_file_offers_the_import(draw):
 
 def test_a_learned_scene_shows_its_swatches_without_the_frozen_black(addon, learned, draw):
     drawn = draw()
-    assert drawn.count("color") == drawn.count("learned") == 4  # two objects of two colors
-    assert drawn.count("karf.reset_swatch") == 2  # one an object; a swatch has its own once it is edited
-    addon.headless.set_swatch("pot", 1, "#00ff00")
-    assert draw().count("karf.reset_swatch") == 3
+    assert drawn.count("color") == 4  # two objects of two colors
+    assert drawn.count("karf.reset_swatch") == 6  # one a swatch, in its learned color, and one an object
+    assert "karf.becomes" not in drawn and "locked" not in drawn
+    learned.karf.objects["pot"].show_becomes = True
+    drawn = draw()
+    assert drawn.count("karf.becomes") == 1 and drawn.count("locked") == 2
 
 
 def test_a_view_without_planes_says_so(learned, draw):
-    assert "Press Show View: not prepared yet" not in draw()
+    assert "Show" in draw() and "Prepare" not in draw()
     learned.karf.active_view = "photo_2"
-    assert "Press Show View: not prepared yet" in draw()
+    assert "Prepare" in draw() and "Show" not in draw()
 
 
 def test_a_running_job_and_a_failed_one_are_shown(bpy, draw):
     progress = bpy.context.window_manager.karf_progress
-    progress.running, progress.stage, progress.fraction, progress.text = True, "Learn Scene", 0.5, "1/2"
-    assert {"Learn Scene: 1/2", "karf.cancel"} <= set(draw())
+    progress.running, progress.stage, progress.fraction, progress.text = True, "Learn Scene", 0.5, "50%"
+    progress.figures = "geometry 1/2"
+    assert {"Learn Scene", "50%", "geometry 1/2", "karf.cancel"} <= set(draw())
     progress.running, progress.error, progress.hint = False, "photo_7.png is missing.", "Find it."
     progress.warnings = "The lid is dark."
-    assert {"photo_7.png is missing.", "Find it.", "The lid is dark."} <= set(draw())
+    assert {"Learn Scene failed", "photo_7.png is missing.", "Find it.", "The lid is dark."} <= set(draw())
+    bpy.ops.karf.dismiss()
+    assert not {"Learn Scene failed", "The lid is dark.", "karf.dismiss"} & set(draw())
 
 
 def test_every_section_is_in_both_editors(bpy, addon):
@@ -97,3 +117,27 @@ def test_a_greyed_out_step_says_why(bpy, addon, scene):
     for name in ("learn_scene", "segment", "extract_palette", "show_view", "render_view", "becomes", "cancel"):
         with pytest.raises(RuntimeError, match=r"Import a capture|Extract the palettes|No job"):
             getattr(bpy.ops.karf, name)()
+
+
+def test_a_step_waits_for_the_one_before_it(bpy, addon, capture_folder, tmp_path):
+    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    for name, reason in (("segment", "Learn the scene first"), ("extract_palette", "Segment the objects first")):
+        with pytest.raises(RuntimeError, match=reason):
+            getattr(bpy.ops.karf, name)()
+    addon.headless.learn_scene()
+    with pytest.raises(RuntimeError, match="Mark an object first"):
+        bpy.ops.karf.segment()
+    bpy.context.scene.karf.masks = str(tmp_path)
+    assert bpy.ops.karf.segment.poll()
+
+
+def test_a_done_step_is_known_as_done(bpy, learned, addon):
+    done = {name: is_done(learned) for name, _, _, is_done in addon.sidebar.SECTIONS}
+    assert [name for name in done if done[name]] == ["import", "learn", "palette"]
+
+
+def test_a_learned_color_is_drawn_as_an_icon_of_it(addon):
+    chips = importlib.import_module(addon.sidebar.__name__.replace("sidebar", "chips"))
+    chips.icon((1.0, 0.25, 0.0))
+    pixels = chips._Chips.icons["#ff4000"].icon_pixels_float[:]
+    np.testing.assert_allclose(np.reshape(pixels, (-1, 4)), [[1, 0.25, 0, 1]] * chips.SIDE**2, atol=1 / 255)

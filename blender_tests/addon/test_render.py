@@ -18,6 +18,12 @@ def test_the_shown_view_is_written_as_shown_whatever_the_view_transform(bpy, add
     assert np.abs(written - expected).max() <= 0.51 / 255
 
 
+def test_a_view_is_written_under_its_photos_name(addon, learned, tmp_path):
+    learned.karf.out = str(tmp_path / "out")
+    learned.karf.views["photo_0"].stem = "r_000"  # as where two splits have photos of the same name
+    assert addon.headless.render_view() == tmp_path / "out" / "recolor" / "r_000.png"
+
+
 def test_captured_views_are_rendered_with_the_edit(addon, learned, tmp_path):
     addon.headless.set_swatch("pot", 1, "#204060")
     folder = addon.headless.render_captured("all", tmp_path / "out")

@@ -1,16 +1,104 @@
 """Fixtures of the engine's tests."""
 
 import os
+import subprocess
+import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+QUICK = (
+    "geometry.long_side=32",
+    'geometry.levels=[{"voxels": 24, "iterations": 70, "step": 1.0}, {"voxels": 36, "iterations": 70, "step": 0.75}]',
+    "geometry.samples=16000",
+    "geometry.max_rays=2048",
+    "geometry.features=6",
+    "segmentation.iterations=120",
+    "segmentation.rate=0.01",
+    "segmentation.batch=256",
+    "segmentation.width=16",
+    "segmentation.cache_long_side=32",
+    "recoloring.iterations=40",
+    "recoloring.batch=256",
+    "recoloring.width=16",
+)
 
 
 @pytest.fixture(scope="session")
 def scenes() -> Path:
     """Folder of real captures: KARF_SCENES, else shared/scenes beside the checkout; tests are skipped without it."""
-    beside = Path(__file__).resolve().parents[3] / "shared" / "scenes"
+    beside = ROOT.parent / "shared" / "scenes"
     folder = Path(os.environ.get("KARF_SCENES", beside))
     if not folder.is_dir():
         pytest.skip("no folder of real captures (set KARF_SCENES)")
     return folder
+
+
+def run_engine(*arguments, python=(), environment=None, **options) -> subprocess.CompletedProcess:
+    """Run the command line in a child process with one thread."""
+    return subprocess.run(
+        [sys.executable, *python, "-m", "karf_engine", *map(str, arguments)],
+        cwd=ROOT,
+        env=os.environ | {"OMP_NUM_THREADS": "1"} | (environment or {}),
+        capture_output=True,
+        text=True,
+        timeout=120,
+        **options,
+    )
+
+
+@dataclass(frozen=True)
+class StillLife:
+    """A tiny capture on disk with rough masks of its ball and block; photos: the truth by split/stem."""
+
+    capture: Path
+    masks: Path
+    photos: dict
+
+    def command(self, project: Path, *more: str) -> list[str]:
+        """Arguments that learn everything of it, quickly."""
+        settings = [part for text in (*QUICK, *more) for part in ("--set", text)]
+        return [
+            "all",
+            str(self.capture),
+            "--masks",
+            str(self.masks),
+            "--project",
+            str(project),
+            "--threads",
+            "1",
+            *settings,
+        ]
+
+
+@pytest.fixture(scope="session")
+def still_life(tmp_path_factory) -> StillLife:
+    """The still life, photographed from 16 sides and two held-out ones."""
+    pytest.importorskip("imageio")
+    pytest.importorskip("scipy")
+    from blender_tests.engine.reference.still_life import write_capture, write_masks
+
+    folder = tmp_path_factory.mktemp("still_life")
+    photos = write_capture(folder / "capture")
+    write_masks(folder / "masks", photos)
+    return StillLife(folder / "capture", folder / "masks", photos)
+
+
+@dataclass(frozen=True)
+class Learned:
+    """A project of the still life with every stage done, and what the run printed. Copy it before you change it."""
+
+    project: Path
+    output: str
+
+
+@pytest.fixture(scope="session")
+def learned(still_life, tmp_path_factory) -> Learned:
+    """The still life, learned once by the command line."""
+    pytest.importorskip("torch")
+    project = tmp_path_factory.mktemp("learned") / "project"
+    done = run_engine(*still_life.command(project))
+    assert done.returncode == 0, done.stderr
+    return Learned(project, done.stderr)

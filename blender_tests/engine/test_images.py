@@ -83,6 +83,17 @@ def test_exif_orientation_is_applied_and_agrees_with_the_header_size(tmp_path, o
     assert read_photo(tmp_path / "a.jpg", upright=False).shape == (16, 32, 3)
 
 
+@pytest.mark.parametrize("mode", ["L", "RGB"])
+def test_mirrored_photos_are_turned_back_gray_or_colored(tmp_path, mode):
+    pixels = np.zeros((16, 32), np.uint8)
+    pixels[:8, :8] = 255
+    exif = Image.Exif()
+    for orientation, expected in ((2, pixels[:, ::-1]), (4, pixels[::-1]), (5, pixels.T), (7, pixels[::-1, ::-1].T)):
+        exif[0x0112] = orientation
+        Image.fromarray(pixels).convert(mode).save(tmp_path / "a.jpg", exif=exif, quality=100)
+        assert_allclose(read_photo(tmp_path / "a.jpg")[..., 1], expected / 255, atol=0.05)
+
+
 @pytest.mark.parametrize("options", [{"lossless": True}, {"lossless": False}, {"exif": b"Exif\0\0"}])
 @pytest.mark.parametrize("channels", [3, 4])
 def test_webp_header_sizes_agree_with_the_pixels(tmp_path, options, channels):

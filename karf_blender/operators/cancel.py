@@ -1,4 +1,4 @@
-"""Stopping the running job."""
+"""Stopping the running job, and closing what is said of the last."""
 
 import bpy
 
@@ -25,4 +25,15 @@ class KARF_OT_cancel(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (KARF_OT_cancel,)
+class KARF_OT_dismiss(bpy.types.Operator):
+    """Close this message"""
+
+    bl_idname = "karf.dismiss"
+    bl_label = "Dismiss"
+
+    def execute(self, context):
+        job_watch.dismiss()
+        return {"FINISHED"}
+
+
+CLASSES = (KARF_OT_cancel, KARF_OT_dismiss)

@@ -52,6 +52,8 @@ class KARF_OT_load_edit(SwatchStep, bpy.types.Operator):
     filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
 
     def invoke(self, context, event):
+        if self.filepath:  # a file was dropped
+            return self.execute(context)
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
@@ -82,4 +84,17 @@ class KARF_OT_save_edit(SwatchStep, bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (KARF_OT_reset_swatch, KARF_OT_becomes, KARF_OT_load_edit, KARF_OT_save_edit)
+class KARF_FH_edit(bpy.types.FileHandler):
+    """Edit files may be dropped on the recolored picture."""
+
+    bl_idname = "KARF_FH_edit"
+    bl_label = "KaRF edit"
+    bl_import_operator = KARF_OT_load_edit.bl_idname
+    bl_file_extensions = ".json"
+
+    @classmethod
+    def poll_drop(cls, context):
+        return context.area is not None and context.area.type == "IMAGE_EDITOR"
+
+
+CLASSES = (KARF_OT_reset_swatch, KARF_OT_becomes, KARF_OT_load_edit, KARF_OT_save_edit, KARF_FH_edit)

@@ -6,7 +6,17 @@ import bpy
 from bpy.props import StringProperty
 
 from .. import steps
+from ..engine_api import CAPTURE_MARKS
 from .reporting import has_project, reports_errors
+
+
+def look_from_camera(area) -> None:
+    """Let a 3D View look through the scene's camera; other areas (or none) are left alone."""
+    if area is not None and area.type == "VIEW_3D":
+        view = area.spaces.active
+        view.region_3d.view_perspective = "CAMERA"
+        # the lines from all cameras to their Empty would cover the photo
+        view.overlay.show_relationship_lines = False
 
 
 class KARF_OT_import_capture(bpy.types.Operator):
@@ -21,8 +31,16 @@ class KARF_OT_import_capture(bpy.types.Operator):
     filter_glob: StringProperty(default="*.json;*.npy;*.bin;*.txt", options={"HIDDEN"})
 
     def invoke(self, context, event):
+        if self.filepath:  # a file was dropped
+            return self.execute(context)
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
+
+    def draw(self, context):
+        column = self.layout.column(align=True)
+        for line in ("Choose the folder that has", "one of these, or the file:", *CAPTURE_MARKS):
+            column.label(text=line)
+        self.layout.prop(self, "project")
 
     @reports_errors
     def execute(self, context):
@@ -32,6 +50,7 @@ class KARF_OT_import_capture(bpy.types.Operator):
             self.report({"WARNING"}, remark)
         if any(view.camera.distortion for view in capture.views):
             self.report({"WARNING"}, "The photos have lens distortion: backgrounds show them as they are stored")
+        look_from_camera(context.area)
         self.report({"INFO"}, f"{len(capture.views)} cameras from {capture.source}")
         return {"FINISHED"}
 
@@ -52,9 +71,21 @@ class KARF_OT_look_through(bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         steps.look_through(context.scene, self.view)
-        if context.area and context.area.type == "VIEW_3D":
-            context.space_data.region_3d.view_perspective = "CAMERA"
+        look_from_camera(context.area)
         return {"FINISHED"}
 
 
-CLASSES = (KARF_OT_import_capture, KARF_OT_look_through)
+class KARF_FH_capture(bpy.types.FileHandler):
+    """Camera files may be dropped on the 3D View."""
+
+    bl_idname = "KARF_FH_capture"
+    bl_label = "KaRF capture"
+    bl_import_operator = KARF_OT_import_capture.bl_idname
+    bl_file_extensions = ".json;.npy"
+
+    @classmethod
+    def poll_drop(cls, context):
+        return context.area is not None and context.area.type == "VIEW_3D"
+
+
+CLASSES = (KARF_OT_import_capture, KARF_OT_look_through, KARF_FH_capture)

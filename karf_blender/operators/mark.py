@@ -18,15 +18,22 @@ class KARF_OT_paint_mask(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return has_project(cls, context)
+        if not has_project(cls, context):
+            return False
+        karf = context.scene.karf
+        view = karf.views.get(karf.active_view)
+        if view is not None and view.split != "train":
+            cls.poll_message_set(f"{view.name} is held out for testing: choose a train view")
+            return False
+        return True
 
     @reports_errors
     def execute(self, context):
         image = steps.paint_mask(context.scene, self.object_name or context.scene.karf.mask_object)
-        pictures.reveal(image)
         if context.area and context.area.type == "IMAGE_EDITOR":
             context.space_data.image = image
-            context.space_data.mode = "PAINT"
+        pictures.reveal(image, is_wanted=True)
+        pictures.set_mode(image, "PAINT")
         self.report({"INFO"}, f"Paint over the object in {image.name!r}, then press Save Mask")
         return {"FINISHED"}
 
@@ -48,6 +55,7 @@ class KARF_OT_save_mask(bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         file, share = steps.save_mask(context.scene)
+        pictures.set_mode(context.scene.karf.mask_image, "VIEW")
         self.report({"INFO"}, f"{file}: {share:.1%} of the picture")
         return {"FINISHED"}
 

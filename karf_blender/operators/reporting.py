@@ -3,8 +3,14 @@
 from collections.abc import Callable
 from functools import wraps
 
-from .. import job_watch
+from .. import folders, job_watch
 from ..engine_api import KarfError
+
+MISSING = {
+    "geometry": "Learn the scene first",
+    "segmentation": "Segment the objects first",
+    "recoloring": "Extract the palettes first",
+}
 
 
 def reports_errors(execute: Callable) -> Callable:
@@ -22,14 +28,16 @@ def reports_errors(execute: Callable) -> Callable:
 
 
 class EngineStep:
-    """Mix-in of operators that run the engine: not while it is busy, and not before a capture is imported."""
+    """Mix-in of operators that run the engine: not while it is busy, and not before what they build on is there."""
+
+    after = ""  # the stage that must be finished
 
     @classmethod
     def poll(cls, context):
         if job_watch.is_running():
             cls.poll_message_set("KaRF is busy: wait for the running job, or cancel it")
             return False
-        return has_project(cls, context)
+        return has_project(cls, context) and has_stage(cls, context, cls.after)
 
 
 class SwatchStep:
@@ -52,6 +60,14 @@ def has_project(cls: type, context) -> bool:
     """For `poll`: whether a capture was imported; if not, the operator says so."""
     if not context.scene.karf.project:
         cls.poll_message_set("Import a capture first")
+        return False
+    return True
+
+
+def has_stage(cls: type, context, stage: str) -> bool:
+    """For `poll`: whether the engine's stage is finished (none: always); if not, the operator says so."""
+    if stage and stage not in folders.finished_stages(context.scene):
+        cls.poll_message_set(MISSING[stage])
         return False
     return True
 

@@ -24,6 +24,16 @@ class KARF_OT_segment(EngineStep, bpy.types.Operator):
 
     bl_idname = "karf.segment"
     bl_label = "Segment"
+    after = "geometry"
+
+    @classmethod
+    def poll(cls, context):
+        if not super().poll(context):
+            return False
+        if not context.scene.karf.masks:
+            cls.poll_message_set("Mark an object first: paint a mask, or choose a folder of masks")
+            return False
+        return True
 
     @reports_errors
     def execute(self, context):
@@ -36,6 +46,7 @@ class KARF_OT_extract_palette(EngineStep, bpy.types.Operator):
 
     bl_idname = "karf.extract_palette"
     bl_label = "Extract Palette"
+    after = "segmentation"
 
     @reports_errors
     def execute(self, context):
@@ -67,6 +78,7 @@ class KARF_OT_prepare_views(EngineStep, bpy.types.Operator):
 
     bl_idname = "karf.prepare_views"
     bl_label = "Prepare All Views"
+    after = "recoloring"
 
     views: StringProperty(name="Views", default="all", description="all, train, test or names with commas")
 
@@ -85,8 +97,9 @@ class KARF_OT_examine_engine(bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         found = environment.examine(preferences.engine_python())
-        preferences.current().examination = found.sentence
-        self.report({"ERROR" if found.missing else "INFO"}, found.sentence)
+        chosen = preferences.current()
+        chosen.examination, chosen.command = found.sentence, found.command
+        self.report({"ERROR" if found.missing else "INFO"}, f"{found.sentence}. {found.command}".strip())
         return {"CANCELLED"} if found.missing else {"FINISHED"}
 
 

@@ -2,13 +2,14 @@
 
 import bpy
 
-from . import sidebar
+from . import chips, sidebar
 
 CLASSES = sidebar.CLASSES
 
 
 def register():
     """Called when the extension is enabled."""
+    chips.register()
     for each in CLASSES:
         bpy.utils.register_class(each)
 
@@ -17,3 +18,4 @@ def unregister():
     """Called when the extension is disabled."""
     for each in reversed(CLASSES):
         bpy.utils.unregister_class(each)
+    chips.unregister()

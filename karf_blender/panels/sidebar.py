@@ -1,28 +1,50 @@
-"""The steps from capture to picture as panels, the same in both editors."""
+"""The steps from capture to picture as panels in their order, the same in both editors.
+
+A step that is done has a check mark in its header. A step that waits for another is greyed out, and its tooltip says
+for which.
+"""
 
 import textwrap
 
 import bpy
 
-from .. import recolor
+from ... import __package__ as extension
+from .. import folders, masks, preferences, recolor
+from ..engine_api import MissingDependency
+from . import chips
 
-LINE = 44  # characters of a message that fit the sidebar's usual width
+LINE = 34  # characters of a message that fit the sidebar's usual width
 
 
+# --- the running job -----------------------------------------------------------------------------------------------
 def draw_status(layout, context):
-    """The running job, or why the last one failed."""
+    """The running job, or how the last one ended."""
     progress = context.window_manager.karf_progress
     if progress.running:
+        layout.label(text=progress.stage, icon="SORTTIME")
         row = layout.row(align=True)
-        row.progress(factor=progress.fraction, text=f"{progress.stage}: {progress.text}")
+        row.progress(factor=progress.fraction, text=progress.text)
         row.operator("karf.cancel", text="", icon="CANCEL")
+        if progress.figures:
+            layout.label(text=progress.figures, icon="BLANK1")
+    elif progress.text and not progress.error:
+        dismissible(layout, f"{progress.stage}: {progress.text}", "INFO")
     if progress.warnings:
         draw_text(layout.box(), progress.warnings, "INFO")
     if progress.error:
         box = layout.box()
-        box.alert = True
-        draw_text(box, progress.error, "ERROR")
-        draw_text(box, progress.hint, "INFO")
+        dismissible(box, f"{progress.stage} failed", "ERROR")
+        column = box.column(align=True)
+        column.alert = True
+        draw_text(column, progress.error, "BLANK1")
+        draw_text(box, progress.hint, "BLANK1")
+
+
+def dismissible(layout, text, icon):
+    """A line that the user can close."""
+    row = layout.row()
+    row.label(text=text, icon=icon)
+    row.operator("karf.dismiss", text="", icon="X", emboss=False)
 
 
 def draw_text(layout, text, icon):
@@ -34,86 +56,125 @@ def draw_text(layout, text, icon):
             icon = "BLANK1"
 
 
-def draw_capture(layout, context):
-    """Steps 1 and 2."""
+# --- steps 1 to 5: what is learned ---------------------------------------------------------------------------------
+def draw_import(layout, context):
+    """Step 1."""
     karf = context.scene.karf
-    layout.operator("karf.import_capture", icon="CAMERA_DATA")
-    if karf.project:
-        layout.prop(karf, "project")
-        row = layout.row(align=True)
-        row.prop_search(karf, "active_view", karf, "views", text="", icon="CAMERA_DATA")
-        row.operator("karf.look_through", text="", icon="VIEW_CAMERA")
-        chosen = karf.views.get(karf.active_view)
-        if chosen and chosen.split != "train":
-            layout.label(text=f"A {chosen.split} view: not learned from", icon="INFO")
-        layout.prop(karf, "preset")
+    layout.operator("karf.import_capture", icon="IMPORT")
+    if not karf.project:
+        return
+    row = layout.row(align=True)
+    draw_view(row, karf)
+    row.operator("karf.look_through", text="", icon="VIEW_CAMERA")
+    n_train = sum(view.split == "train" for view in karf.views)
+    layout.label(text=f"{len(karf.views)} photos: {n_train} to learn, {len(karf.views) - n_train} to test")
+    layout.prop(karf, "project")
+
+
+def draw_view(layout, karf):
+    """The choice of the active view."""
+    layout.prop_search(karf, "active_view", karf, "views", text="", icon="CAMERA_DATA")
+
+
+def draw_learn(layout, context):
+    """Step 2."""
+    layout.prop(context.scene.karf, "preset")
+    try:
+        preferences.engine_python()
+    except MissingDependency as error:
+        draw_text(layout, f"{error.sentence} {error.hint}", "INFO")
+        layout.operator("preferences.addon_show", text="KaRF Preferences", icon="PREFERENCES").module = extension
     layout.operator("karf.learn_scene", icon="OUTLINER_OB_VOLUME")
 
 
-def draw_objects(layout, context):
-    """Steps 3 and 4."""
+def draw_mark(layout, context):
+    """Step 3."""
     karf = context.scene.karf
-    layout.prop(karf, "masks")
+    layout.prop(karf, "mask_object")
+    draw_view(layout, karf)
     row = layout.row(align=True)
-    row.prop(karf, "mask_object", text="")
     row.operator("karf.paint_mask", icon="BRUSH_DATA")
-    row.operator("karf.save_mask", text="", icon="CHECKMARK")
+    row.operator("karf.save_mask", icon="CHECKMARK")
     if karf.mask_image:
         layout.label(text=f"Painting {karf.mask_object} on {karf.mask_view}", icon="IMAGE_DATA")
+    layout.prop(karf, "masks")
+    marked = masks.marked(context.scene)
+    if marked:
+        # a space that does not break keeps a name and its number of masks together
+        draw_text(layout, ", ".join(f"{name}\u00a0({count})" for name, count in marked.items()), "CHECKMARK")
+
+
+def draw_segment(layout, context):
+    """Step 4."""
     layout.operator("karf.segment", icon="MOD_MASK")
 
 
 def draw_palette(layout, context):
-    """Steps 5 and 6."""
-    karf = context.scene.karf
+    """Step 5."""
     layout.operator("karf.extract_palette", icon="COLOR")
+
+
+# --- step 6: swatches ----------------------------------------------------------------------------------------------
+def draw_edit(layout, context):
+    """Step 6."""
+    karf = context.scene.karf
+    if not karf.objects:
+        layout.label(text="Swatches appear after step 5", icon="INFO")
+        return
+    row = layout.row(align=True)
+    draw_view(row, karf)
+    is_prepared = recolor.is_prepared(context.scene)
+    row.operator("karf.show_view", text="Show" if is_prepared else "Prepare", icon="IMAGE_DATA")
+    if not any(area.type == "IMAGE_EDITOR" for area in context.screen.areas):
+        layout.label(text="Open an Image Editor to see it", icon="INFO")
     for item in karf.objects:
         draw_object(layout.box(), item)
-    if not karf.objects:
-        return
-    layout.prop(karf, "compositing")
-    row = layout.row(align=True)
-    row.prop_search(karf, "active_view", karf, "views", text="", icon="CAMERA_DATA")
-    row.operator("karf.show_view", icon="IMAGE_DATA")
-    if not recolor.is_prepared(context.scene):
-        layout.label(text="Press Show View: not prepared yet", icon="INFO")
-    layout.operator("karf.prepare_views", icon="RENDERLAYERS")
+    layout.prop(karf, "compositing", text="Result")
     row = layout.row(align=True)
     row.operator("karf.load_edit", icon="FILE_FOLDER")
     row.operator("karf.save_edit", icon="FILE_TICK")
+    layout.operator("karf.prepare_views", icon="RENDERLAYERS")
 
 
 def draw_object(layout, item):
-    """An object's swatches, and what its color shall become."""
+    """An object's swatches side by side, and what one of its colors shall become."""
     row = layout.row()
     row.label(text=item.name, icon="OBJECT_DATA")
-    row.operator("karf.reset_swatch", text="", icon="LOOP_BACK").object_name = item.name
-    column = layout.column(align=True)
+    row.operator("karf.reset_swatch", text="Reset", icon="LOOP_BACK").object_name = item.name
+    row = layout.row(align=True)
     for index, swatch in enumerate(item.swatches):
         if index:  # black is frozen
-            draw_swatch(column.row(align=True), item, index, swatch)
+            draw_swatch(row.column(align=True), item, index, swatch)
+    row = layout.row()
+    row.alignment = "LEFT"
+    row.prop(item, "show_becomes", icon="DOWNARROW_HLT" if item.show_becomes else "RIGHTARROW", emboss=False)
+    if item.show_becomes:
+        draw_becomes(layout, item)
+
+
+def draw_swatch(column, item, index, swatch):
+    """One swatch: above as learned (a click gives it back), below as it shall be, and its lock."""
+    learned = column.operator("karf.reset_swatch", text="", icon_value=chips.icon(swatch.learned))
+    learned.object_name, learned.index = item.name, index
+    edited = column.row(align=True)
+    edited.scale_y = 2.0
+    edited.prop(swatch, "color", text="")
+    if item.show_becomes:
+        column.prop(swatch, "locked", text="", icon="LOCKED" if swatch.locked else "UNLOCKED")
+
+
+def draw_becomes(layout, item):
+    """The pair of colors, the rule and the button."""
     row = layout.row(align=True)
     row.prop(item, "source", text="")
     row.label(text="", icon="FORWARD")
     row.prop(item, "target", text="")
     row = layout.row(align=True)
     row.prop(item, "rule", text="")
-    row.operator("karf.becomes").object_name = item.name
+    row.operator("karf.becomes", text="Apply").object_name = item.name
 
 
-def draw_swatch(row, item, index, swatch):
-    """One swatch: as learned, as it shall be, reset and lock."""
-    learned = row.row(align=True)
-    learned.enabled = False
-    learned.scale_x = 0.4
-    learned.prop(swatch, "learned", text="")
-    row.prop(swatch, "color", text="")
-    if swatch.color != swatch.learned:
-        reset = row.operator("karf.reset_swatch", text="", icon="LOOP_BACK")
-        reset.object_name, reset.index = item.name, index
-    row.prop(swatch, "locked", text="", icon="LOCKED" if swatch.locked else "UNLOCKED")
-
-
+# --- step 7: pictures ----------------------------------------------------------------------------------------------
 def draw_render(layout, context):
     """Step 7."""
     layout.prop(context.scene.karf, "out")
@@ -123,22 +184,40 @@ def draw_render(layout, context):
     column.operator("karf.render_camera", icon="RENDER_ANIMATION")
 
 
-# name, title, what it draws
+# --- the panels ----------------------------------------------------------------------------------------------------
+def has_stage(stage):
+    """Whether the engine's stage is done, as a question to a scene."""
+    return lambda scene: stage in folders.finished_stages(scene)
+
+
+def never(scene):
+    """For steps that have no end."""
+    return False
+
+
+# name, title, what it draws, whether it is done
 SECTIONS = (
-    ("status", "KaRF", draw_status),
-    ("capture", "Capture", draw_capture),
-    ("objects", "Objects", draw_objects),
-    ("palette", "Palette", draw_palette),
-    ("render", "Render", draw_render),
+    ("status", "KaRF", draw_status, never),
+    ("import", "1  Import", draw_import, lambda scene: bool(scene.karf.project)),
+    ("learn", "2  Learn Scene", draw_learn, has_stage("geometry")),
+    ("mark", "3  Mark Objects", draw_mark, lambda scene: bool(scene.karf.masks)),
+    ("segment", "4  Segment", draw_segment, has_stage("segmentation")),
+    ("palette", "5  Palette", draw_palette, lambda scene: bool(scene.karf.objects)),
+    ("edit", "6  Edit", draw_edit, never),
+    ("render", "7  Render", draw_render, never),
 )
 EDITORS = (("VIEW_3D", "view3d"), ("IMAGE_EDITOR", "image"))
 
 
-def make_panel(space: str, editor: str, order: int, name: str, title: str, draw_section) -> type:
+def make_panel(space: str, editor: str, order: int, name: str, title: str, draw_section, is_done) -> type:
     """A panel class of one section in one editor."""
 
     def draw(self, context):
         draw_section(self.layout, context)
+
+    def draw_header_preset(self, context):
+        if is_done(context.scene):
+            self.layout.label(text="", icon="CHECKMARK")
 
     return type(
         f"KARF_PT_{editor}_{name}",
@@ -151,6 +230,7 @@ def make_panel(space: str, editor: str, order: int, name: str, title: str, draw_
             "bl_order": order,
             "bl_options": {"HIDE_HEADER"} if name == "status" else set(),
             "draw": draw,
+            "draw_header_preset": draw_header_preset,
         },
     )
 

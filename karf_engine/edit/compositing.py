@@ -112,30 +112,34 @@ def delta_composite(
     product = np.empty((step, width), np.float32)
     for top in range(0, height, step):
         rows = slice(top, min(top + step, height))
-        result[rows] = base[rows]
         weights = [(palette_weights[k, j, rows], changes[k, j]) for k, j in changed]
         weights = [(plane, change) for plane, change in weights if plane.max() > 0]
         if weights:
-            _add_block(result[rows], weights, planar[:, : rows.stop - top], product[: rows.stop - top])
+            _add_block(base[rows], weights, result[rows], planar[:, : rows.stop - top], product[: rows.stop - top])
+        else:
+            result[rows] = base[rows]
     return result
 
 
 def _add_block(
-    block: np.ndarray, weights: list[tuple[np.ndarray, np.ndarray]], planar: np.ndarray, product: np.ndarray
+    base: np.ndarray,
+    weights: list[tuple[np.ndarray, np.ndarray]],
+    block: np.ndarray,
+    planar: np.ndarray,
+    product: np.ndarray,
 ) -> None:
-    """Add sum of plane x change to the block [h, W, 3] in place and clip; planar [3, h, W], product [h, W]: scratch.
+    """Write base + sum of plane x change, clipped, to the block [h, W, 3]; planar [3, h, W], product [h, W]: scratch.
 
     Each channel is summed in a contiguous plane: interleaved pixels make every operation several times slower, and a
     matrix product with 3 columns stalls in some BLAS builds.
     """
     for channel, total in enumerate(planar):
-        np.copyto(total, block[..., channel])
+        summed = base[..., channel]
         for plane, change in weights:
             if change[channel]:
                 np.multiply(plane, change[channel], out=product)
-                total += product
-        np.clip(total, 0, 1, out=total)
-        block[..., channel] = total
+                summed = np.add(summed, product, out=total)
+        block[..., channel] = np.clip(summed, 0, 1, out=total)
 
 
 def paper_composite(

@@ -8,16 +8,30 @@ palette_weights @ dP. Entry 0 is black and never moves; `locked` lists further e
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 
 import numpy as np
 
-from ..errors import BadRequest
+from ..errors import BadRequest, DataError
 from .color import lab_chroma, lab_hue, linear_to_srgb, srgb_to_lab, srgb_to_linear
+from .compositing import DAMAGE
 
 HUE_GATE = 0.65  # radians of Lab hue at which a color counts as another pigment
 GREY_CHROMA, CHROMA_GATE = 6.0, 25.0  # Lab chroma below which a source has no hue; and the gate that then stands in
 STILL = 1e-4  # a move of a swatch under this, 1/40 of a step of 8 bits, is rounding
 RIDGE = 1e-3  # per unit of counts: what keeps swatches still that hardly any pixel uses
+
+
+def read_object_colors(path: Path, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """An object's color histogram as the palette stage wrote it: colors [n, 3], counts [n], palette_weights [n, M].
+
+    Raises DataError where the file is unreadable or has nothing of this object.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return file[f"{name}/colors"], file[f"{name}/counts"], file[f"{name}/palette_weights"]
+    except DAMAGE as error:
+        raise DataError(f"{path} holds no colors of {name!r} ({error}).", "Extract the palettes again.") from error
 
 
 def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray) -> np.ndarray:

@@ -3,7 +3,8 @@
 What makes it fast: samples only in occupied cells, color only where a sample is seen, a fixed number of samples an
 iteration. What makes it clean, by kind of background:
 - alpha: the matte supervises opacity over random backgrounds, and the first grid is the mattes' visual hull;
-- black, white: rays end at that color; half-transparent rays are punished;
+- black, white: rays end at that color, and at a random one where the photo shows something else, which must then be
+  opaque: otherwise opacity and brightness trade off; half-transparent rays are punished;
 - opaque: the background is a function of direction that only rays through empty space may teach. Where no such ray
   exists it is random, so that what stands there must become opaque; a ray's samples are drawn together.
 """
@@ -43,7 +44,7 @@ class Rendering:
 def render_batch(field: VoxelField, rays: Rays, step: float, jitter: Tensor, diffuse: bool = False) -> Rendering:
     """Differentiable rendering of a batch of rays."""
     samples = field.march(rays, step, jitter)
-    rows, weights = field.corners(samples.positions)
+    rows, weights = field.corners(samples.positions, all_occupied=True)
     sigmas = field.density_at(rows, weights)
     ray_weights = ray_weights_from_sigmas(sigmas, samples.step, samples.ray_indices)
     seen = torch.nonzero(ray_weights.detach() > VISIBLE).squeeze(1)
@@ -148,7 +149,7 @@ class Fit:
             wanted = n_rays * samples / rendering.n_samples
             self._rays_per_batch = min(0.8 * self._rays_per_batch + 0.2 * wanted, settings.max_rays)
 
-        behind = self._behind(number, rays, rendering)
+        behind = self._behind(index, rays, rendering)
         if self.bank.alpha is not None:
             matte = self.bank.alpha[index].float()[:, None] / 255
             target = target * matte + (1 - matte) * behind
@@ -158,13 +159,14 @@ class Fit:
         self._loss_average += 0.05 * (float(error.detach()) - self._loss_average)
         return loss, {"psnr": -10 * math.log10(max(self._loss_average, 1e-10))}
 
-    def _behind(self, number: int, rays: Rays, rendering: Rendering) -> Tensor:
-        """The color behind each ray, [R, 3]."""
+    def _behind(self, index: Tensor, rays: Rays, rendering: Rendering) -> Tensor:
+        """The color behind the ray of each pixel, [R, 3]."""
         n_rays = len(rays)
         if self.kind == "alpha":
             return self.runtime.rand(n_rays, 3)
         if self.background is None:
-            return torch.full((n_rays, 3), 1.0 if self.kind == "white" else 0.0, device=self.runtime.device)
+            plain = torch.full((n_rays, 3), 1.0 if self.kind == "white" else 0.0, device=self.runtime.device)
+            return torch.where(self.bank.solid[index, None], self.runtime.rand(n_rays, 3), plain)
         color = self.background(rays.viewdirs)
         if self._support is None:
             return color
@@ -204,7 +206,7 @@ class Fit:
         for _ in range(16):
             index = self.runtime.randint(len(self.bank), 8192)
             samples = field.march(self.bank.rays(index), 1.0)
-            sigmas = field.density_at(*field.corners(samples.positions))
+            sigmas = field.density_at(*field.corners(samples.positions, all_occupied=True))
             weights = ray_weights_from_sigmas(sigmas, samples.step, samples.ray_indices)
             visibility.scatter_reduce_(0, field.cells(samples.positions), weights, "amax")
         keep = (field.cell_alphas() > self.settings.prune_alpha) & (

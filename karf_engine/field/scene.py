@@ -67,7 +67,7 @@ class Scene:
     def _render_chunk(self, rays: Rays, first: int, n_quantiles: int) -> tuple[Tensor, Tensor, Tensor, SurfaceCache]:
         field = self.field
         samples = field.march(rays, self.step)
-        rows, weights = field.corners(samples.positions)
+        rows, weights = field.corners(samples.positions, all_occupied=True)
         ray_weights = ray_weights_from_sigmas(field.density_at(rows, weights), samples.step, samples.ray_indices)
         seen = torch.nonzero(ray_weights > VISIBLE).squeeze(1)
         ray_indices = samples.ray_indices[seen]

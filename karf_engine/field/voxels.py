@@ -86,8 +86,11 @@ class VoxelField(nn.Module):
         """Samples of these rays inside occupied cells (see rendering.sampling.march)."""
         return march(rays, self.minimum, self.voxel, self.occupied, self.coarse, step_in_voxels, jitter)
 
-    def corners(self, positions: Tensor) -> tuple[Tensor, Tensor]:
-        """Table rows [n, 8] and trilinear weights [n, 8] at positions [n, 3]; a missing vertex has weight 0."""
+    def corners(self, positions: Tensor, all_occupied: bool = False) -> tuple[Tensor, Tensor]:
+        """Table rows [n, 8] int32 and trilinear weights [n, 8] at positions [n, 3]; a missing vertex has weight 0.
+
+        all_occupied: promises that every position lies in an occupied cell, as marched samples do; none is missing then.
+        """
         local = (positions - self.minimum) / self.voxel
         upper = torch.tensor(self.occupied.shape, device=positions.device) - 1
         cell = torch.minimum(local.floor().clamp_min(0), upper.float())
@@ -100,6 +103,8 @@ class VoxelField(nn.Module):
         rows = self.vertex_rows.view(-1)[first[:, None] + offsets]
         x, y, z = torch.stack([1 - fraction, fraction], 2).unbind(1)  # [n, 2] each
         weights = (x[:, :, None, None] * y[:, None, :, None] * z[:, None, None, :]).reshape(-1, 8)
+        if all_occupied:
+            return rows, weights
         return rows.clamp_min(0), weights * (rows >= 0)
 
     def density(self, positions: Tensor) -> Tensor:
@@ -222,10 +227,10 @@ def dilate(occupied: Tensor, cells: int = 1) -> Tensor:
 
 
 def _vertex_rows(occupied: Tensor) -> Tensor:
-    """Row number of each vertex that touches an occupied cell, else -1; [X+1, Y+1, Z+1] int32... as int64 for gathers."""
+    """Row number of each vertex that touches an occupied cell, else -1; [X+1, Y+1, Z+1] int32."""
     padded = nn.functional.pad(occupied[None, None].float(), (1, 1, 1, 1, 1, 1))
     touches = max_pool3d(padded, 2, stride=1)[0, 0] > 0
-    rows = torch.cumsum(touches.view(-1).long(), 0).view(touches.shape) - 1
+    rows = torch.cumsum(touches.view(-1), 0, dtype=torch.int32).view(touches.shape) - 1
     return torch.where(touches, rows, torch.full_like(rows, -1))
 
 

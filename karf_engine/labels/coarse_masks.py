@@ -13,6 +13,7 @@ from ..errors import DataError
 from ..images import Plate, read_mask, resize, undistort
 from ..project import atomic_write
 
+SUFFIXES = (".png", ".jpg", ".jpeg", ".webp")
 LAYOUT_HINT = "Lay masks out as MASKS/<object>/<photo stem>.png, as large as the photo."
 
 
@@ -43,7 +44,9 @@ def find_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
 def _object_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
     if folder.name.lower() == "background":
         raise DataError(f"{folder} names an object 'background', which is what no mask covers.", "Rename the folder.")
-    files = sorted(path for path in folder.iterdir() if path.suffix.lower() in (".png", ".jpg", ".jpeg", ".webp"))
+    files = sorted(
+        path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and not path.name.startswith(".")
+    )
     if not files:
         raise DataError(f"{folder} holds no mask of the object {folder.name!r}.", LAYOUT_HINT)
     return [CoarseMask(folder.name, _view_of(path, capture), path) for path in files]

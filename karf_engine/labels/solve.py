@@ -26,10 +26,9 @@ from .mixtures import Mixture, fit_mixture
 
 NEIGHBORS = 12
 SMOOTHNESS = 20.0
-NORMAL_SCALE = 0.0
-PATTERN = 0.05  # what stays of a weight across a color edge: a smooth surface with a pattern is one thing
+PATTERN = 0.02  # what stays of a weight across a color edge: a smooth surface with a pattern is one thing
 PRIOR = 1e-4
-UNKNOWN_LOG_DENSITY = -11.0
+UNKNOWN_LOG_DENSITY = -13.5
 OBJECT_COMPONENTS, BACKGROUND_COMPONENTS = 5, 10
 REACH = 3.0  # points farther than this many seed radii from every object are background without a solve
 
@@ -82,7 +81,8 @@ def solve_labels(
     near = (distance < REACH * radii).any(1)
     solver = _Solver(
         positions[near],
-        np.concatenate([lab, NORMAL_SCALE * normals], 1)[near],
+        lab[near],
+        normals[near],
         neighbor_graph(positions[near], lab[near], normals[near], voxel),
         seed_targets[near],
         seed_confidence[near],
@@ -111,6 +111,7 @@ def _seed_regions(positions, seed_targets, seed_confidence) -> tuple[list[cKDTre
 class _Solver:
     positions: np.ndarray
     lab: np.ndarray
+    normals: np.ndarray
     graph: sparse.csr_matrix
     seed_targets: np.ndarray
     seed_confidence: np.ndarray
@@ -154,14 +155,14 @@ class _Solver:
             strength = sure * (best == k)
             if strength.sum() > 0:
                 mixture = self._mixture(strength, BACKGROUND_COMPONENTS if k == 0 else OBJECT_COMPONENTS)
-                log_density[:, k] = mixture.log_density(self.lab)
+                log_density[:, k] = mixture.log_density(self.lab, self.normals)
         log_density[:, 1:] -= self.distance_penalty
         density = np.exp(np.maximum(log_density, -700))
         unknown = np.exp(UNKNOWN_LOG_DENSITY)
         return (density + unknown / x.shape[1]) / (density.sum(1, keepdims=True) + unknown)
 
     def _mixture(self, strength: np.ndarray, n_components: int) -> Mixture:
-        return fit_mixture(self.lab, strength, n_components, self.random)
+        return fit_mixture(self.lab, self.normals, strength, n_components, self.random)
 
     def _guards(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """How far each class may be trusted on color, [K+1], and the objects' precision, [K]."""

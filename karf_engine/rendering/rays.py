@@ -49,7 +49,8 @@ def _tensor(array: np.ndarray, device: torch.device | str) -> Tensor:
 class PixelBank:
     """All pixels of some plates: their colors, mattes and rays, addressed by one running index.
 
-    color: [N, 3] uint8 sRGB. alpha: [N] uint8 or None. The pixels of plate v are first[v] .. first[v + 1] - 1.
+    color: [N, 3] uint8 sRGB. alpha: [N] uint8 or None. solid: [N] bool or None, pixels known to show something opaque.
+    The pixels of plate v are first[v] .. first[v + 1] - 1.
     """
 
     def __init__(
@@ -57,6 +58,7 @@ class PixelBank:
         cameras: list[Camera],
         colors: list[np.ndarray],
         alphas: list[np.ndarray] | None,
+        solids: list[np.ndarray] | None = None,
         device: torch.device | str = "cpu",
     ) -> None:
         self.cameras = cameras
@@ -64,6 +66,7 @@ class PixelBank:
         self.alpha = (
             None if alphas is None else torch.from_numpy(np.concatenate([to_bytes(a).ravel() for a in alphas])).to(device)
         )
+        self.solid = None if solids is None else torch.from_numpy(np.concatenate([s.ravel() for s in solids])).to(device)
         sizes = torch.tensor([c.width * c.height for c in cameras])
         self.first = torch.cat([torch.zeros(1, dtype=torch.long), sizes.cumsum(0)]).to(device)
         self._widths = torch.tensor([c.width for c in cameras], device=device)

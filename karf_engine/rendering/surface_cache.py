@@ -47,13 +47,13 @@ class SurfaceCache:
 def cache_surface(field, rays: Rays, n_samples: int, step: float, progress: Progress | None = None) -> SurfaceCache:
     """Quantile samples of rays through a frozen field.
 
-    field: has `march(rays, step)` and `density(positions)`. n_samples: K >= 1. step: stride in voxels.
+    field: has `march(rays, step)`, `corners(positions)` and `density_at(rows, weights)`. n_samples: K >= 1. step: stride in voxels.
     """
     parts = []
     for start in range(0, len(rays), RAYS_PER_CHUNK):
         chunk = rays[start : start + RAYS_PER_CHUNK]
         samples = field.march(chunk, step)
-        sigmas = field.density_at(*field.corners(samples.positions))
+        sigmas = field.density_at(*field.corners(samples.positions, all_occupied=True))
         ray_weights = ray_weights_from_sigmas(sigmas, samples.step, samples.ray_indices)
         parts.append(quantile_samples(chunk, samples, ray_weights, n_samples, start))
         if progress is not None:

@@ -15,10 +15,11 @@ from torch import Tensor
 def transmittance_from_optical_depths(optical_depths: Tensor, ray_indices: Tensor) -> Tensor:
     """exp(-sum of the optical depths before each sample of its ray), [S] in (0, 1].
 
-    The sum runs over all rays at once: float32 would lose up to 1e-3 of transmittance there, float64 keeps 1e-13.
+    The sum runs over all rays at once: float32 would lose up to 1e-3 of transmittance there, float64 does not.
     """
-    total = torch.cumsum(optical_depths.double(), 0)
-    before = total - optical_depths
+    # behind an optical depth of 100 it is dark in float32; one huge summand would take the digits of all rays after it
+    limited = optical_depths.double().clamp_max(100)
+    before = torch.cumsum(limited, 0) - limited
     if len(ray_indices) == 0:
         return optical_depths
     is_first = torch.ones_like(ray_indices, dtype=torch.bool)

@@ -8,13 +8,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from .. import settings as settings_module
 from ..capture import open_capture
 from ..capture.capture import Capture, capture_to_json
 from ..errors import BadRequest, DataError
 from ..field.fit import Fit, start_fit
 from ..field.scene import Scene
-from ..images import Plate, background_kind, write_png
+from ..images import Plate, background_kind, solid_pixels, write_png
 from ..progress import Emit
 from ..project import Project, write_json
 from ..rendering.rays import PixelBank
@@ -75,14 +77,14 @@ def learn(job: Job, capture: Capture, facts: dict) -> Fit:
 
 
 def make_bank(plates: list[Plate], kind: str, job: Job) -> PixelBank:
-    """All pixels of the plates, with mattes where the capture has them."""
-    alphas = None
+    """All pixels of the plates, with what the background's kind tells of their opacity."""
+    alphas = solids = None
     if kind == "alpha":
-        alphas = [plate.color[..., 0] * 0 + 1 if plate.alpha is None else plate.alpha for plate in plates]
-    return PixelBank([p.camera for p in plates], [p.color for p in plates], alphas, job.runtime.device)
+        alphas = [np.ones(plate.color.shape[:2]) if plate.alpha is None else plate.alpha for plate in plates]
+    if kind in ("black", "white"):
+        solids = [solid_pixels(plate.color, kind) for plate in plates]
+    return PixelBank([p.camera for p in plates], [p.color for p in plates], alphas, solids, job.runtime.device)
 
 
-def _with_alpha(plate: Plate):
-    import numpy as np
-
+def _with_alpha(plate: Plate) -> np.ndarray:
     return plate.color if plate.alpha is None else np.dstack([plate.color, plate.alpha])

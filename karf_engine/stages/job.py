@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,9 +42,10 @@ class Job:
         path = self.project.capture_file
         return capture_from_json(read_json(path, "capture"), path)
 
-    def plates(self, views: tuple[View, ...] | list[View]) -> list[Plate]:
-        """Photos of these views at the working size."""
-        return load_views(views, self.settings.geometry.long_side)
+    def plates(self, views: Sequence[View], long_side: int | None = None) -> list[Plate]:
+        """Photos of these views at the working size, or smaller."""
+        working = self.settings.geometry.long_side
+        return load_views(views, min(working, long_side or working))
 
     def artifact(self, kind: str, path: Path) -> None:
         """Tell the caller of a finished file."""

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..edit.match import match_becomes, match_fewest, nearest_weights
+from ..edit.match import match_becomes, match_fewest, nearest_weights, read_object_colors
 from ..edit.palette import Edit, Palette, hex_to_rgb, read_edit, read_palettes, write_edit
-from ..errors import BadRequest, DataError
+from ..errors import BadRequest
 from ..progress import Emit
 from ..project import Project
 from ..wire import Request
@@ -29,7 +29,11 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         if not options.get(name):
             raise BadRequest(f"The match was given no {name}.", "Give object, source color, target color and out.")
     palettes = read_palettes(project.palette_file)
-    edit = read_edit(Path(options["edit"]), palettes) if options.get("edit") else Edit({p.name: p.colors for p in palettes})
+    edit = (
+        read_edit(Path(options["edit"]), palettes)
+        if options.get("edit")
+        else Edit({p.name: p.colors for p in palettes})
+    )
     palette = _palette(palettes, options["object"])
     source, target = hex_to_rgb(options["source"]), hex_to_rgb(options["target"])
     edited = solve(project, palette, source, target, options.get("rule", "becomes"))
@@ -46,15 +50,6 @@ def solve(project: Project, palette: Palette, source: np.ndarray, target: np.nda
     if rule == "becomes":
         return match_becomes(colors, counts, weights, palette.colors, source, target)
     return match_fewest(nearest_weights(colors, weights, source), palette.colors, target)
-
-
-def read_object_colors(path: Path, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The object's color histogram: colors [n, 3], counts [n], palette weights [n, M]."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            return file[f"{name}/colors"], file[f"{name}/counts"], file[f"{name}/palette_weights"]
-    except (OSError, ValueError, KeyError) as error:
-        raise DataError(f"{path} holds no colors of {name!r} ({error}).", "Run the palette stage again.") from error
 
 
 def _palette(palettes: tuple[Palette, ...], name: str) -> Palette:

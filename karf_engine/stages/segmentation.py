@@ -96,7 +96,8 @@ def cache_views(job: Job, scene: Scene, masks: list[CoarseMask], views: list[Vie
     objects = sorted({mask.object_name for mask in masks})
     marked = list(dict.fromkeys(mask.view.name for mask in masks))
     chosen = spread_views(views, marked, settings.cache_views)
-    plates = job.plates(chosen)
+    # unmarked views only have to show colors: a smaller picture of them does
+    plates = [job.plates([v], None if v.name in marked else settings.cache_long_side)[0] for v in chosen]
     per_view: list[dict[int, np.ndarray]] = [{} for _ in chosen]
     names = [view.name for view in chosen]
     for mask in masks:

@@ -1,0 +1,195 @@
+"""All stages on a tiny still life: learned once through the command line, then rendered, edited and run again."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+maximum_filter = pytest.importorskip("scipy.ndimage").maximum_filter
+
+from blender_tests.engine.reference.still_life import camera_at, take_photo  # noqa: E402
+from karf_engine.capture import write_cameras  # noqa: E402
+from karf_engine.capture.capture import View  # noqa: E402
+from karf_engine.cli import main  # noqa: E402
+from karf_engine.edit.compositing import read_planes  # noqa: E402
+from karf_engine.edit.metrics import iou, psnr  # noqa: E402
+from karf_engine.edit.palette import read_edit, read_palettes, rgb_to_hex  # noqa: E402
+from karf_engine.images import read_mask, read_photo  # noqa: E402
+from karf_engine.project import STAGE_ORDER, Project  # noqa: E402
+
+BALL_COLOR, GREEN = "#c0221a", "#1ec040"
+
+
+@pytest.fixture
+def copy(learned, tmp_path):
+    """A project of one's own."""
+    return Project(shutil.copytree(learned.project, tmp_path / "project"))
+
+
+@pytest.fixture(scope="module")
+def green(learned, tmp_path_factory):
+    """An edit that turns the red ball green."""
+    out = tmp_path_factory.mktemp("edit") / "green.json"
+    arguments = ["--object", "ball", "--from", BALL_COLOR, "--to", GREEN, "--out", str(out)]
+    assert main(["match", str(learned.project), *arguments]) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def frames(learned, green, tmp_path_factory):
+    """The held-out views rendered with everything there is."""
+    out = tmp_path_factory.mktemp("frames")
+    options = ["--views", "test", "--edit", str(green), "--depth", "--planes", "--out", str(out), "--threads", "1"]
+    assert main(["render", str(learned.project), *options]) == 0
+    return out
+
+
+def contents(project):
+    return {path.relative_to(project.folder): path.read_bytes() for path in project.folder.rglob("*") if path.is_file()}
+
+
+# --------------------------------------------------------------------------------------------------------------- learning
+def test_every_stage_is_noted_with_its_figures_and_files(learned):
+    project = Project(learned.project)
+    assert all(project.finished(stage)["seconds"] > 0 for stage in STAGE_ORDER)
+    assert project.finished("geometry")["background"] == "black"
+    assert [palette.name for palette in read_palettes(project.palette_file)] == ["ball", "block"]
+    report = json.loads(project.segmentation_report.read_text())
+    assert report["objects"] == ["ball", "block"]
+    assert all(score > 0.5 for scores in report["iou_with_marks"].values() for score in scores)
+    assert sorted(path.parent.name + "/" + path.stem for path in project.masks_folder.rglob("*.png")) == [
+        "ball/r_8",
+        "ball/train_r_0",  # there is an r_0 in both splits
+        "block/r_8",
+        "block/train_r_0",
+    ]
+    assert not (project.folder / "lock").exists()
+    assert [line for line in learned.output.splitlines() if line in STAGE_ORDER] == list(STAGE_ORDER)
+
+
+def test_a_second_run_says_already_done_and_changes_nothing(still_life, copy, capsys):
+    before = contents(copy)
+    times = {name: (copy.folder / name).stat().st_mtime_ns for name in before}
+    assert main(still_life.command(copy.folder)) == 0
+    assert contents(copy) == before
+    # the geometry stage writes down capture and settings each time
+    touched = {name.name for name in before if (copy.folder / name).stat().st_mtime_ns != times[name]}
+    assert touched <= {"project.json", "capture.json"}
+    printed = capsys.readouterr().err
+    assert [f"{stage}: already done" in printed for stage in STAGE_ORDER] == [True] * 4
+
+
+def test_a_changed_setting_runs_only_what_depends_on_it(still_life, copy, capsys):
+    before = contents(copy)
+    assert main(still_life.command(copy.folder, "palette.colors=2", "recoloring.iterations=3")) == 0
+    printed = capsys.readouterr().err
+    assert [f"{stage}: already done" in printed for stage in STAGE_ORDER] == [True, True, False, False]
+    changed = {name.name for name, content in contents(copy).items() if before[name] != content}
+    assert changed == {"project.json", "palette.json", "object_colors.npz", "recoloring.safetensors"}
+    assert {len(palette.colors) for palette in read_palettes(copy.palette_file)} == {2}
+
+
+def test_changed_masks_run_the_segmentation_again(still_life, copy, tmp_path, capsys):
+    masks = shutil.copytree(still_life.masks, tmp_path / "masks")
+    shutil.copy(masks / "ball" / "r_0.png", masks / "block" / "r_0.png")
+    shutil.copy(still_life.masks / "block" / "r_0.png", masks / "ball" / "r_0.png")
+    assert main(["segmentation", str(copy.folder), "--masks", str(masks), "--threads", "1"]) == 0
+    assert "already done" not in capsys.readouterr().err
+    assert [copy.finished(stage) is not None for stage in STAGE_ORDER] == [True, True, False, False]
+
+
+# -------------------------------------------------------------------------------------------------------------- rendering
+def test_held_out_views_show_the_scene_and_its_objects(still_life, frames):
+    for stem in ("r_0", "r_1"):
+        truth = still_life.photos[f"test/{stem}"]
+        assert psnr(read_photo(frames / "render" / f"{stem}.png"), truth.color) > 20
+        for label, name in ((1, "ball"), (2, "block")):
+            assert iou(read_mask(frames / "masks" / name / f"{stem}.png"), truth.labels == label) > 0.6
+
+
+def test_depth_is_that_of_the_still_life(still_life, frames):
+    truth = still_life.photos["test/r_0"]
+    depth = np.load(frames / "depth" / "r_0.npy")
+    assert depth.dtype == np.float32 and depth.shape == (32, 32)
+    _, ball_depth = truth.camera.project(np.array([[-0.4, 0.0, 0.1]]))
+    on_ball = depth[truth.labels == 1]
+    assert abs(np.median(on_ball) - (ball_depth[0] - 0.3)) < 0.25
+
+
+def test_the_edit_turns_the_ball_green_and_leaves_the_rest(still_life, frames):
+    truth = still_life.photos["test/r_0"]
+    recolored = read_photo(frames / "recolor" / "r_0.png")
+    ball = recolored[(truth.labels == 1) & read_mask(frames / "masks" / "ball" / "r_0.png")].mean(0)
+    assert ball[1] > 2 * ball[0]
+    change = np.abs(recolored - np.rint(truth.color * 255) / 255).max(-1)
+    beside = ~maximum_filter(truth.labels == 1, 3)
+    assert change[beside].mean() < 0.02 < 0.2 < change[truth.labels == 1].mean()
+    assert (change[truth.alpha == 0] == 0).mean() > 0.95
+
+
+def test_planes_are_written_for_blender_and_hold_the_photo(still_life, learned, frames):
+    planes = read_planes(frames / "planes" / "r_0.npz")
+    assert planes.objects == ("ball", "block")
+    assert np.array_equal(planes.base, np.rint(still_life.photos["test/r_0"].color * 255))
+    total = planes.palette_weights.sum(1, dtype=np.float32)
+    np.testing.assert_allclose(total, planes.probabilities.astype(np.float32), atol=4e-3)
+    in_project = read_planes(Project(learned.project).planes_file("test_r_0"))
+    assert np.array_equal(in_project.palette_weights, planes.palette_weights)
+
+
+@pytest.mark.parametrize("views", ["train", "test_r_1,r_3"])
+def test_an_unchanged_palette_gives_the_photos_bit_by_bit(still_life, learned, tmp_path, views):
+    (tmp_path / "same.json").write_text('{"schema": "karf-edit/1", "objects": {}}')
+    options = ["--views", views, "--edit", str(tmp_path / "same.json"), "--out", str(tmp_path), "--threads", "1"]
+    assert main(["render", str(learned.project), *options]) == 0
+    written = sorted((tmp_path / "recolor").iterdir())
+    assert len(written) == (16 if views == "train" else 2)
+    for path in written:
+        photo = still_life.capture / ("test" if path.stem == "r_1" and views != "train" else "train") / path.name
+        assert np.array_equal(read_photo(path), read_photo(photo))
+
+
+def test_free_cameras_are_rendered_and_recolored_without_a_photo(learned, green, tmp_path):
+    camera = camera_at(1.0, 0.5, size=24)
+    write_cameras(tmp_path / "path.json", [View(f"frame_{i}", f"frame_{i}", camera, None, "train") for i in range(2)])
+    options = ["--views", str(tmp_path / "path.json"), "--edit", str(green), "--planes", "--out", str(tmp_path / "out")]
+    assert main(["render", str(learned.project), *options, "--threads", "1"]) == 0
+    assert sorted(path.name for path in (tmp_path / "out" / "recolor").iterdir()) == ["frame_0.png", "frame_1.png"]
+    truth = take_photo(camera)
+    rendered = read_photo(tmp_path / "out" / "render" / "frame_0.png")
+    assert psnr(rendered, truth.color) > 20
+    ball = read_photo(tmp_path / "out" / "recolor" / "frame_0.png")[truth.labels == 1].mean(0)
+    assert ball[1] > ball[0]
+    assert not (learned.project / "planes" / "frame_0.npz").exists()
+
+
+def test_an_edit_may_change_the_rendering_instead_of_the_photo(learned, tmp_path):
+    (tmp_path / "same.json").write_text('{"schema": "karf-edit/1", "objects": {}}')
+    options = ["--views", "test_r_0", "--base", "render", "--edit", str(tmp_path / "same.json"), "--out", str(tmp_path)]
+    assert main(["render", str(learned.project), *options, "--threads", "1"]) == 0
+    pictures = [(tmp_path / kind / "r_0.png").read_bytes() for kind in ("render", "recolor")]
+    assert pictures[0] == pictures[1]
+
+
+# --------------------------------------------------------------------------------------------------------------- palettes
+def test_palettes_are_printed_as_json_without_computing(learned, capsys):
+    assert main(["palette", str(learned.project), "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == json.loads((learned.project / "palette.json").read_text())
+    for entry in printed["objects"]:
+        assert entry["colors"][0] == [0, 0, 0] and len(entry["colors"]) >= 2
+
+
+@pytest.mark.parametrize("rule", ["becomes", "fewest"])
+def test_matched_edits_change_the_named_object_only_and_add_up(learned, green, tmp_path, rule):
+    out = tmp_path / "both.json"
+    options = ["--object", "block", "--from", "#2042b0", "--to", "#d0c020", "--rule", rule]
+    assert main(["match", str(learned.project), *options, "--edit", str(green), "--out", str(out)]) == 0
+    palettes = read_palettes(learned.project / "palette.json")
+    first, both = read_edit(green, palettes), read_edit(out, palettes)
+    assert np.array_equal(first.colors["ball"], both.colors["ball"])
+    assert np.array_equal(first.colors["block"], {p.name: p.colors for p in palettes}["block"])
+    assert not np.array_equal(first.colors["block"], both.colors["block"])
+    assert all(rgb_to_hex(colors[0]) == "#000000" for colors in both.colors.values())

@@ -1,0 +1,102 @@
+"""Settings: what is known is checked, what is not known is named with its nearest neighbor."""
+
+import dataclasses
+import json
+
+import pytest
+
+from karf_engine.errors import BadRequest
+from karf_engine.settings import PRESETS, Level, Settings, describe, from_dict, preset, to_dict, with_overrides
+
+
+def refusal(*overrides):
+    with pytest.raises(BadRequest) as caught:
+        with_overrides(Settings(), list(overrides))
+    return caught.value.sentence, caught.value.hint
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_every_preset_survives_json_and_is_within_its_own_ranges(name):
+    settings = preset(name)
+    assert settings.preset == name
+    assert from_dict(json.loads(json.dumps(to_dict(settings)))) == settings
+
+
+def test_an_unknown_preset_is_refused_with_the_known_ones():
+    with pytest.raises(BadRequest, match="Unknown preset 'best'") as caught:
+        preset("best")
+    assert all(name in caught.value.hint for name in PRESETS)
+
+
+def test_overrides_change_single_fields_and_nothing_else():
+    changed = with_overrides(Settings(), ["geometry.long_side=64", "palette.shared=true", "seed = 7"])
+    assert (changed.geometry.long_side, changed.palette.shared, changed.seed) == (64, True, 7)
+    assert dataclasses.replace(changed.geometry, long_side=256) == dataclasses.replace(
+        Settings().geometry, long_side=256
+    )
+    assert changed.segmentation == Settings().segmentation and changed.recoloring == Settings().recoloring
+
+
+def test_later_overrides_win_and_bare_words_are_text():
+    changed = with_overrides(Settings(), ["segmentation.head=kan", "segmentation.head=mlp"])
+    assert changed.segmentation.head == "mlp"
+
+
+def test_whole_numbers_are_fine_where_a_fraction_may_stand_but_not_the_other_way_round():
+    assert with_overrides(Settings(), ["palette.tolerance=0"]).palette.tolerance == 0.0
+    assert "is no int" in refusal("geometry.long_side=64.5")[0]
+
+
+def test_levels_are_given_as_a_list():
+    changed = with_overrides(Settings(), ['geometry.levels=[{"voxels": 20, "iterations": 5, "step": 1}]'])
+    assert changed.geometry.levels == (Level(20, 5, 1.0),)
+
+
+@pytest.mark.parametrize(
+    ("override", "name", "hint"),
+    [
+        ("geometry.max_ray=5", "geometry.max_ray", "geometry.max_rays"),
+        ("geometri.max_rays=5", "geometri", "geometry"),
+        ("sead=1", "sead", "seed"),
+        ("palette.colours=3", "palette.colours", "palette.colors"),
+        ("seed.x=1", "seed.x", "geometry"),
+        ("palette.qqqqq=1", "palette.qqqqq", "tolerance"),
+    ],
+)
+def test_unknown_names_get_the_nearest_known_one(override, name, hint):
+    sentence, remedy = refusal(override)
+    assert "Unknown setting" in sentence and name in sentence
+    assert hint in remedy
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("geometry.long_side=5", "geometry.long_side = 5 is out of range"),
+        ("geometry.table_rate=NaN", "is out of range"),
+        ("seed=-1", "seed = -1 is out of range"),
+        ("geometry.long_side=big", "geometry.long_side = 'big' is no int"),
+        ("geometry.long_side=true", "is no int"),
+        ("palette.shared=1", "palette.shared = 1 is no bool"),
+        ("segmentation.head=forest", "segmentation.head = 'forest' is not allowed"),
+        ("geometry=5", "geometry = 5 is no group of settings"),
+        ("geometry.levels=[]", "geometry.levels holds an empty or impossible level"),
+        ("geometry.levels=7", "geometry.levels = 7 is no list of levels"),
+        ('geometry.levels=[{"voxels": 2, "iterations": 5, "step": 1}]', "impossible level"),
+        ("geometry.long_side", "has no '='"),
+    ],
+)
+def test_values_that_cannot_be_are_refused_by_name(override, words):
+    sentence, hint = refusal(override)
+    assert words in sentence
+    assert hint
+
+
+def test_every_field_is_described_with_its_default_and_range():
+    rows = {name: (default, text) for name, default, text in describe()}
+    assert rows["seed"] == (0, f"Seed of every random number [0 .. {2**31 - 1}]")
+    assert "kan | mlp" in rows["segmentation.head"][1]
+    groups = ("geometry", "segmentation", "palette", "recoloring")
+    fields = {f"{group}.{item.name}" for group in groups for item in dataclasses.fields(getattr(Settings(), group))}
+    assert set(rows) == fields | {"seed"}
+    assert all(text.strip() for _, text in rows.values())
