@@ -10,7 +10,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Sequence
-from importlib import import_module
+from importlib import import_module, metadata
 from pathlib import Path
 
 from . import __version__
@@ -203,8 +203,11 @@ def run_job(job: Path) -> int:
     cancelled = threading.Event()
     threading.Thread(target=_watch_input, args=(cancelled,), daemon=True).start()
     try:
-        emit("hello", protocol=PROTOCOL, engine=__version__, python=platform.python_version(), pid=os.getpid())
-        run_stage(Request.read(job), emit, cancelled.is_set)
+        emit("hello", protocol=PROTOCOL, engine=__version__, python=platform.python_version(), torch=_version("torch"),
+             pid=os.getpid())  # fmt: skip
+        request = Request.read(job)
+        run_stage(request, emit, cancelled.is_set)
+        emit("done", summary=_summary(request))
     except Exception as raised:
         error = _as_karf_error(raised)
         if error.code == "cancelled":
@@ -212,8 +215,20 @@ def run_job(job: Path) -> int:
         else:
             emit("error", code=error.code, sentence=error.sentence, hint=error.hint)
         return error.exit_code
-    emit("done")
     return 0
+
+
+def _version(package: str) -> str | None:
+    """Version of an installed package without importing it, or None."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _summary(request: Request) -> dict:
+    """What the project notes of the stages that the request ran."""
+    return {stage: facts for stage in LEARNING if (facts := Project(request.project).finished(stage))}
 
 
 def _watch_input(cancelled: threading.Event) -> None:

@@ -25,8 +25,13 @@ class MaskScore:
 
 
 def score_masks(predicted: list[np.ndarray], truth: list[np.ndarray]) -> MaskScore:
-    """IoU of one object's masks, view by view; the second figure leaves the truth's +-1 px border out."""
+    """IoU of one object's masks, view by view; the second figure leaves the truth's +-1 px border out.
+
+    Raises ValueError where no view shows the object.
+    """
     pairs = [(p, t) for p, t in zip(predicted, truth, strict=True) if t.sum() >= MIN_PIXELS]
+    if not pairs:
+        raise ValueError(f"no view shows {MIN_PIXELS} pixels of the object")
     values = [iou(p, t) for p, t in pairs]
     inner = [iou_border_excluded(p, t) for p, t in pairs]
     return MaskScore(float(np.mean(values)), float(np.mean(inner)), float(np.min(values)))

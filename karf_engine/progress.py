@@ -29,7 +29,9 @@ class Progress:
     def step(self, count: int = 1, **metrics: float) -> None:
         """Note `count` finished steps with current figures (loss, psnr)."""
         if self._should_stop():
-            raise Cancelled(f"The {self._stage} stage was cancelled.", "Start it again to go on from the last good state.")
+            raise Cancelled(
+                f"The {self._stage} stage was cancelled.", "Start it again to go on from the last good state."
+            )
         self._done += count
         now = time.monotonic()
         if now - self._last_emit < INTERVAL and self._done < self._total:

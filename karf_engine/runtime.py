@@ -40,7 +40,9 @@ def start_runtime(seed: int = 0, threads: int | None = None, device: str | None 
     if device is None:
         device = "cuda" if torch.cuda.is_available() else "cpu"
     if device.startswith("cuda") and not torch.cuda.is_available():
-        raise BadRequest(f"Device {device!r} is not available here.", "Use --device cpu, or install a CUDA build of torch.")
+        raise BadRequest(
+            f"Device {device!r} is not available here.", "Use --device cpu, or install a CUDA build of torch."
+        )
     torch.set_num_threads(threads or default_threads())
     torch.set_flush_denormal(True)  # decaying Adam moments become denormal and slow every step down
     torch.manual_seed(seed)

@@ -94,8 +94,8 @@ class RecoloringSettings:
     width: int = option(64, "Width of the head", 4, 1024)
     frequencies: int = option(6, "Octaves of the positional encoding", 0, 16)
     direction_frequencies: int = option(2, "Octaves of the direction's encoding", 0, 8)
-    iterations: int = option(400, "Training iterations", 1, 1_000_000)
-    batch: int = option(1024, "Rays an iteration", 16, 1_000_000)
+    iterations: int = option(250, "Training iterations", 1, 1_000_000)
+    batch: int = option(512, "Rays an iteration", 16, 1_000_000)
     rate: float = option(3e-3, "Learning rate", 1e-6, 0.1)
     weight_loss: float = option(0.1, "lambda_w of Eq. 14", 0.0, 100.0)
     palette_loss: float = option(1.0, "lambda_p of Eq. 14", 0.0, 100.0)
@@ -235,13 +235,11 @@ def _checked(item: dataclasses.Field, value: Any, name: str) -> Any:
 
 def _checked_levels(value: Any, name: str) -> tuple[Level, ...]:
     try:
-        levels = tuple(
-            Level(int(entry["voxels"]), int(entry["iterations"]), float(entry["step"])) for entry in value
-        )
+        levels = tuple(Level(int(entry["voxels"]), int(entry["iterations"]), float(entry["step"])) for entry in value)
     except (TypeError, KeyError, ValueError) as error:
         raise BadRequest(
             f"{name} = {value!r} is no list of levels.", 'Give [{"voxels": 40, "iterations": 150, "step": 1.0}, ..].'
         ) from error
-    if not levels or any(v.voxels < 4 or v.iterations < 1 or v.step <= 0 for v in levels):
-        raise BadRequest(f"{name} holds an empty or impossible level.", "voxels >= 4, iterations >= 1, step > 0.")
+    if not levels or any(v.voxels < 4 or v.iterations < 1 or not 0 < v.step <= 1 for v in levels):
+        raise BadRequest(f"{name} holds an empty or impossible level.", "voxels >= 4, iterations >= 1, 0 < step <= 1.")
     return levels

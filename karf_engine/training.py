@@ -34,6 +34,11 @@ def warm_exponential(warmup: int, hold: float, floor: float) -> Callable[[int, i
     return factor
 
 
+def is_out_of_memory(error: BaseException) -> bool:
+    """True for a failed allocation, on an accelerator or by the CPU's allocator, which has no error class of its own."""
+    return isinstance(error, torch.OutOfMemoryError) or "can't allocate memory" in str(error)
+
+
 def train(
     iterations: int,
     optimizer: torch.optim.Optimizer,
@@ -56,7 +61,9 @@ def train(
         try:
             loss, metrics = step(iteration, batch_scale)
             loss.backward()
-        except torch.OutOfMemoryError as error:
+        except RuntimeError as error:
+            if not is_out_of_memory(error):
+                raise
             batch_scale /= 2
             if batch_scale < 1 / 64:
                 raise OutOfMemory(

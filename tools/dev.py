@@ -45,9 +45,9 @@ def main() -> int:
         parser.error(f"unknown arguments: {' '.join(unknown)}")
     setup()
     rest = unknown + list(getattr(options, "rest", []))
-    return {"demo": run_demo, "test": run_tests, "bench": run_bench, "build": build, "setup": lambda *_: 0}[options.verb](
-        options, rest
-    )
+    return {"demo": run_demo, "test": run_tests, "bench": run_bench, "build": build, "setup": lambda *_: 0}[
+        options.verb
+    ](options, rest)
 
 
 # ---------------------------------------------------------------------------------------------------------- environments
@@ -70,7 +70,15 @@ def setup() -> None:
         start = time.monotonic()
         print(f"setting up .venv/{environment} ...", flush=True)
         venv.create(mark.parent, with_pip=True)
-        install = [str(python_of(environment)), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *wanted]
+        install = [
+            str(python_of(environment)),
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--disable-pip-version-check",
+            *wanted,
+        ]
         subprocess.run(install, check=True)
         mark.write_text(digest)
         print(f"setting up .venv/{environment} took {time.monotonic() - start:.0f} s", flush=True)

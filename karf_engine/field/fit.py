@@ -11,6 +11,7 @@ iteration. What makes it clean, by kind of background:
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -20,13 +21,12 @@ from torch import Tensor, nn
 from ..errors import Diverged
 from ..progress import Progress
 from ..rendering.rays import PixelBank, Rays
-from ..rendering.volume import accumulate, ray_weights_from_sigmas
+from ..rendering.volume import VISIBLE_WEIGHT, accumulate, ray_weights_from_sigmas
 from ..runtime import Runtime
 from ..settings import GeometrySettings, Level
 from ..training import train, warm_exponential
 from .voxels import Background, VoxelField
 
-VISIBLE = 1e-4  # samples of less weight get no color: they cannot change an 8-bit pixel
 AZIMUTH_BINS, ELEVATION_BINS = 36, 36
 
 
@@ -47,7 +47,7 @@ def render_batch(field: VoxelField, rays: Rays, step: float, jitter: Tensor, dif
     rows, weights = field.corners(samples.positions, all_occupied=True)
     sigmas = field.density_at(rows, weights)
     ray_weights = ray_weights_from_sigmas(sigmas, samples.step, samples.ray_indices)
-    seen = torch.nonzero(ray_weights.detach() > VISIBLE).squeeze(1)
+    seen = torch.nonzero(ray_weights.detach() > VISIBLE_WEIGHT).squeeze(1)
     ray_indices = samples.ray_indices[seen]
     features = field.features_at(rows[seen], weights[seen], diffuse)
     colors = field.color(samples.positions[seen], rays.viewdirs[ray_indices], features, diffuse)
@@ -69,7 +69,9 @@ class BackgroundSupport:
     def _bins(self, viewdirs: Tensor) -> Tensor:
         azimuth = (torch.atan2(viewdirs[:, 1], viewdirs[:, 0]) / (2 * math.pi) + 0.5) * AZIMUTH_BINS
         elevation = torch.acos(viewdirs[:, 2].clamp(-1, 1)) / math.pi * ELEVATION_BINS
-        return azimuth.long().clamp_max(AZIMUTH_BINS - 1) * ELEVATION_BINS + elevation.long().clamp_max(ELEVATION_BINS - 1)
+        return azimuth.long().clamp_max(AZIMUTH_BINS - 1) * ELEVATION_BINS + elevation.long().clamp_max(
+            ELEVATION_BINS - 1
+        )
 
     def note(self, viewdirs: Tensor) -> None:
         """Directions [n, 3] of rays that met no occupied cell."""
@@ -140,7 +142,7 @@ class Fit:
     def _step(self, number: int, level: Level, batch_scale: float) -> tuple[Tensor, dict[str, float]]:
         settings, runtime = self.settings, self.runtime
         n_rays = max(64, int(self._rays_per_batch * batch_scale))
-        index = runtime.randint(len(self.bank), n_rays)
+        index = self.bank.draw(n_rays, runtime)
         rays = self.bank.rays(index)
         target = self.bank.color[index].float() / 255
         rendering = render_batch(self.field, rays, level.step, runtime.rand(n_rays), diffuse=number == 0)
@@ -204,7 +206,7 @@ class Fit:
         field = self.field
         visibility = torch.zeros(field.occupied.numel(), device=self.runtime.device)
         for _ in range(16):
-            index = self.runtime.randint(len(self.bank), 8192)
+            index = self.bank.draw(8192, self.runtime)
             samples = field.march(self.bank.rays(index), 1.0)
             sigmas = field.density_at(*field.corners(samples.positions, all_occupied=True))
             weights = ray_weights_from_sigmas(sigmas, samples.step, samples.ray_indices)
@@ -214,7 +216,8 @@ class Fit:
         )
         if not keep.any():
             raise Diverged(
-                "The geometry stage found nothing solid in the scene.", "Check the camera poses, or raise the iterations."
+                "The geometry stage found nothing solid in the scene.",
+                "Check the camera poses, or raise the iterations.",
             )
         self.field = field.pruned(keep)
 
@@ -223,7 +226,7 @@ class Fit:
         """Note which directions training rays see past every occupied cell."""
         self._support = BackgroundSupport(self.runtime.device)
         for _ in range(16):
-            rays = self.bank.rays(self.runtime.randint(len(self.bank), 8192))
+            rays = self.bank.rays(self.bank.draw(8192, self.runtime))
             samples = self.field.march(rays, level.step)
             free = torch.ones(len(rays), dtype=torch.bool, device=self.runtime.device)
             free[samples.ray_indices] = False
@@ -233,7 +236,7 @@ class Fit:
 def _parts(iterations: int, cuts: tuple[float, ...]) -> list[int]:
     """Lengths of the stretches between the cuts (shares of the whole)."""
     marks = [0, *[int(iterations * cut) for cut in cuts], iterations]
-    return [b - a for a, b in zip(marks, marks[1:], strict=False) if b > a]
+    return [b - a for a, b in itertools.pairwise(marks) if b > a]
 
 
 def focus_point(cameras) -> Tensor:

@@ -19,7 +19,7 @@ from .karf import RecoloringField, SegmentationField
 from .voxels import VoxelField
 
 NEAR_SHARE, OBJECT_SHARE = 0.4, 0.4  # of a batch; the rest comes from anywhere
-POINTS_PER_CHUNK = 1 << 16
+RAYS_PER_CHUNK = 1 << 14
 
 
 def fit_on_points(
@@ -107,7 +107,7 @@ def segment_cache(karf: SegmentationField, scene_field: VoxelField, cache: Surfa
     result[:, 0] = 1
     n_samples = cache.positions.shape[1]
     inside = karf.inside(cache.positions.view(-1, 3)).any(1).view(-1, n_samples).any(1)
-    for part in torch.nonzero(inside).squeeze(1).split(POINTS_PER_CHUNK):
+    for part in torch.nonzero(inside).squeeze(1).split(RAYS_PER_CHUNK):
         positions = cache.positions[part]
         features = scene_field.features(positions.view(-1, 3)).view(*positions.shape[:2], -1)
         result[part] = render_classes(karf, positions, features, cache.opacity[part])
@@ -116,9 +116,10 @@ def segment_cache(karf: SegmentationField, scene_field: VoxelField, cache: Surfa
 
 @dataclass(frozen=True)
 class ObjectRays:
-    """Rays of segmented objects, one surface sample each: what F_w learns from.
+    """Rays of segmented objects with their quantile samples: what F_w learns from.
 
-    positions [n, 3], viewdirs [n, 3], colors [n, 3] of the photo, block [n] (which palette), weights [n, M] star weights.
+    positions [n, K, 3], viewdirs [n, 3], colors [n, 3] of the photo, block [n] (which palette), weights [n, M] star
+    weights.
     """
 
     positions: Tensor
@@ -141,17 +142,21 @@ def fit_recoloring(
 
     In the last share of the iterations the palettes are learned too; black (entry 0) stays.
     """
-    features = scene_field.features(rays.positions)
-    karf.standardizer.fit(features[:: max(1, len(features) // 65536)])
+    some = slice(None, None, max(1, len(rays.colors) // 65536))
+    middle = rays.positions.shape[1] // 2
+    karf.standardizer.fit(scene_field.features(rays.positions[some, middle]))
     learned = palettes.clone().requires_grad_(True)
-    groups = [{"params": list(karf.parameters()), "lr": settings.rate}, {"params": [learned], "lr": settings.palette_rate}]
+    groups = [
+        {"params": list(karf.parameters()), "lr": settings.rate},
+        {"params": [learned], "lr": settings.palette_rate},
+    ]
     optimizer = torch.optim.Adam(groups)
     first_palette_iteration = int(settings.iterations * (1 - settings.palette_share))
 
     def step(iteration: int, scale: float) -> tuple[Tensor, dict[str, float]]:
-        index = runtime.randint(len(features), max(16, int(settings.batch * scale)))
+        index = runtime.randint(len(rays.colors), max(16, int(settings.batch * scale)))
         block = rays.block[index]
-        all_weights = karf(rays.positions[index], rays.viewdirs[index], features[index])
+        all_weights = render_weights(karf, scene_field, rays.positions[index], rays.viewdirs[index])
         weights = all_weights[torch.arange(len(index), device=index.device), block]  # [n, M]
         colors = learned if iteration >= first_palette_iteration else palettes
         # black stays black and no color leaves [0, 1]
@@ -167,20 +172,36 @@ def fit_recoloring(
 
 
 @torch.no_grad()
-def weigh_samples(karf: RecoloringField, scene_field: VoxelField, positions: Tensor, viewdirs: Tensor) -> Tensor:
-    """Palette weights of rays from their quantile samples, [n, blocks, M]; rows of a block sum to 1.
+def weigh_cache(
+    segmentation: SegmentationField, recoloring: RecoloringField, scene_field: VoxelField, cache: SurfaceCache
+) -> Tensor:
+    """Edit planes of all cached rays, [n, K, M]: sum_i omega_i s_i^k w_ij, of every object k and palette entry j.
 
-    positions: [n, K, 3]; viewdirs: [n, 3].
+    Class and weights are multiplied sample by sample: at a silhouette the samples behind the object have no say.
     """
-    parts = []
-    for part in torch.arange(len(positions), device=positions.device).split(POINTS_PER_CHUNK):
-        points = positions[part]
-        n_rays, n_samples = points.shape[:2]
-        flat = points.reshape(-1, 3)
-        directions = viewdirs[part][:, None].expand(-1, n_samples, -1).reshape(-1, 3)
-        weights = karf(flat, directions, scene_field.features(flat))
-        parts.append(weights.view(n_rays, n_samples, karf.n_blocks, karf.n_colors).mean(1))
-    return torch.cat(parts)
+    n_objects, n_samples = len(segmentation.boxes), cache.positions.shape[1]
+    planes = torch.zeros(len(cache), n_objects, recoloring.n_colors, device=cache.opacity.device)
+    inside = segmentation.inside(cache.positions.view(-1, 3)).any(1).view(-1, n_samples).any(1)
+    for part in torch.nonzero(inside).squeeze(1).split(RAYS_PER_CHUNK):
+        positions, viewdirs = cache.positions[part], cache.viewdirs[part]
+        flat = positions.view(-1, 3)
+        classes = segmentation(flat, scene_field.features(flat))[:, 1:].view(len(part), n_samples, n_objects, 1)
+        weights = sample_weights(recoloring, scene_field, positions, viewdirs)  # a shared palette broadcasts
+        planes[part] = (classes * weights).mean(1) * cache.opacity[part, None, None]
+    return planes
+
+
+def render_weights(karf: RecoloringField, scene_field: VoxelField, positions: Tensor, viewdirs: Tensor) -> Tensor:
+    """Differentiable mean of F_w over the quantile samples of rays, [n, blocks, M]: Eq. 8 with w in the place of s."""
+    return sample_weights(karf, scene_field, positions, viewdirs).mean(1)
+
+
+def sample_weights(karf: RecoloringField, scene_field: VoxelField, positions: Tensor, viewdirs: Tensor) -> Tensor:
+    """F_w at every quantile sample of rays, [n, K, blocks, M]. positions: [n, K, 3]; viewdirs: [n, 3]."""
+    n_rays, n_samples = positions.shape[:2]
+    flat = positions.reshape(-1, 3)
+    directions = viewdirs[:, None].expand(-1, n_samples, -1).reshape(-1, 3)
+    return karf(flat, directions, scene_field.features(flat)).view(n_rays, n_samples, karf.n_blocks, karf.n_colors)
 
 
 def _pool(chance: Tensor) -> Tensor:

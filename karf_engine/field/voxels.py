@@ -70,9 +70,9 @@ class VoxelField(nn.Module):
         n_rows = int(self.vertex_rows.max()) + 1
         self.raw_density = nn.Parameter(torch.zeros(n_rows, 1, device=minimum.device))
         self.feature_table = nn.Parameter(torch.zeros(n_rows, n_features, device=minimum.device))
-        self.color_network = nn.Sequential(
-            nn.Linear(n_features + 9, width), nn.ReLU(), nn.Linear(width, 3)
-        ).to(minimum.device)
+        self.color_network = nn.Sequential(nn.Linear(n_features + 9, width), nn.ReLU(), nn.Linear(width, 3)).to(
+            minimum.device
+        )
         nn.init.zeros_(self.color_network[2].weight)
         nn.init.zeros_(self.color_network[2].bias)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,7 +50,11 @@ def _object_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
     )
     if not files:
         raise DataError(f"{folder} holds no mask of the object {folder.name!r}.", LAYOUT_HINT)
-    return [CoarseMask(folder.name, _view_of(path, capture), path) for path in files]
+    masks = [CoarseMask(folder.name, _view_of(path, capture), path) for path in files]
+    for first, second in itertools.pairwise(sorted(masks, key=lambda mask: mask.view.name)):
+        if first.view.name == second.view.name:
+            raise DataError(f"{first.path} and {second.path} mark the same photo.", "Keep one of them.")
+    return masks
 
 
 def _view_of(path: Path, capture: Capture) -> View:
@@ -88,8 +93,11 @@ def load_mask(mask: CoarseMask, plate: Plate) -> np.ndarray:
 
 
 def keep_masks(masks: list[CoarseMask], folder: Path) -> None:
-    """Copy the masks into the project's folder, each under its view's name."""
-    for mask in masks:
-        target = folder / mask.object_name / f"{mask.view.name}.png"
-        if mask.path.absolute() != target.absolute():
-            atomic_write(target, lambda temporary, source=mask.path: shutil.copyfile(source, temporary))
+    """Make the project's folder hold these masks and no others, each under its view's name."""
+    targets = {folder / mask.object_name / f"{mask.view.name}{mask.path.suffix}": mask.path for mask in masks}
+    for target, source in targets.items():
+        if source.resolve() != target.resolve():
+            atomic_write(target, lambda temporary, source=source: shutil.copyfile(source, temporary))
+    for old in folder.glob("*/*"):
+        if old not in targets:
+            old.unlink()

@@ -54,8 +54,6 @@ def vote_on_points(
     point = point_of_sample.ravel()
     weight = np.repeat(confidence / n_samples, n_samples)
     total = np.bincount(point, weight, n_points)
-    votes = np.stack(
-        [np.bincount(point, weight * np.repeat(column, n_samples), n_points) for column in targets.T], 1
-    )
+    votes = np.stack([np.bincount(point, weight * np.repeat(column, n_samples), n_points) for column in targets.T], 1)
     even = 1.0 / targets.shape[1]
     return np.where(total[:, None] > 0, votes / np.maximum(total, 1e-12)[:, None], even), total

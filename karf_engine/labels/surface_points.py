@@ -25,9 +25,7 @@ class SurfacePoints:
         return len(self.positions)
 
 
-def merge_samples(
-    positions: np.ndarray, lab: np.ndarray, ray_confidence: np.ndarray, voxel: float
-) -> SurfacePoints:
+def merge_samples(positions: np.ndarray, lab: np.ndarray, ray_confidence: np.ndarray, voxel: float) -> SurfacePoints:
     """Merge samples [n, K, 3] of rays with photo colors lab [n, 3] and confidences [n] in [0, 1].
 
     A ray whose samples lie far apart (a silhouette) should come with low confidence: its color is a mixture.

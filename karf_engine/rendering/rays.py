@@ -13,6 +13,7 @@ from torch import Tensor
 
 from ..capture.camera import Camera
 from ..edit.color import to_bytes
+from ..runtime import Runtime
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class PixelBank:
     """All pixels of some plates: their colors, mattes and rays, addressed by one running index.
 
     color: [N, 3] uint8 sRGB. alpha: [N] uint8 or None. solid: [N] bool or None, pixels known to show something opaque.
-    The pixels of plate v are first[v] .. first[v + 1] - 1.
+    valid: masks of the pixels that `draw` may hand out. The pixels of plate v are first[v] .. first[v + 1] - 1.
     """
 
     def __init__(
@@ -59,14 +60,22 @@ class PixelBank:
         colors: list[np.ndarray],
         alphas: list[np.ndarray] | None,
         solids: list[np.ndarray] | None = None,
+        valid: list[np.ndarray] | None = None,
         device: torch.device | str = "cpu",
     ) -> None:
         self.cameras = cameras
         self.color = torch.from_numpy(np.concatenate([to_bytes(c).reshape(-1, 3) for c in colors])).to(device)
         self.alpha = (
-            None if alphas is None else torch.from_numpy(np.concatenate([to_bytes(a).ravel() for a in alphas])).to(device)
+            None
+            if alphas is None
+            else torch.from_numpy(np.concatenate([to_bytes(a).ravel() for a in alphas])).to(device)
         )
-        self.solid = None if solids is None else torch.from_numpy(np.concatenate([s.ravel() for s in solids])).to(device)
+        self.solid = (
+            None if solids is None else torch.from_numpy(np.concatenate([s.ravel() for s in solids])).to(device)
+        )
+        self._usable = None
+        if valid is not None:
+            self._usable = torch.from_numpy(np.flatnonzero(np.concatenate([v.ravel() for v in valid]))).to(device)
         sizes = torch.tensor([c.width * c.height for c in cameras])
         self.first = torch.cat([torch.zeros(1, dtype=torch.long), sizes.cumsum(0)]).to(device)
         self._widths = torch.tensor([c.width for c in cameras], device=device)
@@ -76,6 +85,12 @@ class PixelBank:
 
     def __len__(self) -> int:
         return len(self.color)
+
+    def draw(self, count: int, runtime: Runtime) -> Tensor:
+        """Running indices of `count` random usable pixels."""
+        if self._usable is None:
+            return runtime.randint(len(self), count)
+        return self._usable[runtime.randint(len(self._usable), count)]
 
     def view_of(self, index: Tensor) -> Tensor:
         """Which plate each running index belongs to."""
@@ -91,4 +106,3 @@ class PixelBank:
         local = torch.stack([(u - cx) / fx, (cy - v) / fy, -torch.ones_like(u)], 1)
         directions = torch.einsum("rij,rj->ri", self._rotations[view], local)
         return Rays(self._positions[view], torch.nn.functional.normalize(directions, dim=1))
-

@@ -17,7 +17,7 @@ from .rays import Rays
 from .sampling import Samples
 from .volume import ray_weights_from_sigmas
 
-RAYS_PER_CHUNK = 16384
+RAYS_PER_CHUNK = 4096
 MIN_OPACITY = 0.02
 
 

@@ -11,6 +11,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+VISIBLE_WEIGHT = 1e-4  # a sample of less weight needs no color: it cannot change an 8-bit pixel
+
 
 def transmittance_from_optical_depths(optical_depths: Tensor, ray_indices: Tensor) -> Tensor:
     """exp(-sum of the optical depths before each sample of its ray), [S] in (0, 1].

@@ -18,7 +18,7 @@ from ..field.fit import Fit, start_fit
 from ..field.scene import Scene
 from ..images import Plate, background_kind, solid_pixels, write_png
 from ..progress import Emit
-from ..project import Project, write_json
+from ..project import Project, read_json, write_json
 from ..rendering.rays import PixelBank
 from ..settings import Settings
 from ..wire import Request
@@ -49,10 +49,17 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
 
 
 def _open_project(folder: Path, source: str, capture: Capture, settings: Settings) -> Project:
+    """The project with this capture and these settings in it; files that hold them already are left alone."""
     project = Project(folder)
-    project.create(str(Path(source).absolute()))
-    write_json(project.capture_file, capture_to_json(capture))
-    write_json(project.state_file, project.state() | {"settings": settings_module.to_dict(settings)})
+    with project.lock():
+        project.create(str(Path(source).absolute()))
+        content = capture_to_json(capture)
+        if not project.capture_file.exists() or read_json(project.capture_file, "capture") != content:
+            write_json(project.capture_file, content)
+        state = project.state()
+        wanted = state | {"settings": settings_module.to_dict(settings)}
+        if wanted != state:
+            write_json(project.state_file, wanted)
     return project
 
 
@@ -83,7 +90,10 @@ def make_bank(plates: list[Plate], kind: str, job: Job) -> PixelBank:
         alphas = [np.ones(plate.color.shape[:2]) if plate.alpha is None else plate.alpha for plate in plates]
     if kind in ("black", "white"):
         solids = [solid_pixels(plate.color, kind) for plate in plates]
-    return PixelBank([p.camera for p in plates], [p.color for p in plates], alphas, solids, job.runtime.device)
+    valid = None
+    if any(plate.valid is not None for plate in plates):
+        valid = [np.ones(p.color.shape[:2], bool) if p.valid is None else p.valid for p in plates]
+    return PixelBank([p.camera for p in plates], [p.color for p in plates], alphas, solids, valid, job.runtime.device)
 
 
 def _with_alpha(plate: Plate) -> np.ndarray:

@@ -17,9 +17,7 @@ from ..project import atomic_write
 from ..settings import PaletteSettings
 from ..wire import Request
 from .job import Job, open_job, run_stage, stage_fingerprint
-from .segmentation import SURFACE_SCHEMA
-
-MIN_PIXELS = 50
+from .segmentation import MIN_SURE_PIXELS, SURFACE_SCHEMA
 
 
 def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
@@ -46,10 +44,8 @@ def object_pixels(job: Job) -> tuple[list[str], list[list[np.ndarray]]]:
     owner, view, sure = (tensors[name].numpy() for name in ("object", "view", "sure"))
     pixels = []
     for k, name in enumerate(facts["objects"]):
-        own = owner == k
-        # an object too thin to have an inside speaks with all its pixels
-        chosen = own & sure if (own & sure).sum() >= MIN_PIXELS else own
-        if chosen.sum() < MIN_PIXELS:
+        chosen = (owner == k) & sure
+        if chosen.sum() < MIN_SURE_PIXELS:
             raise DataError(f"{name!r} shows only {int(chosen.sum())} pixels in all views.", "Mark it more generously.")
         pixels.append([colors[chosen & (view == v)] for v in np.unique(view[chosen])])
     return facts["objects"], pixels
@@ -62,7 +58,9 @@ def extract_palettes(names: list[str], pixels: list[list[np.ndarray]], settings:
     for views in groups:
         cells, counts = color_cells(np.concatenate(views))
         found.append(
-            extract_palette(cells, counts, settings.colors or None, settings.tolerance, support=cell_support(cells, views))
+            extract_palette(
+                cells, counts, settings.colors or None, settings.tolerance, support=cell_support(cells, views)
+            )
         )
     return [Palette(name, found[0 if settings.shared else k]) for k, name in enumerate(names)]
 

@@ -17,6 +17,7 @@ from ..field.scene import Scene
 from ..palette.star_weights import star_weights
 from ..progress import Emit
 from ..project import read_json
+from ..settings import RecoloringSettings, from_dict, to_dict
 from ..wire import Request
 from .job import Job, open_job, run_stage, stage_fingerprint
 from .palette import object_pixels, write_object_colors
@@ -44,7 +45,9 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         learned = fit_recoloring(
             karf, scene.field, rays, stacked.to(job.runtime.device), settings, job.runtime, progress
         )
-        save_tensors(job.project.recoloring_file, karf.state_dict(), SCHEMA, {"sizes": sizes})
+        save_tensors(
+            job.project.recoloring_file, karf.state_dict(), SCHEMA, {"sizes": sizes, "settings": to_dict(settings)}
+        )
         palettes = _learned_palettes(initial, learned.cpu().numpy(), sizes)
         write_palettes(job.project.palette_file, palettes, job.settings.palette.shared, initial)
         write_object_colors(job.project.object_colors_file, palettes, object_pixels(job)[1])
@@ -87,6 +90,7 @@ def _learned_palettes(initial: list[Palette], learned: np.ndarray, sizes: list[i
 def load_recoloring(job: Job, bounds: Tensor, n_features: int) -> RecoloringField:
     """F_w of the project. bounds: those of F_s, [2, 3]."""
     tensors, facts = load_tensors(job.project.recoloring_file, SCHEMA, job.runtime.device)
-    karf = RecoloringField(bounds, n_features, facts["sizes"], job.settings.recoloring).to(job.runtime.device)
+    settings = from_dict(facts["settings"], RecoloringSettings)
+    karf = RecoloringField(bounds, n_features, facts["sizes"], settings).to(job.runtime.device)
     karf.load_state_dict(tensors)
     return karf.requires_grad_(False)

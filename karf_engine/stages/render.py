@@ -20,7 +20,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from ..capture import open_capture
 from ..capture.capture import View
@@ -28,7 +27,7 @@ from ..edit.color import to_bytes
 from ..edit.compositing import Planes, delta_composite, paper_composite, stack_palettes, write_planes
 from ..edit.palette import Edit, Palette, read_edit, read_palettes
 from ..errors import BadRequest, DataError
-from ..field.fit_heads import segment_cache, weigh_samples
+from ..field.fit_heads import segment_cache, weigh_cache
 from ..field.karf import RecoloringField, SegmentationField
 from ..field.scene import Picture, Scene
 from ..images import Plate, write_png
@@ -40,7 +39,7 @@ from .job import Job, open_job
 from .recoloring import load_recoloring
 from .segmentation import load_segmentation
 
-N_QUANTILES = 3
+MASK_SAMPLES, WEIGHT_SAMPLES = 3, 8  # quantile samples a ray: colors need more of them than classes
 
 
 @dataclass(frozen=True)
@@ -85,13 +84,14 @@ class Renderer:
     def frame(self, view: View, plate: Plate | None, weights_from: str) -> Frame:
         """Render a view. plate: its photo, which becomes the base, or None. weights_from: `photo` or `field`."""
         camera = view.camera if plate is None else plate.camera
-        picture = self.scene.render(replace(camera, distortion=()), N_QUANTILES)
+        from_field = self.recoloring is not None and (plate is None or weights_from == "field")
+        n_samples = WEIGHT_SAMPLES if from_field else MASK_SAMPLES
+        picture = self.scene.render(replace(camera, distortion=()), n_samples)
         base = picture.color.cpu().numpy() if plate is None else self._photo_base(plate)
         probabilities = self._probabilities(picture)
         weights = None
         if self.recoloring is not None:
-            from_photo = weights_from == "photo" and plate is not None
-            weights = self._photo_weights(base, probabilities) if from_photo else self._field_weights(picture)
+            weights = self._field_weights(picture) if from_field else self._photo_weights(base, probabilities)
         return Frame(picture, probabilities, weights, base)
 
     def _photo_base(self, plate: Plate) -> np.ndarray:
@@ -119,19 +119,12 @@ class Renderer:
         return weights
 
     def _field_weights(self, picture: Picture) -> np.ndarray:
-        """The planes of paper Eq. 9 on top of Eq. 8: sum_i omega_i s_i^k w_ij."""
+        """Planes of paper Eq. 9 on top of Eq. 8, from F_w."""
         height, width = picture.opacity.shape
-        cache = picture.cache
-        n_colors = self.learned.shape[1]
-        weights = np.zeros((len(self.objects), n_colors, height * width), np.float32)
-        classes = segment_cache(self.segmentation, self.scene.field, cache)
-        inside = torch.nonzero(classes[:, 1:].sum(1) > 1 / 512).squeeze(1)
-        found = weigh_samples(self.recoloring, self.scene.field, cache.positions[inside], cache.viewdirs[inside])
-        index = cache.index[inside].cpu().numpy()
-        for k in range(len(self.objects)):
-            block = found[:, min(k, found.shape[1] - 1)] * classes[inside, k + 1, None]
-            weights[k][:, index] = block.T.cpu().numpy()
-        return weights.reshape(len(self.objects), n_colors, height, width)
+        planes = weigh_cache(self.segmentation, self.recoloring, self.scene.field, picture.cache)
+        weights = np.zeros((*planes.shape[1:], height * width), np.float32)
+        weights[..., picture.cache.index.cpu().numpy()] = planes.permute(1, 2, 0).cpu().numpy()
+        return weights.reshape(*planes.shape[1:], height, width)
 
     def recolor(self, frame: Frame, edit: Edit) -> np.ndarray:
         """The frame's base with an edit, float32 [H, W, 3]."""

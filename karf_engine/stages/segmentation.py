@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from scipy.ndimage import binary_erosion
+from scipy.spatial import cKDTree
 from torch import Tensor
 
 from ..capture.capture import View
@@ -31,7 +32,8 @@ from ..labels.surface_points import SurfacePoints, merge_samples
 from ..progress import Emit
 from ..project import write_json
 from ..rendering.rays import camera_rays
-from ..rendering.surface_cache import SurfaceCache, cache_surface
+from ..rendering.surface_cache import SurfaceCache, cache_surface, join_caches
+from ..settings import SegmentationSettings, from_dict, to_dict
 from ..wire import Request
 from .job import Job, open_job, run_stage, stage_fingerprint
 
@@ -42,6 +44,7 @@ NEAR_VOXELS = 8.0
 BOX_MARGIN_VOXELS = 6.0
 LOW_PRECISION = 0.6
 SURE = 0.9
+MIN_SURE_PIXELS = 50
 
 
 def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
@@ -115,8 +118,6 @@ def cache_views(job: Job, scene: Scene, masks: list[CoarseMask], views: list[Vie
         SurfaceCache(p.positions, p.distances, p.viewdirs, p.opacity, p.index + start)
         for p, start in zip(parts, first[:-1], strict=True)
     ]
-    from ..rendering.surface_cache import join_caches
-
     return CachedViews(objects, plates, per_view, join_caches(shifted), first)
 
 
@@ -201,7 +202,9 @@ def _fit(
     classes = labels.classes
     for number, name in enumerate(cached.objects, 1):
         if not (classes == number).any():
-            raise DataError(f"Nothing in the scene belongs to {name!r}.", "Mark it more generously, or in another view.")
+            raise DataError(
+                f"Nothing in the scene belongs to {name!r}.", "Mark it more generously, or in another view."
+            )
     margin = BOX_MARGIN_VOXELS * scene.field.voxel
     if settings.labels == "masks":  # as in the paper, nothing bounds the objects
         boxes = scene.field.bounds.expand(len(cached.objects), 2, 3).clone()
@@ -246,25 +249,22 @@ def _object_boxes(positions: np.ndarray, classes: np.ndarray, n_objects: int, ma
 
 def _near_objects(positions: np.ndarray, classes: np.ndarray, reach: float) -> np.ndarray:
     """True for points within about `reach` of an object's point, [p]."""
-    from scipy.spatial import cKDTree
-
     tree = cKDTree(positions[classes > 0], balanced_tree=False, compact_nodes=False)
     return np.isfinite(tree.query(positions, distance_upper_bound=reach)[0])
 
 
 def _save(job: Job, karf: SegmentationField, cached: CachedViews, probabilities: Tensor) -> None:
     """Write F_s, and the object rays that the palette and recoloring stages learn from."""
-    facts = {"objects": cached.objects}
+    facts = {"objects": cached.objects, "settings": to_dict(job.settings.segmentation)}
     save_tensors(job.project.segmentation_file, karf.state_dict(), SCHEMA, facts)
     cache = cached.cache
     label = probabilities.argmax(1)
     rays = torch.nonzero(label > 0).squeeze(1)
     sure = _interior(cached, label, probabilities)
-    middle = cache.positions.shape[1] // 2
     colors = torch.from_numpy(to_bytes(cached.colors()))
     view = np.searchsorted(cached.first, cache.index[rays].cpu().numpy(), side="right") - 1
     tensors = {
-        "positions": cache.positions[rays, middle],
+        "positions": cache.positions[rays],
         "viewdirs": cache.viewdirs[rays],
         "colors": colors[cache.index[rays].cpu()],
         "object": (label[rays] - 1).to(torch.uint8),
@@ -286,14 +286,21 @@ def _interior(cached: CachedViews, label: Tensor, probabilities: Tensor) -> Tens
         labels = picture_label[pixels].reshape(plate.camera.height, plate.camera.width)
         for k in range(1, len(cached.objects) + 1):
             inside[pixels] |= binary_erosion(labels == k).ravel()
-    return torch.from_numpy(inside[index] & (probabilities.amax(1) > SURE).cpu().numpy())
+    inside = inside[index] & (probabilities.amax(1) > SURE).cpu().numpy()
+    for k in range(1, len(cached.objects) + 1):
+        own = picture_label[index] == k
+        # an object too thin to have an inside speaks with all its pixels
+        if (own & inside).sum() < MIN_SURE_PIXELS:
+            inside |= own
+    return torch.from_numpy(inside)
 
 
 def load_segmentation(job: Job) -> tuple[SegmentationField, list[str]]:
     """F_s of the project, and the objects' names."""
     tensors, facts = load_tensors(job.project.segmentation_file, SCHEMA, job.runtime.device)
     n_features = len(tensors["standardizer.mean"])
-    karf = SegmentationField(tensors["boxes"], n_features, job.settings.segmentation).to(job.runtime.device)
+    settings = from_dict(facts["settings"], SegmentationSettings)
+    karf = SegmentationField(tensors["boxes"], n_features, settings).to(job.runtime.device)
     karf.load_state_dict(tensors)
     return karf.requires_grad_(False), facts["objects"]
 

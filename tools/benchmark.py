@@ -1,0 +1,145 @@
+"""Measured times beside their targets: python3 tools/dev.py bench [kan] [compositing] [swatch] [stages].
+
+    kan          the Gaussian layer against the matrix products alone and against the form that stores every basis
+    compositing  a swatch change on cached planes, the arithmetic alone
+    swatch       the same in Blender, from setting the swatch to the pixels in the image
+    stages       seconds and peak memory of each stage: of --project DIR, else of the demo, learned for this
+
+Without names: all but `stages`. Times are those of this machine at this moment; the ratios say more than the seconds,
+and a load average near the number of cores makes both worthless. Paths are relative to the checkout.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from dev import ROOT, python_of
+
+NAMES = ("kan", "compositing", "swatch", "stages")
+SWATCH_TARGET_MS = 16.0  # one picture of sixty a second
+SWATCH_CASES = ((1, 1), (1, 5), (3, 1))  # objects, swatches of the first that differ; 5 are all but black
+STAGES = ("geometry", "segmentation", "palette", "recoloring")
+
+Row = dict[str, Any]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(NAMES))
+    parser.add_argument("--threads", type=int, default=1, help="of kan and of learning the demo (default: %(default)s)")
+    parser.add_argument("--repeats", type=int, default=5, help="rounds of kan (default: %(default)s)")
+    parser.add_argument("--project", type=Path, metavar="DIR", help="a learned project, for stages")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows there too")
+    options = parser.parse_args()
+    unknown = [name for name in options.names if name not in NAMES]
+    if unknown:
+        parser.error(f"unknown: {', '.join(unknown)}; choose from {', '.join(NAMES)}")
+    benches = {"kan": bench_kan, "compositing": bench_compositing, "swatch": bench_swatch, "stages": bench_stages}
+    facts = machine(options.threads)
+    print("  ".join(f"{name} {value}" for name, value in facts.items()), flush=True)
+    rows: list[Row] = []
+    for name in options.names or NAMES[:-1]:
+        print(f"\n--- {name}", flush=True)
+        rows += [{"bench": name, **row} for row in benches[name](options)]
+    if options.json:
+        options.json.write_text(json.dumps({"machine": facts, "rows": rows}, indent=1) + "\n", encoding="utf-8")
+
+
+def machine(threads: int) -> Row:
+    """What the figures depend on: processor, cores this process may use, threads, and how busy they are already."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    load = round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None
+    return {"processor": _processor(), "cores": cores, "threads": threads, "load": load}
+
+
+def _processor() -> str:
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text().splitlines() if info.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+# ---------------------------------------------------------------------------------------------------------------- benches
+def bench_kan(options: argparse.Namespace) -> list[Row]:
+    """Milliseconds, ratios to the floor and peak memory of each layer; the targets stand below the table."""
+    from benchmarks import kan
+
+    rows = kan.run(options.threads, options.repeats)
+    kan.print_table(rows)
+    return rows
+
+
+def bench_compositing(options: argparse.Namespace) -> list[Row]:
+    """Median milliseconds of `delta_composite`; it has no target of its own, but must fit into that of `swatch`."""
+    from benchmarks import compositing
+
+    rows = compositing.run()
+    print_rows(rows)
+    return rows
+
+
+def bench_swatch(options: argparse.Namespace) -> list[Row]:
+    """Median milliseconds of a swatch edit in a real Blender, in its own environment."""
+    rows = []
+    for objects, edited in SWATCH_CASES:
+        command = [python_of("blender"), ROOT / "tools" / "benchmarks" / "blender_swatch.py"]
+        command += ["--objects", str(objects), "--edited", str(edited)]
+        done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
+        # Blender prints lines of its own before
+        figures = json.loads(done.stdout.splitlines()[-1])
+        rows.append(figures | {"target_ms": SWATCH_TARGET_MS, "met": figures["median_ms"] <= SWATCH_TARGET_MS})
+    print_rows(rows)
+    return rows
+
+
+def bench_stages(options: argparse.Namespace) -> list[Row]:
+    """Seconds and peak memory of each finished stage of a project."""
+    if options.project:
+        rows = stage_rows(options.project)
+    else:
+        with tempfile.TemporaryDirectory(prefix="karf-bench-") as folder:
+            learn_demo(Path(folder), options.threads)
+            rows = stage_rows(Path(folder))
+    print_rows(rows)
+    return rows
+
+
+def learn_demo(project: Path, threads: int) -> None:
+    """Learn the demo capture, one process a stage: a process knows only its own highest memory."""
+    masks = str(ROOT / "demo" / "coarse_masks" / "one")
+    arguments = {"geometry": [str(ROOT / "demo"), "--project", str(project)], "segmentation": ["--masks", masks]}
+    for stage in STAGES:
+        chosen = arguments.get(stage, []) if stage == "geometry" else [str(project), *arguments.get(stage, [])]
+        command = [sys.executable, "-m", "karf_engine", stage, *chosen, "--threads", str(threads)]
+        subprocess.run(command, cwd=ROOT, check=True)
+
+
+def stage_rows(project: Path) -> list[Row]:
+    """What the stages of a project noted of themselves."""
+    state = json.loads((project / "project.json").read_text(encoding="utf-8"))
+    finished = [(stage, state["stages"][stage]) for stage in STAGES if stage in state["stages"]]
+    return [
+        {"stage": stage, "seconds": facts["seconds"], "peak_gib": round(facts["peak_memory"] / 2**30, 2)}
+        for stage, facts in finished
+    ]
+
+
+def print_rows(rows: Iterable[Row]) -> None:
+    """Rows with the same keys as a table."""
+    table = [list(rows[0]), *[[str(value) for value in row.values()] for row in rows]] if rows else []
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    for line in table:
+        print("  ".join(f"{cell:>{width}}" for cell, width in zip(line, widths, strict=True)), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,192 @@
+"""Judge the whole path on a real capture whose masks are known: OUT/summary.json and OUT/contact_sheet.png.
+
+    .venv/engine/bin/python tools/judge_capture.py CAPTURE --truth MASKS --out OUT [--seed N] [--set STAGE.FIELD=VALUE]
+
+MASKS/<object>/<split>/<photo stem>.png are the true masks. One of each object is drawn over as a hasty hand would, and
+is all that the engine sees; the ceiling is the same field trained on the true masks of all training views. Another
+seed draws other masks: in the same OUT only what depends on them is learned again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import binary_opening, distance_transform_edt, gaussian_filter
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from judging import (
+    TestViews,
+    difference,
+    learn_again,
+    open_project,
+    print_common,
+    render_test_views,
+    rounded,
+    score_objects,
+    score_renders,
+    sheet_numbers,
+    stage_facts,
+    tinted,
+    write_sheet,
+)
+
+from karf_engine.capture import open_capture
+from karf_engine.capture.capture import Capture, View
+from karf_engine.cli import run_stage
+from karf_engine.edit.metrics import iou
+from karf_engine.images import Plate, read_mask, resize, undistort, write_png
+from karf_engine.progress import TerminalEmit
+from karf_engine.project import read_json, write_json
+from karf_engine.settings import PRESETS
+from karf_engine.stages.segmentation import spread_views
+from karf_engine.wire import Request
+
+KINDS = ("blob", "chunk", "spill")
+DISK = 0.38  # radius of a missing chunk or a spill, in radii of a disk as large as the object
+
+
+def main() -> None:
+    options = parse_arguments()
+    capture = open_capture(options.capture)
+    drawn = draw_masks(capture, options.truth, options.out / "coarse_masks", options.seed, options.masks_each)
+    learn(options)
+    job = open_project(options.out / "project", options.threads)
+    test = render_test_views(job)
+    truth = {name: [true_mask(options.truth, name, plate) for plate in test.plates] for name in test.renderer.objects}
+    summary = {"capture": str(options.capture), "seed": options.seed, "coarse_masks": drawn}
+    summary |= stage_facts(job.project) | score_renders(test)
+    summary["precision"] = read_json(job.project.segmentation_report, "report")["precision"]
+    summary |= score_objects(test, truth)
+    true_masks = gather_training_masks(capture, options.truth, options.out / "scratch" / "true_masks")
+    summary |= score_objects(
+        learn_again(job, options.out / "scratch" / "ceiling", "votes", true_masks), truth, "_ceiling"
+    )
+    write_json(options.out / "summary.json", rounded(summary))
+    contact_sheet(options.out / "contact_sheet.png", test, truth)
+    report(options.out, rounded(summary))
+
+
+def parse_arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("capture", type=Path, help="folder or file with photos and camera poses")
+    parser.add_argument("--truth", type=Path, required=True, help="true masks: <object>/<split>/<photo stem>.png")
+    parser.add_argument("--out", type=Path, required=True, help="folder for everything written")
+    parser.add_argument("--preset", default="demo", choices=tuple(PRESETS))
+    parser.add_argument("--set", dest="overrides", action="append", default=[], metavar="STAGE.FIELD=VALUE")
+    parser.add_argument("--seed", type=int, default=0, help="of the drawn masks: views, kinds and borders")
+    parser.add_argument("--masks-each", type=int, default=1, help="training views marked for each object")
+    parser.add_argument("--threads", type=int)
+    return parser.parse_args()
+
+
+def learn(options: argparse.Namespace) -> None:
+    """The main job, as the command line's `all` would run it."""
+    values = {
+        "capture": str(options.capture),
+        "masks": str(options.out / "coarse_masks"),
+        "preset": options.preset,
+        "overrides": options.overrides,
+        "threads": options.threads,
+    }
+    run_stage(Request("all", options.out / "project", values), TerminalEmit(), lambda: False)
+
+
+# ---------------------------------------------------------------------------------------------------------- coarse masks
+def draw_masks(capture: Capture, truth: Path, folder: Path, seed: int, masks_each: int) -> dict[str, list[dict]]:
+    """Write coarse masks of every object in `truth`, and tell of each: view, kind of flaw, IoU with the truth."""
+    shutil.rmtree(folder, ignore_errors=True)
+    facts: dict[str, list[dict]] = {}
+    for number, path in enumerate(sorted(p for p in truth.iterdir() if p.is_dir())):
+        random = np.random.default_rng((seed, number))
+        facts[path.name] = []
+        for place, view in enumerate(choose_views(capture, path, random, masks_each)):
+            kind = KINDS[(seed + number + place) % len(KINDS)]
+            exact = read_mask(mask_file(path, view))
+            mask = coarse_mask(exact, kind, random)
+            write_png(folder / path.name / f"{view.stem}.png", mask)
+            facts[path.name].append({"view": view.name, "kind": kind, "iou": round(iou(mask, exact), 3)})
+            print(f"mask of {path.name}: {view.name}, {kind}, IoU {facts[path.name][-1]['iou']}", flush=True)
+    return facts
+
+
+def choose_views(capture: Capture, masks: Path, random: np.random.Generator, count: int) -> list[View]:
+    """Training views that show more of the object than the median: one drawn at random, others far from it."""
+    views = [view for view in capture.split("train") if mask_file(masks, view).exists()]
+    areas = np.array([read_mask(mask_file(masks, view)).sum() for view in views])
+    large = [view for view, area in zip(views, areas, strict=True) if area > np.median(areas)]
+    first = large[random.integers(len(large))]
+    return spread_views(large, [first.name], count)
+
+
+def mask_file(masks: Path, view: View) -> Path:
+    """Where an object's true mask of a view is, below the object's folder."""
+    return masks / view.split / f"{view.stem}.png"
+
+
+def coarse_mask(truth: np.ndarray, kind: str, random: np.random.Generator) -> np.ndarray:
+    """A mask as a hasty hand draws it, bool [H, W]: a wavy border, and a chunk missing or a spill across the border.
+
+    Errors are in proportion to the picture's height: 3 pixels of 200.
+    """
+    pixel = len(truth) / 200
+    distance = np.where(truth, distance_transform_edt(truth) - 0.5, 0.5 - distance_transform_edt(~truth))
+    noise = gaussian_filter(random.standard_normal(truth.shape), 8 * pixel)
+    moved = distance + pixel * (3 * noise / noise.std() + random.uniform(-1.5, 3.5))
+    mask = binary_opening(moved > 0, iterations=max(1, round(pixel)))
+    border = np.argwhere(truth & (distance < 1))
+    row, column = border[random.integers(len(border))]
+    rows, columns = np.indices(truth.shape)
+    disk = np.hypot(rows - row, columns - column) < DISK * np.sqrt(truth.sum() / np.pi)
+    return {"blob": mask, "chunk": mask & ~disk, "spill": mask | disk}[kind]
+
+
+# ----------------------------------------------------------------------------------------------------------------- truth
+def true_mask(truth: Path, object_name: str, plate: Plate) -> np.ndarray:
+    """The true mask at the plate's working size; empty where there is no file."""
+    path, camera = mask_file(truth / object_name, plate.view), plate.camera
+    if not path.exists():
+        return np.zeros((camera.height, camera.width), bool)
+    values, _, _ = undistort(read_mask(path).astype(np.float32)[..., None], plate.view.camera)
+    return resize(values, camera.width, camera.height)[..., 0] >= 0.5
+
+
+def gather_training_masks(capture: Capture, truth: Path, folder: Path) -> Path:
+    """Copy the true masks of all training views to FOLDER/<object>/<photo stem>.png; returns the folder."""
+    shutil.rmtree(folder, ignore_errors=True)
+    for masks in (path for path in truth.iterdir() if path.is_dir()):
+        (folder / masks.name).mkdir(parents=True)
+        for view in capture.split("train"):
+            source = mask_file(masks, view)
+            if source.exists() and read_mask(source).any():
+                shutil.copyfile(source, folder / masks.name / source.name)
+    return folder
+
+
+# --------------------------------------------------------------------------------------------------------------- results
+def contact_sheet(path: Path, test: TestViews, truth: dict[str, list[np.ndarray]]) -> None:
+    """Columns: photo, learned render, masks over the photo, and where they differ from the truth."""
+    rows = []
+    for number in sheet_numbers(len(test.frames)):
+        frame = test.frames[number]
+        exact = np.stack([truth[name][number] for name in test.renderer.objects])
+        masks = [tinted(frame.base, frame.masks), difference(frame.base, frame.masks, exact)]
+        rows.append([frame.base, frame.picture.color.cpu().numpy(), *masks])
+    write_sheet(path, rows)
+
+
+def report(out: Path, summary: dict) -> None:
+    """Print the figures, and where they are."""
+    seconds = "  ".join(f"{name} {value}" for name, value in summary["stage_seconds"].items())
+    print(f"\nseconds            {seconds}; peak memory {summary['peak_memory'] / 2**30:.2f} GiB")
+    print_common(summary)
+    print("precision          " + "  ".join(f"{name} {value}" for name, value in summary["precision"].items()))
+    print(f"\nsheet      {out / 'contact_sheet.png'}\nfigures    {out / 'summary.json'}")
+
+
+if __name__ == "__main__":
+    main()
