@@ -22,15 +22,16 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from .mixtures import Mixture, fit_mixture
+from .mixtures import fit_mixture
 
 NEIGHBORS = 12
 SMOOTHNESS = 20.0
 PATTERN = 0.02  # what stays of a weight across a color edge: a smooth surface with a pattern is one thing
 PRIOR = 1e-4
 UNKNOWN_LOG_DENSITY = -13.5
-OBJECT_COMPONENTS, BACKGROUND_COMPONENTS = 5, 10
-REACH = 3.0  # points farther than this many seed radii from every object are background without a solve
+COMPONENTS = 5
+HOME = 2.0  # an object's colors fade beyond this many seed radii
+REACH = 4.0  # points farther than this many seed radii from every object are background without a solve
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ def solve_labels(
         neighbor_graph(positions[near], lab[near], normals[near], voxel),
         seed_targets[near],
         seed_confidence[near],
-        4.5 * np.maximum(0, distance[near] / (1.5 * radii) - 1) ** 2,
+        4.5 * np.maximum(0, distance[near] / (HOME * radii) - 1) ** 2,
         random,
     )
     near_probabilities, precision = solver.run(rounds)
@@ -154,15 +155,12 @@ class _Solver:
         for k in range(x.shape[1]):
             strength = sure * (best == k)
             if strength.sum() > 0:
-                mixture = self._mixture(strength, BACKGROUND_COMPONENTS if k == 0 else OBJECT_COMPONENTS)
+                mixture = fit_mixture(self.lab, self.normals, strength, COMPONENTS, self.random)
                 log_density[:, k] = mixture.log_density(self.lab, self.normals)
         log_density[:, 1:] -= self.distance_penalty
         density = np.exp(np.maximum(log_density, -700))
         unknown = np.exp(UNKNOWN_LOG_DENSITY)
         return (density + unknown / x.shape[1]) / (density.sum(1, keepdims=True) + unknown)
-
-    def _mixture(self, strength: np.ndarray, n_components: int) -> Mixture:
-        return fit_mixture(self.lab, self.normals, strength, n_components, self.random)
 
     def _guards(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """How far each class may be trusted on color, [K+1], and the objects' precision, [K]."""
