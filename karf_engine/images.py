@@ -1,4 +1,4 @@
-"""Image files in and out, resizing and undistortion; the only module that rounds colors to 8 bit.
+"""Image files in and out, resizing and undistortion (rounding to 8 bit is `edit.color.to_bytes`).
 
 Images are float32 [H, W, C], display-referred sRGB in [0, 1], row 0 at the top. Pixel corners lie at integers, so the
 value at [row, column] belongs to the position (u, v) = (column + 0.5, row + 0.5). Alpha is straight, not multiplied in.

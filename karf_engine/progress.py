@@ -30,7 +30,8 @@ class Progress:
         """Note `count` finished steps with current figures (loss, psnr)."""
         if self._should_stop():
             raise Cancelled(
-                f"The {self._stage} stage was cancelled.", "Start it again to go on from the last good state."
+                f"The {self._stage} stage was cancelled.",
+                "What earlier stages finished is kept; start it again when you like.",
             )
         self._done += count
         now = time.monotonic()

@@ -116,7 +116,7 @@ class Settings:
 
 
 PRESETS: dict[str, Settings] = {
-    # two processor cores, about two minutes on photos of 256 pixels
+    # two processor cores, a few minutes on photos of 256 pixels
     "demo": Settings(),
     # a laptop, 400 pixels: more and finer cells, more samples an iteration
     "fast": Settings(

@@ -1,7 +1,7 @@
 """Set up, demo, test, bench, build: everything a developer or a curious user runs, with nothing but Python 3.11.
 
     python3 tools/dev.py demo [--out DIR]    the main job on the demo capture, through real Blender
-    python3 tools/dev.py test [-k WORD]      lint and all tests, in both environments
+    python3 tools/dev.py test                lint and all tests, in both environments (test -k WORD: engine tests by name)
     python3 tools/dev.py bench [NAME ...]    measured ratios and seconds
     python3 tools/dev.py build               the extension's zip in dist/
     python3 tools/dev.py setup               only the environments
@@ -69,7 +69,7 @@ def setup() -> None:
             continue
         start = time.monotonic()
         print(f"setting up .venv/{environment} ...", flush=True)
-        venv.create(mark.parent, with_pip=True)
+        venv.create(mark.parent, with_pip=True, symlinks=os.name != "nt")
         install = [
             str(python_of(environment)),
             "-m",

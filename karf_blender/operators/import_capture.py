@@ -20,7 +20,7 @@ def look_from_camera(area) -> None:
 
 
 class KARF_OT_import_capture(bpy.types.Operator):
-    """Make a camera for every photo of a capture (transforms.json, LLFF or COLMAP; its folder or camera file)"""
+    """Make a camera for every photo of a capture (transforms.json; its folder or camera file)"""
 
     bl_idname = "karf.import_capture"
     bl_label = "Import Capture"

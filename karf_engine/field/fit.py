@@ -21,7 +21,7 @@ from torch import Tensor, nn
 from ..errors import Diverged
 from ..progress import Progress
 from ..rendering.rays import PixelBank, Rays
-from ..rendering.volume import VISIBLE_WEIGHT, accumulate, ray_weights_from_sigmas
+from ..rendering.volume import VISIBLE_WEIGHT, accumulate, ray_weights_from_sigmas, remainder_from_sigmas
 from ..runtime import Runtime
 from ..settings import GeometrySettings, Level
 from ..training import train, warm_exponential
@@ -54,10 +54,10 @@ def render_batch(field: VoxelField, rays: Rays, step: float, jitter: Tensor, dif
     # one pass over the seen samples for color, distance and its square
     distances = samples.distances[seen, None]
     sums = accumulate(ray_weights[seen], torch.cat([colors, distances, distances**2], 1), ray_indices, len(rays))
-    opacity = accumulate(ray_weights, None, samples.ray_indices, len(rays))[:, 0]
-    variance = sums[:, 4] - sums[:, 3] ** 2 / opacity.clamp_min(1e-6)
+    remainder = remainder_from_sigmas(sigmas, samples.step, samples.ray_indices, len(rays))
+    variance = sums[:, 4] - sums[:, 3] ** 2 / (1 - remainder).clamp_min(1e-6)
     mean_alpha = -torch.expm1(-sigmas * samples.step).mean() if len(samples) else sigmas.sum()
-    return Rendering(sums[:, :3], (1 - opacity).clamp_min(0), variance, mean_alpha, len(samples))
+    return Rendering(sums[:, :3], remainder, variance, mean_alpha, len(samples))
 
 
 class BackgroundSupport:

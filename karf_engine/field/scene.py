@@ -12,7 +12,7 @@ from ..capture.camera import Camera
 from ..checkpoints import load_tensors, save_tensors
 from ..rendering.rays import Rays, camera_rays, depth_per_distance
 from ..rendering.surface_cache import SurfaceCache, join_caches, quantile_samples
-from ..rendering.volume import VISIBLE_WEIGHT, accumulate, ray_weights_from_sigmas
+from ..rendering.volume import VISIBLE_WEIGHT, accumulate, ray_weights_from_sigmas, remainder_from_sigmas
 from .voxels import Background, VoxelField
 
 SCHEMA = "karf-geometry/1"
@@ -69,7 +69,8 @@ class Scene:
         field = self.field
         samples = field.march(rays, self.step)
         rows, weights = field.corners(samples.positions, all_occupied=True)
-        ray_weights = ray_weights_from_sigmas(field.density_at(rows, weights), samples.step, samples.ray_indices)
+        sigmas = field.density_at(rows, weights)
+        ray_weights = ray_weights_from_sigmas(sigmas, samples.step, samples.ray_indices)
         seen = torch.nonzero(ray_weights > VISIBLE_WEIGHT).squeeze(1)
         ray_indices = samples.ray_indices[seen]
         features = field.features_at(rows[seen], weights[seen])
@@ -77,8 +78,9 @@ class Scene:
         sums = accumulate(
             ray_weights[seen], torch.cat([color, samples.distances[seen, None]], 1), ray_indices, len(rays)
         )
-        opacity = accumulate(ray_weights, None, samples.ray_indices, len(rays))[:, 0].clamp(0, 1)
-        color = sums[:, :3] + (1 - opacity)[:, None] * self.behind(rays.viewdirs)
+        remainder = remainder_from_sigmas(sigmas, samples.step, samples.ray_indices, len(rays))
+        opacity = 1 - remainder
+        color = sums[:, :3] + remainder[:, None] * self.behind(rays.viewdirs)
         # an empty ray has no distance: dividing by the smallest float keeps 0 / 0 out
         distance = sums[:, 3] / opacity.clamp_min(torch.finfo(opacity.dtype).tiny)
         return color, opacity, distance, quantile_samples(rays, samples, ray_weights, n_quantiles, first)

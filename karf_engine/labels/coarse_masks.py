@@ -93,11 +93,8 @@ def load_mask(mask: CoarseMask, plate: Plate) -> np.ndarray:
 
 
 def keep_masks(masks: list[CoarseMask], folder: Path) -> None:
-    """Make the project's folder hold these masks and no others, each under its view's name."""
+    """Copy the masks into the project's folder, each under its view's name; masks that are there already stay."""
     targets = {folder / mask.object_name / f"{mask.view.name}{mask.path.suffix}": mask.path for mask in masks}
     for target, source in targets.items():
         if source.resolve() != target.resolve():
             atomic_write(target, lambda temporary, source=source: shutil.copyfile(source, temporary))
-    for old in folder.glob("*/*"):
-        if old not in targets:
-            old.unlink()

@@ -36,7 +36,7 @@ REACH = 4.0  # points farther than this many seed radii from every object are ba
 
 @dataclass(frozen=True)
 class Labels:
-    """probabilities [p, K+1]; precision [K]: the share of each object's seeds that its colors explain, [0, 1]."""
+    """probabilities [p, K+1]; precision [K]: of the seeds that look like an object, the share that is marked as it."""
 
     probabilities: np.ndarray
     precision: np.ndarray

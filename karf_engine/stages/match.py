@@ -49,7 +49,7 @@ def solve(project: Project, palette: Palette, source: np.ndarray, target: np.nda
     colors, counts, weights = read_object_colors(project.object_colors_file, palette.name)
     if rule == "becomes":
         return match_becomes(colors, counts, weights, palette.colors, source, target)
-    return match_fewest(nearest_weights(colors, weights, source), palette.colors, target)
+    return match_fewest(nearest_weights(colors, weights, source), palette.colors, target, shown=source)
 
 
 def _palette(palettes: tuple[Palette, ...], name: str) -> Palette:

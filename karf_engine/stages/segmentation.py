@@ -184,7 +184,7 @@ def _warn_of_low_precision(job: Job, objects: list[str], labels: Labels) -> None
             job.emit(
                 "warning",
                 code="precision",
-                sentence=f"The colors of {name!r} explain only {precision:.0%} of its marks: "
+                sentence=f"Only {precision:.0%} of what looks like {name!r} is marked as it: "
                 "add a mask from another view, or mark it more tightly.",
             )
 
