@@ -1,6 +1,6 @@
 """Surface points: the samples of many rays merged into cells a little larger than a voxel.
 
-A point knows its mean position, normal, mean photo color in CIE Lab and mean prior features. `point_of_sample` [n, K]
+A point knows its mean position and mean photo color in CIE Lab. `point_of_sample` [n, K]
 says into which point each cached sample went.
 """
 
