@@ -72,7 +72,7 @@ class SegmentationSettings:
     cache_views: int = option(24, "Training views whose surface is cached", 1, 1000)
     cache_long_side: int = option(128, "Long side at which unmarked views are cached, pixels", 32, 4096)
     samples_per_ray: int = option(3, "Quantile samples a ray in the cache", 1, 16)
-    rounds: int = option(6, "Rounds of the label solve", 1, 50)
+    rounds: int = option(3, "Rounds of the label solve", 1, 50)
 
 
 @dataclass(frozen=True)

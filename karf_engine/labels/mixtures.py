@@ -1,8 +1,8 @@
-"""Gaussian mixtures of how a class looks: colors in CIE Lab, and which way its surface faces.
+"""Gaussian mixtures in CIE Lab: which colors the classes have.
 
-A component is a Gaussian of color times one of the unit normal, the latter with a floor: a class may well turn up
-facing another way, so an unseen direction costs at most a fixed factor. Without normals a shaded light wall is lost to
-whatever horizontal thing has its color; with Gaussian normals alone an object's unseen sides would be lost.
+All classes share one set of Gaussians, and a class is its shares of them. With a set of its own, a class that holds few
+colors by mistake (a chunk of the object that the hand left out) would describe them more finely than the class they
+belong to, and so win them.
 """
 
 from __future__ import annotations
@@ -12,88 +12,71 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.cluster.vq import kmeans2
 
-COLOR_FLOOR = 4.0  # added to variances of color, Lab units squared: no component collapses on one color
-NORMAL_FLOOR = 0.04  # added to variances of the unit normal
-NORMAL_SCALE = 10.0  # a unit of normal counts like this many units of Lab when components are formed
-UNSEEN_DIRECTION = 0.01  # share of a component that faces anywhere
-LOG_ANYWHERE = -np.log(4 * np.pi)
-
-
-@dataclass(frozen=True)
-class Gaussians:
-    """means [m, 3] and covariances [m, 3, 3]."""
-
-    means: np.ndarray
-    covariances: np.ndarray
-
-    def log_density(self, values: np.ndarray) -> np.ndarray:
-        """Natural logarithm of each one's density at values [n, 3], [n, m]."""
-        factors = np.linalg.cholesky(self.covariances)
-        inverses = np.linalg.inv(factors)
-        log_norms = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(1) + 1.5 * np.log(2 * np.pi)
-        parts = np.empty((len(values), len(self.means)))
-        for number, (mean, inverse) in enumerate(zip(self.means, inverses, strict=True)):
-            scaled = (values - mean) @ inverse.T
-            parts[:, number] = -0.5 * np.einsum("ni,ni->n", scaled, scaled) - log_norms[number]
-        return parts
+COLOR_FLOOR = 4.0  # added to variances, Lab units squared: no component collapses on one color
+COMPONENTS, DRAWS = 20, 5000
+EM_STEPS = 12
+LEAST_SHARE = 1e-9
 
 
 @dataclass(frozen=True)
 class Mixture:
-    """shares [m] sum to 1; colors and normals: the components' Gaussians."""
+    """shares [m] sum to 1; means [m, 3] and covariances [m, 3, 3] in Lab."""
 
     shares: np.ndarray
-    colors: Gaussians
-    normals: Gaussians
+    means: np.ndarray
+    covariances: np.ndarray
 
-    def log_density(self, lab: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """Natural logarithm of the density at Lab colors [n, 3] with unit normals [n, 3], [n]."""
-        return _log_sum(self.log_parts(lab, normals))
+    def log_components(self, lab: np.ndarray) -> np.ndarray:
+        """Natural logarithm of each Gaussian's density at colors [n, 3], [n, m]."""
+        factors = np.linalg.cholesky(self.covariances)
+        inverses = np.linalg.inv(factors)
+        log_norms = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(1) + 1.5 * np.log(2 * np.pi)
+        parts = np.empty((len(lab), len(self.means)))
+        for number, (mean, inverse) in enumerate(zip(self.means, inverses, strict=True)):
+            scaled = (lab - mean) @ inverse.T
+            parts[:, number] = -0.5 * np.einsum("ni,ni->n", scaled, scaled) - log_norms[number]
+        return parts
 
-    def log_parts(self, lab: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """Logarithm of each component's share of the density, [n, m]."""
-        facing = np.log1p(-UNSEEN_DIRECTION) + self.normals.log_density(normals)
-        facing = np.logaddexp(facing, np.log(UNSEEN_DIRECTION) + LOG_ANYWHERE)
-        return np.log(self.shares) + self.colors.log_density(lab) + facing
+    def responsibilities(self, log_components: np.ndarray) -> np.ndarray:
+        """How far each component explains each color, [n, m]; rows sum to 1."""
+        parts = log_components + np.log(self.shares)
+        return np.exp(parts - _log_sum(parts)[:, None])
+
+
+def class_log_densities(lab: np.ndarray, strengths: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    """Natural logarithm of each class's density at the colors lab [n, 3], [n, C].
+
+    strengths: [n, C] >= 0, how far a point stands for a class; not all zero. A class without any is nowhere dense.
+    """
+    n_classes = strengths.shape[1]
+    even = strengths / np.maximum(strengths.sum(0), 1e-12)  # a small object has as much say as a large one
+    mixture = fit_mixture(lab, even.sum(1), COMPONENTS, random, DRAWS)
+    log_components = mixture.log_components(lab)
+    shares = even.T @ mixture.responsibilities(log_components)
+    return np.stack([_log_sum(log_components + np.log(np.maximum(own, LEAST_SHARE))) for own in shares], 1)
 
 
 def fit_mixture(
-    lab: np.ndarray,
-    normals: np.ndarray,
-    weights: np.ndarray,
-    n_components: int,
-    random: np.random.Generator,
-    n_draws: int = 4000,
-    iterations: int = 12,
+    lab: np.ndarray, weights: np.ndarray, n_components: int, random: np.random.Generator, n_draws: int = 4000
 ) -> Mixture:
     """Fit by k-means and EM to `n_draws` points drawn in proportion to weights [n] (not all zero)."""
     drawn = random.choice(len(lab), n_draws, p=weights / weights.sum())
-    lab, normals = lab[drawn], normals[drawn]
-    together = np.concatenate([lab, NORMAL_SCALE * normals], 1)
+    lab = lab[drawn]
     n_components = min(n_components, len(np.unique(drawn)))
-    _, label = kmeans2(together, n_components, iter=4, minit="++", rng=random)
-    mixture = _maximize(lab, normals, np.eye(n_components)[label])
-    for _ in range(iterations):
-        parts = mixture.log_parts(lab, normals)
-        mixture = _maximize(lab, normals, np.exp(parts - _log_sum(parts)[:, None]))
+    _, label = kmeans2(lab, n_components, iter=4, minit="++", rng=random)
+    mixture = _maximize(lab, np.eye(n_components)[label])
+    for _ in range(EM_STEPS):
+        mixture = _maximize(lab, mixture.responsibilities(mixture.log_components(lab)))
     return mixture
 
 
-def _maximize(lab: np.ndarray, normals: np.ndarray, responsibilities: np.ndarray) -> Mixture:
+def _maximize(lab: np.ndarray, responsibilities: np.ndarray) -> Mixture:
     counts = responsibilities.sum(0) + 1e-6
-    return Mixture(
-        counts / counts.sum(),
-        _moments(lab, responsibilities, counts, COLOR_FLOOR),
-        _moments(normals, responsibilities, counts, NORMAL_FLOOR),
-    )
-
-
-def _moments(values: np.ndarray, responsibilities: np.ndarray, counts: np.ndarray, floor: float) -> Gaussians:
-    means = responsibilities.T @ values / counts[:, None]
-    products = (values[:, :, None] * values[:, None, :]).reshape(len(values), 9)
+    means = responsibilities.T @ lab / counts[:, None]
+    products = (lab[:, :, None] * lab[:, None, :]).reshape(len(lab), 9)
     second = (responsibilities.T @ products).reshape(-1, 3, 3) / counts[:, None, None]
-    covariances = second - means[:, :, None] * means[:, None, :]
-    return Gaussians(means, covariances + floor * np.eye(3))
+    covariances = second - means[:, :, None] * means[:, None, :] + COLOR_FLOOR * np.eye(3)
+    return Mixture(counts / counts.sum(), means, covariances)
 
 
 def _log_sum(parts: np.ndarray) -> np.ndarray:

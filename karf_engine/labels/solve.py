@@ -22,14 +22,15 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from .mixtures import fit_mixture
+from .mixtures import class_log_densities
 
 NEIGHBORS = 12
 SMOOTHNESS = 20.0
 PATTERN = 0.02  # what stays of a weight across a color edge: a smooth surface with a pattern is one thing
 PRIOR = 1e-4
-UNKNOWN_LOG_DENSITY = -13.5
-COMPONENTS = 5
+UNKNOWN_LOG_DENSITY = -15.5
+RARE_BACKGROUND = 0.25  # the background's density falls with this power of its mass, where it has less than the objects
+DECIDED = 0.6  # votes below this leave the class of a seed open
 HOME = 2.0  # an object's colors fade beyond this many seed radii
 REACH = 4.0  # points farther than this many seed radii from every object are background without a solve
 
@@ -83,7 +84,6 @@ def solve_labels(
     solver = _Solver(
         positions[near],
         lab[near],
-        normals[near],
         neighbor_graph(positions[near], lab[near], normals[near], voxel),
         seed_targets[near],
         seed_confidence[near],
@@ -112,7 +112,6 @@ def _seed_regions(positions, seed_targets, seed_confidence) -> tuple[list[cKDTre
 class _Solver:
     positions: np.ndarray
     lab: np.ndarray
-    normals: np.ndarray
     graph: sparse.csr_matrix
     seed_targets: np.ndarray
     seed_confidence: np.ndarray
@@ -130,7 +129,8 @@ class _Solver:
             color_confidence = self._color_confidence(p, x, guards)
             trusted = confidence * self._seed_trust(p, guards)
             together = trusted + color_confidence
-            mixed = (trusted[:, None] * targets + color_confidence[:, None] * p) / np.maximum(together, 1e-12)[:, None]
+            chosen = _choose(targets, p)
+            mixed = (trusted[:, None] * chosen + color_confidence[:, None] * p) / np.maximum(together, 1e-12)[:, None]
             x = self._smooth(mixed, together, x)
             mixture_weight = np.maximum(trusted, 0.1 * color_confidence)
         return self._connected(x), precision
@@ -150,24 +150,26 @@ class _Solver:
         """What each point's color (and its distance to the objects) says of its class, [p, K+1]."""
         top_two = np.sort(x, 1)[:, -2:]
         sure = weight * (top_two[:, 1] - top_two[:, 0])
-        best = x.argmax(1)
-        log_density = np.full_like(x, -np.inf)
-        for k in range(x.shape[1]):
-            strength = sure * (best == k)
-            if strength.sum() > 0:
-                mixture = fit_mixture(self.lab, self.normals, strength, COMPONENTS, self.random)
-                log_density[:, k] = mixture.log_density(self.lab, self.normals)
+        strengths = sure[:, None] * np.eye(x.shape[1])[x.argmax(1)]
+        log_density = class_log_densities(self.lab, strengths, self.random)
+        mass = strengths.sum(0)
+        # before an empty background most of its seeds are what the masks left out of the objects
+        log_density[:, 0] += RARE_BACKGROUND * np.log(np.clip(mass[0] / max(mass[1:].sum(), 1e-12), 1e-12, 1))
         log_density[:, 1:] -= self.distance_penalty
         density = np.exp(np.maximum(log_density, -700))
         unknown = np.exp(UNKNOWN_LOG_DENSITY)
         return (density + unknown / x.shape[1]) / (density.sum(1, keepdims=True) + unknown)
 
     def _guards(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """How far each class may be trusted on color, [K+1], and the objects' precision, [K]."""
+        """How far each class may be trusted on color, [K+1], and the objects' precision, [K].
+
+        The background is always trusted: a mask that spills over much of it must not silence it.
+        """
         called = p.argmax(1)
-        share = np.zeros(p.shape[1])
-        for k in range(p.shape[1]):
-            weight = self.seed_confidence * (called == k)
+        decided = self.seed_confidence * (self.seed_targets.max(1) > DECIDED)
+        share = np.ones(p.shape[1])
+        for k in range(1, p.shape[1]):
+            weight = decided * (called == k)
             share[k] = (weight * self.seed_targets[:, k]).sum() / max(weight.sum(), 1e-12)
         return np.clip((share - 0.5) / 0.2, 0, 1), share[1:]
 
@@ -203,6 +205,12 @@ class _Solver:
             x[loose, 0] += 1e-6
             x /= x.sum(1, keepdims=True)
         return x
+
+
+def _choose(targets: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Votes that are split between classes, shared out as the colors say, [p, K+1]: "not this object" is no more."""
+    chosen = targets * np.maximum(p, 1e-3)
+    return chosen / chosen.sum(1, keepdims=True)
 
 
 def _conjugate_gradients(product, diagonal: np.ndarray, right: np.ndarray, x: np.ndarray) -> np.ndarray:
