@@ -48,7 +48,6 @@ def class_log_densities(lab: np.ndarray, strengths: np.ndarray, random: np.rando
 
     strengths: [n, C] >= 0, how far a point stands for a class; not all zero. A class without any is nowhere dense.
     """
-    n_classes = strengths.shape[1]
     even = strengths / np.maximum(strengths.sum(0), 1e-12)  # a small object has as much say as a large one
     mixture = fit_mixture(lab, even.sum(1), COMPONENTS, random, DRAWS)
     log_components = mixture.log_components(lab)
