@@ -7,8 +7,8 @@ Seeds: what the masks say of a point, `seed_targets` y [p, K+1] with `seed_confi
 
 Then, a few rounds: color mixtures of the classes as they stand -> a color label for every point -> solve again with it.
 What keeps that from running away:
-- a class whose colors do not even explain its own seeds has no say (guard), and color moves a point between two classes
-  only as far as both guards allow (a one-sided guard lets the background eat a patterned object);
+- an object whose look-alikes among the seeds are mostly not marked as it has no say (guard), and color moves a point
+  between two classes only as far as both guards allow; the background's guard is always open;
 - a color seen in no class says nothing;
 - an object's colors fade with the distance to its seeds, and in the end only parts connected to its seeds remain.
 """
