@@ -7,7 +7,7 @@ value at [row, column] belongs to the position (u, v) = (column + 0.5, row + 0.5
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from scipy.ndimage import map_coordinates, maximum_filter
 
 from .capture.camera import Camera
 from .capture.capture import View
+from .capture.distortion import distort
 from .capture.image_size import unreadable
 from .edit.color import to_bytes
 from .errors import DataError
@@ -146,27 +147,13 @@ def undistort(image: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera, np
 
     Returns the image, its pinhole camera, and valid bool [H, W]: where the photo was looked up inside its borders.
     """
-    if not any(camera.distortion):
-        return image, replace(camera, distortion=()), np.ones(image.shape[:2], bool)
-    u, v, one_to_one = _distorted_pixel_centers(camera)
-    channels = [
-        map_coordinates(image[..., i], [v - 0.5, u - 0.5], order=1, mode="nearest") for i in range(image.shape[-1])
-    ]
-    valid = one_to_one & (u >= 0) & (u <= camera.width) & (v >= 0) & (v <= camera.height)
-    return np.stack(channels, -1), replace(camera, distortion=()), valid
-
-
-def _distorted_pixel_centers(camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Where OpenCV's lens model puts the centers of the pinhole's pixels: u, v [H, W] in the photo, and whether radii
-    still grow there (beyond that the polynomial folds the plane over)."""
-    k1, k2, p1, p2, k3 = (*camera.distortion, 0.0, 0.0, 0.0, 0.0, 0.0)[:5]
-    x = ((np.arange(camera.width) + 0.5 - camera.cx) / camera.fx)[None, :]
-    y = ((np.arange(camera.height) + 0.5 - camera.cy) / camera.fy)[:, None]
-    r2 = x * x + y * y
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    u = camera.cx + camera.fx * (x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x))
-    v = camera.cy + camera.fy * (y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y)
-    return u, v, 1 + r2 * (3 * k1 + r2 * (5 * k2 + r2 * 7 * k3)) > 0
+    if camera.is_pinhole:
+        return image, camera.without_distortion(), np.ones(image.shape[:2], bool)
+    lookup = distort(camera, camera.pixel_centers()).reshape(camera.height, camera.width, 2)
+    inside = (lookup >= 0) & (lookup <= (camera.width, camera.height))  # nan is outside
+    u, v = np.nan_to_num(lookup[..., 0], nan=-1e6) - 0.5, np.nan_to_num(lookup[..., 1], nan=-1e6) - 0.5
+    channels = [map_coordinates(image[..., i], [v, u], order=1, mode="nearest") for i in range(image.shape[-1])]
+    return np.stack(channels, -1), camera.without_distortion(), inside.all(-1)
 
 
 # ------------------------------------------------------------------------------------------------------------- captures
@@ -186,7 +173,7 @@ def _load_view(view: View, long_side: int) -> Plate:
     opaque = photo.shape[-1] == 3 or bool((photo[..., 3] == 1).all())
     if opaque:
         photo = photo[..., :3]
-    if not any(camera.distortion) and (width, height) == (camera.width, camera.height):
+    if camera.is_pinhole and (width, height) == (camera.width, camera.height):
         return Plate(view, camera, photo[..., :3], None if opaque else photo[..., 3], None)
 
     # averages must not mix in the hidden colors of transparent pixels

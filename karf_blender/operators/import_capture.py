@@ -48,7 +48,7 @@ class KARF_OT_import_capture(bpy.types.Operator):
         capture = steps.import_capture(context.scene, Path(bpy.path.abspath(self.filepath)), project)
         for remark in capture.remarks:
             self.report({"WARNING"}, remark)
-        if any(view.camera.distortion for view in capture.views):
+        if any(not view.camera.is_pinhole for view in capture.views):
             self.report({"WARNING"}, "The photos have lens distortion: backgrounds show them as they are stored")
         look_from_camera(context.area)
         self.report({"INFO"}, f"{len(capture.views)} cameras from {capture.source}")

@@ -17,7 +17,8 @@ class Camera:
     """One photo's camera: size and intrinsics in pixels, pose, and the lens distortion of the photo as stored.
 
     width, height: int pixels. fx, fy, cx, cy: pixels. camera_to_world: [4, 4] float64, rotation times a uniform scale of
-    one. distortion: OpenCV's (k1, k2, p1, p2[, k3]) or empty for a plain pinhole.
+    one. distortion: OpenCV's (k1, k2, p1, p2[, k3[, k4, k5, k6]]), of its fisheye model (k1[, k2, k3, k4]) where
+    `fisheye` is set; empty for a plain pinhole. What they mean: see `distortion.py`.
     """
 
     width: int
@@ -28,6 +29,12 @@ class Camera:
     cy: float
     camera_to_world: np.ndarray
     distortion: tuple[float, ...] = ()
+    fisheye: bool = False
+
+    @property
+    def is_pinhole(self) -> bool:
+        """Whether the photo shows what a plain pinhole would."""
+        return not self.fisheye and not any(self.distortion)
 
     @property
     def position(self) -> np.ndarray:
@@ -38,6 +45,10 @@ class Camera:
     def world_to_camera(self) -> np.ndarray:
         """Inverse pose, [4, 4]."""
         return np.linalg.inv(self.camera_to_world)
+
+    def without_distortion(self) -> Camera:
+        """The pinhole with this camera's size, focal lengths, principal point and pose."""
+        return replace(self, distortion=(), fisheye=False)
 
     def scaled(self, width: int, height: int) -> Camera:
         """The same view at another picture size: intrinsics follow the size, each axis by its own factor."""

@@ -22,7 +22,8 @@ SPLITS = ("train", "val", "test")
 class View:
     """One captured picture. name: unique in the capture, usable as a file name. stem: the photo's stem as stored.
 
-    image: absolute path of the photo, None for a bare camera. split: train, val or test.
+    image: absolute path of the photo, None for a bare camera. split: train, val or test. depth_bounds: nearest and
+    farthest depth of what it shows, world units, where the capture declares them.
     """
 
     name: str
@@ -30,16 +31,41 @@ class View:
     camera: Camera
     image: Path | None
     split: str
+    depth_bounds: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class SparsePoints:
+    """Points of the scene that some photos were seen to share, as structure from motion finds them.
+
+    positions: [n, 3] float64, world. colors: [n, 3] uint8 sRGB. errors: [n] float32, mean reprojection error in pixels of
+    the photos as stored. view: [m] int32 and point: [m] int32, which view observed which point; pixels: [m, 2] float32,
+    where, in its photo as stored.
+    """
+
+    positions: np.ndarray
+    colors: np.ndarray
+    errors: np.ndarray
+    view: np.ndarray
+    point: np.ndarray
+    pixels: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.positions)
 
 
 @dataclass(frozen=True)
 class Capture:
-    """Views in file order, the format they came from, and remarks a user should see (skipped frames, guesses made)."""
+    """Views in file order, the format they came from, and remarks a user should see (skipped frames, guesses made).
+
+    points: the sparse points where the format has them; the canonical JSON leaves them out.
+    """
 
     source: Path
     format: str
     views: tuple[View, ...]
     remarks: tuple[str, ...] = ()
+    points: SparsePoints | None = None
 
     def split(self, name: str) -> tuple[View, ...]:
         """Views of one split (`train`, `val`, `test`), or all of them for `all`."""
@@ -95,7 +121,9 @@ def capture_to_json(capture: Capture) -> dict[str, Any]:
                 "size": [view.camera.width, view.camera.height],
                 "intrinsics": [view.camera.fx, view.camera.fy, view.camera.cx, view.camera.cy],
                 "distortion": list(view.camera.distortion),
+                "fisheye": view.camera.fisheye,
                 "camera_to_world": view.camera.camera_to_world.tolist(),
+                "depth_bounds": view.depth_bounds,
             }
             for view in capture.views
         ],
@@ -121,6 +149,8 @@ def _view_from_json(entry: dict[str, Any]) -> View:
         *map(float, entry["intrinsics"]),
         np.array(entry["camera_to_world"], np.float64).reshape(4, 4),
         tuple(map(float, entry["distortion"])),
+        bool(entry.get("fisheye", False)),
     )
     image = Path(entry["image"]) if entry["image"] else None
-    return View(entry["name"], entry["stem"], camera, image, entry["split"])
+    bounds = entry.get("depth_bounds")
+    return View(entry["name"], entry["stem"], camera, image, entry["split"], bounds and (bounds[0], bounds[1]))

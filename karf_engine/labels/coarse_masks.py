@@ -79,7 +79,7 @@ def load_mask(mask: CoarseMask, plate: Plate) -> np.ndarray:
     stored, working = mask.view.camera, plate.camera
     if (width, height) == (stored.width, stored.height):
         values = found.astype(np.float32)[..., None]
-        if any(stored.distortion):
+        if not stored.is_pinhole:
             values, _, _ = undistort(values, stored)
         found = resize(values, working.width, working.height)[..., 0] >= 0.5
     elif (width, height) != (working.width, working.height):

@@ -86,7 +86,7 @@ class Renderer:
         camera = view.camera if plate is None else plate.camera
         from_field = self.recoloring is not None and (plate is None or weights_from == "field")
         n_samples = WEIGHT_SAMPLES if from_field else MASK_SAMPLES
-        picture = self.scene.render(replace(camera, distortion=()), n_samples)
+        picture = self.scene.render(camera.without_distortion(), n_samples)
         base = picture.color.cpu().numpy() if plate is None else self._photo_base(plate)
         probabilities = self._probabilities(picture)
         weights = None
