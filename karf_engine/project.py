@@ -13,6 +13,7 @@ A file is written to a temporary name, flushed to disk and renamed, so that a ki
     object_colors.npz            each object's color histogram with its palette weights (see edit.match)
     recoloring.safetensors       the recoloring field F_w
     planes/<view>.npz            edit planes of a captured view (see edit.compositing)
+    photos/<view>-<mark>.png     photos without lens distortion, as Blender shows them behind its cameras
     jobs/<time>-<stage>/         request, events and log of each job
 """
 
@@ -72,7 +73,7 @@ def read_json(path: Path, what: str) -> Any:
         raise DataError(
             f"{path} ({what}) is broken JSON at line {error.lineno}: {error.msg}.", "Export or write the file again."
         ) from error
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError, RecursionError) as error:  # no text, numbers without end, brackets without end
         raise DataError(f"{path} ({what}) cannot be read: {error}.", "Check the file.") from error
 
 
@@ -130,6 +131,10 @@ class Project:
     def planes_file(self, view: str) -> Path:
         """Edit planes of the captured view with this name."""
         return self.planes_folder / f"{view}.npz"
+
+    @property
+    def photos_folder(self) -> Path:
+        return self.folder / "photos"
 
     def new_job(self, stage: str) -> Path:
         """A fresh, empty job folder for a stage."""

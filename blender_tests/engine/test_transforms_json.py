@@ -3,7 +3,6 @@
 import json
 import math
 import struct
-import zlib
 
 import numpy as np
 import pytest
@@ -17,46 +16,18 @@ from karf_engine.capture.capture import View
 from karf_engine.capture.image_size import image_header, image_size
 from karf_engine.errors import DataError
 
+from .reference.capture_files import jpeg_head, png_bytes, put, put_json
+
 POSE = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]
 LFS = b"version https://git-lfs.github.com/spec/v1\noid sha256:1ce8274457\nsize 421531\n"
 
 
 # ------------------------------------------------------------------------------------------------------------- fixtures
-def png_bytes(width: int, height: int) -> bytes:
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
-    rows = zlib.compress(b"\0" * (height * (width + 1)))
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", rows) + chunk(b"IEND", b"")
-
-
-def jpeg_head(width: int, height: int, orientation: int = 1) -> bytes:
-    tiff = b"MM\0*" + struct.pack(">IH", 8, 1) + struct.pack(">HHIHH", 0x0112, 3, 1, orientation, 0)
-    exif = b"Exif\0\0" + tiff
-    frame = struct.pack(">BHHB", 8, height, width, 3) + b"\0" * 9
-    return (
-        b"\xff\xd8"
-        + b"\xff\xe1"
-        + struct.pack(">H", len(exif) + 2)
-        + exif
-        + b"\xff\xff\xc2"  # a fill byte, then progressive SOF
-        + struct.pack(">H", len(frame) + 2)
-        + frame
-    )
-
-
-def put(path, data):
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(data)
-
-
-def put_json(path, content):
-    put(path, json.dumps(content).encode())
-
-
 def frames(*names, **fields):
     return [{"file_path": name, "transform_matrix": POSE, **fields} for name in names]
+
+
+GOOD = {"fl_x": 4, "frames": frames("a.png")}
 
 
 def rig(seed: int, count: int = 5) -> list[View]:
@@ -68,9 +39,9 @@ def rig(seed: int, count: int = 5) -> list[View]:
         pose[:3, :3] = rotation * np.sign(np.linalg.det(rotation))
         pose[:3, 3] = random.normal(size=3) * 10
         width, height = (int(n) for n in random.integers(1, 5000, size=2))
-        distortion = [(), tuple(random.normal(size=4) * 0.1), tuple(random.normal(size=5) * 0.1)][index % 3]
+        distortion = tuple(random.normal(size=(0, 4, 5, 8, 4)[index % 5]) * 0.1)
         intrinsics = random.uniform(1, 4000, size=4)
-        camera = Camera(width, height, *intrinsics, pose, distortion)
+        camera = Camera(width, height, *intrinsics, pose, distortion, fisheye=index % 5 == 4)
         split = ("train", "val", "test")[seed % 3] if index == 0 else "train"
         views.append(View(f"frame.{index:04d}", f"frame.{index:04d}", camera, None, split))
     return views
@@ -90,7 +61,7 @@ def test_written_cameras_are_read_back_without_loss(tmp_path_factory, seed):
         before, after = written.camera, read.camera
         assert (after.width, after.height) == (before.width, before.height)
         assert (after.fx, after.fy, after.cx, after.cy) == (before.fx, before.fy, before.cx, before.cy)
-        assert after.distortion == before.distortion
+        assert (after.distortion, after.fisheye) == (before.distortion, before.fisheye)
         assert_allclose(after.camera_to_world, before.camera_to_world, rtol=0, atol=1e-9)
     assert capture.remarks == ()
 
@@ -225,10 +196,80 @@ def test_a_uniform_scale_of_the_rotation_is_removed_and_the_position_kept(tmp_pa
     assert "scale of 2" in capture.remarks[0]
 
 
+@pytest.mark.parametrize("fields", [{"camera_model": "OPENCV_FISHEYE"}, {"camera_model": "OPENCV", "is_fisheye": True}])
+def test_fisheye_lenses_keep_their_four_coefficients(tmp_path, fields):
+    put(tmp_path / "a.png", png_bytes(4, 4))
+    coefficients = {"k1": 0.1, "k2": 0.0, "k3": -0.2, "k4": 0.3, "p1": 0.0}
+    put_json(tmp_path / "transforms.json", {**GOOD, **fields, **coefficients})
+    camera = open_capture(tmp_path).views[0].camera
+    assert camera.fisheye and camera.distortion == (0.1, 0, -0.2, 0.3)
+
+
+def test_a_fisheye_without_coefficients_is_no_pinhole(tmp_path):
+    put(tmp_path / "a.png", png_bytes(4, 4))
+    put_json(tmp_path / "transforms.json", {**GOOD, "is_fisheye": True})
+    camera = open_capture(tmp_path).views[0].camera
+    assert camera.fisheye and camera.distortion == () and not camera.is_pinhole
+
+
+def test_rational_lenses_keep_their_denominator(tmp_path):
+    put(tmp_path / "a.png", png_bytes(4, 4))
+    put_json(tmp_path / "transforms.json", {**GOOD, "k1": 0.1, "k4": 0.3})
+    assert open_capture(tmp_path).views[0].camera.distortion == (0.1, 0, 0, 0, 0, 0.3, 0, 0)
+
+
+# ----------------------------------------------------------------------------------------------------------- nerfstudio
+POINTS = np.array([[1.5, -2.0, 3.25], [0.0, 0.5, -7.0]])
+COLORS = np.array([[255, 0, 10], [1, 2, 3]])
+
+
+def ply(encoding: str) -> bytes:
+    header = f"ply\nformat {encoding} 1.0\ncomment points\nelement vertex 2\n"
+    header += "".join(f"property float {axis}\n" for axis in "xyz")
+    header += "".join(f"property uchar {color}\n" for color in ("red", "green", "blue")) + "end_header\n"
+    rows = zip(POINTS.tolist(), COLORS.tolist(), strict=True)
+    if encoding == "ascii":
+        return (header + "".join(" ".join(map(str, point + color)) + "\n" for point, color in rows)).encode()
+    order = "<" if encoding == "binary_little_endian" else ">"
+    return header.encode() + b"".join(struct.pack(order + "3f3B", *point, *color) for point, color in rows)
+
+
+NERFSTUDIO = {
+    "fl_x": 4,
+    "aabb_scale": 16,
+    "scale": 0.5,
+    "offset": [1, 2, 3],
+    "orientation_override": "none",
+    "applied_transform": [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0]],
+    "ply_file_path": "sparse_pc.ply",
+    "frames": frames("a.png", mask_path="masks/a.png", depth_file_path="depths/a.png", colmap_im_id=3),
+}
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_nerfstudio_cameras_stay_as_they_stand_and_bring_their_points(tmp_path, encoding):
+    put(tmp_path / "a.png", png_bytes(4, 4))
+    put(tmp_path / "sparse_pc.ply", ply(encoding))
+    put_json(tmp_path / "transforms.json", NERFSTUDIO)
+    capture = open_capture(tmp_path)
+    assert capture.remarks == ()
+    assert_allclose(capture.views[0].camera.camera_to_world, POSE)
+    assert_allclose(capture.points.positions, POINTS)
+    assert_allclose(capture.points.colors, COLORS)
+    assert np.isnan(capture.points.errors).all() and len(capture.points.view) == len(capture.points.pixels) == 0
+
+
+def test_missing_points_are_remarked_and_damaged_ones_refused(tmp_path):
+    put(tmp_path / "a.png", png_bytes(4, 4))
+    put_json(tmp_path / "transforms.json", NERFSTUDIO)
+    capture = open_capture(tmp_path)
+    assert capture.points is None and "sparse_pc.ply" in capture.remarks[0]
+    put(tmp_path / "sparse_pc.ply", ply("binary_little_endian")[:-1])
+    with pytest.raises(DataError, match=r"sparse_pc\.ply .* cut off"):
+        open_capture(tmp_path)
+
+
 # --------------------------------------------------------------------------------------------------------------- damage
-GOOD = {"fl_x": 4, "frames": frames("a.png")}
-
-
 def with_pose(matrix):
     return {"fl_x": 4, "frames": frames("a.png", transform_matrix=matrix)}
 
@@ -250,9 +291,9 @@ DAMAGED_JSON = {
     "negative focal length": ({"fl_x": -4, "frames": frames("a.png")}, "must be positive"),
     "zero width": ({"fl_x": 4, "w": 0, "h": 4, "frames": frames("a.png")}, "w = 0"),
     "angle in degrees": ({"camera_angle_x": 50, "frames": frames("a.png")}, "camera_angle_x = 50"),
-    "fisheye": ({**GOOD, "is_fisheye": True}, "not supported yet"),
-    "fisheye model": ({**GOOD, "camera_model": "OPENCV_FISHEYE"}, "OPENCV_FISHEYE"),
-    "k4": ({**GOOD, "k4": 0.5}, "k4 = 0.5"),
+    "no perspective": ({**GOOD, "camera_model": "EQUIRECTANGULAR"}, "EQUIRECTANGULAR"),
+    "camera model is a list": ({**GOOD, "camera_model": ["OPENCV"]}, "['OPENCV'] camera"),
+    "coefficient is text": ({**GOOD, "k4": "none"}, "k4 = 'none'"),
     "no matrix": ({"fl_x": 4, "frames": [{"file_path": "a.png"}]}, "frame 0"),
     "ragged matrix": (with_pose([[1, 0, 0], [0, 1], [0]]), "no 4x4"),
     "3x3 matrix": (with_pose(np.eye(3).tolist()), "no 4x4"),
@@ -285,10 +326,10 @@ DAMAGED_PHOTOS = {
     "empty": (b"", "is empty"),
     "git-lfs pointer": (LFS, "Git-LFS pointer"),
     "copied as text": (png_bytes(4, 4).decode("utf-8", "replace").encode(), "copied as text"),
-    "a web page": (b"<html>404</html>", "no complete PNG, JPEG or WebP header"),
-    "cut within the header": (png_bytes(4, 4)[:18], "no complete PNG, JPEG or WebP header"),
-    "cut jpeg": (jpeg_head(4, 4)[:42], "no complete PNG, JPEG or WebP header"),
-    "zero size": (png_bytes(0, 4), "no complete PNG, JPEG or WebP header"),
+    "a web page": (b"<html>404</html>", "no complete PNG, JPEG, WebP, TIFF, BMP or EXR header"),
+    "cut within the header": (png_bytes(4, 4)[:18], "no complete PNG, JPEG, WebP, TIFF, BMP or EXR header"),
+    "cut jpeg": (jpeg_head(4, 4)[:42], "no complete PNG, JPEG, WebP, TIFF, BMP or EXR header"),
+    "zero size": (png_bytes(0, 4), "no complete PNG, JPEG, WebP, TIFF, BMP or EXR header"),
 }
 
 

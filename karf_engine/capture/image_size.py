@@ -1,7 +1,8 @@
 """Picture sizes from file headers, without a picture library.
 
-Follows the PNG specification (IHDR), JPEG (ITU T.81, SOFn segments), Exif 2.3 (orientation tag 0x0112) and the WebP
-container specification (VP8, VP8L and VP8X chunks). Sizes are (width, height) in pixels.
+Follows the PNG specification (IHDR, eXIf), JPEG (ITU T.81, SOFn segments), Exif 2.3 (orientation tag 0x0112), the WebP
+container specification (VP8, VP8L and VP8X chunks), TIFF 6.0 (first directory), Windows bitmaps (BITMAPCOREHEADER and
+its successors) and the OpenEXR file layout (displayWindow). Sizes are (width, height) in pixels.
 """
 
 from __future__ import annotations
@@ -16,15 +17,30 @@ from ..errors import DataError
 
 LFS_POINTER = b"version https://git-lfs"
 FRAME_MARKERS = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+TIFF_ORDERS = {b"II*\0": "<", b"MM\0*": ">"}
+EXR_MAGIC = b"\x76\x2f\x31\x01"
+KINDS = "PNG, JPEG, WebP, TIFF, BMP or EXR"
 
 
 @dataclass(frozen=True)
 class ImageHeader:
-    """Size of the stored pixels; `turned` says that the Exif orientation swaps width and height for display."""
+    """Size of the stored pixels and how they are to be shown and decoded.
+
+    orientation: 1..8 as in Exif. kind: png, jpeg, webp, tiff, bmp or exr. deep: colors have more than 8 bits a channel.
+    premultiplied: colors are multiplied by alpha.
+    """
 
     width: int
     height: int
-    turned: bool = False
+    orientation: int = 1
+    kind: str = ""
+    deep: bool = False
+    premultiplied: bool = False
+
+    @property
+    def turned(self) -> bool:
+        """Whether the orientation swaps width and height for display."""
+        return self.orientation >= 5
 
     @property
     def stored(self) -> tuple[int, int]:
@@ -38,23 +54,29 @@ class ImageHeader:
 
 
 def image_size(path: Path) -> tuple[int, int]:
-    """Width and height of a PNG, JPEG or WebP file as shown. Raises DataError naming the file and its damage."""
+    """Width and height of a picture file as shown. Raises DataError naming the file and its damage."""
     return image_header(path).shown
 
 
 def image_header(path: Path) -> ImageHeader:
-    """Read the header of a PNG, JPEG or WebP file. Raises DataError naming the file and its damage."""
+    """Read the header of a PNG, JPEG, WebP, TIFF, BMP or EXR file. Raises DataError naming the file and its damage."""
     try:
-        with path.open("rb") as stream:
-            head = stream.read(32)
-            header = _header(head, stream)
+        header = find_header(path)
     except OSError as error:
         raise DataError(f"{path} cannot be read: {error.strerror}.", "Check the file.") from error
-    except struct.error:
-        header = None
-    if header is None or min(header.stored) < 1:
-        raise unreadable(path, "it has no complete PNG, JPEG or WebP header")
+    if header is None:
+        raise unreadable(path, f"it has no complete {KINDS} header")
     return header
+
+
+def find_header(path: Path) -> ImageHeader | None:
+    """The header of a picture file; None where it is of no known kind or damaged. Raises OSError."""
+    with path.open("rb") as stream:
+        try:
+            header = _header(stream.read(32), stream)
+        except struct.error:
+            return None
+    return header if header and min(header.stored) >= 1 else None
 
 
 def unreadable(path: Path, reason: str) -> DataError:
@@ -72,17 +94,42 @@ def unreadable(path: Path, reason: str) -> DataError:
 
 def _header(head: bytes, stream: BinaryIO) -> ImageHeader | None:
     if head[:8] == b"\x89PNG\r\n\x1a\n" and head[12:16] == b"IHDR":
-        return ImageHeader(*struct.unpack(">II", head[16:24]))
+        return _png_header(head, stream)
     if head[:2] == b"\xff\xd8":
         stream.seek(2)
         return _jpeg_header(stream)
     if head[:4] == b"RIFF" and head[8:12] == b"WEBP":
         return _webp_header(head)
+    if head[:4] in TIFF_ORDERS:
+        return _tiff_header(stream)
+    if head[:2] == b"BM":
+        return _bmp_header(head)
+    if head[:4] == EXR_MAGIC:
+        return _exr_header(stream)
     return None
 
 
+def _png_header(head: bytes, stream: BinaryIO) -> ImageHeader:
+    width, height, depth, color = struct.unpack(">IIBB", head[16:26])
+    is_gray = color == 0
+    return ImageHeader(width, height, _png_orientation(stream), "png", depth > 8 and not is_gray)
+
+
+def _png_orientation(stream: BinaryIO) -> int:
+    """Of an eXIf chunk before the pixels."""
+    stream.seek(8)
+    while len(start := stream.read(8)) == 8:
+        length, kind = struct.unpack(">I4s", start)
+        if kind == b"eXIf":
+            return _exif_orientation(stream.read(length))
+        if kind == b"IDAT":
+            break
+        stream.seek(length + 4, io.SEEK_CUR)
+    return 1
+
+
 def _jpeg_header(stream: BinaryIO) -> ImageHeader | None:
-    turned = False
+    orientation = 1
     while True:
         marker = _jpeg_marker(stream)
         if marker in (None, 0xD9, 0xDA):  # the picture data begins and no size was given
@@ -92,10 +139,10 @@ def _jpeg_header(stream: BinaryIO) -> ImageHeader | None:
         (length,) = struct.unpack(">H", stream.read(2))
         segment = stream.read(length - 2)
         if marker == 0xE1 and segment[:6] == b"Exif\0\0":
-            turned = _exif_orientation(segment[6:]) >= 5
+            orientation = _exif_orientation(segment[6:])
         if marker in FRAME_MARKERS:
             height, width = struct.unpack(">HH", segment[1:5])
-            return ImageHeader(width, height, turned)
+            return ImageHeader(width, height, orientation, "jpeg")
 
 
 def _jpeg_marker(stream: BinaryIO) -> int | None:
@@ -109,30 +156,84 @@ def _jpeg_marker(stream: BinaryIO) -> int | None:
 
 def _exif_orientation(tiff: bytes) -> int:
     """Orientation 1..8 of an Exif block; 1 where it says none or is damaged, as viewers do."""
-    order = {b"II": "<", b"MM": ">"}.get(tiff[:2])
-    if order is None:
-        return 1
-    block = io.BytesIO(tiff)
     try:
-        block.seek(struct.unpack(order + "I", tiff[4:8])[0])
-        (count,) = struct.unpack(order + "H", block.read(2))
-        for _ in range(count):
-            tag, _, _, value = struct.unpack(order + "HHIH2x", block.read(12))
-            if tag == 0x0112:
-                return value
+        return _orientation(_tiff_fields(io.BytesIO(tiff)))
     except struct.error:
-        pass
-    return 1
+        return 1
+
+
+def _orientation(fields: dict[int, tuple[int, ...]]) -> int:
+    value = fields.get(0x0112, (1,))[0]
+    return value if 1 <= value <= 8 else 1
+
+
+def _tiff_fields(stream: BinaryIO) -> dict[int, tuple[int, ...]]:
+    """Tags of the first directory whose values are 16- or 32-bit numbers; none where it is no TIFF."""
+    stream.seek(0)
+    order = TIFF_ORDERS.get(stream.read(4))
+    if order is None:
+        return {}
+    stream.seek(struct.unpack(order + "I", stream.read(4))[0])
+    (count,) = struct.unpack(order + "H", stream.read(2))
+    entries = [struct.unpack(order + "HHI4s", stream.read(12)) for _ in range(count)]
+    fields = {}
+    for tag, kind, length, inline in entries:
+        letter = {3: "H", 4: "I"}.get(kind)
+        if letter is None or not 1 <= length <= 16:  # texts, and tables of strips
+            continue
+        layout = f"{order}{length}{letter}"
+        size = struct.calcsize(layout)
+        if size > 4:
+            stream.seek(struct.unpack(order + "I", inline)[0])
+            inline = stream.read(size)
+        fields[tag] = struct.unpack(layout, inline[:size])
+    return fields
+
+
+def _tiff_header(stream: BinaryIO) -> ImageHeader | None:
+    fields = _tiff_fields(stream)
+    if 0x0100 not in fields or 0x0101 not in fields:
+        return None
+    deep = max(fields.get(0x0102, (1,))) > 8 and fields.get(0x0115, (1,))[0] > 1
+    premultiplied = fields.get(0x0152, (0,))[0] == 1  # ExtraSamples: associated alpha
+    return ImageHeader(fields[0x0100][0], fields[0x0101][0], _orientation(fields), "tiff", deep, premultiplied)
+
+
+def _bmp_header(head: bytes) -> ImageHeader:
+    is_core = struct.unpack("<I", head[14:18])[0] == 12
+    width, height = struct.unpack("<HH", head[18:22]) if is_core else struct.unpack("<ii", head[18:26])
+    return ImageHeader(width, abs(height), kind="bmp")  # a negative height: rows from the top
+
+
+def _exr_header(stream: BinaryIO) -> ImageHeader | None:
+    stream.seek(8)
+    while name := _exr_text(stream):
+        _exr_text(stream)  # the attribute's type
+        (size,) = struct.unpack("<I", stream.read(4))
+        value = stream.read(size)
+        if name == b"displayWindow":
+            left, top, right, bottom = struct.unpack("<4i", value)
+            return ImageHeader(right - left + 1, bottom - top + 1, kind="exr", deep=True, premultiplied=True)
+    return None
+
+
+def _exr_text(stream: BinaryIO) -> bytes:
+    """A text that ends with a zero byte; at most 255 characters."""
+    text = b""
+    while len(text) < 256 and (letter := stream.read(1)) not in (b"", b"\0"):
+        text += letter
+    return text
 
 
 def _webp_header(head: bytes) -> ImageHeader | None:
     chunk, data = head[12:16], head[20:]
     if chunk == b"VP8 " and data[3:6] == b"\x9d\x01\x2a":
         width, height = struct.unpack("<HH", data[6:10])
-        return ImageHeader(width & 0x3FFF, height & 0x3FFF)
+        return ImageHeader(width & 0x3FFF, height & 0x3FFF, kind="webp")
     if chunk == b"VP8L" and data[:1] == b"\x2f":
         (bits,) = struct.unpack("<I", data[1:5])
-        return ImageHeader((bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1)
+        return ImageHeader((bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1, kind="webp")
     if chunk == b"VP8X" and len(data) >= 10:
-        return ImageHeader(int.from_bytes(data[4:7], "little") + 1, int.from_bytes(data[7:10], "little") + 1)
+        width, height = (int.from_bytes(data[at : at + 3], "little") + 1 for at in (4, 7))
+        return ImageHeader(width, height, kind="webp")
     return None

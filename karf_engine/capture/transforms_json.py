@@ -1,7 +1,9 @@
 """Cameras in `transforms*.json`: NeRF-synthetic captures, instant-ngp and nerfstudio files, and camera files of ours.
 
 Formats: the Blender script of NeRF (Mildenhall et al. 2020), instant-ngp's docs/nerf_dataset_tips.md and nerfstudio's
-data conventions. All use OpenGL axes and pixel corners at integers, as `Camera` does; k1 k2 k3 p1 p2 are OpenCV's.
+data conventions. All use OpenGL axes and pixel corners at integers, as `Camera` does; k1..k6 p1 p2 are OpenCV's, and of
+its fisheye model where `camera_model` or `is_fisheye` says so. nerfstudio's `applied_transform` has been applied to the
+poses and to the points of `ply_file_path` alike, so it changes nothing here; nor do fields that only steer training.
 A `file_path` is relative to the JSON's folder; in the wild it also lacks its extension, is an absolute path of another
 machine, or leaves out the folder that the photos were moved to.
 """
@@ -9,7 +11,6 @@ machine, or leaves out the folder that the photos were moved to.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -20,16 +21,25 @@ import numpy as np
 from ..errors import DataError
 from ..project import read_json, write_json
 from .camera import Camera
-from .capture import SPLITS, Capture, View, unique_names, with_test_views
-from .image_size import image_header
+from .capture import SPLITS, Capture, SparsePoints, View, with_test_views
+from .ply import read_points
+from .reading import (
+    FISHEYE_KEYS,
+    LARGEST_SIDE,
+    LENS_KEYS,
+    PHOTO_SUFFIXES,
+    at_size,
+    counted,
+    exists,
+    lens,
+    make_views,
+    photo_size,
+    rigid_pose,
+)
 
 SYNTHETIC_FILES = {f"transforms_{split}.json": split for split in SPLITS}
-PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".JPG", ".PNG", ".webp")
-DISTORTION_KEYS = ("k1", "k2", "p1", "p2", "k3")
-CAMERA_MODELS = ("PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV")
-POSE_TOLERANCE = 1e-3
-LARGEST_POSE = 1e30  # beyond it, squares overflow: as good as infinite
-UNIT_TOLERANCE = 1e-5  # matrices written in single precision are this far from orthonormal
+PERSPECTIVE = ("PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV")
+FISHEYE = ("OPENCV_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE")
 
 
 @dataclass(frozen=True)
@@ -93,15 +103,17 @@ def write_cameras(path: Path, views: Sequence[View]) -> None:
 
 def _frame_to_json(view: View) -> dict[str, Any]:
     camera = view.camera
+    keys = FISHEYE_KEYS if camera.fisheye else LENS_KEYS
     return {
         "file_path": view.name,
+        **({"camera_model": "OPENCV_FISHEYE"} if camera.fisheye else {}),
         "w": camera.width,
         "h": camera.height,
         "fl_x": float(camera.fx),
         "fl_y": float(camera.fy),
         "cx": float(camera.cx),
         "cy": float(camera.cy),
-        **dict(zip(DISTORTION_KEYS, map(float, camera.distortion), strict=False)),
+        **dict(zip(keys, map(float, camera.distortion), strict=False)),
         "transform_matrix": camera.camera_to_world.tolist(),
     }
 
@@ -111,6 +123,7 @@ def _read(source: Path, format_name: str, files: list[tuple[Path, str]], photos:
     frames = [frame for group in per_file for frame in group]
     if not photos:
         return Capture(source.absolute(), format_name, tuple(_views([(frame, None) for frame in frames])[0]))
+    points, remarks_of_points = _points(frames[0])
     images = [image for group in per_file for image in _find_photos(group)]
     found = [(frame, image) for frame, image in zip(frames, images, strict=True) if image]
     missing = [frame for frame, image in zip(frames, images, strict=True) if not image]
@@ -127,21 +140,29 @@ def _read(source: Path, format_name: str, files: list[tuple[Path, str]], photos:
     if not any(view.split == "test" for view in views):
         rest = iter(with_test_views([view for view in views if view.split == "train"]))
         views = [next(rest) if view.split == "train" else view for view in views]
-    return Capture(source.absolute(), format_name, tuple(views), tuple(remarks))
+    return Capture(source.absolute(), format_name, tuple(views), tuple(remarks + remarks_of_points), points)
+
+
+def _points(frame: _Frame) -> tuple[SparsePoints | None, list[str]]:
+    """The points of nerfstudio's `ply_file_path`, and a remark where the file is missing."""
+    name = frame.fields.get("ply_file_path")
+    if not isinstance(name, str) or not name:
+        return None, []
+    path = frame.file.parent.joinpath(*PurePosixPath(name.replace("\\", "/")).parts)
+    if not exists(path):
+        return None, [f"Its sparse points {name} are missing; there are none without them."]
+    points = read_points(path)
+    return points if len(points) else None, []
 
 
 def _views(found: list[tuple[_Frame, Path | None]]) -> tuple[list[View], list[str]]:
     """Views in frame order, and what was noted about their cameras with the number of views it holds for."""
     cameras = [_camera(frame, image) for frame, image in found]
+    images = [image for _, image in found]
     stems = [_stem(frame, image) for frame, image in found]
     splits = [frame.split or "train" for frame, _ in found]
-    names = unique_names(list(zip(splits, stems, strict=True)))
-    views = [
-        View(name, stem, camera, image.absolute() if image else None, split)
-        for name, stem, (camera, _), (_, image), split in zip(names, stems, cameras, found, splits, strict=True)
-    ]
-    notes = Counter(note for _, camera_notes in cameras for note in camera_notes)
-    return views, [f"{'1 view' if count == 1 else f'{count} views'}: {note}" for note, count in notes.items()]
+    views = make_views([camera for camera, _ in cameras], images, stems, splits)
+    return views, counted(note for _, notes in cameras for note in notes)
 
 
 # --------------------------------------------------------------------------------------------------------------- frames
@@ -202,23 +223,20 @@ def _places(folder: Path, longest: int) -> Iterator[tuple[Path, int]]:
 
 def _existing(path: Path) -> Path | None:
     candidates = (Path(f"{path}{suffix}") for suffix in ("", *PHOTO_SUFFIXES))
-    try:
-        return next((candidate for candidate in candidates if candidate.is_file()), None)
-    except OSError:  # a name that the file system cannot hold
-        return None
+    return next((candidate for candidate in candidates if exists(candidate)), None)
 
 
 # -------------------------------------------------------------------------------------------------------------- cameras
 def _camera(frame: _Frame, image: Path | None) -> tuple[Camera, list[str]]:
     """The camera at the photo's size, and notes on what had to be changed."""
-    _refuse_other_lenses(frame)
+    fisheye = _is_fisheye(frame)
     declared = _declared_size(frame)
-    size = _photo_size(image, declared) if image else declared
+    size = photo_size(image, declared) if image else declared
     if size is None:
         raise DataError(f"{frame.label} declares no picture size.", "Write w and h into the file.")
     width, height = declared or size
     fx, fy = _focal_lengths(frame, width, height)
-    camera_to_world, scale = _pose(frame)
+    camera_to_world, pose_notes = _pose(frame)
     camera = Camera(
         width=width,
         height=height,
@@ -227,42 +245,27 @@ def _camera(frame: _Frame, image: Path | None) -> tuple[Camera, list[str]]:
         cx=_number(frame, "cx", width / 2),
         cy=_number(frame, "cy", height / 2),
         camera_to_world=camera_to_world,
-        distortion=_distortion(frame),
+        distortion=lens({key: _number(frame, key, 0.0) for key in LENS_KEYS}, fisheye),
+        fisheye=fisheye,
     )
-    notes = []
-    if size != (width, height):
-        camera = camera.scaled(*size)
-        notes.append(
-            f"photos are {size[0]}x{size[1]} where the file says {width}x{height}; their intrinsics were scaled."
-        )
-    if scale != 1.0:
-        notes.append(f"the rotation had a scale of {scale:.6g}, which was removed.")
-    return camera, notes
+    camera, size_notes = at_size(camera, size)
+    return camera, size_notes + pose_notes
 
 
-def _refuse_other_lenses(frame: _Frame) -> None:
-    model = frame.fields.get("camera_model", "OPENCV")
-    if frame.fields.get("is_fisheye"):
-        model = "fisheye"
-    if model not in CAMERA_MODELS:
-        raise DataError(f"{frame.label} has a {model} camera, which is not supported yet.", "Undistort the photos.")
-    if _number(frame, "k4", 0.0) != 0.0:
-        raise DataError(
-            f"{frame.label} has k4 = {frame.fields['k4']}, which is not supported yet.", "Undistort the photos."
-        )
+def _is_fisheye(frame: _Frame) -> bool:
+    model = frame.fields.get("camera_model") or ("OPENCV_FISHEYE" if frame.fields.get("is_fisheye") else "OPENCV")
+    if model not in PERSPECTIVE + FISHEYE:
+        raise DataError(f"{frame.label} has a {model} camera, which cannot be read.", "Undistort the photos.")
+    return model in FISHEYE or bool(frame.fields.get("is_fisheye"))
 
 
 def _declared_size(frame: _Frame) -> tuple[int, int] | None:
     width, height = _positive(frame, "w"), _positive(frame, "h")
-    return (max(1, round(width)), max(1, round(height))) if width and height else None
-
-
-def _photo_size(image: Path, declared: tuple[int, int] | None) -> tuple[int, int]:
-    """Size of the photo as shown, or as stored where the camera was evidently made for the pixels as stored."""
-    header = image_header(image)
-    if declared and header.turned and (declared[0] > declared[1]) == (header.width > header.height):
-        return header.stored
-    return header.shown
+    if not (width and height):
+        return None
+    if max(width, height) > LARGEST_SIDE:
+        raise DataError(f"{frame.label} declares {width:g}x{height:g} pixels.", "Correct w and h in the file.")
+    return max(1, round(width)), max(1, round(height))
 
 
 def _focal_lengths(frame: _Frame, width: int, height: int) -> tuple[float, float]:
@@ -283,14 +286,8 @@ def _focal_from_angle(frame: _Frame, key: str, extent: int) -> float | None:
     return extent / 2 / math.tan(angle / 2)
 
 
-def _distortion(frame: _Frame) -> tuple[float, ...]:
-    k1, k2, p1, p2, k3 = (_number(frame, key, 0.0) for key in DISTORTION_KEYS)
-    coefficients = (k1, k2, p1, p2, k3) if k3 else (k1, k2, p1, p2)
-    return coefficients if any(coefficients) else ()
-
-
-def _pose(frame: _Frame) -> tuple[np.ndarray, float]:
-    """camera_to_world [4, 4] with a pure rotation, and the uniform scale that was taken off it."""
+def _pose(frame: _Frame) -> tuple[np.ndarray, list[str]]:
+    """camera_to_world [4, 4] with a pure rotation, and a note on a uniform scale that was taken off it."""
     try:
         matrix = np.array(frame.fields.get("transform_matrix"), np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -299,22 +296,7 @@ def _pose(frame: _Frame) -> tuple[np.ndarray, float]:
         matrix = np.vstack([matrix, [0.0, 0.0, 0.0, 1.0]])
     if matrix.shape != (4, 4):
         raise DataError(f"{frame.label} has no 4x4 transform_matrix of numbers.", "Export the cameras again.")
-    if not np.abs(matrix).max() < LARGEST_POSE:
-        raise DataError(f"{frame.label} has a transform_matrix that is not finite.", "Leave this frame out.")
-    scale = float(np.linalg.norm(matrix[:3, :3], axis=0).mean())
-    if not _is_rotation(matrix[:3, :3] / max(scale, 1e-12)) or np.abs(matrix[3] - [0, 0, 0, 1]).max() > POSE_TOLERANCE:
-        raise DataError(
-            f"{frame.label} has a transform_matrix that is no rotation with a uniform scale.",
-            "Export the cameras without shear, mirroring or unequal scales.",
-        )
-    if abs(scale - 1.0) <= UNIT_TOLERANCE:
-        return matrix, 1.0
-    matrix[:3, :3] /= scale
-    return matrix, scale
-
-
-def _is_rotation(matrix: np.ndarray) -> bool:
-    return bool(np.abs(matrix.T @ matrix - np.eye(3)).max() <= POSE_TOLERANCE and np.linalg.det(matrix) > 0)
+    return rigid_pose(matrix, frame.label, "transform_matrix")
 
 
 def _number(frame: _Frame, key: str, default: float | None = None) -> float | None:

@@ -1,0 +1,231 @@
+"""Captures from photos without poses: placed as the truth says, refused with a remedy, stopped at once, never half there."""
+
+import json
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pycolmap")
+cv2 = pytest.importorskip("cv2")
+
+from blender_tests.engine.conftest import ROOT, run_engine
+from karf_engine.capture import open_capture
+from karf_engine.capture.image_size import image_header
+from karf_engine.cli import run_stage
+from karf_engine.errors import BadRequest, Cancelled, DataError, MissingDependency
+from karf_engine.images import read_photo, write_png
+from karf_engine.stages import poses
+from karf_engine.video import write_sharpest_frames
+from karf_engine.wire import EventReader, Request
+
+
+def run(photos, out, should_stop=lambda: False, **options):
+    """Run the stage with one thread; returns its events as (kind, values)."""
+    events = []
+    request = Request("poses", out, {"photos": str(photos), "out": str(out), "threads": 1} | options)
+    run_stage(request, lambda kind, **values: events.append((kind, values)), should_stop)
+    return events
+
+
+def linked(photos, folder):
+    """A folder of these photos."""
+    folder.mkdir()
+    for photo in photos:
+        shutil.copyfile(photo, folder / photo.name)
+    return folder
+
+
+def errors_of(found, truth):
+    """Rotation errors in degrees and position errors in shares of the camera path's radius, after the best similarity
+    (Umeyama 1991)."""
+    true = [truth[view.stem] for view in found.views]
+    here = np.array([view.camera.position for view in found.views])
+    there = np.array([camera.position for camera in true])
+    here, there = here - here.mean(0), there - there.mean(0)
+    u, spread, vt = np.linalg.svd(there.T @ here)
+    signs = np.array([1, 1, np.sign(np.linalg.det(u @ vt))])
+    rotation, scale = u * signs @ vt, (spread * signs).sum() / (here**2).sum()
+    cosines = [
+        (np.trace(camera.camera_to_world[:3, :3].T @ rotation @ view.camera.camera_to_world[:3, :3]) - 1) / 2
+        for view, camera in zip(found.views, true, strict=True)
+    ]
+    distances = np.linalg.norm(there - scale * here @ rotation.T, axis=1)
+    return np.degrees(np.arccos(np.clip(cosines, -1, 1))), distances / np.linalg.norm(there, axis=1).max()
+
+
+def noise(folder, count, size=128):
+    """Pictures that show nothing in common."""
+    folder.mkdir()
+    random = np.random.default_rng(0)
+    for number in range(count):
+        write_png(folder / f"{number}.png", random.integers(0, 256, size=(size, size, 3), dtype=np.uint8))
+    return folder
+
+
+# --------------------------------------------------------------------------------------------------------------- results
+def test_small_smooth_photos_of_the_demo_are_placed_near_their_true_poses(tmp_path):
+    photos = linked(sorted((ROOT / "demo" / "train").glob("*.png"))[::2], tmp_path / "photos")
+    events = run(photos, tmp_path / "capture")
+    capture = open_capture(tmp_path / "capture")
+    truth = {view.stem: view.camera for view in open_capture(ROOT / "demo").split("train")}
+    rotations, positions = errors_of(capture, truth)
+    assert len(capture.views) >= 27 and np.mean(rotations) < 4 and np.mean(positions) < 0.06
+    assert len(capture.points) > 100
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["capture", "photos"]
+    assert sorted(path.name for path in (tmp_path / "capture").iterdir()) == ["images", "sparse"]
+    last = {values["stage"]: values for kind, values in events if kind == "progress"}
+    assert list(last)[-3:] == ["features", "matching", "mapping"]
+    assert all(values["step"] == values["total"] for values in last.values())
+    assert events[-1] == ("artifact", {"kind": "capture", "path": str(tmp_path / "capture")})
+
+
+def test_real_photos_are_placed_as_their_published_model_says(scenes, tmp_path):
+    photos = linked(sorted((scenes / "bonsai" / "images").iterdir())[:8], tmp_path / "photos")
+    run(photos, tmp_path / "capture")
+    found, published = open_capture(tmp_path / "capture"), open_capture(scenes / "bonsai")
+    rotations, positions = errors_of(found, {view.stem: view.camera for view in published.views})
+    assert len(found.views) == 8 and np.mean(rotations) < 1 and np.mean(positions) < 0.02
+
+
+def test_turned_photos_become_upright_copies_and_others_are_linked(tmp_path):
+    from PIL import Image
+
+    (tmp_path / "out").mkdir()
+    pixels = np.random.default_rng(1).integers(0, 256, size=(16, 32, 3), dtype=np.uint8)
+    exif = Image.Exif()
+    exif[0x0112] = 3
+    Image.fromarray(pixels).save(tmp_path / "turned.jpg", exif=exif, quality=100)
+    Image.fromarray(pixels).save(tmp_path / "turned.tif", tiffinfo={0x0112: 6})
+    write_png(tmp_path / "plain.png", pixels)
+    for name in ("turned.jpg", "turned.tif", "plain.png"):
+        taken = tmp_path / "out" / poses._take(tmp_path / name, tmp_path / "out")
+        assert image_header(taken).orientation == 1
+        np.testing.assert_allclose(read_photo(taken), read_photo(tmp_path / name), atol=0.2)
+    assert (tmp_path / "out" / "plain.png").samefile(tmp_path / "plain.png")
+
+
+# ----------------------------------------------------------------------------------------------------------------- video
+def write_video(path, count):
+    """A moving pattern of which every fourth frame is sharp."""
+    pattern = np.random.default_rng(2).integers(0, 256, size=(120, 400, 3), dtype=np.uint8)
+    pattern = cv2.resize(pattern[::6, ::6], (400, 120), interpolation=cv2.INTER_NEAREST)
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 25, (160, 120))
+    for number in range(count):
+        frame = pattern[:, number : number + 160]
+        writer.write(frame if number % 4 == 1 else cv2.GaussianBlur(frame, (0, 0), 3))
+    writer.release()
+    return pattern
+
+
+def test_the_sharpest_frame_of_every_stretch_is_taken_from_a_video(tmp_path, monkeypatch):
+    pattern = write_video(tmp_path / "film.mp4", 40)
+    monkeypatch.setattr("karf_engine.video.MOST_FRAMES", 10)
+    names = write_sharpest_frames(tmp_path / "film.mp4", tmp_path / "frames", lambda: False)
+    assert names == [f"frame_{number:04d}.png" for number in range(1, 11)]
+    for number, name in enumerate(names):
+        sharp = pattern[:, 4 * number + 1 : 4 * number + 161, ::-1] / 255
+        assert np.abs(read_photo(tmp_path / "frames" / name) - sharp).mean() < 0.06
+
+
+def test_a_video_that_shows_nothing_solid_and_a_file_that_is_none_are_refused(tmp_path):
+    (tmp_path / "film.mp4").write_bytes(b"no film at all")
+    with pytest.raises(DataError, match=r"film\.mp4 is no video that can be read"):
+        run(tmp_path / "film.mp4", tmp_path / "capture")
+    assert [path.name for path in tmp_path.iterdir()] == ["film.mp4"]
+
+
+# ---------------------------------------------------------------------------------------------------------------- errors
+def test_photos_with_nothing_in_common_are_refused_with_a_remedy(tmp_path):
+    with pytest.raises(DataError, match=r"Only 0 of the 5 photos of .*photos could be placed") as caught:
+        run(noise(tmp_path / "photos", 5), tmp_path / "capture")
+    assert "overlap" in caught.value.hint and "texture" in caught.value.hint
+    assert [path.name for path in tmp_path.iterdir()] == ["photos"]
+
+
+@pytest.mark.parametrize(("placed", "outcome"), [(29, DataError), (30, "warning"), (89, "warning"), (90, None)])
+def test_how_many_photos_must_be_placed(placed, outcome):
+    events = []
+    if outcome is DataError:
+        with pytest.raises(DataError, match="Only 29 of the 100 photos of p could be placed"):
+            poses._judge(Path("p"), placed, 100, events.append)
+        return
+    poses._judge(Path("p"), placed, 100, lambda kind, **values: events.append((kind, values["sentence"])))
+    assert [kind for kind, _ in events] == ([outcome] if outcome else [])
+    assert all(f"{placed} of the 100 photos" in sentence for _, sentence in events)
+
+
+def test_wrong_requests_are_named_before_anything_is_made(tmp_path):
+    photos = noise(tmp_path / "photos", 2, size=8)
+    (photos / "damaged.jpg").write_bytes(b"")
+    with pytest.raises(DataError, match=r"damaged\.jpg is empty"):
+        run(photos, tmp_path / "capture")
+    (photos / "damaged.jpg").unlink()
+    with pytest.raises(DataError, match="holds 2 photos; poses need at least 3"):
+        run(photos, tmp_path / "capture")
+    with pytest.raises(DataError, match="nowhere does not exist"):
+        run(tmp_path / "nowhere", tmp_path / "capture")
+    with pytest.raises(BadRequest, match="already exists and is not empty"):
+        run(photos, photos)
+    with pytest.raises(BadRequest, match="Unknown matching 'all'"):
+        run(photos, tmp_path / "capture", matching="all")
+    with pytest.raises(BadRequest, match="was given no out"):
+        run_stage(Request("poses", tmp_path, {"photos": str(photos)}), lambda *_, **__: None, lambda: False)
+    assert [path.name for path in tmp_path.iterdir()] == ["photos"]
+
+
+def test_without_pycolmap_the_remedy_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(poses, "find_spec", lambda _: None)
+    with pytest.raises(MissingDependency, match="has no package 'pycolmap'") as caught:
+        run(noise(tmp_path / "photos", 3, size=8), tmp_path / "capture")
+    assert caught.value.hint == f"Install it there: {sys.executable} -m pip install pycolmap"
+
+
+def test_the_command_line_says_the_same(tmp_path):
+    done = run_engine("poses", noise(tmp_path / "photos", 2, size=8), "--out", tmp_path / "capture")
+    assert done.returncode == 4 and "error: " in done.stderr and "poses need at least 3" in done.stderr
+
+
+# ---------------------------------------------------------------------------------------------------------------- cancel
+def children_of(parent):
+    """Ids of this process's children, where the system tells."""
+    path = Path(f"/proc/{parent}/task/{parent}/children")
+    return path.read_text().split() if path.exists() else []
+
+
+def test_a_job_is_cancelled_within_seconds_and_leaves_nothing(tmp_path):
+    photos = noise(tmp_path / "photos", 12, size=1200)  # a minute of work
+    options = {"photos": str(photos), "out": str(tmp_path / "capture"), "threads": 1}
+    Request("poses", tmp_path / "capture", options).write(tmp_path / "job")
+    child = subprocess.Popen(
+        [sys.executable, "-I", str(ROOT / "karf_engine"), "run", str(tmp_path / "job")],
+        stdin=subprocess.PIPE,
+        stderr=(tmp_path / "job" / "engine.log").open("w"),
+        text=True,
+    )
+    reader, kinds, end = EventReader(tmp_path / "job"), [], time.monotonic() + 30
+    while ("progress", "features") not in kinds and time.monotonic() < end:
+        kinds += [(event.kind, event.get("stage")) for event in reader.poll()]
+        time.sleep(0.05)
+    workers = children_of(child.pid)
+    child.stdin.write("cancel\n")
+    child.stdin.flush()
+    assert child.wait(10) == 6, (tmp_path / "job" / "engine.log").read_text()
+    child.stdin.close()
+    last = json.loads((tmp_path / "job" / "events.jsonl").read_text().splitlines()[-1])
+    assert last["t"] == "cancelled"
+    assert not any(Path(f"/proc/{worker}").exists() for worker in workers)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["job", "photos"]
+
+
+def test_reading_the_photos_can_be_cancelled_too(tmp_path):
+    with pytest.raises(Cancelled):
+        run(noise(tmp_path / "photos", 3, size=8), tmp_path / "capture", should_stop=lambda: True)
+    write_video(tmp_path / "film.mp4", 8)
+    with pytest.raises(Cancelled):
+        run(tmp_path / "film.mp4", tmp_path / "capture", should_stop=lambda: True)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["film.mp4", "photos"]

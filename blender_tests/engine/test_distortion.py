@@ -1,0 +1,51 @@
+"""Where lenses put things: the same as OpenCV and COLMAP say."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from karf_engine.capture.camera import Camera
+from karf_engine.capture.colmap import FISHEYES, PINHOLES
+from karf_engine.capture.colmap_model import PARAMETERS
+from karf_engine.capture.distortion import distort
+from karf_engine.capture.reading import lens
+
+COEFFICIENTS = {"k1": 0.06, "k2": -0.02, "p1": 0.004, "p2": -0.003, "k3": 0.005, "k4": 0.03, "k5": -0.01, "k6": 0.002}
+FOCAL_AND_CENTER = {"f": 510.0, "fx": 500.0, "fy": 520.0, "cx": 330.0, "cy": 235.0}
+PLANE = np.stack(np.meshgrid(np.linspace(-0.7, 0.7, 15), np.linspace(-0.5, 0.5, 11)), -1).reshape(-1, 2)
+LENSES = {
+    **{f"perspective {n}": (tuple(COEFFICIENTS.values())[:n], False) for n in (4, 5, 8)},
+    "fisheye": ((0.06, -0.02, 0.005, 0.03), True),
+    "fisheye, no coefficients": ((), True),
+}
+
+
+def photo_positions(camera):
+    """Where `distort` puts directions of the plane at depth one."""
+    return distort(camera, (camera.cx, camera.cy) + PLANE * (camera.fx, camera.fy))
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_lenses_are_opencvs(name):
+    cv2 = pytest.importorskip("cv2")
+    distortion, fisheye = LENSES[name]
+    camera = Camera(640, 480, 500.0, 520.0, 330.0, 235.0, np.eye(4), distortion, fisheye)
+    matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
+    points, none = np.insert(PLANE, 2, 1.0, 1)[:, None], np.zeros(3)
+    if fisheye:
+        expected, _ = cv2.fisheye.projectPoints(points, none, none, matrix, np.array(distortion or np.zeros(4)))
+    else:
+        expected, _ = cv2.projectPoints(points, none, none, matrix, np.array(distortion))
+    assert_allclose(photo_positions(camera), expected[:, 0], atol=1e-6)
+
+
+@pytest.mark.parametrize("model", PINHOLES + FISHEYES)
+def test_lenses_are_colmaps(model):
+    pycolmap = pytest.importorskip("pycolmap")
+    values = {name: {**COEFFICIENTS, **FOCAL_AND_CENTER}[name] for name in PARAMETERS[model].split()}
+    theirs = pycolmap.Camera(model=model, width=640, height=480, params=list(values.values()))
+    fx, fy = values.get("fx", values.get("f")), values.get("fy", values.get("f"))
+    fisheye = model in FISHEYES
+    camera = Camera(640, 480, fx, fy, values["cx"], values["cy"], np.eye(4), lens(values, fisheye), fisheye)
+    expected = theirs.img_from_cam(np.insert(PLANE, 2, 1.0, 1))
+    assert_allclose(photo_positions(camera), expected, atol=1e-9)

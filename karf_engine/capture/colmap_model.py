@@ -1,0 +1,283 @@
+"""The three tables of a COLMAP sparse model, binary and text: cameras, images, points3D.
+
+Format: COLMAP's documentation, "Output Format", with the camera models of src/colmap/sensor/models.h (4.2). Pixel corners
+lie at integers. Files are checked against their length before memory is taken; what newer versions write beside the three
+(rigs, frames) repeats the images' poses and is not needed.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import DataError
+from .reading import LARGEST_POSE, read_bytes, read_text
+
+AGAIN = "Copy the file again, or export the model again from COLMAP."
+MODELS = {  # by id; parameters in the order of the file
+    0: ("SIMPLE_PINHOLE", "f cx cy"),
+    1: ("PINHOLE", "fx fy cx cy"),
+    2: ("SIMPLE_RADIAL", "f cx cy k1"),
+    3: ("RADIAL", "f cx cy k1 k2"),
+    4: ("OPENCV", "fx fy cx cy k1 k2 p1 p2"),
+    5: ("OPENCV_FISHEYE", "fx fy cx cy k1 k2 k3 k4"),
+    6: ("FULL_OPENCV", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
+    7: ("FOV", "fx fy cx cy omega"),
+    8: ("SIMPLE_RADIAL_FISHEYE", "f cx cy k1"),
+    9: ("RADIAL_FISHEYE", "f cx cy k1 k2"),
+    10: ("THIN_PRISM_FISHEYE", "fx fy cx cy k1 k2 p1 p2 k3 k4 sx1 sy1"),
+    11: ("RAD_TAN_THIN_PRISM_FISHEYE", "fx fy cx cy k0 k1 k2 k3 k4 k5 p0 p1 s0 s1 s2 s3"),
+    12: ("SIMPLE_DIVISION", "f cx cy k"),
+    13: ("DIVISION", "fx fy cx cy k"),
+    14: ("SIMPLE_FISHEYE", "f cx cy"),
+    15: ("FISHEYE", "fx fy cx cy"),
+    16: ("EUCM", "fx fy cx cy alpha beta"),
+    17: ("EQUIRECTANGULAR", "w h"),
+}
+PARAMETERS = dict(MODELS.values())
+OBSERVATION = np.dtype([("pixel", "<f8", 2), ("point", "<i8")])
+POINT = np.dtype([("id", "<i8"), ("position", "<f8", 3), ("color", "u1", 3), ("error", "<f8"), ("length", "<u8")])
+TRACK = np.dtype([("image", "<u4"), ("observation", "<u4")])
+SMALLEST_IMAGE = 73  # bytes: pose and numbers, an empty name, no features
+
+
+@dataclass(frozen=True)
+class Lens:
+    """A camera of the model. width, height: pixels. parameters: by the names of `MODELS`."""
+
+    width: int
+    height: int
+    model: str
+    parameters: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Image:
+    """A registered photo. pose: world to camera, quaternion (w, x, y, z) and translation, [7] float64.
+
+    pixels: [n, 2] float64, features; points: [n] int64, ids of their 3D points, negative where they have none.
+    """
+
+    name: str
+    camera: int
+    pose: np.ndarray
+    pixels: np.ndarray
+    points: np.ndarray
+
+
+@dataclass(frozen=True)
+class Points:
+    """The 3D points. ids: [n] int64. positions: [n, 3] float64. colors: [n, 3] uint8. errors: [n] float64, pixels.
+
+    seen_by: [m] int64, the image ids of all their tracks.
+    """
+
+    ids: np.ndarray
+    positions: np.ndarray
+    colors: np.ndarray
+    errors: np.ndarray
+    seen_by: np.ndarray
+
+
+def read_cameras(path: Path) -> dict[int, Lens]:
+    """The cameras of cameras.bin or cameras.txt by id. Raises DataError naming the file and what is wrong in it."""
+    return _unique(path, "camera", _cameras_binary(path) if path.suffix == ".bin" else _cameras_text(path))
+
+
+def read_images(path: Path) -> dict[int, Image]:
+    """The registered photos of images.bin or images.txt by id. Raises DataError naming the file."""
+    return _unique(path, "image", _images_binary(path) if path.suffix == ".bin" else _images_text(path))
+
+
+def read_points(path: Path) -> Points:
+    """The points of points3D.bin or points3D.txt. Raises DataError naming the file."""
+    points = _points_binary(path) if path.suffix == ".bin" else _points_text(path)
+    if len(np.unique(points.ids)) != len(points.ids):
+        raise DataError(f"{path} has two points of one id.", AGAIN)
+    if not np.abs(points.positions).max(initial=0) < LARGEST_POSE:
+        raise DataError(f"{path} has a point whose position is not finite.", AGAIN)
+    return points
+
+
+def count_images(path: Path) -> int:
+    """How many photos images.bin or images.txt holds; 0 where it is damaged."""
+    try:
+        if path.suffix == ".txt":
+            return len(read_images(path))
+        with path.open("rb") as stream:
+            count = int.from_bytes(stream.read(8), "little")
+        return count if count <= path.stat().st_size // SMALLEST_IMAGE else 0
+    except (DataError, OSError):
+        return 0
+
+
+def _unique(path: Path, what: str, entries: Iterator[tuple[int, Any]]) -> dict[int, Any]:
+    table: dict[int, Any] = {}
+    for number, entry in entries:
+        if number in table:
+            raise DataError(f"{path} has two entries of {what} {number}.", AGAIN)
+        table[number] = entry
+    if not table:
+        raise DataError(f"{path} holds no {what}s.", AGAIN)
+    return table
+
+
+def _lens(path: Path, number: int, model: str, width: int, height: int, values: tuple[float, ...]) -> Lens:
+    names = PARAMETERS[model].split()
+    if len(values) != len(names):
+        raise DataError(
+            f"{path}, camera {number} has {len(values)} parameters where {model} has {len(names)}: {', '.join(names)}.",
+            AGAIN,
+        )
+    return Lens(width, height, model, dict(zip(names, values, strict=True)))
+
+
+# --------------------------------------------------------------------------------------------------------------- binary
+class _Binary:
+    """A binary file (little endian), taken front to back; whoever asks beyond its end gets a DataError."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.data, self.at = path, read_bytes(path), 0
+
+    def entries(self, what: str) -> Iterator[str]:
+        """A label for each entry that the file's head announces; at the end nothing may be left over."""
+        (count,) = self.values("Q", f"the number of {what}s")
+        for number in range(count):
+            yield f"{what} {number + 1} of {count}"
+        if self.at != len(self.data):
+            raise DataError(f"{self.path} has {len(self.data) - self.at} bytes after its last {what}.", AGAIN)
+
+    def take(self, size: int, what: str) -> int:
+        """Where the next `size` bytes begin."""
+        start, self.at = self.at, self.at + size
+        if self.at > len(self.data):
+            raise self.cut_off(what)
+        return start
+
+    def cut_off(self, what: str) -> DataError:
+        return DataError(f"{self.path} is cut off at byte {len(self.data)}, within {what}.", AGAIN)
+
+    def values(self, layout: str, what: str) -> tuple:
+        return struct.unpack_from("<" + layout, self.data, self.take(struct.calcsize("<" + layout), what))
+
+    def table(self, dtype: np.dtype, count: int, what: str) -> np.ndarray:
+        return np.frombuffer(self.data, dtype, count, self.take(dtype.itemsize * count, what))
+
+    def text(self, what: str) -> str:
+        end = self.data.find(b"\0", self.at)
+        start = self.take((end if end >= 0 else len(self.data)) + 1 - self.at, what)
+        try:
+            return self.data[start : self.at - 1].decode("utf-8")
+        except UnicodeDecodeError as error:
+            raise DataError(f"{self.path} has a name that is no UTF-8 text in {what}.", AGAIN) from error
+
+
+def _cameras_binary(path: Path) -> Iterator[tuple[int, Lens]]:
+    file = _Binary(path)
+    for what in file.entries("camera"):
+        number, model, width, height = file.values("IiQQ", what)
+        if model not in MODELS:
+            raise DataError(
+                f"{path}, camera {number} has the camera model id {model}, which is unknown.",
+                "Convert the model to OPENCV cameras, or undistort the photos with COLMAP.",
+            )
+        name, parameters = MODELS[model]
+        yield number, _lens(path, number, name, width, height, file.values(f"{len(parameters.split())}d", what))
+
+
+def _images_binary(path: Path) -> Iterator[tuple[int, Image]]:
+    file = _Binary(path)
+    for what in file.entries("image"):
+        number, *pose, camera = file.values("I7dI", what)
+        name = file.text(what)
+        (count,) = file.values("Q", what)
+        features = file.table(OBSERVATION, count, what)
+        yield number, Image(name, camera, np.array(pose), features["pixel"], features["point"])
+
+
+def _points_binary(path: Path) -> Points:
+    """Only the lengths of the tracks are read one by one, and without much ado: models have up to millions of points."""
+    file = _Binary(path)
+    heads, tracks = [], []
+    for what in file.entries("point"):
+        track = file.at + POINT.itemsize
+        end = track + TRACK.itemsize * int.from_bytes(file.data[track - 8 : track], "little")
+        heads.append(file.data[file.at : track])
+        tracks.append(file.data[track:end])
+        file.at = end
+        if end > len(file.data):
+            raise file.cut_off(what)
+    points, seen = np.frombuffer(b"".join(heads), POINT), np.frombuffer(b"".join(tracks), TRACK)
+    return Points(points["id"], points["position"], points["color"], points["error"], seen["image"].astype(np.int64))
+
+
+# ----------------------------------------------------------------------------------------------------------------- text
+def _rows(path: Path, blank: bool = False) -> Iterator[tuple[int, str]]:
+    """Lines with their numbers, without comments; blank ones only if asked for."""
+    for number, line in enumerate(read_text(path).split("\n"), 1):
+        if not line.lstrip().startswith("#") and (blank or line.strip()):
+            yield number, line
+
+
+@contextmanager
+def _line(path: Path, number: int, what: str) -> Iterator[None]:
+    try:
+        yield
+    except (ValueError, IndexError, OverflowError) as error:
+        raise DataError(f"{path}, line {number} does not hold {what}.", AGAIN) from error
+
+
+def _cameras_text(path: Path) -> Iterator[tuple[int, Lens]]:
+    for line, text in _rows(path):
+        with _line(path, line, "CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]"):
+            number, model, width, height, *values = text.split()
+            number, width, height, values = int(number), int(width), int(height), tuple(map(float, values))
+        if model not in PARAMETERS:
+            raise DataError(
+                f"{path}, camera {number} has the camera model {model}, which is unknown.",
+                "Convert the model to OPENCV cameras, or undistort the photos with COLMAP.",
+            )
+        yield number, _lens(path, number, model, width, height, values)
+
+
+def _images_text(path: Path) -> Iterator[tuple[int, Image]]:
+    """Two lines an image, the second of which is blank where it has no features."""
+    rows = _rows(path, blank=True)
+    for line, text in rows:
+        if not text.strip():
+            continue
+        with _line(path, line, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME"):
+            number, *pose, camera, name = text.split(maxsplit=9)
+            number, camera, pose = int(number), int(camera), np.array(pose, np.float64).reshape(7)
+        line, text = next(rows, (line + 1, ""))
+        with _line(path, line, "the features (X Y POINT3D_ID)[] of the image before it"):
+            features = np.array(text.split(), np.float64).reshape(-1, 3)
+        is_point = (features[:, 2] >= 0) & (features[:, 2] < 2.0**62)  # "none" is -1, or 2^64 - 1
+        points = np.where(is_point, features[:, 2], -1).astype(np.int64)
+        yield number, Image(name.strip(), camera, pose, features[:, :2], points)
+
+
+def _points_text(path: Path) -> Points:
+    ids, heads, seen = [], [], []
+    for line, text in _rows(path):
+        with _line(path, line, "POINT3D_ID X Y Z R G B ERROR (IMAGE_ID POINT2D_IDX)[]"):
+            number, *values = text.split()
+            heads.append([float(value) for value in values[:7]])
+            ids.append(np.int64(int(number)))
+            seen.extend(map(int, values[7::2]))
+            if len(values) < 7 or len(values) % 2 == 0 or not all(0 <= value <= 255 for value in heads[-1][3:6]):
+                raise ValueError
+    table = np.array(heads, np.float64).reshape(-1, 7)
+    return Points(
+        ids=np.array(ids, np.int64),
+        positions=table[:, :3],
+        colors=table[:, 3:6].astype(np.uint8),
+        errors=table[:, 6],
+        seen_by=np.array(seen, np.int64),
+    )

@@ -1,0 +1,139 @@
+"""LLFF captures: `poses_bounds.npy` beside the photos.
+
+Format (the LLFF repository's README, "Using your own poses without running COLMAP"): [n, 17] float64, for each photo in
+the order of the names a 3x5 matrix row by row, then the nearest and farthest depth. The matrix's columns are the camera's
+axes down, right, back in the world, its position, and (height, width, focal length) in pixels. NeX writes [n, 14]: 3x4,
+with (height, width, fx, fy, cx, cy) of all photos in `hwf_cxcy.npy`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import DataError
+from .camera import Camera
+from .capture import Capture, with_test_views
+from .image_size import image_size
+from .reading import LARGEST_SIDE, at_size, counted, make_views, photo_size, photos_in, read_bytes, rigid_pose
+
+POSES = "poses_bounds.npy"
+SHARED_INTRINSICS = "hwf_cxcy.npy"
+
+
+def is_llff(path: Path) -> bool:
+    """Whether `path` is a poses_bounds.npy, or a folder with one."""
+    return path.name == POSES if path.is_file() else (path / POSES).exists()
+
+
+def read_llff(path: Path, photos: bool) -> Capture:
+    """Read an LLFF capture; every 8th view by name is a test view, depth bounds are in world units.
+
+    Photos are those of the largest `images*` folder with as many as there are poses. Without photos the views are named
+    by their row. Raises DataError naming file and row.
+    """
+    file = path if path.is_file() else path / POSES
+    table = _table(file)
+    images = _photos(file, len(table)) if photos else [None] * len(table)
+    shared = _shared_intrinsics(file) if table.shape[1] == 14 else None
+    cameras, notes = [], []
+    for number, (row, image) in enumerate(zip(table, images, strict=True)):
+        camera, camera_notes = _camera(row, shared, f"{file}, row {number}")
+        if image:
+            camera, size_notes = at_size(camera, photo_size(image, (camera.width, camera.height)))
+            camera_notes += size_notes
+        cameras.append(camera)
+        notes += camera_notes
+    stems = [image.stem if image else f"{number:03d}" for number, image in enumerate(images)]
+    views = make_views(cameras, images, stems, ["train"] * len(table))
+    is_range = (table[:, -2] > 0) & (table[:, -1] > table[:, -2])
+    views = [
+        replace(view, depth_bounds=(float(row[-2]), float(row[-1])) if usable else None)
+        for view, row, usable in zip(views, table, is_range, strict=True)
+    ]
+    notes += ["depth bounds that are no range of positive depths were left out."] * int((~is_range).sum())
+    return Capture(path.absolute(), "llff", tuple(with_test_views(views)), tuple(counted(notes)))
+
+
+def _table(file: Path) -> np.ndarray:
+    table = _load(file)
+    if table.ndim != 2 or table.shape[1] not in (14, 17) or not len(table):
+        raise DataError(
+            f"{file} holds an array of shape {table.shape}, not one row of 17 (or, of NeX, 14) numbers for each photo.",
+            "Export the poses again, for example with LLFF's imgs2poses.py.",
+        )
+    return table
+
+
+def _load(file: Path) -> np.ndarray:
+    """A float64 array of an .npy file; its header is checked against the file's length before memory is taken."""
+    read_bytes(file)
+    try:
+        return np.array(np.lib.format.open_memmap(file, mode="r"), np.float64)
+    except Exception as error:  # numpy raises nearly anything on damaged headers
+        raise DataError(
+            f"{file} is no complete array of numbers: {str(error).rstrip('.') or type(error).__name__}.",
+            "Copy or export the file again.",
+        ) from error
+
+
+def _shared_intrinsics(file: Path) -> np.ndarray:
+    """(height, width, fx, fy, cx, cy) beside poses of 14 columns."""
+    sidecar = file.with_name(SHARED_INTRINSICS)
+    if not sidecar.exists():
+        raise DataError(
+            f"{file} has 14 columns, poses without focal lengths, and no {SHARED_INTRINSICS} lies beside it.",
+            f"Put {SHARED_INTRINSICS} (height, width, fx, fy, cx, cy) beside it, or export 17 columns.",
+        )
+    values = _load(sidecar).ravel()
+    if len(values) == 3:
+        height, width, focal = values
+        return np.array([height, width, focal, focal, width / 2, height / 2])
+    if len(values) != 6:
+        raise DataError(
+            f"{sidecar} holds {len(values)} numbers, not the six of height, width, fx, fy, cx, cy.",
+            "Export the cameras again.",
+        )
+    return values
+
+
+def _camera(row: np.ndarray, shared: np.ndarray | None, label: str) -> tuple[Camera, list[str]]:
+    block = row[:-2].reshape(3, -1)
+    down, right, back, position = block[:, :4].T
+    pose = np.eye(4)
+    pose[:3] = np.stack([right, -down, back, position], 1)
+    pose, notes = rigid_pose(pose, label, "pose")
+    if shared is None:
+        height, width, fx = block[:, 4]
+        shared = (height, width, fx, fx, width / 2, height / 2)
+    height, width, fx, fy, cx, cy = map(float, shared)
+    if not (1 <= width <= LARGEST_SIDE and 1 <= height <= LARGEST_SIDE and 0 < fx < 1e300 and 0 < fy < 1e300):
+        raise DataError(
+            f"{label} has the picture size {width:g}x{height:g} and the focal length {fx:g}, which cannot be.",
+            "Export the poses again.",
+        )
+    if not (abs(cx) < 1e300 and abs(cy) < 1e300):
+        raise DataError(f"{label} has a principal point that is not finite.", "Export the cameras again.")
+    return Camera(round(width), round(height), fx, fy, cx, cy, pose), notes
+
+
+def _photos(file: Path, count: int) -> list[Path]:
+    """`count` photos by name, of the `images*` folder that has as many, the one with the largest photos."""
+    folder = file.parent
+    places = sorted(folder.glob("images*")) or [folder]
+    found = {place: photos for place in places if (photos := photos_in(place))}
+    if not found:
+        raise DataError(
+            f"{file} has {count} poses, but no photos lie in {places[0]}.", f"Put the photos into {folder / 'images'}."
+        )
+    complete = [photos for photos in found.values() if len(photos) == count]
+    if not complete:
+        counts = ", ".join(f"{place.name} has {len(photos)} photos" for place, photos in found.items())
+        raise DataError(
+            f"{file} has {count} poses, but {counts}.", "Poses and photos belong together in the order of the names."
+        )
+    if len(complete) == 1:
+        return complete[0]
+    return max(complete, key=lambda photos: np.prod(image_size(photos[0])))

@@ -1,0 +1,127 @@
+"""What the readers of all formats share: files read whole, poses and lenses checked, photos found and measured."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import DataError
+from .camera import Camera
+from .capture import View, unique_names
+from .image_size import LFS_POINTER, image_header
+
+PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".JPG", ".PNG", ".JPEG", ".webp", ".tif", ".tiff", ".bmp", ".exr")
+LENS_KEYS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+FISHEYE_KEYS = ("k1", "k2", "k3", "k4")
+POSE_TOLERANCE = 1e-3
+LARGEST_POSE = 1e30  # beyond it, squares overflow: as good as infinite
+UNIT_TOLERANCE = 1e-5  # matrices written in single precision are this far from orthonormal
+LARGEST_SIDE = 10**6  # pixels; no photo is larger, a damaged file may say so
+
+
+# ---------------------------------------------------------------------------------------------------------------- files
+def read_bytes(path: Path) -> bytes:
+    """The content of a file. Raises DataError where it cannot be read, is empty, or is a Git-LFS pointer."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror}.", "Check the file.") from error
+    if not data:
+        raise DataError(f"{path} is empty.", "Copy the file again.")
+    if data.startswith(LFS_POINTER):
+        raise DataError(f"{path} is a Git-LFS pointer, not the file.", "Fetch the files with: git lfs pull.")
+    return data
+
+
+def read_text(path: Path) -> str:
+    """The content of a UTF-8 text file. Raises DataError as `read_bytes`, and where it is not UTF-8."""
+    try:
+        return read_bytes(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise DataError(f"{path} is no UTF-8 text: {error.reason}.", "Export or copy the file again.") from error
+
+
+# ---------------------------------------------------------------------------------------------------------------- poses
+def rigid_pose(matrix: np.ndarray, label: str, what: str) -> tuple[np.ndarray, list[str]]:
+    """camera_to_world [4, 4] with a pure rotation, of one whose rotation may have a uniform scale; notes say so.
+
+    Raises DataError "`label` has a `what` that ..." where it is not finite, or no rotation.
+    """
+    if not np.abs(matrix).max() < LARGEST_POSE:
+        raise DataError(f"{label} has a {what} that is not finite.", "Leave this photo out.")
+    scale = float(np.linalg.norm(matrix[:3, :3], axis=0).mean())
+    if not _is_rotation(matrix[:3, :3] / max(scale, 1e-12)) or np.abs(matrix[3] - [0, 0, 0, 1]).max() > POSE_TOLERANCE:
+        raise DataError(
+            f"{label} has a {what} that is no rotation with a uniform scale.",
+            "Export the cameras without shear, mirroring or unequal scales.",
+        )
+    if abs(scale - 1.0) <= UNIT_TOLERANCE:
+        return matrix, []
+    matrix = matrix.copy()
+    matrix[:3, :3] /= scale
+    return matrix, [f"the rotation had a scale of {scale:.6g}, which was removed."]
+
+
+def _is_rotation(matrix: np.ndarray) -> bool:
+    return bool(np.abs(matrix.T @ matrix - np.eye(3)).max() <= POSE_TOLERANCE and np.linalg.det(matrix) > 0)
+
+
+def lens(coefficients: Mapping[str, float], fisheye: bool) -> tuple[float, ...]:
+    """`Camera.distortion` of coefficients by OpenCV's names, absent ones being zero; as short as they allow."""
+    values = [float(coefficients.get(key, 0.0)) for key in (FISHEYE_KEYS if fisheye else LENS_KEYS)]
+    lengths = (0, 4) if fisheye else (0, 4, 5, 8)
+    return tuple(values[: next(length for length in lengths if not any(values[length:]))])
+
+
+# --------------------------------------------------------------------------------------------------------------- photos
+def photos_in(folder: Path) -> list[Path]:
+    """The photos that lie directly in a folder, by name; none where there is no such folder."""
+    if not folder.is_dir():
+        return []
+    files = (path for path in folder.iterdir() if path.suffix.lower() in PHOTO_SUFFIXES and path.name[0] != ".")
+    return sorted(path for path in files if path.is_file())
+
+
+def exists(path: Path) -> bool:
+    """Whether a file lies there; names that the file system cannot hold do not."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def photo_size(image: Path, declared: tuple[int, int] | None) -> tuple[int, int]:
+    """Size of the photo as shown, or as stored where the camera was evidently made for the pixels as stored."""
+    header = image_header(image)
+    if declared and header.turned and (declared[0] > declared[1]) == (header.width > header.height):
+        return header.stored
+    return header.shown
+
+
+def at_size(camera: Camera, size: tuple[int, int]) -> tuple[Camera, list[str]]:
+    """The camera with intrinsics for its photo's real size, and a note where they had to be scaled."""
+    if size == (camera.width, camera.height):
+        return camera, []
+    note = f"photos are {size[0]}x{size[1]} where the file says {camera.width}x{camera.height}; "
+    return camera.scaled(*size), [note + "their intrinsics were scaled."]
+
+
+# ---------------------------------------------------------------------------------------------------------------- views
+def make_views(
+    cameras: Iterable[Camera], images: Iterable[Path | None], stems: Iterable[str], splits: Iterable[str]
+) -> list[View]:
+    """Views of these cameras, in order, with names that are unique."""
+    cameras, images, stems, splits = list(cameras), list(images), list(stems), list(splits)
+    names = unique_names(list(zip(splits, stems, strict=True)))
+    return [
+        View(name, stem, camera, image.absolute() if image else None, split)
+        for name, stem, camera, image, split in zip(names, stems, cameras, images, splits, strict=True)
+    ]
+
+
+def counted(notes: Iterable[str]) -> list[str]:
+    """Each different note about views once, with the number of views it holds for."""
+    return [f"{'1 view' if n == 1 else f'{n} views'}: {note}" for note, n in Counter(notes).items()]
