@@ -14,7 +14,7 @@ from importlib import import_module, metadata
 from pathlib import Path
 
 from . import __version__
-from .errors import Cancelled, DataError, KarfError, MissingDependency, OutOfMemory
+from .errors import Cancelled, DataError, KarfError, MissingDependency, OutOfMemory, missing_package
 from .progress import Emit, TerminalEmit
 from .project import Project, read_json
 from .settings import PRESETS, describe
@@ -57,6 +57,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"karf_engine {__version__}")
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
+
+    verb = _verb(verbs, "poses", "make a capture of photos without camera poses, or of a video", _poses)
+    verb.add_argument("photos", metavar="PHOTOS", help="folder of photos, or a video file")
+    verb.add_argument("--out", required=True, metavar="DIR", help="the new capture's folder")
+    verb.add_argument("--matching", default="auto", choices=("auto", "exhaustive", "sequential"), help="which pairs of "
+                      "photos are compared: all, or neighbors by name (default: all of up to 250)")  # fmt: skip
 
     verb = _verb(verbs, "all", "learn everything: geometry, segmentation, palette, recoloring", _learn)
     _add_geometry_options(verb)
@@ -148,6 +154,12 @@ def _learn(options: argparse.Namespace) -> int:
     return 0
 
 
+def _poses(options: argparse.Namespace) -> int:
+    options.project = options.out  # a request names a folder to work in
+    _run_here("poses", options, {n: getattr(options, n) for n in ("photos", "out", "matching")})
+    return 0
+
+
 def _match(options: argparse.Namespace) -> int:
     _run_here("match", options, {n: getattr(options, n) for n in ("object", "source", "target", "rule", "edit", "out")})
     return 0
@@ -170,10 +182,7 @@ def run_stage(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> 
         try:
             module = import_module(f".stages.{stage}", __package__)
         except ModuleNotFoundError as error:
-            raise MissingDependency(
-                f"The engine's Python ({sys.executable}) has no package {error.name!r}.",
-                f"Install it there: {sys.executable} -m pip install {error.name}",
-            ) from error
+            raise missing_package(error.name) from error
         module.run(request, emit, should_stop)
 
 
@@ -228,7 +237,10 @@ def _version(package: str) -> str | None:
 
 def _summary(request: Request) -> dict:
     """What the project notes of the stages that the request ran."""
-    return {stage: facts for stage in LEARNING if (facts := Project(request.project).finished(stage))}
+    project = Project(request.project)
+    if not project.state_file.exists():  # poses need no project
+        return {}
+    return {stage: facts for stage in LEARNING if (facts := project.finished(stage))}
 
 
 def _watch_input(cancelled: threading.Event) -> None:

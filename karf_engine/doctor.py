@@ -7,8 +7,9 @@ import sys
 from importlib import import_module
 from typing import Any
 
-PACKAGES = ("numpy", "scipy", "torch", "safetensors", "PIL", "imageio")
-INSTALL_NAMES = {"PIL": "pillow"}
+from .errors import INSTALL_NAMES
+
+PACKAGES = ("numpy", "scipy", "torch", "safetensors", "PIL", "imageio", "cv2", "OpenEXR")
 
 
 def examine() -> dict[str, Any]:

@@ -6,6 +6,10 @@ remedy) and the process exit code of its class.
 
 from __future__ import annotations
 
+import sys
+
+INSTALL_NAMES = {"PIL": "pillow", "cv2": "opencv-python-headless"}  # where pip's name is another
+
 
 class KarfError(Exception):
     """Base of all errors that a user can act on."""
@@ -70,3 +74,11 @@ def error_from_code(code: str, sentence: str, hint: str = "") -> KarfError:
         if error_class.code == code:
             return error_class(sentence, hint)
     return KarfError(sentence, hint)
+
+
+def missing_package(name: str) -> MissingDependency:
+    """The error for a package (by its import name) that this Python lacks."""
+    return MissingDependency(
+        f"The engine's Python ({sys.executable}) has no package {name!r}.",
+        f"Install it there: {sys.executable} -m pip install {INSTALL_NAMES.get(name, name)}",
+    )

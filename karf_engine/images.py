@@ -8,18 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import cv2
 import imageio.v3 as iio
 import numpy as np
-from scipy.ndimage import map_coordinates, maximum_filter
+import OpenEXR
+from scipy.ndimage import maximum_filter
 
 from .capture.camera import Camera
 from .capture.capture import View
 from .capture.distortion import distort
-from .capture.image_size import unreadable
-from .edit.color import to_bytes
+from .capture.image_size import ImageHeader, find_header, unreadable
+from .edit.color import linear_to_srgb, to_bytes
 from .errors import DataError
 from .project import atomic_write
 
@@ -27,6 +30,11 @@ BORDER_TOLERANCE = 0.04  # a border pixel this near to black or white counts as 
 BORDER_SHARE = 0.8  # of the border's pixels: an object may touch the border
 SOLID_DIFFERENCE = 0.06  # a pixel this far from a black or white background shows something
 VIEW_SHARE = 0.9  # of the views: a few may be close-ups
+LENS_ROWS = 256  # rows of a lens map that are computed at once: float64 temporaries of whole photos are large
+LENS_DETAIL = 3  # photos are undistorted at this multiple of the working size, so that interpolation costs no detail
+
+cv2.setNumThreads(1)  # its threads would fight torch's for the same cores
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # what matters becomes a DataError
 
 
 @dataclass(frozen=True)
@@ -48,17 +56,75 @@ class Plate:
 def read_photo(path: Path, upright: bool = True) -> np.ndarray:
     """Read a picture as float32 [H, W, 3 or 4] in [0, 1], turned as its Exif orientation says if `upright`.
 
-    Gray and palette pictures become RGB. 16-bit gray is exact; 16-bit color is read at 8 bit, as Pillow decodes it.
+    Gray and palette pictures become RGB; 16-bit pictures keep their depth. EXR files hold linear light with
+    premultiplied alpha: they become sRGB, clipped, with straight alpha, as large as their display window.
     Raises DataError naming the file and the reason where it cannot be read.
     """
     try:
-        with iio.imopen(path.read_bytes(), "r", plugin="pillow") as file:
-            mode = _mode_to_read(file.metadata(index=0))
-            return _as_colors(file.read(index=0, mode=mode, rotate=upright))
+        header = find_header(path) or ImageHeader(0, 0)  # Pillow knows more kinds than `find_header`
+        if header.kind == "exr":
+            return _read_exr(path, header)
+        colors = _read_deep(path, header) if header.deep else _read_plain(path, upright)
     except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
         raise DataError(f"{path} cannot be read: {error.strerror}.", "Check the path.") from error
     except Exception as error:  # damaged files make decoders raise nearly anything
         raise unreadable(path, str(error) or type(error).__name__) from error
+    if header.kind == "tiff":  # decoders always turn these
+        return colors if upright else _turned(colors, {6: 8, 8: 6}.get(header.orientation, header.orientation))
+    return _turned(colors, header.orientation) if header.deep and upright else colors
+
+
+def _read_plain(path: Path, upright: bool) -> np.ndarray:
+    with iio.imopen(path.read_bytes(), "r", plugin="pillow") as file:
+        mode = _mode_to_read(file.metadata(index=0))
+        return _as_colors(file.read(index=0, mode=mode, rotate=upright))
+
+
+def _read_deep(path: Path, header: ImageHeader) -> np.ndarray:
+    """Colors of more than 8 bits, which Pillow would cut to 8."""
+    pixels = iio.imread(path.read_bytes(), plugin="opencv", index=0, flags=cv2.IMREAD_UNCHANGED)
+    colors = _as_colors(pixels)
+    if header.premultiplied and colors.shape[-1] == 4:
+        colors[..., :3] = _straight(colors)
+    return colors
+
+
+def _turned(pixels: np.ndarray, orientation: int) -> np.ndarray:
+    """Stored pixels as a viewer shows them (Exif 2.3, tag 0x0112)."""
+    if orientation >= 5:
+        pixels = pixels.swapaxes(0, 1)
+    if orientation in (2, 3, 6, 7):
+        pixels = pixels[:, ::-1]
+    if orientation in (3, 4, 7, 8):
+        pixels = pixels[::-1]
+    return np.ascontiguousarray(pixels)
+
+
+def _read_exr(path: Path, header: ImageHeader) -> np.ndarray:
+    file = OpenEXR.File(str(path))
+    channels = {name: channel.pixels for name, channel in file.channels().items()}
+    layers = [name for name, pixels in channels.items() if pixels.ndim == 3]
+    name = next((name for name in ("RGBA", "RGB", "Y", *layers) if name in channels), None)
+    if name is None:
+        raise ValueError(f"it has no colors among its channels {', '.join(channels)}")
+    stored = np.atleast_3d(channels[name]).astype(np.float32)
+    light = np.zeros((header.height, header.width, stored.shape[-1]), np.float32)
+    _paste(stored, light, file.header()["dataWindow"][0] - file.header()["displayWindow"][0])
+    light = np.nan_to_num(light, posinf=np.finfo(np.float32).max)
+    if light.shape[-1] == 4:
+        light[..., :3] = _straight(light)
+    colors = light[..., :3] if light.shape[-1] > 1 else np.repeat(light, 3, -1)
+    colors = np.clip(linear_to_srgb(np.clip(colors, 0, 1)), 0, 1)
+    return np.concatenate([colors, np.clip(light[..., 3:], 0, 1)], -1).astype(np.float32)
+
+
+def _paste(stored: np.ndarray, canvas: np.ndarray, corner: np.ndarray) -> None:
+    """Copy the part of `stored` that lies on the canvas, its first pixel at `corner` (column, row)."""
+    left, top = map(int, corner)
+    stored = stored[max(0, -top) :, max(0, -left) :]
+    place = canvas[max(0, top) :, max(0, left) :]
+    height, width = min(len(stored), len(place)), min(stored.shape[1], place.shape[1])
+    place[:height, :width] = stored[:height, :width]
 
 
 def _mode_to_read(stored: dict[str, Any]) -> str | None:
@@ -72,8 +138,9 @@ def _mode_to_read(stored: dict[str, Any]) -> str | None:
 def _as_colors(pixels: np.ndarray) -> np.ndarray:
     if pixels.ndim == 2:
         pixels = np.repeat(pixels[..., None], 3, axis=-1)
-    largest = 255 if pixels.dtype == np.uint8 else 65535 if pixels.dtype.kind in "ui" else 1
-    return np.clip(pixels.astype(np.float32) / largest, 0, 1)
+    colors = pixels.astype(np.float32)
+    colors /= 255 if pixels.dtype == np.uint8 else 65535 if pixels.dtype.kind in "ui" else 1
+    return np.clip(colors, 0, 1, out=colors)
 
 
 def write_png(path: Path, array: np.ndarray) -> None:
@@ -108,59 +175,55 @@ def read_mask(path: Path) -> np.ndarray:
 
 # ------------------------------------------------------------------------------------------------------------- geometry
 def resize(image: np.ndarray, width: int, height: int) -> np.ndarray:
-    """Resize float [H, W] or [H, W, C] to [height, width, ...]: exact area averaging along an axis that shrinks,
+    """Resize float [H, W] or [H, W, C] to float32 [height, width, ...]: exact area averaging along an axis that shrinks,
     linear interpolation along an axis that grows."""
-    for axis, size in ((0, height), (1, width)):
-        if size < image.shape[axis]:
-            image = _area_average(image, size, axis)
-        elif size > image.shape[axis]:
-            image = _interpolate(image, size, axis)
-    return image
-
-
-def _area_average(image: np.ndarray, size: int, axis: int) -> np.ndarray:
-    """Difference of the running integral, taken at the borders of the new pixels."""
-    length = image.shape[axis]
-    rows = np.moveaxis(image, axis, 0)
-    integral = np.concatenate([np.zeros_like(rows[:1], np.float64), np.cumsum(rows, axis=0, dtype=np.float64)])
-    borders = _sample_rows(integral, np.linspace(0, length, size + 1))
-    return np.moveaxis(np.diff(borders, axis=0) * (size / length), 0, axis).astype(np.float32)
-
-
-def _interpolate(image: np.ndarray, size: int, axis: int) -> np.ndarray:
-    length = image.shape[axis]
-    centers = (np.arange(size) + 0.5) * (length / size) - 0.5
-    rows = _sample_rows(np.moveaxis(image, axis, 0), np.clip(centers, 0, length - 1))
-    return np.moveaxis(rows, 0, axis).astype(np.float32)
-
-
-def _sample_rows(rows: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    """Linear interpolation along the first axis at row indices `positions` within [0, len(rows) - 1]."""
-    below = np.minimum(positions.astype(int), len(rows) - 1)
-    above = np.minimum(below + 1, len(rows) - 1)
-    share = (positions - below).reshape(-1, *[1] * (rows.ndim - 1))
-    return rows[below] * (1 - share) + rows[above] * share
+    resized = image.astype(np.float32, copy=False)
+    smaller = (min(width, image.shape[1]), min(height, image.shape[0]))
+    for size, method in ((smaller, cv2.INTER_AREA), ((width, height), cv2.INTER_LINEAR)):
+        if size != resized.shape[1::-1]:
+            resized = cv2.resize(resized, size, interpolation=method)
+    return resized.reshape(height, width, *image.shape[2:])
 
 
 def undistort(image: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera, np.ndarray]:
     """Remove the lens distortion of `camera` from float [H, W, C]; focal lengths, center and size stay.
 
-    Returns the image, its pinhole camera, and valid bool [H, W]: where the photo was looked up inside its borders.
+    C is 1, 3 or 4: OpenCV interpolates these exactly. Returns the image (float32), its pinhole camera, and valid
+    bool [H, W]: where the photo was looked up inside its borders.
     """
     if camera.is_pinhole:
         return image, camera.without_distortion(), np.ones(image.shape[:2], bool)
-    lookup = distort(camera, camera.pixel_centers()).reshape(camera.height, camera.width, 2)
-    inside = (lookup >= 0) & (lookup <= (camera.width, camera.height))  # nan is outside
-    u, v = np.nan_to_num(lookup[..., 0], nan=-1e6) - 0.5, np.nan_to_num(lookup[..., 1], nan=-1e6) - 0.5
-    channels = [map_coordinates(image[..., i], [v, u], order=1, mode="nearest") for i in range(image.shape[-1])]
-    return np.stack(channels, -1), camera.without_distortion(), inside.all(-1)
+    map_u, map_v, valid = lens_map(
+        camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, camera.distortion, camera.fisheye
+    )
+    image = image.astype(np.float32, copy=False)
+    straight = cv2.remap(image, map_u, map_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return straight.reshape(image.shape), camera.without_distortion(), valid.copy()
+
+
+@lru_cache(maxsize=2)  # most captures have one lens; the maps of a large photo take 100 MB
+def lens_map(
+    width: int, height: int, fx: float, fy: float, cx: float, cy: float, distortion: tuple[float, ...], fisheye: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Columns and rows (float32 [H, W], pixel centers at integers) where a lens shows what its pinhole shows in each
+    pixel, and where these lie inside the photo (bool [H, W])."""
+    lens = Camera(width, height, fx, fy, cx, cy, np.eye(4), distortion, fisheye)
+    maps, valid = np.empty((2, height, width), np.float32), np.empty((height, width), bool)
+    for top in range(0, height, LENS_ROWS):
+        rows = slice(top, min(top + LENS_ROWS, height))
+        v, u = np.mgrid[rows, 0:width] + 0.5
+        seen = distort(lens, np.stack([u, v], -1))
+        valid[rows] = ((seen >= 0) & (seen <= (width, height))).all(-1)  # nan is outside
+        maps[:, rows] = np.moveaxis(np.nan_to_num(seen, nan=-1.0), -1, 0) - 0.5
+    return maps[0], maps[1], valid
 
 
 # ------------------------------------------------------------------------------------------------------------- captures
 def load_views(views: Sequence[View], long_side: int) -> list[Plate]:
     """Read the photos of the views, undistort them and shrink them so that no side exceeds `long_side` pixels.
 
-    Photos are never enlarged. Raises DataError naming the photo that is missing, damaged or of another size.
+    Photos are never enlarged, and only one is in memory at its full size. Raises DataError naming the photo that is
+    missing, damaged or of another size.
     """
     return [_load_view(view, long_side) for view in views]
 
@@ -176,8 +239,12 @@ def _load_view(view: View, long_side: int) -> Plate:
     if camera.is_pinhole and (width, height) == (camera.width, camera.height):
         return Plate(view, camera, photo[..., :3], None if opaque else photo[..., 3], None)
 
-    # averages must not mix in the hidden colors of transparent pixels
-    photo, pinhole, valid = undistort(photo if opaque else _premultiplied(photo), camera)
+    if not opaque:  # averages must not mix in the hidden colors of transparent pixels
+        photo[..., :3] *= photo[..., 3:]
+    if not camera.is_pinhole:  # at full size a lens map takes more time and memory than all else
+        camera = camera.scaled(min(camera.width, LENS_DETAIL * width), min(camera.height, LENS_DETAIL * height))
+        photo = resize(photo, camera.width, camera.height)
+    photo, pinhole, valid = undistort(photo, camera)
     photo = resize(photo, width, height)
     valid = resize(valid.astype(np.float32), width, height) > 0.999
     return Plate(
@@ -198,17 +265,15 @@ def _photo_of(view: View) -> np.ndarray:
         photo = read_photo(view.image, upright)
         if photo.shape[:2] == size:
             return photo
+        found, photo = photo.shape, None  # never two of them in memory
     raise DataError(
-        f"{view.image} is {photo.shape[1]}x{photo.shape[0]} pixels where its camera has {size[1]}x{size[0]}.",
+        f"{view.image} is {found[1]}x{found[0]} pixels where its camera has {size[1]}x{size[0]}.",
         "Import the capture again.",
     )
 
 
-def _premultiplied(photo: np.ndarray) -> np.ndarray:
-    return np.concatenate([photo[..., :3] * photo[..., 3:], photo[..., 3:]], -1)
-
-
 def _straight(photo: np.ndarray) -> np.ndarray:
+    """Premultiplied [H, W, 4] as straight colors [H, W, 3]."""
     alpha = photo[..., 3:]
     color = np.divide(photo[..., :3], alpha, out=np.zeros_like(photo[..., :3]), where=alpha > 0)
     return np.minimum(color, 1.0)  # the quotient may round to above one

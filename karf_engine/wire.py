@@ -23,7 +23,7 @@ PROTOCOL = 1
 REQUEST_FILE = "request.json"
 EVENTS_FILE = "events.jsonl"
 LOG_FILE = "engine.log"
-STAGES = ("geometry", "segmentation", "palette", "recoloring", "render", "match", "all")
+STAGES = ("geometry", "segmentation", "palette", "recoloring", "render", "match", "poses", "all")
 FINAL_EVENTS = ("done", "error", "cancelled")
 
 

@@ -22,7 +22,7 @@ import venv
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-ENVIRONMENTS = {"engine": ("", "test", "lint"), "blender": ("blender", "test")}
+ENVIRONMENTS = {"engine": ("", "photos", "test", "lint"), "blender": ("blender", "test")}
 BLENDER_LIBRARIES = (
     "libx11-6 libxrender1 libxxf86vm1 libxfixes3 libxi6 libxkbcommon0 libsm6 libice6 libgl1 libgomp1"  # Debian's names
 )

@@ -17,7 +17,19 @@ from karf_engine.project import Project
 
 from .conftest import run_engine
 
-VERBS = ["all", "geometry", "segmentation", "palette", "recoloring", "match", "render", "settings", "doctor", "run"]
+VERBS = [
+    "poses",
+    "all",
+    "geometry",
+    "segmentation",
+    "palette",
+    "recoloring",
+    "match",
+    "render",
+    "settings",
+    "doctor",
+    "run",
+]
 BLOCK_TORCH = "import sys\nsys.modules['torch'] = None\n"
 
 

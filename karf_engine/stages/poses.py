@@ -1,0 +1,154 @@
+"""A capture from photos without poses, or from a video: photos and a COLMAP model in a new folder.
+
+Options: photos (a folder of photos or a video file), out (the new capture's folder), matching (auto | exhaustive |
+sequential; auto matches all pairs of up to 250 photos), threads. The request's project is not used.
+
+OUT/images/ holds hard links to the photos, or copies where the file system has none; photos that Exif turns and EXR
+files become upright 8-bit copies, because COLMAP works on stored pixels. OUT/sparse/0/ is the model. OUT appears only
+when it is complete.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+
+from PIL import Image, ImageOps
+
+from ..capture.image_size import image_header
+from ..errors import BadRequest, DataError, missing_package
+from ..images import read_photo, write_png
+from ..progress import Emit, Progress
+from ..structure_from_motion import FEWEST_PHOTOS, Plan, solve
+from ..video import write_sharpest_frames
+from ..wire import Request
+
+PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".exr")
+MATCHING = ("auto", "exhaustive", "sequential")
+MOST_EXHAUSTIVE = 250  # photos; all pairs of more take hours
+ENOUGH = 0.9  # share of placed photos below which a second, more sensitive try is made, and the user warned
+TOO_FEW = 0.3  # share of placed photos that is no result
+
+
+def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
+    """Find the poses and write the capture. Raises DataError where too few photos can be placed."""
+    source, out, matching = _checked(request.options)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    work = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
+    try:
+        capture = work / "capture"
+        (capture / "images").mkdir(parents=True)
+        names = _gather(source, capture / "images", emit, should_stop)
+        plan = Plan(
+            photos=capture / "images",
+            names=names,
+            work=work,
+            model=capture / "sparse" / "0",
+            one_lens=len({image_header(capture / "images" / name).stored for name in names}) == 1,
+            sequential=matching == "sequential" or (matching == "auto" and len(names) > MOST_EXHAUSTIVE),
+            threads=request.options.get("threads") or -1,
+        )
+        placed = _solve_twice(plan, emit, should_stop)
+        _judge(source, placed, len(names), emit)
+        if out.exists():
+            out.rmdir()  # it is empty
+        capture.replace(out)
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+    emit("artifact", kind="capture", path=str(out))
+
+
+def _checked(options: dict) -> tuple[Path, Path, str]:
+    for name in ("photos", "out"):
+        if not options.get(name):
+            raise BadRequest(f"The poses stage was given no {name}.", "Give photos (a folder or a video) and out.")
+    source, out = Path(options["photos"]).absolute(), Path(options["out"]).absolute()
+    matching = options.get("matching", "auto")
+    if matching not in MATCHING:
+        raise BadRequest(f"Unknown matching {matching!r}.", f"Use one of: {', '.join(MATCHING)}.")
+    if not source.exists():
+        raise DataError(f"{source} does not exist.", "Give a folder of photos, or a video file.")
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise BadRequest(f"{out} already exists and is not empty.", "Give a new folder for the capture.")
+    if find_spec("pycolmap") is None:
+        raise missing_package("pycolmap")
+    return source, out, matching
+
+
+# --------------------------------------------------------------------------------------------------------------- photos
+def _gather(source: Path, folder: Path, emit: Emit, should_stop: Callable[[], bool]) -> tuple[str, ...]:
+    """Put the photos into `folder`; returns their names there, in order."""
+    emit("stage", name="poses", text="reading photos")
+    if source.is_file():
+        names = write_sharpest_frames(source, folder, should_stop)
+    else:
+        photos = sorted(path for path in source.iterdir() if path.suffix.lower() in PHOTO_SUFFIXES)
+        progress = Progress(emit, should_stop, "poses", len(photos))
+        names = []
+        for photo in photos:
+            progress.step()
+            names.append(_take(photo, folder))
+    if len(names) < FEWEST_PHOTOS:
+        raise DataError(
+            f"{source} holds {len(names)} photos; poses need at least {FEWEST_PHOTOS}.",
+            f"Give a folder with photos ({', '.join(PHOTO_SUFFIXES)}), 30 or more from all sides, or a video.",
+        )
+    return tuple(names)
+
+
+def _take(photo: Path, folder: Path) -> str:
+    """Link or copy the photo into `folder`, upright; returns its name there. Raises DataError where it is damaged."""
+    header = image_header(photo)
+    if header.orientation == 1 and header.kind != "exr":
+        try:
+            os.link(photo.resolve(), folder / photo.name)
+        except OSError:  # another disk, or a file system without links
+            shutil.copyfile(photo, folder / photo.name)
+        return photo.name
+    if header.kind == "jpeg":  # keeps the Exif focal length, where the search for the lens begins
+        with Image.open(photo) as picture:
+            upright = ImageOps.exif_transpose(picture)
+            upright.save(folder / photo.name, quality=95, exif=upright.getexif())
+        return photo.name
+    name = f"{photo.name}.png"
+    write_png(folder / name, read_photo(photo))
+    return name
+
+
+# ---------------------------------------------------------------------------------------------------------------- poses
+def _solve_twice(plan: Plan, emit: Emit, should_stop: Callable[[], bool]) -> int:
+    """Solve; where that leaves many photos out, try more sensitive features too. The better model is kept."""
+    best = 0
+    for sensitive, text in ((False, "finding poses"), (True, "finding poses with more sensitive features")):
+        emit("stage", name="poses", text=text)
+        attempt = plan.work / ("second" if sensitive else "first")
+        (attempt / "model").mkdir(parents=True)
+        placed = solve(replace(plan, work=attempt, model=attempt / "model", sensitive=sensitive), emit, should_stop)
+        if placed > best:
+            best = placed
+            shutil.rmtree(plan.model, ignore_errors=True)
+            shutil.copytree(attempt / "model", plan.model)
+        if best >= ENOUGH * len(plan.names):
+            break
+    return best
+
+
+def _judge(source: Path, placed: int, count: int, emit: Emit) -> None:
+    if placed < max(FEWEST_PHOTOS, TOO_FEW * count):
+        raise DataError(
+            f"Only {placed} of the {count} photos of {source} could be placed.",
+            "Take more photos with more overlap (everything in at least three of them), of a scene that has texture "
+            "and stands still, sharp and without zooming.",
+        )
+    if placed < ENOUGH * count:
+        emit(
+            "warning",
+            code="poses",
+            sentence=f"{placed} of the {count} photos were placed; the others are left out. More photos between them "
+            "and their neighbors would help.",
+        )

@@ -1,0 +1,206 @@
+"""Camera poses of photos that have none, by pycolmap's incremental mapper (Schönberger and Frahm 2016) on the processor.
+
+pycolmap cannot be interrupted everywhere, and it aborts its process where it meets what it does not expect: it works
+in a child process, which is killed on cancel. The child reports by a pipe; how far it got stands in its database.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+import sys
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import Any
+
+from .errors import KarfError
+from .progress import Emit, Progress
+
+LONG_SIDE = 1600  # pixels of the photos in which features are found
+MOST_FEATURES = 4096  # of a photo; matching takes the square of it
+SEQUENTIAL_OVERLAP = 12  # neighbors on each side, then 2, 4, 8 .. times as far away
+PAIR_BLOCK = 10  # photos whose features are matched between two reports
+FEWEST_PHOTOS = 3
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be solved: `names` in the folder `photos`; work files go to the existing folder `work`, the best model
+    (COLMAP's binary tables) to the existing folder `model`.
+
+    one_lens: all photos share one lens. sequential: only neighbors in the order of the names are matched. threads: -1
+    for all cores. sensitive: for small or smooth photos, more and better described features, looser matches and a
+    pinhole.
+    """
+
+    photos: Path
+    names: tuple[str, ...]
+    work: Path
+    model: Path
+    one_lens: bool
+    sequential: bool
+    threads: int
+    sensitive: bool = False
+
+    @property
+    def database(self) -> Path:
+        """Where the child keeps features and matches."""
+        return self.work / "database.db"
+
+    @property
+    def pairs(self) -> int:
+        """About how many pairs of photos are matched."""
+        count = len(self.names)
+        return count * min(count - 1, 2 * SEQUENTIAL_OVERLAP) // 2 if self.sequential else count * (count - 1) // 2
+
+
+def solve(plan: Plan, emit: Emit, should_stop: Callable[[], bool]) -> int:
+    """Place the photos and write the model; returns how many were placed, 0 where nothing is written.
+
+    Raises Cancelled, and KarfError where pycolmap fails.
+    """
+    context = get_context("spawn")  # a fork would share torch's threads
+    here, there = context.Pipe(duplex=False)
+    child = context.Process(target=_work, args=(there, plan), daemon=True)
+    sys.path.append(str(Path(__file__).parents[1]))  # the engine may run as a folder, off the path that the child gets
+    try:
+        child.start()
+    finally:
+        sys.path.pop()
+    there.close()  # so that the pipe ends with the child
+    try:
+        return _follow(child, here, plan, emit, should_stop)
+    finally:
+        child.kill()
+        child.join()
+        here.close()
+
+
+def _follow(child: BaseProcess, pipe: Connection, plan: Plan, emit: Emit, should_stop: Callable[[], bool]) -> int:
+    """Tell of the child's progress until it has a result."""
+    count = len(plan.names)
+    totals = {"start": 0, "features": count, "matching": plan.pairs, "mapping": count}
+    part, done, progress = "start", 0, Progress(emit, should_stop, "poses", count)
+    while True:
+        kind, value = _received(child, pipe) if pipe.poll(0.1) else ("nothing", None)
+        if kind == "error":
+            raise KarfError(f"pycolmap failed: {value}.", "Try other photos, or give a capture with poses.")
+        reached = totals[part] if kind in ("part", "result") else _reached(plan.database, part, kind, value)
+        if reached > done or should_stop():
+            progress.step(min(reached, totals[part]) - done)
+            done = min(reached, totals[part])
+        if kind == "result":
+            return value
+        if kind == "part":
+            part, done, progress = value, 0, Progress(emit, should_stop, value, totals[value])
+
+
+def _received(child: BaseProcess, pipe: Connection) -> tuple[str, Any]:
+    try:
+        return pipe.recv()
+    except EOFError:
+        child.join()
+        raise KarfError(
+            f"pycolmap ended without a result (exit code {child.exitcode}).", "Use fewer or smaller photos."
+        ) from None
+
+
+def _reached(database: Path, part: str, kind: str, value: Any) -> int:
+    """How many steps of this part are done, as far as can be told now."""
+    if kind == "placed":
+        return value
+    table = {"features": "keypoints", "matching": "two_view_geometries"}.get(part)
+    if table is None or not database.exists():
+        return 0
+    try:
+        with closing(sqlite3.connect(f"{database.as_uri()}?mode=ro", uri=True, timeout=0.1)) as connection:
+            return connection.execute(f"select count(*) from {table}").fetchone()[0]
+    except sqlite3.Error:  # being written, or not there yet
+        return 0
+
+
+# ---------------------------------------------------------------------------------------------------------- the child
+def _work(pipe: Connection, plan: Plan) -> None:
+    try:
+        pipe.send(("result", _place(pipe, plan)))
+    except Exception as error:
+        pipe.send(("error", str(error) or type(error).__name__))
+
+
+def _place(pipe: Connection, plan: Plan) -> int:
+    import pycolmap
+
+    pycolmap.logging.minloglevel = pycolmap.logging.FATAL.value
+    pycolmap.set_random_seed(0)
+    pipe.send(("part", "features"))
+    _find_features(pycolmap, plan)
+    pipe.send(("part", "matching"))
+    _match(pycolmap, plan)
+    pipe.send(("part", "mapping"))
+    return _map(pycolmap, plan, lambda placed: pipe.send(("placed", placed)))
+
+
+def _find_features(pycolmap: Any, plan: Plan) -> None:
+    reading, finding = pycolmap.ImageReaderOptions(), pycolmap.FeatureExtractionOptions()
+    reading.camera_model = "SIMPLE_PINHOLE" if plan.sensitive else "SIMPLE_RADIAL"
+    finding.num_threads, finding.use_gpu, finding.max_image_size = plan.threads, False, LONG_SIDE
+    finding.sift.max_num_features = MOST_FEATURES
+    if plan.sensitive:
+        finding.sift.peak_threshold = 0.001
+        finding.sift.estimate_affine_shape = finding.sift.domain_size_pooling = True
+    pycolmap.extract_features(
+        plan.database,
+        plan.photos,
+        image_names=list(plan.names),
+        camera_mode=pycolmap.CameraMode.SINGLE if plan.one_lens else pycolmap.CameraMode.AUTO,
+        reader_options=reading,
+        extraction_options=finding,
+        device=pycolmap.Device.cpu,
+    )
+
+
+def _match(pycolmap: Any, plan: Plan) -> None:
+    matching = pycolmap.FeatureMatchingOptions()
+    matching.num_threads, matching.use_gpu = plan.threads, False
+    if plan.sensitive:
+        matching.sift.max_ratio = 0.9
+    if plan.sequential:
+        pairing, match = pycolmap.SequentialPairingOptions(), pycolmap.match_sequential
+        pairing.overlap = SEQUENTIAL_OVERLAP
+    else:
+        pairing, match = pycolmap.ExhaustivePairingOptions(), pycolmap.match_exhaustive
+        pairing.block_size = PAIR_BLOCK
+    match(plan.database, matching_options=matching, pairing_options=pairing, device=pycolmap.Device.cpu)
+
+
+def _map(pycolmap: Any, plan: Plan, report: Callable[[int], None]) -> int:
+    options = pycolmap.IncrementalPipelineOptions()
+    options.num_threads = options.mapper.num_threads = plan.threads
+    options.random_seed = 0
+    options.min_model_size = min(10, max(FEWEST_PHOTOS, len(plan.names) // 2))  # a smaller one is tried again
+    if plan.sensitive:
+        options.min_num_matches = 8
+        options.mapper.init_min_num_inliers, options.mapper.abs_pose_min_num_inliers = 30, 12
+    placed = 0
+
+    def count() -> None:
+        nonlocal placed
+        placed += 1
+        report(placed)
+
+    models = pycolmap.incremental_mapping(plan.database, plan.photos, plan.work, options, next_image_callback=count)
+    sane = [model for model in models.values() if not _is_bogus(model)]
+    if not sane:
+        return 0
+    best = max(sane, key=lambda model: model.num_reg_images())
+    best.write_binary(plan.model)
+    return best.num_reg_images()
+
+
+def _is_bogus(model: Any) -> bool:
+    """Whether a lens of the model cannot be one: too few matches let it take any value."""
+    return any(camera.has_bogus_params(0.1, 10.0, 1.0) for camera in model.cameras.values())
