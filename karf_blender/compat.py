@@ -5,10 +5,19 @@ import bpy
 # properties that hold paths must say since 4.5 that `//` is understood; before, the word is unknown
 PATH_OPTIONS = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
 
+# points of a size have had a shader of their own since 4.5
+POINT_SHADER = "POINT_FLAT_COLOR" if bpy.app.version >= (4, 5, 0) else "FLAT_COLOR"
+
 
 def exit_handlers() -> list | None:
     """The handlers called when Blender quits (5.1 and later), or None; the engine also notices when Blender is gone."""
     return getattr(bpy.app.handlers, "exit_pre", None)
+
+
+def give_nodes(material: bpy.types.Material) -> None:
+    """Let a new material have nodes; since 5.0 all have."""
+    if bpy.app.version < (5, 0, 0):
+        material.use_nodes = True
 
 
 def set_brush_color(tool_settings: bpy.types.ToolSettings, color: tuple[float, float, float]) -> None:

@@ -5,7 +5,18 @@ from pathlib import Path
 from .. import karf_engine
 from ..karf_engine.capture import FORMATS, open_capture, write_cameras
 from ..karf_engine.capture.camera import Camera
-from ..karf_engine.capture.capture import Capture, View
+from ..karf_engine.capture.capture import Capture, SparsePoints, View
+from ..karf_engine.capture.distortion import distort
+from ..karf_engine.capture.image_size import find_header
+from ..karf_engine.capture.reprojection import (
+    ErrorSummary,
+    observed_points,
+    reprojection_errors,
+    summarize,
+    undistorted_near,
+)
+from ..karf_engine.capture.undistortion import undistorted
+from ..karf_engine.edit.color import linear_to_srgb
 from ..karf_engine.edit.compositing import Planes, delta_composite, paper_composite, read_planes, stack_palettes
 from ..karf_engine.edit.match import match_becomes, match_fewest, nearest_weights, read_object_colors
 from ..karf_engine.edit.palette import (
@@ -40,6 +51,7 @@ __all__ = [
     "Capture",
     "DataError",
     "Edit",
+    "ErrorSummary",
     "Event",
     "EventReader",
     "KarfError",
@@ -48,22 +60,31 @@ __all__ = [
     "Planes",
     "Project",
     "Request",
+    "SparsePoints",
     "View",
     "atomic_write",
     "delta_composite",
+    "distort",
     "error_from_code",
+    "find_header",
     "hex_to_rgb",
+    "linear_to_srgb",
     "match_becomes",
     "match_fewest",
     "nearest_weights",
+    "observed_points",
     "open_capture",
     "paper_composite",
     "read_edit",
     "read_object_colors",
     "read_palettes",
     "read_planes",
+    "reprojection_errors",
     "rgb_to_hex",
     "stack_palettes",
+    "summarize",
+    "undistorted",
+    "undistorted_near",
     "write_cameras",
     "write_edit",
 ]

@@ -19,6 +19,8 @@ PACKAGES = {
     "imageio": "imageio",
     "PIL": "pillow",
     "safetensors": "safetensors",
+    "cv2": "opencv-python-headless",
+    "OpenEXR": "OpenEXR",
 }
 TIMEOUT = 120.0
 PROBE = """

@@ -12,18 +12,31 @@ from typing import Any
 
 import bpy
 
-from . import folders, job_watch, steps, swatches
-from .engine_api import Capture, Edit, Palette, hex_to_rgb
+from . import captures, folders, job_watch, rig, steps, swatches
+from .engine_api import Capture, Edit, ErrorSummary, Palette, hex_to_rgb
 
 Color = str | Sequence[float]
 
 
 def import_capture(
-    path: str | Path, project: str | Path | None = None, scene: bpy.types.Scene | None = None
+    path: str | Path, project: str | Path | None = None, scene: bpy.types.Scene | None = None, **options: Any
 ) -> Capture:
-    """Build the cameras of a capture (its folder or camera file) in the scene."""
+    """Build the cameras of a capture (its folder or camera file) in the scene; options are those of `rig.Options`."""
     folder = Path(project).absolute() if project else None
-    return steps.import_capture(_scene(scene), Path(path).absolute(), folder)
+    return steps.import_capture(_scene(scene), Path(path).absolute(), folder, rig.Options(**options))
+
+
+def find_poses(photos: str | Path, scene: bpy.types.Scene | None = None, **options: Any) -> Capture:
+    """Find the camera poses of a folder of photos, or of a video, and import the capture that they make."""
+    scene = _scene(scene)
+    job_watch.wait(steps.find_poses(scene, Path(photos).absolute(), rig.Options(**options)))
+    return captures.of(scene)
+
+
+def reprojection_error(view: str = "", scene: bpy.types.Scene | None = None) -> ErrorSummary:
+    """Count, median and worst distance in pixels between the sparse points and where a view (default: the active one)
+    shows them in its photo."""
+    return steps.reprojection_error(_scene(scene), view)
 
 
 def learn_scene(
@@ -110,6 +123,23 @@ def render_sequence(
     _set_out(scene, out)
     job_watch.wait(steps.render_camera(scene, camera, steps.frame_range(scene) if frames is None else frames))
     return folders.out_folder(scene) / "recolor"
+
+
+def export_cameras(
+    path: str | Path,
+    camera: bpy.types.Object | None = None,
+    frames: Iterable[int] | None = None,
+    scene: bpy.types.Scene | None = None,
+) -> Path:
+    """Write a Blender camera (default: the scene's) in these frames (default: the scene's range) as a transforms.json."""
+    scene, path = _scene(scene), Path(path).absolute()
+    steps.export_cameras(scene, path, camera, steps.frame_range(scene) if frames is None else frames)
+    return path
+
+
+def import_cameras(path: str | Path, scene: bpy.types.Scene | None = None) -> bpy.types.Object:
+    """Make one animated camera of the cameras in a transforms.json, below the rig; returns it."""
+    return steps.import_cameras(_scene(scene), Path(path).absolute())
 
 
 def save(path: str | Path | None = None) -> None:

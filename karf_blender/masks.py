@@ -6,7 +6,7 @@ The artist paints on a copy of the photo, in any color that the object has not; 
 import bpy
 import numpy as np
 
-from . import compat, folders, pictures
+from . import compat, folders, photos, pictures
 from .engine_api import BadRequest, View
 
 MARKER = (1.0, 0.0, 1.0)
@@ -20,7 +20,7 @@ def start(scene: bpy.types.Scene, name: str, view: View) -> bpy.types.Image:
         raise BadRequest(f"The view {view.name!r} is held out for testing.", "Choose a view of the train split.")
     if view.image is None:
         raise BadRequest(f"The view {view.name!r} has no photo.", "Choose another view.")
-    photo = pictures.read_picture(view.image)
+    photo = photos.read(view)
     height, width = photo.shape[:2]
     if scene.karf.mask_image is None:
         scene.karf.mask_image = pictures.new_image("KaRF mask", width, height)
@@ -44,7 +44,7 @@ def save(scene: bpy.types.Scene, view: View) -> tuple[str, float]:
     if karf.mask_image is None:
         raise BadRequest("No mask was begun.", "Press Paint Mask first.")
     painted = pictures.pixels(karf.mask_image)[..., :3]
-    mask = np.abs(painted - pictures.read_picture(view.image)).max(axis=-1) > THRESHOLD
+    mask = np.abs(painted - photos.read(view)).max(axis=-1) > THRESHOLD
     if not mask.any():
         raise BadRequest(
             f"Nothing is painted on the photo of {view.name!r}.",

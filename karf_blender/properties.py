@@ -7,11 +7,12 @@ from bpy.props import (
     EnumProperty,
     FloatProperty,
     FloatVectorProperty,
+    IntProperty,
     PointerProperty,
     StringProperty,
 )
 
-from . import recolor, swatches
+from . import recolor, reprojection, swatches
 from .compat import PATH_OPTIONS
 from .engine_api import COMPOSITING_MODES, PRESETS
 
@@ -37,6 +38,10 @@ def _edit_changed(self, context):
 
 def _view_chosen(self, context):
     recolor.follow(self.id_data)
+
+
+def _overlay_switched(self, context):
+    reprojection.follow(self.id_data)
 
 
 def _project_chosen(self, context):
@@ -108,6 +113,13 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
     compositing: EnumProperty(name="Compositing", items=COMPOSITING_ITEMS, update=_edit_changed)
     rig: PointerProperty(name="Rig", type=bpy.types.Object, description="The Empty that holds the captured cameras")
     views: CollectionProperty(type=KARF_PG_view)
+    n_points: IntProperty(name="Points", description="Sparse points of the capture")
+    show_reprojection: BoolProperty(
+        name="Reprojection Errors",
+        description="Over the photo looked through: lines from the sparse points to where the photo shows them, "
+        "green where they agree, red from 4 pixels on",
+        update=_overlay_switched,
+    )
     active_view: StringProperty(name="View", description="The captured view that is shown", update=_view_chosen)
     objects: CollectionProperty(type=KARF_PG_object)
     result: PointerProperty(name="Result", type=bpy.types.Image, description="The recolored picture")

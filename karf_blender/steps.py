@@ -4,17 +4,21 @@ A step that needs the engine returns a `Task`: launch it beside the interface or
 that numpy does at once does it. All raise KarfError for what a user can mend.
 """
 
+import os
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-from . import folders, masks, pictures, preferences, recolor, rig, swatches
+from . import camera_paths, captures, folders, masks, pictures, preferences, recolor, reprojection, rig, swatches
 from .engine_api import (
     BadRequest,
     Capture,
+    DataError,
     Edit,
+    ErrorSummary,
     KarfError,
     Project,
     Request,
@@ -33,24 +37,28 @@ from .job_watch import Task
 
 
 # --- 1 import ------------------------------------------------------------------------------------------------------
-def import_capture(scene: bpy.types.Scene, path: Path, project: Path | None = None) -> Capture:
-    """Build the rig of a capture and make it the scene's.
+def import_capture(
+    scene: bpy.types.Scene, path: Path, project: Path | None = None, options: rig.Options | None = None
+) -> Capture:
+    """Build the rig of a capture and make it the scene's. The capture's remarks say what could not be had.
 
     project: default the one the scene has of this capture, else a folder beside the .blend. Palettes of another capture
     leave the scene.
     """
+    captures.forget()
     capture = open_capture(path)
     path = _place_of(path, capture)
     karf = scene.karf
     is_known = bool(karf.project) and karf.capture == folders.stored(path)
     if project is None:
         project = folders.project_of(scene).folder if is_known else folders.default_project(path)
-    karf.rig = rig.build(capture, f"KaRF {project.name}", scene)
+    karf.rig = rig.build(capture, f"KaRF {project.name}", scene, options)
     with recolor.held(scene):
         if not is_known:
             karf.objects.clear()
         karf.capture = folders.stored(path)
         karf.project = folders.stored(project)
+        karf.n_points = 0 if capture.points is None else len(capture.points)
         karf.views.clear()
         for view in capture.views:
             item = karf.views.add()
@@ -58,47 +66,77 @@ def import_capture(scene: bpy.types.Scene, path: Path, project: Path | None = No
         # a view that learns: masks are painted on it
         first = next(iter(capture.split("train")), capture.views[0])
         karf.active_view = first.name
-    rig.look_through(scene, first)
+    try:
+        _look_through(scene, capture, first)
+    except DataError as error:  # the rig stands; one photo is no reason to take it away
+        capture = replace(capture, remarks=(*capture.remarks, error.sentence))
     return capture
 
 
 def _place_of(path: Path, capture: Capture) -> Path:
-    """The folder of a camera file where it is the same capture: chosen either way, it has one path and one project."""
-    if not path.is_file():
-        return path
+    """The folder of the camera file, or that of camera file and photos, where it is the same capture: chosen in whichever
+    way, a capture has one path and one project."""
+    images = [view.image for view in capture.views]
+    start = path.parent if path.is_file() else path
+    for folder in (_common_folder([start, *(image.parent for image in images if image)]), start):
+        if folder == path:
+            break
+        try:
+            found = open_capture(folder)
+        except KarfError:
+            continue
+        if found.format == capture.format and [view.image for view in found.views] == images:
+            return folder
+    return path
+
+
+def _common_folder(places: list[Path]) -> Path:
     try:
-        same = open_capture(path.parent)
-    except KarfError:
-        return path
-    return path.parent if [view.image for view in same.views] == [view.image for view in capture.views] else path
+        return Path(os.path.commonpath(places))
+    except ValueError:  # several drives
+        return places[0]
 
 
-def capture_of(scene: bpy.types.Scene) -> Capture:
-    """The scene's capture, read again. Raises BadRequest where none was imported."""
-    return open_capture(_capture_path(scene))
+def find_poses(scene: bpy.types.Scene, photos: Path, options: rig.Options | None = None) -> Task:
+    """Camera poses of a folder of photos, or of a video, in a new project folder; then their capture is imported."""
+    wanted = project = folders.default_project(photos.with_suffix("") if photos.is_file() else photos)
+    number = 2
+    while (project / "capture").exists():  # found before: what was learned of it stays
+        project, number = wanted.with_name(f"{wanted.name}_{number}"), number + 1
+    out, name = project / "capture", scene.name
 
+    def take_over(request: Request) -> None:
+        import_capture(bpy.data.scenes.get(name) or bpy.context.scene, out, project, options)
 
-def _capture_path(scene: bpy.types.Scene) -> Path:
-    if not scene.karf.capture:
-        raise BadRequest(f"The scene {scene.name!r} has no capture.", "Import a capture first.")
-    return folders.absolute(scene.karf.capture)
-
-
-def view_of(scene: bpy.types.Scene, name: str) -> View:
-    """A captured view by name; an empty name is the active view's."""
-    return capture_of(scene).view(name or scene.karf.active_view)
+    request = Request("poses", project, {"photos": str(photos), "out": str(out)} | _threads())
+    return Task("Find Camera Poses", (request,), take_over)
 
 
 def look_through(scene: bpy.types.Scene, name: str = "") -> None:
-    """Look through a captured view's camera, with its picture size."""
-    rig.look_through(scene, view_of(scene, name))
+    """Look through a captured view's camera, with its picture size and its photo free of lens distortion.
+
+    Raises KarfError where there is no such view or its photo cannot be read.
+    """
+    _look_through(scene, captures.of(scene), captures.view_of(scene, name))
+
+
+def _look_through(scene: bpy.types.Scene, capture: Capture, view: View) -> None:
+    rig.look_through(scene, view)
+    reprojection.note(scene, capture, view.name)
+    rig.straighten_background(scene, view, folders.project_of(scene).photos_folder)
+
+
+def reprojection_error(scene: bpy.types.Scene, name: str = "") -> ErrorSummary:
+    """How far the sparse points are from where a view's photo shows them. Raises DataError where there are none."""
+    name = captures.view_of(scene, name).name
+    return reprojection.check(captures.path_of(scene), captures.of(scene), name).summary
 
 
 # --- 2 learn, 4 segment, 5 palette ---------------------------------------------------------------------------------
 def learn_scene(scene: bpy.types.Scene, preset: str = "", overrides: Sequence[str] = ()) -> Task:
     """Geometry from the photos; an empty preset is the panel's."""
     options = {
-        "capture": str(_capture_path(scene)),
+        "capture": str(captures.path_of(scene)),
         "preset": preset or scene.karf.preset,
         "overrides": list(overrides),
     }
@@ -130,9 +168,12 @@ def _planes(views: str) -> tuple[str, dict]:
 
 def _task(scene: bpy.types.Scene, title: str, *jobs: tuple[str, dict]) -> Task:
     project = folders.project_of(scene).folder
+    return Task(title, tuple(Request(stage, project, options | _threads()) for stage, options in jobs), finished)
+
+
+def _threads() -> dict[str, int]:
     threads = preferences.current().threads
-    common = {"threads": threads} if threads else {}
-    return Task(title, tuple(Request(stage, project, options | common) for stage, options in jobs), finished)
+    return {"threads": threads} if threads else {}
 
 
 def finished(request: Request) -> None:
@@ -164,12 +205,12 @@ def show_view(scene: bpy.types.Scene, name: str = "") -> Task | None:
 # --- 3 mark --------------------------------------------------------------------------------------------------------
 def paint_mask(scene: bpy.types.Scene, name: str) -> bpy.types.Image:
     """Begin a coarse mask of object `name` on the active view's photo; returns the image to paint on."""
-    return masks.start(scene, name, view_of(scene, ""))
+    return masks.start(scene, name, captures.view_of(scene))
 
 
 def save_mask(scene: bpy.types.Scene) -> tuple[str, float]:
     """Write the painted mask; returns its file and the painted share of the picture."""
-    return masks.save(scene, view_of(scene, scene.karf.mask_view))
+    return masks.save(scene, captures.view_of(scene, scene.karf.mask_view))
 
 
 # --- 6 edit --------------------------------------------------------------------------------------------------------
@@ -223,9 +264,7 @@ def render_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None, numbe
 
     Frames with the same swatches share a job. The pictures are OUT/recolor/frame_0001.png and so on.
     """
-    camera = camera or scene.camera
-    if camera is None:
-        raise BadRequest(f"The scene {scene.name!r} has no camera.", "Add one, or choose a camera of the capture.")
+    camera = _camera_of(scene, camera)
     if not scene.karf.objects:
         raise BadRequest("There is no palette yet.", "Extract the palettes first.")
     groups: dict[bytes, tuple[Edit, list[View]]] = {}
@@ -242,6 +281,30 @@ def render_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None, numbe
         write_edit(edit_file, edit)
         jobs.append(_pictures(str(cameras_file), edit_file, out, "render"))
     return _task(scene, "Render Camera", *jobs)
+
+
+def export_cameras(scene: bpy.types.Scene, path: Path, camera: bpy.types.Object | None, numbers: Iterable[int]) -> int:
+    """Write what a camera (None: the scene's) is in these frames as a transforms.json; returns their number.
+
+    Poses are relative to the rig's Empty, where there is one. Raises BadRequest for a camera without a pinhole.
+    """
+    views = list(rig.frames_of(scene, _camera_of(scene, camera), numbers))
+    if not views:
+        raise BadRequest("There are no frames to export.", "Give at least one frame.")
+    write_cameras(path, views)
+    return len(views)
+
+
+def import_cameras(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
+    """One animated camera, below the rig where there is one, of the cameras in a file; it becomes the scene's."""
+    return camera_paths.build(open_capture(path, photos=False).views, path.stem, scene)
+
+
+def _camera_of(scene: bpy.types.Scene, camera: bpy.types.Object | None) -> bpy.types.Object:
+    camera = camera or scene.camera
+    if camera is None:
+        raise BadRequest(f"The scene {scene.name!r} has no camera.", "Add one, or choose a camera of the capture.")
+    return camera
 
 
 def frame_range(scene: bpy.types.Scene) -> range:

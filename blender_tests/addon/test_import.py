@@ -19,7 +19,7 @@ def test_there_is_a_camera_with_its_photo_for_every_view(bpy, addon, imported, c
 
 
 def test_cameras_stand_where_the_capture_has_them(addon, imported):
-    for view in addon.steps.capture_of(imported).views:
+    for view in addon.captures.of(imported).views:
         matrix = addon.rig.camera_of(imported, view.name).matrix_world
         np.testing.assert_allclose(np.array(matrix), view.camera.camera_to_world, atol=1e-6)
 
@@ -133,10 +133,56 @@ def test_choosing_the_same_project_again_keeps_the_edits(addon, learned):
 
 def test_a_dropped_camera_file_is_imported_at_once(bpy, addon, scene, capture_folder, tmp_path):
     handler = bpy.types.KARF_FH_capture
-    assert handler.bl_import_operator == "karf.import_capture" and ".json" in handler.bl_file_extensions
+    assert handler.bl_import_operator == "karf.import_capture"
+    assert set(handler.bl_file_extensions.split(";")) == {".json", ".npy", ".bin", ".txt"}
     file = str(capture_folder / "transforms.json")
     assert bpy.ops.karf.import_capture("INVOKE_DEFAULT", filepath=file, project=str(tmp_path / "p")) == {"FINISHED"}
     assert len(scene.karf.views) == 3
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "weights.bin", "table.npy", "settings.json"])
+def test_a_dropped_file_of_another_kind_is_refused_in_a_sentence(bpy, scene, tmp_path, name):
+    file = tmp_path / name
+    file.write_text('{"nothing": "here"}')
+    with pytest.raises(RuntimeError, match=rf"{name}.*\."):
+        bpy.ops.karf.import_capture("INVOKE_DEFAULT", filepath=str(file))
+    assert not bpy.data.cameras and scene.karf.project == ""
+
+
+def test_the_import_can_be_a_preset_without_its_paths(bpy, addon):
+    properties = bpy.ops.karf.import_capture.get_rna_type().properties
+    kept = {each.identifier for each in properties if not (each.is_hidden or each.is_skip_save)} - {"rna_type"}
+    assert kept == {"orientation", "size", "points", "photos", "camera_size"}
+
+
+def test_options_change_the_rig_and_never_the_pinholes(bpy, addon, scene, capture_folder, tmp_path):
+    options = {"orientation": "UPRIGHT", "size": 10.0, "photos": False, "camera_size": 5.0}
+    bpy.ops.karf.import_capture(filepath=str(capture_folder), project=str(tmp_path / "project"), **options)
+    capture, cameras = addon.captures.of(scene), scene.karf.rig.children
+    positions = np.array([camera.matrix_world.translation for camera in cameras])
+    assert np.linalg.norm(np.ptp(positions, axis=0)) > 7  # the box was turned with the rig
+    assert scene.karf.rig.scale.x == pytest.approx(10 / addon.placement.extent(capture))
+    for camera in cameras:
+        assert not camera.data.background_images and camera.data.display_size == pytest.approx(0.5)
+        found = addon.rig.pinhole(scene, camera)
+        np.testing.assert_allclose(
+            found.camera_to_world, capture.view(camera.karf_view).camera.camera_to_world, atol=1e-5
+        )
+
+
+def test_photos_without_poses_become_an_imported_capture(bpy, addon, scene, capture_folder, tmp_path):
+    addon.headless.save(tmp_path / "shot.blend")
+    assert bpy.ops.karf.find_poses(filepath=str(capture_folder / "images")) == {"FINISHED"}
+    assert addon.folders.absolute(scene.karf.project) == tmp_path / "images_karf"
+    assert addon.folders.absolute(scene.karf.capture) == tmp_path / "images_karf" / "capture"
+    assert scene.karf.views.keys() == ["photo_0", "photo_1", "photo_2"]
+
+
+def test_poses_found_anew_leave_the_earlier_project_alone(addon, scene, capture_folder, tmp_path):
+    addon.headless.save(tmp_path / "shot.blend")
+    addon.headless.find_poses(capture_folder / "images")
+    addon.headless.find_poses(capture_folder / "images")
+    assert addon.folders.absolute(scene.karf.capture) == tmp_path / "images_karf_2" / "capture"
 
 
 def test_finished_stages_are_those_of_the_project_as_it_is_now(addon, imported):

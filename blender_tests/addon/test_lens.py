@@ -39,7 +39,8 @@ def blender_pixels(bpy, scene, points):
         scale_x=render.pixel_aspect_x,
         scale_y=render.pixel_aspect_y,
     )
-    matrix = np.array(projection @ camera.matrix_world.inverted())
+    # the view has no scale, as in the 3D View and in renders
+    matrix = np.array(projection @ camera.matrix_world.normalized().inverted())
     clip = np.concatenate([points, np.ones((len(points), 1))], 1) @ matrix.T
     device = clip[:, :2] / clip[:, 3:]
     return np.stack([(device[:, 0] + 1) / 2 * render.resolution_x, (1 - device[:, 1]) / 2 * render.resolution_y], -1)
@@ -82,6 +83,16 @@ def test_any_blender_camera_becomes_a_pinhole_that_projects_alike(bpy, addon, sc
     scene.render.resolution_x, scene.render.resolution_y = 300, 500
     pixels, _ = addon.rig.pinhole(scene, scene.camera).project(POINTS)
     assert np.abs(blender_pixels(bpy, scene, POINTS) - pixels).max() < 1e-3
+
+
+def test_a_rig_camera_projects_as_the_pinhole_does_wherever_the_empty_is(bpy, rigged, camera):
+    rig = rigged.karf.rig
+    rig.location, rig.rotation_euler, rig.scale = (4, -2, 1), (0.3, 0.1, 2.0), (2.5, 2.5, 2.5)
+    rigged.view_layers[0].update()
+    world = np.array(rig.matrix_world)
+    points = POINTS @ world[:3, :3].T + world[:3, 3]
+    expected, _ = camera.project(POINTS)
+    assert np.abs(blender_pixels(bpy, rigged, points) - expected).max() < 1e-3
 
 
 def test_moving_and_scaling_the_empty_leaves_the_capture_unchanged(addon, rigged, camera):

@@ -71,7 +71,7 @@ def test_a_name_that_is_no_folder_is_refused(bpy, addon, imported):
 def test_a_view_held_out_for_testing_is_refused(bpy, addon, imported, monkeypatch):
     from dataclasses import replace
 
-    view = replace(addon.steps.view_of(imported, "photo_1"), split="test")
+    view = replace(addon.captures.view_of(imported, "photo_1"), split="test")
     with pytest.raises(addon.engine_api.BadRequest, match="held out"):
         addon.masks.start(imported, "pot", view)
     imported.karf.views["photo_1"].split = "test"

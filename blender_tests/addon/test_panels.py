@@ -95,6 +95,18 @@ def test_a_view_without_planes_says_so(learned, draw):
     assert "Prepare" in draw() and "Show" not in draw()
 
 
+def test_errors_of_sparse_points_are_shown_where_there_are_points(
+    bpy, addon, capture_folder, tmp_path, draw, monkeypatch
+):
+    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    assert "No sparse points to check cameras by" in draw()
+    bpy.context.scene.karf.n_points = 7
+    assert {"show_reprojection", "Look through a view to see its errors"} <= set(draw())
+    known = SimpleNamespace(summary=addon.engine_api.ErrorSummary(7, 0.5, 2.25))
+    monkeypatch.setattr(addon.reprojection, "of_camera", lambda scene, camera: known)
+    assert {"7 points, median error 0.50 px,", "worst 2.25 px"} <= set(draw())
+
+
 def test_a_running_job_and_a_failed_one_are_shown(bpy, draw):
     progress = bpy.context.window_manager.karf_progress
     progress.running, progress.stage, progress.fraction, progress.text = True, "Learn Scene", 0.5, "50%"

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from karf_engine.capture import open_capture
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import Capture, SparsePoints, View
 from karf_engine.capture.distortion import distort
@@ -80,3 +81,10 @@ def test_photo_pixels_near_a_point_are_found_in_the_pinholes_picture(fisheye):
     found = undistorted_near(camera, distort(camera, truth), near)
     assert np.abs(found - truth).max() < 1e-3
     assert np.abs(distort(camera, truth) - truth).max() > 3
+
+
+def test_a_real_models_points_lie_where_its_photos_show_them(scenes):
+    capture = open_capture(scenes / "bonsai")
+    for number in range(0, len(capture.views), 20):
+        summary = summarize(*reprojection_errors(capture, number))
+        assert summary.count > 100 and summary.median < 0.7 and summary.worst < 10

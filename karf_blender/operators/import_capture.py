@@ -3,31 +3,77 @@
 from pathlib import Path
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
-from .. import steps
+from .. import job_watch, rig, steps
 from ..engine_api import CAPTURE_MARKS
-from .reporting import has_project, reports_errors
+from .reporting import has_project, is_free, reports_errors
+
+ORIENTATION_ITEMS = [
+    ("AUTO", "Automatic", "Upright where the capture's world is arbitrary (COLMAP, LLFF), else as in the file"),
+    ("FILE", "As in File", "Keep the capture's own axes"),
+    ("UPRIGHT", "Upright", "Turn what the cameras have above them upwards"),
+]
+VIDEOS = "*.mp4;*.mov;*.m4v;*.avi;*.mkv;*.webm"
 
 
-def look_from_camera(area) -> None:
+def look_from_camera(area, colored_points: bool = False) -> None:
     """Let a 3D View look through the scene's camera; other areas (or none) are left alone."""
     if area is not None and area.type == "VIEW_3D":
         view = area.spaces.active
         view.region_3d.view_perspective = "CAMERA"
         # the lines from all cameras to their Empty would cover the photo
         view.overlay.show_relationship_lines = False
+        if colored_points:
+            view.shading.color_type = "VERTEX"
 
 
-class KARF_OT_import_capture(bpy.types.Operator):
-    """Make a camera for every photo of a capture (transforms.json; its folder or camera file)"""
+class RigOptions:
+    """Mix-in of operators that build a rig: how it is shown. What is learned stays in the capture's own world."""
+
+    orientation: EnumProperty(name="Orientation", items=ORIENTATION_ITEMS)
+    size: FloatProperty(
+        name="Size",
+        min=0.0,
+        subtype="DISTANCE",
+        description="Scale the rig so that its cameras are spread over this length; 0: as in the file",
+    )
+    points: BoolProperty(name="Sparse Points", default=True, description="Show the points that the photos share")
+    photos: BoolProperty(name="Photos", default=True, description="Show the photos behind the cameras")
+    camera_size: FloatProperty(
+        name="Camera Size",
+        default=2.5,
+        min=0.01,
+        soft_max=20.0,
+        subtype="PERCENTAGE",
+        description="Drawn size of the cameras, of the length that they are spread over",
+    )
+
+    def draw_options(self) -> None:
+        """The options as a column, in the file browser and in the panel of the last operation."""
+        self.layout.use_property_split = True
+        self.layout.use_property_decorate = False
+        for name in ("orientation", "size", "points", "photos", "camera_size"):
+            self.layout.prop(self, name)
+
+    def rig_options(self) -> rig.Options:
+        """The options as the rig takes them."""
+        return rig.Options(
+            self.orientation.lower(), self.size, self.points, self.photos, camera_size=self.camera_size / 100
+        )
+
+
+class KARF_OT_import_capture(RigOptions, bpy.types.Operator):
+    """Make a camera for every photo of a capture (its folder or camera file): transforms.json, COLMAP or LLFF"""
 
     bl_idname = "karf.import_capture"
     bl_label = "Import Capture"
-    bl_options = {"REGISTER", "UNDO"}
+    bl_options = {"REGISTER", "UNDO", "PRESET"}
 
     filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
-    project: StringProperty(name="Project", subtype="DIR_PATH", description="Empty: beside the .blend")
+    project: StringProperty(
+        name="Project", subtype="DIR_PATH", description="Empty: beside the .blend", options={"SKIP_SAVE"}
+    )
     filter_glob: StringProperty(default="*.json;*.npy;*.bin;*.txt", options={"HIDDEN"})
 
     def invoke(self, context, event):
@@ -37,21 +83,53 @@ class KARF_OT_import_capture(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def draw(self, context):
-        column = self.layout.column(align=True)
-        for line in ("Choose the folder that has", "one of these, or the file:", *CAPTURE_MARKS):
-            column.label(text=line)
+        if context.area is not None and context.area.type == "FILE_BROWSER":
+            column = self.layout.column(align=True)
+            for line in ("Choose the folder that has", "one of these, or the file:", *CAPTURE_MARKS):
+                column.label(text=line)
+        self.draw_options()
         self.layout.prop(self, "project")
 
     @reports_errors
     def execute(self, context):
         project = Path(bpy.path.abspath(self.project)) if self.project else None
-        capture = steps.import_capture(context.scene, Path(bpy.path.abspath(self.filepath)), project)
+        path = Path(bpy.path.abspath(self.filepath))
+        capture = steps.import_capture(context.scene, path, project, self.rig_options())
         for remark in capture.remarks:
             self.report({"WARNING"}, remark)
-        if any(not view.camera.is_pinhole for view in capture.views):
-            self.report({"WARNING"}, "The photos have lens distortion: backgrounds show them as they are stored")
-        look_from_camera(context.area)
+        look_from_camera(context.area, colored_points=self.points and capture.points is not None)
         self.report({"INFO"}, f"{len(capture.views)} cameras from {capture.source}")
+        return {"FINISHED"}
+
+
+class KARF_OT_find_poses(RigOptions, bpy.types.Operator):
+    """Find the camera poses of a folder of photos, or of a video, and import the capture that they make"""
+
+    bl_idname = "karf.find_poses"
+    bl_label = "Find Camera Poses"
+    bl_options = {"REGISTER", "PRESET"}
+
+    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
+    filter_glob: StringProperty(default=VIDEOS, options={"HIDDEN"})
+
+    @classmethod
+    def poll(cls, context):
+        return is_free(cls)
+
+    def invoke(self, context, event):
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def draw(self, context):
+        column = self.layout.column(align=True)
+        for line in ("Choose a folder of photos,", "or a video"):
+            column.label(text=line)
+        self.draw_options()
+
+    @reports_errors
+    def execute(self, context):
+        path = Path(bpy.path.abspath(self.filepath))
+        job_watch.launch(steps.find_poses(context.scene, path, self.rig_options()))
         return {"FINISHED"}
 
 
@@ -76,16 +154,16 @@ class KARF_OT_look_through(bpy.types.Operator):
 
 
 class KARF_FH_capture(bpy.types.FileHandler):
-    """Camera files may be dropped on the 3D View."""
+    """Camera files may be dropped on the 3D View; what else ends so is refused with a sentence when it is read."""
 
     bl_idname = "KARF_FH_capture"
     bl_label = "KaRF capture"
     bl_import_operator = KARF_OT_import_capture.bl_idname
-    bl_file_extensions = ".json;.npy"
+    bl_file_extensions = ".json;.npy;.bin;.txt"
 
     @classmethod
     def poll_drop(cls, context):
         return context.area is not None and context.area.type == "VIEW_3D"
 
 
-CLASSES = (KARF_OT_import_capture, KARF_OT_look_through, KARF_FH_capture)
+CLASSES = (KARF_OT_import_capture, KARF_OT_find_poses, KARF_OT_look_through, KARF_FH_capture)

@@ -34,10 +34,7 @@ class EngineStep:
 
     @classmethod
     def poll(cls, context):
-        if job_watch.is_running():
-            cls.poll_message_set("KaRF is busy: wait for the running job, or cancel it")
-            return False
-        return has_project(cls, context) and has_stage(cls, context, cls.after)
+        return is_free(cls) and has_project(cls, context) and has_stage(cls, context, cls.after)
 
 
 class SwatchStep:
@@ -54,6 +51,14 @@ class PaletteStep(EngineStep):
     @classmethod
     def poll(cls, context):
         return super().poll(context) and has_palette(cls, context)
+
+
+def is_free(cls: type) -> bool:
+    """For `poll`: whether no job is running; if one is, the operator says so."""
+    if job_watch.is_running():
+        cls.poll_message_set("KaRF is busy: wait for the running job, or cancel it")
+        return False
+    return True
 
 
 def has_project(cls: type, context) -> bool:

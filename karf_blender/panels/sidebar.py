@@ -9,7 +9,7 @@ import textwrap
 import bpy
 
 from ... import __package__ as extension
-from .. import folders, masks, preferences, recolor
+from .. import folders, masks, preferences, recolor, reprojection
 from ..engine_api import MissingDependency
 from . import chips
 
@@ -61,6 +61,7 @@ def draw_import(layout, context):
     """Step 1."""
     karf = context.scene.karf
     layout.operator("karf.import_capture", icon="IMPORT")
+    layout.operator("karf.find_poses", icon="CON_CAMERASOLVER")
     if not karf.project:
         return
     row = layout.row(align=True)
@@ -68,7 +69,23 @@ def draw_import(layout, context):
     row.operator("karf.look_through", text="", icon="VIEW_CAMERA")
     n_train = sum(view.split == "train" for view in karf.views)
     layout.label(text=f"{len(karf.views)} photos: {n_train} to learn, {len(karf.views) - n_train} to test")
+    draw_reprojection(layout, context.scene)
     layout.prop(karf, "project")
+
+
+def draw_reprojection(layout, scene):
+    """The sparse points, and how far they are from where the photo that is looked through shows them."""
+    if not scene.karf.n_points:
+        layout.label(text="No sparse points to check cameras by")
+        return
+    layout.prop(scene.karf, "show_reprojection")
+    known = reprojection.of_camera(scene, scene.camera)
+    if known is None:
+        layout.label(text="Look through a view to see its errors")
+    elif not known.summary.count:
+        layout.label(text="No point is known to be in this photo")
+    else:
+        draw_text(layout, str(known.summary), "BLANK1")
 
 
 def draw_view(layout, karf):
@@ -182,6 +199,9 @@ def draw_render(layout, context):
     column.operator("karf.render_view", icon="IMAGE_DATA")
     column.operator("karf.render_capture", icon="RENDERLAYERS")
     column.operator("karf.render_camera", icon="RENDER_ANIMATION")
+    row = layout.row(align=True)
+    row.operator("karf.import_cameras", icon="IMPORT")
+    row.operator("karf.export_cameras", icon="EXPORT")
 
 
 # --- the panels ----------------------------------------------------------------------------------------------------

@@ -6,6 +6,7 @@ one flat color: the pot's first swatch as edited. The request option `behave` ma
 
 import json
 import os
+import shutil
 import struct
 import sys
 import time
@@ -16,8 +17,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
-from karf_engine.capture import open_capture
-from karf_engine.capture.capture import capture_from_json, capture_to_json
+from karf_engine.capture import open_capture, write_cameras
+from karf_engine.capture.camera import Camera
+from karf_engine.capture.capture import View, capture_from_json, capture_to_json
 from karf_engine.edit.compositing import Planes, write_planes
 from karf_engine.edit.palette import Palette, read_edit, read_palettes, write_palettes
 from karf_engine.project import Project, read_json, write_json
@@ -64,6 +66,15 @@ def misbehave(how, emit):
         time.sleep(60)
     if how == "environment":
         Path("environment.json").write_text(json.dumps(dict(os.environ)))
+
+
+def poses(project, options):
+    out = Path(options["out"])
+    photos = sorted(Path(options["photos"]).glob("*.png"))
+    shutil.copytree(options["photos"], out / "images")
+    camera = Camera(24, 16, 30.0, 30.0, 12.0, 8.0, np.eye(4))
+    views = [View(f"images/{photo.name}", photo.stem, camera, None, "train") for photo in photos]
+    write_cameras(out / "transforms.json", views)
 
 
 def geometry(project, options):
@@ -138,7 +149,7 @@ def write_png(path, picture):
     path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunks))
 
 
-STAGES = {stage.__name__: stage for stage in (geometry, segmentation, palette, recoloring, render)}
+STAGES = {stage.__name__: stage for stage in (poses, geometry, segmentation, palette, recoloring, render)}
 
 if __name__ == "__main__":
     assert sys.argv[1] == "run", json.dumps(sys.argv)

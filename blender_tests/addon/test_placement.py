@@ -1,0 +1,64 @@
+"""How a capture's world stands in Blender's: upright, at a size."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+TILTED = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], float) @ np.array([[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1]])
+
+
+def looking(position, target, up):
+    """The pose of a camera that looks at a target, its right axis level."""
+    pose = np.eye(4)
+    back = (position - target) / np.linalg.norm(position - target)
+    right = np.cross(up, back) / np.linalg.norm(np.cross(up, back))
+    pose[:3, :3] = np.stack([right, np.cross(back, right), back], -1)
+    pose[:3, 3] = position
+    return pose
+
+
+def capture_of(poses, format_name="colmap"):
+    cameras = (SimpleNamespace(camera_to_world=pose, position=pose[:3, 3]) for pose in poses)
+    return SimpleNamespace(format=format_name, views=[SimpleNamespace(camera=camera) for camera in cameras])
+
+
+def arc(degrees, world):
+    """Cameras on part of a circle, all tilted down, in a world that is turned by the rotation `world`."""
+    angles = np.radians(np.linspace(0, degrees, 20))
+    level = np.stack([3 * np.cos(angles), 3 * np.sin(angles), np.full(20, 2.0)], -1)
+    return [looking(world @ place, np.zeros(3), world @ (0, 0, 1)) for place in level]
+
+
+@pytest.mark.parametrize("world", [np.eye(3), TILTED, np.diag([1.0, -1.0, -1.0])])
+@pytest.mark.parametrize("degrees", [70, 360])
+def test_up_is_found_from_photos_that_are_all_taken_from_above(addon, world, degrees):
+    up = addon.placement.up_of(capture_of(arc(degrees, world)))
+    assert np.degrees(np.arccos(up @ world @ (0, 0, 1))) < 4
+
+
+def test_photos_side_by_side_are_upright_as_they_were_held(addon):
+    up = np.array([0.0, -1.0, 0.0])
+    poses = [looking(np.array([x, y, 0.0]), np.array([x, y, 9.0]), up) for x in (-1, 0, 1) for y in (-1, 0, 1)]
+    np.testing.assert_allclose(addon.placement.up_of(capture_of(poses)), up, atol=1e-6)
+
+
+def test_upright_turns_up_to_z_and_size_spreads_the_cameras(addon):
+    capture = capture_of(arc(360, TILTED))
+    matrix = addon.placement.matrix_of(capture, "upright", 12.0)
+    scale = 12.0 / addon.placement.extent(capture)
+    np.testing.assert_allclose(matrix[:3, :3] @ TILTED @ (0, 0, 1), [0, 0, scale], atol=2e-3)
+    np.testing.assert_allclose(matrix[:3, :3].T @ matrix[:3, :3], scale**2 * np.eye(3), atol=1e-9)
+
+
+def test_automatic_is_upright_only_where_the_files_axes_say_nothing(addon):
+    poses = arc(360, TILTED)
+    for name in ("colmap", "llff"):
+        assert not np.allclose(addon.placement.matrix_of(capture_of(poses, name), "auto", 0.0), np.eye(4))
+    for name in ("transforms", "nerf-synthetic"):
+        np.testing.assert_array_equal(addon.placement.matrix_of(capture_of(poses, name), "auto", 0.0), np.eye(4))
+    np.testing.assert_array_equal(addon.placement.matrix_of(capture_of(poses), "file", 0.0), np.eye(4))
+
+
+def test_one_camera_has_an_extent(addon):
+    assert addon.placement.extent(capture_of([np.eye(4)])) == 1.0

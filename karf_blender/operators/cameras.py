@@ -1,0 +1,64 @@
+"""Camera animations to files and back, for renderers of radiance fields and other programs."""
+
+from pathlib import Path
+
+import bpy
+from bpy.props import BoolProperty, StringProperty
+
+from .. import steps
+from .import_capture import look_from_camera
+from .reporting import reports_errors
+
+
+class KARF_OT_export_cameras(bpy.types.Operator):
+    """Write the scene's camera, frame by frame over the scene's range, as a transforms.json relative to the rig"""
+
+    bl_idname = "karf.export_cameras"
+    bl_label = "Export Cameras"
+
+    filepath: StringProperty(subtype="FILE_PATH", default="cameras.json")
+    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+    check_existing: BoolProperty(default=True, options={"HIDDEN"})
+
+    @classmethod
+    def poll(cls, context):
+        if context.scene.camera is None:
+            cls.poll_message_set("The scene has no camera")
+            return False
+        return True
+
+    def invoke(self, context, event):
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    @reports_errors
+    def execute(self, context):
+        scene, path = context.scene, Path(bpy.path.abspath(self.filepath))
+        count = steps.export_cameras(scene, path, None, steps.frame_range(scene))
+        self.report({"INFO"}, f"Wrote {count} cameras to {path}")
+        return {"FINISHED"}
+
+
+class KARF_OT_import_cameras(bpy.types.Operator):
+    """Make one animated camera of the cameras in a transforms.json, a frame each"""
+
+    bl_idname = "karf.import_cameras"
+    bl_label = "Import Cameras"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
+    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+
+    def invoke(self, context, event):
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    @reports_errors
+    def execute(self, context):
+        camera = steps.import_cameras(context.scene, Path(bpy.path.abspath(self.filepath)))
+        look_from_camera(context.area)
+        self.report({"INFO"}, f"{camera.name!r} is the scene's camera")
+        return {"FINISHED"}
+
+
+CLASSES = (KARF_OT_export_cameras, KARF_OT_import_cameras)

@@ -1,0 +1,65 @@
+"""Captured photos as Blender shows them: turned as their camera was made for, and without lens distortion."""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+
+from . import pictures
+from .engine_api import DataError, View, find_header, linear_to_srgb, undistorted
+
+
+def is_shown_as_stored(view: View) -> bool:
+    """Whether the photo's own pixels, which Blender does not turn, are what the view's pinhole shows."""
+    return view.camera.is_pinhole and _orientation(view) == 1
+
+
+def read(view: View) -> np.ndarray:
+    """The photo [H, W, 3], sRGB, as its camera, lens and all, has taken it: the picture that masks are painted on.
+
+    Raises DataError where it cannot be read.
+    """
+    picture = pictures.read_picture(view.image)
+    header = find_header(view.image)
+    if header is not None and header.kind == "exr":  # linear light, which may be brighter than white
+        picture = linear_to_srgb(np.clip(picture, 0, 1))
+    return _turned(picture, _orientation(view))
+
+
+def straightened(view: View, folder: Path) -> Path:
+    """The photo as the view's pinhole shows it, as a PNG in `folder`; made where it is not there yet.
+
+    Raises DataError where the photo cannot be read or has another size than its camera.
+    """
+    camera = view.camera
+    lens = (camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, camera.distortion, camera.fisheye)
+    made_from = repr((str(view.image), view.image.stat().st_mtime_ns, lens))
+    path = folder / f"{view.name}-{hashlib.sha256(made_from.encode()).hexdigest()[:8]}.png"
+    if not path.exists():
+        photo = read(view)
+        if photo.shape[:2] != (camera.height, camera.width):
+            raise DataError(
+                f"{view.image} is {photo.shape[1]}x{photo.shape[0]} pixels where its camera has "
+                f"{camera.width}x{camera.height}.",
+                "Import the capture again.",
+            )
+        pictures.write_png(path, undistorted(photo, camera))
+    return path
+
+
+def _orientation(view: View) -> int:
+    """The Exif orientation (1..8) to be applied: the photo's own, or 1 where its camera was made for the pixels as stored."""
+    header = find_header(view.image)
+    is_upright = header is not None and header.shown == (view.camera.width, view.camera.height)
+    return header.orientation if is_upright else 1
+
+
+def _turned(picture: np.ndarray, orientation: int) -> np.ndarray:
+    """A picture [H, W, C] as stored, turned and mirrored as its Exif orientation (1..8) says."""
+    if orientation >= 5:
+        picture = picture.swapaxes(0, 1)
+    if orientation in (3, 4, 7, 8):
+        picture = picture[::-1]
+    if orientation in (2, 3, 6, 7):
+        picture = picture[:, ::-1]
+    return picture
