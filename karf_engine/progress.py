@@ -27,12 +27,14 @@ class Progress:
         self._last_emit = 0.0
 
     def step(self, count: int = 1, **metrics: float) -> None:
-        """Note `count` finished steps with current figures (loss, psnr)."""
+        """Note `count` finished steps with current figures (loss, psnr); 0 only asks whether to stop."""
         if self._should_stop():
             raise Cancelled(
                 f"The {self._stage} stage was cancelled.",
                 "What earlier stages finished is kept; start it again when you like.",
             )
+        if count == 0:
+            return
         self._done += count
         now = time.monotonic()
         if now - self._last_emit < INTERVAL and self._done < self._total:

@@ -32,10 +32,40 @@ class Level:
 
 
 @dataclass(frozen=True)
+class OpenSettings:
+    """How open space is learned: scenes that go on behind the object and the cameras (contraction or frustum)."""
+
+    levels: tuple[Level, ...] = option(
+        (Level(64, 150, 1.0), Level(128, 250, 1.0), Level(192, 300, 1.0)), "Coarse-to-fine levels"
+    )
+    samples: int = option(110_000, "Samples an iteration; the number of rays follows", 1000, 10_000_000)
+    max_rays: int = option(8192, "Rays an iteration at most", 64, 1_000_000)
+    table_rate: float = option(0.3, "Learning rate of the voxel tables", 1e-5, 1.0)
+    network_rate: float = option(9e-3, "Learning rate of the color network", 1e-6, 0.1)
+    total_variation: float = option(3e-3, "Weight of the difference between neighboring vertices", 0.0, 1.0)
+    distortion: float = option(1e-2, "Weight of the spread of a ray's samples (Mip-NeRF 360)", 0.0, 1.0)
+    transparency: float = option(1e-3, "Weight of what rays do not end on", 0.0, 1.0)
+    point_depth: float = option(
+        0.06, "Weight of the sparse points: a ray to a point ends there; a quarter of it in the last level", 0.0, 10.0
+    )
+    point_share: float = option(0.2, "Share of the rays that go to sparse points", 0.0, 0.9)
+    prune_alpha: float = option(0.0, "Cells below this opacity are dropped", 0.0, 0.5)
+    prune_visibility: float = option(0.015, "Cells that no training ray sees by this weight are dropped", 0.0, 0.5)
+    radius: float = option(0.6, "Radius that the contraction keeps, in mean camera distances", 0.05, 10.0)
+    frustum_detail: float = option(1.4, "How much finer the cells of a frustum are: it holds less space", 0.5, 4.0)
+    room: float = option(1.0, "Grid for what lies outside that radius, in radii", 0.1, 4.0)
+
+
+@dataclass(frozen=True)
 class GeometrySettings:
-    """The radiance field: density and prior features."""
+    """The radiance field: density and prior features. What is not under `open` is for scenes in a box."""
 
     long_side: int = option(256, "Photos are reduced to this long side, pixels", 32, 4096)
+    space: str = option(
+        "auto",
+        "box: an object or a table top; contraction: all round; frustum: cameras that look one way",
+        choices=("auto", "box", "contraction", "frustum"),
+    )
     levels: tuple[Level, ...] = option(
         (Level(40, 120, 1.0), Level(80, 250, 0.75), Level(136, 450, 0.75)), "Coarse-to-fine levels"
     )
@@ -50,6 +80,7 @@ class GeometrySettings:
     opacity_entropy: float = option(1e-3, "Weight of half-transparent rays (captures without background)", 0.0, 1.0)
     prune_alpha: float = option(0.02, "Cells below this opacity are dropped", 0.0, 0.5)
     prune_visibility: float = option(0.04, "Cells that no training ray sees by this weight are dropped", 0.0, 0.5)
+    open: OpenSettings = OpenSettings()
 
 
 @dataclass(frozen=True)
@@ -125,6 +156,7 @@ PRESETS: dict[str, Settings] = {
             long_side=400,
             levels=(Level(48, 150, 1.0), Level(112, 300, 0.75), Level(240, 700, 0.6)),
             samples=160_000,
+            open=OpenSettings(levels=(Level(64, 150, 1.0), Level(128, 300, 1.0), Level(224, 900, 1.0))),
         ),
         segmentation=SegmentationSettings(cache_long_side=200, iterations=300),
         recoloring=RecoloringSettings(iterations=1000),
@@ -138,6 +170,11 @@ PRESETS: dict[str, Settings] = {
             samples=1_000_000,
             max_rays=65536,
             features=24,
+            open=OpenSettings(
+                levels=(Level(64, 500, 1.0), Level(160, 1500, 1.0), Level(448, 6000, 1.0)),
+                samples=1_000_000,
+                max_rays=65536,
+            ),
         ),
         segmentation=SegmentationSettings(width=256, iterations=1000, batch=4096, cache_views=48, cache_long_side=400),
         recoloring=RecoloringSettings(width=256, frequencies=8, direction_frequencies=4, iterations=5000, batch=4096),

@@ -7,17 +7,13 @@ in a child process, which is killed on cancel. The child reports by a pipe; how 
 from __future__ import annotations
 
 import sqlite3
-import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
-from multiprocessing import get_context
-from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
-from .errors import KarfError
+from .child import Message, child_messages
 from .progress import Emit, Progress
 
 LONG_SIDE = 1600  # pixels of the photos in which features are found
@@ -63,50 +59,25 @@ def solve(plan: Plan, emit: Emit, should_stop: Callable[[], bool]) -> int:
 
     Raises Cancelled, and KarfError where pycolmap fails.
     """
-    context = get_context("spawn")  # a fork would share torch's threads
-    here, there = context.Pipe(duplex=False)
-    child = context.Process(target=_work, args=(there, plan), daemon=True)
-    sys.path.append(str(Path(__file__).parents[1]))  # the engine may run as a folder, off the path that the child gets
-    try:
-        child.start()
-    finally:
-        sys.path.pop()
-    there.close()  # so that the pipe ends with the child
-    try:
-        return _follow(child, here, plan, emit, should_stop)
-    finally:
-        child.kill()
-        child.join()
-        here.close()
+    with child_messages("pycolmap", _place, plan) as messages:
+        return _follow(messages, plan, emit, should_stop)
 
 
-def _follow(child: BaseProcess, pipe: Connection, plan: Plan, emit: Emit, should_stop: Callable[[], bool]) -> int:
+def _follow(messages: Iterator[Message], plan: Plan, emit: Emit, should_stop: Callable[[], bool]) -> int:
     """Tell of the child's progress until it has a result."""
     count = len(plan.names)
     totals = {"start": 0, "features": count, "matching": plan.pairs, "mapping": count}
     part, done, progress = "start", 0, Progress(emit, should_stop, "poses", count)
-    while True:
-        kind, value = _received(child, pipe) if pipe.poll(0.1) else ("nothing", None)
-        if kind == "error":
-            raise KarfError(f"pycolmap failed: {value}.", "Try other photos, or give a capture with poses.")
+    for kind, value in messages:
         reached = totals[part] if kind in ("part", "result") else _reached(plan.database, part, kind, value)
         if reached > done or should_stop():
             progress.step(min(reached, totals[part]) - done)
             done = min(reached, totals[part])
         if kind == "result":
-            return value
+            break
         if kind == "part":
             part, done, progress = value, 0, Progress(emit, should_stop, value, totals[value])
-
-
-def _received(child: BaseProcess, pipe: Connection) -> tuple[str, Any]:
-    try:
-        return pipe.recv()
-    except EOFError:
-        child.join()
-        raise KarfError(
-            f"pycolmap ended without a result (exit code {child.exitcode}).", "Use fewer or smaller photos."
-        ) from None
+    return value
 
 
 def _reached(database: Path, part: str, kind: str, value: Any) -> int:
@@ -124,24 +95,17 @@ def _reached(database: Path, part: str, kind: str, value: Any) -> int:
 
 
 # ---------------------------------------------------------------------------------------------------------- the child
-def _work(pipe: Connection, plan: Plan) -> None:
-    try:
-        pipe.send(("result", _place(pipe, plan)))
-    except Exception as error:
-        pipe.send(("error", str(error) or type(error).__name__))
-
-
-def _place(pipe: Connection, plan: Plan) -> int:
+def _place(send: Callable[..., None], plan: Plan) -> int:
     import pycolmap
 
     pycolmap.logging.minloglevel = pycolmap.logging.FATAL.value
     pycolmap.set_random_seed(0)
-    pipe.send(("part", "features"))
+    send("part", "features")
     _find_features(pycolmap, plan)
-    pipe.send(("part", "matching"))
+    send("part", "matching")
     _match(pycolmap, plan)
-    pipe.send(("part", "mapping"))
-    return _map(pycolmap, plan, lambda placed: pipe.send(("placed", placed)))
+    send("part", "mapping")
+    return _map(pycolmap, plan, lambda placed: send("placed", placed))
 
 
 def _find_features(pycolmap: Any, plan: Plan) -> None:

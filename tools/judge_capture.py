@@ -2,7 +2,7 @@
 
     .venv/engine/bin/python tools/judge_capture.py CAPTURE --truth MASKS --out OUT [--seed N] [--set STAGE.FIELD=VALUE]
 
-MASKS/<object>/<split>/<photo stem>.png are the true masks. One of each object is drawn over as a hasty hand would, and
+MASKS/<object>/<split>/<photo stem>.png (or without the split) are the true masks. One of each object is drawn over as a hasty hand would, and
 is all that the engine sees; the ceiling is the same field trained on the true masks of all training views. Another
 seed draws other masks: in the same OUT only what depends on them is learned again.
 """
@@ -74,7 +74,7 @@ def main() -> None:
 def parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("capture", type=Path, help="folder or file with photos and camera poses")
-    parser.add_argument("--truth", type=Path, required=True, help="true masks: <object>/<split>/<photo stem>.png")
+    parser.add_argument("--truth", type=Path, required=True, help="true masks: <object>[/<split>]/<photo stem>.png")
     parser.add_argument("--out", type=Path, required=True, help="folder for everything written")
     parser.add_argument("--preset", default="demo", choices=tuple(PRESETS))
     parser.add_argument("--set", dest="overrides", action="append", default=[], metavar="STAGE.FIELD=VALUE")
@@ -124,8 +124,9 @@ def choose_views(capture: Capture, masks: Path, random: np.random.Generator, cou
 
 
 def mask_file(masks: Path, view: View) -> Path:
-    """Where an object's true mask of a view is, below the object's folder."""
-    return masks / view.split / f"{view.stem}.png"
+    """Where an object's true mask of a view is, below the object's folder: in one for each split, or beside all others."""
+    of_split = masks / view.split
+    return (of_split if of_split.is_dir() else masks) / f"{view.stem}.png"
 
 
 def coarse_mask(truth: np.ndarray, kind: str, random: np.random.Generator) -> np.ndarray:

@@ -5,6 +5,7 @@ The canonical JSON (`capture.json`) holds the same numbers as the dataclasses, w
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -52,6 +53,13 @@ class SparsePoints:
 
     def __len__(self) -> int:
         return len(self.positions)
+
+    def seen_by(self, views: Sequence[int]) -> SparsePoints:
+        """All points with what the views of these numbers observed; the views are numbered anew in this order."""
+        number = np.full(max([*views, *self.view, 0]) + 1, -1, np.int32)
+        number[list(views)] = np.arange(len(views))
+        kept = number[self.view] >= 0
+        return replace(self, view=number[self.view[kept]], point=self.point[kept], pixels=self.pixels[kept])
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,7 @@
-"""Fitting a voxel field to photos, coarse to fine.
+"""Fitting a voxel field to photos, coarse to fine: what fits in a box and fits of open space share.
 
 What makes it fast: samples only in occupied cells, color only where a sample is seen, a fixed number of samples an
-iteration. What makes it clean, by kind of background:
-- alpha: the matte supervises opacity over random backgrounds, and the first grid is the mattes' visual hull;
-- black, white: rays end at that color, and at a random one where the photo shows something else, which must then be
-  opaque: otherwise opacity and brightness trade off; half-transparent rays are punished;
-- opaque: the background is a function of direction that only rays through empty space may teach. Where no such ray
-  exists it is random, so that what stands there must become opaque; a ray's samples are drawn together.
+iteration.
 """
 
 from __future__ import annotations
@@ -16,89 +11,48 @@ import math
 from dataclasses import dataclass
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from ..errors import Diverged
 from ..progress import Progress
-from ..rendering.rays import PixelBank, Rays
-from ..rendering.volume import VISIBLE_WEIGHT, accumulate, ray_weights_from_sigmas, remainder_from_sigmas
+from ..rendering.rays import PixelBank
+from ..rendering.volume import ray_weights_from_sigmas
 from ..runtime import Runtime
-from ..settings import GeometrySettings, Level
+from ..settings import GeometrySettings, Level, OpenSettings
 from ..training import train, warm_exponential
 from .voxels import Background, VoxelField
 
-AZIMUTH_BINS, ELEVATION_BINS = 36, 36
-
 
 @dataclass(frozen=True)
-class Rendering:
-    """Packed result of one batch: ray_weights [S], the samples seen, their colors, remainder [R]."""
+class Batch:
+    """One step's result: the loss, the part of it that is the colors' mean squared error, the samples it took."""
 
-    color: Tensor  # [R, 3], background left out
-    remainder: Tensor  # [R]
-    depth_variance: Tensor  # [R], world units squared
-    mean_alpha: Tensor  # []
+    loss: Tensor
+    error: Tensor
     n_samples: int
 
 
-def render_batch(field: VoxelField, rays: Rays, step: float, jitter: Tensor, diffuse: bool = False) -> Rendering:
-    """Differentiable rendering of a batch of rays."""
-    samples = field.march(rays, step, jitter)
-    rows, weights = field.corners(samples.positions, all_occupied=True)
-    sigmas = field.density_at(rows, weights)
-    ray_weights = ray_weights_from_sigmas(sigmas, samples.step, samples.ray_indices)
-    seen = torch.nonzero(ray_weights.detach() > VISIBLE_WEIGHT).squeeze(1)
-    ray_indices = samples.ray_indices[seen]
-    features = field.features_at(rows[seen], weights[seen], diffuse)
-    colors = field.color(samples.positions[seen], rays.viewdirs[ray_indices], features, diffuse)
-    # one pass over the seen samples for color, distance and its square
-    distances = samples.distances[seen, None]
-    sums = accumulate(ray_weights[seen], torch.cat([colors, distances, distances**2], 1), ray_indices, len(rays))
-    remainder = remainder_from_sigmas(sigmas, samples.step, samples.ray_indices, len(rays))
-    variance = sums[:, 4] - sums[:, 3] ** 2 / (1 - remainder).clamp_min(1e-6)
-    mean_alpha = -torch.expm1(-sigmas * samples.step).mean() if len(samples) else sigmas.sum()
-    return Rendering(sums[:, :3], remainder, variance, mean_alpha, len(samples))
-
-
-class BackgroundSupport:
-    """Which directions are seen through empty space by some training ray, in bins of 10 by 5 degrees."""
-
-    def __init__(self, device: torch.device) -> None:
-        self._seen = torch.zeros(AZIMUTH_BINS * ELEVATION_BINS, dtype=torch.bool, device=device)
-
-    def _bins(self, viewdirs: Tensor) -> Tensor:
-        azimuth = (torch.atan2(viewdirs[:, 1], viewdirs[:, 0]) / (2 * math.pi) + 0.5) * AZIMUTH_BINS
-        elevation = torch.acos(viewdirs[:, 2].clamp(-1, 1)) / math.pi * ELEVATION_BINS
-        return azimuth.long().clamp_max(AZIMUTH_BINS - 1) * ELEVATION_BINS + elevation.long().clamp_max(
-            ELEVATION_BINS - 1
-        )
-
-    def note(self, viewdirs: Tensor) -> None:
-        """Directions [n, 3] of rays that met no occupied cell."""
-        self._seen[self._bins(viewdirs)] = True
-
-    def supported(self, viewdirs: Tensor) -> Tensor:
-        """True for the directions in whose bin such a ray was seen, [n]."""
-        return self._seen[self._bins(viewdirs)]
-
-
 class Fit:
-    """State of one fit: the field, the background model and what they learn from."""
+    """State of one fit: the field, what is behind it, and what they learn from. Subclasses say what the loss is.
+
+    recipe: the levels with their rates and limits. cuts: shares of a level's iterations after which it is pruned again.
+    first_share: of the samples that the first level takes: in its fog each of them is seen.
+    """
+
+    cuts: tuple[float, ...] = ()
+    first_share = 1.0
 
     def __init__(
         self,
         bank: PixelBank,
-        background_kind: str,
-        settings: GeometrySettings,
+        recipe: GeometrySettings | OpenSettings,
         runtime: Runtime,
         field: VoxelField,
         background: Background | None,
     ) -> None:
-        self.bank, self.kind, self.settings, self.runtime = bank, background_kind, settings, runtime
+        self.bank, self.recipe, self.runtime = bank, recipe, runtime
         self.field, self.background = field, background
         self._rays_per_batch = 1024.0
-        self._first_voxel = field.voxel
-        self._support: BackgroundSupport | None = None
         self._loss_average = 0.1
 
     def run_level(self, number: int, level: Level, progress: Progress) -> None:
@@ -106,26 +60,29 @@ class Fit:
         if number > 0:
             self._prune()
             self.field = self.field.refined(level.voxels)
-            if self.background is not None:
-                self._learn_support(level)
-        parts = [level.iterations] if number == 0 else _parts(level.iterations, (1 / 6, 1 / 2))
+        self._begin(number, level)
         done = 0
-        for part in parts:
+        for part in [level.iterations] if number == 0 else _parts(level.iterations, self.cuts):
             if done:
                 self._prune()
             self._train(number, level, done, part, progress)
             done += part
 
+    def _begin(self, number: int, level: Level) -> None:
+        """Called before the iterations of each level."""
+
+    def _batch(self, number: int, level: Level, n_rays: int) -> Batch:
+        raise NotImplementedError
+
+    def _trained_networks(self) -> list:
+        return list(self.field.color_network.parameters())
+
     def _train(self, number: int, level: Level, done: int, iterations: int, progress: Progress) -> None:
-        settings = self.settings
         field = self.field
-        networks = list(field.color_network.parameters())
-        if self.background is not None:
-            networks += list(self.background.parameters())
         optimizer = torch.optim.Adam(
             [
-                {"params": [field.raw_density, field.feature_table], "lr": settings.table_rate},
-                {"params": networks, "lr": settings.network_rate},
+                {"params": [field.raw_density, field.feature_table], "lr": self.recipe.table_rate},
+                {"params": self._trained_networks(), "lr": self.recipe.network_rate},
             ],
             betas=(0.9, 0.99),
             eps=1e-12,
@@ -140,65 +97,14 @@ class Fit:
         train(iterations, optimizer, lambda i, scale: self._step(number, level, scale), schedule, progress)
 
     def _step(self, number: int, level: Level, batch_scale: float) -> tuple[Tensor, dict[str, float]]:
-        settings, runtime = self.settings, self.runtime
         n_rays = max(64, int(self._rays_per_batch * batch_scale))
-        index = self.bank.draw(n_rays, runtime)
-        rays = self.bank.rays(index)
-        target = self.bank.color[index].float() / 255
-        rendering = render_batch(self.field, rays, level.step, runtime.rand(n_rays), diffuse=number == 0)
-        if rendering.n_samples:
-            samples = settings.samples // 2 if number == 0 else settings.samples  # fog: each of them is seen
-            wanted = n_rays * samples / rendering.n_samples
-            self._rays_per_batch = min(0.8 * self._rays_per_batch + 0.2 * wanted, settings.max_rays)
-
-        behind = self._behind(index, rays, rendering)
-        if self.bank.alpha is not None:
-            matte = self.bank.alpha[index].float()[:, None] / 255
-            target = target * matte + (1 - matte) * behind
-        color = rendering.color + rendering.remainder[:, None] * behind
-        error = ((color - target) ** 2).mean()
-        loss = error + self._regularization(number, rendering)
-        self._loss_average += 0.05 * (float(error.detach()) - self._loss_average)
-        return loss, {"psnr": -10 * math.log10(max(self._loss_average, 1e-10))}
-
-    def _behind(self, index: Tensor, rays: Rays, rendering: Rendering) -> Tensor:
-        """The color behind the ray of each pixel, [R, 3]."""
-        n_rays = len(rays)
-        if self.kind == "alpha":
-            return self.runtime.rand(n_rays, 3)
-        if self.background is None:
-            plain = torch.full((n_rays, 3), 1.0 if self.kind == "white" else 0.0, device=self.runtime.device)
-            return torch.where(self.bank.solid[index, None], self.runtime.rand(n_rays, 3), plain)
-        color = self.background(rays.viewdirs)
-        if self._support is None:
-            return color
-        free = (rendering.remainder.detach() > 1 - 1e-6)[:, None]
-        known = self._support.supported(rays.viewdirs)[:, None]
-        color = torch.where(free, color, color.detach())
-        return torch.where(known | free, color, self.runtime.rand(n_rays, 3))
-
-    def _regularization(self, number: int, rendering: Rendering) -> Tensor:
-        settings, field = self.settings, self.field
-        loss = settings.total_variation * (
-            self._total_variation(field.raw_density) + self._total_variation(field.feature_table)
-        )
-        if number == 0:
-            loss = loss + settings.sparsity * rendering.mean_alpha
-        if self.background is not None:
-            falling = settings.depth_variance * (1.0, 0.3, 0.1)[min(number, 2)]
-            loss = loss + falling * rendering.depth_variance.mean() / self._first_voxel**2
-        elif self.bank.alpha is None and number > 0:
-            opacity = (1 - rendering.remainder).clamp(1e-4, 1 - 1e-4)
-            entropy = -(opacity * opacity.log() + (1 - opacity) * (1 - opacity).log())
-            loss = loss + settings.opacity_entropy * entropy.mean()
-        return loss
-
-    def _total_variation(self, table: Tensor) -> Tensor:
-        """Mean squared difference of neighbors in table order (along z) over a random stretch of an eighth."""
-        length = max(2, len(table) // 8)
-        start = int(self.runtime.randint(len(table) - length + 1, 1))
-        part = table[start : start + length]
-        return ((part[1:] - part[:-1]) ** 2).mean()
+        batch = self._batch(number, level, n_rays)
+        if batch.n_samples:
+            share = self.first_share if number == 0 else 1.0
+            wanted = n_rays * share * self.recipe.samples / batch.n_samples
+            self._rays_per_batch = min(0.8 * self._rays_per_batch + 0.2 * wanted, self.recipe.max_rays)
+        self._loss_average += 0.05 * (float(batch.error.detach()) - self._loss_average)
+        return batch.loss, {"psnr": -10 * math.log10(max(self._loss_average, 1e-10))}
 
     @torch.no_grad()
     def _prune(self) -> None:
@@ -211,8 +117,8 @@ class Fit:
             sigmas = field.density_at(*field.corners(samples.positions, all_occupied=True))
             weights = ray_weights_from_sigmas(sigmas, samples.step, samples.ray_indices)
             visibility.scatter_reduce_(0, field.cells(samples.positions), weights, "amax")
-        keep = (field.cell_alphas() > self.settings.prune_alpha) & (
-            visibility[field.occupied.view(-1)] > self.settings.prune_visibility
+        keep = (field.cell_alphas() > self.recipe.prune_alpha) & (
+            visibility[field.occupied.view(-1)] > self.recipe.prune_visibility
         )
         if not keep.any():
             raise Diverged(
@@ -221,92 +127,8 @@ class Fit:
             )
         self.field = field.pruned(keep)
 
-    @torch.no_grad()
-    def _learn_support(self, level: Level) -> None:
-        """Note which directions training rays see past every occupied cell."""
-        self._support = BackgroundSupport(self.runtime.device)
-        for _ in range(16):
-            rays = self.bank.rays(self.bank.draw(8192, self.runtime))
-            samples = self.field.march(rays, level.step)
-            free = torch.ones(len(rays), dtype=torch.bool, device=self.runtime.device)
-            free[samples.ray_indices] = False
-            self._support.note(rays.viewdirs[free])
-
 
 def _parts(iterations: int, cuts: tuple[float, ...]) -> list[int]:
     """Lengths of the stretches between the cuts (shares of the whole)."""
     marks = [0, *[int(iterations * cut) for cut in cuts], iterations]
     return [b - a for a, b in itertools.pairwise(marks) if b > a]
-
-
-def focus_point(cameras) -> Tensor:
-    """The point nearest to all optical axes in the least-squares sense, [3] float64."""
-    poses = torch.stack([torch.from_numpy(c.camera_to_world) for c in cameras])
-    axes = -poses[:, :3, 2]
-    axes = nn.functional.normalize(axes, dim=1)
-    projectors = torch.eye(3, dtype=axes.dtype) - axes[:, :, None] * axes[:, None, :]
-    # parallel axes have no nearest point: a little pull to the cameras' middle keeps the system solvable
-    pull = 1e-6 * torch.eye(3, dtype=axes.dtype) * len(cameras)
-    right = (projectors @ poses[:, :3, 3, None]).sum(0)[:, 0] + pull @ poses[:, :3, 3].mean(0)
-    return torch.linalg.solve(projectors.sum(0) + pull, right)
-
-
-def start_box(cameras, reach: float) -> tuple[Tensor, float]:
-    """Center [3] and half-width of the first grid: `reach` times what a typical camera sees at the focus point."""
-    center = focus_point(cameras)
-    half_widths = [
-        float(torch.linalg.norm(torch.from_numpy(c.position) - center)) * max(c.width / c.fx, c.height / c.fy) / 2
-        for c in cameras
-    ]
-    return center, reach * sorted(half_widths)[len(half_widths) // 2]
-
-
-def visual_hull(bank: PixelBank, points: Tensor, margin: float) -> Tensor:
-    """True for points [n, 3] that at least half the views see, each with something within `margin` (world units)."""
-    possible = torch.ones(len(points), dtype=torch.bool, device=points.device)
-    n_seen = torch.zeros(len(points), dtype=torch.long, device=points.device)
-    for number, camera in enumerate(bank.cameras):
-        first, last = int(bank.first[number]), int(bank.first[number + 1])
-        matte = bank.alpha[first:last].view(1, 1, camera.height, camera.width) > 0
-        depth_of_middle = float(torch.linalg.norm(points.mean(0) - torch.from_numpy(camera.position).to(points)))
-        radius = max(1, math.ceil(margin * camera.fx / depth_of_middle))
-        matte = nn.functional.max_pool2d(matte.float(), 2 * radius + 1, stride=1, padding=radius)[0, 0] > 0
-        inverse = torch.from_numpy(camera.world_to_camera).to(points)
-        local = points @ inverse[:3, :3].T + inverse[:3, 3]
-        u = (camera.cx - camera.fx * local[:, 0] / local[:, 2]).floor().long()
-        v = (camera.cy + camera.fy * local[:, 1] / local[:, 2]).floor().long()
-        inside = (local[:, 2] < 0) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
-        possible &= ~inside | matte[v.clamp(0, camera.height - 1), u.clamp(0, camera.width - 1)]
-        n_seen += inside
-    return possible & (2 * n_seen >= len(bank.cameras))
-
-
-def start_fit(bank: PixelBank, background_kind: str, settings: GeometrySettings, runtime: Runtime) -> Fit:
-    """A fresh field in a box round the cameras' focus point, with everything in it possible."""
-    reach = 1.2 if background_kind == "opaque" else 0.75
-    center, half_width = start_box(bank.cameras, reach)
-    n = settings.levels[0].voxels
-    if bank.alpha is not None:  # the mattes tell a tighter box
-        center, half_width = _matte_box(bank, center, half_width)
-    minimum = (center - half_width).float().to(runtime.device)
-    voxel = 2 * half_width / n
-    occupied = torch.ones(n, n, n, dtype=torch.bool, device=runtime.device)
-    if bank.alpha is not None:
-        points = minimum + (torch.nonzero(occupied) + 0.5) * voxel
-        occupied = visual_hull(bank, points, voxel).view(n, n, n)
-    field = VoxelField(minimum, voxel, occupied, settings.features)
-    background = Background().to(runtime.device) if background_kind == "opaque" else None
-    return Fit(bank, background_kind, settings, runtime, field, background)
-
-
-def _matte_box(bank: PixelBank, center: Tensor, half_width: float) -> tuple[Tensor, float]:
-    """A box round the mattes' visual hull, looked for in a generous one."""
-    n, wide = 48, half_width * 1.8
-    grid = torch.stack(torch.meshgrid(*[torch.arange(n)] * 3, indexing="ij"), -1).view(-1, 3)
-    voxel = 2 * wide / n
-    points = ((center - wide) + (grid + 0.5) * voxel).float().to(bank.color.device)
-    inside = points[visual_hull(bank, points, voxel)]
-    if len(inside) == 0:
-        return center, half_width
-    low, high = inside.amin(0).cpu().double() - voxel, inside.amax(0).cpu().double() + voxel
-    return (low + high) / 2, float((high - low).max()) / 2

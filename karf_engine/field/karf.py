@@ -16,7 +16,7 @@ from ..settings import RecoloringSettings, SegmentationSettings
 
 
 def scale_positions(positions: Tensor, bounds: Tensor) -> Tensor:
-    """World positions [n, 3] so that the box bounds [2, 3] becomes [-1, 1] along its longest side."""
+    """Positions [n, 3], grid coordinates, so that the box bounds [2, 3] becomes [-1, 1] along its longest side."""
     center = bounds.mean(0)
     half = (bounds[1] - bounds[0]).max() / 2
     return (positions - center) / half
@@ -25,7 +25,7 @@ def scale_positions(positions: Tensor, bounds: Tensor) -> Tensor:
 class SegmentationField(nn.Module):
     """F_s of Eq. 7: probabilities of K + 1 classes at positions; class 0 is the background.
 
-    boxes: [K, 2, 3] world boxes round the objects; outside its box an object has probability 0.
+    boxes: [K, 2, 3] round the objects, grid coordinates; outside its box an object has probability 0.
     """
 
     def __init__(self, boxes: Tensor, n_features: int, settings: SegmentationSettings) -> None:

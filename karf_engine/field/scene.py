@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +12,8 @@ from torch import Tensor
 
 from ..capture.camera import Camera
 from ..checkpoints import load_tensors, save_tensors
-from ..rendering.rays import Rays, camera_rays, depth_per_distance
+from ..rendering.rays import PixelBank, Rays, camera_rays, depth_per_distance
+from ..rendering.space import space_from_json, space_to_json
 from ..rendering.surface_cache import SurfaceCache, join_caches, quantile_samples
 from ..rendering.volume import VISIBLE_WEIGHT, accumulate, ray_weights_from_sigmas, remainder_from_sigmas
 from .voxels import Background, VoxelField
@@ -18,6 +21,7 @@ from .voxels import Background, VoxelField
 SCHEMA = "karf-geometry/1"
 CPU_RAYS_PER_CHUNK = 2048  # a chunk's samples stay near the processor's cache; accelerators want more at once
 ACCELERATOR_RAYS_PER_CHUNK = 65536
+WATCHED_PIXELS = 1500
 
 
 @dataclass(frozen=True)
@@ -52,10 +56,7 @@ class Scene:
     def render(self, camera: Camera, n_quantiles: int) -> Picture:
         """Render all pixels of a pinhole camera."""
         device = self.field.minimum.device
-        rays = camera_rays(camera, device)
-        chunk = CPU_RAYS_PER_CHUNK if device.type == "cpu" else ACCELERATOR_RAYS_PER_CHUNK
-        parts = [self._render_chunk(rays[i : i + chunk], i, n_quantiles) for i in range(0, len(rays), chunk)]
-        colors, opacities, distances, caches = zip(*parts, strict=True)
+        colors, opacities, distances, caches = self._render_rays(camera_rays(camera, device), n_quantiles)
         shape = (camera.height, camera.width)
         factor = torch.from_numpy(depth_per_distance(camera)).float().to(device)
         return Picture(
@@ -64,6 +65,17 @@ class Scene:
             (torch.cat(distances) * factor).view(shape),
             join_caches(list(caches)),
         )
+
+    @torch.no_grad()
+    def colors(self, rays: Rays) -> Tensor:
+        """sRGB colors of single rays, [R, 3] in [0, 1]."""
+        return torch.cat(self._render_rays(rays, 1)[0]).clamp(0, 1)
+
+    def _render_rays(self, rays: Rays, n_quantiles: int) -> tuple[tuple, ...]:
+        """Colors, opacities, distances and caches, each in chunks."""
+        chunk = CPU_RAYS_PER_CHUNK if rays.origins.device.type == "cpu" else ACCELERATOR_RAYS_PER_CHUNK
+        parts = [self._render_chunk(rays[i : i + chunk], i, n_quantiles) for i in range(0, len(rays), chunk)]
+        return tuple(zip(*parts, strict=True))
 
     def _render_chunk(self, rays: Rays, first: int, n_quantiles: int) -> tuple[Tensor, Tensor, Tensor, SurfaceCache]:
         field = self.field
@@ -75,9 +87,9 @@ class Scene:
         ray_indices = samples.ray_indices[seen]
         features = field.features_at(rows[seen], weights[seen])
         color = field.color(samples.positions[seen], rays.viewdirs[ray_indices], features)
-        sums = accumulate(
-            ray_weights[seen], torch.cat([color, samples.distances[seen, None]], 1), ray_indices, len(rays)
-        )
+        surface = field.space.to_world(samples.positions[seen])
+        distances = torch.linalg.norm(surface - rays.origins[ray_indices], dim=1, keepdim=True)
+        sums = accumulate(ray_weights[seen], torch.cat([color, distances], 1), ray_indices, len(rays))
         remainder = remainder_from_sigmas(sigmas, samples.step, samples.ray_indices, len(rays))
         opacity = 1 - remainder
         color = sums[:, :3] + remainder[:, None] * self.behind(rays.viewdirs)
@@ -97,6 +109,7 @@ class Scene:
             "density_bias": self.field.density_bias,
             "background_kind": self.background_kind,
             "step": self.step,
+            "space": space_to_json(self.field.space),
         }
         save_tensors(path, tensors, SCHEMA, facts)
 
@@ -111,6 +124,7 @@ class Scene:
             facts["n_features"],
             facts["width"],
             facts["density_bias"],
+            space_from_json(facts.get("space", {"kind": "box"}), device),
         )
         field.load_state_dict(_part(tensors, "field."))
         background = None
@@ -118,6 +132,17 @@ class Scene:
             background = Background().to(device)
             background.load_state_dict(_part(tensors, "background."))
         return cls(field.requires_grad_(False), background, facts["background_kind"], facts["step"])
+
+
+def psnr_of_views(scene: Scene, bank: PixelBank) -> list[float]:
+    """PSNR in dB of each plate of the bank, over WATCHED_PIXELS random pixels of it (always the same ones)."""
+    random = torch.Generator().manual_seed(0)
+    values = []
+    for first, last in itertools.pairwise(bank.first.tolist()):
+        index = torch.randint(first, last, (WATCHED_PIXELS,), generator=random).to(bank.color.device)
+        error = ((scene.colors(bank.rays(index)) - bank.color[index].float() / 255) ** 2).mean()
+        values.append(-10 * math.log10(float(error) + 1e-10))
+    return values
 
 
 def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:

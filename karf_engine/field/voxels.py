@@ -17,6 +17,7 @@ from torch.nn.functional import max_pool3d, softplus
 
 from ..rendering.rays import Rays
 from ..rendering.sampling import Samples, cell_indices, coarse_occupancy, march
+from ..rendering.space import Box, Space
 
 CORNERS = torch.tensor([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
 
@@ -45,7 +46,8 @@ class _Gather(torch.autograd.Function):
 class VoxelField(nn.Module):
     """Sparse voxels behind the field protocol: `density(x)`, `features(x)`, `color(x, d, f)`, `bounds`.
 
-    minimum: [3] corner of the grid, world units. voxel: cell edge, world units. occupied: [X, Y, Z] bool.
+    minimum: [3] corner of the grid and voxel: cell edge, in grid coordinates, as are all positions below; `space` says
+    where they lie in the world (a box, whose coordinates are the world's, for None). occupied: [X, Y, Z] bool.
     density_bias: raw density that stands for empty space; alpha of one voxel starts at softplus(bias).
     """
 
@@ -57,8 +59,10 @@ class VoxelField(nn.Module):
         n_features: int = 12,
         width: int = 64,
         density_bias: float = -5.5,
+        space: Space | None = None,
     ) -> None:
         super().__init__()
+        self.space = Box() if space is None else space
         self.voxel = float(voxel)
         self.n_features = n_features
         self.width = width
@@ -84,7 +88,8 @@ class VoxelField(nn.Module):
 
     def march(self, rays: Rays, step_in_voxels: float, jitter: Tensor | None = None) -> Samples:
         """Samples of these rays inside occupied cells (see rendering.sampling.march)."""
-        return march(rays, self.minimum, self.voxel, self.occupied, self.coarse, step_in_voxels, jitter)
+        paths = self.space.paths(rays, *self.bounds)
+        return march(paths, self.minimum, self.voxel, self.occupied, self.coarse, step_in_voxels, jitter)
 
     def corners(self, positions: Tensor, all_occupied: bool = False) -> tuple[Tensor, Tensor]:
         """Table rows [n, 8] int32 and trilinear weights [n, 8] at positions [n, 3]; a missing vertex has weight 0.
@@ -108,7 +113,7 @@ class VoxelField(nn.Module):
         return rows.clamp_min(0), weights * (rows >= 0)
 
     def density(self, positions: Tensor) -> Tensor:
-        """Volume density at positions [n, 3], [n] >= 0 per world unit; 0 outside occupied cells."""
+        """Volume density at positions [n, 3], [n] >= 0 per grid unit; 0 outside occupied cells."""
         inside = self.is_occupied(positions)
         return self.density_at(*self.corners(positions)) * inside
 
@@ -195,6 +200,7 @@ class VoxelField(nn.Module):
             self.n_features,
             self.width,
             self.density_bias,
+            self.space,
         )
         field.color_network.load_state_dict(self.color_network.state_dict())
         has_row = field.vertex_rows >= 0

@@ -51,7 +51,7 @@ class Labels:
 def neighbor_graph(positions: np.ndarray, lab: np.ndarray, normals: np.ndarray, voxel: float) -> sparse.csr_matrix:
     """Symmetric weights between the NEIGHBORS nearest points, near 1 where color, normal and place agree.
 
-    positions, normals, lab: [p, 3]. voxel: world units.
+    positions (grid coordinates), normals, lab: [p, 3]. voxel: cell edge.
     """
     # the balanced build has crashed beside torch on real data; this one has not
     tree = cKDTree(positions, balanced_tree=False, compact_nodes=False)

@@ -15,7 +15,7 @@ CELL_IN_VOXELS = 1.4
 
 @dataclass(frozen=True)
 class SurfacePoints:
-    """positions [p, 3] world units; lab [p, 3] (L in [0, 100]); point_of_sample [n, K] int."""
+    """positions [p, 3] grid coordinates; lab [p, 3] (L in [0, 100]); point_of_sample [n, K] int."""
 
     positions: np.ndarray
     lab: np.ndarray

@@ -1,6 +1,7 @@
 """Samples along rays, only where a grid of occupied cells says there may be something.
 
-The grid: an axis-aligned box from `minimum` with cubic cells of size `voxel`; `occupied` [X, Y, Z] bool.
+The grid: an axis-aligned box from `minimum` with cubic cells of size `voxel`, in grid coordinates; `occupied` [X, Y, Z]
+bool. Rays are polylines there.
 Marching is done in two strides. A coarse one over blocks of `BLOCK` steps throws most of empty space away, a fine one
 keeps the samples whose own cell is occupied.
 """
@@ -12,14 +13,13 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from .rays import Rays
-
 BLOCK = 4
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Packed samples: ray_indices [S] sorted, distances [S] of the interval centers, positions [S, 3], step length."""
+    """Packed samples: ray_indices [S] sorted, distances [S] of the interval centers from where the ray enters the grid,
+    positions [S, 3], step length; all in grid coordinates (see space.py)."""
 
     ray_indices: Tensor
     distances: Tensor
@@ -28,17 +28,6 @@ class Samples:
 
     def __len__(self) -> int:
         return len(self.ray_indices)
-
-
-def intersect_box(rays: Rays, minimum: Tensor, maximum: Tensor) -> tuple[Tensor, Tensor]:
-    """Distances at which rays enter and leave a box, [R] each; enter = leave where a ray misses it. Both >= 0."""
-    # a zero component would give 0 * inf = nan on a box face
-    safe = torch.where(rays.viewdirs.abs() < 1e-9, torch.full_like(rays.viewdirs, 1e-9), rays.viewdirs)
-    first = (minimum - rays.origins) / safe
-    second = (maximum - rays.origins) / safe
-    near = torch.minimum(first, second).amax(1).clamp_min(0)
-    far = torch.maximum(first, second).amin(1)
-    return near, torch.maximum(near, far)
 
 
 def coarse_occupancy(occupied: Tensor) -> Tensor:
@@ -59,7 +48,7 @@ def cell_indices(positions: Tensor, minimum: Tensor, voxel: float, shape: tuple[
 
 
 def march(
-    rays: Rays,
+    paths: Tensor,
     minimum: Tensor,
     voxel: float,
     occupied: Tensor,
@@ -67,35 +56,69 @@ def march(
     step_in_voxels: float,
     jitter: Tensor | None = None,
 ) -> Samples:
-    """Samples at equal steps inside occupied cells.
+    """Samples at equal steps inside occupied cells, along polylines of knots `paths` [R, K, 3].
 
     coarse: `coarse_occupancy(occupied)`. jitter: [R] in [0, 1), each ray's offset in steps (0.5 for None).
     """
     shape = tuple(occupied.shape)
     step = step_in_voxels * voxel
-    maximum = minimum + voxel * torch.tensor(shape, device=minimum.device)
-    near, far = intersect_box(rays, minimum, maximum)
+    polylines = Polylines(paths)
     stride = BLOCK * step
-    n_strides = int(((far - near).amax() / stride).ceil()) if len(rays) else 0
+    n_strides = int((polylines.lengths.amax() / stride).ceil()) if len(paths) else 0
     if n_strides == 0:
-        return _no_samples(rays, step)
+        return _no_samples(paths, step)
 
-    middle = near[:, None] + (torch.arange(n_strides, device=near.device) + 0.5) * stride  # [R, n]
-    points = rays.origins[:, None] + middle[..., None] * rays.viewdirs[:, None]
+    rows = torch.arange(len(paths), device=paths.device)
+    middle = ((torch.arange(n_strides, device=paths.device) + 0.5) * stride).expand(len(paths), -1)
+    points = polylines.points(rows, middle)
     blocks = cell_indices(points, minimum, voxel * BLOCK, tuple(coarse.shape))
-    active = coarse.view(-1)[blocks] & (middle - 0.5 * stride < far[:, None])
+    active = coarse.view(-1)[blocks] & (middle - 0.5 * stride < polylines.lengths[:, None])
     ray_indices, column = torch.nonzero(active, as_tuple=True)
 
     offset = 0.5 if jitter is None else jitter[ray_indices, None]
-    fine = torch.arange(BLOCK, device=near.device) + offset  # [A, BLOCK]
-    distances = near[ray_indices, None] + column[:, None] * stride + fine * step
-    points = rays.origins[ray_indices, None] + distances[..., None] * rays.viewdirs[ray_indices, None]
-    inside = occupied.view(-1)[cell_indices(points, minimum, voxel, shape)] & (distances < far[ray_indices, None])
+    fine = torch.arange(BLOCK, device=paths.device) + offset  # [A, BLOCK]
+    distances = column[:, None] * stride + fine * step
+    points = polylines.points(ray_indices, distances)
+    inside = occupied.view(-1)[cell_indices(points, minimum, voxel, shape)]
+    inside &= distances < polylines.lengths[ray_indices, None]
+    if paths.shape[1] > 2:  # bent paths are not clipped to the grid
+        maximum = minimum + voxel * torch.tensor(shape, device=minimum.device)
+        inside &= ((points >= minimum) & (points < maximum)).all(-1)
     row, column = torch.nonzero(inside, as_tuple=True)
     return Samples(ray_indices[row], distances[row, column], points[row, column], step)
 
 
-def _no_samples(rays: Rays, step: float) -> Samples:
-    device = rays.origins.device
+class Polylines:
+    """Paths [R, K, 3] by the distance travelled along them; lengths [R]."""
+
+    def __init__(self, paths: Tensor) -> None:
+        pieces = paths[:, 1:] - paths[:, :-1]
+        lengths = torch.linalg.norm(pieces, dim=2)
+        self._knots = paths
+        self._directions = pieces / lengths.clamp_min(1e-12)[..., None]
+        self._starts = torch.cumsum(lengths, 1) - lengths
+        self.lengths = lengths.sum(1)
+
+    def points(self, rows: Tensor, distances: Tensor) -> Tensor:
+        """Points [A, n, 3] at `distances` [A, n] along the paths number `rows` [A]."""
+        if self._knots.shape[1] == 2:
+            return self._knots[rows, :1] + distances[..., None] * self._directions[rows]
+        piece = torch.searchsorted(self._starts[rows], distances.contiguous(), right=True) - 1
+        rows = rows[:, None]
+        along = distances - self._starts[rows, piece]
+        return self._knots[rows, piece] + along[..., None] * self._directions[rows, piece]
+
+    def nearest(self, points: Tensor) -> tuple[Tensor, Tensor]:
+        """Where each path comes nearest to its point [R, 3]: distance travelled until there, and the gap, [R] each."""
+        starts = self._knots[:, :-1]
+        ends = torch.cat([self._starts[:, 1:], self.lengths[:, None]], 1)
+        along = ((points[:, None] - starts) * self._directions).sum(2).clamp_min(0).minimum(ends - self._starts)
+        gaps = torch.linalg.norm(starts + along[..., None] * self._directions - points[:, None], dim=2)
+        gap, piece = gaps.min(1, keepdim=True)
+        return (self._starts + along).gather(1, piece)[:, 0], gap[:, 0]
+
+
+def _no_samples(paths: Tensor, step: float) -> Samples:
+    device = paths.device
     empty = torch.zeros(0, device=device)
     return Samples(torch.zeros(0, dtype=torch.long, device=device), empty, torch.zeros(0, 3, device=device), step)

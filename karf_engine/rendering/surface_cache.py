@@ -23,7 +23,7 @@ MIN_OPACITY = 0.02
 
 @dataclass(frozen=True)
 class SurfaceCache:
-    """Quantile samples of n rays. positions: [n, K, 3]; distances: [n, K]; viewdirs: [n, 3]; opacity: [n] in [0, 1].
+    """Quantile samples of n rays. positions: [n, K, 3] and distances: [n, K], grid coordinates; viewdirs: [n, 3]; opacity: [n] in [0, 1].
 
     index: [n] which of the given rays each one is; rays of less opacity than MIN_OPACITY are left out.
     """
@@ -39,7 +39,7 @@ class SurfaceCache:
 
     @property
     def spread(self) -> Tensor:
-        """Distance between the first and the last sample of each ray, [n], world units."""
+        """Distance between the first and the last sample of each ray, [n], grid coordinates."""
         return self.distances[:, -1] - self.distances[:, 0]
 
 

@@ -22,13 +22,7 @@ def transmittance_from_optical_depths(optical_depths: Tensor, ray_indices: Tenso
     # behind an optical depth of 100 it is dark in float32; one huge summand would take the digits of all rays after it
     limited = optical_depths.double().clamp_max(100)
     before = torch.cumsum(limited, 0) - limited
-    if len(ray_indices) == 0:
-        return optical_depths
-    is_first = torch.ones_like(ray_indices, dtype=torch.bool)
-    is_first[1:] = ray_indices[1:] != ray_indices[:-1]
-    first_of_segment = torch.nonzero(is_first).squeeze(1)
-    segment = torch.cumsum(is_first, 0) - 1
-    return torch.exp(before[first_of_segment][segment] - before).to(optical_depths.dtype)
+    return torch.exp(_of_ray_start(before, ray_indices) - before).to(optical_depths.dtype)
 
 
 def ray_weights_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_indices: Tensor) -> Tensor:
@@ -40,6 +34,31 @@ def ray_weights_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_indices:
     # expm1 keeps thin samples exact: 1 - exp(-x) is 40 % off at x = 1e-7 in float32
     alphas = -torch.expm1(-optical_depths)
     return transmittance_from_optical_depths(optical_depths, ray_indices) * alphas
+
+
+def distortion(ray_weights: Tensor, distances: Tensor, step: float, ray_indices: Tensor) -> Tensor:
+    """Sum over all rays of Mip-NeRF 360's distortion (Eq. 15): how far a ray's weight is spread, [] >= 0.
+
+    distances: [S] of the samples along their rays. step: length of each sample's interval, in the same units.
+    """
+    weights, moments = ray_weights.double(), ray_weights.double() * distances.double()
+    before = torch.cumsum(weights, 0) - weights
+    before = before - _of_ray_start(before, ray_indices)
+    moments_before = torch.cumsum(moments, 0) - moments
+    moments_before = moments_before - _of_ray_start(moments_before, ray_indices)
+    # the double sum over pairs of a ray, from the front: each sample meets all before it
+    pairs = 2 * (moments * before - weights * moments_before).sum()
+    return (pairs + step / 3 * (weights**2).sum()).to(ray_weights.dtype)
+
+
+def _of_ray_start(values: Tensor, ray_indices: Tensor) -> Tensor:
+    """The value at the first sample of each sample's ray, [S]."""
+    if len(ray_indices) == 0:
+        return values
+    is_first = torch.ones_like(ray_indices, dtype=torch.bool)
+    is_first[1:] = ray_indices[1:] != ray_indices[:-1]
+    segment = torch.cumsum(is_first, 0) - 1
+    return values[torch.nonzero(is_first).squeeze(1)][segment]
 
 
 def accumulate(ray_weights: Tensor, values: Tensor | None, ray_indices: Tensor, n_rays: int) -> Tensor:

@@ -6,23 +6,31 @@ Options: capture (path), preset, overrides (list of `stage.field=value`), thread
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
+import torch
 
 from .. import settings as settings_module
 from ..capture import open_capture
-from ..capture.capture import Capture, capture_to_json
-from ..errors import BadRequest, DataError
-from ..field.fit import Fit, start_fit
-from ..field.scene import Scene
+from ..capture.capture import Capture, SparsePoints, capture_to_json
+from ..errors import BadRequest, Cancelled, DataError, KarfError
+from ..field.fit import Fit
+from ..field.scene import Scene, psnr_of_views
+from ..field.start import choose_space, start_fit
 from ..images import Plate, background_kind, solid_pixels, write_png
 from ..progress import Emit
 from ..project import Project, read_json, write_json
 from ..rendering.rays import PixelBank
 from ..settings import Settings
+from ..triangulation import triangulate
 from ..wire import Request
 from .job import Job, make_job, run_stage, stage_fingerprint
+
+WATCHED_VIEWS = 8
+WORSE = 0.5  # dB that held-out views may lose from level to level without a warning
 
 
 def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
@@ -43,7 +51,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         if facts is None:
             return
         fit = learn(job, capture, facts)
-        scene = Scene(fit.field, fit.background, fit.kind, settings.geometry.levels[-1].step)
+        scene = Scene(fit.field, fit.background, fit.kind, fit.recipe.levels[-1].step)
         scene.save(project.geometry_file)
         job.artifact("geometry", project.geometry_file)
 
@@ -71,16 +79,73 @@ def learn(job: Job, capture: Capture, facts: dict) -> Fit:
         raise DataError(f"{capture.source} has {len(views)} training photos.", "A scene needs at least three.")
     plates = job.plates(views)
     kind = background_kind([_with_alpha(plate) for plate in plates])
-    fit = start_fit(make_bank(plates, kind, job), kind, settings, job.runtime)
-    progress = job.progress("geometry", sum(level.iterations for level in settings.levels))
-    for number, level in enumerate(settings.levels):
+    cameras = [replace(view, camera=plate.camera) for view, plate in zip(views, plates, strict=True)]
+    points = training_points(job, capture, plates, kind)
+    space = choose_space(kind, cameras, points, settings)
+    job.emit("stage", name="geometry", text=f"{space}, {0 if points is None else len(points)} sparse points")
+    fit = start_fit(make_bank(plates, kind, job), kind, space, cameras, points, settings, job.runtime)
+    watched, scores = watched_views(job, capture), []
+    levels = fit.recipe.levels
+    progress = job.progress("geometry", sum(level.iterations for level in levels))
+    for number, level in enumerate(levels):
         fit.run_level(number, level, progress)
-        preview = Scene(fit.field, fit.background, kind, level.step).render(plates[0].camera, 1)
+        scene = Scene(fit.field, fit.background, kind, level.step)
         path = job.project.folder / "preview.png"
-        write_png(path, preview.color.cpu().numpy())
+        write_png(path, scene.render(plates[0].camera, 1).color.cpu().numpy())
         job.emit("preview", path=str(path))
-    facts |= {"background": kind, "voxel": fit.field.voxel, "cells": int(fit.field.occupied.sum())}
+        if watched is not None:
+            look(job, scene, watched, scores)
+    facts |= {"background": kind, "space": space, "voxel": fit.field.voxel, "cells": int(fit.field.occupied.sum())}
+    facts["held_out"] = scores
     return fit
+
+
+def watched_views(job: Job, capture: Capture) -> PixelBank | None:
+    """Some test views, spread over all; None where there are none, or none without a matte."""
+    views = capture.split("test")
+    plates = job.plates(views[:: max(1, len(views) // WATCHED_VIEWS)])
+    return make_bank(plates, "opaque", job) if plates and all(plate.alpha is None for plate in plates) else None
+
+
+def look(job: Job, scene: Scene, watched: PixelBank, scores: list[list[float]]) -> None:
+    """Note how well the watched views are rendered, mean and worst in dB, and warn where that has become worse."""
+    values = psnr_of_views(scene, watched)
+    mean, worst = round(sum(values) / len(values), 2), round(min(values), 2)
+    job.emit("stage", name="geometry", text=f"held-out views {mean} dB, the worst {worst} dB")
+    if scores and mean < scores[-1][0] - WORSE:
+        job.emit(
+            "warning",
+            code="held_out",
+            sentence=f"Held-out views became worse in the last level, from {scores[-1][0]} to {mean} dB: "
+            "the photos do not settle the geometry. More photos between these, or fewer iterations, would.",
+        )
+    scores.append([mean, worst])
+
+
+def training_points(job: Job, capture: Capture, plates: list[Plate], kind: str) -> SparsePoints | None:
+    """Sparse points as the training photos observe them: the capture's, or found in the photos; None without need.
+
+    Test photos have no say, though their features helped to find a capture's own points.
+    """
+    if kind != "opaque" or job.settings.geometry.space == "box":
+        return None
+    if capture.points is not None and len(capture.points.view):
+        return capture.points.seen_by([n for n, view in enumerate(capture.views) if view.split == "train"])
+    if find_spec("pycolmap") is None:
+        job.emit(
+            "warning",
+            code="points",
+            sentence="The capture has no sparse points, and without the package pycolmap none can be found: "
+            "the scene is learned as if all of it lay in a box.",
+        )
+        return None
+    try:
+        return triangulate(plates, torch.get_num_threads(), job.progress("points", len(plates)))
+    except Cancelled:
+        raise
+    except KarfError as error:
+        job.emit("warning", code="points", sentence=f"No sparse points: {error.sentence}")
+        return None
 
 
 def make_bank(plates: list[Plate], kind: str, job: Job) -> PixelBank:

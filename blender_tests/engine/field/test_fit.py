@@ -11,7 +11,7 @@ maximum_filter = pytest.importorskip("scipy.ndimage").maximum_filter
 from blender_tests.engine.reference.still_life import camera_at, cameras, take_photo  # noqa: E402
 from karf_engine.edit.metrics import psnr  # noqa: E402
 from karf_engine.errors import Diverged  # noqa: E402
-from karf_engine.field.fit import focus_point, start_fit, visual_hull  # noqa: E402
+from karf_engine.field.fit_box import focus_point, start_box_fit, visual_hull  # noqa: E402
 from karf_engine.field.scene import Scene  # noqa: E402
 from karf_engine.images import solid_pixels  # noqa: E402
 from karf_engine.progress import Progress  # noqa: E402
@@ -38,7 +38,7 @@ def bank_of(photos, kind):
 
 def fit(photos, kind, settings=SETTINGS, seed=0, levels=2):
     runtime = start_runtime(seed, threads=1, device="cpu")
-    state = start_fit(bank_of(photos, kind), kind, settings, runtime)
+    state = start_box_fit(bank_of(photos, kind), kind, settings, runtime)
     progress = Progress(lambda *_, **__: None, lambda: False, "geometry", 1)
     for number, level in enumerate(settings.levels[:levels]):
         state.run_level(number, level, progress)

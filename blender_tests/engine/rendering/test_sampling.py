@@ -7,8 +7,8 @@ from numpy.testing import assert_allclose
 torch = pytest.importorskip("torch")
 
 from blender_tests.engine.reference.rays import march_one  # noqa: E402
-from karf_engine.rendering.rays import Rays  # noqa: E402
-from karf_engine.rendering.sampling import cell_indices, coarse_occupancy, intersect_box, march  # noqa: E402
+from karf_engine.rendering.sampling import Polylines, cell_indices, coarse_occupancy, march  # noqa: E402
+from karf_engine.rendering.space import clipped_paths  # noqa: E402
 
 MINIMUM, VOXEL = np.array([-1.0, 0.5, -0.3]), 0.17
 N_RAYS = 300
@@ -41,9 +41,13 @@ def test_marched_samples_are_exactly_the_steps_inside_occupied_cells(shape, shar
     jitter = random.random(N_RAYS).astype(np.float32)
     grid = torch.from_numpy(occupied)
     minimum = torch.from_numpy(MINIMUM).float()
-    rays = Rays(torch.from_numpy(origins), torch.from_numpy(viewdirs))
-    samples = march(rays, minimum, VOXEL, grid, coarse_occupancy(grid), step, torch.from_numpy(jitter))
-    ray_indices, distances = samples.ray_indices.numpy(), samples.distances.numpy()
+    paths = clipped_paths(
+        torch.from_numpy(origins), torch.from_numpy(viewdirs), minimum, minimum + VOXEL * torch.tensor(shape)
+    )
+    samples = march(paths, minimum, VOXEL, grid, coarse_occupancy(grid), step, torch.from_numpy(jitter))
+    ray_indices = samples.ray_indices.numpy()
+    entry = np.linalg.norm(paths[:, 0].numpy() - origins, axis=1)
+    distances = samples.distances.numpy() + entry[ray_indices]
     n_found = 0
     for ray in range(N_RAYS):
         expected, inside, clearance = march_one(
@@ -62,26 +66,53 @@ def test_marched_samples_are_exactly_the_steps_inside_occupied_cells(shape, shar
     assert_allclose(samples.positions, origins[ray_indices] + distances[:, None] * viewdirs[ray_indices], atol=1e-5)
 
 
+def test_samples_of_a_bent_path_are_equally_far_apart_along_it_and_stay_in_the_grid():
+    path = torch.tensor([[[-0.5, 0.5, 0.5], [1.75, 0.5, 0.5], [1.75, 3.5, 0.5], [1.75, 3.5, 9.0]]])
+    occupied = torch.ones(4, 4, 4, dtype=torch.bool)
+    samples = march(path, torch.zeros(3), 1.0, occupied, coarse_occupancy(occupied), 0.5)
+    assert_allclose(samples.distances, np.arange(0.75, 8.75, 0.5))  # 0.5 before the grid; z = 4 after 8.75
+    corner = 2.25
+    along, across = samples.positions[:4], samples.positions[4:10]
+    assert_allclose(along[:, 0], samples.distances[:4] - 0.5)
+    assert_allclose(across[:, 1], samples.distances[4:10] - corner + 0.5)
+    assert_allclose(across[:, 0], 1.75)
+
+
+@pytest.mark.parametrize("n_knots", [2, 3, 9])
+def test_the_nearest_place_of_a_path_is_the_nearest_of_many_tried(n_knots):
+    random = torch.Generator().manual_seed(n_knots)
+    paths = torch.rand(40, n_knots, 3, generator=random)
+    points = torch.rand(40, 3, generator=random)
+    lines = Polylines(paths)
+    at, gap = lines.nearest(points)
+    tried = torch.linspace(0, 1, 4001) * lines.lengths[:, None]
+    gaps = torch.linalg.norm(lines.points(torch.arange(40), tried) - points[:, None], dim=2)
+    assert_allclose(gap, gaps.amin(1), atol=1e-3)
+    assert_allclose(
+        torch.linalg.norm(lines.points(torch.arange(40), at[:, None])[:, 0] - points, dim=1), gap, atol=1e-5
+    )
+
+
 def test_without_jitter_samples_lie_in_the_middle_of_their_steps():
     occupied = torch.ones(4, 4, 4, dtype=torch.bool)
-    rays = Rays(torch.tensor([[-2.0, 2.0, 2.0]]), torch.tensor([[1.0, 0.0, 0.0]]))
-    samples = march(rays, torch.zeros(3), 1.0, occupied, coarse_occupancy(occupied), 1.0)
-    assert_allclose(samples.distances, [2.5, 3.5, 4.5, 5.5])
+    path = torch.tensor([[[0.0, 2.0, 2.0], [4.0, 2.0, 2.0]]])
+    samples = march(path, torch.zeros(3), 1.0, occupied, coarse_occupancy(occupied), 1.0)
+    assert_allclose(samples.distances, [0.5, 1.5, 2.5, 3.5])
 
 
 def test_a_ray_inside_the_box_starts_at_its_origin_and_one_that_misses_has_nothing():
     origins = torch.tensor([[0.5, 0.5, 0.5], [0.5, 0.5, 3.0], [0.5, 0.5, -2.0], [5.0, 0.5, 0.5]])
     viewdirs = torch.tensor([[0.0, 0.0, 1.0]] * 3 + [[0.0, 1.0, 0.0]])
-    near, far = intersect_box(Rays(origins, viewdirs), torch.zeros(3), torch.ones(3))
-    assert_allclose(near[[0, 2]], [0, 2])
-    assert_allclose(far[[0, 2]], [0.5, 3])
-    assert_allclose((far - near)[[1, 3]], [0, 0])
+    first, last = clipped_paths(origins, viewdirs, torch.zeros(3), torch.ones(3)).unbind(1)
+    assert_allclose(first[[0, 2]], [[0.5, 0.5, 0.5], [0.5, 0.5, 0]])
+    assert_allclose(last[[0, 2]], [[0.5, 0.5, 1]] * 2)
+    assert_allclose((last - first)[[1, 3]], 0)
 
 
 @pytest.mark.parametrize("occupied", [torch.zeros(5, 5, 5, dtype=torch.bool), torch.ones(5, 5, 5, dtype=torch.bool)])
 def test_nothing_to_march_gives_no_samples(occupied):
-    rays = Rays(torch.tensor([[9.0, 9.0, 9.0]]), torch.tensor([[0.0, 0.0, 1.0]]))
-    for some in (rays, rays[:0]):
+    paths = torch.full((1, 2, 3), 9.0)
+    for some in (paths, paths[:0]):
         samples = march(some, torch.zeros(3), 1.0, occupied, coarse_occupancy(occupied), 0.5)
         assert len(samples) == 0 and samples.positions.shape == (0, 3)
 

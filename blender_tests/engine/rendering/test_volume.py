@@ -11,6 +11,7 @@ torch = pytest.importorskip("torch")
 from blender_tests.engine.reference.rays import composite  # noqa: E402
 from karf_engine.rendering.volume import (  # noqa: E402
     accumulate,
+    distortion,
     ray_weights_from_sigmas,
     remainder_from_sigmas,
     transmittance_from_optical_depths,
@@ -97,3 +98,17 @@ def test_no_samples_leave_all_light():
     empty, ray = torch.zeros(0), torch.zeros(0, dtype=torch.long)
     assert len(ray_weights_from_sigmas(empty, 0.1, ray)) == 0
     assert_allclose(remainder_from_sigmas(empty, 0.1, ray, 3), [1, 1, 1])
+
+
+def test_distortion_is_the_double_sum_over_each_ray():
+    sigmas, deltas, ray_indices = random_rays(12)
+    ray_weights = ray_weights_from_sigmas(sigmas, 0.1, ray_indices)
+    distances = torch.cumsum(deltas, 0) + 5
+    expected = 0.0
+    for ray in range(12):
+        own = ray_indices == ray
+        weights, places = ray_weights[own], distances[own]
+        expected += (weights[:, None] * weights * (places[:, None] - places).abs()).sum() + 0.1 / 3 * (weights**2).sum()
+    assert_allclose(distortion(ray_weights, distances, 0.1, ray_indices), expected, rtol=1e-10)
+    together = distortion(torch.tensor([1.0, 0, 0]), torch.tensor([2.0, 3, 4]), 0.0, torch.zeros(3, dtype=torch.long))
+    assert together == 0

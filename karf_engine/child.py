@@ -1,0 +1,68 @@
+"""Work in a child process that may be killed at any time: for libraries that cannot be interrupted, or that abort."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import Any
+
+from .errors import KarfError
+
+Message = tuple[str, Any]
+SILENCE: Message = ("", None)  # ten times a second while the child says nothing, so that its reader can do other things
+
+
+@contextmanager
+def child_messages(name: str, work: Callable[[Callable[[str, Any], None], Any], Any], task: Any) -> Iterator[Iterator]:
+    """Run `work(send, task)` in a new process; gives its messages (kind, value), the last one ("result", returned value).
+
+    name: of the library at work, for errors. work: a function of a module. Raises KarfError where the child fails or
+    dies. At the end of the block the child is killed.
+    """
+    context = get_context("spawn")  # a fork would share torch's threads
+    here, there = context.Pipe(duplex=False)
+    child = context.Process(target=_run, args=(there, work, task), daemon=True)
+    sys.path.append(str(Path(__file__).parents[1]))  # the engine may run as a folder, off the path that the child gets
+    try:
+        child.start()
+    finally:
+        sys.path.pop()
+    there.close()  # so that the pipe ends with the child
+    try:
+        yield _messages(name, child, here)
+    finally:
+        child.kill()
+        child.join()
+        here.close()
+
+
+def _run(pipe: Connection, work: Callable, task: Any) -> None:
+    try:
+        pipe.send(("result", work(lambda kind, value=None: pipe.send((kind, value)), task)))
+    except Exception as error:
+        pipe.send(("error", str(error) or type(error).__name__))
+
+
+def _messages(name: str, child: BaseProcess, pipe: Connection) -> Iterator[Message]:
+    while True:
+        kind, value = _received(name, child, pipe) if pipe.poll(0.1) else SILENCE
+        if kind == "error":
+            raise KarfError(f"{name} failed: {value}.", "Try other photos, or give a capture with poses.")
+        yield kind, value
+        if kind == "result":
+            return
+
+
+def _received(name: str, child: BaseProcess, pipe: Connection) -> Message:
+    try:
+        return pipe.recv()
+    except EOFError:
+        child.join()
+        raise KarfError(
+            f"{name} ended without a result (exit code {child.exitcode}).", "Use fewer or smaller photos."
+        ) from None
