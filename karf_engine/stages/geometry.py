@@ -5,6 +5,7 @@ Options: capture (path), preset, overrides (list of `stage.field=value`), thread
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from dataclasses import replace
 from importlib.util import find_spec
@@ -47,7 +48,10 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     project = _open_project(request.project, options["capture"], capture, settings)
     job = make_job(project, options, settings, emit, should_stop)
     photos = [[str(view.image), view.image.stat().st_mtime_ns] for view in capture.views]
-    with run_stage(job, "geometry", stage_fingerprint(job, "geometry", capture_to_json(capture), photos)) as facts:
+    inputs = [capture_to_json(capture), photos]
+    if capture.points is not None:
+        inputs.append(hashlib.sha256(capture.points.positions.tobytes() + capture.points.point.tobytes()).hexdigest())
+    with run_stage(job, "geometry", stage_fingerprint(job, "geometry", *inputs)) as facts:
         if facts is None:
             return
         fit = learn(job, capture, facts)

@@ -1,0 +1,128 @@
+"""The geometry stage on open scenes: where its sparse points come from, and what it says of held-out views."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+pytest.importorskip("scipy")
+
+from blender_tests.engine.field.test_fit_open import points_on_the_still_life
+from blender_tests.engine.reference.still_life import cameras, take_photo
+from karf_engine.capture.capture import Capture, View, with_test_views
+from karf_engine.errors import KarfError
+from karf_engine.images import load_views, write_png
+from karf_engine.project import Project
+from karf_engine.settings import preset, with_overrides
+from karf_engine.stages import geometry
+from karf_engine.stages.job import make_job
+from karf_engine.wire import Request
+
+QUICK = [
+    "geometry.space=contraction",
+    "geometry.features=4",
+    "geometry.open.samples=4000",
+    'geometry.open.levels=[{"voxels": 12, "iterations": 40, "step": 1}, {"voxels": 16, "iterations": 8, "step": 1}]',
+]
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory):
+    """The still life before a sky, with sparse points."""
+    folder = tmp_path_factory.mktemp("capture")
+    rig = cameras(16)
+    photos = [take_photo(camera, sky=True) for camera in rig]
+    views = []
+    for number, photo in enumerate(photos):
+        path = folder / f"{number:02d}.png"
+        write_png(path, photo.color)
+        views.append(View(path.stem, path.stem, photo.camera, path, "train"))
+    return Capture(folder, "made", tuple(with_test_views(views)), points=points_on_the_still_life(rig, photos))
+
+
+@pytest.fixture
+def events():
+    return []
+
+
+def job_on(folder, events):
+    settings = with_overrides(preset("demo"), QUICK)
+    return make_job(
+        Project(folder), {"threads": 1}, settings, lambda kind, /, **v: events.append((kind, v)), lambda: False
+    )
+
+
+def learn(monkeypatch, capture, folder, events):
+    monkeypatch.setattr(geometry, "open_capture", lambda path: capture)
+    options = {"capture": str(capture.source), "overrides": QUICK, "threads": 1}
+    request = Request("geometry", folder, options)
+    geometry.run(request, lambda kind, /, **values: events.append((kind, values)), lambda: False)
+    return Project(folder).finished("geometry")
+
+
+def warnings(events):
+    return [values["code"] for kind, values in events if kind == "warning"]
+
+
+def test_the_space_and_how_well_held_out_views_did_are_noted(capture, monkeypatch, tmp_path, events):
+    facts = learn(monkeypatch, capture, tmp_path / "project", events)
+    assert facts["space"] == "contraction"
+    assert len(facts["held_out"]) == 2
+    assert all(5 < worst <= mean < 40 for mean, worst in facts["held_out"])
+    assert not warnings(events)
+
+
+def test_other_sparse_points_are_another_scene_to_learn(capture, monkeypatch, tmp_path):
+    first, again, other = [], [], []
+    learn(monkeypatch, capture, tmp_path / "project", first)
+    learn(monkeypatch, capture, tmp_path / "project", again)
+    moved = replace(capture, points=replace(capture.points, positions=capture.points.positions + 0.01))
+    learn(monkeypatch, moved, tmp_path / "project", other)
+    done = [("stage", {"name": "geometry", "text": "already done"}) in events for events in (first, again, other)]
+    assert done == [False, True, False]
+
+
+def test_the_captures_own_points_are_used_as_the_training_photos_saw_them(capture, tmp_path, events):
+    job = job_on(tmp_path, events)
+    plates = load_views(capture.split("train"), 64)
+    points = geometry.training_points(job, capture, plates, "opaque")
+    test = [number for number, view in enumerate(capture.views) if view.split == "test"]
+    assert len(points) == len(capture.points)
+    assert len(points.view) == (~np.isin(capture.points.view, test)).sum() > 0
+    for number, plate in enumerate(plates):
+        own = points.view == number
+        pixels, _ = plate.camera.project(points.positions[points.point[own]])
+        np.testing.assert_allclose(pixels, points.pixels[own], atol=1e-3)
+    assert geometry.training_points(job, capture, plates, "alpha") is None
+
+
+def test_without_pycolmap_a_bare_capture_is_learned_in_a_box_with_a_warning(capture, monkeypatch, tmp_path, events):
+    monkeypatch.setattr(geometry, "find_spec", lambda name: None)
+    bare = replace(capture, points=None)
+    plates = load_views(bare.split("train"), 64)
+    assert geometry.training_points(job_on(tmp_path, events), bare, plates, "opaque") is None
+    assert warnings(events) == ["points"]
+
+
+def test_a_search_for_points_that_fails_is_a_warning(capture, monkeypatch, tmp_path, events):
+    def fail(*_):
+        raise KarfError("pycolmap failed: no film.", "")
+
+    monkeypatch.setattr(geometry, "triangulate", fail)
+    monkeypatch.setattr(geometry, "find_spec", lambda name: object())
+    bare = replace(capture, points=None)
+    assert (
+        geometry.training_points(job_on(tmp_path, events), bare, load_views(bare.split("train"), 64), "opaque") is None
+    )
+    assert warnings(events) == ["points"]
+    assert "no film" in events[-1][1]["sentence"]
+
+
+def test_held_out_views_that_become_worse_are_warned_of(monkeypatch, tmp_path, events):
+    job, scores = job_on(tmp_path, events), []
+    for values in ([22.0, 24.0], [21.8, 24.0], [20.0, 23.0]):
+        monkeypatch.setattr(geometry, "psnr_of_views", lambda scene, bank, values=values: values)
+        geometry.look(job, None, None, scores)
+    assert scores == [[23.0, 22.0], [22.9, 21.8], [21.5, 20.0]]
+    assert warnings(events) == ["held_out"]
