@@ -92,11 +92,18 @@ def test_values_that_cannot_be_are_refused_by_name(override, words):
     assert hint
 
 
+def leaves(content, where=""):
+    """Dotted names of everything in nested groups of settings that is no group itself."""
+    for name, value in content.items():
+        if isinstance(value, dict):
+            yield from leaves(value, f"{where}{name}.")
+        else:
+            yield where + name
+
+
 def test_every_field_is_described_with_its_default_and_range():
     rows = {name: (default, text) for name, default, text in describe()}
     assert rows["seed"] == (0, f"Seed of every random number [0 .. {2**31 - 1}]")
     assert "kan | mlp" in rows["segmentation.head"][1]
-    groups = ("geometry", "segmentation", "palette", "recoloring")
-    fields = {f"{group}.{item.name}" for group in groups for item in dataclasses.fields(getattr(Settings(), group))}
-    assert set(rows) == fields | {"seed"}
+    assert set(rows) == set(leaves(dataclasses.asdict(Settings()))) - {"preset"}
     assert all(text.strip() for _, text in rows.values())
