@@ -20,6 +20,7 @@ from .voxels import VoxelField
 
 NEAR_SHARE, OBJECT_SHARE = 0.4, 0.4  # of a batch; the rest comes from anywhere
 RAYS_PER_CHUNK = 1 << 14
+NO_SAY = 1 / 1024  # of a class: too little to change an 8-bit picture
 
 
 def fit_on_points(
@@ -183,25 +184,27 @@ def weigh_cache(
     planes = torch.zeros(len(cache), n_objects, recoloring.n_colors, device=cache.opacity.device)
     inside = segmentation.inside(cache.positions.view(-1, 3)).any(1).view(-1, n_samples).any(1)
     for part in torch.nonzero(inside).squeeze(1).split(RAYS_PER_CHUNK):
-        positions, viewdirs = cache.positions[part], cache.viewdirs[part]
-        flat = positions.view(-1, 3)
-        classes = segmentation(flat, scene_field.features(flat))[:, 1:].view(len(part), n_samples, n_objects, 1)
-        weights = sample_weights(recoloring, scene_field, positions, viewdirs)  # a shared palette broadcasts
-        planes[part] = (classes * weights).mean(1) * cache.opacity[part, None, None]
-    return planes
+        flat = cache.positions[part].view(-1, 3)
+        features = scene_field.features(flat)
+        classes = segmentation(flat, features)[:, 1:]
+        own = torch.nonzero(classes.amax(1) > NO_SAY).squeeze(1)
+        rays = part[own // n_samples]
+        weights = recoloring(flat[own], cache.viewdirs[rays], features[own])
+        weights = weights.view(len(own), recoloring.n_blocks, recoloring.n_colors)  # a shared palette broadcasts
+        planes.index_add_(0, rays, classes[own, :, None] * weights)
+    return planes * (cache.opacity / n_samples)[:, None, None]
 
 
 def render_weights(karf: RecoloringField, scene_field: VoxelField, positions: Tensor, viewdirs: Tensor) -> Tensor:
-    """Differentiable mean of F_w over the quantile samples of rays, [n, blocks, M]: Eq. 8 with w in the place of s."""
-    return sample_weights(karf, scene_field, positions, viewdirs).mean(1)
+    """Differentiable mean of F_w over the quantile samples of rays, [n, blocks, M]: Eq. 8 with w in the place of s.
 
-
-def sample_weights(karf: RecoloringField, scene_field: VoxelField, positions: Tensor, viewdirs: Tensor) -> Tensor:
-    """F_w at every quantile sample of rays, [n, K, blocks, M]. positions: [n, K, 3]; viewdirs: [n, 3]."""
+    positions: [n, K, 3]; viewdirs: [n, 3].
+    """
     n_rays, n_samples = positions.shape[:2]
     flat = positions.reshape(-1, 3)
     directions = viewdirs[:, None].expand(-1, n_samples, -1).reshape(-1, 3)
-    return karf(flat, directions, scene_field.features(flat)).view(n_rays, n_samples, karf.n_blocks, karf.n_colors)
+    weights = karf(flat, directions, scene_field.features(flat))
+    return weights.view(n_rays, n_samples, karf.n_blocks, karf.n_colors).mean(1)
 
 
 def _pool(chance: Tensor) -> Tensor:

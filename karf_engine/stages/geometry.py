@@ -140,7 +140,7 @@ def training_points(job: Job, capture: Capture, plates: list[Plate], kind: str) 
             "warning",
             code="points",
             sentence="The capture has no sparse points, and without the package pycolmap none can be found: "
-            "the scene is learned as if all of it lay in a box.",
+            "nothing but the photos tells where space is empty. Install it for a better scene.",
         )
         return None
     try:
