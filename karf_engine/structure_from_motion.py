@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from .child import Message, child_messages
 from .progress import Emit, Progress
 
@@ -21,6 +23,7 @@ MOST_FEATURES = 4096  # of a photo; matching takes the square of it
 SEQUENTIAL_OVERLAP = 12  # neighbors on each side, then 2, 4, 8 .. times as far away
 PAIR_BLOCK = 10  # photos whose features are matched between two reports
 FEWEST_PHOTOS = 3
+AGREES = 4.0  # pixels from its epipolar line within which a match agrees with the poses
 
 
 @dataclass(frozen=True)
@@ -54,8 +57,18 @@ class Plan:
         return count * min(count - 1, 2 * SEQUENTIAL_OVERLAP) // 2 if self.sequential else count * (count - 1) // 2
 
 
-def solve(plan: Plan, emit: Emit, should_stop: Callable[[], bool]) -> int:
-    """Place the photos and write the model; returns how many were placed, 0 where nothing is written.
+@dataclass(frozen=True)
+class Placement:
+    """placed: how many photos were; 0 where no model is written. agreement: share of the matches between placed photos,
+    each verified for its pair alone, that also fit the poses: of a wrong model, made of look-alikes, much less than 1.
+    """
+
+    placed: int = 0
+    agreement: float = 0.0
+
+
+def solve(plan: Plan, emit: Emit, should_stop: Callable[[], bool]) -> Placement:
+    """Place the photos and write the model.
 
     Raises Cancelled, and KarfError where pycolmap fails.
     """
@@ -63,7 +76,7 @@ def solve(plan: Plan, emit: Emit, should_stop: Callable[[], bool]) -> int:
         return _follow(messages, plan, emit, should_stop)
 
 
-def _follow(messages: Iterator[Message], plan: Plan, emit: Emit, should_stop: Callable[[], bool]) -> int:
+def _follow(messages: Iterator[Message], plan: Plan, emit: Emit, should_stop: Callable[[], bool]) -> Placement:
     """Tell of the child's progress until it has a result."""
     count = len(plan.names)
     totals = {"start": 0, "features": count, "matching": plan.pairs, "mapping": count}
@@ -95,7 +108,7 @@ def _reached(database: Path, part: str, kind: str, value: Any) -> int:
 
 
 # ---------------------------------------------------------------------------------------------------------- the child
-def _place(send: Callable[..., None], plan: Plan) -> int:
+def _place(send: Callable[..., None], plan: Plan) -> Placement:
     import pycolmap
 
     pycolmap.logging.minloglevel = pycolmap.logging.FATAL.value
@@ -141,7 +154,7 @@ def _match(pycolmap: Any, plan: Plan) -> None:
     match(plan.database, matching_options=matching, pairing_options=pairing, device=pycolmap.Device.cpu)
 
 
-def _map(pycolmap: Any, plan: Plan, report: Callable[[int], None]) -> int:
+def _map(pycolmap: Any, plan: Plan, report: Callable[[int], None]) -> Placement:
     options = pycolmap.IncrementalPipelineOptions()
     options.num_threads = options.mapper.num_threads = plan.threads
     options.random_seed = 0
@@ -159,10 +172,46 @@ def _map(pycolmap: Any, plan: Plan, report: Callable[[int], None]) -> int:
     models = pycolmap.incremental_mapping(plan.database, plan.photos, plan.work, options, next_image_callback=count)
     sane = [model for model in models.values() if not _is_bogus(model)]
     if not sane:
-        return 0
+        return Placement()
     best = max(sane, key=lambda model: model.num_reg_images())
     best.write_binary(plan.model)
-    return best.num_reg_images()
+    return Placement(best.num_reg_images(), _agreement(pycolmap, plan.database, best))
+
+
+def _agreement(pycolmap: Any, database: Path, model: Any) -> float:
+    """Share of the verified matches between placed photos that lie near their epipolar lines."""
+    placed = {image.image_id: image for image in model.images.values() if image.has_pose}
+    with pycolmap.Database.open(database) as content:
+        rays = {number: _rays(model, image, content.read_keypoints(number)) for number, image in placed.items()}
+        pairs = zip(*content.read_two_view_geometries(), strict=True)
+        count = agreeing = 0
+        for pair_id, geometry in pairs:
+            first, second = pycolmap.pair_id_to_image_pair(pair_id)
+            if first in placed and second in placed:
+                matches = geometry.inlier_matches
+                turn = placed[second].cam_from_world() * placed[first].cam_from_world().inverse()
+                errors = _epipolar_errors(turn.matrix(), rays[first][matches[:, 0]], rays[second][matches[:, 1]])
+                focal = model.cameras[placed[first].camera_id].mean_focal_length()
+                count += len(matches)
+                agreeing += int((errors * focal < AGREES).sum())
+    return agreeing / max(count, 1)
+
+
+def _rays(model: Any, image: Any, keypoints: np.ndarray) -> np.ndarray:
+    """Directions [n, 3] of features, in the camera with depth 1."""
+    directions = model.cameras[image.camera_id].cam_from_img(keypoints[:, :2].astype(np.float64))
+    return np.concatenate([directions, np.ones((len(directions), 1))], 1)
+
+
+def _epipolar_errors(second_from_first: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Sampson's distance [n] of matched directions from each other's epipolar lines, at depth 1 (Hartley and Zisserman,
+    Eq. 11.9). second_from_first: [3, 4]; first, second: [n, 3].
+    """
+    rotation, (x, y, z) = second_from_first[:, :3], second_from_first[:, 3]
+    essential = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ rotation
+    lines, lines_back = first @ essential.T, second @ essential
+    slopes = np.hypot(np.linalg.norm(lines[:, :2], axis=1), np.linalg.norm(lines_back[:, :2], axis=1))
+    return np.abs((second * lines).sum(1)) / np.maximum(slopes, np.finfo(float).tiny)
 
 
 def _is_bogus(model: Any) -> bool:

@@ -24,7 +24,7 @@ from ..capture.image_size import image_header
 from ..errors import BadRequest, DataError, missing_package
 from ..images import read_photo, write_png
 from ..progress import Emit, Progress
-from ..structure_from_motion import FEWEST_PHOTOS, Plan, solve
+from ..structure_from_motion import FEWEST_PHOTOS, Placement, Plan, solve
 from ..video import write_sharpest_frames
 from ..wire import Request
 
@@ -33,6 +33,7 @@ MATCHING = ("auto", "exhaustive", "sequential")
 MOST_EXHAUSTIVE = 250  # photos; all pairs of more take hours
 ENOUGH = 0.9  # share of placed photos below which a second, more sensitive try is made, and the user warned
 TOO_FEW = 0.3  # share of placed photos that is no result
+SURE = 0.9  # agreement of matches and poses below which the poses may be wrong
 
 
 def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
@@ -53,8 +54,8 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
             sequential=matching == "sequential" or (matching == "auto" and len(names) > MOST_EXHAUSTIVE),
             threads=request.options.get("threads") or -1,
         )
-        placed = _solve_twice(plan, emit, should_stop)
-        _judge(source, placed, len(names), emit)
+        placement = _solve_twice(plan, emit, should_stop)
+        _judge(source, placement, len(names), emit)
         if out.exists():
             out.rmdir()  # it is empty
         capture.replace(out)
@@ -121,24 +122,25 @@ def _take(photo: Path, folder: Path) -> str:
 
 
 # ---------------------------------------------------------------------------------------------------------------- poses
-def _solve_twice(plan: Plan, emit: Emit, should_stop: Callable[[], bool]) -> int:
+def _solve_twice(plan: Plan, emit: Emit, should_stop: Callable[[], bool]) -> Placement:
     """Solve; where that leaves many photos out, try more sensitive features too. The better model is kept."""
-    best = 0
+    best = Placement()
     for sensitive, text in ((False, "finding poses"), (True, "finding poses with more sensitive features")):
         emit("stage", name="poses", text=text)
         attempt = plan.work / ("second" if sensitive else "first")
         (attempt / "model").mkdir(parents=True)
-        placed = solve(replace(plan, work=attempt, model=attempt / "model", sensitive=sensitive), emit, should_stop)
-        if placed > best:
-            best = placed
+        found = solve(replace(plan, work=attempt, model=attempt / "model", sensitive=sensitive), emit, should_stop)
+        if found.placed > best.placed:
+            best = found
             shutil.rmtree(plan.model, ignore_errors=True)
             shutil.copytree(attempt / "model", plan.model)
-        if best >= ENOUGH * len(plan.names):
+        if best.placed >= ENOUGH * len(plan.names):
             break
     return best
 
 
-def _judge(source: Path, placed: int, count: int, emit: Emit) -> None:
+def _judge(source: Path, placement: Placement, count: int, emit: Emit) -> None:
+    placed = placement.placed
     if placed < max(FEWEST_PHOTOS, TOO_FEW * count):
         raise DataError(
             f"Only {placed} of the {count} photos of {source} could be placed.",
@@ -151,4 +153,11 @@ def _judge(source: Path, placed: int, count: int, emit: Emit) -> None:
             code="poses",
             sentence=f"{placed} of the {count} photos were placed; the others are left out. More photos between them "
             "and their neighbors would help.",
+        )
+    if placement.agreement < SURE:
+        emit(
+            "warning",
+            code="poses",
+            sentence=f"Only {placement.agreement:.0%} of the matches between the photos agree with the poses: places "
+            "that look alike may be confused. Look at the cameras; more photos between neighbors would help.",
         )

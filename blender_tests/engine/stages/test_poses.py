@@ -22,6 +22,7 @@ from karf_engine.cli import run_stage
 from karf_engine.errors import BadRequest, Cancelled, DataError, MissingDependency
 from karf_engine.images import read_photo, write_png
 from karf_engine.stages import poses
+from karf_engine.structure_from_motion import Placement, _epipolar_errors
 from karf_engine.video import write_sharpest_frames
 from karf_engine.wire import EventReader, Request
 
@@ -154,11 +155,32 @@ def test_how_many_photos_must_be_placed(placed, outcome):
     events = []
     if outcome is DataError:
         with pytest.raises(DataError, match="Only 29 of the 100 photos of p could be placed"):
-            poses._judge(Path("p"), placed, 100, events.append)
+            poses._judge(Path("p"), Placement(placed, 1.0), 100, events.append)
         return
-    poses._judge(Path("p"), placed, 100, lambda kind, /, **values: events.append((kind, values["sentence"])))
+    emit = lambda kind, /, **values: events.append((kind, values["sentence"]))  # noqa: E731
+    poses._judge(Path("p"), Placement(placed, 1.0), 100, emit)
     assert [kind for kind, _ in events] == ([outcome] if outcome else [])
     assert all(f"{placed} of the 100 photos" in sentence for _, sentence in events)
+
+
+def test_poses_that_the_matches_contradict_come_with_a_warning():
+    sentences = []
+    poses._judge(Path("p"), Placement(100, 0.63), 100, lambda kind, /, **values: sentences.append(values["sentence"]))
+    assert len(sentences) == 1 and "Only 63% of the matches" in sentences[0]
+
+
+def test_a_match_is_as_far_from_its_epipolar_line_as_it_was_moved():
+    random = np.random.default_rng(3)
+    points = random.uniform(-1, 1, size=(200, 3)) + (0, 0, 5)
+    turn = np.eye(3, 4)
+    turn[:, 3] = (1, 0, 0)  # sideways: epipolar lines are the rows
+    first = points / points[:, 2:]
+    there = points + turn[:, 3]
+    second = there / there[:, 2:]
+    np.testing.assert_allclose(_epipolar_errors(turn, first, second), 0, atol=1e-12)
+    moved = second + (0.2, 0.01, 0)
+    # Sampson's distance shares a movement between the two pictures
+    np.testing.assert_allclose(_epipolar_errors(turn, first, moved), 0.01 / np.sqrt(2), rtol=1e-9)
 
 
 def test_wrong_requests_are_named_before_anything_is_made(tmp_path):
