@@ -10,7 +10,7 @@ import bpy
 from .. import __package__ as extension
 from .engine_api import BadRequest, KarfError, Project
 
-PATH_PROPERTIES = ("project", "capture", "masks", "out")
+PATH_PROPERTIES = ("project", "capture", "masks", "out", "nerf")
 
 
 def absolute(stored: str, blend: str | None = None) -> Path:

@@ -40,9 +40,15 @@ def reprojection_error(view: str = "", scene: bpy.types.Scene | None = None) -> 
 
 
 def learn_scene(
-    preset: str = "", overrides: Sequence[str] = (), scene: bpy.types.Scene | None = None
+    preset: str = "",
+    overrides: Sequence[str] = (),
+    scene: bpy.types.Scene | None = None,
+    nerf: str | Path | None = None,
 ) -> dict[str, Any]:
-    """Learn the geometry; overrides are `stage.field=value`. Returns what the stage noted (seconds, figures)."""
+    """Learn the geometry; overrides are `stage.field=value`. nerf: checkpoint of a NeRF that is taken instead. Returns
+    what the stage noted (seconds, figures)."""
+    if nerf is not None:
+        _scene(scene).karf.nerf = folders.stored(Path(nerf).absolute())
     job_watch.wait(steps.learn_scene(_scene(scene), preset, overrides))
     return folders.project_of(_scene(scene)).finished("geometry")
 

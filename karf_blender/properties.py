@@ -110,6 +110,13 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         description="Where pictures go; empty: out in the project",
     )
     preset: EnumProperty(name="Preset", items=PRESET_ITEMS, description="How long and how well to learn")
+    nerf: StringProperty(
+        name="Pretrained NeRF",
+        subtype="FILE_PATH",
+        options=PATH_OPTIONS,
+        description="Checkpoint of a NeRF that another program has trained on this capture, taken as the geometry "
+        "(nerf-pytorch, krrish94, bmild); empty: learn it",
+    )
     compositing: EnumProperty(name="Compositing", items=COMPOSITING_ITEMS, update=_edit_changed)
     rig: PointerProperty(name="Rig", type=bpy.types.Object, description="The Empty that holds the captured cameras")
     views: CollectionProperty(type=KARF_PG_view)

@@ -134,11 +134,12 @@ def reprojection_error(scene: bpy.types.Scene, name: str = "") -> ErrorSummary:
 
 # --- 2 learn, 4 segment, 5 palette ---------------------------------------------------------------------------------
 def learn_scene(scene: bpy.types.Scene, preset: str = "", overrides: Sequence[str] = ()) -> Task:
-    """Geometry from the photos; an empty preset is the panel's."""
+    """Geometry from the photos, or of the panel's pretrained NeRF; an empty preset is the panel's."""
     options = {
         "capture": str(captures.path_of(scene)),
         "preset": preset or scene.karf.preset,
         "overrides": list(overrides),
+        "nerf": str(folders.absolute(scene.karf.nerf)) if scene.karf.nerf else None,
     }
     return _task(scene, "Learn Scene", ("geometry", options))
 

@@ -108,8 +108,8 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     verb.add_argument("--edit", metavar="FILE", help="EDIT.json: write recolored frames too")
     verb.add_argument("--out", required=True, metavar="DIR", help="folder for render/, masks/, recolor/")
-    verb.add_argument("--base", default="photo", choices=("photo", "render"), help="what an edit of a captured view "
-                      "changes (default: %(default)s)")  # fmt: skip
+    verb.add_argument("--base", choices=("photo", "render"), help="what an edit of a captured view changes (default: "
+                      "photo; with the preset paper: render)")  # fmt: skip
     verb.add_argument("--depth", action="store_true", help="write depth/ too")
     verb.add_argument("--planes", action="store_true", help="write planes/ too (what Blender recolors from)")
 
@@ -138,6 +138,8 @@ def _add_geometry_options(verb: argparse.ArgumentParser) -> None:
         "--set", dest="overrides", action="append", default=[], metavar="STAGE.FIELD=VALUE",
         help="change one setting (see the settings verb); may be repeated",
     )  # fmt: skip
+    verb.add_argument("--nerf", metavar="FILE", help="take over a NeRF that another program has trained on this capture: "
+                      "nerf-pytorch .tar, krrish94 .ckpt, bmild model_*.npy")  # fmt: skip
 
 
 def _learn(options: argparse.Namespace) -> int:
@@ -147,7 +149,9 @@ def _learn(options: argparse.Namespace) -> int:
         print(json.dumps(read_json(project.palette_file, "palettes"), indent=1))
         return 0
     values = {
-        name: getattr(options, name) for name in ("capture", "preset", "overrides", "masks") if hasattr(options, name)
+        name: value
+        for name in ("capture", "preset", "overrides", "nerf", "masks")
+        if (value := getattr(options, name, None)) is not None
     }
     for stage in options.stages:
         _run_here(stage, options, values)

@@ -21,6 +21,10 @@ class Runtime:
         """Uniform numbers in [0, 1)."""
         return torch.rand(*shape, generator=self.generator, device=self.device)
 
+    def randn(self, *shape: int) -> torch.Tensor:
+        """Numbers of a normal distribution of mean 0 and variance 1."""
+        return torch.randn(*shape, generator=self.generator, device=self.device)
+
     def randint(self, high: int, count: int) -> torch.Tensor:
         """`count` whole numbers in [0, high)."""
         return torch.randint(high, (count,), generator=self.generator, device=self.device)

@@ -57,9 +57,33 @@ class OpenSettings:
 
 
 @dataclass(frozen=True)
-class GeometrySettings:
-    """The radiance field: density and prior features. What is not under `open` is for scenes in a box."""
+class NerfSettings:
+    """The paper's radiance field, a vanilla NeRF: networks, samples and training."""
 
+    depth: int = option(8, "Layers before density and features", 2, 32)
+    width: int = option(256, "Width of the layers, and number of prior features", 4, 1024)
+    position_frequencies: int = option(10, "Octaves of the positional encoding", 1, 16)
+    direction_frequencies: int = option(4, "Octaves of the direction's encoding", 1, 8)
+    coarse_samples: int = option(64, "Samples a ray, spread evenly", 4, 1024)
+    fine_samples: int = option(128, "Samples a ray where the coarse network saw something", 1, 1024)
+    near: float = option(0.0, "Where rays begin, world units, but for NDC; 0: as cameras and points say", 0.0, 1e9)
+    far: float = option(0.0, "Where rays end, world units, but for NDC; 0: as cameras and points say", 0.0, 1e9)
+    iterations: int = option(120_000, "Training iterations", 1, 10_000_000)
+    rays: int = option(2048, "Rays an iteration", 16, 1_000_000)
+    rate: float = option(5e-5, "Learning rate", 1e-6, 0.1)
+    decay_steps: int = option(0, "Iterations in which the rate falls to a tenth; 0 keeps it", 0, 100_000_000)
+    density_noise: float = option(1.0, "Noise on raw densities while learning, forward-facing captures", 0.0, 10.0)
+    crop_iterations: int = option(
+        500, "First iterations, in which rays go through the photos' middle (object captures)", 0, 1_000_000
+    )
+    look_every: int = option(5000, "Iterations from one preview to the next", 1, 10_000_000)
+
+
+@dataclass(frozen=True)
+class GeometrySettings:
+    """The radiance field: density and prior features. What is not under `open` or `nerf` is for voxels in a box."""
+
+    field: str = option("voxels", "voxels: a sparse grid; nerf: the paper's", choices=("voxels", "nerf"))
     long_side: int = option(256, "Photos are reduced to this long side, pixels", 32, 4096)
     space: str = option(
         "auto",
@@ -81,6 +105,7 @@ class GeometrySettings:
     prune_alpha: float = option(0.02, "Cells below this opacity are dropped", 0.0, 0.5)
     prune_visibility: float = option(0.04, "Cells that no training ray sees by this weight are dropped", 0.0, 0.5)
     open: OpenSettings = OpenSettings()
+    nerf: NerfSettings = NerfSettings()
 
 
 @dataclass(frozen=True)
@@ -140,6 +165,11 @@ class Settings:
 
     preset: str = "demo"
     seed: int = option(0, "Seed of every random number", 0, 2**31 - 1)
+    compositing: str = option(
+        "delta",
+        "What an edit means that does not say: delta: add the palette's change; paper: replace by the palette's mixture",
+        choices=("delta", "paper"),
+    )
     geometry: GeometrySettings = GeometrySettings()
     segmentation: SegmentationSettings = SegmentationSettings()
     palette: PaletteSettings = PaletteSettings()
@@ -178,6 +208,26 @@ PRESETS: dict[str, Settings] = {
         ),
         segmentation=SegmentationSettings(width=256, iterations=1000, batch=4096, cache_views=48, cache_long_side=400),
         recoloring=RecoloringSettings(width=256, frequencies=8, direction_frequencies=4, iterations=5000, batch=4096),
+    ),
+    # the paper's numbers to the letter, for a graphics card: NeRF, plain Eq. 12, one shared palette, its compositing
+    "paper": Settings(
+        preset="paper",
+        compositing="paper",
+        geometry=GeometrySettings(field="nerf", long_side=800),
+        segmentation=SegmentationSettings(
+            labels="masks",
+            width=256,
+            frequencies=10,
+            iterations=2000,
+            rate=5e-4,
+            cache_views=32,
+            cache_long_side=256,
+            samples_per_ray=8,
+        ),
+        palette=PaletteSettings(shared=True),
+        recoloring=RecoloringSettings(
+            width=256, frequencies=10, direction_frequencies=4, iterations=5000, batch=1024, rate=5e-4
+        ),
     ),
 }
 

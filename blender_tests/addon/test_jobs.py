@@ -134,6 +134,12 @@ def test_in_background_mode_an_operator_blocks_and_raises_the_engines_sentence(b
     assert bpy.context.window_manager.karf_progress.error.startswith("The engine crashed")
 
 
+def test_a_pretrained_nerf_goes_along_with_what_is_learned(addon, project_scene, tmp_path):
+    assert addon.steps.learn_scene(project_scene).requests[0].options["nerf"] is None
+    project_scene.karf.nerf = str(tmp_path / "200000.tar")
+    assert addon.steps.learn_scene(project_scene).requests[0].options["nerf"] == str(tmp_path / "200000.tar")
+
+
 def test_the_timer_runs_a_task_to_its_end_without_blocking(bpy, addon, project_scene):
     watch = addon.job_watch
     task = addon.steps.learn_scene(project_scene)

@@ -22,6 +22,23 @@ def test_every_preset_survives_json_and_is_within_its_own_ranges(name):
     assert from_dict(json.loads(json.dumps(to_dict(settings)))) == settings
 
 
+def test_the_papers_preset_holds_the_papers_numbers():
+    paper = preset("paper")
+    nerf = paper.geometry.nerf
+    assert paper.geometry.field == "nerf"
+    assert (nerf.depth, nerf.width, nerf.position_frequencies, nerf.direction_frequencies) == (8, 256, 10, 4)
+    assert (nerf.coarse_samples, nerf.fine_samples) == (64, 128)
+    assert (nerf.iterations, nerf.rays, nerf.rate) == (120_000, 2048, 5e-5)
+    first, second = paper.segmentation, paper.recoloring
+    assert (first.iterations, first.batch, first.rate, first.labels) == (2000, 1024, 5e-4, "masks")
+    assert (second.iterations, second.batch, second.rate, second.palette_rate) == (5000, 1024, 5e-4, 5e-4)
+    assert (second.palette_loss, second.weight_loss) == (1.0, 0.1)
+    assert second.iterations * second.palette_share == 2000
+    assert (first.width, second.width, first.head, first.layer, first.variant) == (256, 256, "kan", "grbf", "all")
+    assert (first.frequencies, second.frequencies, second.direction_frequencies) == (10, 10, 4)
+    assert paper.palette.shared and paper.compositing == "paper"
+
+
 def test_an_unknown_preset_is_refused_with_the_known_ones():
     with pytest.raises(BadRequest, match="Unknown preset 'best'") as caught:
         preset("best")

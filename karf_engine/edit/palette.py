@@ -82,13 +82,14 @@ def write_palettes(
     write_json(path, {"schema": PALETTE_SCHEMA, "shared": shared, "objects": objects})
 
 
-def read_edit(path: Path, palettes: Sequence[Palette]) -> Edit:
+def read_edit(path: Path, palettes: Sequence[Palette], compositing: str = "delta") -> Edit:
     """Read edit.json over the learned palettes: null entries and objects left out stay as learned.
 
+    compositing: what a file that names none means.
     Raises DataError for an unknown object, a wrong number of colors, a bad color or a changed black.
     """
     content = _read_schema(path, "edit", EDIT_SCHEMA)
-    compositing = content.get("compositing", "delta")
+    compositing = content.get("compositing", compositing)
     if compositing not in COMPOSITING_MODES:
         raise DataError(f"{path} has compositing {compositing!r}.", f"Use one of {', '.join(COMPOSITING_MODES)}.")
     objects = content.get("objects", {})

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import torch
@@ -20,6 +21,7 @@ from ..rendering.volume import ray_weights_from_sigmas
 from ..runtime import Runtime
 from ..settings import GeometrySettings, Level, OpenSettings
 from ..training import train, warm_exponential
+from .scene import Scene
 from .voxels import Background, VoxelField
 
 
@@ -36,9 +38,10 @@ class Fit:
     """State of one fit: the field, what is behind it, and what they learn from. Subclasses say what the loss is.
 
     recipe: the levels with their rates and limits. cuts: shares of a level's iterations after which it is pruned again.
-    first_share: of the samples that the first level takes: in its fog each of them is seen.
+    first_share: of the samples that the first level takes: in its fog each of them is seen. kind: of background.
     """
 
+    kind: str
     cuts: tuple[float, ...] = ()
     first_share = 1.0
 
@@ -54,6 +57,17 @@ class Fit:
         self.field, self.background = field, background
         self._rays_per_batch = 1024.0
         self._loss_average = 0.1
+
+    @property
+    def iterations(self) -> int:
+        """Iterations of the whole fit."""
+        return sum(level.iterations for level in self.recipe.levels)
+
+    def scenes(self, progress: Progress) -> Iterator[Scene]:
+        """Run the fit; the scene as it stands after each level."""
+        for number, level in enumerate(self.recipe.levels):
+            self.run_level(number, level, progress)
+            yield Scene(self.field, self.background, self.kind, level.step)
 
     def run_level(self, number: int, level: Level, progress: Progress) -> None:
         """Train one level; the field is replaced by finer and pruned ones on the way."""

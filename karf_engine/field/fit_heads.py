@@ -16,7 +16,7 @@ from ..runtime import Runtime
 from ..settings import RecoloringSettings, SegmentationSettings
 from ..training import train, warm_cosine
 from .karf import RecoloringField, SegmentationField
-from .voxels import VoxelField
+from .scene import Field
 
 NEAR_SHARE, OBJECT_SHARE = 0.4, 0.4  # of a batch; the rest comes from anywhere
 RAYS_PER_CHUNK = 1 << 14
@@ -25,7 +25,7 @@ NO_SAY = 1 / 1024  # of a class: too little to change an 8-bit picture
 
 def fit_on_points(
     karf: SegmentationField,
-    scene_field: VoxelField,
+    scene_field: Field,
     positions: Tensor,
     classes: Tensor,
     certainty: Tensor,
@@ -60,7 +60,7 @@ def fit_on_points(
 
 def fit_on_rays(
     karf: SegmentationField,
-    scene_field: VoxelField,
+    scene_field: Field,
     cache: SurfaceCache,
     targets: Tensor,
     settings: SegmentationSettings,
@@ -72,16 +72,17 @@ def fit_on_rays(
     targets: [n, K+1] votes of each cached ray (see labels.seeds). A ray whose votes allow several classes is only asked
     to be one of them. A third of each batch comes from inside the masks, so that small objects do not vanish.
     """
-    features = scene_field.features(cache.positions.view(-1, 3))
-    karf.standardizer.fit(features[:: max(1, len(features) // 65536)])
-    features = features.view(*cache.positions.shape[:2], -1)
+    flat = cache.positions.view(-1, 3)
+    karf.standardizer.fit(scene_field.features(flat[:: max(1, len(flat) // 65536)]))
     inside = _pool((targets[:, 1:].sum(1) > 0.99).float())
     optimizer = torch.optim.Adam(karf.parameters(), lr=settings.rate)
 
     def step(_: int, scale: float) -> tuple[Tensor, dict[str, float]]:
         count = max(16, int(settings.batch * scale))
         index = torch.cat([_draw(inside, count // 3, runtime), runtime.randint(len(cache), count - count // 3)])
-        probabilities = render_classes(karf, cache.positions[index], features[index], cache.opacity[index])
+        positions = cache.positions[index]
+        features = scene_field.features(positions.view(-1, 3)).view(*positions.shape[:2], -1)
+        probabilities = render_classes(karf, positions, features, cache.opacity[index])
         allowed = (probabilities * (targets[index] > 0)).sum(1)
         loss = -allowed.clamp_min(1e-6).log().mean()
         return loss, {"loss": float(loss.detach())}
@@ -102,7 +103,7 @@ def render_classes(karf: SegmentationField, positions: Tensor, features: Tensor,
 
 
 @torch.no_grad()
-def segment_cache(karf: SegmentationField, scene_field: VoxelField, cache: SurfaceCache) -> Tensor:
+def segment_cache(karf: SegmentationField, scene_field: Field, cache: SurfaceCache) -> Tensor:
     """Rendered class probabilities of all cached rays, [n, K+1]. Rays outside every object's box are not evaluated."""
     result = torch.zeros(len(cache), len(karf.boxes) + 1, device=cache.opacity.device)
     result[:, 0] = 1
@@ -132,7 +133,7 @@ class ObjectRays:
 
 def fit_recoloring(
     karf: RecoloringField,
-    scene_field: VoxelField,
+    scene_field: Field,
     rays: ObjectRays,
     palettes: Tensor,
     settings: RecoloringSettings,
@@ -174,7 +175,7 @@ def fit_recoloring(
 
 @torch.no_grad()
 def weigh_cache(
-    segmentation: SegmentationField, recoloring: RecoloringField, scene_field: VoxelField, cache: SurfaceCache
+    segmentation: SegmentationField, recoloring: RecoloringField, scene_field: Field, cache: SurfaceCache
 ) -> Tensor:
     """Edit planes of all cached rays, [n, K, M]: sum_i omega_i s_i^k w_ij, of every object k and palette entry j.
 
@@ -195,7 +196,7 @@ def weigh_cache(
     return planes * (cache.opacity / n_samples)[:, None, None]
 
 
-def render_weights(karf: RecoloringField, scene_field: VoxelField, positions: Tensor, viewdirs: Tensor) -> Tensor:
+def render_weights(karf: RecoloringField, scene_field: Field, positions: Tensor, viewdirs: Tensor) -> Tensor:
     """Differentiable mean of F_w over the quantile samples of rays, [n, blocks, M]: Eq. 8 with w in the place of s.
 
     positions: [n, K, 3]; viewdirs: [n, 3].

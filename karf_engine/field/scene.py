@@ -1,4 +1,10 @@
-"""A learned scene: frozen field, background, and how to look at it."""
+"""A learned scene: frozen field, background, and how to look at it.
+
+The protocol of a frozen field, which is all that the later stages know of it:
+- `trace(rays, step)`: where rays end; `density(x)`, `features(x)` [n, n_features], `color(x, d, f)`, `normals(x)`;
+- `space` of its coordinates, `bounds` [2, 3] of what there is, `voxel`, the length below which nothing is told apart;
+- `figures()` for reports; `facts()` and `restored(facts, tensors, device)` for files.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +19,14 @@ from torch import Tensor
 from ..capture.camera import Camera
 from ..checkpoints import load_tensors, save_tensors
 from ..rendering.rays import PixelBank, Rays, camera_rays, depth_per_distance
-from ..rendering.space import space_from_json, space_to_json
 from ..rendering.surface_cache import SurfaceCache, join_caches, quantile_samples
-from ..rendering.volume import VISIBLE_WEIGHT, accumulate, ray_weights_from_sigmas, remainder_from_sigmas
+from ..rendering.volume import VISIBLE_WEIGHT, accumulate
+from .nerf import NerfField
 from .voxels import Background, VoxelField
 
 SCHEMA = "karf-geometry/1"
+Field = VoxelField | NerfField
+FIELDS = {"voxels": VoxelField, "nerf": NerfField}
 CPU_RAYS_PER_CHUNK = 2048  # a chunk's samples stay near the processor's cache; accelerators want more at once
 ACCELERATOR_RAYS_PER_CHUNK = 65536
 WATCHED_PIXELS = 1500
@@ -39,9 +47,10 @@ class Picture:
 
 @dataclass(frozen=True)
 class Scene:
-    """field and background as learned. background_kind: alpha, black, white or opaque. step: stride in voxels."""
+    """field and background as learned. background_kind: alpha, black, white or opaque. step: stride in voxels, of a
+    field that has some."""
 
-    field: VoxelField
+    field: Field
     background: Background | None
     background_kind: str
     step: float
@@ -50,12 +59,12 @@ class Scene:
         """What is seen where nothing is solid, [n, 3]; white behind a matte, as the field's benchmarks have it."""
         if self.background is not None:
             return self.background(viewdirs)
-        return torch.full_like(viewdirs, 0.0 if self.background_kind == "black" else 1.0)
+        return torch.full_like(viewdirs, 1.0 if self.background_kind in ("alpha", "white") else 0.0)
 
     @torch.no_grad()
     def render(self, camera: Camera, n_quantiles: int) -> Picture:
         """Render all pixels of a pinhole camera."""
-        device = self.field.minimum.device
+        device = self.field.bounds.device
         colors, opacities, distances, caches = self._render_rays(camera_rays(camera, device), n_quantiles)
         shape = (camera.height, camera.width)
         factor = torch.from_numpy(depth_per_distance(camera)).float().to(device)
@@ -79,18 +88,14 @@ class Scene:
 
     def _render_chunk(self, rays: Rays, first: int, n_quantiles: int) -> tuple[Tensor, Tensor, Tensor, SurfaceCache]:
         field = self.field
-        samples = field.march(rays, self.step)
-        rows, weights = field.corners(samples.positions, all_occupied=True)
-        sigmas = field.density_at(rows, weights)
-        ray_weights = ray_weights_from_sigmas(sigmas, samples.step, samples.ray_indices)
+        trace = field.trace(rays, self.step)
+        samples, ray_weights, remainder = trace.samples, trace.ray_weights, trace.remainder
         seen = torch.nonzero(ray_weights > VISIBLE_WEIGHT).squeeze(1)
-        ray_indices = samples.ray_indices[seen]
-        features = field.features_at(rows[seen], weights[seen])
-        color = field.color(samples.positions[seen], rays.viewdirs[ray_indices], features)
-        surface = field.space.to_world(samples.positions[seen])
+        ray_indices, positions = samples.ray_indices[seen], samples.positions[seen]
+        color = field.color(positions, rays.viewdirs[ray_indices], field.features(positions))
+        surface = field.space.to_world(positions)
         distances = torch.linalg.norm(surface - rays.origins[ray_indices], dim=1, keepdim=True)
         sums = accumulate(ray_weights[seen], torch.cat([color, distances], 1), ray_indices, len(rays))
-        remainder = remainder_from_sigmas(sigmas, samples.step, samples.ray_indices, len(rays))
         opacity = 1 - remainder
         color = sums[:, :3] + remainder[:, None] * self.behind(rays.viewdirs)
         # an empty ray has no distance: dividing by the smallest float keeps 0 / 0 out
@@ -102,44 +107,28 @@ class Scene:
         tensors = {f"field.{name}": value for name, value in self.field.state_dict().items()}
         if self.background is not None:
             tensors |= {f"background.{name}": value for name, value in self.background.state_dict().items()}
-        facts = {
-            "voxel": self.field.voxel,
-            "n_features": self.field.n_features,
-            "width": self.field.width,
-            "density_bias": self.field.density_bias,
-            "background_kind": self.background_kind,
-            "step": self.step,
-            "space": space_to_json(self.field.space),
-        }
-        save_tensors(path, tensors, SCHEMA, facts)
+        kind = next(name for name, field_class in FIELDS.items() if type(self.field) is field_class)
+        own = {"kind": kind, "background_kind": self.background_kind, "step": self.step}
+        save_tensors(path, tensors, SCHEMA, self.field.facts() | own)
 
     @classmethod
     def load(cls, path: Path, device: torch.device | str = "cpu") -> Scene:
         """Read a scene. Raises DataError where the file is missing or damaged."""
         tensors, facts = load_tensors(path, SCHEMA, device)
-        field = VoxelField(
-            tensors["field.minimum"],
-            facts["voxel"],
-            tensors["field.occupied"],
-            facts["n_features"],
-            facts["width"],
-            facts["density_bias"],
-            space_from_json(facts.get("space", {"kind": "box"}), device),
-        )
-        field.load_state_dict(_part(tensors, "field."))
+        field = FIELDS[facts.get("kind", "voxels")].restored(facts, _part(tensors, "field."), device)
         background = None
-        if facts["background_kind"] == "opaque":
+        if learned := _part(tensors, "background."):
             background = Background().to(device)
-            background.load_state_dict(_part(tensors, "background."))
+            background.load_state_dict(learned)
         return cls(field.requires_grad_(False), background, facts["background_kind"], facts["step"])
 
 
-def psnr_of_views(scene: Scene, bank: PixelBank) -> list[float]:
-    """PSNR in dB of each plate of the bank, over WATCHED_PIXELS random pixels of it (always the same ones)."""
+def psnr_of_views(scene: Scene, bank: PixelBank, n_pixels: int = WATCHED_PIXELS) -> list[float]:
+    """PSNR in dB of each plate of the bank, over random pixels of it (always the same ones)."""
     random = torch.Generator().manual_seed(0)
     values = []
     for first, last in itertools.pairwise(bank.first.tolist()):
-        index = torch.randint(first, last, (WATCHED_PIXELS,), generator=random).to(bank.color.device)
+        index = torch.randint(first, last, (n_pixels,), generator=random).to(bank.color.device)
         error = ((scene.colors(bank.rays(index)) - bank.color[index].float() / 255) ** 2).mean()
         values.append(-10 * math.log10(float(error) + 1e-10))
     return values

@@ -10,6 +10,7 @@ Cells [X, Y, Z], vertices [X+1, Y+1, Z+1]; `vertex_rows` maps a vertex to its ta
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -17,7 +18,8 @@ from torch.nn.functional import max_pool3d, softplus
 
 from ..rendering.rays import Rays
 from ..rendering.sampling import Samples, cell_indices, coarse_occupancy, march
-from ..rendering.space import Box, Space
+from ..rendering.space import Box, Space, space_from_json, space_to_json
+from ..rendering.volume import Trace, outward_normals, trace_of
 
 CORNERS = torch.tensor([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
 
@@ -44,7 +46,7 @@ class _Gather(torch.autograd.Function):
 
 
 class VoxelField(nn.Module):
-    """Sparse voxels behind the field protocol: `density(x)`, `features(x)`, `color(x, d, f)`, `bounds`.
+    """Sparse voxels behind the field protocol (see scene.py).
 
     minimum: [3] corner of the grid and voxel: cell edge, in grid coordinates, as are all positions below; `space` says
     where they lie in the world (a box, whose coordinates are the world's, for None). occupied: [X, Y, Z] bool.
@@ -90,6 +92,12 @@ class VoxelField(nn.Module):
         """Samples of these rays inside occupied cells (see rendering.sampling.march)."""
         paths = self.space.paths(rays, *self.bounds)
         return march(paths, self.minimum, self.voxel, self.occupied, self.coarse, step_in_voxels, jitter)
+
+    def trace(self, rays: Rays, step_in_voxels: float) -> Trace:
+        """Where these rays end."""
+        samples = self.march(rays, step_in_voxels)
+        sigmas = self.density_at(*self.corners(samples.positions, all_occupied=True))
+        return trace_of(samples, sigmas, len(rays))
 
     def corners(self, positions: Tensor, all_occupied: bool = False) -> tuple[Tensor, Tensor]:
         """Table rows [n, 8] int32 and trilinear weights [n, 8] at positions [n, 3]; a missing vertex has weight 0.
@@ -157,12 +165,36 @@ class VoxelField(nn.Module):
     @torch.no_grad()
     def normals(self, positions: Tensor) -> Tensor:
         """Outward surface normals: minus the density's gradient by central differences over one voxel, [n, 3]."""
-        gradient = torch.zeros_like(positions)
-        for axis in range(3):
-            offset = torch.zeros(3, device=positions.device)
-            offset[axis] = self.voxel
-            gradient[:, axis] = self.density(positions + offset) - self.density(positions - offset)
-        return -nn.functional.normalize(gradient, dim=1)
+        return outward_normals(self.density, positions, self.voxel)
+
+    def figures(self) -> dict[str, Any]:
+        """What a report says of the field."""
+        return {"voxel": self.voxel, "cells": int(self.occupied.sum())}
+
+    def facts(self) -> dict[str, Any]:
+        """JSON values that, beside the tensors, restore the field."""
+        return {
+            "voxel": self.voxel,
+            "n_features": self.n_features,
+            "width": self.width,
+            "density_bias": self.density_bias,
+            "space": space_to_json(self.space),
+        }
+
+    @classmethod
+    def restored(cls, facts: dict[str, Any], tensors: dict[str, Tensor], device: torch.device | str) -> VoxelField:
+        """The field that had these facts and tensors."""
+        field = cls(
+            tensors["minimum"],
+            facts["voxel"],
+            tensors["occupied"],
+            facts["n_features"],
+            facts["width"],
+            facts["density_bias"],
+            space_from_json(facts.get("space", {"kind": "box"}), device),
+        )
+        field.load_state_dict(tensors)
+        return field
 
     @torch.no_grad()
     def cell_alphas(self) -> Tensor:

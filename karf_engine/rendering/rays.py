@@ -92,6 +92,13 @@ class PixelBank:
             return runtime.randint(len(self), count)
         return self._usable[runtime.randint(len(self._usable), count)]
 
+    def draw_central(self, count: int, share: float, runtime: Runtime) -> Tensor:
+        """Running indices of `count` random pixels of the middle `share` of a random picture's width and height."""
+        view = runtime.randint(len(self.cameras), count)
+        size = torch.stack([self._widths, torch.diff(self.first) // self._widths], 1)[view]
+        pixels = ((0.5 + share * (runtime.rand(count, 2) - 0.5)) * size).long()
+        return self.first[view] + pixels[:, 1] * size[:, 0] + pixels[:, 0]
+
     def view_of(self, index: Tensor) -> Tensor:
         """Which plate each running index belongs to."""
         return torch.bucketize(index, self.first, right=True) - 1

@@ -19,12 +19,12 @@ BLOCK = 4
 @dataclass(frozen=True)
 class Samples:
     """Packed samples: ray_indices [S] sorted, distances [S] of the interval centers from where the ray enters the grid,
-    positions [S, 3], step length; all in grid coordinates (see space.py)."""
+    positions [S, 3], step: length of the intervals, one for all or [S]; all in grid coordinates (see space.py)."""
 
     ray_indices: Tensor
     distances: Tensor
     positions: Tensor
-    step: float
+    step: float | Tensor
 
     def __len__(self) -> int:
         return len(self.ray_indices)

@@ -1,13 +1,17 @@
-"""Where the grid lies in the world: a box round an object, a contraction of all space, or a camera frustum.
+"""Where a field lies in the world: in a box round an object, in a contraction of all space, or in a camera frustum.
 
 A space maps world positions to grid coordinates, in which cells are cubes. Everything learned lives in grid coordinates:
 distances between points, boxes and normals are theirs too. Rays become polylines there, `paths` [R, K, 3].
 
 - Box: grid coordinates are the world's.
+- Similarity: the world turned, moved and scaled, as an MLP wants it, whose encoding has a scale of its own.
 - Contraction (Mip-NeRF 360, Eq. 10): with y = (x - center) / radius, y where |y| <= 1, else (1 + b - b / |y|) y / |y|. All of
   space becomes a ball of radius 1 + b; b = `room` is the share of it that what lies outside gets.
 - Frustum (NDC of NeRF, appendix C): for cameras that look about the same way. The near plane and infinity are the
   planes z = -1 and z = +1 (times `depth_scale`); a pixel is as wide anywhere. Straight lines stay straight.
+
+All but the contraction keep lines straight; their `lines` gives a ray as origin + t direction in grid coordinates, and
+`turned` its viewing direction.
 """
 
 from __future__ import annotations
@@ -38,7 +42,35 @@ class Box:
     def paths(self, rays: Rays, minimum: Tensor, maximum: Tensor) -> Tensor:
         """Knots of each ray within the grid from corner `minimum` to `maximum` [3], [R, K, 3] grid coordinates; they
         coincide where it misses the grid."""
-        return clipped_paths(rays.origins, rays.viewdirs, minimum, maximum)
+        return clipped_paths(*self.lines(rays), minimum, maximum)
+
+    def lines(self, rays: Rays) -> tuple[Tensor, Tensor]:
+        """Origins and directions [R, 3] of the rays, t being the world's distance from the camera."""
+        return rays.origins, rays.viewdirs
+
+    def turned(self, viewdirs: Tensor) -> Tensor:
+        """Unit viewing directions [n, 3] of the world in the axes of the grid."""
+        return viewdirs
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """world_to_grid: [4, 4], a rotation times a uniform scale, and a shift."""
+
+    world_to_grid: Tensor
+
+    def to_grid(self, positions: Tensor) -> Tensor:
+        return positions @ self.world_to_grid[:3, :3].T + self.world_to_grid[:3, 3]
+
+    def to_world(self, positions: Tensor) -> Tensor:
+        return (positions - self.world_to_grid[:3, 3]) @ torch.linalg.inv(self.world_to_grid[:3, :3]).T
+
+    def lines(self, rays: Rays) -> tuple[Tensor, Tensor]:
+        """Origins and directions [R, 3] of the rays, t being the world's distance from the camera."""
+        return self.to_grid(rays.origins), rays.viewdirs @ self.world_to_grid[:3, :3].T
+
+    def turned(self, viewdirs: Tensor) -> Tensor:
+        return torch.nn.functional.normalize(viewdirs @ self.world_to_grid[:3, :3].T, dim=-1)
 
 
 @dataclass(frozen=True)
@@ -97,8 +129,15 @@ class Frustum:
         return local @ camera_to_world[:3, :3].T + camera_to_world[:3, 3]
 
     def paths(self, rays: Rays, minimum: Tensor, maximum: Tensor) -> Tensor:
+        return clipped_paths(*self.lines(rays), minimum, maximum, longest=1.0)
+
+    def turned(self, viewdirs: Tensor) -> Tensor:
+        return viewdirs @ self.world_to_camera[:3, :3].T
+
+    def lines(self, rays: Rays) -> tuple[Tensor, Tensor]:
+        """Origins and directions [R, 3] of the rays, from the near plane at t = 0 to infinity at t = 1."""
         origins = rays.origins @ self.world_to_camera[:3, :3].T + self.world_to_camera[:3, 3]
-        directions = rays.viewdirs @ self.world_to_camera[:3, :3].T
+        directions = self.turned(rays.viewdirs)
         forward = (-directions[:, 2:]).clamp_min(1e-6)
         start = origins + ((self.near + origins[:, 2:]) / forward).clamp_min(0) * directions  # at the near plane
         depth = -start[:, 2:]
@@ -108,11 +147,11 @@ class Frustum:
         last = torch.cat([self.focal * directions[:, :2] / forward, torch.full_like(depth, self.depth_scale)], 1)
         looks_back = directions[:, 2:] > -1e-3
         last = torch.where(looks_back, first, last)
-        return clipped_paths(first, last - first, minimum, maximum, longest=1.0)
+        return first, last - first
 
 
-Space = Box | Contraction | Frustum
-KINDS = {"box": Box, "contraction": Contraction, "frustum": Frustum}
+Space = Box | Similarity | Contraction | Frustum
+KINDS = {"box": Box, "similarity": Similarity, "contraction": Contraction, "frustum": Frustum}
 
 
 def space_to_json(space: Space) -> dict:

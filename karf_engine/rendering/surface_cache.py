@@ -15,7 +15,6 @@ from torch import Tensor
 from ..progress import Progress
 from .rays import Rays
 from .sampling import Samples
-from .volume import ray_weights_from_sigmas
 
 RAYS_PER_CHUNK = 4096
 MIN_OPACITY = 0.02
@@ -47,15 +46,13 @@ class SurfaceCache:
 def cache_surface(field, rays: Rays, n_samples: int, step: float, progress: Progress | None = None) -> SurfaceCache:
     """Quantile samples of rays through a frozen field.
 
-    field: has `march(rays, step)`, `corners(positions)` and `density_at(rows, weights)`. n_samples: K >= 1. step: stride in voxels.
+    field: has `trace(rays, step)`. n_samples: K >= 1. step: stride in voxels, of a field that has some.
     """
     parts = []
     for start in range(0, len(rays), RAYS_PER_CHUNK):
         chunk = rays[start : start + RAYS_PER_CHUNK]
-        samples = field.march(chunk, step)
-        sigmas = field.density_at(*field.corners(samples.positions, all_occupied=True))
-        ray_weights = ray_weights_from_sigmas(sigmas, samples.step, samples.ray_indices)
-        parts.append(quantile_samples(chunk, samples, ray_weights, n_samples, start))
+        trace = field.trace(chunk, step)
+        parts.append(quantile_samples(chunk, trace.samples, trace.ray_weights, n_samples, start))
         if progress is not None:
             progress.step(len(chunk))
     return join_caches(parts)

@@ -8,8 +8,13 @@ ray's weights and its remainder sum to one.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import torch
-from torch import Tensor
+from torch import Tensor, nn
+
+from .sampling import Samples
 
 VISIBLE_WEIGHT = 1e-4  # a sample of less weight needs no color: it cannot change an 8-bit pixel
 
@@ -73,3 +78,31 @@ def remainder_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_indices: T
     optical_depths = sigmas * deltas
     total = torch.zeros(n_rays, dtype=optical_depths.dtype, device=optical_depths.device)
     return torch.exp(-total.index_add(0, ray_indices, optical_depths))
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Where rays end in a frozen field. samples: packed; ray_weights: [S] of them; remainder: [R]."""
+
+    samples: Samples
+    ray_weights: Tensor
+    remainder: Tensor
+
+
+def trace_of(samples: Samples, sigmas: Tensor, n_rays: int) -> Trace:
+    """The trace of samples whose densities [S], per grid unit, are known."""
+    return Trace(
+        samples,
+        ray_weights_from_sigmas(sigmas, samples.step, samples.ray_indices),
+        remainder_from_sigmas(sigmas, samples.step, samples.ray_indices, n_rays),
+    )
+
+
+def outward_normals(density: Callable[[Tensor], Tensor], positions: Tensor, reach: float) -> Tensor:
+    """Minus the density's gradient at positions [n, 3] by central differences over `reach`, [n, 3] of length 1 or 0."""
+    gradient = torch.zeros_like(positions)
+    for axis in range(3):
+        offset = torch.zeros(3, device=positions.device)
+        offset[axis] = reach
+        gradient[:, axis] = density(positions + offset) - density(positions - offset)
+    return -nn.functional.normalize(gradient, dim=1)

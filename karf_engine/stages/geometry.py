@@ -1,6 +1,7 @@
 """Stage 0: photos -> radiance field (geometry.safetensors).
 
-Options: capture (path), preset, overrides (list of `stage.field=value`), threads, device.
+Options: capture (path), preset, overrides (list of `stage.field=value`), nerf (path of a NeRF that another program has
+trained, which becomes the geometry), threads, device.
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ from .. import settings as settings_module
 from ..capture import open_capture
 from ..capture.capture import Capture, SparsePoints, capture_to_json
 from ..errors import BadRequest, Cancelled, DataError, KarfError
-from ..field.fit import Fit
+from ..field.adopt import adopt
+from ..field.nerf import NerfNetwork
+from ..field.nerf_files import read_nerf
 from ..field.scene import Scene, psnr_of_views
 from ..field.start import choose_space, start_fit
 from ..images import Plate, background_kind, solid_pixels, write_png
@@ -31,6 +34,7 @@ from ..wire import Request
 from .job import Job, make_job, run_stage, stage_fingerprint
 
 WATCHED_VIEWS = 8
+COMPARED_VIEWS, COMPARED_LONG_SIDE = 3, 200  # photos that a foreign NeRF must show
 WORSE = 0.5  # dB that held-out views may lose from level to level without a warning
 
 
@@ -42,6 +46,8 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     settings = settings_module.with_overrides(
         settings_module.preset(options.get("preset", "demo")), options.get("overrides", [])
     )
+    nerf = Path(options["nerf"]) if options.get("nerf") else None
+    networks = None if nerf is None else read_nerf(nerf)
     capture = open_capture(Path(options["capture"]))
     for remark in capture.remarks:
         emit("warning", code="capture", sentence=remark)
@@ -51,11 +57,15 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     inputs = [capture_to_json(capture), photos]
     if capture.points is not None:
         inputs.append(hashlib.sha256(capture.points.positions.tobytes() + capture.points.point.tobytes()).hexdigest())
+    if nerf is not None:
+        inputs.append(hashlib.sha256(nerf.read_bytes()).hexdigest())
     with run_stage(job, "geometry", stage_fingerprint(job, "geometry", *inputs)) as facts:
         if facts is None:
             return
-        fit = learn(job, capture, facts)
-        scene = Scene(fit.field, fit.background, fit.kind, fit.recipe.levels[-1].step)
+        n_photos = len(capture.split("train"))
+        if n_photos < 3:
+            raise DataError(f"{capture.source} has {n_photos} training photos.", "A scene needs at least three.")
+        scene = learn(job, capture, facts) if nerf is None else take_over(job, capture, nerf, networks, facts)
         scene.save(project.geometry_file)
         job.artifact("geometry", project.geometry_file)
 
@@ -75,12 +85,10 @@ def _open_project(folder: Path, source: str, capture: Capture, settings: Setting
     return project
 
 
-def learn(job: Job, capture: Capture, facts: dict) -> Fit:
-    """Fit the field level by level, with a preview after each."""
+def learn(job: Job, capture: Capture, facts: dict) -> Scene:
+    """Fit the field, with previews on the way."""
     settings = job.settings.geometry
     views = capture.split("train")
-    if len(views) < 3:
-        raise DataError(f"{capture.source} has {len(views)} training photos.", "A scene needs at least three.")
     plates = job.plates(views)
     kind = background_kind([_with_alpha(plate) for plate in plates])
     cameras = [replace(view, camera=plate.camera) for view, plate in zip(views, plates, strict=True)]
@@ -89,19 +97,37 @@ def learn(job: Job, capture: Capture, facts: dict) -> Fit:
     job.emit("stage", name="geometry", text=f"{space}, {0 if points is None else len(points)} sparse points")
     fit = start_fit(make_bank(plates, kind, job), kind, space, cameras, points, settings, job.runtime)
     watched, scores = watched_views(job, capture), []
-    levels = fit.recipe.levels
-    progress = job.progress("geometry", sum(level.iterations for level in levels))
-    for number, level in enumerate(levels):
-        fit.run_level(number, level, progress)
-        scene = Scene(fit.field, fit.background, kind, level.step)
-        path = job.project.folder / "preview.png"
-        write_png(path, scene.render(plates[0].camera, 1).color.cpu().numpy())
-        job.emit("preview", path=str(path))
+    for scene in fit.scenes(job.progress("geometry", fit.iterations)):
+        preview(job, scene, plates[0])
         if watched is not None:
             look(job, scene, watched, scores)
-    facts |= {"background": kind, "space": space, "voxel": fit.field.voxel, "cells": int(fit.field.occupied.sum())}
-    facts["held_out"] = scores
-    return fit
+    facts |= {"background": kind, "space": space, **scene.field.figures(), "held_out": scores}
+    return scene
+
+
+def take_over(job: Job, capture: Capture, path: Path, networks: tuple[NerfNetwork, NerfNetwork], facts: dict) -> Scene:
+    """The scene of a NeRF that another program has trained, once it has been seen to show some training photos."""
+    views = capture.split("train")
+    plates = job.plates(views[:: max(1, len(views) // COMPARED_VIEWS)][:COMPARED_VIEWS], COMPARED_LONG_SIDE)
+    kind = background_kind([_with_alpha(plate) for plate in plates])
+    grounds = {"alpha": 1.0, "black": 0.0} if kind == "alpha" else {kind: 0.0}
+    banks = {name: make_bank([_on_ground(p, value) for p in plates], "opaque", job) for name, value in grounds.items()}
+    job.emit("stage", name="geometry", text=f"comparing {path.name} with {len(plates)} photos")
+    scene, placement, psnr = adopt(
+        networks, list(capture.views), banks, job.settings.geometry.nerf, str(path), job.runtime.device
+    )
+    job.emit("stage", name="geometry", text=f"{path.name} is placed {placement!r} and shows them at {psnr:.1f} dB")
+    preview(job, scene, plates[0])
+    facts |= {"background": scene.background_kind, "space": placement, **scene.field.figures()}
+    facts |= {"nerf": str(path), "psnr": round(psnr, 2)}
+    return scene
+
+
+def preview(job: Job, scene: Scene, plate: Plate) -> None:
+    """Write the view of a plate as rendered."""
+    path = job.project.folder / "preview.png"
+    write_png(path, scene.render(plate.camera, 1).color.cpu().numpy())
+    job.emit("preview", path=str(path))
 
 
 def watched_views(job: Job, capture: Capture) -> PixelBank | None:
@@ -163,6 +189,14 @@ def make_bank(plates: list[Plate], kind: str, job: Job) -> PixelBank:
     if any(plate.valid is not None for plate in plates):
         valid = [np.ones(p.color.shape[:2], bool) if p.valid is None else p.valid for p in plates]
     return PixelBank([p.camera for p in plates], [p.color for p in plates], alphas, solids, valid, job.runtime.device)
+
+
+def _on_ground(plate: Plate, ground: float) -> Plate:
+    """The plate without its matte, before a gray."""
+    if plate.alpha is None:
+        return plate
+    matte = plate.alpha[..., None]
+    return replace(plate, color=plate.color * matte + ground * (1 - matte), alpha=None)
 
 
 def _with_alpha(plate: Plate) -> np.ndarray:

@@ -15,6 +15,7 @@ from ..edit.palette import Edit, Palette, hex_to_rgb, read_edit, read_palettes, 
 from ..errors import BadRequest
 from ..progress import Emit
 from ..project import Project
+from ..settings import from_dict
 from ..wire import Request
 
 RULES = ("becomes", "fewest")
@@ -29,10 +30,11 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         if not options.get(name):
             raise BadRequest(f"The match was given no {name}.", "Give object, source color, target color and out.")
     palettes = read_palettes(project.palette_file)
+    compositing = from_dict(project.state()["settings"]).compositing
     edit = (
-        read_edit(Path(options["edit"]), palettes)
+        read_edit(Path(options["edit"]), palettes, compositing)
         if options.get("edit")
-        else Edit({p.name: p.colors for p in palettes})
+        else Edit({p.name: p.colors for p in palettes}, compositing)
     )
     palette = _palette(palettes, options["object"])
     source, target = hex_to_rgb(options["source"]), hex_to_rgb(options["target"])

@@ -1,7 +1,8 @@
 """Rendering: masks, pictures, recolored frames and edit planes of captured views or of any cameras.
 
 Options: views (train | test | val | all | name,name | CAMERAS.json), edit (EDIT.json), out (folder), base (photo |
-render, for captured views), planes, depth (bools). Writes
+render, for captured views; by default the photo, with the paper's compositing the render, as there), planes, depth
+(bools). Writes
 
     OUT/render/<view>.png            the scene as learned
     OUT/masks/<object>/<view>.png    0 or 255
@@ -39,6 +40,7 @@ from .job import Job, open_job
 from .recoloring import load_recoloring
 from .segmentation import load_segmentation
 
+BASES = {"delta": "photo", "paper": "render"}  # what an edit of a captured view changes, where nothing is said
 MASK_SAMPLES, WEIGHT_SAMPLES = 3, 8  # quantile samples a ray: colors need more of them than classes
 
 
@@ -56,7 +58,7 @@ class Frame:
     def masks(self) -> np.ndarray:
         """The likeliest class of each pixel as masks, [K, H, W] bool (argmax of Eq. 8)."""
         background = 1 - self.probabilities.sum(0)
-        return (self.probabilities > background) & (self.probabilities == self.probabilities.max(0))
+        return (self.probabilities > background) & (self.probabilities == self.probabilities.max(0, initial=0))
 
 
 class Renderer:
@@ -146,12 +148,12 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         raise BadRequest("The render stage was given nowhere to write.", "Name a folder with --out.")
     views, captured = select_views(job, options.get("views", "test"))
     renderer = Renderer(job)
-    edit = read_edit(Path(edit_path), renderer.palettes) if edit_path else None
+    edit = read_edit(Path(edit_path), renderer.palettes, job.settings.compositing) if edit_path else None
     names = file_names(views)
+    on_photo = captured and (options.get("base") or BASES[job.settings.compositing]) == "photo"
     progress = job.progress("render", len(views))
     job.emit("stage", name="render", text=f"{len(views)} views")
     for view, name in zip(views, names, strict=True):
-        on_photo = captured and options.get("base", "photo") == "photo"
         plate = job.plates([view])[0] if on_photo else None
         shown = view if captured is False or plate is not None else replace(view, camera=_working_camera(job, view))
         frame = renderer.frame(shown, plate, "photo" if on_photo else "field")

@@ -10,7 +10,14 @@ torch = pytest.importorskip("torch")
 
 from karf_engine.rendering.rays import Rays  # noqa: E402
 from karf_engine.rendering.sampling import Polylines  # noqa: E402
-from karf_engine.rendering.space import Box, Contraction, Frustum, space_from_json, space_to_json  # noqa: E402
+from karf_engine.rendering.space import (  # noqa: E402
+    Box,
+    Contraction,
+    Frustum,
+    Similarity,
+    space_from_json,
+    space_to_json,
+)
 
 CENTER = torch.tensor([0.5, -1.0, 2.0])
 
@@ -25,6 +32,14 @@ def frustum():
     pose[:3, :3] = torch.tensor([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
     pose[:3, 3] = torch.tensor([1.0, 2.0, 3.0])
     return Frustum(torch.linalg.inv(pose), torch.tensor([2.4, 2.2]), near=0.8, depth_scale=0.5)
+
+
+def similarity():
+    """Turned by a right angle round z, 2.5 times as large, moved."""
+    matrix = torch.eye(4)
+    matrix[:3, :3] = 2.5 * torch.tensor([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    matrix[:3, 3] = torch.tensor([1.0, 0.0, -3.0])
+    return Similarity(matrix)
 
 
 def random_points(n, spread, seed=0):
@@ -43,7 +58,7 @@ def test_a_contraction_keeps_its_ball_and_brings_all_else_within_reach(room):
     assert_allclose(one_and_a_half_out, [[0, 1 + room / 2, 0]], atol=1e-6)
 
 
-@pytest.mark.parametrize("space", [Box(), contraction(), contraction(0.5), frustum()], ids=str)
+@pytest.mark.parametrize("space", [Box(), similarity(), contraction(), contraction(0.5), frustum()], ids=str)
 def test_grid_coordinates_lead_back_to_the_world(space):
     points = random_points(300, 2.5) + torch.tensor([1.0, 14.0, 3.0])
     assert_allclose(space.to_world(space.to_grid(points)), points, rtol=2e-4, atol=2e-3)
@@ -85,3 +100,16 @@ def test_a_space_comes_back_from_plain_values(space):
     assert type(back) is type(space)
     points = random_points(20, 3.0)
     assert np.array_equal(back.to_grid(points), space.to_grid(points))
+
+
+@pytest.mark.parametrize("space", [Box(), similarity(), frustum()], ids=str)
+def test_lines_are_the_grid_coordinates_of_a_rays_points(space):
+    rays = Rays(torch.tensor([[1.2, 1.9, 3.1]]).repeat(40, 1), random_points(40, 0.3) + torch.tensor([0.0, 1.0, 0.0]))
+    rays = Rays(rays.origins, torch.nn.functional.normalize(rays.viewdirs, dim=1))
+    origins, directions = space.lines(rays)
+    at = space.to_grid(rays.origins + 4.0 * rays.viewdirs) - origins
+    assert_allclose(torch.linalg.cross(at, directions), np.zeros((40, 3)), atol=2e-4)
+    if not isinstance(space, Frustum):  # there t is the distance
+        assert_allclose(at, 4 * directions, atol=1e-5)
+        step = space.to_grid(rays.origins + rays.viewdirs) - space.to_grid(rays.origins)
+        assert_allclose(space.turned(rays.viewdirs), torch.nn.functional.normalize(step, dim=1), atol=1e-5)
