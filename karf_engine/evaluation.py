@@ -10,18 +10,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from .edit.color import hue_shift
-from .edit.metrics import iou, iou_border_excluded, mean_ciede2000, mse_outside, psnr, ssim
+from .edit.metrics import accuracy, iou, iou_border_excluded, mean_ciede2000, mse_outside, psnr, ssim
 
 MIN_PIXELS = 60  # views that show less of an object say nothing about its mask
 
 
 @dataclass(frozen=True)
 class MaskScore:
-    """Means over views that show the object, and the worst view."""
+    """Means over views that show the object, the worst view, and the IoU of the pixels of all these views together."""
 
     iou: float
     iou_border_excluded: float
     worst: float
+    accuracy: float
+    pooled: float
 
 
 def score_masks(predicted: list[np.ndarray], truth: list[np.ndarray]) -> MaskScore:
@@ -34,7 +36,9 @@ def score_masks(predicted: list[np.ndarray], truth: list[np.ndarray]) -> MaskSco
         raise ValueError(f"no view shows {MIN_PIXELS} pixels of the object")
     values = [iou(p, t) for p, t in pairs]
     inner = [iou_border_excluded(p, t) for p, t in pairs]
-    return MaskScore(float(np.mean(values)), float(np.mean(inner)), float(np.min(values)))
+    accuracies = [accuracy(p, t) for p, t in pairs]
+    pooled = iou(*(np.concatenate([mask.ravel() for mask in side]) for side in zip(*pairs, strict=True)))
+    return MaskScore(*map(float, (np.mean(values), np.mean(inner), np.min(values), np.mean(accuracies), pooled)))
 
 
 def palette_picture(palette_weights: np.ndarray, probabilities: np.ndarray, palettes: np.ndarray) -> np.ndarray:
@@ -44,6 +48,70 @@ def palette_picture(palette_weights: np.ndarray, probabilities: np.ndarray, pale
     """
     mixed = np.einsum("kmhw,kmc->khwc", palette_weights.astype(np.float32), palettes)
     return np.clip(mixed / np.maximum(probabilities, 1e-4)[..., None], 0, 1)
+
+
+@dataclass(frozen=True)
+class PaletteScore:
+    """How well palettes alone show the objects: the whole frame on black, and inside the objects."""
+
+    psnr_frame: float
+    ssim_frame: float
+    psnr_object: float
+    ssim_object: float
+
+
+def score_palettes(
+    palette_weights: list[np.ndarray],
+    probabilities: list[np.ndarray],
+    palettes: np.ndarray,
+    photos: list[np.ndarray],
+    object_masks: list[np.ndarray],
+) -> PaletteScore:
+    """Judge the objects as their palettes mix them, W P, against the photos.
+
+    In the frame all else is black, as in the paper's segmented scene; inside the true masks each object is shown as if
+    it filled its pixels. For each view: palette_weights [K, M, H, W], probabilities [K, H, W], photo [H, W, 3],
+    object_masks bool [K, H, W]. palettes: [K, M, 3].
+    """
+    rows = []
+    for weights, chances, photo, masks in zip(palette_weights, probabilities, photos, object_masks, strict=True):
+        inside = masks.any(0)
+        truth = np.where(inside[..., None], photo, 0)
+        frame = np.clip(np.einsum("kmhw,kmc->hwc", weights.astype(np.float32), palettes), 0, 1)
+        mixed = palette_picture(weights, chances, palettes)
+        shown = (mixed * masks[..., None]).sum(0)
+        rows.append([psnr(frame, truth), ssim(frame, truth), psnr(shown, truth, inside), ssim(shown, truth, inside)])
+    return PaletteScore(*np.mean(rows, 0).tolist())
+
+
+@dataclass(frozen=True)
+class RecolorScore:
+    """Against the true recolor: mean CIEDE2000 inside the edited objects, and PSNR. Against the photo: MSE outside."""
+
+    ciede2000: float
+    psnr: float
+    mse_outside: float
+
+
+def score_recolor(
+    recolored: list[np.ndarray], truths: list[np.ndarray], photos: list[np.ndarray], insides: list[np.ndarray]
+) -> RecolorScore:
+    """Judge recolored views; insides: true masks of all edited objects together."""
+    rows = [
+        [mean_ciede2000(ours, truth, inside), psnr(ours, truth), mse_outside(ours, photo, inside)]
+        for ours, truth, photo, inside in zip(recolored, truths, photos, insides, strict=True)
+    ]
+    return RecolorScore(*np.mean(rows, 0).tolist())
+
+
+def hue_shifted(
+    photo: np.ndarray, masks: dict[str, np.ndarray], pairs: dict[str, tuple[np.ndarray, np.ndarray]]
+) -> np.ndarray:
+    """The photo with each object's own hue shift inside its mask; pairs: object -> (source, target)."""
+    result = photo.copy()
+    for name, mask in masks.items():
+        result[mask] = hue_shift(photo, *pairs[name])[mask]
+    return result
 
 
 @dataclass(frozen=True)
@@ -73,16 +141,11 @@ def score_edit(
     The global hue shift knows one color pair, the first object's; inside the true masks each object gets its own.
     """
     first_pair = next(iter(pairs.values()))
-    rows = []
-    for photo, ours, truth, masks in zip(photos, recolored, truths, object_masks, strict=True):
-        inside = np.any(list(masks.values()), 0)
-        shifted = hue_shift(photo, *first_pair)
-        masked = photo.copy()
-        for name, mask in masks.items():
-            masked[mask] = hue_shift(photo, *pairs[name])[mask]
-        differences = [mean_ciede2000(picture, truth, inside) for picture in (ours, photo, shifted, masked)]
-        rows.append([*differences, mse_outside(ours, photo, inside), psnr(ours, truth)])
-    return EditScore(*np.mean(rows, 0).tolist())
+    insides = [np.any(list(masks.values()), 0) for masks in object_masks]
+    shifted = [hue_shift(photo, *first_pair) for photo in photos]
+    masked = [hue_shifted(photo, masks, pairs) for photo, masks in zip(photos, object_masks, strict=True)]
+    ours, *others = (score_recolor(views, truths, photos, insides) for views in (recolored, photos, shifted, masked))
+    return EditScore(ours.ciede2000, *(other.ciede2000 for other in others), ours.mse_outside, ours.psnr)
 
 
 def score_pictures(rendered: list[np.ndarray], photos: list[np.ndarray]) -> dict[str, float]:

@@ -109,7 +109,29 @@ class GeometrySettings:
 
 
 @dataclass(frozen=True)
-class SegmentationSettings:
+class HeadSettings:
+    """The network on top of the frozen scene: of both fields alike."""
+
+    head: str = option("kan", "kan: gated KAN block (Eq. 6); mlp: two hidden layers", choices=("kan", "mlp"))
+    layer: str = option("grbf", "Layer of the KAN block", choices=("grbf", "bspline", "mlp"))
+    variant: str = option("all", "Parts of Eq. 6", choices=("all", "no_residual", "gate", "none"))
+    width: int = option(64, "Width of the head", 4, 1024)
+    match: str = option(
+        "width",
+        "width: as wide as `width` says; parameters: with as many parameters as the full block of Gaussian layers",
+        choices=("width", "parameters"),
+    )
+    centers: int = option(8, "N of Eq. 5, Gaussian centers on [-2, 2]", 2, 8)
+    bandwidth: str = option(
+        "eq5",
+        "h of Eq. 5 at the start; eq5: the centers' spacing; fastkan: spacing / sqrt 2; xkanerf: 1 / sqrt 2",
+        choices=("eq5", "fastkan", "xkanerf"),
+    )
+    learn_bandwidth: bool = option(True, "Whether h is learned, one for each layer")
+
+
+@dataclass(frozen=True)
+class SegmentationSettings(HeadSettings):
     """From coarse masks to the segmentation field F_s (stage 1)."""
 
     labels: str = option(
@@ -117,10 +139,6 @@ class SegmentationSettings:
         "surface: clean the masks on the surface; masks: plain Eq. 12; votes: take them as exact",
         choices=("surface", "masks", "votes"),
     )
-    head: str = option("kan", "kan: gated KAN block (Eq. 6); mlp: two hidden layers", choices=("kan", "mlp"))
-    layer: str = option("grbf", "Layer of the KAN block", choices=("grbf", "bspline", "mlp"))
-    variant: str = option("all", "Parts of Eq. 6", choices=("all", "no_residual", "gate", "none"))
-    width: int = option(64, "Width of the head", 4, 1024)
     frequencies: int = option(5, "Octaves of the positional encoding", 0, 16)
     iterations: int = option(150, "Training iterations", 1, 1_000_000)
     batch: int = option(1024, "Surface points (or rays) an iteration", 16, 1_000_000)
@@ -135,25 +153,29 @@ class SegmentationSettings:
 class PaletteSettings:
     """Palettes from the colors of the segmented objects."""
 
+    start: str = option(
+        "hull", "hull: of the object's colors; random: as many colors, drawn at random", choices=("hull", "random")
+    )
     colors: int = option(0, "Colors of a palette, black included; 0 finds the smallest faithful number", 0, 16)
     tolerance: float = option(3.0 / 255, "RMS distance of colors outside the palette's hull", 0.0, 0.2)
     shared: bool = option(False, "One palette for all objects, as in the paper")
 
 
 @dataclass(frozen=True)
-class RecoloringSettings:
+class RecoloringSettings(HeadSettings):
     """The recoloring field F_w and the learnable palette (stage 2)."""
 
-    head: str = option("kan", "kan: gated KAN block (Eq. 6); mlp: two hidden layers", choices=("kan", "mlp"))
-    layer: str = option("grbf", "Layer of the KAN block", choices=("grbf", "bspline", "mlp"))
-    variant: str = option("all", "Parts of Eq. 6", choices=("all", "no_residual", "gate", "none"))
-    width: int = option(64, "Width of the head", 4, 1024)
     frequencies: int = option(6, "Octaves of the positional encoding", 0, 16)
     direction_frequencies: int = option(2, "Octaves of the direction's encoding", 0, 8)
     iterations: int = option(250, "Training iterations", 1, 1_000_000)
     batch: int = option(512, "Rays an iteration", 16, 1_000_000)
     rate: float = option(3e-3, "Learning rate", 1e-6, 0.1)
     weight_loss: float = option(0.1, "lambda_w of Eq. 14", 0.0, 100.0)
+    supervision: str = option(
+        "all",
+        "Views whose weights Eq. 13 asks for; all: that were cached; reference: that are marked, as in the paper",
+        choices=("all", "reference"),
+    )
     palette_loss: float = option(1.0, "lambda_p of Eq. 14", 0.0, 100.0)
     palette_share: float = option(0.4, "Last share of the iterations in which the palette is learned too", 0.0, 1.0)
     palette_rate: float = option(5e-4, "Learning rate of the palette", 0.0, 0.1)

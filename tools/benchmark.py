@@ -1,6 +1,7 @@
-"""Measured times beside their targets: python3 tools/dev.py bench [kan] [compositing] [swatch] [stages].
+"""Measured times beside their targets: python3 tools/dev.py bench [kan] [cache] [compositing] [swatch] [stages].
 
-    kan          the Gaussian layer against the matrix products alone and against the form that stores every basis
+    kan          the Gaussian layer against the matrix products alone, the form that stores every basis, and B-splines
+    cache        an iteration of F_w on the surface cache against one on 192 samples a ray, at width 256
     compositing  a swatch change on cached planes, the arithmetic alone
     swatch       the same in Blender, from setting the swatch to the pixels in the image
     stages       seconds and peak memory of each stage: of --project DIR, else of the demo, learned for this
@@ -24,7 +25,7 @@ from typing import Any
 
 from dev import ROOT, python_of
 
-NAMES = ("kan", "compositing", "swatch", "stages")
+NAMES = ("kan", "cache", "compositing", "swatch", "stages")
 SWATCH_TARGET_MS = 16.0  # one picture of sixty a second
 SWATCH_CASES = ((1, 1), (1, 5), (3, 1))  # objects, swatches of the first that differ; 5 are all but black
 STAGES = ("geometry", "segmentation", "palette", "recoloring")
@@ -35,15 +36,23 @@ Row = dict[str, Any]
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(NAMES))
-    parser.add_argument("--threads", type=int, default=1, help="of kan and of learning the demo (default: %(default)s)")
-    parser.add_argument("--repeats", type=int, default=5, help="rounds of kan (default: %(default)s)")
+    parser.add_argument(
+        "--threads", type=int, default=1, help="of kan, cache and of learning the demo (default: %(default)s)"
+    )
+    parser.add_argument("--repeats", type=int, default=5, help="rounds of kan and cache (default: %(default)s)")
     parser.add_argument("--project", type=Path, metavar="DIR", help="a learned project, for stages")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows there too")
     options = parser.parse_args()
     unknown = [name for name in options.names if name not in NAMES]
     if unknown:
         parser.error(f"unknown: {', '.join(unknown)}; choose from {', '.join(NAMES)}")
-    benches = {"kan": bench_kan, "compositing": bench_compositing, "swatch": bench_swatch, "stages": bench_stages}
+    benches = {
+        "kan": bench_kan,
+        "cache": bench_cache,
+        "compositing": bench_compositing,
+        "swatch": bench_swatch,
+        "stages": bench_stages,
+    }
     facts = machine(options.threads)
     print("  ".join(f"{name} {value}" for name, value in facts.items()), flush=True)
     rows: list[Row] = []
@@ -75,6 +84,16 @@ def bench_kan(options: argparse.Namespace) -> list[Row]:
 
     rows = kan.run(options.threads, options.repeats)
     kan.print_table(rows)
+    return rows
+
+
+def bench_cache(options: argparse.Namespace) -> list[Row]:
+    """Milliseconds of an iteration, and how many times faster it is than the dense one."""
+    from benchmarks import surface_cache
+
+    rows = surface_cache.run(options.threads, options.repeats)
+    print_rows(rows)
+    print(f"target: >= {surface_cache.TARGET:g} times faster with 3 samples a ray")
     return rows
 
 

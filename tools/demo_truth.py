@@ -26,6 +26,15 @@ class Truth:
         # palette pictures: plain reading would give the palette's colors instead of the ids
         return [iio.imread(path, mode="P") for path in sorted((DEMO / "labels" / split).glob("*.png"))]
 
+    def masks(self, split: str) -> dict[str, list[np.ndarray]]:
+        """The true masks of a split's views, object by object."""
+        return {name: [labels == number for labels in self.labels(split)] for name, number in self.names.items()}
+
+    def inside(self, edit: str, split: str = "test") -> list[np.ndarray]:
+        """Where an edit's objects are in each view of a split, together."""
+        masks = self.masks(split)
+        return [np.any(views, 0) for views in zip(*(masks[name] for name in self.edits[edit]["objects"]), strict=True)]
+
     @cache  # noqa: B019
     def recolored(self, edit: str) -> list[np.ndarray]:
         """True recolors of the test views."""
@@ -36,12 +45,22 @@ class Truth:
 
         Of the pixels in the object's coarse mask whose paint really changes. [3] each, sRGB.
         """
-        view = self.edits[edit]["reference_view"]
-        before = iio.imread(DEMO / "train" / f"{view}.png")[..., :3] / 255
-        after = iio.imread(DEMO / "recolor" / edit / "train" / f"{view}.png")[..., :3] / 255
-        mask = iio.imread(DEMO / "coarse_masks" / "one" / object_name / f"{view}.png") > 127
+        before, after = self.reference(edit)
+        mask = self.coarse_mask(edit, object_name)
         changed = mask & (np.abs(after - before).max(-1) > CHANGED)
         return np.median(before[changed], 0), np.median(after[changed], 0)
+
+    def reference(self, edit: str) -> tuple[np.ndarray, np.ndarray]:
+        """The one training photo whose true recolor is known, and that recolor."""
+        name = f"{self.edits[edit]['reference_view']}.png"
+        folders = DEMO / "train", DEMO / "recolor" / edit / "train"
+        before, after = (iio.imread(folder / name)[..., :3] / 255 for folder in folders)
+        return before, after
+
+    def coarse_mask(self, edit: str, object_name: str) -> np.ndarray:
+        """The rough mask of an object in the edit's reference view, bool [H, W]."""
+        view = self.edits[edit]["reference_view"]
+        return iio.imread(DEMO / "coarse_masks" / "one" / object_name / f"{view}.png") > 127
 
     def write_training_masks(self, folder: Path) -> Path:
         """The true masks of all training views as MASKS/<object>/<photo stem>.png; returns the folder."""

@@ -3,6 +3,7 @@
     python3 tools/dev.py demo [--out DIR]    the main job on the demo capture, through real Blender
     python3 tools/dev.py test                lint and all tests, in both environments (test -k WORD: engine tests by name)
     python3 tools/dev.py bench [NAME ...]    measured ratios and seconds
+    python3 tools/dev.py evaluate [TABLE ..] the paper's tables on the demo capture: docs/results.md
     python3 tools/dev.py build               the extension's zip in dist/
     python3 tools/dev.py setup               only the environments
 
@@ -35,19 +36,22 @@ def main() -> int:
     demo.add_argument("--out", default="demo_out", help="where everything is written (default: %(default)s)")
     demo.add_argument("--threads", type=int, help="processor threads of the engine")
     demo.add_argument("--quick", action="store_true", help="leave the comparisons out (ceiling, plain cross-entropy)")
-    for name, text in (("test", "lint and all tests"), ("bench", "measured ratios and seconds")):
+    for name, text in (
+        ("test", "lint and all tests"),
+        ("bench", "measured ratios and seconds"),
+        ("evaluate", "the paper's tables on the demo capture"),
+    ):
         verb = verbs.add_parser(name, help=text)
         verb.add_argument("rest", nargs=argparse.REMAINDER, help="passed on")
     verbs.add_parser("build", help="the extension's zip in dist/")
     verbs.add_parser("setup", help="only the environments")
     options, unknown = parser.parse_known_args()
-    if unknown and options.verb not in ("test", "bench"):
+    if unknown and options.verb not in ("test", "bench", "evaluate"):
         parser.error(f"unknown arguments: {' '.join(unknown)}")
     setup()
     rest = unknown + list(getattr(options, "rest", []))
-    return {"demo": run_demo, "test": run_tests, "bench": run_bench, "build": build, "setup": lambda *_: 0}[
-        options.verb
-    ](options, rest)
+    actions = {"demo": run_demo, "test": run_tests, "bench": run_bench, "evaluate": run_evaluate, "build": build}
+    return actions[options.verb](options, rest) if options.verb in actions else 0
 
 
 # ---------------------------------------------------------------------------------------------------------- environments
@@ -120,6 +124,10 @@ def run_tests(options: argparse.Namespace, rest: list[str]) -> int:
 
 def run_bench(options: argparse.Namespace, rest: list[str]) -> int:
     return _run("engine", "tools/benchmark.py", *rest)
+
+
+def run_evaluate(options: argparse.Namespace, rest: list[str]) -> int:
+    return _run("engine", "tools/evaluate.py", *rest)
 
 
 def build(options: argparse.Namespace, rest: list[str]) -> int:

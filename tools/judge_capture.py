@@ -23,6 +23,7 @@ from judging import (
     TestViews,
     difference,
     learn_again,
+    look_again,
     open_project,
     print_common,
     render_test_views,
@@ -63,9 +64,9 @@ def main() -> None:
     summary["precision"] = read_json(job.project.segmentation_report, "report")["precision"]
     summary |= score_objects(test, truth)
     true_masks = gather_training_masks(capture, options.truth, options.out / "scratch" / "true_masks")
-    summary |= score_objects(
-        learn_again(job, options.out / "scratch" / "ceiling", "votes", true_masks), truth, "_ceiling"
-    )
+    overrides = ["segmentation.labels=votes"]
+    ceiling = learn_again(job, options.out / "scratch" / "ceiling", overrides, ("segmentation",), true_masks)
+    summary |= score_objects(look_again(test, ceiling), truth, "_ceiling")
     write_json(options.out / "summary.json", rounded(summary))
     contact_sheet(options.out / "contact_sheet.png", test, truth)
     report(options.out, rounded(summary))

@@ -21,11 +21,13 @@ from demo_truth import DEMO, Truth
 from judging import (
     TestViews,
     learn_again,
+    look_again,
     open_project,
     print_common,
     render_test_views,
     rounded,
     score_objects,
+    score_palettes_of,
     score_renders,
     sheet_numbers,
     stage_facts,
@@ -35,8 +37,7 @@ from judging import (
 
 from karf_engine.edit.color import to_bytes
 from karf_engine.edit.compositing import delta_composite
-from karf_engine.edit.metrics import psnr
-from karf_engine.evaluation import palette_picture, score_edit
+from karf_engine.evaluation import score_edit
 from karf_engine.images import Plate
 from karf_engine.project import write_json
 
@@ -54,7 +55,7 @@ def main() -> None:
 
     summary = json.loads((options.out / "main_job.json").read_text())
     summary |= stage_facts(job.project) | score_scene(test, truth)
-    true_masks = object_masks(truth)
+    true_masks = truth.masks("test")
     summary |= score_objects(test, true_masks)
     if not options.quick:
         scratch = options.out / "scratch"
@@ -62,7 +63,8 @@ def main() -> None:
             ("ceiling", "votes", truth.write_training_masks(scratch / "true_masks")),
             ("plain_cross_entropy", "masks", DEMO / "coarse_masks" / "one"),
         ):
-            summary |= score_objects(learn_again(job, scratch / name, labels, masks), true_masks, f"_{name}")
+            other = learn_again(job, scratch / name, [f"segmentation.labels={labels}"], ("segmentation",), masks)
+            summary |= score_objects(look_again(test, other), true_masks, f"_{name}")
     summary |= score_edits(truth, test.plates, options.out)
     summary["seconds_judging"] = round(time.monotonic() - start, 1)
     write_json(options.out / "summary.json", rounded(summary))
@@ -70,24 +72,14 @@ def main() -> None:
     report(options.out, rounded(summary))
 
 
-def object_masks(truth: Truth) -> dict[str, list[np.ndarray]]:
-    """The true masks of the test views, object by object."""
-    return {name: [labels == number for labels in truth.labels("test")] for name, number in truth.names.items()}
-
-
 def score_scene(test: TestViews, truth: Truth) -> dict:
     """The render, the palettes' own picture of the objects, and the edit that changes nothing."""
-    renderer, object_psnr, identity = test.renderer, [], 0
-    for frame, plate, labels in zip(test.frames, test.plates, truth.labels("test"), strict=True):
-        mixed = palette_picture(frame.palette_weights, frame.probabilities, renderer.learned)
-        shown = np.zeros_like(plate.color)
-        for k, name in enumerate(renderer.objects):
-            own = labels == truth.names[name]
-            shown[own] = mixed[k][own]
-        object_psnr.append(psnr(shown, plate.color, labels > 0))
+    renderer, identity = test.renderer, 0
+    for frame, plate in zip(test.frames, test.plates, strict=True):
         unchanged = delta_composite(frame.base, frame.palette_weights, renderer.learned, renderer.learned)
         identity = max(identity, int(np.abs(to_bytes(unchanged).astype(int) - to_bytes(plate.color)).max()))
-    return score_renders(test) | {"psnr_object": float(np.mean(object_psnr)), "identity_max_abs": identity}
+    palettes = score_palettes_of(test, truth.masks("test"))
+    return score_renders(test) | {"psnr_object": palettes.psnr_object, "identity_max_abs": identity}
 
 
 def score_edits(truth: Truth, plates: list[Plate], out: Path) -> dict:

@@ -7,23 +7,29 @@ Runs in the engine's environment; the caller puts the repository's root on the p
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
 from karf_engine import settings as settings_module
-from karf_engine.evaluation import score_masks, score_pictures
+from karf_engine.cli import run_stage
+from karf_engine.evaluation import PaletteScore, score_masks, score_palettes, score_pictures
 from karf_engine.images import Plate, write_png
 from karf_engine.progress import TerminalEmit
-from karf_engine.project import Project, write_json
-from karf_engine.stages import segmentation
+from karf_engine.project import STAGE_ORDER, Project, write_json
 from karf_engine.stages.job import Job, open_job
 from karf_engine.stages.render import Frame, Renderer
 from karf_engine.wire import Request
 
 SHEET_ROWS = 4
 MASK_COLORS = np.array([(1, 0, 0), (0, 0, 1), (0, 1, 0), (1, 1, 0), (1, 0, 1), (0, 1, 1)], np.float32)
+STAGE_FILES = {  # what a later stage reads of each
+    "geometry": ("geometry_file", "capture_file"),
+    "segmentation": ("segmentation_file", "surface_file", "segmentation_report", "masks_folder"),
+    "palette": ("palette_file", "object_colors_file"),
+}
 TOO_MUCH, MISSED = np.array([1.0, 0.2, 0.1]), np.array([0.2, 0.5, 1.0])
 
 
@@ -59,24 +65,34 @@ def render_test_views(job: Job) -> TestViews:
     return TestViews(renderer, plates, frames)
 
 
-def learn_again(job: Job, folder: Path, labels: str, masks: Path) -> TestViews:
-    """The same field trained in another way, in a scratch project with the same geometry.
+def learn_again(job: Job, folder: Path, overrides: list[str], stages: Sequence[str], masks: Path | None = None) -> Job:
+    """Learn these stages in another way, in a scratch project that keeps what the stages before them made.
 
-    labels: as the setting segmentation.labels. With the true masks of all training views, `votes` is the ceiling.
+    overrides: settings as `stage.field=value`. masks: for segmentation. With labels=votes and the true masks of all
+    training views, segmentation is the ceiling.
     """
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
+    kept = STAGE_ORDER[: STAGE_ORDER.index(stages[0])]
     scratch = Project(folder)
-    shutil.copy(job.project.geometry_file, scratch.geometry_file)
-    shutil.copy(job.project.capture_file, scratch.capture_file)
+    for name in (name for stage in kept for name in STAGE_FILES[stage]):
+        source, target = getattr(job.project, name), getattr(scratch, name)
+        (shutil.copytree if source.is_dir() else shutil.copy)(source, target)
     state = job.project.state()
-    changed = settings_module.with_overrides(job.settings, [f"segmentation.labels={labels}"])
-    state |= {"stages": {"geometry": state["stages"]["geometry"]}, "settings": settings_module.to_dict(changed)}
+    changed = settings_module.with_overrides(job.settings, overrides)
+    state |= {"stages": {name: state["stages"][name] for name in kept}, "settings": settings_module.to_dict(changed)}
     write_json(scratch.state_file, state)
-    threads = job.options.get("threads")
-    request = Request("segmentation", folder, {"masks": str(masks), "threads": threads})
-    segmentation.run(request, job.emit, job.should_stop)
-    return render_test_views(open_project(folder, threads))
+    options = {"masks": masks and str(masks), "threads": job.options.get("threads")}
+    for stage in stages:
+        run_stage(Request(stage, folder, options), job.emit, job.should_stop)
+    return open_project(folder, options["threads"])
+
+
+def look_again(test: TestViews, job: Job, weights_from: str = "field") -> TestViews:
+    """The same pictures of the same geometry, as the fields of another project see them."""
+    renderer = Renderer(job)
+    frames = [renderer.dressed(frame.picture, frame.base, weights_from == "field") for frame in test.frames]
+    return TestViews(renderer, test.plates, frames)
 
 
 # --------------------------------------------------------------------------------------------------------------- figures
@@ -96,17 +112,27 @@ def score_renders(test: TestViews) -> dict[str, float]:
 
 
 def score_objects(test: TestViews, truth: dict[str, list[np.ndarray]], suffix: str = "") -> dict[str, dict[str, float]]:
-    """IoU, border-excluded IoU and the worst view's IoU of each object, and their means; suffix ends the keys."""
+    """All of `MaskScore` for each object, and its means; suffix ends the keys."""
     scores = {name: asdict(score_masks(test.masks(name), truth[name])) for name in test.renderer.objects}
     table = {}
     for key, title in (
         ("iou", "iou"),
         ("iou_border_excluded", "iou_border_excluded"),
         ("worst", "iou_worst_view"),
+        ("pooled", "iou_pooled"),
+        ("accuracy", "accuracy"),
     ):
         column = {name: score[key] for name, score in scores.items()}
         table[title + suffix] = column | {"mean": float(np.mean(list(column.values())))}
     return table
+
+
+def score_palettes_of(test: TestViews, truth: dict[str, list[np.ndarray]]) -> PaletteScore:
+    """How well the learned palettes with the frames' weights show the objects; truth: masks, object by object."""
+    masks = [np.stack(views) for views in zip(*(truth[name] for name in test.renderer.objects), strict=True)]
+    weights = [frame.palette_weights for frame in test.frames]
+    probabilities = [frame.probabilities for frame in test.frames]
+    return score_palettes(weights, probabilities, test.renderer.learned, [f.base for f in test.frames], masks)
 
 
 def rounded(value):

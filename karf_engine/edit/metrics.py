@@ -30,11 +30,11 @@ def mean_ciede2000(first: np.ndarray, second: np.ndarray, mask: np.ndarray | Non
     return float(difference.mean()) if difference.size else float("nan")
 
 
-def ssim(first: np.ndarray, second: np.ndarray) -> float:
+def ssim(first: np.ndarray, second: np.ndarray, mask: np.ndarray | None = None) -> float:
     """Structural similarity, at most 1: 11 x 11 Gaussian window of sigma 1.5, K1 = 0.01, K2 = 0.03, peak 1.
 
-    Population covariances; mean over channels and over pixels whose window lies inside (Wang et al. 2004). Raises
-    ValueError for pictures under 11 pixels.
+    Population covariances; mean over channels and over pixels, of the mask if given, whose window lies inside (Wang et
+    al. 2004); NaN where there is none. Raises ValueError for pictures under 11 pixels.
     """
     x, y = np.atleast_3d(np.asarray(first, np.float64)), np.atleast_3d(np.asarray(second, np.float64))
     if min(x.shape[:2]) < 2 * SSIM_RADIUS + 1:
@@ -45,7 +45,10 @@ def ssim(first: np.ndarray, second: np.ndarray) -> float:
     covariance = _gaussian(x * y) - mean_x * mean_y
     c1, c2 = 0.01**2, 0.03**2
     numerator = (2 * mean_x * mean_y + c1) * (2 * covariance + c2)
-    return float((numerator / ((mean_x**2 + mean_y**2 + c1) * (variance_x + variance_y + c2))).mean())
+    similarity = numerator / ((mean_x**2 + mean_y**2 + c1) * (variance_x + variance_y + c2))
+    if mask is not None:
+        similarity = similarity[mask[SSIM_RADIUS:-SSIM_RADIUS, SSIM_RADIUS:-SSIM_RADIUS]]
+    return float(similarity.mean()) if similarity.size else float("nan")
 
 
 def iou(predicted: np.ndarray, truth: np.ndarray) -> float:

@@ -121,7 +121,7 @@ class ObjectRays:
     """Rays of segmented objects with their quantile samples: what F_w learns from.
 
     positions [n, K, 3], viewdirs [n, 3], colors [n, 3] of the photo, block [n] (which palette), weights [n, M] star
-    weights.
+    weights, supervised [n] bool: whether Eq. 13 asks this ray for its star weights.
     """
 
     positions: Tensor
@@ -129,6 +129,7 @@ class ObjectRays:
     colors: Tensor
     block: Tensor
     weights: Tensor
+    supervised: Tensor
 
 
 def fit_recoloring(
@@ -165,7 +166,8 @@ def fit_recoloring(
         colors = torch.cat([palettes[:, :1], colors[:, 1:].clamp(0, 1)], 1)
         mixed = torch.einsum("nm,nmc->nc", weights, colors[block])
         palette_loss = ((mixed - rays.colors[index]) ** 2).sum(1).mean()
-        weight_loss = ((weights - rays.weights[index]) ** 2).sum(1).mean()
+        asked = rays.supervised[index]
+        weight_loss = (((weights - rays.weights[index]) ** 2).sum(1) * asked).sum() / asked.sum().clamp_min(1)
         loss = settings.palette_loss * palette_loss + settings.weight_loss * weight_loss
         return loss, {"palette": float(palette_loss.detach()), "weight": float(weight_loss.detach())}
 
@@ -173,26 +175,47 @@ def fit_recoloring(
     return torch.cat([palettes[:, :1], learned.detach()[:, 1:].clamp(0, 1)], 1)
 
 
-@torch.no_grad()
-def weigh_cache(
-    segmentation: SegmentationField, recoloring: RecoloringField, scene_field: Field, cache: SurfaceCache
-) -> Tensor:
-    """Edit planes of all cached rays, [n, K, M]: sum_i omega_i s_i^k w_ij, of every object k and palette entry j.
+@dataclass(frozen=True)
+class ObjectSamples:
+    """Cached samples at which an object has a say: positions, viewdirs [s, 3], features [s, F], classes [s, K] of F_s
+    without the background, and the number of each one's ray in the cache, rays [s]."""
 
-    Class and weights are multiplied sample by sample: at a silhouette the samples behind the object have no say.
-    """
-    n_objects, n_samples = len(segmentation.boxes), cache.positions.shape[1]
-    planes = torch.zeros(len(cache), n_objects, recoloring.n_colors, device=cache.opacity.device)
+    positions: Tensor
+    viewdirs: Tensor
+    features: Tensor
+    classes: Tensor
+    rays: Tensor
+
+
+@torch.no_grad()
+def object_samples(segmentation: SegmentationField, scene_field: Field, cache: SurfaceCache) -> ObjectSamples:
+    """The samples of a cache for which F_w must be asked."""
+    n_samples = cache.positions.shape[1]
     inside = segmentation.inside(cache.positions.view(-1, 3)).any(1).view(-1, n_samples).any(1)
+    parts = []
     for part in torch.nonzero(inside).squeeze(1).split(RAYS_PER_CHUNK):
         flat = cache.positions[part].view(-1, 3)
         features = scene_field.features(flat)
         classes = segmentation(flat, features)[:, 1:]
         own = torch.nonzero(classes.amax(1) > NO_SAY).squeeze(1)
         rays = part[own // n_samples]
-        weights = recoloring(flat[own], cache.viewdirs[rays], features[own])
-        weights = weights.view(len(own), recoloring.n_blocks, recoloring.n_colors)  # a shared palette broadcasts
-        planes.index_add_(0, rays, classes[own, :, None] * weights)
+        parts.append((flat[own], cache.viewdirs[rays], features[own], classes[own], rays))
+    return ObjectSamples(*[torch.cat(values) for values in zip(*parts, strict=True)])
+
+
+@torch.no_grad()
+def weigh_cache(recoloring: RecoloringField, samples: ObjectSamples, cache: SurfaceCache) -> Tensor:
+    """Edit planes of all cached rays, [n, K, M]: sum_i omega_i s_i^k w_ij, of every object k and palette entry j.
+
+    samples: those of this cache. Class and weights are multiplied sample by sample: at a silhouette the samples behind
+    the object have no say.
+    """
+    n_objects, n_samples = samples.classes.shape[1], cache.positions.shape[1]
+    planes = torch.zeros(len(cache), n_objects, recoloring.n_colors, device=cache.opacity.device)
+    for part in torch.arange(len(samples.rays), device=cache.opacity.device).split(RAYS_PER_CHUNK):
+        weights = recoloring(samples.positions[part], samples.viewdirs[part], samples.features[part])
+        # a shared palette broadcasts
+        planes.index_add_(0, samples.rays[part], samples.classes[part, :, None] * weights)
     return planes * (cache.opacity / n_samples)[:, None, None]
 
 

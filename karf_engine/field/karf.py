@@ -34,16 +34,7 @@ class SegmentationField(nn.Module):
         self.register_buffer("boxes", boxes.float())
         self.register_buffer("bounds", torch.stack([boxes[:, 0].amin(0), boxes[:, 1].amax(0)]).float())
         self.standardizer = Standardizer(n_features)
-        self.head = build_head(
-            settings.head,
-            3 + 6 * settings.frequencies,
-            0,
-            n_features,
-            len(boxes) + 1,
-            settings.width,
-            settings.layer,
-            settings.variant,
-        )
+        self.head = build_head(settings, 3 + 6 * settings.frequencies, 0, n_features, len(boxes) + 1)
 
     def logits(self, positions: Tensor, prior_features: Tensor) -> Tensor:
         """Class logits [n, K+1] at positions [n, 3] with raw prior features [n, F]."""
@@ -80,14 +71,11 @@ class RecoloringField(nn.Module):
         self.register_buffer("missing", missing, persistent=False)
         self.standardizer = Standardizer(n_features)
         self.head = build_head(
-            settings.head,
+            settings,
             3 + 6 * settings.frequencies,
             3 + 6 * settings.direction_frequencies,
             n_features,
             self.n_blocks * self.n_colors,
-            settings.width,
-            settings.layer,
-            settings.variant,
         )
 
     def forward(self, positions: Tensor, viewdirs: Tensor, prior_features: Tensor) -> Tensor:

@@ -10,11 +10,15 @@ Convention. z = [gamma(x), gamma(d), f_prior] enters; P, D, F are the widths of 
 K1, K2, K and H are layers of one kind: `grbf`, `bspline` or `mlp`. `beta` [width] starts at 1, the scalar `alpha` at 0.
 """
 
+from bisect import bisect_left
+from dataclasses import replace
+
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
 from ..errors import BadRequest
+from ..settings import HeadSettings
 from .bspline import BSplineLayer
 from .encoding import join_inputs
 from .grbf import GRBFLayer
@@ -23,14 +27,15 @@ from .mlp import MLPHead, MLPLayer
 LAYERS = ("grbf", "bspline", "mlp")
 VARIANTS = ("all", "no_residual", "gate", "none")
 HEADS = ("kan", "mlp")
+WIDEST = 16384
 
 
 class GatedBlock(nn.Module):
     """Map encodings and prior features to logits; `variant` switches off parts of Eq. 6 (paper, Table 4).
 
     `all` is Eq. 6; `no_residual` is SiLU(beta * f_g) * f_h; `gate` is SiLU(f_g) * f_h; `none` is f_h alone. Parts
-    switched off hold no parameters. `n_centers` concerns `grbf` only. With `grbf`, the full block for 7 outputs
-    (P 63, D 27, F 256) has 2,089,147 parameters and 4 bandwidths, one a layer.
+    switched off hold no parameters. `n_centers`, `bandwidth` and `learn_bandwidth` concern `grbf` only. With `grbf`, the
+    full block for 7 outputs (P 63, D 27, F 256) has 2,089,147 parameters and 4 bandwidths, one a layer.
     Raises BadRequest for an unknown layer or variant.
     """
 
@@ -44,19 +49,22 @@ class GatedBlock(nn.Module):
         layer: str = "grbf",
         variant: str = "all",
         n_centers: int = 8,
+        bandwidth: str | float = "eq5",
+        learn_bandwidth: bool = True,
     ):
         super().__init__()
         _require("layer", layer, LAYERS)
         _require("variant", variant, VARIANTS)
         n_in = n_position + n_direction + n_features
+        gaussians = (n_centers, bandwidth, learn_bandwidth)
         self.variant = variant
         self.backbone = nn.Sequential(
-            _build_layer(layer, n_in, width, n_centers), _build_layer(layer, width, width, n_centers)
+            _build_layer(layer, n_in, width, gaussians), _build_layer(layer, width, width, gaussians)
         )
-        self.head = _build_layer(layer, width + n_position, n_out, n_centers, is_output=True)
+        self.head = _build_layer(layer, width + n_position, n_out, gaussians, is_output=True)
         if variant != "none":
             self.gate_linear = nn.Linear(n_in, width)
-            self.gate_layer = _build_layer(layer, width, width, n_centers)
+            self.gate_layer = _build_layer(layer, width, width, gaussians)
         if variant in ("all", "no_residual"):
             self.beta = nn.Parameter(torch.ones(width))
         if variant == "all":
@@ -82,30 +90,60 @@ class GatedBlock(nn.Module):
         return torch.sigmoid(self.alpha) * shallow + adapted
 
 
-def build_head(
-    kind: str,
-    n_position: int,
-    n_direction: int,
-    n_features: int,
-    n_out: int,
-    width: int,
-    layer: str = "grbf",
-    variant: str = "all",
-    n_centers: int = 8,
-) -> nn.Module:
-    """Return a `GatedBlock` for `kan` or an `MLPHead` for `mlp`, which reads no argument after `width`.
+def build_head(settings: HeadSettings, n_position: int, n_direction: int, n_features: int, n_out: int) -> nn.Module:
+    """Return the head that the settings describe: a `GatedBlock`, or an `MLPHead`, which reads only their width.
 
-    Both are called with (position_encoding, features, direction_encoding). Raises BadRequest for an unknown kind.
+    With match = parameters its width is the one whose parameters are nearest in number to those of the full block of
+    Gaussian layers that is `settings.width` wide. All heads are called with (position_encoding, features,
+    direction_encoding). Raises BadRequest for an unknown kind of head or layer, and for what a layer refuses.
     """
-    _require("head", kind, HEADS)
-    if kind == "mlp":
-        return MLPHead(n_position, n_direction, n_features, n_out, width)
-    return GatedBlock(n_position, n_direction, n_features, n_out, width, layer, variant, n_centers)
+    sizes = (n_position, n_direction, n_features, n_out)
+    if settings.match == "parameters":
+        full = replace(settings, head="kan", layer="grbf", variant="all")
+        settings = replace(settings, width=_matched_width(settings, sizes, _n_parameters(full, sizes)))
+    return _build(settings, sizes)
 
 
-def _build_layer(kind: str, n_in: int, n_out: int, n_centers: int, is_output: bool = False) -> nn.Module:
+def count_parameters(module: nn.Module) -> int:
+    """Number of trainable numbers in a module."""
+    return sum(parameter.numel() for parameter in module.parameters())
+
+
+def _build(settings: HeadSettings, sizes: tuple[int, int, int, int]) -> nn.Module:
+    _require("head", settings.head, HEADS)
+    if settings.head == "mlp":
+        return MLPHead(*sizes, settings.width)
+    return GatedBlock(
+        *sizes,
+        settings.width,
+        settings.layer,
+        settings.variant,
+        settings.centers,
+        settings.bandwidth,
+        settings.learn_bandwidth,
+    )
+
+
+def _n_parameters(settings: HeadSettings, sizes: tuple[int, int, int, int]) -> int:
+    with torch.device("meta"):  # shapes without memory
+        return count_parameters(_build(settings, sizes))
+
+
+def _matched_width(settings: HeadSettings, sizes: tuple[int, int, int, int], wanted: int) -> int:
+    """The width whose parameters are nearest in number to `wanted`; the number grows with the width."""
+
+    def count(width: int) -> int:
+        return _n_parameters(replace(settings, width=width), sizes)
+
+    above = bisect_left(range(WIDEST), wanted, lo=2, key=count)
+    return min(above - 1, above, key=lambda width: abs(count(width) - wanted))
+
+
+def _build_layer(
+    kind: str, n_in: int, n_out: int, gaussians: tuple[int, str | float, bool], is_output: bool = False
+) -> nn.Module:
     if kind == "grbf":
-        return GRBFLayer(n_in, n_out, n_centers)
+        return GRBFLayer(n_in, n_out, *gaussians)
     if kind == "bspline":
         return BSplineLayer(n_in, n_out)
     return MLPLayer(n_in, n_out, is_output)

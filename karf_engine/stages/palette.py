@@ -27,7 +27,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         if facts is None:
             return
         names, pixels = object_pixels(job)
-        palettes = extract_palettes(names, pixels, job.settings.palette)
+        palettes = extract_palettes(names, pixels, job.settings.palette, job.settings.seed)
         write_palettes(job.project.palette_file, palettes, job.settings.palette.shared)
         write_object_colors(job.project.object_colors_file, palettes, pixels)
         facts["colors"] = {palette.name: len(palette.colors) for palette in palettes}
@@ -51,17 +51,21 @@ def object_pixels(job: Job) -> tuple[list[str], list[list[np.ndarray]]]:
     return facts["objects"], pixels
 
 
-def extract_palettes(names: list[str], pixels: list[list[np.ndarray]], settings: PaletteSettings) -> list[Palette]:
-    """One palette an object; with `shared` the same one for all, from all their colors."""
+def extract_palettes(
+    names: list[str], pixels: list[list[np.ndarray]], settings: PaletteSettings, seed: int = 0
+) -> list[Palette]:
+    """One palette an object; with `shared` the same one for all, from all their colors. seed: of a random start."""
+    random = np.random.default_rng(seed)
     groups = [[view for own in pixels for view in own]] if settings.shared else pixels
     found = []
     for views in groups:
         cells, counts = color_cells(np.concatenate(views))
-        found.append(
-            extract_palette(
-                cells, counts, settings.colors or None, settings.tolerance, support=cell_support(cells, views)
-            )
+        colors = extract_palette(
+            cells, counts, settings.colors or None, settings.tolerance, support=cell_support(cells, views)
         )
+        if settings.start == "random":
+            colors = np.concatenate([colors[:1], random.random((len(colors) - 1, 3), np.float32)])
+        found.append(colors)
     return [Palette(name, found[0 if settings.shared else k]) for k, name in enumerate(names)]
 
 

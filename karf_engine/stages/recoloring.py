@@ -14,6 +14,7 @@ from ..edit.palette import Palette, read_palettes, write_palettes
 from ..field.fit_heads import ObjectRays, fit_recoloring
 from ..field.karf import RecoloringField
 from ..field.scene import Scene
+from ..labels.coarse_masks import find_masks
 from ..palette.star_weights import star_weights
 from ..progress import Emit
 from ..project import read_json
@@ -32,14 +33,14 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     with run_stage(job, "recoloring", stage_fingerprint(job, "recoloring")) as facts:
         if facts is None:
             return
-        initial = _initial_palettes(job)
+        initial = initial_palettes(job)
         scene = Scene.load(job.project.geometry_file, job.runtime.device)
         segmentation, _ = load_segmentation(job)
         blocks = initial[:1] if job.settings.palette.shared else initial
         sizes = [len(palette.colors) for palette in blocks]
         settings = job.settings.recoloring
         karf = RecoloringField(segmentation.bounds, scene.field.n_features, sizes, settings).to(job.runtime.device)
-        rays = _object_rays(job, blocks)
+        rays = object_rays(job, blocks)
         stacked = torch.from_numpy(stack_palettes([p.name for p in blocks], {p.name: p.colors for p in blocks}))
         progress = job.progress("recoloring", settings.iterations)
         learned = fit_recoloring(
@@ -56,7 +57,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         job.artifact("recoloring", job.project.recoloring_file)
 
 
-def _initial_palettes(job: Job) -> list[Palette]:
+def initial_palettes(job: Job) -> list[Palette]:
     """The palettes as extracted, also where an earlier run has already learned others."""
     path = job.project.palette_file
     names = [palette.name for palette in read_palettes(path)]
@@ -64,7 +65,8 @@ def _initial_palettes(job: Job) -> list[Palette]:
     return [Palette(name, np.array(entries[name], np.float32)) for name in names]
 
 
-def _object_rays(job: Job, blocks: list[Palette]) -> ObjectRays:
+def object_rays(job: Job, blocks: list[Palette]) -> ObjectRays:
+    """The rays well inside the objects, with the star weights of their photo colors over the objects' palettes."""
     tensors, _ = load_tensors(job.project.surface_file, SURFACE_SCHEMA, job.runtime.device)
     sure = tensors["sure"]
     colors = tensors["colors"][sure].float() / 255
@@ -75,7 +77,17 @@ def _object_rays(job: Job, blocks: list[Palette]) -> ObjectRays:
         own = block == k
         found = star_weights(colors[own].cpu().numpy(), palette.colors)
         weights[own, : found.shape[1]] = torch.from_numpy(found).to(colors.device)
-    return ObjectRays(tensors["positions"][sure], tensors["viewdirs"][sure], colors, block, weights)
+    supervised = torch.ones_like(block, dtype=torch.bool)
+    if job.settings.recoloring.supervision == "reference":
+        supervised = torch.isin(tensors["view"][sure].long(), _reference_views(job).to(colors.device))
+    return ObjectRays(tensors["positions"][sure], tensors["viewdirs"][sure], colors, block, weights, supervised)
+
+
+def _reference_views(job: Job) -> Tensor:
+    """Numbers, among the views that segmentation cached, of those that a mask marks."""
+    marked = {mask.view.name for mask in find_masks(job.project.masks_folder, job.capture())}
+    cached = read_json(job.project.segmentation_report, "report")["views"]
+    return torch.tensor([number for number, name in enumerate(cached) if name in marked])
 
 
 def _learned_palettes(initial: list[Palette], learned: np.ndarray, sizes: list[int]) -> list[Palette]:

@@ -28,7 +28,7 @@ from ..edit.color import to_bytes
 from ..edit.compositing import Planes, delta_composite, paper_composite, stack_palettes, write_planes
 from ..edit.palette import Edit, Palette, read_edit, read_palettes
 from ..errors import BadRequest, DataError
-from ..field.fit_heads import segment_cache, weigh_cache
+from ..field.fit_heads import ObjectSamples, object_samples, segment_cache, weigh_cache
 from ..field.karf import RecoloringField, SegmentationField
 from ..field.scene import Picture, Scene
 from ..images import Plate, write_png
@@ -90,10 +90,17 @@ class Renderer:
         n_samples = WEIGHT_SAMPLES if from_field else MASK_SAMPLES
         picture = self.scene.render(camera.without_distortion(), n_samples)
         base = picture.color.cpu().numpy() if plate is None else self._photo_base(plate)
+        return self.dressed(picture, base, from_field)
+
+    def dressed(self, picture: Picture, base: np.ndarray, from_field: bool) -> Frame:
+        """The frame of a picture that this scene rendered: what the two fields on top say of it.
+
+        from_field: palette weights from F_w, else from the colors of the base [H, W, 3].
+        """
         probabilities = self._probabilities(picture)
         weights = None
         if self.recoloring is not None:
-            weights = self._field_weights(picture) if from_field else self._photo_weights(base, probabilities)
+            weights = self.weights_of_field(picture) if from_field else self.weights_of_colors(base, probabilities)
         return Frame(picture, probabilities, weights, base)
 
     def _photo_base(self, plate: Plate) -> np.ndarray:
@@ -110,7 +117,8 @@ class Renderer:
             result[:, picture.cache.index.cpu().numpy()] = classes[:, 1:].T.cpu().numpy()
         return result.reshape(-1, height, width)
 
-    def _photo_weights(self, base: np.ndarray, probabilities: np.ndarray) -> np.ndarray:
+    def weights_of_colors(self, base: np.ndarray, probabilities: np.ndarray) -> np.ndarray:
+        """Planes [K, M, H, W] from the colors of a base picture [H, W, 3] and probabilities [K, H, W]."""
         n_colors = self.learned.shape[1]
         weights = np.zeros((len(self.objects), n_colors, *base.shape[:2]), np.float32)
         pixels = to_bytes(base)
@@ -120,12 +128,14 @@ class Renderer:
             weights[k, : len(palette.colors), inside] = own * probabilities[k][inside, None]
         return weights
 
-    def _field_weights(self, picture: Picture) -> np.ndarray:
-        """Planes of paper Eq. 9 on top of Eq. 8, from F_w."""
+    def weights_of_field(self, picture: Picture, samples: ObjectSamples | None = None) -> np.ndarray:
+        """Planes [K, M, H, W] of paper Eq. 9 on top of Eq. 8, from F_w. samples: the picture's, where they are known."""
         height, width = picture.opacity.shape
-        planes = weigh_cache(self.segmentation, self.recoloring, self.scene.field, picture.cache)
+        cache = picture.cache
+        samples = object_samples(self.segmentation, self.scene.field, cache) if samples is None else samples
+        planes = weigh_cache(self.recoloring, samples, cache)
         weights = np.zeros((*planes.shape[1:], height * width), np.float32)
-        weights[..., picture.cache.index.cpu().numpy()] = planes.permute(1, 2, 0).cpu().numpy()
+        weights[..., cache.index.cpu().numpy()] = planes.permute(1, 2, 0).cpu().numpy()
         return weights.reshape(*planes.shape[1:], height, width)
 
     def recolor(self, frame: Frame, edit: Edit) -> np.ndarray:

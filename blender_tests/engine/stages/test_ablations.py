@@ -1,0 +1,88 @@
+"""What the settings of the paper's ablations change, and that they change nothing else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from karf_engine import settings as settings_module  # noqa: E402
+from karf_engine.checkpoints import load_tensors  # noqa: E402
+from karf_engine.edit.compositing import stack_palettes  # noqa: E402
+from karf_engine.field.fit_heads import fit_recoloring  # noqa: E402
+from karf_engine.field.karf import RecoloringField  # noqa: E402
+from karf_engine.field.scene import Scene  # noqa: E402
+from karf_engine.progress import Progress  # noqa: E402
+from karf_engine.project import Project, read_json  # noqa: E402
+from karf_engine.runtime import start_runtime  # noqa: E402
+from karf_engine.settings import PaletteSettings, RecoloringSettings  # noqa: E402
+from karf_engine.stages import recoloring  # noqa: E402
+from karf_engine.stages.job import make_job  # noqa: E402
+from karf_engine.stages.palette import extract_palettes  # noqa: E402
+from karf_engine.stages.segmentation import SURFACE_SCHEMA, load_segmentation  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def job(learned):
+    """The still life's project, opened to read."""
+    project = Project(learned.project)
+    settings = settings_module.from_dict(project.state()["settings"])
+    return make_job(project, {"threads": 1, "device": "cpu"}, settings, lambda *_, **__: None, lambda: False)
+
+
+def reddish(seed):
+    random = np.random.default_rng(seed)
+    return [random.uniform([0.3, 0.0, 0.0], [0.9, 0.3, 0.5], (4000, 3)).astype(np.float32) for _ in range(2)]
+
+
+def test_a_random_palette_is_as_large_as_the_hull_begins_with_black_and_follows_the_seed():
+    pixels = [reddish(0), reddish(1)]
+    hull = extract_palettes(["a", "b"], pixels, PaletteSettings())
+    first, again, other = (
+        extract_palettes(["a", "b"], pixels, PaletteSettings(start="random"), seed) for seed in (3, 3, 4)
+    )
+    for k in range(2):
+        assert first[k].colors.shape == hull[k].colors.shape and first[k].colors.dtype == np.float32
+        assert not first[k].colors[0].any() and 0 <= first[k].colors.min() <= first[k].colors.max() <= 1
+        assert np.array_equal(first[k].colors, again[k].colors)
+        assert not np.array_equal(first[k].colors, other[k].colors)
+    assert not np.array_equal(first[0].colors[1:3], first[1].colors[1:3])
+
+
+def test_reference_supervision_asks_only_rays_of_marked_views_for_their_weights(job):
+    palettes = recoloring.initial_palettes(job)
+    everywhere = recoloring.object_rays(job, palettes)
+    assert everywhere.supervised.all()
+    changed = settings_module.with_overrides(job.settings, ["recoloring.supervision=reference"])
+    marked = recoloring.object_rays(replace(job, settings=changed), palettes)
+    views = read_json(job.project.segmentation_report, "report")["views"]
+    tensors, _ = load_tensors(job.project.surface_file, SURFACE_SCHEMA)
+    names = [views[number] for number in tensors["view"][tensors["sure"]].tolist()]
+    assert marked.supervised.tolist() == [name in ("r_8", "train_r_0") for name in names]
+    assert 0 < marked.supervised.sum() < len(marked.supervised)
+    assert torch.equal(marked.weights, everywhere.weights)
+
+
+def test_weights_of_rays_that_are_not_asked_teach_nothing(job):
+    scene = Scene.load(job.project.geometry_file)
+    bounds = load_segmentation(job)[0].bounds
+    palettes = recoloring.initial_palettes(job)
+    rays = recoloring.object_rays(job, palettes)
+    some = torch.arange(len(rays.colors)) % 3 == 0
+    sizes = [len(palette.colors) for palette in palettes]
+    stacked = torch.from_numpy(stack_palettes(["ball", "block"], {p.name: p.colors for p in palettes}))
+    settings = RecoloringSettings(iterations=5, batch=128, width=8, weight_loss=1.0)
+
+    def learned_with(weights):
+        torch.manual_seed(0)
+        karf = RecoloringField(bounds, scene.field.n_features, sizes, settings)
+        progress = Progress(lambda *_, **__: None, lambda: False, "recoloring", settings.iterations)
+        given = replace(rays, weights=weights, supervised=some)
+        fit_recoloring(karf, scene.field, given, stacked, settings, start_runtime(0, 1, "cpu"), progress)
+        return torch.cat([parameter.detach().ravel() for parameter in karf.parameters()])
+
+    reversed_weights = rays.weights.flip(1)
+    plain = learned_with(rays.weights)
+    assert torch.equal(plain, learned_with(torch.where(some[:, None], rays.weights, reversed_weights)))
+    assert not torch.equal(plain, learned_with(torch.where(some[:, None], reversed_weights, rays.weights)))

@@ -1,0 +1,113 @@
+"""What the evaluation's tables are measured on: the demo, learned once, and learned in other ways on its geometry.
+
+The caller puts the repository's root on the path.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from demo_truth import DEMO, Truth
+from judging import (
+    TestViews,
+    learn_again,
+    look_again,
+    open_project,
+    render_test_views,
+)
+
+from karf_engine.cli import run_stage
+from karf_engine.edit.compositing import stack_palettes
+from karf_engine.field.fit_heads import ObjectSamples, object_samples
+from karf_engine.progress import TerminalEmit
+from karf_engine.stages.job import Job
+from karf_engine.stages.match import solve
+from karf_engine.stages.render import Renderer
+from karf_engine.wire import Request
+
+ONE, THREE = DEMO / "coarse_masks" / "one", DEMO / "coarse_masks" / "three"
+LEARNED = ("segmentation", "palette", "recoloring")
+
+
+@dataclass(frozen=True)
+class Learned:
+    """A project, and what it shows of the test views."""
+
+    job: Job
+    test: TestViews
+
+
+class Bench:
+    """The demo, learned, and learned in other ways; everything is made when it is first asked for."""
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        self.truth = Truth()
+        self.seeds = options.seeds
+        self._out = options.out.absolute()
+        shutil.rmtree(self._out / "scratch", ignore_errors=True)
+        values = {
+            "capture": str(DEMO),
+            "masks": str(ONE),
+            "preset": options.preset,
+            "overrides": options.overrides,
+            "threads": options.threads,
+        }
+        run_stage(Request("all", self._out / "project", values), TerminalEmit(), lambda: False)
+        self.job = open_project(self._out / "project", options.threads)
+
+    @cache  # noqa: B019 (one instance a run)
+    def ours(self) -> TestViews:
+        """The test views as learned in the default way."""
+        return render_test_views(self.job)
+
+    @cache  # noqa: B019
+    def learned(self, overrides: tuple[str, ...], masks: Path = ONE, weights_from: str = "photo") -> Learned:
+        """Everything after geometry, learned in another way."""
+        folder = self._out / "scratch" / f"{len(list((self._out / 'scratch').glob('*'))):03d}"
+        job = learn_again(self.job, folder, list(overrides), LEARNED, masks)
+        return Learned(job, look_again(self.ours(), job, weights_from))
+
+    @cache  # noqa: B019
+    def ceiling(self) -> Learned:
+        """Segmentation from the true masks of all training views."""
+        masks = self.truth.write_training_masks(self._out / "true_masks")
+        return self.learned(("segmentation.labels=votes",), masks)
+
+    @cache  # noqa: B019
+    def samples(self) -> list[ObjectSamples]:
+        """Where F_w is asked in each test view: the same for all that share our geometry and segmentation."""
+        renderer = self.ours().renderer
+        frames = self.ours().frames
+        return [object_samples(renderer.segmentation, renderer.scene.field, frame.picture.cache) for frame in frames]
+
+    def ablation(self, overrides: tuple[str, ...], seed: int) -> Learned:
+        """Palette and weights, learned in another way on the same segmentation."""
+        stages = LEARNED[1:] if any(text.startswith("palette.") for text in overrides) else LEARNED[2:]
+        job = learn_again(self.job, self._out / "ablation", [*overrides, f"seed={seed}"], stages)
+        renderer, frames = Renderer(job), []
+        for frame, samples in zip(self.ours().frames, self.samples(), strict=True):
+            frames.append(replace(frame, palette_weights=renderer.weights_of_field(frame.picture, samples)))
+        return Learned(job, TestViews(renderer, self.ours().plates, frames))
+
+    def photos(self) -> list[np.ndarray]:
+        """The test photos."""
+        return [frame.base for frame in self.ours().frames]
+
+    def pairs(self, edit: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """The color pair of each object of an edit, as an eyedropper reads it in the reference view."""
+        return {name: self.truth.color_pair(edit, name) for name in self.truth.edits[edit]["objects"]}
+
+    def edited(self, job: Job, renderer: Renderer, edit: str) -> np.ndarray:
+        """The palettes [K, M, 3] of a project with which the edit's color pairs come true."""
+        colors = {palette.name: palette.colors for palette in renderer.palettes}
+        for palette in renderer.palettes:
+            if palette.name in self.truth.edits[edit]["objects"]:
+                colors[palette.name] = solve(
+                    job.project, palette, *self.truth.color_pair(edit, palette.name), "becomes"
+                )
+        return stack_palettes(renderer.objects, colors)
