@@ -171,6 +171,11 @@ class RecoloringSettings(HeadSettings):
     batch: int = option(512, "Rays an iteration", 16, 1_000_000)
     rate: float = option(3e-3, "Learning rate", 1e-6, 0.1)
     weight_loss: float = option(0.1, "lambda_w of Eq. 14", 0.0, 100.0)
+    targets: str = option(
+        "star",
+        "Weights that Eq. 13 asks for; star: functions of the photo's color; loco: LoCoPalettes', of color and place",
+        choices=("star", "loco"),
+    )
     supervision: str = option(
         "all",
         "Views whose weights Eq. 13 asks for; all: that were cached; reference: that are marked, as in the paper",
@@ -231,7 +236,8 @@ PRESETS: dict[str, Settings] = {
         segmentation=SegmentationSettings(width=256, iterations=1000, batch=4096, cache_views=48, cache_long_side=400),
         recoloring=RecoloringSettings(width=256, frequencies=8, direction_frequencies=4, iterations=5000, batch=4096),
     ),
-    # the paper's numbers to the letter, for a graphics card: NeRF, plain Eq. 12, one shared palette, its compositing
+    # the paper's numbers to the letter, for a graphics card: NeRF, plain Eq. 12, one palette of LoCoPalettes' size and
+    # its weights in the marked views, the paper's compositing
     "paper": Settings(
         preset="paper",
         compositing="paper",
@@ -246,9 +252,16 @@ PRESETS: dict[str, Settings] = {
             cache_long_side=256,
             samples_per_ray=8,
         ),
-        palette=PaletteSettings(shared=True),
+        palette=PaletteSettings(shared=True, colors=6),
         recoloring=RecoloringSettings(
-            width=256, frequencies=10, direction_frequencies=4, iterations=5000, batch=1024, rate=5e-4
+            width=256,
+            frequencies=10,
+            direction_frequencies=4,
+            iterations=5000,
+            batch=1024,
+            rate=5e-4,
+            targets="loco",
+            supervision="reference",
         ),
     ),
 }

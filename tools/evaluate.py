@@ -4,6 +4,7 @@
     outside        Table 2: what an edit changes outside its objects
     consistency    Table 3: how alike two views show an edited surface
     ablations      Table 4 and Fig. 7, 8: layers, parts of Eq. 6, supervision, palettes
+    decomposition  the 2-D weights that F_w is taught, beside LoCoPalettes'
     edits          recolors against the true ones, beside other ways to recolor
     marked_photo   the same in the one photo that is marked: rough 2-D masks against ours
 
@@ -51,10 +52,12 @@ from judging import (
 from karf_engine.capture.capture import View
 from karf_engine.consistency import Sight, correspond, flow_rmse, laenerf_error, mean_of_pairs
 from karf_engine.edit.color import hue_shift
+from karf_engine.edit.compositing import stack_palettes
 from karf_engine.edit.metrics import mse_outside
 from karf_engine.evaluation import PaletteScore, score_palettes, score_recolor
 from karf_engine.kan.gated_block import count_parameters
 from karf_engine.settings import PRESETS
+from karf_engine.stages.recoloring import initial_palettes, object_rays
 from karf_engine.stages.render import Frame, Renderer
 
 PLAIN = "segmentation.labels=masks"
@@ -403,6 +406,64 @@ def bound_row(bench: Bench) -> Row:
     return ["bound: star weights of the test photos, true masks", *palette_cells(score, None), None, None]
 
 
+# ------------------------------------------------------------------------------------------------------- decomposition
+DECOMPOSITIONS = {
+    "**ours**: star weights, as few colors as are faithful": (),
+    "star weights, six colors": ("palette.colors=6",),
+    "LoCoPalettes' weights, six colors": ("palette.colors=6", "recoloring.targets=loco"),
+}
+
+
+def decomposition_table(bench: Bench) -> Table:
+    """2-D weights that F_w is taught: ours, and those of LoCoPalettes."""
+    return Table(
+        "2-D palette weights (W of Eq. 13)",
+        "What F_w is asked for, on the cached training views: pixels well inside the objects, in their photos' colors. "
+        "LoCoPalettes' weights are of color and place, photo by photo, with the field's prior features in the place of "
+        "its semantic network's. RMSE: of W P to the colors, RGB vectors, in 1/255. Used: weights over 0.02 a pixel. "
+        "Disagreement: standard deviation of the weights of all pixels, in at least two views, that show the same "
+        "voxel. Taught by W: PSNR of F_w in test views, inside the objects, as in the ablations, one seed.",
+        (
+            ("W", ""),
+            ("colors", ".1f"),
+            ("RMSE", ".2f"),
+            ("used", ".2f"),
+            ("disagreement", ".4f"),
+            ("s", ".1f"),
+            ("taught by W, dB", ".2f"),
+        ),
+        [[label, *decomposition_row(bench, overrides)] for label, overrides in DECOMPOSITIONS.items()],
+    )
+
+
+def decomposition_row(bench: Bench, overrides: tuple[str, ...]) -> Row:
+    learned = bench.ablation(overrides, 0)
+    palettes, field = initial_palettes(learned.job), learned.test.renderer.scene.field
+    start = time.monotonic()
+    rays = object_rays(learned.job, field, palettes)
+    seconds = time.monotonic() - start
+    weights, block = rays.weights.numpy(), rays.block.numpy()
+    colors = stack_palettes([p.name for p in palettes], {p.name: p.colors for p in palettes})
+    mixed = np.einsum("nm,nmc->nc", weights, colors[block])
+    error = np.sqrt(((mixed - rays.colors.numpy()) ** 2).sum(1).mean())
+    places = rays.positions[:, rays.positions.shape[1] // 2].numpy()
+    spread = disagreement(weights, np.column_stack([block, np.floor(places / field.voxel)]), rays.view.numpy())
+    taught = score_palettes_of(learned.test, bench.truth.masks("test")).psnr_object
+    n_colors = float(np.mean([len(palette.colors) for palette in palettes]))
+    return [n_colors, 255 * float(error), float((weights > 0.02).sum(1).mean()), spread, seconds, taught]
+
+
+def disagreement(weights: np.ndarray, cells: np.ndarray, view: np.ndarray) -> float:
+    """RMS deviation of weights [n, M] from their cell's mean, over cells [n, c] that several views [n] show."""
+    _, cell = np.unique(cells, axis=0, return_inverse=True)
+    pairs = np.unique(np.column_stack([cell.ravel(), view]), axis=0)
+    shared = (np.bincount(pairs[:, 0]) >= 2)[cell.ravel()]
+    _, cell = np.unique(cell.ravel()[shared], return_inverse=True)
+    values, count = weights[shared], np.bincount(cell)
+    means = np.stack([np.bincount(cell, column) / count for column in values.T], 1)
+    return float(np.sqrt(((values - means[cell]) ** 2).sum(1).mean()))
+
+
 # --------------------------------------------------------------------------------------------------------------- edits
 def edits_table(bench: Bench) -> Table:
     """Recolors of the test photos against the true ones."""
@@ -497,6 +558,7 @@ TABLES: dict[str, Callable[[Bench], Table]] = {
     "outside": outside_table,
     "consistency": consistency_table,
     "ablations": ablations_table,
+    "decomposition": decomposition_table,
     "edits": edits_table,
     "marked_photo": marked_photo_table,
 }

@@ -120,13 +120,15 @@ def segment_cache(karf: SegmentationField, scene_field: Field, cache: SurfaceCac
 class ObjectRays:
     """Rays of segmented objects with their quantile samples: what F_w learns from.
 
-    positions [n, K, 3], viewdirs [n, 3], colors [n, 3] of the photo, block [n] (which palette), weights [n, M] star
-    weights, supervised [n] bool: whether Eq. 13 asks this ray for its star weights.
+    positions [n, K, 3], viewdirs [n, 3], colors [n, 3] of the photo, view [n] its number among the cached ones, block
+    [n] (which palette), weights [n, M] over it, supervised [n] bool: whether Eq. 13 asks this ray for
+    its weights, which are 0 elsewhere.
     """
 
     positions: Tensor
     viewdirs: Tensor
     colors: Tensor
+    view: Tensor
     block: Tensor
     weights: Tensor
     supervised: Tensor

@@ -13,8 +13,9 @@ from ..edit.compositing import stack_palettes
 from ..edit.palette import Palette, read_palettes, write_palettes
 from ..field.fit_heads import ObjectRays, fit_recoloring
 from ..field.karf import RecoloringField
-from ..field.scene import Scene
+from ..field.scene import Field, Scene
 from ..labels.coarse_masks import find_masks
+from ..palette.loco_weights import loco_weights
 from ..palette.star_weights import star_weights
 from ..progress import Emit
 from ..project import read_json
@@ -40,7 +41,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         sizes = [len(palette.colors) for palette in blocks]
         settings = job.settings.recoloring
         karf = RecoloringField(segmentation.bounds, scene.field.n_features, sizes, settings).to(job.runtime.device)
-        rays = object_rays(job, blocks)
+        rays = object_rays(job, scene.field, blocks)
         stacked = torch.from_numpy(stack_palettes([p.name for p in blocks], {p.name: p.colors for p in blocks}))
         progress = job.progress("recoloring", settings.iterations)
         learned = fit_recoloring(
@@ -65,22 +66,47 @@ def initial_palettes(job: Job) -> list[Palette]:
     return [Palette(name, np.array(entries[name], np.float32)) for name in names]
 
 
-def object_rays(job: Job, blocks: list[Palette]) -> ObjectRays:
-    """The rays well inside the objects, with the star weights of their photo colors over the objects' palettes."""
+def object_rays(job: Job, scene_field: Field, blocks: list[Palette]) -> ObjectRays:
+    """The rays well inside the objects, with the weights of their photo colors over the objects' palettes."""
     tensors, _ = load_tensors(job.project.surface_file, SURFACE_SCHEMA, job.runtime.device)
+    settings = job.settings.recoloring
     sure = tensors["sure"]
+    positions, view = tensors["positions"][sure], tensors["view"][sure].long()
     colors = tensors["colors"][sure].float() / 255
     block = tensors["object"][sure].long() * (len(blocks) > 1)
+    supervised = torch.ones_like(block, dtype=torch.bool)
+    if settings.supervision == "reference":
+        supervised = torch.isin(view, _reference_views(job).to(colors.device))
     n_colors = max(len(palette.colors) for palette in blocks)
     weights = torch.zeros(len(colors), n_colors, device=colors.device)
     for k, palette in enumerate(blocks):
-        own = block == k
-        found = star_weights(colors[own].cpu().numpy(), palette.colors)
+        own = supervised & (block == k)
+        if settings.targets == "loco":
+            found = _loco_weights(job, scene_field, positions[own], colors[own], view[own], palette)
+        else:
+            found = star_weights(colors[own].cpu().numpy(), palette.colors)
         weights[own, : found.shape[1]] = torch.from_numpy(found).to(colors.device)
-    supervised = torch.ones_like(block, dtype=torch.bool)
-    if job.settings.recoloring.supervision == "reference":
-        supervised = torch.isin(tensors["view"][sure].long(), _reference_views(job).to(colors.device))
-    return ObjectRays(tensors["positions"][sure], tensors["viewdirs"][sure], colors, block, weights, supervised)
+    return ObjectRays(positions, tensors["viewdirs"][sure], colors, view, block, weights, supervised)
+
+
+def _loco_weights(
+    job: Job, scene_field: Field, positions: Tensor, colors: Tensor, view: Tensor, palette: Palette
+) -> np.ndarray:
+    """LoCoPalettes' weights [n, M] of rays with these samples [n, K, 3], colors [n, 3] and views [n]: photo by photo."""
+    surface = positions[:, positions.shape[1] // 2]
+    features = scene_field.features(surface).cpu().numpy()
+    world = scene_field.space.to_world(surface).double().cpu().numpy()
+    rgb, number = colors.cpu().numpy(), view.cpu().numpy()
+    names, capture = read_json(job.project.segmentation_report, "report")["views"], job.capture()
+    weights = np.zeros((len(rgb), len(palette.colors)), np.float32)
+    progress = job.progress("loco", len(np.unique(number)))
+    for n in np.unique(number):
+        own = number == n
+        camera = capture.view(names[n]).camera.without_distortion()
+        places = camera.project(world[own])[0] / max(camera.width, camera.height)
+        weights[own] = loco_weights(rgb[own], places, palette.colors, features[own])
+        progress.step()
+    return weights
 
 
 def _reference_views(job: Job) -> Tensor:

@@ -52,23 +52,25 @@ def test_a_random_palette_is_as_large_as_the_hull_begins_with_black_and_follows_
 
 def test_reference_supervision_asks_only_rays_of_marked_views_for_their_weights(job):
     palettes = recoloring.initial_palettes(job)
-    everywhere = recoloring.object_rays(job, palettes)
+    field = Scene.load(job.project.geometry_file).field
+    everywhere = recoloring.object_rays(job, field, palettes)
     assert everywhere.supervised.all()
     changed = settings_module.with_overrides(job.settings, ["recoloring.supervision=reference"])
-    marked = recoloring.object_rays(replace(job, settings=changed), palettes)
+    marked = recoloring.object_rays(replace(job, settings=changed), field, palettes)
     views = read_json(job.project.segmentation_report, "report")["views"]
     tensors, _ = load_tensors(job.project.surface_file, SURFACE_SCHEMA)
     names = [views[number] for number in tensors["view"][tensors["sure"]].tolist()]
     assert marked.supervised.tolist() == [name in ("r_8", "train_r_0") for name in names]
     assert 0 < marked.supervised.sum() < len(marked.supervised)
-    assert torch.equal(marked.weights, everywhere.weights)
+    assert torch.equal(marked.weights[marked.supervised], everywhere.weights[marked.supervised])
+    assert not marked.weights[~marked.supervised].any()
 
 
 def test_weights_of_rays_that_are_not_asked_teach_nothing(job):
     scene = Scene.load(job.project.geometry_file)
     bounds = load_segmentation(job)[0].bounds
     palettes = recoloring.initial_palettes(job)
-    rays = recoloring.object_rays(job, palettes)
+    rays = recoloring.object_rays(job, Scene.load(job.project.geometry_file).field, palettes)
     some = torch.arange(len(rays.colors)) % 3 == 0
     sizes = [len(palette.colors) for palette in palettes]
     stacked = torch.from_numpy(stack_palettes(["ball", "block"], {p.name: p.colors for p in palettes}))
@@ -86,3 +88,16 @@ def test_weights_of_rays_that_are_not_asked_teach_nothing(job):
     plain = learned_with(rays.weights)
     assert torch.equal(plain, learned_with(torch.where(some[:, None], rays.weights, reversed_weights)))
     assert not torch.equal(plain, learned_with(torch.where(some[:, None], reversed_weights, rays.weights)))
+
+
+def test_loco_targets_give_the_colors_back_but_depend_on_the_place(job):
+    palettes, field = recoloring.initial_palettes(job), Scene.load(job.project.geometry_file).field
+    star = recoloring.object_rays(job, field, palettes)
+    changed = settings_module.with_overrides(job.settings, ["recoloring.targets=loco"])
+    loco = recoloring.object_rays(replace(job, settings=changed), field, palettes)
+    stacked = torch.from_numpy(stack_palettes([p.name for p in palettes], {p.name: p.colors for p in palettes}))
+    mixed = torch.einsum("nm,nmc->nc", loco.weights, stacked[loco.block])
+    assert float((mixed - loco.colors).square().sum(1).mean().sqrt()) < 5 / 255
+    assert float(loco.weights.min()) >= 0 and torch.allclose(loco.weights.sum(1), torch.ones(len(mixed)), atol=1e-5)
+    assert torch.equal(loco.colors, star.colors)
+    assert float((loco.weights - star.weights).abs().max()) > 1e-3
