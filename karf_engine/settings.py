@@ -145,7 +145,7 @@ class SegmentationSettings(HeadSettings):
     rate: float = option(3e-3, "Learning rate", 1e-6, 0.1)
     cache_views: int = option(24, "Training views whose surface is cached", 1, 1000)
     cache_long_side: int = option(128, "Long side at which unmarked views are cached, pixels", 32, 4096)
-    samples_per_ray: int = option(3, "Quantile samples a ray in the cache", 1, 16)
+    samples_per_ray: int = option(3, "Quantile samples a ray in the cache", 1, 256)
     rounds: int = option(3, "Rounds of the label solve", 1, 50)
 
 

@@ -4,6 +4,7 @@
     outside        Table 2: what an edit changes outside its objects
     consistency    Table 3: how alike two views show an edited surface
     ablations      Table 4 and Fig. 7, 8: layers, parts of Eq. 6, supervision, palettes
+    sampling       the surface cache beside nearly dense samples
     decomposition  the 2-D weights that F_w is taught, beside LoCoPalettes'
     edits          recolors against the true ones, beside other ways to recolor
     marked_photo   the same in the one photo that is marked: rough 2-D masks against ours
@@ -65,6 +66,7 @@ MLP_HEADS = ("segmentation.head=mlp", "recoloring.head=mlp")
 # consistency: a path of cameras round the still life
 PATH_VIEWS, PATH_STEP, PATH_CENTER = 24, np.radians(2.5), np.array([0.0, 0.02, 0.27])
 SHORT, LONG = 1, 7
+DENSE = 32  # samples a ray
 
 Row = list[Any]
 
@@ -406,6 +408,39 @@ def bound_row(bench: Bench) -> Row:
     return ["bound: star weights of the test photos, true masks", *palette_cells(score, None), None, None]
 
 
+# ------------------------------------------------------------------------------------------------------------ sampling
+def sampling_table(bench: Bench) -> Table:
+    """How many samples a ray the fields must learn from."""
+    rows = [["ours", *sampling_row(bench, count)] for count in (1, 3, DENSE)]
+    rows += [["plain cross-entropy (Eq. 12)", *sampling_row(bench, count, PLAIN)] for count in (3, DENSE)]
+    return Table(
+        "Samples a ray",
+        "Density is frozen, so a ray is learned from on a few samples of equal opacity (the surface cache) instead of on "
+        f"all that a NeRF takes. {DENSE} of them are near that: they follow the ray's opacity as finely as the voxels do. "
+        "IoU in percent, mean over objects; PSNR of W P inside the objects; seconds of the two stages, which depend on "
+        "the machine's load. What an iteration costs: `python3 tools/dev.py bench cache`.",
+        (
+            ("masks by", ""),
+            ("samples", "d"),
+            ("IoU", ".1f"),
+            ("IoU border left out", ".1f"),
+            ("PSNR object", ".2f"),
+            ("s, F_s", ".0f"),
+            ("s, F_w", ".0f"),
+        ),
+        rows,
+    )
+
+
+def sampling_row(bench: Bench, count: int, *overrides: str) -> Row:
+    learned = bench.learned((f"segmentation.samples_per_ray={count}", *overrides), weights_from="field")
+    truth = bench.truth.masks("test")
+    scores = score_objects(learned.test, truth)
+    psnr = score_palettes_of(learned.test, truth).psnr_object
+    seconds = [learned.job.project.finished(stage)["seconds"] for stage in ("segmentation", "recoloring")]
+    return [count, 100 * scores["iou"]["mean"], 100 * scores["iou_border_excluded"]["mean"], psnr, *seconds]
+
+
 # ------------------------------------------------------------------------------------------------------- decomposition
 DECOMPOSITIONS = {
     "**ours**: star weights, as few colors as are faithful": (),
@@ -558,6 +593,7 @@ TABLES: dict[str, Callable[[Bench], Table]] = {
     "outside": outside_table,
     "consistency": consistency_table,
     "ablations": ablations_table,
+    "sampling": sampling_table,
     "decomposition": decomposition_table,
     "edits": edits_table,
     "marked_photo": marked_photo_table,

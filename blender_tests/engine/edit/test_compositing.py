@@ -97,6 +97,30 @@ def test_smaller_palettes_are_padded_with_zeros() -> None:
     assert stack_palettes((), colors).shape == (0, 0, 3)
 
 
+@pytest.mark.parametrize("compositing", ["delta", "paper"])
+def test_one_shared_palette_becomes_many_colors_and_many_palettes_one(compositing: str) -> None:
+    """The left half is object a, the right half b; both of the swatch they share, or each of its own."""
+    weights = np.zeros((2, 2, 4, 8), np.float32)
+    weights[0, 1, :, :4], weights[1, 1, :, 4:] = 1, 1
+    shared, own = [[0, 0, 0], [0.8, 0.2, 0.2]], [[0, 0, 0], [0.1, 0.3, 0.9]]
+    blue, green = np.float32([0.2, 0.3, 0.9]), np.float32([0.1, 0.7, 0.2])
+
+    def recolored(learned: dict, edited: dict) -> np.ndarray:
+        learned, edited = (
+            stack_palettes(["a", "b"], {k: np.float32(v) for k, v in d.items()}) for d in (learned, edited)
+        )
+        base = np.einsum("kmhw,kmc->hwc", weights, learned)
+        if compositing == "paper":
+            return paper_composite(base, weights, weights.sum(1), edited)
+        return delta_composite(base, weights, learned, edited)
+
+    many = recolored({"a": shared, "b": shared}, {"a": [[0, 0, 0], blue], "b": [[0, 0, 0], green]})
+    np.testing.assert_allclose(many[:, :4], np.broadcast_to(blue, (4, 4, 3)), atol=1e-6)
+    np.testing.assert_allclose(many[:, 4:], np.broadcast_to(green, (4, 4, 3)), atol=1e-6)
+    one = recolored({"a": shared, "b": own}, {"a": [[0, 0, 0], blue], "b": [[0, 0, 0], blue]})
+    np.testing.assert_allclose(one, np.broadcast_to(blue, (4, 8, 3)), atol=1e-6)
+
+
 def test_no_objects_leave_the_base(scene: dict[str, np.ndarray]) -> None:
     none = np.zeros((0, 0, 3), np.float32)
     result = delta_composite(scene["base"], np.zeros((0, 0, 300, 170), np.float32), none, none)
