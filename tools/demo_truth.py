@@ -1,4 +1,4 @@
-"""What is known of the demo capture: labels, true recolors, and the color pair that defines each edit (numpy only)."""
+"""What is known of captures laid out like the demo: labels, true recolors, and each edit's color pair (numpy only)."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ CHANGED = 0.06  # a pixel takes part in an edit where the reference recolor diff
 
 
 class Truth:
-    """Ground truth of the demo. Pictures are float [H, W, 3] in [0, 1]; labels int [H, W], 0 is no object."""
+    """Ground truth of the capture in `folder`. Pictures are float [H, W, 3] in [0, 1]; labels int [H, W], 0 is no object."""
 
-    def __init__(self) -> None:
-        self.names: dict[str, int] = json.loads((DEMO / "labels" / "names.json").read_text())
-        self.edits: dict[str, dict] = json.loads((DEMO / "edits.json").read_text())["edits"]
+    def __init__(self, folder: Path = DEMO) -> None:
+        self.folder = folder
+        self.names: dict[str, int] = json.loads((self.folder / "labels" / "names.json").read_text())
+        self.edits: dict[str, dict] = json.loads((self.folder / "edits.json").read_text())["edits"]
 
     @cache  # noqa: B019 (one instance a run)
     def labels(self, split: str) -> list[np.ndarray]:
         """Object ids of each view of a split, in the order of its names."""
         # palette pictures: plain reading would give the palette's colors instead of the ids
-        return [iio.imread(path, mode="P") for path in sorted((DEMO / "labels" / split).glob("*.png"))]
+        return [iio.imread(path, mode="P") for path in sorted((self.folder / "labels" / split).glob("*.png"))]
 
     def masks(self, split: str) -> dict[str, list[np.ndarray]]:
         """The true masks of a split's views, object by object."""
@@ -38,7 +39,9 @@ class Truth:
     @cache  # noqa: B019
     def recolored(self, edit: str) -> list[np.ndarray]:
         """True recolors of the test views."""
-        return [iio.imread(path)[..., :3] / 255 for path in sorted((DEMO / "recolor" / edit / "test").glob("*.png"))]
+        return [
+            iio.imread(path)[..., :3] / 255 for path in sorted((self.folder / "recolor" / edit / "test").glob("*.png"))
+        ]
 
     def color_pair(self, edit: str, object_name: str) -> tuple[np.ndarray, np.ndarray]:
         """What an eyedropper reads in the one training view whose recolor is known: median color before and after.
@@ -53,18 +56,18 @@ class Truth:
     def reference(self, edit: str) -> tuple[np.ndarray, np.ndarray]:
         """The one training photo whose true recolor is known, and that recolor."""
         name = f"{self.edits[edit]['reference_view']}.png"
-        folders = DEMO / "train", DEMO / "recolor" / edit / "train"
+        folders = self.folder / "train", self.folder / "recolor" / edit / "train"
         before, after = (iio.imread(folder / name)[..., :3] / 255 for folder in folders)
         return before, after
 
     def coarse_mask(self, edit: str, object_name: str) -> np.ndarray:
         """The rough mask of an object in the edit's reference view, bool [H, W]."""
         view = self.edits[edit]["reference_view"]
-        return iio.imread(DEMO / "coarse_masks" / "one" / object_name / f"{view}.png") > 127
+        return iio.imread(self.folder / "coarse_masks" / "one" / object_name / f"{view}.png") > 127
 
     def write_training_masks(self, folder: Path) -> Path:
         """The true masks of all training views as MASKS/<object>/<photo stem>.png; returns the folder."""
-        for path in sorted((DEMO / "labels" / "train").glob("*.png")):
+        for path in sorted((self.folder / "labels" / "train").glob("*.png")):
             labels = iio.imread(path, mode="P")
             for name, number in self.names.items():
                 if (labels == number).any():
