@@ -1,0 +1,85 @@
+"""The procedural captures hold what their edits and READMEs say; one is rendered, tiny."""
+
+import importlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SCENES = ("single", "hue", "glossy", "front")
+TINY = ["--size", "32", "--views", "4+1", "--samples", "1", "--threads", "1"]
+
+
+@pytest.fixture
+def maker(bpy, monkeypatch):
+    """The command that makes the captures."""
+    monkeypatch.syspath_prepend(str(ROOT / "tools"))
+    yield importlib.import_module("make_benchmark_captures")
+    for name in [name for name in sys.modules if name.split(".")[0] in ("make_benchmark_captures", "procedural")]:
+        del sys.modules[name]
+
+
+def test_there_are_four_scenes_of_three_true_edits_each(maker):
+    assert tuple(maker.RECIPES) == SCENES
+    assert all(len(recipe.edits) == 3 for recipe in maker.RECIPES.values())
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_every_edit_changes_only_paints_of_the_objects_it_names(bpy, maker, scene):
+    recipe = maker.RECIPES[scene]
+    bpy.ops.wm.read_homefile(use_empty=True)
+    recipe.build()
+    solids = [item for item in bpy.data.objects if item.type == "MESH"]
+    assert {item.pass_index for item in solids} == {0, *recipe.names.values()}
+    for edit in recipe.edits.values():
+        painted = {item.pass_index for item in solids if item.data.materials[0].name in edit.colors}
+        assert painted == {recipe.names[name] for name in edit.objects}
+
+
+def test_the_cameras_of_front_look_one_way_and_those_of_the_others_all_round(maker):
+    for scene, recipe in maker.RECIPES.items():
+        axes = np.array([-np.array(view.camera_to_world)[:3, 2] for view in recipe.views(40, 8)])
+        widest = np.degrees(np.arccos(np.clip((axes @ axes.T).min(), -1, 1)))
+        assert widest < 45 if scene == "front" else widest > 90
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_no_test_view_is_a_training_view(maker, scene):
+    views = maker.RECIPES[scene].views(40, 8)
+    places = {
+        split: np.array([view.camera_to_world.translation for view in views if view.split == split])
+        for split in ("train", "test")
+    }
+    assert len(places["train"]) == 40 and len(places["test"]) == 8
+    assert np.linalg.norm(places["train"][:, None] - places["test"], axis=-1).min() > 0.03
+
+
+def make(out: Path, *arguments: str) -> str:
+    """Run the command in a process of its own, for it starts from Blender's factory settings; returns its last line."""
+    command = [sys.executable, str(ROOT / "tools" / "make_benchmark_captures.py"), "--out", str(out), *arguments]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()[-1]
+
+
+def test_a_rendered_scene_has_photos_labels_recolors_and_masks_that_agree_and_is_not_made_twice(bpy, tmp_path):
+    make(tmp_path, "single", *TINY)
+    folder = tmp_path / "single"
+    names = json.loads((folder / "labels" / "names.json").read_text())
+    edits = json.loads((folder / "edits.json").read_text())["edits"]
+    assert sorted(path.stem for path in (folder / "train").iterdir()) == ["r_000", "r_001", "r_002", "r_003"]
+    labels = iio.imread(folder / "labels" / "test" / "r_000.png", mode="P")
+    assert labels.shape == (32, 32) and set(np.unique(labels)) == {0, 1}
+    photo = iio.imread(folder / "test" / "r_000.png").astype(int)
+    for name, edit in edits.items():
+        assert set(edit["objects"]) <= set(names)
+        change = np.abs(iio.imread(folder / "recolor" / name / "test" / "r_000.png") - photo).max(-1)
+        assert np.median(change[labels == 1]) > 40 and np.median(change[labels == 0]) <= 3
+    for path in (folder / "coarse_masks" / "three" / "jug").iterdir():
+        truth = iio.imread(folder / "labels" / "train" / path.name, mode="P") == 1
+        mask = iio.imread(path) > 0
+        assert 0.75 <= (mask & truth).sum() / (mask | truth).sum() <= 0.9
+    assert make(tmp_path, "single", *TINY) == f"{folder}: there already"
