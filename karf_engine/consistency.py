@@ -72,10 +72,15 @@ def flow_rmse(first: np.ndarray, second: np.ndarray, shown: np.ndarray, other: n
     are judged. Lai et al. 2018 with OpenCV's DIS flow in the place of a network's: hidden pixels and motion boundaries
     are left out.
     """
-    forward, backward = optical_flow(first, second), optical_flow(second, first)
-    visible = visible_by_flow(forward, backward)
-    difference = shown[visible] - sampled(other, _moved(forward))[visible.ravel()]
+    carried, visible = carried_by_flow(first, second, other)
+    difference = shown[visible] - carried[visible]
     return float(np.sqrt(np.mean(difference**2))) if visible.any() else float("nan")
+
+
+def carried_by_flow(first: np.ndarray, second: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`other`, the view of `second`, carried back to that of `first` [H, W, 3], and where that can be trusted [H, W]."""
+    forward, backward = optical_flow(first, second), optical_flow(second, first)
+    return sampled(other, _moved(forward)).reshape(other.shape), visible_by_flow(forward, backward)
 
 
 def optical_flow(first: np.ndarray, second: np.ndarray) -> np.ndarray:

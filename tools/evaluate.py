@@ -51,12 +51,13 @@ from judging import (
 )
 
 from karf_engine.capture.capture import View
-from karf_engine.consistency import Sight, correspond, flow_rmse, laenerf_error, mean_of_pairs
+from karf_engine.consistency import Sight, carried_by_flow, correspond, flow_rmse, laenerf_error, mean_of_pairs
 from karf_engine.edit.color import hue_shift
 from karf_engine.edit.compositing import stack_palettes
 from karf_engine.edit.metrics import mse_outside
 from karf_engine.evaluation import PaletteScore, score_palettes, score_recolor
 from karf_engine.kan.gated_block import count_parameters
+from karf_engine.lpips import Lpips
 from karf_engine.settings import PRESETS
 from karf_engine.stages.recoloring import initial_palettes, object_rays
 from karf_engine.stages.render import Frame, Renderer
@@ -100,6 +101,9 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--set", dest="overrides", action="append", default=[], metavar="STAGE.FIELD=VALUE")
     parser.add_argument("--seeds", type=int, default=2, help="seeds of every ablation (default: %(default)s)")
     parser.add_argument("--threads", type=int, default=1, help="processor threads (default: %(default)s)")
+    parser.add_argument(
+        "--lpips", type=Path, nargs=2, metavar=("ALEXNET", "LINEAR"), help="weights for LPIPS, see karf_engine/lpips.py"
+    )
     parser.add_argument("--dry", action="store_true", help="print the tables, and write nothing below docs/")
     options = parser.parse_args()
     unknown = [name for name in options.tables if name not in TABLES]
@@ -243,12 +247,14 @@ def consistency_table(bench: Bench) -> Table:
         edited = bench.edited(bench.job, renderer, edit)
         for label, way in ways.items():
             shown = plain if way is None else [composed(renderer, frame, edited, way[1]) for frame in way[0]]
-            figures[label].append(consistency_figures(sights, plain, shown))
+            figures[label].append(consistency_figures(sights, plain, shown, bench.lpips))
     mean = {label: np.mean(values, 0) for label, values in figures.items()}
     still = mean["not edited"]
-    rows = [[label, *v[:2].tolist(), *(v / still)[:2].tolist(), *v[2:].tolist(), "n/a"] for label, v in mean.items()]
+    rows = [[label, *v[:2].tolist(), *(v / still)[:2].tolist(), *v[2:].tolist()] for label, v in mean.items()]
+    if bench.lpips is None:
+        rows = [[*row, "n/a", "n/a"] for row in rows]
     published = {"PaletteNeRF with LSeg": (0.136, 0.262), "LAENeRF": (0.131, 0.260), "KaRF": (0.127, 0.250)}
-    rows += [[f"paper: {name}, mean of other captures", *[None] * 4, *v, *[None] * 3] for name, v in published.items()]
+    rows += [[f"paper: {name}, mean of other captures", *[None] * 4, *v, *[None] * 4] for name, v in published.items()]
     return Table(
         "View consistency (Table 3)",
         f"RMSE between what two frames of a camera path show of the same surface points, {SHORT} and {LONG} frames apart "
@@ -259,7 +265,8 @@ def consistency_table(bench: Bench) -> Table:
         "what LAENeRF's published script computes (sums of squares, over hidden pixels), with the same flow. The paper's "
         "RMSE is by flow, with steps between views that it does not tell. Highlights "
         "move over the objects, so that even the scene that is not edited differs. A smaller figure is not always "
-        "better: a flat color is perfectly consistent. LPIPS needs a network that is not part of this program.",
+        "better: a flat color is perfectly consistent. LPIPS, of frames carried over by the flow, hidden pixels black, needs "
+        "a network that is not part of this program (`--lpips`).",
         (
             ("recolored", ""),
             ("RMSE short", ".4f"),
@@ -270,14 +277,20 @@ def consistency_table(bench: Bench) -> Table:
             ("by flow, long", ".4f"),
             ("by script, short", ".4f"),
             ("by script, long", ".4f"),
-            ("LPIPS", ""),
+            ("LPIPS short", ".4f"),
+            ("LPIPS long", ".4f"),
         ),
         rows,
     )
 
 
-def consistency_figures(sights: list[Sight], plain: list[np.ndarray], shown: list[np.ndarray]) -> list[float]:
-    """Short and long: RMSE by geometry, by flow, and the script's error; plain: the frames without the edit."""
+def consistency_figures(
+    sights: list[Sight], plain: list[np.ndarray], shown: list[np.ndarray], lpips: Lpips | None
+) -> list[float]:
+    """Short and long: RMSE by geometry, by flow, the script's error, and LPIPS where it was given.
+
+    plain: the frames without the edit.
+    """
 
     def by_geometry(a: int, b: int) -> float:
         return correspond(sights[a], sights[b]).rmse(shown[a], shown[b])
@@ -288,7 +301,11 @@ def consistency_figures(sights: list[Sight], plain: list[np.ndarray], shown: lis
     def by_script(a: int, b: int) -> float:
         return laenerf_error(plain[a], plain[b], shown[a], shown[b])
 
-    measures = (by_geometry, by_flow, by_script)
+    def by_network(a: int, b: int) -> float:
+        carried, visible = carried_by_flow(plain[a], plain[b], shown[b])
+        return lpips(shown[a] * visible[..., None], carried * visible[..., None])
+
+    measures = (by_geometry, by_flow, by_script) + ((by_network,) if lpips else ())
     return [mean_of_pairs(len(shown), k, measure) for measure in measures for k in (SHORT, LONG)]
 
 
