@@ -96,7 +96,7 @@ def draw_view(layout, karf):
 def draw_learn(layout, context):
     """Step 2."""
     layout.prop(context.scene.karf, "preset")
-    layout.prop(context.scene.karf, "nerf")
+    layout.prop(context.scene.karf, "nerf", text="NeRF")  # the whole name has no room
     try:
         preferences.engine_python()
     except MissingDependency as error:
