@@ -433,7 +433,7 @@ def sampling_table(bench: Bench) -> Table:
     return Table(
         "Samples a ray",
         "Density is frozen, so a ray is learned from on a few samples of equal opacity (the surface cache) instead of on "
-        f"all that a NeRF takes. {DENSE} of them are near that: they follow the ray's opacity as finely as the voxels do. "
+        f"all that a NeRF takes; {DENSE} of them are much nearer to that. "
         "IoU in percent, mean over objects; PSNR of W P inside the objects; seconds of the two stages, which depend on "
         "the machine's load. What an iteration costs: `python3 tools/dev.py bench cache`.",
         (

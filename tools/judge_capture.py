@@ -1,10 +1,11 @@
 """Judge the whole path on a real capture whose masks are known: OUT/summary.json and OUT/contact_sheet.png.
 
-    .venv/engine/bin/python tools/judge_capture.py CAPTURE --truth MASKS --out OUT [--seed N] [--set STAGE.FIELD=VALUE]
+    .venv/engine/bin/python tools/judge_capture.py CAPTURE [--truth MASKS] --out OUT [--seed N] [--set STAGE.FIELD=VALUE]
 
 MASKS/<object>/<split>/<photo stem>.png (or without the split) are the true masks. One of each object is drawn over as a hasty hand would, and
 is all that the engine sees; the ceiling is the same field trained on the true masks of all training views. Another
-seed draws other masks: in the same OUT only what depends on them is learned again.
+seed draws other masks: in the same OUT only what depends on them is learned again. Without MASKS only the geometry is
+learned and judged.
 """
 
 from __future__ import annotations
@@ -53,16 +54,19 @@ DISK = 0.38  # radius of a missing chunk or a spill, in radii of a disk as large
 
 def main() -> None:
     options = parse_arguments()
+    if options.truth is None:
+        judge_geometry(options)
+        return
     capture = open_capture(options.capture)
     drawn = draw_masks(capture, options.truth, options.out / "coarse_masks", options.seed, options.masks_each)
-    learn(options)
+    learn(options, "all")
     job = open_project(options.out / "project", options.threads)
     test = render_test_views(job)
     truth = {name: [true_mask(options.truth, name, plate) for plate in test.plates] for name in test.renderer.objects}
     summary = {"capture": str(options.capture), "seed": options.seed, "coarse_masks": drawn}
     summary |= stage_facts(job.project) | score_renders(test)
     summary["precision"] = read_json(job.project.segmentation_report, "report")["precision"]
-    summary |= score_objects(test, truth)
+    summary |= score_objects(test, truth) | {"views": iou_of_views(test, truth)}
     true_masks = gather_training_masks(capture, options.truth, options.out / "scratch" / "true_masks")
     overrides = ["segmentation.labels=votes"]
     ceiling = learn_again(job, options.out / "scratch" / "ceiling", overrides, ("segmentation",), true_masks)
@@ -72,10 +76,23 @@ def main() -> None:
     report(options.out, rounded(summary))
 
 
+def judge_geometry(options: argparse.Namespace) -> None:
+    """Learn the geometry alone, and judge how it shows the held-out photos."""
+    learn(options, "geometry")
+    job = open_project(options.out / "project", options.threads)
+    test = render_test_views(job)
+    summary = rounded({"capture": str(options.capture)} | stage_facts(job.project) | score_renders(test))
+    write_json(options.out / "summary.json", summary)
+    numbers = sheet_numbers(len(test.frames))
+    rows = [[test.frames[n].base, test.frames[n].picture.color.cpu().numpy()] for n in numbers]
+    write_sheet(options.out / "contact_sheet.png", rows)
+    print(f"\n{summary}\n\nsheet      {options.out / 'contact_sheet.png'}")
+
+
 def parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("capture", type=Path, help="folder or file with photos and camera poses")
-    parser.add_argument("--truth", type=Path, required=True, help="true masks: <object>[/<split>]/<photo stem>.png")
+    parser.add_argument("--truth", type=Path, help="true masks: <object>[/<split>]/<photo stem>.png")
     parser.add_argument("--out", type=Path, required=True, help="folder for everything written")
     parser.add_argument("--preset", default="demo", choices=tuple(PRESETS))
     parser.add_argument("--set", dest="overrides", action="append", default=[], metavar="STAGE.FIELD=VALUE")
@@ -85,8 +102,8 @@ def parse_arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def learn(options: argparse.Namespace) -> None:
-    """The main job, as the command line's `all` would run it."""
+def learn(options: argparse.Namespace, stage: str) -> None:
+    """A stage or `all`, as the command line would run it."""
     values = {
         "capture": str(options.capture),
         "masks": str(options.out / "coarse_masks"),
@@ -94,7 +111,7 @@ def learn(options: argparse.Namespace) -> None:
         "overrides": options.overrides,
         "threads": options.threads,
     }
-    run_stage(Request("all", options.out / "project", values), TerminalEmit(), lambda: False)
+    run_stage(Request(stage, options.out / "project", values), TerminalEmit(), lambda: False)
 
 
 # ---------------------------------------------------------------------------------------------------------- coarse masks
@@ -170,6 +187,19 @@ def gather_training_masks(capture: Capture, truth: Path, folder: Path) -> Path:
 
 
 # --------------------------------------------------------------------------------------------------------------- results
+def iou_of_views(test: TestViews, truth: dict[str, list[np.ndarray]]) -> dict[str, dict[str, float]]:
+    """IoU of each object in each test view that shows it: true masks of real photos may be wrong themselves."""
+    views = [plate.view.stem for plate in test.plates]
+    return {
+        name: {
+            view: iou(own, true)
+            for view, own, true in zip(views, test.masks(name), truth[name], strict=True)
+            if true.any()
+        }
+        for name in test.renderer.objects
+    }
+
+
 def contact_sheet(path: Path, test: TestViews, truth: dict[str, list[np.ndarray]]) -> None:
     """Columns: photo, learned render, masks over the photo, and where they differ from the truth."""
     rows = []
