@@ -21,6 +21,7 @@ from pathlib import Path
 from PIL import Image, ImageOps
 
 from ..capture.image_size import image_header
+from ..capture.reading import photos_in
 from ..errors import BadRequest, DataError, missing_package
 from ..images import read_photo, write_png
 from ..progress import Emit, Progress
@@ -28,7 +29,6 @@ from ..structure_from_motion import FEWEST_PHOTOS, Placement, Plan, solve
 from ..video import write_sharpest_frames
 from ..wire import Request
 
-PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".exr")
 MATCHING = ("auto", "exhaustive", "sequential")
 MOST_EXHAUSTIVE = 250  # photos; all pairs of more take hours
 ENOUGH = 0.9  # share of placed photos below which a second, more sensitive try is made, and the user warned
@@ -88,7 +88,7 @@ def _gather(source: Path, folder: Path, emit: Emit, should_stop: Callable[[], bo
     if source.is_file():
         names = write_sharpest_frames(source, folder, should_stop)
     else:
-        photos = sorted(path for path in source.iterdir() if path.suffix.lower() in PHOTO_SUFFIXES)
+        photos = photos_in(source)
         progress = Progress(emit, should_stop, "poses", len(photos))
         names = []
         for photo in photos:
@@ -97,7 +97,7 @@ def _gather(source: Path, folder: Path, emit: Emit, should_stop: Callable[[], bo
     if len(names) < FEWEST_PHOTOS:
         raise DataError(
             f"{source} holds {len(names)} photos; poses need at least {FEWEST_PHOTOS}.",
-            f"Give a folder with photos ({', '.join(PHOTO_SUFFIXES)}), 30 or more from all sides, or a video.",
+            "Give a folder with photos (PNG, JPEG, TIFF, BMP, WebP, EXR), 30 or more from all sides, or a video.",
         )
     return tuple(names)
 
