@@ -20,6 +20,7 @@ from ..karf_engine.edit.color import linear_to_srgb
 from ..karf_engine.edit.compositing import Planes, delta_composite, paper_composite, read_planes, stack_palettes
 from ..karf_engine.edit.match import match_becomes, match_fewest, nearest_weights, read_object_colors
 from ..karf_engine.edit.palette import (
+    BRIGHTEST,
     COMPOSITING_MODES,
     Edit,
     Palette,
@@ -40,6 +41,7 @@ CAPTURE_MARKS = tuple(known.mark for known in FORMATS)
 ENGINE_FOLDER = Path(karf_engine.__file__).parent
 
 __all__ = [
+    "BRIGHTEST",
     "CAPTURE_MARKS",
     "COMPOSITING_MODES",
     "ENGINE_FOLDER",

@@ -14,7 +14,7 @@ from bpy.props import (
 
 from . import recolor, reprojection, swatches
 from .compat import PATH_OPTIONS
-from .engine_api import COMPOSITING_MODES, PRESETS
+from .engine_api import BRIGHTEST, COMPOSITING_MODES, PRESETS
 
 PRESET_ITEMS = [
     (name, name.capitalize(), f"Learn from pictures of at most {settings.geometry.long_side} pixels")
@@ -48,10 +48,10 @@ def _project_chosen(self, context):
     swatches.take_over(self.id_data)
 
 
-def srgb(name: str, default: float = 0.0, **options):
+def srgb(name: str, default: float = 0.0, highest: float = 1.0, **options):
     """A color property of sRGB numbers, as palettes are learned."""
     return FloatVectorProperty(
-        name=name, subtype="COLOR_GAMMA", size=3, min=0.0, max=1.0, default=(default,) * 3, **options
+        name=name, subtype="COLOR_GAMMA", size=3, min=0.0, max=highest, default=(default,) * 3, **options
     )
 
 
@@ -59,7 +59,12 @@ class KARF_PG_swatch(bpy.types.PropertyGroup):
     """One palette color of an object: as learned, and as the artist wants it."""
 
     learned: srgb("Learned", description="The color that was found in the photos")
-    color: srgb("Color", description="The color it shall have", update=_edit_changed)
+    color: srgb(
+        "Color",
+        highest=BRIGHTEST,
+        description="The color it shall have; it may be brighter than white, which bright paint can need",
+        update=_edit_changed,
+    )
     locked: BoolProperty(name="Lock", description="'Becomes' leaves this swatch alone")
 
 

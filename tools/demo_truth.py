@@ -65,9 +65,11 @@ class Truth:
         view = self.edits[edit]["reference_view"]
         return iio.imread(self.folder / "coarse_masks" / "one" / object_name / f"{view}.png") > 127
 
-    def write_training_masks(self, folder: Path) -> Path:
-        """The true masks of all training views as MASKS/<object>/<photo stem>.png; returns the folder."""
-        for path in sorted((self.folder / "labels" / "train").glob("*.png")):
+    def write_training_masks(self, folder: Path, count: int | None = None) -> Path:
+        """The true masks of `count` training views, evenly chosen (default: all), as MASKS/<object>/<photo stem>.png;
+        returns the folder."""
+        paths = sorted((self.folder / "labels" / "train").glob("*.png"))
+        for path in paths[:: len(paths) // (count or len(paths))][:count]:
             labels = iio.imread(path, mode="P")
             for name, number in self.names.items():
                 if (labels == number).any():

@@ -62,6 +62,10 @@ class Bench:
         run_stage(Request("all", self._out / "project", values), TerminalEmit(), lambda: False)
         self.job = open_project(self._out / "project", options.threads)
 
+    def folder(self, name: str) -> Path:
+        """A folder for what is made on the way."""
+        return self._out / name
+
     @cache  # noqa: B019 (one instance a run)
     def ours(self) -> TestViews:
         """The test views as learned in the default way."""
@@ -77,7 +81,7 @@ class Bench:
     @cache  # noqa: B019
     def ceiling(self) -> Learned:
         """Segmentation from the true masks of all training views."""
-        masks = self.truth.write_training_masks(self._out / "true_masks")
+        masks = self.truth.write_training_masks(self.folder("true_masks"))
         return self.learned(("segmentation.labels=votes",), masks)
 
     @cache  # noqa: B019

@@ -128,6 +128,18 @@ def test_becomes_moves_the_source_to_the_target_and_leaves_locked_swatches(bpy, 
     np.testing.assert_allclose(item.swatches[1].color[:], (0.1, 0.3, 0.8), atol=1e-3)
 
 
+def test_a_swatch_brighter_than_white_keeps_its_value_and_clips_only_the_picture(bpy, addon, learned, tmp_path):
+    addon.headless.set_swatch("pot", 1, (1.6, 0.2, 0.1))
+    assert learned.karf.objects["pot"].swatches[1].color[0] == pytest.approx(1.6)
+    # a quarter of +0.8 red
+    expected = np.clip(base() / 255 + [0.2, 0.0, 0.0], 0, 1) * 255
+    assert np.abs(shown(addon, learned) - expected).max() <= 0.5 + 1e-3
+    bpy.ops.karf.save_edit(filepath=str(tmp_path / "edit.json"))
+    bpy.ops.karf.reset_swatch(object_name="pot")
+    bpy.ops.karf.load_edit(filepath=str(tmp_path / "edit.json"))
+    assert learned.karf.objects["pot"].swatches[1].color[0] == pytest.approx(1.6)
+
+
 def test_black_cannot_be_edited(addon, learned):
     learned.karf.objects["pot"].swatches[0].color = (1, 1, 1)
     np.testing.assert_array_equal(shown(addon, learned), base())

@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import BadRequest, DataError
 from .color import lab_chroma, lab_hue, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from .compositing import DAMAGE
+from .palette import BRIGHTEST
 
 HUE_GATE = 0.65  # radians of Lab hue at which a color counts as another pigment
 GREY_CHROMA, CHROMA_GATE = 6.0, 25.0  # Lab chroma below which a source has no hue; and the gate that then stands in
@@ -84,7 +85,7 @@ def match_becomes(
     """The palette with which the source's paint becomes the target's, on the whole object, shading and gloss kept.
 
     colors [n, 3] with counts [n] and palette_weights [n, M]: the object's color histogram. palette: [M, 3] as learned.
-    Returns the edited palette [M, 3] float32. Raises BadRequest for a black source.
+    Returns the edited palette [M, 3] float32 in [0, BRIGHTEST]. Raises BadRequest for a black source.
     """
     targets = reflection_target(colors, source, target)
     return match_pixels(palette_weights, colors, targets, palette, counts, locked)
@@ -100,10 +101,13 @@ def match_pixels(
 ) -> np.ndarray:
     """The palette that moves n colors closest to n targets, by bounded least squares in sRGB: "match a painted view".
 
+    A hull encloses the colors, so its entries lie near the rim of [0, 1] and brighter paint needs some beyond white;
+    the pixels themselves are clipped when they are composed.
+
     palette_weights: [n, M]. colors, targets: [n, 3] in [0, 1]. palette: [M, 3]. counts: [n], default 1 each.
-    Returns the edited palette [M, 3] float32 in [0, 1]; entry 0 and locked ones are the palette's own.
+    Returns the edited palette [M, 3] float32 in [0, BRIGHTEST]; entry 0 and locked ones are the palette's own.
     """
-    lower, upper = _room(palette, locked)
+    lower, upper = _room(palette, locked, BRIGHTEST)
     change = bounded_least_squares(palette_weights, np.subtract(targets, colors), lower, upper, counts, RIDGE)
     return _moved(palette, change)
 
@@ -125,7 +129,7 @@ def match_fewest(
     palette gives). Returns the edited palette [M, 3] float32.
     """
     weights = np.asarray(palette_weights_of_pixel, np.float64)
-    lower, upper = _room(palette, locked)
+    lower, upper = _room(palette, locked, 1.0)
     shown = weights @ np.asarray(palette, np.float64) if shown is None else shown
     wanted = np.clip(np.subtract(target, shown), weights @ lower, weights @ upper)
     stiffness = np.ones(len(weights))
@@ -211,10 +215,10 @@ def _shared_pull(
     return np.clip(multiplier * pull, lower, upper)
 
 
-def _room(palette: np.ndarray, locked: Iterable[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds [M, 3] of a palette change: 0 <= palette + change <= 1; entry 0 and locked ones stay."""
+def _room(palette: np.ndarray, locked: Iterable[int], brightest: float) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds [M, 3] of a palette change: 0 <= palette + change <= brightest; entry 0 and locked ones stay."""
     palette = np.asarray(palette, np.float64)
-    lower, upper = -palette, 1 - palette
+    lower, upper = -palette, brightest - palette
     pinned = [0, *locked]
     lower[pinned] = upper[pinned] = 0
     return lower, upper
@@ -224,4 +228,4 @@ def _moved(palette: np.ndarray, change: np.ndarray) -> np.ndarray:
     """The palette after the change; swatches that nobody could see moving keep their bits."""
     palette = np.asarray(palette, np.float32)
     still = np.abs(change).max(axis=1, keepdims=True) < STILL
-    return np.where(still, palette, np.clip(palette + change, 0, 1)).astype(np.float32)
+    return np.where(still, palette, np.clip(palette + change, 0, BRIGHTEST)).astype(np.float32)

@@ -1,6 +1,7 @@
 """Palettes and edits of palettes: what they are, and their JSON files.
 
-Colors are display-referred sRGB in [0, 1]. Entry 0 of every palette is black and stays black.
+Colors are display-referred sRGB: in [0, 1] as learned, in [0, BRIGHTEST] as edited. Entry 0 of every palette is black
+and stays black.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from .color import to_bytes
 PALETTE_SCHEMA = "karf-palette/1"
 EDIT_SCHEMA = "karf-edit/1"
 COMPOSITING_MODES = ("delta", "paper")
+BRIGHTEST = 2.0  # of an edited color: a swatch may be brighter than white, its mixtures are clipped
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,8 @@ class Palette:
 
 @dataclass(frozen=True)
 class Edit:
-    """What the artist wants. colors: edited palette [M, 3] of every object. compositing: `delta` or `paper`."""
+    """What the artist wants. colors: edited palette [M, 3] in [0, BRIGHTEST] of every object. compositing: `delta` or
+    `paper`."""
 
     colors: dict[str, np.ndarray]
     compositing: str = "delta"
@@ -60,7 +63,7 @@ def read_palettes(path: Path) -> tuple[Palette, ...]:
         if not isinstance(name, str) or not name:
             raise DataError(f"{path} has an object without a name.", "Run the palette stage again.")
         where = f"{path}: palette of {name!r}"
-        colors = np.stack([_triple(c, where) for c in _list(entry.get("colors"), where)])
+        colors = np.stack([_triple(c, where, 1) for c in _list(entry.get("colors"), where)])
         if colors[0].any():
             raise DataError(f"{where} does not begin with black.", "Entry 0 is black and frozen; put [0, 0, 0] there.")
         palettes.append(Palette(name, colors))
@@ -108,7 +111,7 @@ def read_edit(path: Path, palettes: Sequence[Palette], compositing: str = "delta
             )
         for index, value in enumerate(entries):
             if value is not None:
-                colors[name][index] = _triple(value, where)
+                colors[name][index] = _triple(value, where, BRIGHTEST)
         if colors[name][0].any():
             raise DataError(f"{where} changes entry 0.", "Entry 0 is black and frozen; write null or #000000 there.")
     return Edit(colors, compositing)
@@ -134,18 +137,22 @@ def _list(value: Any, where: str) -> list:
     return value
 
 
-def _triple(value: Any, where: str) -> np.ndarray:
-    """sRGB [3] float32 of a hex text or three numbers in [0, 1]."""
+def _triple(value: Any, where: str, highest: float) -> np.ndarray:
+    """sRGB [3] float32 of a hex text or three numbers in [0, highest]."""
     if isinstance(value, str):
         try:
             return hex_to_rgb(value)
         except DataError as error:
             raise DataError(f"{where}: {error.sentence}", error.hint) from error
-    is_triple = isinstance(value, list) and len(value) == 3
-    # bool is an int to Python, but no color
-    if not is_triple or not all(isinstance(v, int | float) and not isinstance(v, bool) and 0 <= v <= 1 for v in value):
-        raise DataError(f"{where} has the color {value!r}.", "Write #rrggbb or three sRGB numbers from 0 to 1.")
+    if not isinstance(value, list) or len(value) != 3 or not all(_is_number(v) and 0 <= v <= highest for v in value):
+        hint = f"Write #rrggbb or three sRGB numbers from 0 to {highest:g}."
+        raise DataError(f"{where} has the color {value!r}.", hint)
     return np.array(value, np.float32)
+
+
+def _is_number(value: Any) -> bool:
+    # bool is an int to Python, but no color
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _rows(colors: np.ndarray) -> list[list[float]]:

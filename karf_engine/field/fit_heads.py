@@ -19,7 +19,7 @@ from .karf import RecoloringField, SegmentationField
 from .scene import Field
 
 NEAR_SHARE, OBJECT_SHARE = 0.4, 0.4  # of a batch; the rest comes from anywhere
-RAYS_PER_CHUNK = 1 << 14
+SAMPLES_PER_CHUNK = 1 << 17
 NO_SAY = 1 / 1024  # of a class: too little to change an 8-bit picture
 
 
@@ -109,7 +109,7 @@ def segment_cache(karf: SegmentationField, scene_field: Field, cache: SurfaceCac
     result[:, 0] = 1
     n_samples = cache.positions.shape[1]
     inside = karf.inside(cache.positions.view(-1, 3)).any(1).view(-1, n_samples).any(1)
-    for part in torch.nonzero(inside).squeeze(1).split(RAYS_PER_CHUNK):
+    for part in torch.nonzero(inside).squeeze(1).split(max(1, SAMPLES_PER_CHUNK // n_samples)):
         positions = cache.positions[part]
         features = scene_field.features(positions.view(-1, 3)).view(*positions.shape[:2], -1)
         result[part] = render_classes(karf, positions, features, cache.opacity[part])
@@ -195,7 +195,7 @@ def object_samples(segmentation: SegmentationField, scene_field: Field, cache: S
     n_samples = cache.positions.shape[1]
     inside = segmentation.inside(cache.positions.view(-1, 3)).any(1).view(-1, n_samples).any(1)
     parts = []
-    for part in torch.nonzero(inside).squeeze(1).split(RAYS_PER_CHUNK):
+    for part in torch.nonzero(inside).squeeze(1).split(max(1, SAMPLES_PER_CHUNK // n_samples)):
         flat = cache.positions[part].view(-1, 3)
         features = scene_field.features(flat)
         classes = segmentation(flat, features)[:, 1:]
@@ -214,7 +214,7 @@ def weigh_cache(recoloring: RecoloringField, samples: ObjectSamples, cache: Surf
     """
     n_objects, n_samples = samples.classes.shape[1], cache.positions.shape[1]
     planes = torch.zeros(len(cache), n_objects, recoloring.n_colors, device=cache.opacity.device)
-    for part in torch.arange(len(samples.rays), device=cache.opacity.device).split(RAYS_PER_CHUNK):
+    for part in torch.arange(len(samples.rays), device=cache.opacity.device).split(SAMPLES_PER_CHUNK):
         weights = recoloring(samples.positions[part], samples.viewdirs[part], samples.features[part])
         # a shared palette broadcasts
         planes.index_add_(0, samples.rays[part], samples.classes[part, :, None] * weights)

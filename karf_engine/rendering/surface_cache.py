@@ -7,7 +7,7 @@ the ray does not stop is the remainder; it belongs to the background class and t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import torch
 from torch import Tensor
@@ -40,6 +40,14 @@ class SurfaceCache:
     def spread(self) -> Tensor:
         """Distance between the first and the last sample of each ray, [n], grid coordinates."""
         return self.distances[:, -1] - self.distances[:, 0]
+
+    def thinned(self, n_samples: int) -> SurfaceCache:
+        """At most n_samples >= 1 of each ray's samples, those nearest to the middles of as many shares of its opacity."""
+        n_kept = self.positions.shape[1]
+        if n_kept <= n_samples:
+            return self
+        chosen = [int((number + 0.5) / n_samples * n_kept) for number in range(n_samples)]
+        return replace(self, positions=self.positions[:, chosen], distances=self.distances[:, chosen])
 
 
 @torch.no_grad()

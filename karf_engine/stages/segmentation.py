@@ -39,6 +39,7 @@ from .job import Job, open_job, run_stage, stage_fingerprint
 
 SCHEMA = "karf-segmentation/1"
 SURFACE_SCHEMA = "karf-surface/1"
+LABEL_SAMPLES = 3  # a ray: labels are of the surface, and the first and last of many samples lie off it
 CACHE_STEP = 1.0  # voxels; the later stages need where a ray ends, not the last digit of its color
 NEAR_VOXELS = 8.0
 BOX_MARGIN_VOXELS = 6.0
@@ -152,7 +153,7 @@ def segment(job: Job, scene: Scene, cached: CachedViews) -> dict:
 
 
 def _surface_points(cached: CachedViews, voxel: float) -> SurfacePoints:
-    cache = cached.cache
+    cache = cached.cache.thinned(LABEL_SAMPLES)
     lab = srgb_to_lab(cached.colors()[cache.index.cpu().numpy()])
     # samples of a silhouette ray lie far apart, and its color is a mixture
     confidence = torch.exp(-cache.spread / (4 * voxel)) * cache.opacity

@@ -140,6 +140,18 @@ def test_becomes_is_far_below_no_edit_and_below_a_hue_shift(striped: bool) -> No
     assert error < 0.5 * shifted
 
 
+def test_brighter_paint_takes_swatches_beyond_white() -> None:
+    sphere = make_sphere(GREEN, YELLOW)
+    # black, and colors that enclose those of the sphere
+    palette = np.array([[0, 0, 0], [0.1, 0.75, 0.25], [1, 1, 0.95], [0.95, 1, 1]], np.float32)
+    weights = tetrahedron_weights(sphere.before, palette)
+    edited = match_becomes(sphere.before, np.ones(len(weights)), weights, palette, *sphere.eyedroppers)
+    assert edited.max() > 1
+    error = mean_ciede2000(recolored(sphere, palette, edited), sphere.after)
+    held_to_white = mean_ciede2000(recolored(sphere, palette, edited.clip(0, 1)), sphere.after)
+    assert error < 0.6 * held_to_white
+
+
 def test_locked_entries_and_black_stay_bit_by_bit() -> None:
     sphere = make_sphere(RED, BLUE)
     weights = tetrahedron_weights(sphere.before, PALETTE)

@@ -58,11 +58,13 @@ def test_palettes_come_back_bit_by_bit(tmp_path: Path) -> None:
 
 
 def test_edit_comes_back_bit_by_bit(tmp_path: Path) -> None:
-    edit = Edit({"pot": POT.colors * np.float32(0.37), "mug": MUG.colors}, "paper")
+    brighter_than_white = MUG.colors * np.float32(1.37)
+    edit = Edit({"pot": POT.colors * np.float32(0.37), "mug": brighter_than_white}, "paper")
     write_edit(tmp_path / "e.json", edit)
     read = read_edit(tmp_path / "e.json", [POT, MUG])
     assert read.compositing == "paper"
-    np.testing.assert_array_equal(read.colors["pot"], edit.colors["pot"])
+    for name, colors in edit.colors.items():
+        np.testing.assert_array_equal(read.colors[name], colors)
 
 
 def test_null_and_missing_objects_stay_as_learned(tmp_path: Path) -> None:
@@ -81,7 +83,7 @@ def test_null_and_missing_objects_stay_as_learned(tmp_path: Path) -> None:
         ({"objects": {"jug": {"colors": ["#000000"]}}}, "unknown object 'jug'"),
         ({"objects": {"mug": {"colors": [None]}}}, "has 1 colors, its palette has 2"),
         ({"objects": {"mug": {"colors": [None, "#12"]}}}, "'#12' is no color"),
-        ({"objects": {"mug": {"colors": [None, [0, 0, 1.5]]}}}, "1.5"),
+        ({"objects": {"mug": {"colors": [None, [0, 0, 2.5]]}}}, "from 0 to 2"),
         ({"objects": {"mug": {"colors": [None, [0, 0]]}}}, "has the color"),
         ({"objects": {"mug": {"colors": [None, [True, 0, 0]]}}}, "has the color"),
         ({"objects": {"mug": {"colors": ["#010000", None]}}}, "changes entry 0"),

@@ -56,6 +56,16 @@ def test_a_ray_with_one_sample_repeats_it_and_thin_and_empty_rays_are_left_out()
     assert_allclose(cache.spread, [0, 0])
 
 
+@pytest.mark.parametrize("n_samples", [1, 3])
+def test_thinning_many_samples_gives_what_few_would_have_been(n_samples):
+    random = np.random.default_rng(4)
+    rays = packed([random.dirichlet(np.ones(5)) for _ in range(40)])
+    few, thinned = quantile_samples(*rays, n_samples), quantile_samples(*rays, 999).thinned(n_samples)
+    assert_allclose(thinned.distances, few.distances)
+    assert_allclose(thinned.positions, few.positions)
+    assert few.thinned(5) is few
+
+
 @pytest.mark.parametrize("n_rays", [0, 4])
 def test_a_chunk_without_samples_is_empty_and_joins_with_others(n_rays):
     rays, samples, weights = packed([[]] * n_rays) if n_rays else packed([[0.5]])
