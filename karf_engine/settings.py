@@ -128,6 +128,9 @@ class HeadSettings:
         choices=("eq5", "fastkan", "xkanerf"),
     )
     learn_bandwidth: bool = option(True, "Whether h is learned, one for each layer")
+    schedule: str = option(
+        "cosine", "Learning rate; cosine: warmed up, then falling; constant: as given", choices=("cosine", "constant")
+    )
 
 
 @dataclass(frozen=True)
@@ -248,13 +251,15 @@ PRESETS: dict[str, Settings] = {
             frequencies=10,
             iterations=2000,
             rate=5e-4,
+            schedule="constant",
             cache_views=32,
             cache_long_side=256,
-            samples_per_ray=8,
+            samples_per_ray=192,
         ),
         palette=PaletteSettings(shared=True, colors=6),
         recoloring=RecoloringSettings(
             width=256,
+            schedule="constant",
             frequencies=10,
             direction_frequencies=4,
             iterations=5000,

@@ -34,6 +34,12 @@ def warm_exponential(warmup: int, hold: float, floor: float) -> Callable[[int, i
     return factor
 
 
+def constant(iteration: int, total: int) -> float:
+    """Learning-rate factor that leaves the rate as it is."""
+    del iteration, total
+    return 1.0
+
+
 def is_out_of_memory(error: BaseException) -> bool:
     """True for a failed allocation, on an accelerator or by the CPU's allocator, which has no error class of its own."""
     return isinstance(error, torch.OutOfMemoryError) or "can't allocate memory" in str(error)

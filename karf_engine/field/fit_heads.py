@@ -5,6 +5,7 @@ Losses are means over rays (or points) and sums over channels, which keeps the r
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
@@ -13,11 +14,12 @@ from torch import Tensor
 from ..progress import Progress
 from ..rendering.surface_cache import SurfaceCache
 from ..runtime import Runtime
-from ..settings import RecoloringSettings, SegmentationSettings
-from ..training import train, warm_cosine
+from ..settings import HeadSettings, RecoloringSettings, SegmentationSettings
+from ..training import constant, train, warm_cosine
 from .karf import RecoloringField, SegmentationField
 from .scene import Field
 
+WARMUP = 20  # iterations
 NEAR_SHARE, OBJECT_SHARE = 0.4, 0.4  # of a batch; the rest comes from anywhere
 SAMPLES_PER_CHUNK = 1 << 17
 NO_SAY = 1 / 1024  # of a class: too little to change an 8-bit picture
@@ -55,7 +57,7 @@ def fit_on_points(
         loss = torch.nn.functional.cross_entropy(karf.logits(positions[index], features[index]), classes[index])
         return loss, {"loss": float(loss.detach())}
 
-    train(settings.iterations, optimizer, step, warm_cosine(20, 0.05), progress)
+    train(settings.iterations, optimizer, step, _schedule(settings, 0.05), progress)
 
 
 def fit_on_rays(
@@ -87,7 +89,7 @@ def fit_on_rays(
         loss = -allowed.clamp_min(1e-6).log().mean()
         return loss, {"loss": float(loss.detach())}
 
-    train(settings.iterations, optimizer, step, warm_cosine(20, 0.05), progress)
+    train(settings.iterations, optimizer, step, _schedule(settings, 0.05), progress)
 
 
 def render_classes(karf: SegmentationField, positions: Tensor, features: Tensor, opacity: Tensor) -> Tensor:
@@ -173,7 +175,7 @@ def fit_recoloring(
         loss = settings.palette_loss * palette_loss + settings.weight_loss * weight_loss
         return loss, {"palette": float(palette_loss.detach()), "weight": float(weight_loss.detach())}
 
-    train(settings.iterations, optimizer, step, warm_cosine(20, 0.02), progress)
+    train(settings.iterations, optimizer, step, _schedule(settings, 0.02), progress)
     return torch.cat([palettes[:, :1], learned.detach()[:, 1:].clamp(0, 1)], 1)
 
 
@@ -231,6 +233,11 @@ def render_weights(karf: RecoloringField, scene_field: Field, positions: Tensor,
     directions = viewdirs[:, None].expand(-1, n_samples, -1).reshape(-1, 3)
     weights = karf(flat, directions, scene_field.features(flat))
     return weights.view(n_rays, n_samples, karf.n_blocks, karf.n_colors).mean(1)
+
+
+def _schedule(settings: HeadSettings, floor: float) -> Callable[[int, int], float]:
+    """The learning rate's factor over time; floor: of the cosine."""
+    return constant if settings.schedule == "constant" else warm_cosine(WARMUP, floor)
 
 
 def _pool(chance: Tensor) -> Tensor:

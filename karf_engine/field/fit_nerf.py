@@ -29,7 +29,11 @@ BOUNDS_MARGIN = 0.05
 
 
 class NerfFit:
-    """State of one fit: `scenes` runs it and yields the scene from time to time."""
+    """State of one fit: `scenes` runs it and yields the scene from time to time.
+
+    Hours of training can be interrupted: `state` at any such time, given to `resume` of a fresh fit, lets it go on as if
+    nothing had happened.
+    """
 
     def __init__(self, bank: PixelBank, kind: str, settings: NerfSettings, runtime: Runtime, field: NerfField) -> None:
         self.bank, self.kind, self.settings, self.runtime, self.field = bank, kind, settings, runtime, field
@@ -37,21 +41,41 @@ class NerfFit:
         self._noise = settings.density_noise if isinstance(field.space, Frustum) else 0.0
         self._crop = 0 if kind == "opaque" else settings.crop_iterations
         self._loss_average = 0.1
+        self._done = 0
+        self._optimizer = torch.optim.Adam(field.parameters(), lr=settings.rate)
 
     @property
     def iterations(self) -> int:
-        """Iterations of the whole fit."""
-        return self.settings.iterations
+        """Iterations that are left."""
+        return self.settings.iterations - self._done
 
     def scenes(self, progress: Progress) -> Iterator[Scene]:
         """The scene as it stands after every `look_every` iterations, and at the end."""
         settings, field = self.settings, self.field
-        optimizer = torch.optim.Adam(field.parameters(), lr=settings.rate)
-        for done in range(0, settings.iterations, settings.look_every):
-            part = min(settings.look_every, settings.iterations - done)
-            train(part, optimizer, lambda i, s, done=done: self._step(done + i, s), self._decay(done), progress)
+        while self.iterations:
+            done, part = self._done, min(settings.look_every, self.iterations)
+            train(part, self._optimizer, lambda i, s, done=done: self._step(done + i, s), self._decay(done), progress)
             field.bounds = surface_bounds(field, self.bank.rays(self.bank.draw(MEASURED_RAYS, self.runtime)))
+            self._done += part
             yield Scene(field, None, self.kind, 1.0)
+
+    def state(self) -> dict[str, Tensor]:
+        """All that going on takes: networks, Adam's moments, random numbers, and how far the fit has come."""
+        moments = self._optimizer.state_dict()["state"]
+        tensors = {f"field.{name}": tensor for name, tensor in self.field.state_dict().items()}
+        tensors |= {f"adam.{n}.{name}": value for n, entry in moments.items() for name, value in entry.items()}
+        figures = torch.tensor([self._done, self._loss_average], dtype=torch.float64)
+        return tensors | {"random": self.runtime.generator.get_state(), "done_and_loss": figures}
+
+    def resume(self, state: dict[str, Tensor]) -> None:
+        """Go on from a state, on the processor, of a fit of the same photos and settings."""
+        self.field.load_state_dict(_below("field", state))
+        adam = self._optimizer.state_dict()
+        adam["state"] = {n: _below(f"adam.{n}", state) for n in adam["param_groups"][0]["params"]}
+        self._optimizer.load_state_dict(adam)
+        self.runtime.generator.set_state(state["random"])
+        done, self._loss_average = state["done_and_loss"].tolist()
+        self._done = int(done)
 
     def _decay(self, done: int) -> Callable[[int, int], float]:
         steps = self.settings.decay_steps
@@ -115,6 +139,12 @@ def start_nerf_fit(
     nothing = torch.tensor([[-1.0] * 3, [1.0] * 3])
     field = NerfField(NerfNetwork(shape), NerfNetwork(shape), sampling, space, nothing).to(runtime.device)
     return NerfFit(bank, kind, settings, runtime, field)
+
+
+def _below(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    """The tensors whose names begin with `prefix` and a dot, without it."""
+    start = f"{prefix}."
+    return {name.removeprefix(start): tensor for name, tensor in tensors.items() if name.startswith(start)}
 
 
 def surface_bounds(field: NerfField, rays: Rays) -> Tensor:

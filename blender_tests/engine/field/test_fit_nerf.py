@@ -102,14 +102,27 @@ def test_two_runs_of_the_same_seed_are_bit_identical():
     assert first.keys() == second.keys() and all(torch.equal(first[name], second[name]) for name in first)
 
 
+def test_an_interrupted_fit_goes_on_as_if_nothing_had_happened():
+    short = replace(TINY, iterations=9, look_every=4)
+    whole = list(start("opaque", short).scenes(silent()))[-1].field.state_dict()
+    interrupted, resumed = start("opaque", short), start("opaque", short, seed=1)
+    next(interrupted.scenes(silent()))
+    resumed.resume({name: tensor.clone() for name, tensor in interrupted.state().items()})
+    assert resumed.iterations == 5
+    scenes = list(resumed.scenes(silent()))
+    assert len(scenes) == 2 and resumed.iterations == 0
+    assert all(torch.equal(tensor, whole[name]) for name, tensor in scenes[-1].field.state_dict().items())
+
+
 def test_a_look_comes_as_often_as_asked_and_at_the_end():
     fit = start("black", replace(TINY, iterations=7, look_every=3))
+    assert fit.iterations == 7
     steps = [0]
     progress = silent()
     progress.step = lambda *_, **__: steps.__setitem__(-1, steps[-1] + 1)
     for _ in fit.scenes(progress):
         steps.append(0)
-    assert steps == [3, 3, 1, 0] and fit.iterations == 7
+    assert steps == [3, 3, 1, 0]
 
 
 def test_the_rate_falls_to_a_tenth_in_the_steps_given_across_looks(monkeypatch):

@@ -90,6 +90,23 @@ def test_weights_of_rays_that_are_not_asked_teach_nothing(job):
     assert not torch.equal(plain, learned_with(torch.where(some[:, None], reversed_weights, rays.weights)))
 
 
+@pytest.mark.parametrize(("schedule", "highest", "lowest"), [("constant", 1.0, 1.0), ("cosine", 0.7, 0.02)])
+def test_the_rate_is_constant_or_warms_up_and_falls(job, monkeypatch, schedule, highest, lowest):
+    factors = []
+
+    def note(iterations, optimizer, step, factor, progress):
+        factors.extend(factor(i, iterations) for i in range(iterations + 1))
+
+    monkeypatch.setattr("karf_engine.field.fit_heads.train", note)
+    palettes, scene = recoloring.initial_palettes(job), Scene.load(job.project.geometry_file)
+    rays = recoloring.object_rays(job, scene.field, palettes)
+    settings = RecoloringSettings(iterations=60, schedule=schedule)
+    karf = RecoloringField(load_segmentation(job)[0].bounds, scene.field.n_features, [4, 4], settings)
+    fit_recoloring(karf, scene.field, rays, torch.zeros(2, 4, 3), settings, job.runtime, job.progress("test", 1))
+    assert max(factors) == pytest.approx(highest, abs=0.1) and min(factors[20:]) == pytest.approx(lowest)
+    assert (factors[0] < 0.1) == (schedule == "cosine")
+
+
 def test_loco_targets_give_the_colors_back_but_depend_on_the_place(job):
     palettes, field = recoloring.initial_palettes(job), Scene.load(job.project.geometry_file).field
     star = recoloring.object_rays(job, field, palettes)

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from karf_engine.checkpoints import load_tensors  # noqa: E402
 from karf_engine.cli import main  # noqa: E402
 from karf_engine.edit.metrics import iou, psnr  # noqa: E402
 from karf_engine.edit.palette import read_palettes  # noqa: E402
+from karf_engine.errors import Cancelled  # noqa: E402
 from karf_engine.field.scene import SCHEMA  # noqa: E402
 from karf_engine.images import read_mask, read_photo, resize  # noqa: E402
 from karf_engine.project import Project  # noqa: E402
@@ -84,6 +86,39 @@ def test_the_papers_preset_learns_all_stages_on_a_nerf(project, still_life, tmp_
     palettes = read_palettes(project.palette_file)
     assert np.array_equal(palettes[0].colors, palettes[1].colors)  # one for all
     judge(rendered(project, tmp_path), still_life, 22, 0.6)
+
+
+def learn_a_little(still_life, folder, capsys, *more):
+    """The exit code of 120 iterations with a look every 40, and what the terminal was told."""
+    settings = (*SMALL, "geometry.nerf.iterations=120", "geometry.nerf.look_every=40", *more)
+    command = ["geometry", str(still_life.capture), "--project", str(folder), "--preset", "paper", "--threads", "1"]
+    code = main([*command, *(part for text in settings for part in ("--set", text))])
+    return code, capsys.readouterr().err
+
+
+@pytest.fixture
+def killed(still_life, tmp_path, monkeypatch, capsys):
+    """A project whose geometry stage was interrupted after its second look."""
+    with monkeypatch.context() as patch:
+        patch.setattr("karf_engine.stages.geometry.preview", Mock(side_effect=[None, KeyboardInterrupt]))
+        assert learn_a_little(still_life, tmp_path / "project", capsys)[0] == Cancelled.exit_code
+    project = Project(tmp_path / "project")
+    assert project.finished("geometry") is None
+    return project
+
+
+def test_a_killed_job_goes_on_from_its_last_look(killed, still_life, capsys):
+    code, told = learn_a_little(still_life, killed.folder, capsys)
+    assert code == 0 and "going on, 40 iterations are left" in told
+    assert killed.finished("geometry") and not killed.unfinished_geometry_file.exists()
+
+
+def test_what_is_left_of_other_settings_or_damaged_is_not_gone_on_with(killed, still_life, capsys):
+    code, told = learn_a_little(still_life, killed.folder, capsys, "geometry.nerf.rate=0.004")
+    assert code == 0 and "going on" not in told
+    killed.unfinished_geometry_file.write_bytes(b"cut off")
+    code, told = learn_a_little(still_life, killed.folder, capsys)
+    assert code == 0 and "Learning begins anew" in told and "damaged" in told
 
 
 def test_an_edit_that_does_not_say_is_composited_as_the_paper_does(project, tmp_path):
