@@ -49,10 +49,9 @@ def _project_chosen(self, context):
 
 
 def srgb(name: str, default: float = 0.0, highest: float = 1.0, **options):
-    """A color property of sRGB numbers, as palettes are learned."""
-    return FloatVectorProperty(
-        name=name, subtype="COLOR_GAMMA", size=3, min=0.0, max=highest, default=(default,) * 3, **options
-    )
+    """A color property of sRGB numbers, as palettes are learned; the picker's bar ends at white, whatever is highest."""
+    limits = {"min": 0.0, "max": highest, "soft_max": 1.0}
+    return FloatVectorProperty(name=name, subtype="COLOR_GAMMA", size=3, default=(default,) * 3, **limits, **options)
 
 
 class KARF_PG_swatch(bpy.types.PropertyGroup):
