@@ -4,8 +4,8 @@
 
 A table is {"title", "about", "made": {"date", "command", "machine", "preset", "seconds"}, "columns": [{"title",
 "format"}], "rows": [[...]]}. A cell is a number, shown in its column's format, a text, or null. Remarks are written by
-hand: docs/results/remarks.json, {table: {"of": date, "text"}}; a remark says of which run it speaks. Standard library
-only.
+hand: docs/results/remarks.json, {table: {"of": date, "text"}}; a remark says of which run it speaks. Pictures are
+docs/results/<table>.jpg, and captions.json says of each what it shows. Standard library only.
 """
 
 from __future__ import annotations
@@ -35,6 +35,13 @@ def write_table(name: str, table: dict[str, Any]) -> None:
     write_pages()
 
 
+def write_caption(name: str, caption: str) -> None:
+    """Store what docs/results/<name>.jpg shows, and write the pages again."""
+    captions = read("captions") | {name: caption}
+    (FOLDER / "captions.json").write_text(json.dumps(captions, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    write_pages()
+
+
 def write_pages() -> None:
     """Write everything that follows from the JSON files."""
     for path, text in pages().items():
@@ -44,8 +51,8 @@ def write_pages() -> None:
 def pages() -> dict[Path, str]:
     """The text of every generated file."""
     tables = {name: read(name) for name in ORDER if (FOLDER / f"{name}.json").exists()}
-    remarks = read("remarks") if (FOLDER / "remarks.json").exists() else {}
-    sections = [markdown(name, table, remarks.get(name)) for name, table in tables.items()]
+    remarks, captions = read("remarks"), read("captions")
+    sections = [markdown(name, table, remarks.get(name), captions.get(name)) for name, table in tables.items()]
     generated = {DOCS / "results.md": "\n".join([HEAD, *sections])}
     return generated | {FOLDER / f"{name}.csv": csv_text(table) for name, table in tables.items()}
 
@@ -55,13 +62,15 @@ def read(name: str) -> dict[str, Any]:
     return json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))
 
 
-def markdown(name: str, table: dict[str, Any], remark: dict[str, str] | None) -> str:
+def markdown(name: str, table: dict[str, Any], remark: dict[str, str] | None, caption: str | None = None) -> str:
     """One table's section."""
     formats = [column.get("format", "") for column in table["columns"]]
     rows = [[cell_text(cell, form) for cell, form in zip(row, formats, strict=True)] for row in table["rows"]]
     lines = [f"## {table['title']}", table["about"], ""]
     lines += [line([column["title"] for column in table["columns"]]), line(["---"] * len(formats))]
     lines += [line(row) for row in rows]
+    if caption:
+        lines += ["", f"![{table['title']}](results/{name}.jpg)", "", caption]
     if remark:
         lines += ["", f"*Remark on the run of {remark['of']}:* {remark['text']}"]
     made = table["made"]

@@ -10,7 +10,7 @@ from tools import results
 
 TOOLS = Path(results.__file__).parent
 
-NAMES = [path.stem for path in sorted(results.FOLDER.glob("*.json")) if path.stem != "remarks"]
+NAMES = [path.stem for path in sorted(results.FOLDER.glob("*.json")) if path.stem not in ("remarks", "captions")]
 
 
 @pytest.mark.parametrize("path", results.pages(), ids=lambda path: path.name)
@@ -27,6 +27,12 @@ def test_every_table_says_where_it_comes_from_and_has_full_rows(name):
     table = results.read(name)
     assert set(table["made"]) == {"date", "command", "preset", "machine", "seconds"}
     assert table["rows"] and all(len(row) == len(table["columns"]) for row in table["rows"])
+
+
+def test_every_picture_is_shown_and_says_what_it_shows(evaluate):
+    captions = results.read("captions")
+    assert {path.stem for path in results.FOLDER.glob("*.jpg")} == set(captions) == set(evaluate.STRIPS)
+    assert all(f"](results/{name}.jpg)" in results.pages()[results.DOCS / "results.md"] for name in captions)
 
 
 def test_remarks_speak_of_tables_that_exist():
@@ -61,6 +67,9 @@ def test_what_can_be_measured_is_what_the_page_shows(evaluate):
 
 
 def test_every_ablation_is_a_plain_setting_and_differs_from_all_others(evaluate):
-    settings = [with_overrides(Settings(), list(overrides)) for overrides in evaluate.ABLATIONS.values()]
+    settings = [
+        with_overrides(Settings(), list(overrides))
+        for overrides in importlib.import_module("evaluation.ablations").ABLATIONS.values()
+    ]
     assert settings[0] == Settings()
     assert all(a != b for number, a in enumerate(settings) for b in settings[:number])

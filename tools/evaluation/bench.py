@@ -1,7 +1,4 @@
-"""What the evaluation's tables are measured on: the demo, learned once, and learned in other ways on its geometry.
-
-The caller puts the repository's root on the path.
-"""
+"""What the tables are measured on: the demo, learned once, and learned in other ways on its geometry."""
 
 from __future__ import annotations
 
@@ -32,6 +29,8 @@ from karf_engine.stages.render import Renderer
 from karf_engine.wire import Request
 
 ONE, THREE = DEMO / "coarse_masks" / "one", DEMO / "coarse_masks" / "three"
+PLAIN = "segmentation.labels=masks"  # Eq. 12 on the masks as they are
+MLP_HEADS = ("segmentation.head=mlp", "recoloring.head=mlp")
 LEARNED = ("segmentation", "palette", "recoloring")
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from evaluate_bench import Bench, Learned
 from scipy.cluster.vq import kmeans2
 
 from karf_engine.edit.color import to_bytes
@@ -19,6 +18,8 @@ from karf_engine.palette.hull import color_cells, extract_palette
 from karf_engine.palette.star_weights import palette_weights_of_image, star_weights
 from karf_engine.stages.palette import object_pixels
 from karf_engine.stages.render import Frame, Renderer
+
+from .bench import Bench, Learned
 
 KMEANS_PIXELS = 20_000
 
