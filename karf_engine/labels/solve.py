@@ -7,8 +7,10 @@ Seeds: what the masks say of a point, `seed_targets` y [p, K+1] with `seed_confi
 
 Then, a few rounds: color mixtures of the classes as they stand -> a color label for every point -> solve again with it.
 What keeps that from running away:
-- an object whose look-alikes among the seeds are mostly not marked as it has no say (guard), and color moves a point
-  between two classes only as far as both guards allow; the background's guard is always open;
+- an object whose look-alikes among the seeds are mostly not marked as it has no say (guard), and color decides between
+  two classes only as far as both guards allow; the background's guard is always open;
+- where a seed and its color clearly contradict each other, neither has a say, and the neighbors decide;
+- mixtures are drawn anew in each round, and the mean of what they have said so far counts;
 - a color seen in no class says nothing;
 - an object's colors fade with the distance to its seeds, and in the end only parts connected to its seeds remain.
 """
@@ -27,6 +29,7 @@ from .mixtures import class_log_densities
 NEIGHBORS = 12
 SMOOTHNESS = 20.0
 PATTERN = 0.02  # what stays of a weight across a color edge: a smooth surface with a pattern is one thing
+CONCAVE = 3.0  # so much more an inward turn of the normals separates: where things touch there is a crease
 PRIOR = 1e-4
 UNKNOWN_LOG_DENSITY = -15.5
 RARE_BACKGROUND = 0.25  # the background's density falls with this power of its mass, where it has less than the objects
@@ -51,6 +54,7 @@ class Labels:
 def neighbor_graph(positions: np.ndarray, lab: np.ndarray, normals: np.ndarray, voxel: float) -> sparse.csr_matrix:
     """Symmetric weights between the NEIGHBORS nearest points, near 1 where color, normal and place agree.
 
+    A crease (the normals turn towards each other) separates CONCAVE times as much as an edge: things touch in creases.
     positions (grid coordinates), normals, lab: [p, 3]. voxel: cell edge.
     """
     # the balanced build has crashed beside torch on real data; this one has not
@@ -59,6 +63,9 @@ def neighbor_graph(positions: np.ndarray, lab: np.ndarray, normals: np.ndarray, 
     distances, neighbors = distances[:, 1:], neighbors[:, 1:]
     color = ((lab[neighbors] - lab[:, None]) ** 2).sum(2) / (2 * 8.0**2)
     turn = (1 - (normals[neighbors] * normals[:, None]).sum(2)) / (2 * 0.15)
+    # negative where the normals turn towards each other
+    bend = ((normals[neighbors] - normals[:, None]) * (positions[neighbors] - positions[:, None])).sum(2)
+    turn = np.where(bend < 0, CONCAVE * turn, turn)
     place = distances**2 / (2 * (4 * voxel) ** 2)
     weights = np.exp(-turn - place) * (PATTERN + (1 - PATTERN) * np.exp(-color)) + 1e-6
     rows = np.repeat(np.arange(len(positions)), neighbors.shape[1])
@@ -123,11 +130,14 @@ class _Solver:
         x = self._smooth(targets, confidence, None)
         mixture_weight = confidence
         precision = np.ones(targets.shape[1] - 1)
-        for _ in range(rounds):
-            p = self._color_labels(x, mixture_weight)
+        p = np.zeros_like(x)
+        for number in range(rounds):
+            # the mean: single rounds sway with the mixtures' draw
+            p = (number * p + self._color_labels(x, mixture_weight)) / (number + 1)
             guards, precision = self._guards(p)
-            color_confidence = self._color_confidence(p, x, guards)
-            trusted = confidence * self._seed_trust(p, guards)
+            trust = self._seed_trust(p, guards)
+            trusted = confidence * trust
+            color_confidence = self._color_confidence(p, x, guards) * trust
             together = trusted + color_confidence
             chosen = _choose(targets, p)
             mixed = (trusted[:, None] * chosen + color_confidence[:, None] * p) / np.maximum(together, 1e-12)[:, None]
@@ -174,16 +184,22 @@ class _Solver:
         return np.clip((share - 0.5) / 0.2, 0, 1), share[1:]
 
     def _color_confidence(self, p: np.ndarray, x: np.ndarray, guards: np.ndarray) -> np.ndarray:
-        top_two = np.sort(p, 1)[:, -2:]
-        allowed = np.minimum(guards[p.argmax(1)], guards[x.argmax(1)])
-        return 2 * allowed * (top_two[:, 1] - top_two[:, 0])
+        """How firmly color speaks: as far as its two likeliest classes and the one where the point stands are trusted.
+
+        Were it the winner alone, the background would gain ground on an object that may not answer.
+        """
+        second, first = np.argsort(p, 1)[:, -2:].T
+        rows = np.arange(len(p))
+        allowed = np.minimum.reduce([guards[first], guards[second], guards[x.argmax(1)]])
+        return 2 * allowed * (p[rows, first] - p[rows, second])
 
     def _seed_trust(self, p: np.ndarray, guards: np.ndarray) -> np.ndarray:
-        """Factor on the seeds' confidence: seeds whose color speaks clearly against them lose their say."""
+        """Factor on the say of seeds and of their colors: where these clearly contradict, the neighbors decide."""
         label = self.seed_targets.argmax(1)
         agreement = (self.seed_targets * p).sum(1) / np.maximum(self.seed_targets.max(1), 1e-12)
         allowed = np.minimum(guards[label], guards[p.argmax(1)])
-        return (1 - allowed * np.clip(2 * (1 - agreement) - 1, 0, 1)) ** 2
+        contradiction = allowed * np.clip(2 * (1 - agreement) - 1, 0, 1)
+        return np.where(self.seed_confidence > 0, (1 - contradiction) ** 2, 1)
 
     def _connected(self, x: np.ndarray) -> np.ndarray:
         """Move parts of an object that are not connected to its seeds to the next likely class."""
