@@ -111,6 +111,27 @@ def test_color_moves_a_point_between_two_classes_only_as_far_as_both_are_trusted
     assert _Solver._color_confidence(None, says, stands, np.array(guards)) == pytest.approx([confidence])
 
 
+def test_color_that_favors_the_background_is_silent_where_the_runner_up_may_not_answer():
+    says, stands = np.array([[0.6, 0.4, 0.0]]), np.array([[0.9, 0.1, 0.0]])
+    for guard in (0, 0.5, 1):
+        given = _Solver._color_confidence(None, says, stands, np.array([1, guard, 1]))
+        assert given == pytest.approx([2 * guard * 0.2])
+
+
+def test_surfaces_part_in_a_crease_sooner_than_at_an_edge():
+    floor = np.stack(np.meshgrid(np.arange(6.0), np.arange(-6, 0.0)), -1).reshape(-1, 2)
+    floor = np.column_stack([floor, np.zeros(len(floor))])
+    wall = np.stack(np.meshgrid(np.arange(6.0), np.arange(0.5, 6.0)), -1).reshape(-1, 2)
+    wall = np.column_stack([wall[:, 0], np.zeros(len(wall)), wall[:, 1]])
+    across = []
+    for inward, up in ((-1.0, 1), (-1.0, -1)):  # seen from where the two face each other, and from behind
+        normals = np.repeat([[0, 0, up], [0, inward * up, 0]], [len(floor), len(wall)], axis=0).astype(float)
+        positions = np.concatenate([floor, wall])
+        graph = neighbor_graph(positions, np.zeros_like(positions), normals, 1.0).toarray()
+        across.append(graph[: len(floor), len(floor) :].max())
+    assert across[0] < 0.05 * across[1]
+
+
 def test_a_look_alike_that_is_not_connected_to_the_marks_is_dropped(random):
     marked, look_alike = sphere([0, 0, 0], 0.4, 2500), sphere([1.0, 0, 0], 0.3, 1500)
     ground = plane(-0.45, 2.0, 0.06)
