@@ -9,7 +9,7 @@ Then, a few rounds: color mixtures of the classes as they stand -> a color label
 What keeps that from running away:
 - an object whose look-alikes among the seeds are mostly not marked as it has no say (guard), and color decides between
   two classes only as far as both guards allow; the background's guard is always open;
-- where a seed and its color clearly contradict each other, neither has a say, and the neighbors decide;
+- a seed whose color clearly contradicts it has no say; where that color is the background's, neither has it;
 - mixtures are drawn anew in each round, and the mean of what they have said so far counts;
 - a color seen in no class says nothing;
 - an object's colors fade with the distance to its seeds, and in the end only parts connected to its seeds remain.
@@ -51,11 +51,11 @@ class Labels:
         return self.probabilities.argmax(1)
 
 
-def neighbor_graph(positions: np.ndarray, lab: np.ndarray, normals: np.ndarray, voxel: float) -> sparse.csr_matrix:
+def neighbor_graph(positions: np.ndarray, lab: np.ndarray, normals: np.ndarray, grain: float) -> sparse.csr_matrix:
     """Symmetric weights between the NEIGHBORS nearest points, near 1 where color, normal and place agree.
 
     A crease (the normals turn towards each other) separates CONCAVE times as much as an edge: things touch in creases.
-    positions (grid coordinates), normals, lab: [p, 3]. voxel: cell edge.
+    positions (grid coordinates), normals, lab: [p, 3]. grain: of the points.
     """
     # the balanced build has crashed beside torch on real data; this one has not
     tree = cKDTree(positions, balanced_tree=False, compact_nodes=False)
@@ -66,7 +66,7 @@ def neighbor_graph(positions: np.ndarray, lab: np.ndarray, normals: np.ndarray, 
     # negative where the normals turn towards each other
     bend = ((normals[neighbors] - normals[:, None]) * (positions[neighbors] - positions[:, None])).sum(2)
     turn = np.where(bend < 0, CONCAVE * turn, turn)
-    place = distances**2 / (2 * (4 * voxel) ** 2)
+    place = distances**2 / (2 * (4 * grain) ** 2)
     weights = np.exp(-turn - place) * (PATTERN + (1 - PATTERN) * np.exp(-color)) + 1e-6
     rows = np.repeat(np.arange(len(positions)), neighbors.shape[1])
     graph = sparse.csr_matrix((weights.ravel(), (rows, neighbors.ravel())), shape=(len(positions),) * 2)
@@ -77,13 +77,16 @@ def solve_labels(
     positions: np.ndarray,
     lab: np.ndarray,
     normals: np.ndarray,
-    voxel: float,
+    grain: float,
     seed_targets: np.ndarray,
     seed_confidence: np.ndarray,
     rounds: int,
     random: np.random.Generator,
 ) -> Labels:
-    """Clean labels for all points. seed_targets: [p, K+1], rows sum to 1; seed_confidence: [p] >= 0, 0 = no seed."""
+    """Clean labels for all points. seed_targets: [p, K+1], rows sum to 1; seed_confidence: [p] >= 0, 0 = no seed.
+
+    positions (grid coordinates), lab, normals: [p, 3]. grain: how fine the points are, see SurfacePoints.
+    """
     n_classes = seed_targets.shape[1]
     trees, radii = _seed_regions(positions, seed_targets, seed_confidence)
     distance = np.stack([tree.query(positions)[0] for tree in trees], 1)  # [p, K]
@@ -91,7 +94,7 @@ def solve_labels(
     solver = _Solver(
         positions[near],
         lab[near],
-        neighbor_graph(positions[near], lab[near], normals[near], voxel),
+        neighbor_graph(positions[near], lab[near], normals[near], grain),
         seed_targets[near],
         seed_confidence[near],
         4.5 * np.maximum(0, distance[near] / (HOME * radii) - 1) ** 2,
@@ -137,7 +140,8 @@ class _Solver:
             guards, precision = self._guards(p)
             trust = self._seed_trust(p, guards)
             trusted = confidence * trust
-            color_confidence = self._color_confidence(p, x, guards) * trust
+            # what the background claims no guard has examined: it does not speak against a mark
+            color_confidence = self._color_confidence(p, x, guards) * np.where(p.argmax(1) == 0, trust, 1)
             together = trusted + color_confidence
             chosen = _choose(targets, p)
             mixed = (trusted[:, None] * chosen + color_confidence[:, None] * p) / np.maximum(together, 1e-12)[:, None]
@@ -194,7 +198,7 @@ class _Solver:
         return 2 * allowed * (p[rows, first] - p[rows, second])
 
     def _seed_trust(self, p: np.ndarray, guards: np.ndarray) -> np.ndarray:
-        """Factor on the say of seeds and of their colors: where these clearly contradict, the neighbors decide."""
+        """Factor on the seeds' confidence: seeds whose color speaks clearly against them lose their say."""
         label = self.seed_targets.argmax(1)
         agreement = (self.seed_targets * p).sum(1) / np.maximum(self.seed_targets.max(1), 1e-12)
         allowed = np.minimum(guards[label], guards[p.argmax(1)])

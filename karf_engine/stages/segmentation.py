@@ -6,6 +6,7 @@ Options: masks (folder MASKS/<object>/<photo stem>.png; the project's own masks 
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,6 +40,7 @@ from .job import Job, open_job, run_stage, stage_fingerprint
 
 SCHEMA = "karf-segmentation/1"
 SURFACE_SCHEMA = "karf-surface/1"
+MOST_POINTS = 60_000  # of a label solve, about: finer ones have few votes each, and colors outvote their neighbors
 LABEL_SAMPLES = 3  # a ray: labels are of the surface, and the first and last of many samples lie off it
 CACHE_STEP = 1.0  # voxels; the later stages need where a ray ends, not the last digit of its color
 NEAR_VOXELS = 8.0
@@ -153,11 +155,19 @@ def segment(job: Job, scene: Scene, cached: CachedViews) -> dict:
 
 
 def _surface_points(cached: CachedViews, voxel: float) -> SurfacePoints:
+    """The surface in points as fine as the voxels, or coarser where these are so fine that few rays meet in one."""
+    points = _merged(cached, voxel)
+    if len(points) <= MOST_POINTS:
+        return points
+    return _merged(cached, voxel * math.sqrt(len(points) / MOST_POINTS))
+
+
+def _merged(cached: CachedViews, grain: float) -> SurfacePoints:
     cache = cached.cache.thinned(LABEL_SAMPLES)
     lab = srgb_to_lab(cached.colors()[cache.index.cpu().numpy()])
     # samples of a silhouette ray lie far apart, and its color is a mixture
-    confidence = torch.exp(-cache.spread / (4 * voxel)) * cache.opacity
-    return merge_samples(cache.positions.cpu().numpy(), lab, confidence.cpu().numpy(), voxel)
+    confidence = torch.exp(-cache.spread / (4 * grain)) * cache.opacity
+    return merge_samples(cache.positions.cpu().numpy(), lab, confidence.cpu().numpy(), grain)
 
 
 def _solve(job: Job, scene: Scene, points: SurfacePoints, votes: np.ndarray, confidence: np.ndarray) -> Labels:
@@ -168,7 +178,7 @@ def _solve(job: Job, scene: Scene, points: SurfacePoints, votes: np.ndarray, con
     random = np.random.default_rng(job.settings.seed)
     job.emit("stage", name="labels", text=f"{len(points)} surface points")
     return solve_labels(
-        points.positions, points.lab, normals, field.voxel, targets, strength, job.settings.segmentation.rounds, random
+        points.positions, points.lab, normals, points.grain, targets, strength, job.settings.segmentation.rounds, random
     )
 
 
