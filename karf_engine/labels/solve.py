@@ -198,7 +198,10 @@ class _Solver:
         return 2 * allowed * (p[rows, first] - p[rows, second])
 
     def _seed_trust(self, p: np.ndarray, guards: np.ndarray) -> np.ndarray:
-        """Factor on the seeds' confidence: seeds whose color speaks clearly against them lose their say."""
+        """Factor on the seeds' confidence: seeds whose color speaks clearly against them lose their say.
+
+        1 where there is no seed.
+        """
         label = self.seed_targets.argmax(1)
         agreement = (self.seed_targets * p).sum(1) / np.maximum(self.seed_targets.max(1), 1e-12)
         allowed = np.minimum(guards[label], guards[p.argmax(1)])

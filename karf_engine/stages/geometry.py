@@ -105,7 +105,7 @@ def learn(job: Job, capture: Capture, facts: dict, mark: str) -> Scene:
         go_on(job, fit, mark)
     watched, scores = watched_views(job, capture), []
     for scene in fit.scenes(job.progress("geometry", fit.iterations)):
-        if isinstance(fit, NerfFit):
+        if isinstance(fit, NerfFit) and fit.iterations:  # with none left, going on would show no scene
             save_tensors(job.project.unfinished_geometry_file, fit.state(), UNFINISHED_SCHEMA, {"fingerprint": mark})
         preview(job, scene, plates[0])
         if watched is not None:

@@ -113,6 +113,14 @@ def test_a_killed_job_goes_on_from_its_last_look(killed, still_life, capsys):
     assert killed.finished("geometry") and not killed.unfinished_geometry_file.exists()
 
 
+def test_a_job_killed_after_its_last_iteration_learns_the_last_part_again(killed, still_life, monkeypatch, capsys):
+    with monkeypatch.context() as patch:
+        patch.setattr("karf_engine.stages.geometry.preview", Mock(side_effect=KeyboardInterrupt))
+        assert learn_a_little(still_life, killed.folder, capsys)[0] == Cancelled.exit_code
+    code, told = learn_a_little(still_life, killed.folder, capsys)
+    assert code == 0 and "going on, 40 iterations are left" in told and killed.finished("geometry")
+
+
 def test_what_is_left_of_other_settings_or_damaged_is_not_gone_on_with(killed, still_life, capsys):
     code, told = learn_a_little(still_life, killed.folder, capsys, "geometry.nerf.rate=0.004")
     assert code == 0 and "going on" not in told
