@@ -19,6 +19,7 @@ PACKAGES = {
     "imageio": "imageio",
     "PIL": "pillow",
     "safetensors": "safetensors",
+    "filelock": "filelock",
     "cv2": "opencv-python-headless",
     "OpenEXR": "OpenEXR",
 }

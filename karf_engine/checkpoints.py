@@ -17,7 +17,8 @@ from .project import atomic_write
 
 def save_tensors(path: Path, tensors: dict[str, Tensor], schema: str, facts: dict[str, Any]) -> None:
     """Write tensors and JSON facts atomically; `schema` names what the file is and its version."""
-    header = {"schema": schema, "facts": json.dumps(facts)}
+    # one entry: safetensors writes several in any order, and equal results shall be equal bytes
+    header = {"karf": json.dumps({"schema": schema, "facts": facts})}
     stored = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
     atomic_write(path, lambda temporary: save_file(stored, temporary, header))
 
@@ -28,12 +29,12 @@ def load_tensors(
     """Read tensors and facts. Raises DataError where the file is missing, damaged, of another schema, or not finite."""
     try:
         with safe_open(path, "pt", device=str(device)) as stored:
-            header = stored.metadata() or {}
+            header = _header(stored.metadata() or {})
             found = header.get("schema")
             if found != schema:
                 raise DataError(f"{path} holds {found!r}, not {schema!r}.", "Run the stage that writes it again.")
             tensors = {name: stored.get_tensor(name) for name in stored.keys()}
-            facts = json.loads(header["facts"])
+            facts = header["facts"]
     except FileNotFoundError as error:
         raise DataError(f"{path} does not exist.", "Run the stage that writes it.") from error
     except (SafetensorError, OSError, KeyError, ValueError) as error:
@@ -44,3 +45,10 @@ def load_tensors(
                 f"{path} holds values in {name!r} that are not finite.", "Run the stage that writes it again."
             )
     return tensors, facts
+
+
+def _header(metadata: dict[str, str]) -> dict[str, Any]:
+    """Schema and facts of a file; the first versions wrote them as two entries."""
+    if "karf" in metadata:
+        return json.loads(metadata["karf"])
+    return {"schema": metadata.get("schema"), "facts": json.loads(metadata.get("facts", "{}"))}

@@ -10,6 +10,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from importlib import import_module, metadata
 from pathlib import Path
 
@@ -187,7 +188,7 @@ def run_stage(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> 
             module = import_module(f".stages.{stage}", __package__)
         except ModuleNotFoundError as error:
             raise missing_package(error.name) from error
-        module.run(request, emit, should_stop)
+        module.run(replace(request, stage=stage), emit, should_stop)
 
 
 def _list_settings(_: argparse.Namespace) -> int:

@@ -9,7 +9,7 @@ from typing import Any
 
 from .errors import INSTALL_NAMES
 
-PACKAGES = ("numpy", "scipy", "torch", "safetensors", "PIL", "imageio", "cv2", "OpenEXR")
+PACKAGES = ("numpy", "scipy", "torch", "safetensors", "filelock", "PIL", "imageio", "cv2", "OpenEXR")
 
 
 def examine() -> dict[str, Any]:

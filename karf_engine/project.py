@@ -1,11 +1,13 @@
-"""The project folder: every file's name, how it is written, and who may write now.
+"""The project folder: every file's name, how it is written, and which files belong together.
 
 All that is learned lives here, beside the .blend. Files are data (json, npz, safetensors, png), never pickles.
 A file is written to a temporary name, flushed to disk and renamed, so that a killed job leaves the last good state.
+A stage's outputs are gathered in a folder of their own until all are there, and take their places together (`commit`).
 
-    project.json                 schema, capture, settings, what each stage finished
+    project.json                 schema, capture, settings, what each stage finished, checksums of its files
     capture.json                 the canonical capture (cameras, photo paths, split)
     masks/<object>/<view>.png    coarse masks, as given
+    earlier_masks/               those that a segmentation with other masks replaced
     geometry.safetensors         the radiance field
     unfinished_geometry.safetensors   a NeRF whose training was interrupted, to go on with
     segmentation.safetensors     the segmentation field F_s        segmentation.json   its report
@@ -16,16 +18,19 @@ A file is written to a temporary name, flushed to disk and renamed, so that a ki
     planes/<view>.npz            edit planes of a captured view (see edit.compositing)
     photos/<view>-<mark>.png     photos without lens distortion, as Blender shows them behind its cameras
     jobs/<time>-<stage>/         request, events and log of each job
+    .outputs/                    outputs of a stage at work
+    lock, lock.json, commit.lock who may write now (see locking)
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
+import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -33,13 +38,15 @@ from .errors import BadRequest, DataError
 
 SCHEMA = "karf-project/1"
 STAGE_ORDER = ("geometry", "segmentation", "palette", "recoloring")
+TEMPORARY = ".tmp-"  # how names of files in the making begin
+STALE_SECONDS = 3600.0  # after which nobody is writing a temporary file any more
 
 
 def atomic_write(path: Path, write: Callable[[Path], None]) -> None:
     """Call `write(temporary_path)`, flush it to disk and rename it to `path`; on any failure `path` stays as it was."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    # keep the suffix: image and npz writers choose the format by it
-    handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
+    # keep the suffix: image and npz writers choose the format by it. Nothing else of the name: it may be of full length
+    handle, name = tempfile.mkstemp(prefix=TEMPORARY, suffix=path.suffix, dir=path.parent)
     os.close(handle)
     temporary = Path(name)
     try:
@@ -76,6 +83,19 @@ def read_json(path: Path, what: str) -> Any:
         ) from error
     except (OSError, ValueError, RecursionError) as error:  # no text, numbers without end, brackets without end
         raise DataError(f"{path} ({what}) cannot be read: {error}.", "Check the file.") from error
+
+
+def checksum(path: Path) -> str:
+    """SHA-256 of a file's bytes, as hexadecimal text."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def remove_temporaries(folder: Path, older_than: float = STALE_SECONDS) -> None:
+    """Delete temporary files that killed processes left in a folder, once they are this many seconds old."""
+    for path in folder.glob(f"{TEMPORARY}*"):
+        if time.time() - path.stat().st_mtime >= older_than:
+            path.unlink(missing_ok=True)
 
 
 class Project:
@@ -141,6 +161,11 @@ class Project:
     def photos_folder(self) -> Path:
         return self.folder / "photos"
 
+    @property
+    def outputs_folder(self) -> Path:
+        """Where the stage at work gathers its outputs, under the names that they will have in the project."""
+        return self.folder / ".outputs"
+
     def new_job(self, stage: str) -> Path:
         """A fresh, empty job folder for a stage."""
         stamp = time.strftime("%Y%m%d-%H%M%S")
@@ -164,7 +189,7 @@ class Project:
                 )
             return
         self.folder.mkdir(parents=True, exist_ok=True)
-        write_json(self.state_file, {"schema": SCHEMA, "capture": capture, "stages": {}})
+        self._write_state({"schema": SCHEMA, "capture": capture, "stages": {}})
 
     def state(self) -> dict[str, Any]:
         """The content of project.json. Raises DataError where the folder is no project or a newer one."""
@@ -179,20 +204,104 @@ class Project:
             raise DataError(f"{self.state_file} has schema {schema!r}, not {SCHEMA}.", "Update KaRF, or start anew.")
         if not isinstance(state.get("capture"), str) or not isinstance(state.get("stages"), dict):
             raise DataError(f"{self.state_file} lacks its capture or its stages.", "Start anew in an empty folder.")
+        if state.pop("checksum", None) not in (None, _digest(state)):
+            raise DataError(
+                f"{self.state_file} is damaged, or was changed by hand: its checksum differs.",
+                "Restore it from a backup; after a change that was meant, remove its entry 'checksum'.",
+            )
         return state
+
+    def _write_state(self, state: dict[str, Any]) -> None:
+        write_json(self.state_file, state | {"checksum": _digest(state)})
 
     def finished(self, stage: str) -> dict[str, Any] | None:
         """What the stage noted when it finished (fingerprint, seconds, figures), or None."""
         return self.state()["stages"].get(stage)
 
     def finish(self, stage: str, fingerprint: str, **facts: Any) -> None:
-        """Note that the stage is done with inputs of this fingerprint; later stages of other inputs are forgotten."""
+        """Note that the stage is done with inputs of this fingerprint; later stages of other inputs are forgotten.
+
+        facts: `files`, the checksums of its outputs; `settings`, its own ones; and its figures.
+        """
         state = self.state()
+        _forget(state, stage)
         state["stages"][stage] = {"fingerprint": fingerprint, **facts}
-        if stage in STAGE_ORDER:
-            for later in STAGE_ORDER[STAGE_ORDER.index(stage) + 1 :]:
-                state["stages"].pop(later, None)
-        write_json(self.state_file, state)
+        self._write_state(state)
+
+    def commit(self, stage: str, fingerprint: str, settings: dict[str, Any], **facts: Any) -> None:
+        """Put the gathered outputs in their places and note the stage as finished, with all settings.
+
+        From before the first output is replaced until the last one is, neither this stage nor a later one counts as
+        finished: whoever is killed in between leaves a stage to run again, never files of two runs that seem one.
+        """
+        # sorted: the same outputs are noted in the same order on every file system
+        outputs = sorted(self.outputs_folder.iterdir())
+        files = {path.name: checksum(path) for path in outputs if path.is_file()}
+        state = self.state()
+        _forget(state, stage)
+        self._write_state(state)
+        for path in outputs:
+            target = self.folder / path.name
+            if path.is_dir() and target.exists():
+                if _contents(path) == _contents(target):
+                    continue
+                self._set_aside(target)
+            path.replace(target)
+        state["settings"] = settings
+        state["stages"][stage] = {"fingerprint": fingerprint, "files": files, "settings": settings[stage], **facts}
+        self._write_state(state)
+
+    def _set_aside(self, folder: Path) -> None:
+        """Make way for a new folder: what its files were stays, as the earlier ones."""
+        earlier = folder.with_name(f"earlier_{folder.name}")
+        shutil.rmtree(earlier, ignore_errors=True)
+        folder.replace(earlier)
+
+    def set_settings(self, settings: dict[str, Any]) -> None:
+        """Note the settings of stages that are still to run; finished ones keep those that they were run with."""
+        state = self.state()
+        if state.get("settings") != settings:
+            self._write_state(state | {"settings": settings})
+
+    def checked(self, path: Path) -> Path:
+        """The path of a stage's output, after a look whether it is what the stage wrote.
+
+        Raises DataError where it differs. A file of no finished stage, or of a project made before there were checksums,
+        is left unchecked.
+        """
+        stage, expected = self._written_by(path.name)
+        if stage is None or (path.exists() and checksum(path) == expected):
+            return path
+        raise DataError(
+            f"{path} is {'damaged' if path.exists() else 'missing'}: it is not what the {stage} stage wrote.",
+            f"Run the {stage} stage again; what is intact is kept.",
+        )
+
+    def is_intact(self, stage: str) -> bool:
+        """Whether all outputs of a finished stage are as they were written."""
+        try:
+            for name in self.require(stage).get("files", {}):
+                self.checked(self.folder / name)
+        except DataError:
+            return False
+        return True
+
+    def _written_by(self, name: str) -> tuple[str | None, str]:
+        """The last finished stage that wrote the file of this name, and the file's checksum."""
+        stages = self.state()["stages"]
+        for stage in reversed(STAGE_ORDER):
+            found = stages.get(stage, {}).get("files", {})
+            if name in found:
+                return stage, found[name]
+        return None, ""
+
+    def remove_leftovers(self) -> None:
+        """Delete what killed jobs left. Call it only while holding the project for writing."""
+        shutil.rmtree(self.outputs_folder, ignore_errors=True)
+        for folder in (self.folder, self.planes_folder):  # only the engine writes here
+            remove_temporaries(folder, older_than=0.0)
+        for folder in (self.photos_folder, *self.masks_folder.glob("*/")):
+            remove_temporaries(folder)
 
     def require(self, stage: str) -> dict[str, Any]:
         """What the stage noted; raises BadRequest naming the stage to run first where it is not done."""
@@ -201,61 +310,18 @@ class Project:
             raise BadRequest(f"{self.folder} has no finished {stage} stage.", f"Run the {stage} stage first.")
         return done
 
-    # --- one writer ------------------------------------------------------------------------------------------------
-    @contextmanager
-    def lock(self) -> Iterator[None]:
-        """Hold the project for writing. Raises BadRequest where a living process holds it."""
-        path = self.folder / "lock"
-        self.folder.mkdir(parents=True, exist_ok=True)
-        while True:
-            try:
-                handle = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY)
-                break
-            except FileExistsError:
-                holder = _lock_holder(path)
-                if holder is not None:
-                    raise BadRequest(
-                        f"{self.folder} is in use by process {holder}.", "Wait for that job or cancel it."
-                    ) from None
-                path.unlink(missing_ok=True)
-        with os.fdopen(handle, "w") as stream:
-            json.dump({"pid": os.getpid(), "start": _process_start(os.getpid())}, stream)
-        try:
-            yield
-        finally:
-            path.unlink(missing_ok=True)
+
+def _contents(folder: Path) -> dict[str, str]:
+    """Checksums of all files in a folder."""
+    return {str(path.relative_to(folder)): checksum(path) for path in folder.rglob("*") if path.is_file()}
 
 
-def _lock_holder(path: Path) -> int | None:
-    """The process that holds the lock, or None where it has ended or the lock is unreadable."""
-    try:
-        content = json.loads(path.read_text())
-        pid, start = int(content["pid"]), content["start"]
-    except (OSError, ValueError, KeyError, TypeError):
-        # a lock in the very act of being written is empty: treat it as held while it is young
-        young = path.exists() and time.time() - path.stat().st_mtime < 2.0
-        return 0 if young else None
-    if not _is_alive(pid):
-        return None
-    # a recycled process number belongs to somebody else: its start time differs
-    return pid if _process_start(pid) == start else None
+def _forget(state: dict[str, Any], stage: str) -> None:
+    """Let the stage, and those that build on it, count as not finished."""
+    for name in STAGE_ORDER[STAGE_ORDER.index(stage) :]:
+        state["stages"].pop(name, None)
 
 
-def _is_alive(pid: int) -> bool:
-    if os.name == "nt":  # os.kill would end the process there
-        return True
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True
-
-
-def _process_start(pid: int) -> str:
-    """The kernel's start time of a process where it tells (Linux), else an empty word."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[19]
-    except (OSError, IndexError):
-        return ""
+def _digest(state: dict[str, Any]) -> str:
+    """Checksum of project.json's content."""
+    return hashlib.sha256(json.dumps(state, sort_keys=True).encode()).hexdigest()[:16]

@@ -80,7 +80,9 @@ def learn_again(job: Job, folder: Path, overrides: list[str], stages: Sequence[s
         (shutil.copytree if source.is_dir() else shutil.copy)(source, target)
     state = job.project.state()
     changed = settings_module.with_overrides(job.settings, overrides)
-    state |= {"stages": {name: state["stages"][name] for name in kept}, "settings": settings_module.to_dict(changed)}
+    # without checksums: a kept palette may be as recoloring has learned it
+    done = {name: {key: value for key, value in state["stages"][name].items() if key != "files"} for name in kept}
+    state |= {"stages": done, "settings": settings_module.to_dict(changed)}
     write_json(scratch.state_file, state)
     options = {"masks": masks and str(masks), "threads": job.options.get("threads")}
     for stage in stages:

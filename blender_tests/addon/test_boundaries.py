@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = ["errors", "settings", "wire", "project", "capture", "edit"]
 THREADS = {"threading", "_thread", "concurrent", "multiprocessing", "asyncio"}
-ENGINE_PACKAGES = {"torch", "scipy", "PIL", "imageio", "safetensors", "cv2", "OpenEXR", "pycolmap"}
+ENGINE_PACKAGES = {"torch", "scipy", "PIL", "imageio", "safetensors", "filelock", "cv2", "OpenEXR", "pycolmap"}
 
 
 def sources(folder):

@@ -117,7 +117,7 @@ def test_masks_that_do_not_fit_are_named(still_life, learned, tmp_path, capsys):
     assert "r_0.png marks nothing of 'ball'" in fails(capsys, 4, *command)[0]
     write_png(masks / "ball" / "r_0.png", np.ones((30, 32), bool))
     assert "r_0.png is 32x30 pixels where its photo has 32x32" in fails(capsys, 4, *command)[0]
-    assert Project(project).state() == before and not (project / "lock").exists()
+    assert Project(project).state() == before and not (project / "lock.json").exists()
 
 
 def test_a_project_folder_that_is_none_or_of_another_capture_is_refused(still_life, learned, tmp_path, capsys):

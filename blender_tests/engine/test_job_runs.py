@@ -64,7 +64,7 @@ def test_a_job_stops_when_told_and_leaves_the_project_free(still_life, tmp_path,
     Request("geometry", tmp_path / "project", options).write(tmp_path / "job")
     child = start_job(tmp_path / "job")
     wait_for(tmp_path / "job", "progress")
-    assert (tmp_path / "project" / "lock").exists()
+    assert (tmp_path / "project" / "lock.json").exists()
     if how == "word":
         child.stdin.write("cancel\n")
         child.stdin.flush()
@@ -75,7 +75,7 @@ def test_a_job_stops_when_told_and_leaves_the_project_free(still_life, tmp_path,
     last = list(EventReader(tmp_path / "job").poll())[-1]
     assert last.kind == "cancelled" and last.is_final
     project = Project(tmp_path / "project")
-    assert not (project.folder / "lock").exists() and project.finished("geometry") is None
+    assert not (project.folder / "lock.json").exists() and project.finished("geometry") is None
 
 
 @pytest.mark.parametrize(

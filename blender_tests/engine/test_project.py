@@ -3,8 +3,6 @@
 import json
 import os
 import stat
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -117,69 +115,110 @@ def test_job_folders_are_new_every_time(project):
     assert len(jobs) == 5 and all(job.is_dir() and job.name.endswith("-render") for job in jobs)
 
 
-# ------------------------------------------------------------------------------------------------------------------ lock
-HOLD = """
-import sys
-sys.path.insert(0, sys.argv[1])
-from karf_engine.project import Project
-with Project(sys.argv[2]).lock():
-    print("held", flush=True)
-    sys.stdin.read()
-"""
+# ----------------------------------------------------------------------------------------------------------------- files
+SETTINGS = {stage: {"rate": 1} for stage in STAGE_ORDER}
 
 
-@pytest.fixture
-def holder(project):
-    root = Path(__file__).resolve().parents[2]
-    child = subprocess.Popen(
-        [sys.executable, "-c", HOLD, str(root), str(project.folder)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert child.stdout.readline() == "held\n"
-    yield child
-    child.kill()
-    child.wait()
-    child.stdin.close()
-    child.stdout.close()
+def commit(project, stage, **files):
+    """Finish a stage whose outputs hold these words; names have `_` for `.`."""
+    for name, words in files.items():
+        path = project.outputs_folder / name.replace("_", ".")
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(words)
+    project.commit(stage, f"mark of {stage}", SETTINGS)
 
 
-def test_a_project_that_a_living_process_holds_is_refused(project, holder):
-    with pytest.raises(BadRequest, match=f"in use by process {holder.pid}"), project.lock():
-        pass
+def test_outputs_take_their_places_with_their_checksums_and_settings(project):
+    commit(project, "geometry", capture_json="{}", geometry_safetensors="field")
+    done = project.finished("geometry")
+    assert done["files"].keys() == {"capture.json", "geometry.safetensors"} and done["settings"] == {"rate": 1}
+    assert project.state()["settings"] == SETTINGS
+    assert project.checked(project.geometry_file).read_text() == "field" and project.is_intact("geometry")
 
 
-def test_the_lock_of_a_killed_process_is_taken_over(project, holder):
-    holder.kill()
-    holder.wait()
-    assert (project.folder / "lock").exists()
-    with project.lock():
-        assert json.loads((project.folder / "lock").read_text())["pid"] == os.getpid()
-    assert not (project.folder / "lock").exists()
+@pytest.mark.parametrize("damage", ["flip", "cut", "gone"])
+def test_an_output_that_is_not_what_was_written_is_named_with_the_stage_to_run(project, damage):
+    commit(project, "geometry", geometry_safetensors="field")
+    if damage == "gone":
+        project.geometry_file.unlink()
+    else:
+        project.geometry_file.write_text({"flip": "fielf", "cut": "fie"}[damage])
+    with pytest.raises(
+        DataError, match=r"geometry\.safetensors is (damaged|missing).*the geometry stage wrote"
+    ) as caught:
+        project.checked(project.geometry_file)
+    assert "Run the geometry stage again" in caught.value.hint and not project.is_intact("geometry")
 
 
-def test_the_lock_is_given_back_after_an_error_and_is_not_entered_twice(project):
-    with pytest.raises(RuntimeError), project.lock():
-        with pytest.raises(BadRequest, match=f"in use by process {os.getpid()}"), project.lock():
-            pass
-        raise RuntimeError
-    with project.lock():
-        pass
+def test_a_file_that_two_stages_write_is_the_later_ones(project):
+    commit(project, "palette", palette_json="extracted")
+    commit(project, "recoloring", palette_json="learned", recoloring_safetensors="F_w")
+    assert project.is_intact("palette") and project.is_intact("recoloring")
+    project.palette_file.write_text("damaged")
+    assert not project.is_intact("palette") and not project.is_intact("recoloring")
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux tells when a process started")
-def test_a_lock_whose_process_number_now_belongs_to_another_is_taken_over(project):
-    (project.folder / "lock").write_text(json.dumps({"pid": os.getpid(), "start": "long ago"}))
-    with project.lock():
-        pass
+@pytest.mark.parametrize("step", range(3))
+def test_a_commit_that_is_interrupted_leaves_a_stage_to_run_and_never_a_mixture(project, monkeypatch, step):
+    for stage in STAGE_ORDER:
+        commit(project, stage, **{f"{stage}_safetensors": "old"})
+    renamed = []
+
+    def stop(path, target):
+        if path.parent == project.outputs_folder:
+            if len(renamed) == step:
+                raise KeyboardInterrupt
+            renamed.append(target)
+        return path.rename(target)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Path, "replace", stop)
+        commit(project, "geometry", capture_json="new", geometry_safetensors="new", preview_png="new")
+    assert [project.finished(stage) for stage in STAGE_ORDER] == [None] * 4
+    commit(project, "geometry", capture_json="new", geometry_safetensors="new", preview_png="new")
+    assert project.is_intact("geometry") and project.geometry_file.read_text() == "new"
 
 
-def test_an_unreadable_lock_counts_while_it_is_young_and_not_when_it_is_old(project):
-    path = project.folder / "lock"
-    path.write_text("")
-    with pytest.raises(BadRequest, match="in use"), project.lock():
-        pass
-    os.utime(path, (0, 0))
-    with project.lock():
-        pass
+def test_a_folder_that_is_replaced_is_set_aside(project):
+    for words in ("first", "second"):
+        (project.outputs_folder / "masks").mkdir(parents=True)
+        (project.outputs_folder / "masks" / words).write_text(words)
+        project.commit("segmentation", "mark", SETTINGS)
+    assert [path.name for path in project.masks_folder.iterdir()] == ["second"]
+    assert [path.name for path in (project.folder / "earlier_masks").iterdir()] == ["first"]
+
+
+def test_a_damaged_project_file_is_refused_and_one_without_a_checksum_is_believed(project):
+    commit(project, "geometry", geometry_safetensors="field")
+    text = project.state_file.read_text()
+    project.state_file.write_text(text.replace("mark of geometry", "mark of geometrz"))
+    with pytest.raises(DataError, match=r"project\.json is damaged, or was changed by hand") as caught:
+        project.state()
+    assert "remove its entry 'checksum'" in caught.value.hint
+    content = json.loads(project.state_file.read_text())
+    del content["checksum"]
+    write_json(project.state_file, content)
+    assert project.finished("geometry")["fingerprint"] == "mark of geometrz"
+
+
+def test_a_project_made_before_there_were_checksums_is_believed(project):
+    project.finish("geometry", "mark")
+    project.geometry_file.write_text("any")
+    assert project.checked(project.geometry_file) == project.geometry_file and project.is_intact("geometry")
+
+
+def test_what_killed_jobs_left_is_removed_and_what_others_may_be_writing_is_not(project):
+    left = [project.outputs_folder / "a.png", project.folder / ".tmp-1.png", project.planes_folder / ".tmp-2.npz"]
+    others = [project.photos_folder / ".tmp-3.png", project.masks_folder / "pot" / ".tmp-4.png"]
+    for path in left + others:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("half")
+    os.utime(others[0], (0, 0))
+    project.remove_leftovers()
+    assert [path.exists() for path in left + others] == [False] * 4 + [True]
+
+
+def test_a_file_whose_name_is_as_long_as_a_name_can_be_is_written(tmp_path):
+    path = tmp_path / ("n" * 251 + ".png")
+    atomic_write(path, lambda temporary: temporary.write_text("x"))
+    assert path.read_text() == "x"

@@ -92,9 +92,8 @@ def load_mask(mask: CoarseMask, plate: Plate) -> np.ndarray:
     return found
 
 
-def keep_masks(masks: list[CoarseMask], folder: Path) -> None:
-    """Copy the masks into the project's folder, each under its view's name; masks that are there already stay."""
-    targets = {folder / mask.object_name / f"{mask.view.name}{mask.path.suffix}": mask.path for mask in masks}
-    for target, source in targets.items():
-        if source.resolve() != target.resolve():
-            atomic_write(target, lambda temporary, source=source: shutil.copyfile(source, temporary))
+def copy_masks(masks: list[CoarseMask], folder: Path) -> None:
+    """Copy the masks into a folder, laid out as <object>/<view's name>.png (or as the mask's own format)."""
+    for mask in masks:
+        target = folder / mask.object_name / f"{mask.view.name}{mask.path.suffix}"
+        atomic_write(target, lambda temporary, source=mask.path: shutil.copyfile(source, temporary))

@@ -28,13 +28,13 @@ from ..field.scene import Scene, psnr_of_views
 from ..field.start import choose_space, start_fit
 from ..images import Plate, background_kind, solid_pixels, write_png
 from ..progress import Emit
-from ..project import Project, read_json, write_json
+from ..project import Project, write_json
 from ..rendering.rays import PixelBank
-from ..settings import Settings
 from ..triangulation import triangulate
 from ..wire import Request
-from .job import Job, make_job, run_stage, stage_fingerprint
+from .job import Job, file_mark, make_job, run_stage
 
+VERSION = 1
 UNFINISHED_SCHEMA = "karf-unfinished-nerf/1"
 WATCHED_VIEWS = 8
 COMPARED_VIEWS, COMPARED_LONG_SIDE = 3, 200  # photos that a foreign NeRF must show
@@ -54,40 +54,34 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     capture = open_capture(Path(options["capture"]))
     for remark in capture.remarks:
         emit("warning", code="capture", sentence=remark)
-    project = _open_project(request.project, options["capture"], capture, settings)
+    project = Project(request.project)
+    project.create(str(Path(options["capture"]).absolute()))
     job = make_job(project, options, settings, emit, should_stop)
-    photos = [[str(view.image), view.image.stat().st_mtime_ns] for view in capture.views]
-    inputs = [capture_to_json(capture), photos]
-    if capture.points is not None:
-        inputs.append(hashlib.sha256(capture.points.positions.tobytes() + capture.points.point.tobytes()).hexdigest())
-    if nerf is not None:
-        inputs.append(hashlib.sha256(nerf.read_bytes()).hexdigest())
-    mark = stage_fingerprint(job, "geometry", *inputs)
-    with run_stage(job, "geometry", mark) as facts:
-        if facts is None:
+    with run_stage(job, "geometry", VERSION, *_inputs(capture, nerf)) as run:
+        if run is None:
+            project.set_settings(settings_module.to_dict(settings))
             return
         n_photos = len(capture.split("train"))
         if n_photos < 3:
             raise DataError(f"{capture.source} has {n_photos} training photos.", "A scene needs at least three.")
-        scene = learn(job, capture, facts, mark) if nerf is None else take_over(job, capture, nerf, networks, facts)
-        scene.save(project.geometry_file)
-        project.unfinished_geometry_file.unlink(missing_ok=True)
-        job.artifact("geometry", project.geometry_file)
+        if nerf is None:
+            scene = learn(job, capture, run.facts, run.fingerprint)
+        else:
+            scene = take_over(job, capture, nerf, networks, run.facts)
+        write_json(run.output(project.capture_file), capture_to_json(capture))
+        scene.save(run.output(project.geometry_file))
+    project.unfinished_geometry_file.unlink(missing_ok=True)
+    job.artifact("geometry", project.geometry_file)
 
 
-def _open_project(folder: Path, source: str, capture: Capture, settings: Settings) -> Project:
-    """The project with this capture and these settings in it; files that hold them already are left alone."""
-    project = Project(folder)
-    with project.lock():
-        project.create(str(Path(source).absolute()))
-        content = capture_to_json(capture)
-        if not project.capture_file.exists() or read_json(project.capture_file, "capture") != content:
-            write_json(project.capture_file, content)
-        state = project.state()
-        wanted = state | {"settings": settings_module.to_dict(settings)}
-        if wanted != state:
-            write_json(project.state_file, wanted)
-    return project
+def _inputs(capture: Capture, nerf: Path | None) -> list:
+    """What the geometry is learned from, as JSON values."""
+    inputs = [capture_to_json(capture), [file_mark(view.image) for view in capture.views]]
+    if capture.points is not None:
+        inputs.append(hashlib.sha256(capture.points.positions.tobytes() + capture.points.point.tobytes()).hexdigest())
+    if nerf is not None:
+        inputs.append(hashlib.sha256(nerf.read_bytes()).hexdigest())
+    return inputs
 
 
 def learn(job: Job, capture: Capture, facts: dict, mark: str) -> Scene:

@@ -7,7 +7,7 @@ import json
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +15,14 @@ from .. import settings as settings_module
 from ..capture.capture import Capture, View, capture_from_json
 from ..errors import BadRequest
 from ..images import Plate, load_views
+from ..locking import consistent, writing
 from ..progress import Emit, Progress, peak_memory_bytes
 from ..project import STAGE_ORDER, Project, read_json
 from ..runtime import Runtime, start_runtime
 from ..settings import Settings
 from ..wire import Request
+
+WHOLE_BYTES, END_BYTES = 2**20, 2**18  # files up to here count whole, larger ones by their ends
 
 
 @dataclass(frozen=True)
@@ -38,8 +41,8 @@ class Job:
         return Progress(self.emit, self.should_stop, stage, total)
 
     def capture(self) -> Capture:
-        """The project's capture."""
-        path = self.project.capture_file
+        """The project's capture. Raises DataError where it is damaged."""
+        path = self.project.checked(self.project.capture_file)
         return capture_from_json(read_json(path, "capture"), path)
 
     def plates(self, views: Sequence[View], long_side: int | None = None) -> list[Plate]:
@@ -52,14 +55,41 @@ class Job:
         self.emit("artifact", kind=kind, path=str(path))
 
 
+@dataclass(frozen=True)
+class StageRun:
+    """A stage at work. fingerprint: of its settings and inputs. facts: its figures, to be noted when it is finished."""
+
+    fingerprint: str
+    _outputs: Path
+    facts: dict[str, Any] = field(default_factory=dict)
+
+    def output(self, path: Path) -> Path:
+        """Where to write what shall be this file or folder of the project, once all of the stage's outputs are there."""
+        return self._outputs / path.name
+
+
 def open_job(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> Job:
-    """Open the project of a request whose geometry stage has been started; settings are the project's own."""
+    """Open the project of a request whose geometry stage is finished, with the settings that its stage builds on."""
     project = Project(request.project)
-    stored = project.state().get("settings")
-    if stored is None:
+    return make_job(project, request.options, settings_for(project, request.stage), emit, should_stop)
+
+
+def settings_for(project: Project, stage: str) -> Settings:
+    """The project's settings for a stage: of those before it the ones that they were run with, for others as last set.
+
+    So what is finished is rendered as it was learned, whatever has been asked for since.
+    """
+    state = project.state()
+    if state.get("settings") is None:
         raise BadRequest(f"{project.folder} has no settings yet.", "Run the geometry stage first.")
-    settings = settings_module.from_dict(stored)
-    return make_job(project, request.options, settings, emit, should_stop)
+    settings = settings_module.from_dict(state["settings"])
+    before = STAGE_ORDER[: STAGE_ORDER.index(stage)] if stage in STAGE_ORDER else STAGE_ORDER
+    for name in before:
+        used = state["stages"].get(name, {}).get("settings")
+        if used is not None:
+            own = settings_module.from_dict(used, type(getattr(settings, name)))
+            settings = replace(settings, **{name: own})
+    return settings
 
 
 def make_job(
@@ -75,29 +105,55 @@ def fingerprint(*parts: Any) -> str:
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def stage_fingerprint(job: Job, stage: str, *inputs: Any) -> str:
-    """Fingerprint of a stage: its settings, its inputs and the stage before it."""
+def file_mark(path: Path) -> list:
+    """What tells a file from another one in its place: its size, and a hash of its content.
+
+    Of a file over 1 MiB, its first and last 256 KiB: whoever takes another picture changes these.
+    """
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        if size <= WHOLE_BYTES:
+            content = stream.read()
+        else:
+            content = stream.read(END_BYTES)
+            stream.seek(-END_BYTES, 2)
+            content += stream.read()
+    return [size, hashlib.sha256(content).hexdigest()]
+
+
+def stage_fingerprint(job: Job, stage: str, version: int, *inputs: Any) -> str:
+    """Fingerprint of a stage: its version, its settings, its inputs and the stage before it.
+
+    version: of the stage's code, raised when the same inputs give another result.
+    """
     number = STAGE_ORDER.index(stage)
     before = job.project.require(STAGE_ORDER[number - 1])["fingerprint"] if number else ""
     own = settings_module.to_dict(getattr(job.settings, stage))
-    return fingerprint(stage, before, job.settings.seed, own, *inputs)
+    return fingerprint(stage, version, before, job.settings.seed, own, *inputs)
 
 
 @contextmanager
-def run_stage(job: Job, stage: str, mark: str) -> Iterator[dict[str, Any] | None]:
-    """Run the body unless the stage is done with the same fingerprint, and note it as finished afterwards.
+def run_stage(job: Job, stage: str, version: int, *inputs: Any) -> Iterator[StageRun | None]:
+    """Run the body unless the stage is done with the same fingerprint, and put its outputs in their places afterwards.
 
-    Yields a dict for the stage's figures, or None where there is nothing to do.
+    Yields None where there is nothing to do. inputs: JSON values, see `stage_fingerprint`. Raises BadRequest where
+    another job holds the project.
     """
-    done = job.project.finished(stage)
-    if done is not None and done["fingerprint"] == mark:
-        job.emit("stage", name=stage, text="already done")
-        yield None
-        return
-    job.emit("stage", name=stage)
-    facts: dict[str, Any] = {}
-    start = time.perf_counter()
-    with job.project.lock():
-        yield facts
-        seconds = round(time.perf_counter() - start, 2)
-        job.project.finish(stage, mark, seconds=seconds, peak_memory=peak_memory_bytes(), **facts)
+    project = job.project
+    with writing(project):
+        project.remove_leftovers()
+        run = StageRun(stage_fingerprint(job, stage, version, *inputs), project.outputs_folder)
+        done = project.finished(stage)
+        if done is not None and done["fingerprint"] == run.fingerprint and project.is_intact(stage):
+            job.emit("stage", name=stage, text="already done")
+            yield None
+            return
+        job.emit("stage", name=stage)
+        start = time.perf_counter()
+        try:
+            yield run
+            figures = {"seconds": round(time.perf_counter() - start, 2), "peak_memory": peak_memory_bytes()}
+            with consistent(project):
+                project.commit(stage, run.fingerprint, settings_module.to_dict(job.settings), **figures, **run.facts)
+        finally:
+            project.remove_leftovers()

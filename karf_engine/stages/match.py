@@ -29,7 +29,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     for name in ("object", "source", "target", "out"):
         if not options.get(name):
             raise BadRequest(f"The match was given no {name}.", "Give object, source color, target color and out.")
-    palettes = read_palettes(project.palette_file)
+    palettes = read_palettes(project.checked(project.palette_file))
     compositing = from_dict(project.state()["settings"]).compositing
     edit = (
         read_edit(Path(options["edit"]), palettes, compositing)
@@ -48,7 +48,7 @@ def solve(project: Project, palette: Palette, source: np.ndarray, target: np.nda
     """The edited palette [M, 3] with which `source` [3] becomes `target` [3] on the palette's object."""
     if rule not in RULES:
         raise BadRequest(f"Unknown rule {rule!r}.", f"Use one of: {', '.join(RULES)}.")
-    colors, counts, weights = read_object_colors(project.object_colors_file, palette.name)
+    colors, counts, weights = read_object_colors(project.checked(project.object_colors_file), palette.name)
     if rule == "becomes":
         return match_becomes(colors, counts, weights, palette.colors, source, target)
     return match_fewest(nearest_weights(colors, weights, source), palette.colors, target, shown=source)

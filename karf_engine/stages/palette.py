@@ -16,22 +16,24 @@ from ..progress import Emit
 from ..project import atomic_write
 from ..settings import PaletteSettings
 from ..wire import Request
-from .job import Job, open_job, run_stage, stage_fingerprint
+from .job import Job, open_job, run_stage
 from .segmentation import MIN_SURE_PIXELS, SURFACE_SCHEMA
+
+VERSION = 1
 
 
 def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Extract a palette for every segmented object, or one for all of them."""
     job = open_job(request, emit, should_stop)
-    with run_stage(job, "palette", stage_fingerprint(job, "palette")) as facts:
-        if facts is None:
+    with run_stage(job, "palette", VERSION) as run:
+        if run is None:
             return
         names, pixels = object_pixels(job)
         palettes = extract_palettes(names, pixels, job.settings.palette, job.settings.seed)
-        write_palettes(job.project.palette_file, palettes, job.settings.palette.shared)
-        write_object_colors(job.project.object_colors_file, palettes, pixels)
-        facts["colors"] = {palette.name: len(palette.colors) for palette in palettes}
-        job.artifact("palette", job.project.palette_file)
+        write_palettes(run.output(job.project.palette_file), palettes, job.settings.palette.shared)
+        write_object_colors(run.output(job.project.object_colors_file), palettes, pixels)
+        run.facts["colors"] = {palette.name: len(palette.colors) for palette in palettes}
+    job.artifact("palette", job.project.palette_file)
 
 
 def object_pixels(job: Job) -> tuple[list[str], list[list[np.ndarray]]]:
@@ -39,7 +41,7 @@ def object_pixels(job: Job) -> tuple[list[str], list[list[np.ndarray]]]:
 
     Raises DataError where an object shows too few pixels to speak of a palette.
     """
-    tensors, facts = load_tensors(job.project.surface_file, SURFACE_SCHEMA)
+    tensors, facts = load_tensors(job.project.checked(job.project.surface_file), SURFACE_SCHEMA)
     colors = tensors["colors"].numpy().astype(np.float32) / 255
     owner, view, sure = (tensors[name].numpy() for name in ("object", "view", "sure"))
     pixels = []

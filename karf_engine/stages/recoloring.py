@@ -14,28 +14,28 @@ from ..edit.palette import Palette, read_palettes, write_palettes
 from ..field.fit_heads import ObjectRays, fit_recoloring
 from ..field.karf import RecoloringField
 from ..field.scene import Field, Scene
-from ..labels.coarse_masks import find_masks
 from ..palette.loco_weights import loco_weights
 from ..palette.star_weights import star_weights
 from ..progress import Emit
 from ..project import read_json
 from ..settings import RecoloringSettings, from_dict, to_dict
 from ..wire import Request
-from .job import Job, open_job, run_stage, stage_fingerprint
+from .job import Job, open_job, run_stage
 from .palette import object_pixels, write_object_colors
 from .segmentation import SURFACE_SCHEMA, load_segmentation
 
+VERSION = 1
 SCHEMA = "karf-recoloring/1"
 
 
 def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Learn view-consistent palette weights, and adapt the palettes."""
     job = open_job(request, emit, should_stop)
-    with run_stage(job, "recoloring", stage_fingerprint(job, "recoloring")) as facts:
-        if facts is None:
+    with run_stage(job, "recoloring", VERSION) as run:
+        if run is None:
             return
         initial = initial_palettes(job)
-        scene = Scene.load(job.project.geometry_file, job.runtime.device)
+        scene = Scene.load(job.project.checked(job.project.geometry_file), job.runtime.device)
         segmentation, _ = load_segmentation(job)
         blocks = initial[:1] if job.settings.palette.shared else initial
         sizes = [len(palette.colors) for palette in blocks]
@@ -47,20 +47,19 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         learned = fit_recoloring(
             karf, scene.field, rays, stacked.to(job.runtime.device), settings, job.runtime, progress
         )
-        save_tensors(
-            job.project.recoloring_file, karf.state_dict(), SCHEMA, {"sizes": sizes, "settings": to_dict(settings)}
-        )
+        facts = {"sizes": sizes, "settings": to_dict(settings)}
+        save_tensors(run.output(job.project.recoloring_file), karf.state_dict(), SCHEMA, facts)
         palettes = _learned_palettes(initial, learned.cpu().numpy(), sizes)
-        write_palettes(job.project.palette_file, palettes, job.settings.palette.shared, initial)
-        write_object_colors(job.project.object_colors_file, palettes, object_pixels(job)[1])
+        write_palettes(run.output(job.project.palette_file), palettes, job.settings.palette.shared, initial)
+        write_object_colors(run.output(job.project.object_colors_file), palettes, object_pixels(job)[1])
         moved = [float(np.abs(a.colors - b.colors).max()) for a, b in zip(palettes, initial, strict=True)]
-        facts["palette_moved"] = round(max(moved), 4)
-        job.artifact("recoloring", job.project.recoloring_file)
+        run.facts["palette_moved"] = round(max(moved), 4)
+    job.artifact("recoloring", job.project.recoloring_file)
 
 
 def initial_palettes(job: Job) -> list[Palette]:
     """The palettes as extracted, also where an earlier run has already learned others."""
-    path = job.project.palette_file
+    path = job.project.checked(job.project.palette_file)
     names = [palette.name for palette in read_palettes(path)]
     entries = {entry["name"]: entry["initial"] for entry in read_json(path, "palettes")["objects"]}
     return [Palette(name, np.array(entries[name], np.float32)) for name in names]
@@ -68,7 +67,7 @@ def initial_palettes(job: Job) -> list[Palette]:
 
 def object_rays(job: Job, scene_field: Field, blocks: list[Palette]) -> ObjectRays:
     """The rays well inside the objects, with the weights of their photo colors over the objects' palettes."""
-    tensors, _ = load_tensors(job.project.surface_file, SURFACE_SCHEMA, job.runtime.device)
+    tensors, _ = load_tensors(job.project.checked(job.project.surface_file), SURFACE_SCHEMA, job.runtime.device)
     settings = job.settings.recoloring
     sure = tensors["sure"]
     positions, view = tensors["positions"][sure], tensors["view"][sure].long()
@@ -97,7 +96,7 @@ def _loco_weights(
     features = scene_field.features(surface).cpu().numpy()
     world = scene_field.space.to_world(surface).double().cpu().numpy()
     rgb, number = colors.cpu().numpy(), view.cpu().numpy()
-    names, capture = read_json(job.project.segmentation_report, "report")["views"], job.capture()
+    names, capture = _report(job)["views"], job.capture()
     weights = np.zeros((len(rgb), len(palette.colors)), np.float32)
     progress = job.progress("loco", len(np.unique(number)))
     for n in np.unique(number):
@@ -111,9 +110,12 @@ def _loco_weights(
 
 def _reference_views(job: Job) -> Tensor:
     """Numbers, among the views that segmentation cached, of those that a mask marks."""
-    marked = {mask.view.name for mask in find_masks(job.project.masks_folder, job.capture())}
-    cached = read_json(job.project.segmentation_report, "report")["views"]
-    return torch.tensor([number for number, name in enumerate(cached) if name in marked])
+    report = _report(job)
+    return torch.tensor([number for number, name in enumerate(report["views"]) if name in report["marked"]])
+
+
+def _report(job: Job) -> dict:
+    return read_json(job.project.checked(job.project.segmentation_report), "report")
 
 
 def _learned_palettes(initial: list[Palette], learned: np.ndarray, sizes: list[int]) -> list[Palette]:
@@ -127,7 +129,7 @@ def _learned_palettes(initial: list[Palette], learned: np.ndarray, sizes: list[i
 
 def load_recoloring(job: Job, bounds: Tensor, n_features: int) -> RecoloringField:
     """F_w of the project. bounds: those of F_s, [2, 3]."""
-    tensors, facts = load_tensors(job.project.recoloring_file, SCHEMA, job.runtime.device)
+    tensors, facts = load_tensors(job.project.checked(job.project.recoloring_file), SCHEMA, job.runtime.device)
     settings = from_dict(facts["settings"], RecoloringSettings)
     karf = RecoloringField(bounds, n_features, facts["sizes"], settings).to(job.runtime.device)
     karf.load_state_dict(tensors)

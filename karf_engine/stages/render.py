@@ -17,6 +17,7 @@ they are sharp and hold the highlights. For any other camera from F_w, which is 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -32,9 +33,10 @@ from ..field.fit_heads import ObjectSamples, object_samples, segment_cache, weig
 from ..field.karf import RecoloringField, SegmentationField
 from ..field.scene import Picture, Scene
 from ..images import Plate, write_png
+from ..locking import consistent, writing
 from ..palette.star_weights import palette_weights_of_image
 from ..progress import Emit
-from ..project import atomic_write
+from ..project import Project, atomic_write
 from ..wire import Request
 from .job import Job, open_job
 from .recoloring import load_recoloring
@@ -66,7 +68,7 @@ class Renderer:
 
     def __init__(self, job: Job) -> None:
         self._job = job
-        self.scene = Scene.load(job.project.geometry_file, job.runtime.device)
+        self.scene = Scene.load(job.project.checked(job.project.geometry_file), job.runtime.device)
         self.objects: list[str] = []
         self.palettes: tuple[Palette, ...] = ()
         self.segmentation: SegmentationField | None = None
@@ -76,7 +78,7 @@ class Renderer:
         if job.project.finished("recoloring"):
             n_features = self.scene.field.n_features
             self.recoloring = load_recoloring(job, self.segmentation.bounds, n_features)
-            self.palettes = read_palettes(job.project.palette_file)
+            self.palettes = read_palettes(job.project.checked(job.project.palette_file))
 
     @property
     def learned(self) -> np.ndarray:
@@ -147,9 +149,17 @@ class Renderer:
 
 
 def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
-    """Render the requested views."""
-    job = open_job(request, emit, should_stop)
-    job.project.require("geometry")
+    """Render the requested views. With planes, which belong to the project, it is held for writing."""
+    project = Project(request.project)
+    project.require("geometry")
+    with writing(project) if request.options.get("planes") else nullcontext():
+        with consistent(project):
+            job = open_job(request, emit, should_stop)
+            renderer = Renderer(job)
+        _render(job, renderer)
+
+
+def _render(job: Job, renderer: Renderer) -> None:
     options = job.options
     edit_path = options.get("edit")
     if edit_path or options.get("planes"):
@@ -157,7 +167,6 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     if not options.get("out") and not options.get("planes"):
         raise BadRequest("The render stage was given nowhere to write.", "Name a folder with --out.")
     views, captured = select_views(job, options.get("views", "test"))
-    renderer = Renderer(job)
     edit = read_edit(Path(edit_path), renderer.palettes, job.settings.compositing) if edit_path else None
     names = file_names(views)
     on_photo = captured and (options.get("base") or BASES[job.settings.compositing]) == "photo"

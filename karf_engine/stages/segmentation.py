@@ -26,7 +26,7 @@ from ..field.fit_heads import fit_on_points, fit_on_rays, segment_cache
 from ..field.karf import SegmentationField
 from ..field.scene import Scene
 from ..images import Plate
-from ..labels.coarse_masks import CoarseMask, find_masks, keep_masks, load_mask
+from ..labels.coarse_masks import CoarseMask, copy_masks, find_masks, load_mask
 from ..labels.seeds import mask_confidence, mask_targets, vote_on_points
 from ..labels.solve import Labels, solve_labels
 from ..labels.surface_points import SurfacePoints, merge_samples
@@ -36,8 +36,9 @@ from ..rendering.rays import camera_rays
 from ..rendering.surface_cache import SurfaceCache, cache_surface, join_caches
 from ..settings import SegmentationSettings, from_dict, to_dict
 from ..wire import Request
-from .job import Job, open_job, run_stage, stage_fingerprint
+from .job import Job, StageRun, open_job, run_stage
 
+VERSION = 1
 SCHEMA = "karf-segmentation/1"
 SURFACE_SCHEMA = "karf-surface/1"
 MOST_POINTS = 60_000  # of a label solve, about: finer ones have few votes each, and colors outvote their neighbors
@@ -55,18 +56,20 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     job = open_job(request, emit, should_stop)
     job.project.require("geometry")
     capture = job.capture()
-    masks = find_masks(Path(job.options.get("masks") or job.project.masks_folder), capture)
+    folder = Path(job.options.get("masks") or job.project.masks_folder)
+    masks = find_masks(folder, capture)
     digests = [[m.object_name, m.view.name, hashlib.sha256(m.path.read_bytes()).hexdigest()] for m in masks]
-    with run_stage(job, "segmentation", stage_fingerprint(job, "segmentation", digests)) as facts:
-        if facts is None:
+    with run_stage(job, "segmentation", VERSION, digests) as run:
+        if run is None:
             return
-        scene = Scene.load(job.project.geometry_file, job.runtime.device)
+        scene = Scene.load(job.project.checked(job.project.geometry_file), job.runtime.device)
         cached = cache_views(job, scene, masks, list(capture.split("train")))
-        keep_masks(masks, job.project.masks_folder)
-        report = segment(job, scene, cached)
-        facts["objects"] = report["objects"]
-        write_json(job.project.segmentation_report, report)
-        job.artifact("segmentation", job.project.segmentation_file)
+        report = segment(job, scene, cached, run)
+        run.facts["objects"] = report["objects"]
+        write_json(run.output(job.project.segmentation_report), report)
+        if folder.resolve() != job.project.masks_folder.resolve():
+            copy_masks(masks, run.output(job.project.masks_folder))
+    job.artifact("segmentation", job.project.segmentation_file)
 
 
 @dataclass(frozen=True)
@@ -134,7 +137,7 @@ def spread_views(views: list[View], first: list[str], count: int) -> list[View]:
     return [views[number] for number in chosen]
 
 
-def segment(job: Job, scene: Scene, cached: CachedViews) -> dict:
+def segment(job: Job, scene: Scene, cached: CachedViews, run: StageRun) -> dict:
     """Labels, F_s, and the objects' rays; returns the report."""
     settings, cache = job.settings.segmentation, cached.cache
     votes, confidence = cached.targets()
@@ -150,7 +153,7 @@ def segment(job: Job, scene: Scene, cached: CachedViews) -> dict:
     _warn_of_low_precision(job, cached.objects, labels)
     karf = _fit(job, scene, cached, points, labels, votes, confidence)
     probabilities = segment_cache(karf, scene.field, cache)
-    _save(job, karf, cached, probabilities)
+    _save(job, karf, cached, probabilities, run)
     return _report(cached, labels, probabilities)
 
 
@@ -264,10 +267,10 @@ def _near_objects(positions: np.ndarray, classes: np.ndarray, reach: float) -> n
     return np.isfinite(tree.query(positions, distance_upper_bound=reach)[0])
 
 
-def _save(job: Job, karf: SegmentationField, cached: CachedViews, probabilities: Tensor) -> None:
+def _save(job: Job, karf: SegmentationField, cached: CachedViews, probabilities: Tensor, run: StageRun) -> None:
     """Write F_s, and the object rays that the palette and recoloring stages learn from."""
     facts = {"objects": cached.objects, "settings": to_dict(job.settings.segmentation)}
-    save_tensors(job.project.segmentation_file, karf.state_dict(), SCHEMA, facts)
+    save_tensors(run.output(job.project.segmentation_file), karf.state_dict(), SCHEMA, facts)
     cache = cached.cache
     label = probabilities.argmax(1)
     rays = torch.nonzero(label > 0).squeeze(1)
@@ -282,7 +285,7 @@ def _save(job: Job, karf: SegmentationField, cached: CachedViews, probabilities:
         "sure": sure[rays.cpu()],
         "view": torch.from_numpy(view).to(torch.int16),
     }
-    save_tensors(job.project.surface_file, tensors, SURFACE_SCHEMA, facts)
+    save_tensors(run.output(job.project.surface_file), tensors, SURFACE_SCHEMA, facts)
 
 
 def _interior(cached: CachedViews, label: Tensor, probabilities: Tensor) -> Tensor:
@@ -308,7 +311,7 @@ def _interior(cached: CachedViews, label: Tensor, probabilities: Tensor) -> Tens
 
 def load_segmentation(job: Job) -> tuple[SegmentationField, list[str]]:
     """F_s of the project, and the objects' names."""
-    tensors, facts = load_tensors(job.project.segmentation_file, SCHEMA, job.runtime.device)
+    tensors, facts = load_tensors(job.project.checked(job.project.segmentation_file), SCHEMA, job.runtime.device)
     n_features = len(tensors["standardizer.mean"])
     settings = from_dict(facts["settings"], SegmentationSettings)
     karf = SegmentationField(tensors["boxes"], n_features, settings).to(job.runtime.device)
@@ -330,5 +333,6 @@ def _report(cached: CachedViews, labels: Labels, probabilities: Tensor) -> dict:
         "precision": {n: round(float(p), 4) for n, p in zip(cached.objects, labels.precision, strict=True)},
         "iou_with_marks": agreement,
         "views": [plate.view.name for plate in cached.plates],
+        "marked": [plate.view.name for plate, masks in zip(cached.plates, cached.masks, strict=True) if masks],
         "surface_points": len(labels.probabilities),
     }

@@ -11,8 +11,8 @@ pytest.importorskip("imageio")
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import Capture, View
 from karf_engine.errors import DataError
-from karf_engine.images import Plate, read_mask, write_png
-from karf_engine.labels.coarse_masks import find_masks, keep_masks, load_mask
+from karf_engine.images import Plate, write_png
+from karf_engine.labels.coarse_masks import copy_masks, find_masks, load_mask
 
 MASK = np.zeros((12, 18), bool)
 MASK[2:8, 4:12] = True
@@ -108,12 +108,9 @@ def test_masks_are_painted_on_the_photo_so_its_lens_bends_them_too(tmp_path, cap
     assert found.sum() > MASK.sum() and not np.array_equal(found, MASK)
 
 
-def test_kept_masks_are_copies_under_their_views_names(tmp_path, capture):
+def test_copied_masks_lie_under_their_views_names(tmp_path, capture):
     write_png(tmp_path / "given" / "pot" / "r_0.png", MASK)
-    masks = find_masks(tmp_path / "given", capture)
-    keep_masks(masks, tmp_path / "kept")
-    assert np.array_equal(read_mask(tmp_path / "kept" / "pot" / "train_r_0.png"), MASK)
-    again = find_masks(tmp_path / "kept", capture)
-    keep_masks(again, tmp_path / "kept")
-    assert [(m.object_name, m.view.name) for m in again] == [("pot", "train_r_0")]
+    copy_masks(find_masks(tmp_path / "given", capture), tmp_path / "copies")
+    again = find_masks(tmp_path / "copies", capture)
+    assert [(m.object_name, m.view.name, m.path.name) for m in again] == [("pot", "train_r_0", "train_r_0.png")]
     assert np.array_equal(load_mask(again[0], plate_of(again[0].view)), MASK)

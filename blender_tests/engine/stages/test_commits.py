@@ -1,0 +1,140 @@
+"""A project is never changed by a job that does not finish, and a plain rerun mends what was damaged."""
+
+import os
+import shutil
+
+import pytest
+
+pytest.importorskip("torch")
+
+from blender_tests.engine.conftest import QUICK
+from karf_engine.cli import main, run_stage
+from karf_engine.errors import Cancelled
+from karf_engine.project import STAGE_ORDER, Project
+from karf_engine.stages import geometry
+from karf_engine.wire import Request
+
+
+@pytest.fixture
+def copy(learned, tmp_path):
+    """A project of one's own."""
+    return Project(shutil.copytree(learned.project, tmp_path / "project"))
+
+
+def contents(folder):
+    # lock files and previews of learning are no results
+    skipped = {"lock", "commit.lock", "preview.png"}
+    files = [path for path in folder.rglob("*") if path.is_file() and path.name not in skipped]
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files if "unfinished" not in path.name}
+
+
+def pictures(project, out):
+    assert main(["render", str(project.folder), "--views", "test", "--out", str(out), "--threads", "1"]) == 0
+    return contents(out)
+
+
+def stages_run(printed):
+    return [stage for stage in STAGE_ORDER if f"{stage}: already done" not in printed]
+
+
+# ------------------------------------------------------------------------------------------------------------- cancelling
+@pytest.mark.parametrize("change", ["geometry.long_side=40", "seed=7", "segmentation.width=8", "recoloring.width=8"])
+def test_a_cancelled_job_leaves_the_project_as_it_was(still_life, copy, tmp_path, monkeypatch, change):
+    before, shown = contents(copy.folder), pictures(copy, tmp_path / "before")
+    options = {"capture": str(still_life.capture), "masks": str(still_life.masks), "threads": 1}
+    options["overrides"] = [*QUICK, change]
+    steps = []
+
+    def stop_after_some():
+        steps.append(1)
+        return len(steps) > 5
+
+    with pytest.raises(Cancelled):
+        run_stage(Request("all", copy.folder, options), lambda *_, **__: None, stop_after_some)
+    after = contents(copy.folder)
+    for content in (before, after):  # it may know what was asked for
+        content.pop("project.json")
+    assert after == before
+    assert all(copy.finished(stage) for stage in STAGE_ORDER)
+    assert pictures(copy, tmp_path / "after") == shown
+
+
+def test_masks_of_a_cancelled_segmentation_are_not_kept(still_life, copy, tmp_path):
+    masks = shutil.copytree(still_life.masks, tmp_path / "masks")
+    shutil.rmtree(masks / "block")
+    before = contents(copy.folder)
+    with pytest.raises(Cancelled):
+        options = {"masks": str(masks), "threads": 1}
+        run_stage(Request("segmentation", copy.folder, options), lambda *_, **__: None, lambda: True)
+    assert contents(copy.folder) == before
+
+
+def test_masks_of_an_earlier_segmentation_are_set_aside(still_life, copy, tmp_path):
+    masks = shutil.copytree(still_life.masks, tmp_path / "masks")
+    shutil.rmtree(masks / "block")
+    assert main(["segmentation", str(copy.folder), "--masks", str(masks), "--threads", "1"]) == 0
+    assert {path.name for path in copy.masks_folder.iterdir()} == {"ball"}
+    assert {path.name for path in (copy.folder / "earlier_masks").iterdir()} == {"ball", "block"}
+
+
+# ----------------------------------------------------------------------------------------------------------------- damage
+@pytest.mark.parametrize(
+    ("name", "stage"),
+    [
+        ("geometry.safetensors", "geometry"),
+        ("capture.json", "geometry"),
+        ("segmentation.safetensors", "segmentation"),
+        ("surface.safetensors", "segmentation"),
+        ("palette.json", "palette"),
+        ("recoloring.safetensors", "recoloring"),
+    ],
+)
+def test_a_flipped_bit_is_noticed_and_a_plain_rerun_mends_it(still_life, copy, tmp_path, capsys, name, stage):
+    before = contents(copy.folder)
+    path = copy.folder / name
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    if name != "surface.safetensors":  # which only learning reads
+        assert main(["render", str(copy.folder), "--views", "test", "--out", str(tmp_path / "out")]) == 4
+        assert f"{path} is damaged" in capsys.readouterr().err
+        assert not (tmp_path / "out").exists()
+    assert main(still_life.command(copy.folder)) == 0
+    assert stages_run(capsys.readouterr().err)[0] == stage
+    after = contents(copy.folder)
+    assert after.pop("project.json") != before.pop("project.json")  # other seconds
+    assert after == before
+
+
+# ------------------------------------------------------------------------------------------------------------ fingerprints
+def test_a_stage_whose_code_gives_another_result_runs_again(still_life, copy, capsys, monkeypatch):
+    monkeypatch.setattr(geometry, "VERSION", geometry.VERSION + 1)
+    assert main(still_life.command(copy.folder)) == 0
+    assert stages_run(capsys.readouterr().err) == list(STAGE_ORDER)
+
+
+def test_photos_count_by_what_they_show_and_not_by_their_time(still_life, copy, tmp_path, capsys):
+    photo = next((still_life.capture / "train").iterdir())
+    kept, stamp = photo.read_bytes(), photo.stat()
+    try:
+        os.utime(photo)
+        assert main(still_life.command(copy.folder)) == 0
+        assert stages_run(capsys.readouterr().err) == []
+        other = next(path for path in (still_life.capture / "train").iterdir() if path != photo)
+        photo.write_bytes(other.read_bytes())
+        os.utime(photo, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
+        assert main(still_life.command(copy.folder)) == 0
+        assert stages_run(capsys.readouterr().err)[0] == "geometry"
+    finally:
+        photo.write_bytes(kept)
+        os.utime(photo, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
+
+
+# ------------------------------------------------------------------------------------------------------------------- reading
+def test_a_project_that_is_being_learned_anew_can_be_rendered(copy, tmp_path):
+    from karf_engine.locking import writing
+
+    with writing(copy):
+        assert pictures(copy, tmp_path / "out")
+        # planes belong to the project: they wait for the job's end
+        assert main(["render", str(copy.folder), "--views", "test", "--planes", "--out", str(tmp_path)]) == 2
