@@ -24,7 +24,7 @@ def file_name(text: str) -> str:
     name = name.encode()[:LONGEST_MADE].decode(errors="ignore")
     if name.rstrip(". ") != name:  # Windows drops them
         name = name.rstrip(". ") + "_"
-    return f"{name}_" if RESERVED.fullmatch(name) or not name else name
+    return f"_{name}" if RESERVED.fullmatch(name) or not name else name
 
 
 def is_file_name(value: Any) -> bool:
