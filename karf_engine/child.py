@@ -11,7 +11,8 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
-from .errors import KarfError
+from .errors import KarfError, error_from_code
+from .failures import known_failure
 
 Message = tuple[str, Any]
 SILENCE: Message = ("", None)  # ten times a second while the child says nothing, so that its reader can do other things
@@ -45,12 +46,16 @@ def _run(pipe: Connection, work: Callable, task: Any) -> None:
     try:
         pipe.send(("result", work(lambda kind, value=None: pipe.send((kind, value)), task)))
     except Exception as error:
-        pipe.send(("error", str(error) or type(error).__name__))
+        known = known_failure(error)
+        told = (known.code, known.sentence, known.hint) if known else str(error) or type(error).__name__
+        pipe.send(("failure" if known else "error", told))
 
 
 def _messages(name: str, child: BaseProcess, pipe: Connection) -> Iterator[Message]:
     while True:
         kind, value = _received(name, child, pipe) if pipe.poll(0.1) else SILENCE
+        if kind == "failure":
+            raise error_from_code(*value)
         if kind == "error":
             raise KarfError(f"{name} failed: {value}.", "Try other photos, or give a capture with poses.")
         yield kind, value

@@ -15,7 +15,8 @@ from importlib import import_module, metadata
 from pathlib import Path
 
 from . import __version__
-from .errors import Cancelled, DataError, KarfError, MissingDependency, OutOfMemory, missing_package
+from .errors import Cancelled, DataError, KarfError, MissingDependency, missing_package
+from .failures import known_failure
 from .progress import Emit, TerminalEmit
 from .project import Project, read_json
 from .settings import PRESETS, describe
@@ -30,22 +31,33 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return options.action(options)
     except KeyboardInterrupt:
-        print("\ncancelled; what was finished is kept.", file=sys.stderr)
+        _say("\ncancelled; what was finished is kept.")
         return Cancelled.exit_code
     except Exception as raised:
         error = _as_karf_error(raised)
-        print(f"error: {error.sentence}\n       {error.hint}".rstrip(), file=sys.stderr)
+        _say_error(error)
         return error.exit_code
 
 
 def _as_karf_error(error: Exception) -> KarfError:
     """The error as the user gets it; of an internal one the trace is printed too."""
-    if isinstance(error, KarfError):
-        return error
-    if isinstance(error, MemoryError):
-        return OutOfMemory("The computer ran out of memory.", "Lower geometry.long_side, or close other programs.")
-    traceback.print_exception(error)
+    if (known := known_failure(error)) is not None:
+        return known
+    _say("".join(traceback.format_exception(error)).rstrip())
     return KarfError(f"Internal error: {error!r}.", "Report it with its trace (of a job: in engine.log).")
+
+
+def _say_error(error: KarfError) -> None:
+    _say(f"error: {error.sentence}\n       {error.hint}".rstrip())
+
+
+def _say(text: str) -> None:
+    """Print to standard error; where that is a log on a full disk, the exit code must do."""
+    try:
+        print(text, file=sys.stderr, flush=True)
+    except OSError:
+        # else the interpreter would try again at its end, and change the exit code
+        sys.stderr = Path(os.devnull).open("w", encoding="utf-8")
 
 
 # ---------------------------------------------------------------------------------------------------------------- verbs
@@ -182,6 +194,7 @@ def _run_here(stage: str, options: argparse.Namespace, values: dict) -> None:
 
 def run_stage(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Run a request in this process. Raises KarfError; a missing package becomes MissingDependency."""
+    request.check_options()
     stages = LEARNING if request.stage == "all" else (request.stage,)
     for stage in stages:
         try:
@@ -224,12 +237,20 @@ def run_job(job: Path) -> int:
         emit("done", summary=_summary(request))
     except Exception as raised:
         error = _as_karf_error(raised)
+        _tell_end(emit, error)
+        return error.exit_code
+    return 0
+
+
+def _tell_end(emit: Emit, error: KarfError) -> None:
+    """The job's last event; on standard error where the events cannot be written."""
+    try:
         if error.code == "cancelled":
             emit("cancelled", sentence=error.sentence)
         else:
             emit("error", code=error.code, sentence=error.sentence, hint=error.hint)
-        return error.exit_code
-    return 0
+    except OSError:
+        _say_error(error)
 
 
 def _version(package: str) -> str | None:

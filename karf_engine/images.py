@@ -6,7 +6,8 @@ value at [row, column] belongs to the position (u, v) = (column + 0.5, row + 0.5
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -16,14 +17,16 @@ import cv2
 import imageio.v3 as iio
 import numpy as np
 import OpenEXR
+from PIL import Image
 from scipy.ndimage import maximum_filter
 
 from .capture.camera import Camera
 from .capture.capture import View
 from .capture.distortion import distort
-from .capture.image_size import ImageHeader, find_header, unreadable
+from .capture.image_size import MOST_PIXELS, MOST_PIXELS_OF_SMALL, ImageHeader, check_pixels, find_header, unreadable
 from .edit.color import linear_to_srgb, to_bytes
-from .errors import DataError
+from .errors import DataError, KarfError
+from .failures import is_out_of_memory
 from .project import atomic_write
 
 BORDER_TOLERANCE = 0.04  # a border pixel this near to black or white counts as such: JPEG noise, dark gray paper
@@ -33,6 +36,10 @@ VIEW_SHARE = 0.9  # of the views: a few may be close-ups
 LENS_ROWS = 256  # rows of a lens map that are computed at once: float64 temporaries of whole photos are large
 LENS_DETAIL = 3  # photos are undistorted at this multiple of the working size, so that interpolation costs no detail
 
+MOST_PIXELS_OF_SMALL_EXR = 8_000_000  # of up to four channels: each takes several copies of floats
+MOST_PIXELS_OF_SMALL_MASK = 100_000_000  # of drawings, which pack well
+
+Image.MAX_IMAGE_PIXELS = MOST_PIXELS  # sizes are checked here, before a picture is decoded
 cv2.setNumThreads(1)  # its threads would fight torch's for the same cores
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # what matters becomes a DataError
 
@@ -60,33 +67,45 @@ def read_photo(path: Path, upright: bool = True) -> np.ndarray:
     premultiplied alpha: they become sRGB, clipped, with straight alpha, as large as their display window.
     Raises DataError naming the file and the reason where it cannot be read.
     """
-    try:
-        header = find_header(path) or ImageHeader(0, 0)  # Pillow knows more kinds than `find_header`
-        if header.kind == "exr":
-            return _read_exr(path, header)
-        colors = _read_deep(path, header) if header.deep else _read_plain(path, upright)
-    except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
-        raise DataError(f"{path} cannot be read: {error.strerror}.", "Check the path.") from error
-    except Exception as error:  # damaged files make decoders raise nearly anything
-        raise unreadable(path, str(error) or type(error).__name__) from error
-    if header.kind == "tiff":  # decoders always turn these
-        return colors if upright else _turned(colors, {6: 8, 8: 6}.get(header.orientation, header.orientation))
-    return _turned(colors, header.orientation) if header.deep and upright else colors
-
-
-def _read_plain(path: Path, upright: bool) -> np.ndarray:
-    with iio.imopen(path.read_bytes(), "r", plugin="pillow") as file:
-        mode = _mode_to_read(file.metadata(index=0))
-        return _as_colors(file.read(index=0, mode=mode, rotate=upright))
-
-
-def _read_deep(path: Path, header: ImageHeader) -> np.ndarray:
-    """Colors of more than 8 bits, which Pillow would cut to 8."""
-    pixels = iio.imread(path.read_bytes(), plugin="opencv", index=0, flags=cv2.IMREAD_UNCHANGED)
+    pixels, header = _read_pixels(path, upright)
     colors = _as_colors(pixels)
-    if header.premultiplied and colors.shape[-1] == 4:
+    if header.premultiplied and header.kind != "exr" and colors.shape[-1] == 4:
         colors[..., :3] = _straight(colors)
     return colors
+
+
+def _read_pixels(path: Path, upright: bool, of_small: int = MOST_PIXELS_OF_SMALL) -> tuple[np.ndarray, ImageHeader]:
+    """Pixels [H, W] or [H, W, C] as deep as they are stored, and the file's header; of EXR display colors.
+
+    of_small: how many pixels are read of the smallest file. Raises DataError as `read_photo`.
+    """
+    try:
+        header = find_header(path) or ImageHeader(0, 0)  # Pillow knows more kinds than `find_header`
+        check_pixels(path, *header.stored, of_small)
+        if header.kind == "exr":
+            return _read_exr(path, header), header
+        pixels = _read_deep(path) if header.deep else _read_plain(path, upright, of_small)
+    except Exception as error:  # damaged files make decoders raise nearly anything
+        if isinstance(error, KarfError | PermissionError) or is_out_of_memory(error):
+            raise
+        raise unreadable(path, str(error) or type(error).__name__) from error
+    if header.kind == "tiff":  # decoders always turn these
+        turn = 1 if upright else {6: 8, 8: 6}.get(header.orientation, header.orientation)
+    else:
+        turn = header.orientation if header.deep and upright else 1
+    return _turned(pixels, turn), header
+
+
+def _read_plain(path: Path, upright: bool, of_small: int) -> np.ndarray:
+    with iio.imopen(path.read_bytes(), "r", plugin="pillow") as file:
+        stored = file.metadata(index=0)
+        check_pixels(path, *stored["shape"], of_small)
+        return file.read(index=0, mode=_mode_to_read(stored), rotate=upright)
+
+
+def _read_deep(path: Path) -> np.ndarray:
+    """Colors of more than 8 bits, which Pillow would cut to 8."""
+    return iio.imread(path.read_bytes(), plugin="opencv", index=0, flags=cv2.IMREAD_UNCHANGED)
 
 
 def _turned(pixels: np.ndarray, orientation: int) -> np.ndarray:
@@ -101,6 +120,12 @@ def _turned(pixels: np.ndarray, orientation: int) -> np.ndarray:
 
 
 def _read_exr(path: Path, header: ImageHeader) -> np.ndarray:
+    for part in OpenEXR.File(str(path), header_only=True).parts:
+        first, last = part.header["dataWindow"]
+        width, height = (last.astype(int) - first + 1).tolist()
+        layers = math.ceil(len(part.header["channels"]) / 4)
+        for size in ((width, height * layers), header.stored):
+            check_pixels(path, *size, MOST_PIXELS_OF_SMALL_EXR)
     file = OpenEXR.File(str(path))
     channels = {name: channel.pixels for name, channel in file.channels().items()}
     layers = [name for name, pixels in channels.items() if pixels.ndim == 3]
@@ -139,8 +164,13 @@ def _as_colors(pixels: np.ndarray) -> np.ndarray:
     if pixels.ndim == 2:
         pixels = np.repeat(pixels[..., None], 3, axis=-1)
     colors = pixels.astype(np.float32)
-    colors /= 255 if pixels.dtype == np.uint8 else 65535 if pixels.dtype.kind in "ui" else 1
+    colors /= _full(pixels)
     return np.clip(colors, 0, 1, out=colors)
+
+
+def _full(pixels: np.ndarray) -> int:
+    """The stored value of full brightness."""
+    return 255 if pixels.dtype == np.uint8 else 65535 if pixels.dtype.kind in "ui" else 1
 
 
 def write_png(path: Path, array: np.ndarray) -> None:
@@ -162,13 +192,15 @@ def read_mask(path: Path) -> np.ndarray:
 
     A file whose only values are 0 and 1 (of 255) is read as a label image. Raises DataError naming the file.
     """
-    photo = read_photo(path)
-    color = photo[..., :3].max(-1)
+    pixels, _ = _read_pixels(path, True, MOST_PIXELS_OF_SMALL_MASK)  # no floats: masks of large photos are small files
+    pixels = np.atleast_3d(pixels)
+    full = _full(pixels)
+    color = pixels[..., :3].max(-1)
     brightest = color.max()
-    inside = color > (0.5 if brightest > 1.5 / 255 else brightest / 2)
-    if photo.shape[-1] == 3:
+    inside = color > (full / 2 if brightest > 1.5 / 255 * full else brightest / 2)
+    if pixels.shape[-1] < 4:
         return inside
-    opaque = photo[..., 3] > 0.5
+    opaque = pixels[..., 3] > full / 2
     # a cut-out may have any color; a mask saved with a flat alpha channel has its shape in the color
     return opaque if opaque.any() and not opaque.all() else inside & opaque
 
@@ -279,9 +311,12 @@ def _straight(photo: np.ndarray) -> np.ndarray:
     return np.minimum(color, 1.0)  # the quotient may round to above one
 
 
-def background_kind(photos: Iterable[np.ndarray]) -> str:
+def background_kind(photos: Sequence[np.ndarray]) -> str:
     """What surrounds the object in float photos [H, W, 3 or 4]: `alpha` (a matte), `black`, `white`, or `opaque`
-    (a real background). An alpha channel that is 1 everywhere is no matte."""
+    (a real background). An alpha channel that is 1 everywhere is no matte. Raises DataError where all photos are
+    transparent everywhere."""
+    if photos and all(photo.shape[-1] == 4 and not photo[..., 3].any() for photo in photos):
+        raise DataError("All photos are transparent everywhere.", "Export them with their colors, or without alpha.")
     kinds = [_background_of(photo) for photo in photos]
     for kind in ("alpha", "black", "white"):
         if kinds and kinds.count(kind) >= VIEW_SHARE * len(kinds):

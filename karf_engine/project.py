@@ -35,6 +35,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import BadRequest, DataError
+from .inputs import MOST_JSON, check_file
 
 SCHEMA = "karf-project/1"
 STAGE_ORDER = ("geometry", "segmentation", "palette", "recoloring")
@@ -73,10 +74,9 @@ def write_json(path: Path, content: Any) -> None:
 
 def read_json(path: Path, what: str) -> Any:
     """Read a JSON file that is called `what` in messages. Raises DataError naming file, line and reason."""
+    check_file(path, MOST_JSON, f"{path} ({what})")
     try:
         return json.loads(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError as error:
-        raise DataError(f"{path} ({what}) does not exist.", "Check the path.") from error
     except json.JSONDecodeError as error:
         raise DataError(
             f"{path} ({what}) is broken JSON at line {error.lineno}: {error.msg}.", "Export or write the file again."
@@ -209,6 +209,14 @@ class Project:
                 f"{self.state_file} is damaged, or was changed by hand: its checksum differs.",
                 "Restore it from a backup; after a change that was meant, remove its entry 'checksum'.",
             )
+        if not isinstance(state.get("settings", {}), dict):
+            raise DataError(f"{self.state_file} has the settings {state['settings']!r:.200}.", "Start anew.")
+        for stage, facts in state["stages"].items():
+            if not isinstance(facts, dict) or not isinstance(facts.get("fingerprint"), str):
+                raise DataError(
+                    f"{self.state_file} has no fingerprint of its {stage} stage, but {facts!r:.200}.",
+                    f"Remove {stage!r} from its stages, and run that stage again.",
+                )
         return state
 
     def _write_state(self, state: dict[str, Any]) -> None:

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from .errors import Diverged, OutOfMemory
+from .failures import is_out_of_memory
 from .progress import Progress
 
 CHECK_EVERY = 10
@@ -38,11 +39,6 @@ def constant(iteration: int, total: int) -> float:
     """Learning-rate factor that leaves the rate as it is."""
     del iteration, total
     return 1.0
-
-
-def is_out_of_memory(error: BaseException) -> bool:
-    """True for a failed allocation, on an accelerator or by the CPU's allocator, which has no error class of its own."""
-    return isinstance(error, torch.OutOfMemoryError) or "can't allocate memory" in str(error)
 
 
 def train(

@@ -25,6 +25,14 @@ EVENTS_FILE = "events.jsonl"
 LOG_FILE = "engine.log"
 STAGES = ("geometry", "segmentation", "palette", "recoloring", "render", "match", "poses", "all")
 FINAL_EVENTS = ("done", "error", "cancelled")
+MOST_THREADS = 256
+OPTION_TYPES: dict[str, type] = {
+    **dict.fromkeys(("capture", "preset", "nerf", "masks", "device", "views", "edit", "out", "base"), str),
+    **dict.fromkeys(("photos", "matching", "object", "source", "target", "rule"), str),
+    **dict.fromkeys(("depth", "planes"), bool),
+    "overrides": list,
+    "threads": int,
+}
 
 
 @dataclass(frozen=True)
@@ -51,6 +59,21 @@ class Request:
         }
         path.write_text(json.dumps(content, indent=1), encoding="utf-8")
         return path
+
+    def check_options(self) -> None:
+        """Raise BadRequest for an option that is known, but of another type or beyond its range; none may be null."""
+        for name, kind in OPTION_TYPES.items():
+            value = self.options.get(name)
+            if value is not None and type(value) is not kind:
+                raise BadRequest(f"The option {name} = {value!r} is no {kind.__name__}.", "Correct the request.")
+        overrides, threads = self.options.get("overrides") or [], self.options.get("threads")
+        if not all(isinstance(text, str) for text in overrides):
+            raise BadRequest(f"The option overrides = {overrides!r} is no list of texts.", "Write stage.field=value.")
+        if threads is not None and not 1 <= threads <= MOST_THREADS:
+            raise BadRequest(f"The option threads = {threads} is out of range.", f"Allowed: 1 to {MOST_THREADS}.")
+        for text in (str(self.project), *self.options.values(), *overrides):
+            if isinstance(text, str) and "\0" in text:
+                raise BadRequest(f"{text!r} holds a zero character.", "Correct the path.")
 
     @classmethod
     def read(cls, job: Path) -> Request:

@@ -142,7 +142,9 @@ case("too few parameters", "cameras.txt", "2 parameters where PINHOLE has 4")(te
 case("zero focal length", "images.bin", "cannot be")(binary(lens(*PINHOLE, [0.0, 5.0, 4.0, 3.0])))
 case("negative focal length", "images.txt", "fy -5")(text(lens(*PINHOLE, [5.0, -5.0, 4.0, 3.0])))
 case("focal length is nan", "images.bin", "fx nan")(binary(lens(*PINHOLE, [math.nan, 5.0, 4.0, 3.0])))
-case("coefficient is inf", "images.bin", "k1 inf")(binary(lens("SIMPLE_RADIAL", 8, 6, [5.0, 4.0, 3.0, math.inf])))
+case("coefficient is inf", "images.bin", "coefficient inf")(
+    binary(lens("SIMPLE_RADIAL", 8, 6, [5.0, 4.0, 3.0, math.inf]))
+)
 case("negative size", "images.txt", "-8x6 pixels")(text(lens("PINHOLE", -8, 6, [5.0, 5.0, 4.0, 3.0])))
 case("a size of 2^63", "images.bin", "cannot be")(binary(lens("PINHOLE", 2**63, 6, [5.0, 5.0, 4.0, 3.0])))
 case("pose of nan", "images.bin", "no rotation and position")(binary(image(1, pose=np.full(7, math.nan))))
@@ -180,7 +182,7 @@ def _(folder):
     (folder / "sparse/0/images.bin").unlink()
 
 
-@case("a folder in place of images.bin", "images.bin", "cannot be read")
+@case("a folder in place of images.bin", "images.bin", "is a folder, not a file")
 def _(folder):
     binary()(folder)
     (folder / "sparse/0/images.bin").unlink()
@@ -242,9 +244,9 @@ case("poses: no rotation", FILE, "row 1 has a pose that is no rotation")(poses(t
 case("poses: mirrored", FILE, "row 0 has a pose that is no rotation")(
     poses(llff_table(CAMERAS) * ([-1] * 4 + [1] * 13))
 )
-case("poses: zero focal length", FILE, "row 3 has the picture size")(poses(table_with(3, 14, 0)))
-case("poses: focal length is nan", FILE, "row 3 has the picture size")(poses(table_with(3, 14, math.nan)))
-case("poses: negative height", FILE, "row 0 has the picture size")(poses(table_with(0, 4, -6)))
+case("poses: zero focal length", FILE, "row 3 has the focal length")(poses(table_with(3, 14, 0)))
+case("poses: focal length is nan", FILE, "row 3 has the focal length")(poses(table_with(3, 14, math.nan)))
+case("poses: negative height", FILE, "row 0 has a picture of")(poses(table_with(0, 4, -6)))
 case("poses: too many", FILE, "3 poses, but images has 4 photos")(poses(llff_table(CAMERAS[:3])))
 
 
@@ -271,7 +273,7 @@ def _(folder):
     np.save(folder / FILE, llff_table(CAMERAS))
 
 
-@case("poses: a folder in their place", FILE, "cannot be read")
+@case("poses: a folder in their place", FILE, "is a folder, not a file")
 def _(folder):
     put_photos(folder / "images", NAMES)
     (folder / FILE).mkdir()

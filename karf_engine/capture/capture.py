@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import DataError
+from ..names import check_name, check_names
 from .camera import Camera
+from .limits import LARGEST_POSITION, check_camera
 
 SCHEMA = "karf-capture/1"
 SPLITS = ("train", "val", "test")
@@ -21,7 +23,7 @@ SPLITS = ("train", "val", "test")
 
 @dataclass(frozen=True)
 class View:
-    """One captured picture. name: unique in the capture, usable as a file name. stem: the photo's stem as stored.
+    """One captured picture. name: unique in the capture, usable as a file name. stem: the photo's stem, likewise.
 
     image: absolute path of the photo, None for a bare camera. split: train, val or test. depth_bounds: nearest and
     farthest depth of what it shows, world units, where the capture declares them.
@@ -102,12 +104,12 @@ def unique_names(stems: list[tuple[str, str]]) -> list[str]:
     count: dict[str, int] = {}
     for _, stem in stems:
         count[stem] = count.get(stem, 0) + 1
-    names, taken = [], set()
+    names, taken, numbers = [], set(), {}
     for split, stem in stems:
         name = base = stem if count[stem] == 1 else f"{split}_{stem}"
-        number = 2
         while name in taken:
-            name, number = f"{base}_{number}", number + 1
+            numbers[base] = numbers.get(base, 1) + 1
+            name = f"{base}_{numbers[base]}"
         taken.add(name)
         names.append(name)
     return names
@@ -139,17 +141,22 @@ def capture_to_json(capture: Capture) -> dict[str, Any]:
 
 
 def capture_from_json(content: Any, path: Path) -> Capture:
-    """Read the canonical JSON value found in `path`. Raises DataError where it is no capture of this schema."""
+    """Read the canonical JSON value found in `path`. Raises DataError where it is no capture of this schema, and naming
+    the view whose name cannot be a file's, or whose numbers cannot be."""
+    schema = content.get("schema") if isinstance(content, dict) else None
+    if schema != SCHEMA:
+        raise DataError(f"{path} has schema {schema!r}, not {SCHEMA}.", "Import the capture again.")
     try:
-        if content["schema"] != SCHEMA:
-            raise DataError(f"{path} has schema {content['schema']!r}, not {SCHEMA}.", "Import the capture again.")
-        views = tuple(_view_from_json(entry) for entry in content["views"])
-        return Capture(Path(content["source"]), content["format"], views, tuple(content["remarks"]))
-    except (KeyError, TypeError, ValueError) as error:
-        raise DataError(f"{path} is no canonical capture ({error!r}).", "Import the capture again.") from error
+        views = tuple(_view_from_json(entry, f"{path}, view {n}", path) for n, entry in enumerate(content["views"]))
+        source, known_format, remarks = Path(content["source"]), str(content["format"]), map(str, content["remarks"])
+        capture = Capture(source, known_format, views, tuple(remarks))
+    except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
+        raise DataError(f"{path} is no canonical capture ({error!r:.200}).", "Import the capture again.") from error
+    check_names([view.name for view in views], path, "a view")
+    return capture
 
 
-def _view_from_json(entry: dict[str, Any]) -> View:
+def _view_from_json(entry: dict[str, Any], label: str, path: Path) -> View:
     width, height = entry["size"]
     camera = Camera(
         int(width),
@@ -159,6 +166,18 @@ def _view_from_json(entry: dict[str, Any]) -> View:
         tuple(map(float, entry["distortion"])),
         bool(entry.get("fisheye", False)),
     )
+    check_camera(camera, label, "Import the capture again.")
+    if not np.isfinite(camera.camera_to_world).all() or len(camera.distortion) > 8 or entry["split"] not in SPLITS:
+        raise ValueError(f"{label}: its pose, lens or split")
     image = Path(entry["image"]) if entry["image"] else None
-    bounds = entry.get("depth_bounds")
-    return View(entry["name"], entry["stem"], camera, image, entry["split"], bounds and (bounds[0], bounds[1]))
+    stem = check_name(entry["stem"], path, "a photo")
+    return View(entry["name"], stem, camera, image, entry["split"], _bounds_from_json(entry.get("depth_bounds")))
+
+
+def _bounds_from_json(value: Any) -> tuple[float, float] | None:
+    if value is None:
+        return None
+    near, far = map(float, value)
+    if not 0 < near < far <= LARGEST_POSITION:
+        raise ValueError(f"the depth bounds {near:g} and {far:g}")
+    return near, far

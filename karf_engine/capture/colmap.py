@@ -16,9 +16,8 @@ from ..errors import DataError
 from .camera import Camera
 from .capture import Capture, SparsePoints, with_test_views
 from .colmap_model import Image, Lens, Points, count_images, read_cameras, read_images, read_points
+from .limits import LARGEST_POSITION, check_camera
 from .reading import (
-    LARGEST_POSE,
-    LARGEST_SIDE,
     PHOTO_SUFFIXES,
     at_size,
     counted,
@@ -119,7 +118,7 @@ def _check(model: Path, suffix: str, lenses: dict[int, Lens], images: dict[int, 
                 f"which cameras{suffix} does not hold.",
                 "Export all files of the model together.",
             )
-        if not np.abs(image.pixels).max(initial=0) < LARGEST_POSE:
+        if not np.abs(image.pixels).max(initial=0) <= LARGEST_POSITION:
             raise DataError(
                 f"{model / f'images{suffix}'}, image {number} ({image.name!r}) has features that are not finite.",
                 "Export the model again.",
@@ -143,15 +142,8 @@ def _camera(image: Image, source: Lens, file: Path) -> Camera:
         )
     values = source.parameters
     fx, fy = values.get("fx", values.get("f")), values.get("fy", values.get("f"))
-    is_sound = 1 <= source.width <= LARGEST_SIDE and 1 <= source.height <= LARGEST_SIDE and min(fx, fy) > 0
-    if not is_sound or not all(abs(value) < 1e300 for value in values.values()):
-        listed = ", ".join(f"{name} {value:g}" for name, value in values.items())
-        raise DataError(
-            f"{label} was taken by a camera that cannot be: {source.width}x{source.height} pixels, {listed}.",
-            "Export the model again.",
-        )
     fisheye = source.model in FISHEYES
-    return Camera(
+    camera = Camera(
         width=source.width,
         height=source.height,
         fx=fx,
@@ -162,11 +154,12 @@ def _camera(image: Image, source: Lens, file: Path) -> Camera:
         distortion=lens(values, fisheye),
         fisheye=fisheye,
     )
+    return check_camera(camera, label, "Export the model again, or leave this image out.")
 
 
 def _camera_to_world(pose: np.ndarray, label: str) -> np.ndarray:
     """The inverse of (quaternion w x y z, translation), with y and z of the camera turned round."""
-    if not np.abs(pose).max() < LARGEST_POSE or np.linalg.norm(pose[:4]) < 1e-9:
+    if not np.abs(pose).max() <= LARGEST_POSITION or np.linalg.norm(pose[:4]) < 1e-9:
         raise DataError(f"{label} has a pose that is no rotation and position.", "Leave this image out.")
     w, x, y, z = pose[:4] / np.linalg.norm(pose[:4])
     to_camera = np.array(
@@ -284,7 +277,7 @@ def _sparse_points(points: Points, images: list[Image], scales: list[tuple[float
         view.append(np.full(known.sum(), number, np.int32))
         point.append(index[known])
         pixels.append(image.pixels[known] * scale)
-    is_known = (points.errors >= 0) & (points.errors < LARGEST_POSE)  # COLMAP writes -1 where it has none
+    is_known = (points.errors >= 0) & (points.errors <= LARGEST_POSITION)  # COLMAP writes -1 where it has none
     return SparsePoints(
         positions=np.array(points.positions, np.float64),
         colors=np.array(points.colors, np.uint8),

@@ -17,7 +17,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import DataError
-from .reading import LARGEST_POSE, read_bytes, read_text
+from ..inputs import check_file
+from .limits import LARGEST_POSITION
+from .reading import read_bytes, read_text
 
 AGAIN = "Copy the file again, or export the model again from COLMAP."
 MODELS = {  # by id; parameters in the order of the file
@@ -100,7 +102,7 @@ def read_points(path: Path) -> Points:
     points = _points_binary(path) if path.suffix == ".bin" else _points_text(path)
     if len(np.unique(points.ids)) != len(points.ids):
         raise DataError(f"{path} has two points of one id.", AGAIN)
-    if not np.abs(points.positions).max(initial=0) < LARGEST_POSE:
+    if not np.abs(points.positions).max(initial=0) <= LARGEST_POSITION:
         raise DataError(f"{path} has a point whose position is not finite.", AGAIN)
     return points
 
@@ -110,9 +112,10 @@ def count_images(path: Path) -> int:
     try:
         if path.suffix == ".txt":
             return len(read_images(path))
+        size = check_file(path)
         with path.open("rb") as stream:
             count = int.from_bytes(stream.read(8), "little")
-        return count if count <= path.stat().st_size // SMALLEST_IMAGE else 0
+        return count if count <= size // SMALLEST_IMAGE else 0
     except (DataError, OSError):
         return 0
 

@@ -14,11 +14,18 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ..errors import DataError
+from ..inputs import check_file
 
 LFS_POINTER = b"version https://git-lfs"
 FRAME_MARKERS = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 TIFF_ORDERS = {b"II*\0": "<", b"MM\0*": ">"}
 EXR_MAGIC = b"\x76\x2f\x31\x01"
+MOST_PHOTO_BYTES = 2 << 30
+MOST_EXIF_BYTES = 1 << 16  # as much as a JPEG segment can hold
+# a few bytes may claim any number of pixels; photographs and renderings need at least a bit for six of them
+MOST_PIXELS = 400_000_000
+MOST_PIXELS_OF_SMALL = 32_000_000
+MOST_PIXELS_PER_BYTE = 50
 KINDS = "PNG, JPEG, WebP, TIFF, BMP or EXR"
 
 
@@ -59,18 +66,38 @@ def image_size(path: Path) -> tuple[int, int]:
 
 
 def image_header(path: Path) -> ImageHeader:
-    """Read the header of a PNG, JPEG, WebP, TIFF, BMP or EXR file. Raises DataError naming the file and its damage."""
+    """Read the header of a PNG, JPEG, WebP, TIFF, BMP or EXR file. Raises DataError naming the file and its damage, and
+    where it claims more pixels than are read."""
     try:
         header = find_header(path)
     except OSError as error:
         raise DataError(f"{path} cannot be read: {error.strerror}.", "Check the file.") from error
     if header is None:
         raise unreadable(path, f"it has no complete {KINDS} header")
+    check_pixels(path, *header.stored)
     return header
 
 
+def check_pixels(path: Path, width: int, height: int, of_small: int = MOST_PIXELS_OF_SMALL) -> None:
+    """Raise DataError where a picture file claims more pixels than are read of a file of its length.
+
+    of_small: how many are read of the smallest file.
+    """
+    length = path.stat().st_size
+    most = min(MOST_PIXELS, max(of_small, MOST_PIXELS_PER_BYTE * length))
+    if width * height > most:
+        raise DataError(
+            f"{path} has {width}x{height} pixels in {length:,} bytes; at most {most // 10**6} million are read of that.",
+            "Export the picture again, or make it smaller.",
+        )
+
+
 def find_header(path: Path) -> ImageHeader | None:
-    """The header of a picture file; None where it is of no known kind or damaged. Raises OSError."""
+    """The header of a picture file; None where it is of no known kind or damaged.
+
+    Raises OSError, and DataError where it is no file.
+    """
+    check_file(path, MOST_PHOTO_BYTES)
     with path.open("rb") as stream:
         try:
             header = _header(stream.read(32), stream)
@@ -121,7 +148,7 @@ def _png_orientation(stream: BinaryIO) -> int:
     while len(start := stream.read(8)) == 8:
         length, kind = struct.unpack(">I4s", start)
         if kind == b"eXIf":
-            return _exif_orientation(stream.read(length))
+            return _exif_orientation(stream.read(min(length, MOST_EXIF_BYTES)))
         if kind == b"IDAT":
             break
         stream.seek(length + 4, io.SEEK_CUR)
@@ -137,6 +164,8 @@ def _jpeg_header(stream: BinaryIO) -> ImageHeader | None:
         if marker == 0x01 or 0xD0 <= marker <= 0xD8:  # markers without a segment
             continue
         (length,) = struct.unpack(">H", stream.read(2))
+        if length < 2:  # it counts itself
+            return None
         segment = stream.read(length - 2)
         if marker == 0xE1 and segment[:6] == b"Exif\0\0":
             orientation = _exif_orientation(segment[6:])
@@ -210,10 +239,10 @@ def _exr_header(stream: BinaryIO) -> ImageHeader | None:
     while name := _exr_text(stream):
         _exr_text(stream)  # the attribute's type
         (size,) = struct.unpack("<I", stream.read(4))
-        value = stream.read(size)
         if name == b"displayWindow":
-            left, top, right, bottom = struct.unpack("<4i", value)
+            left, top, right, bottom = struct.unpack("<4i", stream.read(16))
             return ImageHeader(right - left + 1, bottom - top + 1, kind="exr", deep=True, premultiplied=True)
+        stream.seek(size, io.SEEK_CUR)
     return None
 
 

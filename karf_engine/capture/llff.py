@@ -8,6 +8,7 @@ with (height, width, fx, fy, cx, cy) of all photos in `hwf_cxcy.npy`.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +18,8 @@ from ..errors import DataError
 from .camera import Camera
 from .capture import Capture, with_test_views
 from .image_size import image_size
-from .reading import LARGEST_SIDE, at_size, counted, make_views, photo_size, photos_in, read_bytes, rigid_pose
+from .limits import LARGEST_POSITION, check_camera
+from .reading import at_size, counted, make_views, photo_size, photos_in, read_bytes, rigid_pose
 
 POSES = "poses_bounds.npy"
 SHARED_INTRINSICS = "hwf_cxcy.npy"
@@ -48,7 +50,7 @@ def read_llff(path: Path, photos: bool) -> Capture:
         notes += camera_notes
     stems = [image.stem if image else f"{number:03d}" for number, image in enumerate(images)]
     views = make_views(cameras, images, stems, ["train"] * len(table))
-    is_range = (table[:, -2] > 0) & (table[:, -1] > table[:, -2])
+    is_range = (table[:, -2] > 0) & (table[:, -1] > table[:, -2]) & (table[:, -1] <= LARGEST_POSITION)
     views = [
         replace(view, depth_bounds=(float(row[-2]), float(row[-1])) if usable else None)
         for view, row, usable in zip(views, table, is_range, strict=True)
@@ -69,9 +71,12 @@ def _table(file: Path) -> np.ndarray:
 
 def _load(file: Path) -> np.ndarray:
     """A float64 array of an .npy file; its header is checked against the file's length before memory is taken."""
-    read_bytes(file)
+    length = len(read_bytes(file))
     try:
-        return np.array(np.lib.format.open_memmap(file, mode="r"), np.float64)
+        stored = np.lib.format.open_memmap(file, mode="r")
+        if stored.size > length:  # values of no bytes
+            raise ValueError("it holds no numbers")
+        return np.array(stored, np.float64)
     except Exception as error:  # numpy raises nearly anything on damaged headers
         raise DataError(
             f"{file} is no complete array of numbers: {str(error).rstrip('.') or type(error).__name__}.",
@@ -109,14 +114,9 @@ def _camera(row: np.ndarray, shared: np.ndarray | None, label: str) -> tuple[Cam
         height, width, fx = block[:, 4]
         shared = (height, width, fx, fx, width / 2, height / 2)
     height, width, fx, fy, cx, cy = map(float, shared)
-    if not (1 <= width <= LARGEST_SIDE and 1 <= height <= LARGEST_SIDE and 0 < fx < 1e300 and 0 < fy < 1e300):
-        raise DataError(
-            f"{label} has the picture size {width:g}x{height:g} and the focal length {fx:g}, which cannot be.",
-            "Export the poses again.",
-        )
-    if not (abs(cx) < 1e300 and abs(cy) < 1e300):
-        raise DataError(f"{label} has a principal point that is not finite.", "Export the cameras again.")
-    return Camera(round(width), round(height), fx, fy, cx, cy, pose), notes
+    if not (math.isfinite(width) and math.isfinite(height)):
+        raise DataError(f"{label} has a picture of {width:g}x{height:g} pixels, which cannot be.", "Export them again.")
+    return check_camera(Camera(round(width), round(height), fx, fy, cx, cy, pose), label), notes
 
 
 def _photos(file: Path, count: int) -> list[Path]:

@@ -12,7 +12,8 @@ import numpy as np
 
 from ..errors import DataError
 from .capture import SparsePoints
-from .reading import LARGEST_POSE, read_bytes
+from .limits import LARGEST_POSITION
+from .reading import read_bytes
 
 TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),
@@ -38,7 +39,7 @@ def read_points(path: Path) -> SparsePoints:
     body = body[body.find(b"\n") + 1 :]
     table = _ascii(path, body, dtype, count) if encoding == "ascii" else _binary(path, body, dtype, count)
     positions = np.stack([table[axis] for axis in "xyz"], 1).astype(np.float64)
-    if not np.abs(positions).max(initial=0) < LARGEST_POSE:
+    if not np.abs(positions).max(initial=0) <= LARGEST_POSITION:
         raise _damaged(path, "it has a point that is not finite")
     return SparsePoints(
         positions=positions,

@@ -9,22 +9,24 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import DataError
+from ..inputs import check_file
+from ..names import file_name
 from .camera import Camera
 from .capture import View, unique_names
 from .image_size import LFS_POINTER, image_header
+from .limits import LARGEST_POSITION
 
 PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".JPG", ".PNG", ".JPEG", ".webp", ".tif", ".tiff", ".bmp", ".exr")
 LENS_KEYS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 FISHEYE_KEYS = ("k1", "k2", "k3", "k4")
 POSE_TOLERANCE = 1e-3
-LARGEST_POSE = 1e30  # beyond it, squares overflow: as good as infinite
 UNIT_TOLERANCE = 1e-5  # matrices written in single precision are this far from orthonormal
-LARGEST_SIDE = 10**6  # pixels; no photo is larger, a damaged file may say so
 
 
 # ---------------------------------------------------------------------------------------------------------------- files
 def read_bytes(path: Path) -> bytes:
     """The content of a file. Raises DataError where it cannot be read, is empty, or is a Git-LFS pointer."""
+    check_file(path)
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -48,9 +50,9 @@ def read_text(path: Path) -> str:
 def rigid_pose(matrix: np.ndarray, label: str, what: str) -> tuple[np.ndarray, list[str]]:
     """camera_to_world [4, 4] with a pure rotation, of one whose rotation may have a uniform scale; notes say so.
 
-    Raises DataError "`label` has a `what` that ..." where it is not finite, or no rotation.
+    Raises DataError "`label` has a `what` that ..." where it is not finite or as good as infinite, or no rotation.
     """
-    if not np.abs(matrix).max() < LARGEST_POSE:
+    if not np.abs(matrix).max() <= LARGEST_POSITION:
         raise DataError(f"{label} has a {what} that is not finite.", "Leave this photo out.")
     scale = float(np.linalg.norm(matrix[:3, :3], axis=0).mean())
     if not _is_rotation(matrix[:3, :3] / max(scale, 1e-12)) or np.abs(matrix[3] - [0, 0, 0, 1]).max() > POSE_TOLERANCE:
@@ -113,8 +115,8 @@ def at_size(camera: Camera, size: tuple[int, int]) -> tuple[Camera, list[str]]:
 def make_views(
     cameras: Iterable[Camera], images: Iterable[Path | None], stems: Iterable[str], splits: Iterable[str]
 ) -> list[View]:
-    """Views of these cameras, in order, with names that are unique."""
-    cameras, images, stems, splits = list(cameras), list(images), list(stems), list(splits)
+    """Views of these cameras, in order, with names that are unique and can be files' names."""
+    cameras, images, stems, splits = list(cameras), list(images), list(map(file_name, stems)), list(splits)
     names = unique_names(list(zip(splits, stems, strict=True)))
     return [
         View(name, stem, camera, image.absolute() if image else None, split)

@@ -11,7 +11,8 @@ machine, or leaves out the folder that the photos were moved to.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections import ChainMap
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -22,10 +23,10 @@ from ..errors import DataError
 from ..project import read_json, write_json
 from .camera import Camera
 from .capture import SPLITS, Capture, SparsePoints, View, with_test_views
+from .limits import LARGEST_SIDE, check_camera
 from .ply import read_points
 from .reading import (
     FISHEYE_KEYS,
-    LARGEST_SIDE,
     LENS_KEYS,
     PHOTO_SUFFIXES,
     at_size,
@@ -39,6 +40,7 @@ from .reading import (
 
 SYNTHETIC_FILES = {f"transforms_{split}.json": split for split in SPLITS}
 PERSPECTIVE = ("PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV")
+MOST_PARTS = 32  # of a photo's path that are looked for elsewhere
 FISHEYE = ("OPENCV_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE")
 
 
@@ -49,12 +51,12 @@ class _Frame:
     file: Path
     index: int
     parts: tuple[str, ...]
-    fields: dict[str, Any]
+    fields: Mapping[str, Any]
     split: str
 
     @property
     def label(self) -> str:
-        return f"{self.file}, frame {self.index} ({self.fields['file_path']!r})"
+        return f"{self.file}, frame {self.index} ({self.fields['file_path']!r:.200})"
 
 
 # ------------------------------------------------------------------------------------------------------------ entrances
@@ -128,14 +130,14 @@ def _read(source: Path, format_name: str, files: list[tuple[Path, str]], photos:
     found = [(frame, image) for frame, image in zip(frames, images, strict=True) if image]
     missing = [frame for frame, image in zip(frames, images, strict=True) if not image]
     if not found:
-        first = ", ".join(frame.fields["file_path"] for frame in missing[:3])
+        first = ", ".join(f"{frame.fields['file_path']:.200}" for frame in missing[:3])
         raise DataError(
             f"{source}: none of its {len(missing)} photos was found, the first are {first}.",
             f"Put the photos below {frames[0].file.parent}, or write each file_path relative to that folder.",
         )
     views, remarks = _views(found)
     if missing:
-        first = missing[0].fields["file_path"]
+        first = missing[0].fields["file_path"][:200]
         remarks.insert(0, f"{len(missing)} of {len(frames)} photos are missing and were skipped; the first is {first}.")
     if not any(view.split == "test" for view in views):
         rest = iter(with_test_views([view for view in views if view.split == "train"]))
@@ -189,7 +191,7 @@ def _frame(file: Path, index: int, entry: Any, shared: dict[str, Any], split: st
     path = PurePosixPath(file_path.replace("\\", "/")) if isinstance(file_path, str) else PurePosixPath()
     if not path.name:
         raise DataError(f"{file}, frame {index} has no file_path.", "Write the photo's path into the frame.")
-    return _Frame(file, index, path.parts, {**shared, **entry}, split or declared.get(file_path, ""))
+    return _Frame(file, index, path.parts, ChainMap(entry, shared), split or declared.get(file_path, ""))
 
 
 def _stem(frame: _Frame, image: Path | None) -> str:
@@ -217,7 +219,7 @@ def _places(folder: Path, longest: int) -> Iterator[tuple[Path, int]]:
     for child in sorted(folder.iterdir()):
         if child.is_dir():
             yield child, 0
-    for kept in range(longest - 1, 0, -1):
+    for kept in range(min(longest - 1, MOST_PARTS), 0, -1):
         yield folder, kept
 
 
@@ -249,13 +251,13 @@ def _camera(frame: _Frame, image: Path | None) -> tuple[Camera, list[str]]:
         fisheye=fisheye,
     )
     camera, size_notes = at_size(camera, size)
-    return camera, size_notes + pose_notes
+    return check_camera(camera, frame.label, "Correct it in the file."), size_notes + pose_notes
 
 
 def _is_fisheye(frame: _Frame) -> bool:
     model = frame.fields.get("camera_model") or ("OPENCV_FISHEYE" if frame.fields.get("is_fisheye") else "OPENCV")
     if model not in PERSPECTIVE + FISHEYE:
-        raise DataError(f"{frame.label} has a {model} camera, which cannot be read.", "Undistort the photos.")
+        raise DataError(f"{frame.label} has a {model!s:.200} camera, which cannot be read.", "Undistort the photos.")
     return model in FISHEYE or bool(frame.fields.get("is_fisheye"))
 
 
@@ -304,7 +306,7 @@ def _number(frame: _Frame, key: str, default: float | None = None) -> float | No
     if value is None:
         return default
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e300:
-        raise DataError(f"{frame.label} has {key} = {value!r}, which is not a number.", "Correct it in the file.")
+        raise DataError(f"{frame.label} has {key} = {value!r:.200}, which is not a number.", "Correct it in the file.")
     return float(value)
 
 

@@ -7,8 +7,6 @@ in the pixel; over j they sum to probabilities [K, H, W]. learned, edited: palet
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,12 +14,13 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import DataError
+from ..names import check_names
 from ..project import atomic_write
+from .arrays import read_arrays
 
 # rows are done in blocks of about this many pixels: a block's working set stays in a core's cache
 BLOCK_PIXELS = 16384
-# what reading an npz raises when it is cut off, scrambled, or another kind of file
-DAMAGE = (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile, zlib.error)
+AGAIN = "Run the render stage again, with planes."
 
 
 @dataclass(frozen=True)
@@ -55,14 +54,9 @@ def write_planes(path: Path, planes: Planes) -> None:
 
 def read_planes(path: Path) -> Planes:
     """Read planes that `write_planes` wrote. Raises DataError where the file is missing, damaged or contradictory."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            objects = tuple(str(name) for name in file["objects"])
-            planes = Planes(objects, file["palette_weights"], file["probabilities"], file["base"])
-    except FileNotFoundError as error:
-        raise DataError(f"{path} (edit planes) does not exist.", "Run the render stage with planes.") from error
-    except DAMAGE as error:
-        raise DataError(f"{path} (edit planes) cannot be read: {error}.", "Run the render stage again.") from error
+    names = ("objects", "palette_weights", "probabilities", "base")
+    objects, *arrays = read_arrays(path, names, "edit planes", AGAIN)
+    planes = Planes(tuple(check_names(np.atleast_1d(objects).tolist(), path, "an object")), *arrays)
     _check(path, planes)
     return planes
 
@@ -72,10 +66,11 @@ def _check(path: Path, planes: Planes) -> None:
     count = len(planes.objects)
     weights, probabilities = planes.palette_weights.shape, planes.probabilities.shape
     fits = len(weights) == 4 and weights[0] == count and weights[2:] == size and probabilities == (count, *size)
-    if not fits or planes.base.dtype != np.uint8 or planes.base.shape[2:] != (3,):
+    is_float = planes.palette_weights.dtype.kind == planes.probabilities.dtype.kind == "f"
+    if not (fits and is_float) or planes.base.dtype != np.uint8 or planes.base.shape[2:] != (3,):
         raise DataError(
             f"{path} (edit planes) has weights {weights}, probabilities {probabilities} and base {planes.base.shape}.",
-            "Run the render stage again.",
+            AGAIN,
         )
 
 

@@ -15,12 +15,14 @@ from typing import Any
 import numpy as np
 
 from ..errors import DataError
+from ..names import check_name, check_names
 from ..project import read_json, write_json
 from .color import to_bytes
 
 PALETTE_SCHEMA = "karf-palette/1"
 EDIT_SCHEMA = "karf-edit/1"
 COMPOSITING_MODES = ("delta", "paper")
+MOST_OBJECTS, MOST_COLORS = 255, 64
 BRIGHTEST = 2.0  # of an edited color: a swatch may be brighter than white, its mixtures are clipped
 
 
@@ -54,22 +56,21 @@ def rgb_to_hex(color: np.ndarray) -> str:
     return "#" + to_bytes(color).tobytes().hex()
 
 
-def read_palettes(path: Path) -> tuple[Palette, ...]:
-    """Read palette.json: the palettes as learned, one an object. Raises DataError naming what is wrong."""
+def read_palettes(path: Path, which: str = "colors") -> tuple[Palette, ...]:
+    """Read palette.json, one palette an object: `colors`, as learned, or `initial`, as extracted.
+
+    Raises DataError naming what is wrong.
+    """
     content = _read_schema(path, "palettes", PALETTE_SCHEMA)
     palettes = []
-    for entry in _list(content.get("objects"), f"{path}: 'objects'"):
-        name = entry.get("name") if isinstance(entry, dict) else None
-        if not isinstance(name, str) or not name:
-            raise DataError(f"{path} has an object without a name.", "Run the palette stage again.")
+    for entry in _list(content.get("objects"), f"{path}: 'objects'", MOST_OBJECTS):
+        name = check_name(entry.get("name") if isinstance(entry, dict) else None, path, "an object")
         where = f"{path}: palette of {name!r}"
-        colors = np.stack([_triple(c, where, 1) for c in _list(entry.get("colors"), where)])
+        colors = np.stack([_triple(c, where, 1) for c in _list(entry.get(which), where, MOST_COLORS)])
         if colors[0].any():
             raise DataError(f"{where} does not begin with black.", "Entry 0 is black and frozen; put [0, 0, 0] there.")
         palettes.append(Palette(name, colors))
-    names = [palette.name for palette in palettes]
-    if len(set(names)) < len(names):
-        raise DataError(f"{path} names an object twice.", "Run the palette stage again.")
+    check_names([palette.name for palette in palettes], path, "an object")
     return tuple(palettes)
 
 
@@ -94,16 +95,16 @@ def read_edit(path: Path, palettes: Sequence[Palette], compositing: str = "delta
     content = _read_schema(path, "edit", EDIT_SCHEMA)
     compositing = content.get("compositing", compositing)
     if compositing not in COMPOSITING_MODES:
-        raise DataError(f"{path} has compositing {compositing!r}.", f"Use one of {', '.join(COMPOSITING_MODES)}.")
+        raise DataError(f"{path} has compositing {compositing!r:.200}.", f"Use one of {', '.join(COMPOSITING_MODES)}.")
     objects = content.get("objects", {})
     if not isinstance(objects, dict):
         raise DataError(f"{path}: 'objects' is not a table of objects.", 'Write {"name": {"colors": [...]}}.')
     colors = {palette.name: palette.colors.copy() for palette in palettes}
     for name, entry in objects.items():
         if name not in colors:
-            raise DataError(f"{path} edits the unknown object {name!r}.", f"Objects are: {', '.join(colors)}.")
+            raise DataError(f"{path} edits the unknown object {name!r:.200}.", f"Objects are: {', '.join(colors)}.")
         where = f"{path}: edit of {name!r}"
-        entries = _list(entry.get("colors") if isinstance(entry, dict) else None, where)
+        entries = _list(entry.get("colors") if isinstance(entry, dict) else None, where, MOST_COLORS)
         if len(entries) != len(colors[name]):
             raise DataError(
                 f"{where} has {len(entries)} colors, its palette has {len(colors[name])}.",
@@ -131,9 +132,9 @@ def _read_schema(path: Path, what: str, schema: str) -> dict[str, Any]:
     return content
 
 
-def _list(value: Any, where: str) -> list:
-    if not isinstance(value, list) or not value:
-        raise DataError(f"{where} is not a list with entries.", "Write a list, black first.")
+def _list(value: Any, where: str, most: int) -> list:
+    if not isinstance(value, list) or not 0 < len(value) <= most:
+        raise DataError(f"{where} is not a list of 1 to {most} entries.", "Write a list, black first.")
     return value
 
 
@@ -146,7 +147,7 @@ def _triple(value: Any, where: str, highest: float) -> np.ndarray:
             raise DataError(f"{where}: {error.sentence}", error.hint) from error
     if not isinstance(value, list) or len(value) != 3 or not all(_is_number(v) and 0 <= v <= highest for v in value):
         hint = f"Write #rrggbb or three sRGB numbers from 0 to {highest:g}."
-        raise DataError(f"{where} has the color {value!r}.", hint)
+        raise DataError(f"{where} has the color {value!r:.200}.", hint)
     return np.array(value, np.float32)
 
 

@@ -12,6 +12,7 @@ Widths, encodings and skips follow from the sizes of the weights.
 from __future__ import annotations
 
 import pickle
+from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -20,13 +21,18 @@ import torch
 from torch import Tensor
 
 from ..errors import DataError
+from ..failures import is_out_of_memory
+from ..inputs import check_file
 from .nerf import NerfNetwork, NerfShape
+from .pickles import check_pickle, check_torch_file
 
 HINT = "Give a checkpoint of nerf-pytorch (.tar), krrish94/nerf-pytorch (.ckpt) or bmild/nerf (model_*.npy)."
 STATE_NAMES = (  # of the coarse and the fine network
     ("network_fn_state_dict", "network_fine_state_dict"),
     ("model_coarse_state_dict", "model_fine_state_dict"),
 )
+MOST_BYTES = 2 << 30
+WIDEST, DEEPEST = 4096, 64  # of networks; the paper's are 256 wide and 8 deep
 KRRISH_LAYERS = {
     "layer1": "pts_linears.0",
     "fc_feat": "feature_linear",
@@ -49,8 +55,7 @@ def read_nerf(path: Path) -> tuple[NerfNetwork, NerfNetwork]:
 
     Raises DataError where the file is missing, damaged, holds more than numbers, or networks of another kind.
     """
-    if not path.is_file():
-        raise DataError(f"{path} does not exist.", HINT)
+    check_file(path, MOST_BYTES)
     coarse, fine = _read_bmild(path) if path.suffix == ".npy" else _read_torch(path)
     if not all(torch.isfinite(weights).all() for network in (coarse, fine) for weights in network.parameters()):
         raise DataError(f"{path} holds weights that are not finite.", "Give an earlier checkpoint.")
@@ -60,9 +65,12 @@ def read_nerf(path: Path) -> tuple[NerfNetwork, NerfNetwork]:
 # ---------------------------------------------------------------------------------------------------------------- torch
 def _read_torch(path: Path) -> tuple[NerfNetwork, NerfNetwork]:
     try:
+        check_torch_file(path)
         with torch.serialization.safe_globals(NUMPY_SCALARS):
             content = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # torch raises nearly anything on damaged files, and an unpickling error on unsafe ones
+        if is_out_of_memory(error):
+            raise
         reason = str(error).strip().split("\n")[0].rstrip(".") or type(error).__name__
         raise DataError(f"{path} cannot be read as a checkpoint of numbers alone: {reason}.", HINT) from error
     for names in STATE_NAMES:
@@ -76,10 +84,14 @@ def _network(path: Path, state: dict[str, Any]) -> NerfNetwork:
     """The network of a state dictionary in either program's naming."""
     try:
         state = {name.removeprefix("module."): value for name, value in state.items()}
+        if sum(value.numel() * value.element_size() for value in state.values()) > path.stat().st_size:
+            raise ValueError("its tensors repeat a few numbers")
         is_krrish = "layer1.weight" in state
         if is_krrish:
             state = _renamed(state)
         shape = _shape(state, is_krrish)
+        if max(shape.width, shape.view_width) > WIDEST or shape.depth > DEEPEST:
+            raise ValueError(f"{shape.depth} layers of width {shape.width} and {shape.view_width}")
         network = NerfNetwork(shape)
         network.load_state_dict(state)
     except (KeyError, IndexError, AttributeError, TypeError, ValueError, RuntimeError) as error:
@@ -123,7 +135,7 @@ def _shape(state: dict[str, Tensor], is_krrish: bool) -> NerfShape:
 
 
 def _frequencies(n_encoded: int) -> int:
-    if n_encoded < 3 or (n_encoded - 3) % 6:
+    if not 3 <= n_encoded <= WIDEST or (n_encoded - 3) % 6:
         raise ValueError(f"an encoding of {n_encoded} numbers is not 3 + 6 L")
     return (n_encoded - 3) // 6
 
@@ -162,9 +174,15 @@ def _read_arrays(path: Path) -> list[np.ndarray]:
             read_header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
             if read_header[version](file)[2] != np.dtype(object):
                 raise ValueError("it is one array of numbers")
-            outer = _ArrayUnpickler(file).load()
+            content = file.read()
+        check_pickle(BytesIO(content), len(content), names=None)
+        outer = _ArrayUnpickler(BytesIO(content)).load()
         arrays = [entry.numbers() for entry in outer.entries()]
+        if sum(array.nbytes for array in arrays) > len(content):
+            raise ValueError("its arrays repeat a few numbers")
     except Exception as error:  # a scrambled pickle raises nearly anything
+        if is_out_of_memory(error):
+            raise
         reason = str(error).strip().split("\n")[0].rstrip(".") or type(error).__name__
         raise DataError(f"{path} cannot be read as a list of arrays of numbers alone: {reason}.", HINT) from error
     return arrays

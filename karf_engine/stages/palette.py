@@ -10,6 +10,7 @@ import numpy as np
 from ..checkpoints import load_tensors
 from ..edit.palette import Palette, write_palettes
 from ..errors import DataError
+from ..names import check_names
 from ..palette.hull import cell_support, color_cells, extract_palette
 from ..palette.star_weights import star_weights
 from ..progress import Emit
@@ -45,12 +46,13 @@ def object_pixels(job: Job) -> tuple[list[str], list[list[np.ndarray]]]:
     colors = tensors["colors"].numpy().astype(np.float32) / 255
     owner, view, sure = (tensors[name].numpy() for name in ("object", "view", "sure"))
     pixels = []
-    for k, name in enumerate(facts["objects"]):
+    objects = check_names(facts["objects"], job.project.surface_file, "an object")
+    for k, name in enumerate(objects):
         chosen = (owner == k) & sure
         if chosen.sum() < MIN_SURE_PIXELS:
             raise DataError(f"{name!r} shows only {int(chosen.sum())} pixels in all views.", "Mark it more generously.")
         pixels.append([colors[chosen & (view == v)] for v in np.unique(view[chosen])])
-    return facts["objects"], pixels
+    return objects, pixels
 
 
 def extract_palettes(

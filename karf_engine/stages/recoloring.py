@@ -17,12 +17,11 @@ from ..field.scene import Field, Scene
 from ..palette.loco_weights import loco_weights
 from ..palette.star_weights import star_weights
 from ..progress import Emit
-from ..project import read_json
 from ..settings import RecoloringSettings, from_dict, to_dict
 from ..wire import Request
 from .job import Job, open_job, run_stage
 from .palette import object_pixels, write_object_colors
-from .segmentation import SURFACE_SCHEMA, load_segmentation
+from .segmentation import SURFACE_SCHEMA, load_segmentation, view_names
 
 VERSION = 1
 SCHEMA = "karf-recoloring/1"
@@ -59,10 +58,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
 
 def initial_palettes(job: Job) -> list[Palette]:
     """The palettes as extracted, also where an earlier run has already learned others."""
-    path = job.project.checked(job.project.palette_file)
-    names = [palette.name for palette in read_palettes(path)]
-    entries = {entry["name"]: entry["initial"] for entry in read_json(path, "palettes")["objects"]}
-    return [Palette(name, np.array(entries[name], np.float32)) for name in names]
+    return list(read_palettes(job.project.checked(job.project.palette_file), "initial"))
 
 
 def object_rays(job: Job, scene_field: Field, blocks: list[Palette]) -> ObjectRays:
@@ -96,7 +92,7 @@ def _loco_weights(
     features = scene_field.features(surface).cpu().numpy()
     world = scene_field.space.to_world(surface).double().cpu().numpy()
     rgb, number = colors.cpu().numpy(), view.cpu().numpy()
-    names, capture = _report(job)["views"], job.capture()
+    names, capture = view_names(job, "views"), job.capture()
     weights = np.zeros((len(rgb), len(palette.colors)), np.float32)
     progress = job.progress("loco", len(np.unique(number)))
     for n in np.unique(number):
@@ -110,12 +106,8 @@ def _loco_weights(
 
 def _reference_views(job: Job) -> Tensor:
     """Numbers, among the views that segmentation cached, of those that a mask marks."""
-    report = _report(job)
-    return torch.tensor([number for number, name in enumerate(report["views"]) if name in report["marked"]])
-
-
-def _report(job: Job) -> dict:
-    return read_json(job.project.checked(job.project.segmentation_report), "report")
+    cached, marked = view_names(job, "views"), view_names(job, "marked")
+    return torch.tensor([number for number, name in enumerate(cached) if name in marked])
 
 
 def _learned_palettes(initial: list[Palette], learned: np.ndarray, sizes: list[int]) -> list[Palette]:

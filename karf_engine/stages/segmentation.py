@@ -30,8 +30,9 @@ from ..labels.coarse_masks import CoarseMask, copy_masks, find_masks, load_mask
 from ..labels.seeds import mask_confidence, mask_targets, vote_on_points
 from ..labels.solve import Labels, solve_labels
 from ..labels.surface_points import SurfacePoints, merge_samples
+from ..names import check_names
 from ..progress import Emit
-from ..project import write_json
+from ..project import read_json, write_json
 from ..rendering.rays import camera_rays
 from ..rendering.surface_cache import SurfaceCache, cache_surface, join_caches
 from ..settings import SegmentationSettings, from_dict, to_dict
@@ -316,7 +317,14 @@ def load_segmentation(job: Job) -> tuple[SegmentationField, list[str]]:
     settings = from_dict(facts["settings"], SegmentationSettings)
     karf = SegmentationField(tensors["boxes"], n_features, settings).to(job.runtime.device)
     karf.load_state_dict(tensors)
-    return karf.requires_grad_(False), facts["objects"]
+    return karf.requires_grad_(False), check_names(facts["objects"], job.project.segmentation_file, "an object")
+
+
+def view_names(job: Job, which: str) -> list[str]:
+    """The `views` that segmentation looked at, in the order that the objects' rays number them by, or the `marked` ones."""
+    path = job.project.checked(job.project.segmentation_report)
+    report = read_json(path, "report")
+    return check_names(report.get(which) if isinstance(report, dict) else None, path, "a view")
 
 
 def _report(cached: CachedViews, labels: Labels, probabilities: Tensor) -> dict:

@@ -1,5 +1,6 @@
 """Coarse masks on disk: what is found, and one clear error for each way to get them wrong."""
 
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ pytest.importorskip("imageio")
 
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import Capture, View
+from karf_engine.capture.reading import make_views
 from karf_engine.errors import DataError
 from karf_engine.images import Plate, write_png
 from karf_engine.labels.coarse_masks import copy_masks, find_masks, load_mask
@@ -114,3 +116,54 @@ def test_copied_masks_lie_under_their_views_names(tmp_path, capture):
     again = find_masks(tmp_path / "copies", capture)
     assert [(m.object_name, m.view.name, m.path.name) for m in again] == [("pot", "train_r_0", "train_r_0.png")]
     assert np.array_equal(load_mask(again[0], plate_of(again[0].view)), MASK)
+
+
+# -------------------------------------------------------------------------------------------------------- several cameras
+@pytest.fixture
+def rig(tmp_path):
+    """A capture whose photos lie in one subfolder a camera, by the same names."""
+    camera = Camera(18, 12, 20.0, 20.0, 9.0, 6.0, np.eye(4))
+    photos = [tmp_path / "photos" / folder / f"000{n}.png" for folder in ("cam1", "cam2") for n in (1, 2)]
+    return Capture(tmp_path, "test", tuple(make_views([camera] * 4, photos, [p.stem for p in photos], ["train"] * 4)))
+
+
+def test_masks_may_lie_in_the_subfolders_of_the_photos(tmp_path, rig):
+    for name in ("pot/cam1/0001", "pot/cam2/0001", "lid/cam2/0002"):
+        write_png(tmp_path / "masks" / f"{name}.png", MASK)
+    found = find_masks(tmp_path / "masks", rig)
+    marked = [(mask.object_name, mask.view.image.relative_to(tmp_path / "photos").as_posix()) for mask in found]
+    assert marked == [("lid", "cam2/0002.png"), ("pot", "cam1/0001.png"), ("pot", "cam2/0001.png")]
+    keep_masks(found, tmp_path / "kept")  # under the views' names, which are found again
+    assert [m.view for m in find_masks(tmp_path / "kept", rig)] == [m.view for m in found]
+
+
+def test_a_mask_that_could_mean_photos_of_two_cameras_is_not_guessed(tmp_path, rig):
+    write_png(tmp_path / "masks" / "pot" / "0001.png", MASK)
+    assert "fits 2 photos, the views train_0001, train_0001_2" in error_of(find_masks, tmp_path / "masks", rig)
+
+
+def test_masks_in_subfolders_of_no_photo_are_named(tmp_path, rig):
+    write_png(tmp_path / "masks" / "pot" / "cam3" / "0001.png", MASK)
+    assert "named after no training photo" in error_of(find_masks, tmp_path / "masks", rig)
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("/dev/zero"), lambda p: p.symlink_to(p)])
+def test_what_is_no_file_in_place_of_a_mask_is_named_and_never_waited_for(tmp_path, capture, make):
+    (tmp_path / "pot").mkdir()
+    make(tmp_path / "pot" / "a.png")
+    assert str(tmp_path / "pot" / "a.png") in error_of(find_masks, tmp_path, capture)
+
+
+@pytest.mark.parametrize("name", ["CON", "a:b", "pot.", "po\nt", os.fsdecode(b"p\xffot")])
+def test_objects_whose_names_cannot_be_files_everywhere_are_named(tmp_path, capture, name):
+    write_png(tmp_path / "masks" / name / "a.png", MASK)
+    assert "names an object as no file can be called" in error_of(find_masks, tmp_path / "masks", capture)
+
+
+def test_photos_of_names_that_are_no_text_are_found_by_their_masks(tmp_path):
+    name = os.fsdecode(b"r_\xff1")
+    views = make_views([Camera(18, 12, 20.0, 20.0, 9.0, 6.0, np.eye(4))], [tmp_path / f"{name}.png"], [name], ["train"])
+    write_png(tmp_path / "masks" / "pot" / f"{name}.png", MASK)
+    (mask,) = find_masks(tmp_path / "masks", Capture(tmp_path, "test", tuple(views)))
+    keep_masks([mask], tmp_path / "kept")
+    assert [path.name for path in (tmp_path / "kept" / "pot").iterdir()] == ["r__1.png"]

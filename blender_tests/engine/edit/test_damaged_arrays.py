@@ -1,0 +1,121 @@
+"""Damaged and hostile npz files: one sentence that names the file, whatever the damage, and no memory taken for claims."""
+
+import random
+import struct
+import tracemalloc
+import zipfile
+from io import BytesIO
+
+import numpy as np
+import pytest
+
+from karf_engine.edit.compositing import Planes, read_planes, write_planes
+from karf_engine.edit.match import read_object_colors
+from karf_engine.errors import DataError
+
+
+def planes_file(path):
+    noise = np.random.default_rng(0)
+    weights = noise.random((1, 3, 8, 6)).astype(np.float16)
+    base = noise.integers(0, 256, (8, 6, 3), np.uint8)
+    write_planes(path, Planes(("pot",), weights, weights.sum(1), base))
+    return path
+
+
+def colors_file(path, **changes):
+    arrays = {"colors": np.full((5, 3), 0.5, np.float32), "counts": np.ones(5), "palette_weights": np.ones((5, 4)) / 4}
+    np.savez_compressed(path, **{f"pot/{name}": array for name, array in (arrays | changes).items()})
+    return path
+
+
+def read_colors(path):
+    return read_object_colors(path, "pot")
+
+
+FILES = {"planes": (planes_file, read_planes), "colors": (colors_file, read_colors)}
+
+
+@pytest.mark.parametrize("kind", FILES)
+def test_no_damage_of_bytes_ends_in_anything_but_a_sentence(tmp_path, kind):
+    """Among the mutants are encrypted members, unknown packings, headers of other types and archives without end."""
+    make, read = FILES[kind]
+    whole = make(tmp_path / "whole.npz").read_bytes()
+    dice, refused = random.Random(1), 0
+    for number in range(800):
+        content = bytearray(whole)
+        for _ in range(dice.choice((1, 1, 2, 8))):
+            content[dice.randrange(len(content))] = dice.randrange(256)
+        if number % 5 == 0:
+            del content[dice.randrange(len(content)) :]
+        (tmp_path / "a.npz").write_bytes(content)
+        try:
+            read(tmp_path / "a.npz")
+        except DataError as error:
+            refused += 1
+            assert str(tmp_path / "a.npz") in error.sentence and error.hint
+    assert refused > 300
+
+
+@pytest.mark.parametrize("place", ["flag", "packing"])
+def test_encrypted_and_oddly_packed_members_are_named(tmp_path, place):
+    content = bytearray(planes_file(tmp_path / "a.npz").read_bytes())
+    for start in [n for n in range(len(content)) if content[n : n + 4] in (b"PK\x01\x02", b"PK\x03\x04")]:
+        at = start + (8 if content[start + 2] == 1 else 6) + (0 if place == "flag" else 2)
+        content[at : at + 2] = struct.pack("<H", 1 if place == "flag" else 99)
+    (tmp_path / "a.npz").write_bytes(content)
+    with pytest.raises(DataError, match=r"a\.npz \(edit planes\) cannot be read"):
+        read_planes(tmp_path / "a.npz")
+
+
+def zeros_member(shape, written):
+    stream = BytesIO()
+    np.lib.format.write_array_header_1_0(stream, {"descr": "<f4", "fortran_order": False, "shape": shape})
+    return stream.getvalue() + bytes(written)
+
+
+@pytest.mark.parametrize(("shape", "written"), [((10**12, 3), 0), ((145_000_000,), 580_000_000)])
+def test_small_files_that_claim_large_arrays_take_no_memory(tmp_path, shape, written):
+    colors_file(tmp_path / "a.npz")
+    with zipfile.ZipFile(tmp_path / "a.npz") as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, content in members.items():
+            if name == "pot/colors.npy":
+                with archive.open(name, "w", force_zip64=True) as stream:
+                    stream.write(zeros_member(shape, 0))
+                    for _ in range(written // 10**7):
+                        stream.write(bytes(10**7))
+            else:
+                archive.writestr(name, content)
+    assert (tmp_path / "a.npz").stat().st_size < 5e6
+    tracemalloc.start()
+    try:
+        with pytest.raises(DataError, match=r"a\.npz \(colors of 'pot'\) cannot be read"):
+            read_colors(tmp_path / "a.npz")
+        assert tracemalloc.get_traced_memory()[1] < 50e6
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"colors": np.zeros((5, 4))},
+        {"colors": np.zeros((6, 3))},
+        {"colors": np.full((5, 3), np.nan)},
+        {"colors": np.array([["a"] * 3] * 5)},
+        {"counts": np.zeros(5)},
+        {"counts": -np.ones(5)},
+        {"counts": np.ones(())},
+        {"palette_weights": np.ones(5)},
+        {"colors": np.zeros((2**19, 3)), "counts": np.ones(2**19), "palette_weights": np.ones((2**19, 1))},
+    ],
+)
+def test_arrays_that_are_no_histogram_are_refused(tmp_path, changes):
+    with pytest.raises(DataError, match=r"a\.npz"):
+        read_colors(colors_file(tmp_path / "a.npz", **changes))
+
+
+def test_whole_files_are_read_as_they_were_written(tmp_path):
+    assert read_planes(planes_file(tmp_path / "a.npz")).objects == ("pot",)
+    assert [array.shape for array in read_colors(colors_file(tmp_path / "b.npz"))] == [(5, 3), (5,), (5, 4)]

@@ -1,0 +1,46 @@
+"""Which numbers of cameras can be: what lies beyond overflows single precision, or no memory holds its pixels."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import DataError
+from .camera import Camera
+from .image_size import MOST_PIXELS
+
+LARGEST_POSITION = (
+    1e12  # of cameras and points; its square, and a scene's size over its detail, must fit single precision
+)
+LARGEST_SIDE = 10**6  # pixels; no photo is larger, a damaged file may say so
+FOCAL_RANGE = (1e-3, 1e6)  # of the longer side: from beyond 179 degrees to a thousandth of one
+LARGEST_CENTER = 1e3  # of the longer side
+LARGEST_COEFFICIENT = 1e6  # of a lens polynomial
+
+
+def check_camera(camera: Camera, label: str, hint: str = "Export the cameras again.") -> Camera:
+    """The camera itself. Raises DataError "`label` has .." for a size, lens or position that cannot be."""
+    wrong = _wrong(camera)
+    if wrong:
+        raise DataError(f"{label} has {wrong}, which cannot be.", hint)
+    return camera
+
+
+def _wrong(camera: Camera) -> str:
+    """What of the camera cannot be, with its value; empty where all can. Not-a-number fails every comparison."""
+    width, height, side = camera.width, camera.height, max(camera.width, camera.height)
+    if not (1 <= width <= LARGEST_SIDE and 1 <= height <= LARGEST_SIDE):
+        return f"a picture of {width}x{height} pixels"
+    if width * height > MOST_PIXELS:
+        return f"a picture of {width}x{height} pixels, more than {MOST_PIXELS // 10**6} million"
+    for name in ("fx", "fy"):
+        if not FOCAL_RANGE[0] * side <= getattr(camera, name) <= FOCAL_RANGE[1] * side:
+            return f"the focal length {name} {getattr(camera, name):g} at {width}x{height} pixels"
+    for name in ("cx", "cy"):
+        if not abs(getattr(camera, name)) <= LARGEST_CENTER * side:
+            return f"the principal point {name} {getattr(camera, name):g} at {width}x{height} pixels"
+    for value in camera.distortion:
+        if not abs(value) <= LARGEST_COEFFICIENT:
+            return f"the distortion coefficient {value:g}"
+    if not np.abs(camera.position).max() <= LARGEST_POSITION:
+        return f"the position {', '.join(f'{value:g}' for value in camera.position)}"
+    return ""

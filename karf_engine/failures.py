@@ -1,0 +1,79 @@
+"""What the system's errors mean to the user: full disks, missing rights, memory that ran out. Without torch.
+
+Libraries report the same fault by many classes; here is the one place that knows them.
+"""
+
+from __future__ import annotations
+
+import errno
+import re
+
+from .errors import DataError, KarfError, OutOfMemory
+
+# torch on the processor, OpenCV and C++ libraries have no error class of their own for it
+MEMORY_WORDS = (
+    "out of memory",
+    "allocate memory",
+    "unable to allocate",
+    "insufficient memory",
+    "not enough memory",
+    "bad_alloc",
+    "storage size calculation overflowed",
+    "larger than the maximum possible size",
+)
+DISK_FULL_WORDS = ("disk is full", "requested and")  # SQLite; numpy, which wrote less than was requested
+NUMBER_IN_TEXT = re.compile(r"\(os error (\d+)\)")  # safetensors tells the system's number in words
+ROOM = "Free some space, or choose a folder on another disk; what was finished is kept."
+RIGHTS = "Choose a folder of your own, or change its rights; on Windows another program may hold the file open."
+SYSTEM_ERRORS = {  # by number: sentence and remedy
+    errno.ENOSPC: ("The disk is full: {file} cannot be written.", ROOM),
+    errno.EDQUOT: ("Your share of the disk is used up: {file} cannot be written.", ROOM),
+    errno.EFBIG: ("{file} is larger than this disk's file system allows.", ROOM),
+    errno.EACCES: ("{file} may not be read or written here.", RIGHTS),
+    errno.EPERM: ("{file} may not be read or written here.", RIGHTS),
+    errno.EROFS: ("{file} lies on a disk that can only be read.", "Choose a folder on another disk."),
+    errno.ENOENT: ("{file} is not there, or no longer.", "Put it back, or check the path; then start again."),
+    errno.ENOTDIR: ("{file} lies in a file instead of a folder.", "Check the path."),
+    errno.EISDIR: ("{file} is a folder where a file is wanted.", "Check the path."),
+    errno.EEXIST: ("{file} is a file where a folder is wanted.", "Choose another folder."),
+    errno.ENAMETOOLONG: ("{file} is a name too long for this disk.", "Use shorter names of files and folders."),
+    errno.EMFILE: ("Too many files are open at once.", "Close other programs, or raise the limit (ulimit -n)."),
+    errno.ENFILE: ("Too many files are open at once.", "Close other programs, or restart the computer."),
+}
+
+
+def is_out_of_memory(error: BaseException) -> bool:
+    """True for a failed allocation, on an accelerator or in main memory, by whichever library it was made."""
+    if isinstance(error, KarfError):
+        return isinstance(error, OutOfMemory)
+    if isinstance(error, MemoryError) or type(error).__name__ == "OutOfMemoryError":
+        return True
+    return getattr(error, "errno", None) == errno.ENOMEM or any(word in str(error).lower() for word in MEMORY_WORDS)
+
+
+def known_failure(error: BaseException) -> KarfError | None:
+    """The error as the user can act on it; None for one that only a fault of the program explains."""
+    if isinstance(error, KarfError):
+        return error
+    if is_out_of_memory(error):
+        return OutOfMemory("The computer ran out of memory.", "Lower geometry.long_side, or close other programs.")
+    number = _system_number(error)
+    if number is None:
+        return None
+    file = getattr(error, "filename", None) or "a file"
+    reason = getattr(error, "strerror", None) or str(error)
+    sentence, hint = SYSTEM_ERRORS.get(
+        number, (f"{{file}} cannot be read or written: {reason}.", "Check the disk or the network drive.")
+    )
+    sentence = sentence.replace("{file}", str(file))
+    return DataError(sentence[:1].upper() + sentence[1:], hint)
+
+
+def _system_number(error: BaseException) -> int | None:
+    """The system's number of a failed call, also where a library only tells it in words."""
+    if isinstance(error, OSError) and error.errno:
+        return error.errno
+    if any(word in str(error) for word in DISK_FULL_WORDS):
+        return errno.ENOSPC
+    told = NUMBER_IN_TEXT.search(str(error))
+    return int(told[1]) if told else None

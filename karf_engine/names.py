@@ -1,0 +1,55 @@
+"""Names that become files: of views and of objects. What a file says must never lead out of a folder.
+
+The rules are those of all systems together, so that a project can be moved to any of them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from .errors import DataError
+
+LONGEST = 200  # bytes of a name as UTF-8: file systems hold 255, and endings and temporary names come on top
+LONGEST_MADE = 170  # of one that is made here, to which a split and a number may be added
+FORBIDDEN = re.compile(r'[\x00-\x1f\x7f<>:"/\\|?*\ud800-\udfff]')
+RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)  # devices of Windows, in every folder
+
+
+def file_name(text: str) -> str:
+    """A name that can be a file's on every system, as much like the text as may be."""
+    name = FORBIDDEN.sub("_", text)
+    name = name.encode()[:LONGEST_MADE].decode(errors="ignore")
+    if name.rstrip(". ") != name:  # Windows drops them
+        name = name.rstrip(". ") + "_"
+    return f"_{name}" if RESERVED.fullmatch(name) or not name else name
+
+
+def is_file_name(value: Any) -> bool:
+    """Whether a value is a text that can be a file's or folder's name on every system."""
+    if not isinstance(value, str) or FORBIDDEN.search(value) or RESERVED.fullmatch(value):
+        return False
+    return 0 < len(value.encode()) <= LONGEST and value.rstrip(". ") == value
+
+
+def check_name(value: Any, path: Path, what: str) -> str:
+    """The value, found in `path` as the name of a `what`. Raises DataError where no file can have this name."""
+    if not is_file_name(value):
+        shown = repr(value) if len(repr(value)) < LONGEST else f"{repr(value)[:LONGEST]}.."
+        raise DataError(
+            f"{path} has {what} named {shown}, which cannot be the name of a file.",
+            f'A name has 1 to {LONGEST} bytes, none of / \\ : * ? " < > | and no point or space at its end.',
+        )
+    return value
+
+
+def check_names(values: Any, path: Path, what: str) -> list[str]:
+    """A list of such names, each there once. Raises DataError as `check_name`, and where it is no list or repeats."""
+    if not isinstance(values, Iterable) or isinstance(values, str | dict):
+        raise DataError(f"{path} has no list of names of {what}.", "Run the stage that writes it again.")
+    names = [check_name(value, path, what) for value in values]
+    if len(set(names)) < len(names):
+        raise DataError(f"{path} has {what} twice by one name.", "Run the stage that writes it again.")
+    return names
