@@ -133,7 +133,7 @@ def test_masks_may_lie_in_the_subfolders_of_the_photos(tmp_path, rig):
     found = find_masks(tmp_path / "masks", rig)
     marked = [(mask.object_name, mask.view.image.relative_to(tmp_path / "photos").as_posix()) for mask in found]
     assert marked == [("lid", "cam2/0002.png"), ("pot", "cam1/0001.png"), ("pot", "cam2/0001.png")]
-    keep_masks(found, tmp_path / "kept")  # under the views' names, which are found again
+    copy_masks(found, tmp_path / "kept")  # under the views' names, which are found again
     assert [m.view for m in find_masks(tmp_path / "kept", rig)] == [m.view for m in found]
 
 
@@ -165,5 +165,5 @@ def test_photos_of_names_that_are_no_text_are_found_by_their_masks(tmp_path):
     views = make_views([Camera(18, 12, 20.0, 20.0, 9.0, 6.0, np.eye(4))], [tmp_path / f"{name}.png"], [name], ["train"])
     write_png(tmp_path / "masks" / "pot" / f"{name}.png", MASK)
     (mask,) = find_masks(tmp_path / "masks", Capture(tmp_path, "test", tuple(views)))
-    keep_masks([mask], tmp_path / "kept")
+    copy_masks([mask], tmp_path / "kept")
     assert [path.name for path in (tmp_path / "kept" / "pot").iterdir()] == ["r__1.png"]
