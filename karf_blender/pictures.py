@@ -88,7 +88,10 @@ def write_png(path: Path, colors: np.ndarray) -> None:
 
 def _save(image: bpy.types.Image, path: Path) -> None:
     image.filepath_raw = str(path)
-    image.save()
+    try:
+        image.save()
+    except RuntimeError as error:  # a full disk, mostly
+        raise DataError(f"{path.parent} cannot be written to.", "Free some space, or choose another folder.") from error
 
 
 def reveal(image: bpy.types.Image, is_wanted: bool = False) -> None:
