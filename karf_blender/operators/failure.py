@@ -51,7 +51,8 @@ class KARF_OT_open_log(FailureStep, bpy.types.Operator):
         text = bpy.data.texts.get(LOG_NAME) or bpy.data.texts.new(LOG_NAME)
         text.from_string(tail)
         if not bpy.app.background:
-            _editor().spaces.active.text = text
+            editor = _editor().spaces.active
+            editor.text, editor.top = text, 0
         return {"FINISHED"}
 
 
