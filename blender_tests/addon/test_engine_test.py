@@ -2,12 +2,12 @@
 
 import os
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
 from .layout import Layout
+from .timers import run_to_end
 
 
 def sleeper(folder):
@@ -16,13 +16,6 @@ def sleeper(folder):
     script.write_text("#!/bin/sh\nsleep 60 & wait\n")
     script.chmod(0o755)
     return script
-
-
-def until_answered(addon, seconds=20):
-    deadline = time.monotonic() + seconds
-    while addon.engine_test._tick() is not None:
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
 
 
 def shown(bpy, preferences):
@@ -45,7 +38,7 @@ class Drawn:
 def test_a_test_runs_beside_the_interface(bpy, addon, chosen):
     addon.engine_test._begin(Path(sys.executable))
     assert addon.engine_test.is_running() and not bpy.ops.karf.examine_engine.poll()
-    until_answered(addon)
+    run_to_end(addon.engine_test._tick)
     assert "lacks torch" in addon.engine_test.verdict_on(Path(sys.executable)).sentence
     assert not addon.engine_test.is_running()
 
@@ -73,7 +66,7 @@ def test_disabling_the_extension_ends_the_test_and_its_timer(bpy, addon, chosen,
 def test_a_python_that_never_answers_is_given_up(addon, chosen, tmp_path, monkeypatch):
     monkeypatch.setattr(addon.environment, "TIMEOUT", 0.1)
     addon.engine_test._begin(sleeper(tmp_path))
-    until_answered(addon)
+    run_to_end(addon.engine_test._tick)
     assert "no answer" in addon.engine_test.verdict_on(sleeper(tmp_path)).sentence
 
 

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from .layout import Layout
+from .timers import run_to_end
 
 
 @pytest.fixture
@@ -24,13 +25,6 @@ def begin(addon, scene, behave, after=lambda request: None):
     return addon.job_watch._running[0].job
 
 
-def until_done(addon, seconds=20):
-    deadline = time.monotonic() + seconds
-    while addon.job_watch._tick() is not None:
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
-
-
 def drawn_status(bpy, addon):
     drawn = []
     context = SimpleNamespace(scene=bpy.context.scene, window_manager=bpy.context.window_manager)
@@ -40,7 +34,7 @@ def drawn_status(bpy, addon):
 
 def test_a_crash_is_a_sentence_with_a_report_and_a_log(bpy, addon, project_scene, capfd):
     begin(addon, project_scene, "crash")
-    until_done(addon)
+    run_to_end(addon.job_watch._tick)
     progress = bpy.context.window_manager.karf_progress
     assert progress.error.startswith("The engine crashed in the geometry job")
     assert "\n" not in progress.error + progress.hint and len(progress.error + progress.hint) < 200
@@ -57,7 +51,7 @@ def test_a_crash_is_a_sentence_with_a_report_and_a_log(bpy, addon, project_scene
 
 def test_what_a_user_can_mend_needs_no_report(bpy, addon, project_scene):
     begin(addon, project_scene, "error")
-    until_done(addon)
+    run_to_end(addon.job_watch._tick)
     assert not {"karf.copy_report", "karf.open_log"} & set(drawn_status(bpy, addon))
 
 
@@ -107,7 +101,7 @@ def test_damaged_events_are_passed_over(bpy, addon, project_scene):
     (job.folder / "events.jsonl").write_text("".join(f"{line}\n" for line in DAMAGED))
     assert addon.job_watch._tick() is not None
     job.terminate()
-    until_done(addon)
+    run_to_end(addon.job_watch._tick)
     assert "crashed in the geometry job (SIG" in bpy.context.window_manager.karf_progress.error
 
 
@@ -116,7 +110,7 @@ def test_a_project_that_is_taken_away_under_a_job_is_said(bpy, addon, project_sc
     shutil.rmtree(addon.folders.project_of(project_scene).folder)
     assert addon.job_watch._tick() is not None
     job.terminate()
-    until_done(addon)
+    run_to_end(addon.job_watch._tick)
     assert "was taken away while" in bpy.context.window_manager.karf_progress.error
 
 
@@ -129,7 +123,7 @@ def test_a_log_that_is_gone_hides_no_sentence(addon, project_scene):
     with pytest.raises(addon.engine_api.KarfError, match="crashed in the geometry job"):
         job.check()
     assert job.log_tail() == ""
-    until_done(addon)
+    run_to_end(addon.job_watch._tick)
 
 
 def test_a_folder_that_cannot_be_made_is_said(bpy, addon, project_scene, tmp_path):
@@ -151,7 +145,7 @@ def test_what_the_disk_refuses_after_a_job_is_said(bpy, addon, project_scene):
 
     request = addon.steps.learn_scene(project_scene).requests[0]
     addon.job_watch._begin(addon.job_watch.Task("Trial", (request,), full))
-    until_done(addon)
+    run_to_end(addon.job_watch._tick)
     assert bpy.context.window_manager.karf_progress.error == "/film/picture.png: No space left on device."
 
 
