@@ -2,6 +2,8 @@
 
 import bpy
 
+BLENDER = bpy.app.version_string
+
 # properties that hold paths must say since 4.5 that `//` is understood; before, the word is unknown
 PATH_OPTIONS = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
 

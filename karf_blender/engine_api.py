@@ -33,12 +33,13 @@ from ..karf_engine.edit.palette import (
 from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency, error_from_code
 from ..karf_engine.project import Project, atomic_write
 from ..karf_engine.settings import PRESETS
-from ..karf_engine.wire import LOG_FILE, Event, EventReader, Request
+from ..karf_engine.wire import LOG_FILE, REQUEST_FILE, Event, EventReader, Request
 
 # the file or folder by which each known kind of capture is recognized
 CAPTURE_MARKS = tuple(known.mark for known in FORMATS)
 # the folder that the engine's own Python executes
 ENGINE_FOLDER = Path(karf_engine.__file__).parent
+VERSION = karf_engine.__version__
 
 __all__ = [
     "BRIGHTEST",
@@ -47,6 +48,8 @@ __all__ = [
     "ENGINE_FOLDER",
     "LOG_FILE",
     "PRESETS",
+    "REQUEST_FILE",
+    "VERSION",
     "BadRequest",
     "Camera",
     "Cancelled",

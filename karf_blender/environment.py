@@ -3,13 +3,15 @@
 import json
 import os
 import subprocess
+import tempfile
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
-from . import engine_api
+from . import engine_api, processes
 from .engine_api import MissingDependency
-from .jobs import child_environment
 
 VARIABLE = "KARF_ENGINE_PYTHON"
 PACKAGES = {
@@ -23,7 +25,8 @@ PACKAGES = {
     "cv2": "opencv-python-headless",
     "OpenEXR": "OpenEXR",
 }
-TIMEOUT = 120.0
+TIMEOUT = 120.0  # a first import of torch from a cold disk is slow
+WAIT_SECONDS = 0.05
 PROBE = """
 import importlib.util, json, platform, sys
 found = {name: importlib.util.find_spec(name) is not None for name in sys.argv[1:]}
@@ -59,41 +62,92 @@ class Examination:
         return f'"{self.python}" -m pip install {" ".join(self.missing)}' if self.missing else ""
 
 
-def find_python(preference: str, variables: Mapping[str, str]) -> Path:
-    """The Python of the preference, else of KARF_ENGINE_PYTHON, else of `.venv/engine` beside the engine.
+def chosen_python(preference: str, variables: Mapping[str, str]) -> Path:
+    """The Python of the preference, else of KARF_ENGINE_PYTHON, else of `.venv/engine` beside the engine; there or not.
 
-    Raises MissingDependency where none is set, or where the one set is no file.
+    Raises MissingDependency for a path that is not absolute: what it names would depend on the open file.
     """
     chosen = preference or variables.get(VARIABLE, "")
-    if chosen and not Path(chosen).is_file():
-        raise MissingDependency(f"The engine's Python {chosen} does not exist.", "Set it in the KaRF preferences.")
+    # two slashes stand for the .blend's folder, which may be a stranger's
+    if chosen and (chosen.startswith("//") or not Path(chosen).is_absolute()):
+        raise MissingDependency(
+            f"The engine's Python {chosen} is not given by its whole path.",
+            "Set it in the KaRF preferences, in the file browser with Relative Path off.",
+        )
     if chosen:
         return Path(chosen)
     folder = engine_api.ENGINE_FOLDER.parent / ".venv" / "engine"
-    beside = folder / "Scripts" / "python.exe" if os.name == "nt" else folder / "bin" / "python"
-    if not beside.is_file():
-        raise MissingDependency(
-            "No Python with PyTorch is known to KaRF.", "Set Engine Python in the KaRF preferences to one that has it."
-        )
-    return beside
+    return folder / "Scripts" / "python.exe" if os.name == "nt" else folder / "bin" / "python"
+
+
+def find_python(preference: str, variables: Mapping[str, str]) -> Path:
+    """The chosen Python. Raises MissingDependency where it is no file, or not given by its whole path."""
+    python = chosen_python(preference, variables)
+    if python.is_file():
+        return python
+    if preference or variables.get(VARIABLE):
+        raise MissingDependency(f"The engine's Python {python} does not exist.", "Set it in the KaRF preferences.")
+    raise MissingDependency(
+        "No Python with PyTorch is known to KaRF.", "Set Engine Python in the KaRF preferences to one that has it."
+    )
+
+
+class Probe:
+    """A question to a Python for its version, packages and device (a few seconds): `poll` it until it has answered.
+
+    Raises MissingDependency where the Python cannot be started.
+    """
+
+    def __init__(self, python: Path) -> None:
+        self.python = python
+        self._end_by = time.monotonic() + TIMEOUT
+        # files take any amount of words; a pipe that nobody reads would hold the child up
+        self._said, self._errors = tempfile.TemporaryFile(), tempfile.TemporaryFile()
+        command = [str(python), "-I", "-X", "utf8", "-c", PROBE, *PACKAGES]
+        try:
+            self._process = processes.start(command, stdin=subprocess.DEVNULL, stdout=self._said, stderr=self._errors)
+        except OSError as error:
+            raise _does_not_run(python, error) from error
+
+    def poll(self) -> Examination | None:
+        """The answer, or None while there is none yet. Never blocks. Raises MissingDependency where it will not run."""
+        code = self._process.poll()
+        if code is None and time.monotonic() > self._end_by:
+            self.end()
+            raise _does_not_run(self.python, f"no answer in {TIMEOUT:.0f} seconds")
+        return None if code is None else self._answer(code)
+
+    def end(self) -> None:
+        """End the Python where it still runs."""
+        processes.end(self._process)
+
+    def _answer(self, code: int) -> Examination:
+        if code:
+            reason = (_lines(self._errors) or [processes.ending(self._process)])[-1]
+            raise MissingDependency(f"{self.python} cannot load PyTorch: {reason}", "Install torch into it anew.")
+        try:
+            facts = json.loads(_lines(self._said)[-1])
+            missing = tuple(PACKAGES[name] for name in facts["missing"])
+            return Examination(self.python, facts["python"], facts.get("torch", ""), facts.get("device", ""), missing)
+        except (ValueError, LookupError, TypeError) as error:
+            raise _does_not_run(self.python, error) from error
+
+
+def _lines(stream: IO[bytes]) -> list[str]:
+    stream.seek(0)
+    return stream.read().decode("utf-8", "replace").strip().splitlines()
+
+
+def _does_not_run(python: Path, reason: object) -> MissingDependency:
+    return MissingDependency(f"{python} does not run as a Python ({reason}).", "Choose another Python.")
 
 
 def examine(python: Path) -> Examination:
-    """Ask a Python for its version, packages and device (a few seconds). Raises MissingDependency where it will not run."""
+    """Ask a Python and block until it has answered. Raises MissingDependency where it will not run."""
+    probe = Probe(python)
     try:
-        done = subprocess.run(
-            [str(python), "-I", "-c", PROBE, *PACKAGES],
-            capture_output=True,
-            text=True,
-            timeout=TIMEOUT,
-            env=child_environment(os.environ),
-            stdin=subprocess.DEVNULL,
-        )
-        facts = json.loads(done.stdout.splitlines()[-1]) if done.returncode == 0 else None
-    except (OSError, subprocess.TimeoutExpired, ValueError, IndexError) as error:
-        raise MissingDependency(f"{python} does not run ({error}).", "Choose another Python.") from error
-    if facts is None:
-        reason = (done.stderr.strip().splitlines() or ["no message"])[-1]
-        raise MissingDependency(f"{python} cannot load PyTorch: {reason}", "Install torch into it anew.")
-    missing = tuple(PACKAGES[name] for name in facts["missing"])
-    return Examination(python, facts["python"], facts.get("torch", ""), facts.get("device", ""), missing)
+        while (found := probe.poll()) is None:
+            time.sleep(WAIT_SECONDS)
+    finally:
+        probe.end()
+    return found

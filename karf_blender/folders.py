@@ -38,7 +38,7 @@ def project_of(scene: bpy.types.Scene) -> Project:
 
 
 def finished_stages(scene: bpy.types.Scene) -> frozenset[str]:
-    """The engine's stages that the scene's project has finished; cheap enough to ask while drawing."""
+    """The engine's stages that the scene's project has finished, read from disk; drawing asks `disk.seen`."""
     if not scene.karf.project:
         return frozenset()
     folder = absolute(scene.karf.project)

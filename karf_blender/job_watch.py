@@ -13,12 +13,12 @@ from pathlib import Path
 import bpy
 from bpy.app.handlers import persistent
 
-from . import compat, engine_api, jobs, pictures, preferences
+from . import compat, disk, engine_api, jobs, pictures, preferences, windows
 from .engine_api import BadRequest, Cancelled, Event, KarfError, Project, Request
 
 POLL_SECONDS = 0.2
 PRINT_SECONDS = 5.0
-AREAS = ("VIEW_3D", "IMAGE_EDITOR")
+REPORTED = ("internal", "dependency")  # codes of errors that the log tells more of
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,8 @@ class _Running:
 
     def _start(self) -> jobs.Job:
         request = self.task.requests[self._done]
-        folder = Project(request.project).new_job(request.stage)
+        with jobs.disk_errors():
+            folder = Project(request.project).new_job(request.stage)
         return jobs.start(self._python, engine_api.ENGINE_FOLDER, request, folder, self._threads)
 
     def advance(self) -> bool:
@@ -52,7 +53,8 @@ class _Running:
         if not self.job.ended:
             return False
         self.job.check()
-        self.task.after(self.job.request)
+        with jobs.disk_errors():
+            self.task.after(self.job.request)
         self._done += 1
         if self._done == len(self.task.requests):
             return True
@@ -117,7 +119,7 @@ def cancel() -> None:
 def dismiss() -> None:
     """Clear what the panel says of the last task."""
     progress = _progress()
-    progress.text = progress.figures = progress.warnings = progress.error = progress.hint = ""
+    progress.text = progress.figures = progress.warnings = progress.error = progress.hint = progress.job = ""
 
 
 def _begin(task: Task) -> _Running:
@@ -149,8 +151,13 @@ def _finish(error: KarfError | None) -> None:
         progress.text = "cancelled"
     elif error is not None:
         progress.text, progress.error, progress.hint = "", error.sentence, error.hint
+        if error.code in REPORTED:
+            job = _running[0].job
+            progress.job = str(job.folder)
+            print(f"The end of {job.folder / engine_api.LOG_FILE}:\n{job.log_tail()}", flush=True)
     else:
         progress.text = "done"
+    disk.look()
 
 
 def _tick() -> float | None:
@@ -168,7 +175,7 @@ def _tick() -> float | None:
         is_ours = isinstance(failure, KarfError)
         _finish(failure if is_ours else KarfError(f"Internal error: {failure!r}.", "The console shows where."))
         _end()
-        _redraw()
+        windows.redraw(*windows.PANEL_AREAS)
         if not is_ours:
             raise
         return None
@@ -179,7 +186,7 @@ def _tick() -> float | None:
         if bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message=running.task.title)
     if events or done:
-        _redraw()
+        windows.redraw(*windows.PANEL_AREAS)
     return None if done else POLL_SECONDS
 
 
@@ -227,13 +234,6 @@ def _print(stage: str, event: Event) -> None:
     line = _line(event)
     if line:
         print(f"KaRF {stage}: {line}", flush=True)
-
-
-def _redraw() -> None:
-    for window in bpy.data.window_managers[0].windows:
-        for area in window.screen.areas:
-            if area.type in AREAS:
-                area.tag_redraw()
 
 
 @persistent

@@ -58,7 +58,10 @@ def save(scene: bpy.types.Scene, view: View) -> tuple[str, float]:
 
 
 def marked(scene: bpy.types.Scene) -> dict[str, int]:
-    """The objects in the chosen folder of masks, each with its number of masks; empty where there is no folder."""
+    """The objects in the chosen folder of masks, each with its number of masks; empty where there is no folder.
+
+    Reads the disk; drawing asks `disk.seen`.
+    """
     folder = folders.absolute(scene.karf.masks) if scene.karf.masks else None
     if folder is None or not folder.is_dir():
         return {}

@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from . import pictures
-from .engine_api import DataError, View, find_header, linear_to_srgb, undistorted
+from .engine_api import Camera, DataError, View, find_header, linear_to_srgb, undistorted
+
+SHOWN_PIXELS = 2_000_000  # behind a camera; a whole photo of a phone would hold Blender up for seconds
 
 
 def is_shown_as_stored(view: View) -> bool:
@@ -19,32 +21,52 @@ def read(view: View) -> np.ndarray:
 
     Raises DataError where it cannot be read.
     """
-    picture = pictures.read_picture(view.image)
-    header = find_header(view.image)
-    if header is not None and header.kind == "exr":  # linear light, which may be brighter than white
-        picture = linear_to_srgb(np.clip(picture, 0, 1))
-    return _turned(picture, _orientation(view))
+    return _taken(view, pictures.read_picture(view.image))
 
 
 def straightened(view: View, folder: Path) -> Path:
-    """The photo as the view's pinhole shows it, as a PNG in `folder`; made where it is not there yet.
+    """The photo as the view's pinhole shows it, as a PNG of at most SHOWN_PIXELS in `folder`; made where it is not
+    there yet.
 
     Raises DataError where the photo cannot be read or has another size than its camera.
     """
-    camera = view.camera
+    camera = _shown(view.camera)
     lens = (camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, camera.distortion, camera.fisheye)
     made_from = repr((str(view.image), view.image.stat().st_mtime_ns, lens))
     path = folder / f"{view.name}-{hashlib.sha256(made_from.encode()).hexdigest()[:8]}.png"
     if not path.exists():
-        photo = read(view)
-        if photo.shape[:2] != (camera.height, camera.width):
+        pictures.write_png(path, undistorted(_read_small(view, camera), camera))
+    return path
+
+
+def _shown(camera: Camera) -> Camera:
+    """The camera at the size of the picture behind it, which Blender stretches over its frame."""
+    shrink = min(1.0, (SHOWN_PIXELS / (camera.width * camera.height)) ** 0.5)
+    return camera.scaled(max(1, round(camera.width * shrink)), max(1, round(camera.height * shrink)))
+
+
+def _read_small(view: View, camera: Camera) -> np.ndarray:
+    """The photo as `read` gives it, at the size of the camera given."""
+    is_turned = _orientation(view) >= 5
+    with pictures.opened(view.image) as image:
+        width, height = reversed(image.size) if is_turned else image.size
+        if (width, height) != (view.camera.width, view.camera.height):
             raise DataError(
-                f"{view.image} is {photo.shape[1]}x{photo.shape[0]} pixels where its camera has "
-                f"{camera.width}x{camera.height}.",
+                f"{view.image} is {width}x{height} pixels where its camera has "
+                f"{view.camera.width}x{view.camera.height}.",
                 "Import the capture again.",
             )
-        pictures.write_png(path, undistorted(photo, camera))
-    return path
+        size = (camera.height, camera.width) if is_turned else (camera.width, camera.height)
+        pictures.fit(image, *size)
+        return _taken(view, pictures.colors_of(image))
+
+
+def _taken(view: View, picture: np.ndarray) -> np.ndarray:
+    """A photo's own numbers [H, W, 3] as stored, as the camera has taken it, sRGB."""
+    header = find_header(view.image)
+    if header is not None and header.kind == "exr":  # linear light, which may be brighter than white
+        picture = linear_to_srgb(np.clip(picture, 0, 1))
+    return _turned(picture, _orientation(view))
 
 
 def _orientation(view: View) -> int:

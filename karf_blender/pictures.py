@@ -4,6 +4,8 @@ numpy: [H, W, channels] float32 sRGB in [0, 1], first row at the top. Blender: r
 opaque byte images labelled sRGB: their numbers go through unchanged in every Blender version, and are saved unchanged.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
@@ -57,6 +59,13 @@ def pixels(image: bpy.types.Image) -> np.ndarray:
 
 def read_picture(path: Path) -> np.ndarray:
     """A picture file's own numbers [H, W, 3] in [0, 1], transparency put on white. Raises DataError where unreadable."""
+    with opened(path) as image:
+        return colors_of(image)
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[bpy.types.Image]:
+    """A picture file as an image that is gone after this block. Raises DataError where it is unreadable."""
     try:
         image = bpy.data.images.load(str(path))
     except RuntimeError as error:
@@ -64,12 +73,18 @@ def read_picture(path: Path) -> np.ndarray:
     try:
         image.colorspace_settings.name = "Non-Color"  # else 16 bit pictures would be made linear
         image.alpha_mode = "CHANNEL_PACKED"  # else colors would be multiplied by the transparency
-        rgba = pixels(image) if image.size[0] else None
+        if not image.size[0]:
+            raise DataError(f"{path} cannot be read as a picture.", "Use PNG or JPEG.")
+        yield image
     finally:
         bpy.data.images.remove(image)
-    if rgba is None:
-        raise DataError(f"{path} cannot be read as a picture.", "Use PNG or JPEG.")
-    return rgba[..., :3] * rgba[..., 3:] + (1 - rgba[..., 3:])
+
+
+def colors_of(image: bpy.types.Image) -> np.ndarray:
+    """The image's colors [H, W, 3] float32, transparency put on white."""
+    rgba = pixels(image)
+    colors, alpha = rgba[..., :3], rgba[..., 3:]
+    return colors if alpha.min() == 1 else colors * alpha + (1 - alpha)
 
 
 def write_png(path: Path, colors: np.ndarray) -> None:
@@ -88,7 +103,10 @@ def write_png(path: Path, colors: np.ndarray) -> None:
 
 def _save(image: bpy.types.Image, path: Path) -> None:
     image.filepath_raw = str(path)
-    image.save()
+    try:
+        image.save()
+    except RuntimeError as error:  # a full disk, mostly
+        raise DataError(f"{path.parent} cannot be written to.", "Free some space, or choose another folder.") from error
 
 
 def reveal(image: bpy.types.Image, is_wanted: bool = False) -> None:

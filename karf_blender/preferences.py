@@ -7,8 +7,22 @@ import bpy
 from bpy.props import IntProperty, StringProperty
 
 from .. import __package__ as extension
-from . import environment
-from .compat import PATH_OPTIONS
+from . import engine_test, environment
+from .engine_api import MissingDependency
+from .engine_test import Verdict
+
+
+def _verdict() -> Verdict | None:
+    """What the last test has found of the chosen Python; a path that is refused needs no test."""
+    try:
+        return engine_test.verdict_on(chosen_python())
+    except MissingDependency as error:
+        return engine_test.unfavorable(Path(), error)
+
+
+def _command(_) -> str:
+    verdict = _verdict()
+    return verdict.command if verdict else ""
 
 
 class KARF_AP_preferences(bpy.types.AddonPreferences):
@@ -16,29 +30,34 @@ class KARF_AP_preferences(bpy.types.AddonPreferences):
 
     bl_idname = extension
 
+    # a setting of this machine: unlike the scene's paths never relative to a .blend
     engine_python: StringProperty(
         name="Engine Python",
         subtype="FILE_PATH",
-        options=PATH_OPTIONS,
-        description="The Python that has PyTorch; empty: the variable KARF_ENGINE_PYTHON, else .venv/engine",
+        description="The whole path of the Python that has PyTorch; empty: the variable KARF_ENGINE_PYTHON, else "
+        ".venv/engine",
     )
     threads: IntProperty(
         name="Threads", min=0, max=256, description="Threads of the engine; 0: the engine chooses. Give free cores only"
     )
-    examination: StringProperty(options={"HIDDEN", "SKIP_SAVE"})
     command: StringProperty(
-        name="In a terminal", options={"SKIP_SAVE"}, description="Installs what is missing; copy it into a terminal"
+        name="In a terminal", get=_command, description="Installs what is missing; copy it into a terminal"
     )
 
     def draw(self, context):
         layout = self.layout
         layout.prop(self, "engine_python")
         layout.prop(self, "threads")
-        layout.operator("karf.examine_engine", icon="CHECKMARK")
-        if self.examination:
-            layout.label(text=self.examination, icon="ERROR" if self.command else "CHECKMARK")
-        if self.command:
-            layout.prop(self, "command")
+        row = layout.row(align=True)
+        is_running = engine_test.is_running()
+        row.operator("karf.examine_engine", text="Testing ..." if is_running else "Test Engine", icon="CHECKMARK")
+        if is_running:
+            row.operator("karf.cancel_examination", text="", icon="CANCEL")
+        verdict = _verdict()
+        if verdict is not None:
+            layout.label(text=verdict.sentence, icon="CHECKMARK" if verdict.is_ready else "ERROR")
+            if verdict.command:
+                layout.prop(self, "command")
 
 
 def current() -> bpy.types.AddonPreferences:
@@ -46,9 +65,14 @@ def current() -> bpy.types.AddonPreferences:
     return bpy.context.preferences.addons[extension].preferences
 
 
+def chosen_python() -> Path:
+    """The Python that runs the engine, there or not. Raises MissingDependency where its path is not absolute."""
+    return environment.chosen_python(current().engine_python, os.environ)
+
+
 def engine_python() -> Path:
     """The Python that runs the engine. Raises MissingDependency where none is known."""
-    return environment.find_python(bpy.path.abspath(current().engine_python), os.environ)
+    return environment.find_python(current().engine_python, os.environ)
 
 
 def register():
@@ -58,4 +82,5 @@ def register():
 
 def unregister():
     """Called when the extension is disabled."""
+    engine_test.cancel()
     bpy.utils.unregister_class(KARF_AP_preferences)

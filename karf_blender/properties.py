@@ -12,7 +12,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from . import recolor, reprojection, swatches
+from . import disk, recolor, reprojection, swatches
 from .compat import PATH_OPTIONS
 from .engine_api import BRIGHTEST, COMPOSITING_MODES, PRESETS
 
@@ -38,6 +38,11 @@ def _edit_changed(self, context):
 
 def _view_chosen(self, context):
     recolor.follow(self.id_data)
+    disk.look()
+
+
+def _masks_chosen(self, context):
+    disk.look()
 
 
 def _overlay_switched(self, context):
@@ -46,6 +51,7 @@ def _overlay_switched(self, context):
 
 def _project_chosen(self, context):
     swatches.take_over(self.id_data)
+    disk.look()
 
 
 def srgb(name: str, default: float = 0.0, highest: float = 1.0, **options):
@@ -106,6 +112,7 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         subtype="DIR_PATH",
         options=PATH_OPTIONS,
         description="Folder with <object>/<photo name>.png, white where the object is",
+        update=_masks_chosen,
     )
     out: StringProperty(
         name="Output",
@@ -149,6 +156,7 @@ class KARF_PG_progress(bpy.types.PropertyGroup):
     figures: StringProperty()
     warnings: StringProperty(description="What the last task warned of, a line each")
     error: StringProperty()
+    job: StringProperty(description="Folder of the failed job, where its log tells more of why")
     hint: StringProperty()
 
 

@@ -52,6 +52,10 @@ def import_capture(
     is_known = bool(karf.project) and karf.capture == folders.stored(path)
     if project is None:
         project = folders.project_of(scene).folder if is_known else folders.default_project(path)
+    try:  # from here on a project that is not there is missing
+        project.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        capture = replace(capture, remarks=(*capture.remarks, f"{project} cannot be made: {error.strerror}."))
     karf.rig = rig.build(capture, f"KaRF {project.name}", scene, options)
     with recolor.held(scene):
         if not is_known:

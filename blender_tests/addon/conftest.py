@@ -13,8 +13,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 MODULE = "bl_ext.karf_test.karf"
 FAKE_ENGINE = Path(__file__).parent / "fake_engine"
-MODULES = """camera_paths captures engine_api environment folders headless job_watch jobs lens masks panels.sidebar photos
-pictures placement points preferences recolor reprojection rig steps swatches""".split()
+MODULES = """camera_paths captures disk engine_api engine_test environment folders headless job_watch jobs lens masks
+panels.sidebar photos pictures placement points preferences recolor report reprojection rig steps swatches""".split()
 _exit_code = None
 _has_blender = False
 
@@ -44,6 +44,15 @@ def addon(bpy, monkeypatch):
     modules.recolor.forget()
     yield modules
     assert not modules.job_watch.is_running()
+
+
+@pytest.fixture
+def chosen(addon):
+    """The extension's preferences, with no Python chosen before and after the test."""
+    preferences = addon.preferences.current()
+    yield preferences
+    preferences.engine_python = ""
+    addon.engine_test.cancel()
 
 
 @pytest.fixture

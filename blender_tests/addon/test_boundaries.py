@@ -69,7 +69,7 @@ def test_only_compat_asks_for_blenders_version():
     assert asking == ["compat.py"]
 
 
-@pytest.mark.parametrize("name", ["jobs", "environment", "lens"])
+@pytest.mark.parametrize("name", ["jobs", "environment", "lens", "processes", "report"])
 def test_files_that_claim_to_need_no_blender_import_none(name):
     assert "bpy" not in [module for _, module in imports(ROOT / "karf_blender" / f"{name}.py")]
 

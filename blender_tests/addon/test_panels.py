@@ -6,57 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-
-class Layout:
-    """Stands in for Blender's layout: checks what is drawn and remembers it."""
-
-    def __init__(self, bpy, drawn):
-        self._bpy, self._drawn = bpy, drawn
-
-    def row(self, **_):
-        return Layout(self._bpy, self._drawn)
-
-    column = box = row
-
-    def _check(self, icon="NONE", **_):
-        known = self._bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items
-        assert icon in known
-
-    def label(self, text="", **options):
-        self._check(**options)
-        self._drawn.append(text)
-
-    def progress(self, factor, text):
-        assert 0 <= factor <= 1
-        self._drawn.append(text)
-
-    def prop(self, data, name, **options):
-        self._check(**options)
-        assert name in data.bl_rna.properties
-        self._drawn.append(name)
-
-    def prop_search(self, data, name, where, collection, **options):
-        assert collection in where.bl_rna.properties
-        self.prop(data, name, **options)
-
-    def operator(self, name, text="", **options):
-        self._check(**options)
-        self._drawn.append(text)
-        group, _, verb = name.partition(".")
-        operator = getattr(getattr(self._bpy.ops, group), verb)
-        known = set(operator.get_rna_type().properties.keys())
-        self._drawn.append(name)
-        return Properties(known)
-
-
-class Properties:
-    """An operator's properties as the layout gives them."""
-
-    def __init__(self, known):
-        object.__setattr__(self, "known", known)
-
-    def __setattr__(self, name, value):
-        assert name in self.known
+from .layout import Layout
 
 
 @pytest.fixture
@@ -123,6 +73,18 @@ def test_every_section_is_in_both_editors(bpy, addon):
     spaces = [panel.bl_space_type for panel in addon.sidebar.CLASSES]
     assert spaces.count("VIEW_3D") == spaces.count("IMAGE_EDITOR") == len(addon.sidebar.SECTIONS)
     assert all(hasattr(bpy.types, panel.__name__) for panel in addon.sidebar.CLASSES)
+
+
+def test_no_panel_pulls_its_tab_before_those_of_blender(addon):
+    """Blender puts panels without a header before all others, and tabs stand in the order of their first panels."""
+    assert not [panel for panel in addon.sidebar.CLASSES if "HIDE_HEADER" in getattr(panel, "bl_options", ())]
+
+
+def test_the_status_is_there_while_it_has_something_to_say(bpy, addon):
+    (status, _) = [panel for panel in addon.sidebar.CLASSES if panel.__name__.endswith("_status")]
+    assert not status.poll(bpy.context)
+    bpy.context.window_manager.karf_progress.running = True
+    assert status.poll(bpy.context)
 
 
 def test_a_greyed_out_step_says_why(bpy, addon, scene):

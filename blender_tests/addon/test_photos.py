@@ -40,6 +40,19 @@ def test_a_distorted_photo_is_shown_as_the_pinhole_sees_it(bpy, addon, scene, be
         assert np.unravel_index(around.argmax(), around.shape) == (3, 3)
 
 
+def test_a_large_photo_is_shown_small_and_painted_whole(bpy, addon, scene, bent, tmp_path, monkeypatch):
+    monkeypatch.setattr(addon.photos, "SHOWN_PIXELS", WIDTH * HEIGHT // 4, raising=False)
+    folder, pixels = bent
+    addon.headless.import_capture(folder, tmp_path / "project")
+    shown = addon.pictures.read_picture(background(bpy, scene))
+    assert shown.shape == (HEIGHT // 2, WIDTH // 2, 3)
+    for u, v in pixels / 2:
+        column, row = int(u), int(v)
+        around = shown[row - 2 : row + 3, column - 2 : column + 3, 0]
+        assert np.abs(np.subtract(np.unravel_index(around.argmax(), around.shape), 2)).max() <= 1
+    assert tuple(addon.steps.paint_mask(scene, "pot").size) == (WIDTH, HEIGHT)
+
+
 def test_it_is_made_once_and_kept_in_the_project(bpy, addon, scene, bent, tmp_path):
     addon.headless.import_capture(bent[0], tmp_path / "project")
     path = addon.folders.project_of(scene).photos_folder

@@ -7,7 +7,7 @@ from .reporting import reports_errors
 
 
 class KARF_OT_cancel(bpy.types.Operator):
-    """Stop the running job at its next safe point; what was learned so far is kept"""
+    """Stop the running job at its next safe point; running the step again resumes where it stood"""
 
     bl_idname = "karf.cancel"
     bl_label = "Cancel"

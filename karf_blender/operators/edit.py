@@ -6,7 +6,7 @@ import bpy
 from bpy.props import IntProperty, StringProperty
 
 from .. import steps, swatches
-from .reporting import SwatchStep, reports_errors
+from .reporting import ProjectSwatchStep, SwatchStep, reports_errors
 
 
 class KARF_OT_reset_swatch(SwatchStep, bpy.types.Operator):
@@ -25,7 +25,7 @@ class KARF_OT_reset_swatch(SwatchStep, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class KARF_OT_becomes(SwatchStep, bpy.types.Operator):
+class KARF_OT_becomes(ProjectSwatchStep, bpy.types.Operator):
     """Set the object's swatches so that its source color becomes the target color"""
 
     bl_idname = "karf.becomes"

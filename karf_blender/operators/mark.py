@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import StringProperty
 
-from .. import pictures, steps
+from .. import disk, pictures, steps
 from .reporting import has_project, reports_errors
 
 
@@ -55,6 +55,7 @@ class KARF_OT_save_mask(bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         file, share = steps.save_mask(context.scene)
+        disk.look()
         pictures.set_mode(context.scene.karf.mask_image, "VIEW")
         self.report({"INFO"}, f"{file}: {share:.1%} of the picture")
         return {"FINISHED"}

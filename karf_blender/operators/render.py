@@ -4,10 +4,10 @@ import bpy
 from bpy.props import StringProperty
 
 from .. import folders, job_watch, steps
-from .reporting import PaletteStep, SwatchStep, reports_errors
+from .reporting import PaletteStep, ProjectSwatchStep, reports_errors
 
 
-class KARF_OT_render_view(SwatchStep, bpy.types.Operator):
+class KARF_OT_render_view(ProjectSwatchStep, bpy.types.Operator):
     """Write the active view as it is shown"""
 
     bl_idname = "karf.render_view"

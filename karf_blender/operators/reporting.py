@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from functools import wraps
 
-from .. import folders, job_watch
+from .. import disk, job_watch, jobs
 from ..engine_api import KarfError
 
 MISSING = {
@@ -14,15 +14,18 @@ MISSING = {
 
 
 def reports_errors(execute: Callable) -> Callable:
-    """Turn a KarfError in `execute` into an error report and {'CANCELLED'}; in background mode Blender raises it."""
+    """Turn a KarfError, or what the disk refuses, into an error report and {'CANCELLED'}; in background mode Blender
+    raises it."""
 
     @wraps(execute)
     def safe(self, context):
         try:
             return execute(self, context)
         except KarfError as error:
-            self.report({"ERROR"}, f"{error.sentence} {error.hint}".strip())
-            return {"CANCELLED"}
+            self.report({"ERROR"}, str(error))
+        except OSError as error:
+            self.report({"ERROR"}, str(jobs.disk_error(error)))
+        return {"CANCELLED"}
 
     return safe
 
@@ -45,6 +48,14 @@ class SwatchStep:
         return has_palette(cls, context)
 
 
+class ProjectSwatchStep:
+    """Mix-in of operators that need palettes and the project they are from."""
+
+    @classmethod
+    def poll(cls, context):
+        return has_project(cls, context) and has_palette(cls, context)
+
+
 class PaletteStep(EngineStep):
     """Mix-in of operators that run the engine on palettes."""
 
@@ -62,16 +73,20 @@ def is_free(cls: type) -> bool:
 
 
 def has_project(cls: type, context) -> bool:
-    """For `poll`: whether a capture was imported; if not, the operator says so."""
+    """For `poll`: whether a capture was imported and its project is there; if not, the operator says so."""
     if not context.scene.karf.project:
         cls.poll_message_set("Import a capture first")
+        return False
+    missing = disk.seen(context.scene).missing
+    if missing is not None:
+        cls.poll_message_set(f"The project folder {missing} is missing: bring it back, or choose it in step 1")
         return False
     return True
 
 
 def has_stage(cls: type, context, stage: str) -> bool:
     """For `poll`: whether the engine's stage is finished (none: always); if not, the operator says so."""
-    if stage and stage not in folders.finished_stages(context.scene):
+    if stage and stage not in disk.seen(context.scene).stages:
         cls.poll_message_set(MISSING[stage])
         return False
     return True

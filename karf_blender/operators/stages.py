@@ -3,8 +3,8 @@
 import bpy
 from bpy.props import StringProperty
 
-from .. import environment, job_watch, preferences, steps
-from .reporting import EngineStep, SwatchStep, reports_errors
+from .. import engine_test, job_watch, preferences, steps
+from .reporting import EngineStep, ProjectSwatchStep, reports_errors
 
 
 class KARF_OT_learn_scene(EngineStep, bpy.types.Operator):
@@ -54,7 +54,7 @@ class KARF_OT_extract_palette(EngineStep, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class KARF_OT_show_view(SwatchStep, bpy.types.Operator):
+class KARF_OT_show_view(ProjectSwatchStep, bpy.types.Operator):
     """Show a captured view with the swatches as they stand; the engine prepares it the first time"""
 
     bl_idname = "karf.show_view"
@@ -94,13 +94,33 @@ class KARF_OT_examine_engine(bpy.types.Operator):
     bl_idname = "karf.examine_engine"
     bl_label = "Test Engine"
 
+    @classmethod
+    def poll(cls, context):
+        if engine_test.is_running():
+            cls.poll_message_set("A test is running")
+            return False
+        return True
+
     @reports_errors
     def execute(self, context):
-        found = environment.examine(preferences.engine_python())
-        chosen = preferences.current()
-        chosen.examination, chosen.command = found.sentence, found.command
-        self.report({"ERROR" if found.missing else "INFO"}, f"{found.sentence}. {found.command}".strip())
-        return {"CANCELLED"} if found.missing else {"FINISHED"}
+        python = preferences.chosen_python()
+        engine_test.launch(python)
+        verdict = engine_test.verdict_on(python)
+        if verdict is None:  # it is still being asked; the preferences show its answer
+            return {"FINISHED"}
+        self.report({"INFO" if verdict.is_ready else "ERROR"}, f"{verdict.sentence}. {verdict.command}".strip())
+        return {"FINISHED"} if verdict.is_ready else {"CANCELLED"}
+
+
+class KARF_OT_cancel_examination(bpy.types.Operator):
+    """Stop asking the engine's Python"""
+
+    bl_idname = "karf.cancel_examination"
+    bl_label = "Cancel Test"
+
+    def execute(self, context):
+        engine_test.cancel()
+        return {"FINISHED"}
 
 
 CLASSES = (
@@ -110,4 +130,5 @@ CLASSES = (
     KARF_OT_show_view,
     KARF_OT_prepare_views,
     KARF_OT_examine_engine,
+    KARF_OT_cancel_examination,
 )

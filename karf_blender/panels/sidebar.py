@@ -9,16 +9,28 @@ import textwrap
 import bpy
 
 from ... import __package__ as extension
-from .. import folders, masks, preferences, recolor, reprojection
-from ..engine_api import MissingDependency
+from .. import disk, reprojection
 from . import chips
 
 LINE = 34  # characters of a message that fit the sidebar's usual width
 
 
 # --- the running job -----------------------------------------------------------------------------------------------
+def has_news(context):
+    """Whether there is anything for the status to say."""
+    progress = context.window_manager.karf_progress
+    is_told = progress.running or progress.text or progress.warnings or progress.error
+    return bool(is_told or disk.seen(context.scene).missing)
+
+
 def draw_status(layout, context):
-    """The running job, or how the last one ended."""
+    """A project that is gone; the running job, or how the last one ended."""
+    missing = disk.seen(context.scene).missing
+    if missing is not None:
+        box = layout.box()
+        box.label(text="The project folder is missing", icon="ERROR")
+        draw_text(box, f"{missing}\nBring it back, choose where it is now, or import the capture again.", "BLANK1")
+        box.prop(context.scene.karf, "project")
     progress = context.window_manager.karf_progress
     if progress.running:
         layout.label(text=progress.stage, icon="SORTTIME")
@@ -38,6 +50,10 @@ def draw_status(layout, context):
         column.alert = True
         draw_text(column, progress.error, "BLANK1")
         draw_text(box, progress.hint, "BLANK1")
+        if progress.job:
+            row = box.row(align=True)
+            row.operator("karf.copy_report", icon="COPYDOWN")
+            row.operator("karf.open_log", icon="TEXT")
 
 
 def dismissible(layout, text, icon):
@@ -97,10 +113,9 @@ def draw_learn(layout, context):
     """Step 2."""
     layout.prop(context.scene.karf, "preset")
     layout.prop(context.scene.karf, "nerf", text="NeRF")  # the whole name has no room
-    try:
-        preferences.engine_python()
-    except MissingDependency as error:
-        draw_text(layout, f"{error.sentence} {error.hint}", "INFO")
+    problem = disk.engine_problem()
+    if problem:
+        draw_text(layout, problem, "INFO")
         layout.operator("preferences.addon_show", text="KaRF Preferences", icon="PREFERENCES").module = extension
     layout.operator("karf.learn_scene", icon="OUTLINER_OB_VOLUME")
 
@@ -116,7 +131,7 @@ def draw_mark(layout, context):
     if karf.mask_image:
         layout.label(text=f"Painting {karf.mask_object} on {karf.mask_view}", icon="IMAGE_DATA")
     layout.prop(karf, "masks")
-    marked = masks.marked(context.scene)
+    marked = disk.seen(context.scene).masks
     if marked:
         # a space that does not break keeps a name and its number of masks together
         draw_text(layout, ", ".join(f"{name}\u00a0({count})" for name, count in marked.items()), "CHECKMARK")
@@ -141,7 +156,7 @@ def draw_edit(layout, context):
         return
     row = layout.row(align=True)
     draw_view(row, karf)
-    is_prepared = recolor.is_prepared(context.scene)
+    is_prepared = disk.seen(context.scene).is_prepared
     row.operator("karf.show_view", text="Show" if is_prepared else "Prepare", icon="IMAGE_DATA")
     if not any(area.type == "IMAGE_EDITOR" for area in context.screen.areas):
         layout.label(text="Open an Image Editor to see it", icon="INFO")
@@ -208,7 +223,7 @@ def draw_render(layout, context):
 # --- the panels ----------------------------------------------------------------------------------------------------
 def has_stage(stage):
     """Whether the engine's stage is done, as a question to a scene."""
-    return lambda scene: stage in folders.finished_stages(scene)
+    return lambda scene: stage in disk.seen(scene).stages
 
 
 def never(scene):
@@ -216,12 +231,12 @@ def never(scene):
     return False
 
 
-# name, title, what it draws, whether it is done
+# name, title, what it draws, whether it is done while its project is there
 SECTIONS = (
-    ("status", "KaRF", draw_status, never),
+    ("status", "Status", draw_status, never),
     ("import", "1  Import", draw_import, lambda scene: bool(scene.karf.project)),
     ("learn", "2  Learn Scene", draw_learn, has_stage("geometry")),
-    ("mark", "3  Mark Objects", draw_mark, lambda scene: bool(scene.karf.masks)),
+    ("mark", "3  Mark Objects", draw_mark, lambda scene: bool(disk.seen(scene).masks)),
     ("segment", "4  Segment", draw_segment, has_stage("segmentation")),
     ("palette", "5  Palette", draw_palette, lambda scene: bool(scene.karf.objects)),
     ("edit", "6  Edit", draw_edit, never),
@@ -233,11 +248,15 @@ EDITORS = (("VIEW_3D", "view3d"), ("IMAGE_EDITOR", "image"))
 def make_panel(space: str, editor: str, order: int, name: str, title: str, draw_section, is_done) -> type:
     """A panel class of one section in one editor."""
 
+    def poll(cls, context):
+        # without a header it would need no question, but such panels pull their tab before Item, Tool and View
+        return name != "status" or has_news(context)
+
     def draw(self, context):
         draw_section(self.layout, context)
 
     def draw_header_preset(self, context):
-        if is_done(context.scene):
+        if is_done(context.scene) and not disk.seen(context.scene).missing:
             self.layout.label(text="", icon="CHECKMARK")
 
     return type(
@@ -249,7 +268,7 @@ def make_panel(space: str, editor: str, order: int, name: str, title: str, draw_
             "bl_category": "KaRF",
             "bl_label": title,
             "bl_order": order,
-            "bl_options": {"HIDE_HEADER"} if name == "status" else set(),
+            "poll": classmethod(poll),
             "draw": draw,
             "draw_header_preset": draw_header_preset,
         },

@@ -7,7 +7,7 @@ import numpy as np
 from .camera import Camera
 from .distortion import distort
 
-ROWS = 128  # at a time: the lookups of a whole large photo would not fit memory
+ROWS = 16  # at a time: what is computed on the way stays in the processor's cache
 
 
 def undistorted(photo: np.ndarray, camera: Camera) -> np.ndarray:
@@ -15,24 +15,31 @@ def undistorted(photo: np.ndarray, camera: Camera) -> np.ndarray:
 
     Bilinear, the same pixels as `images.undistort` gives the engine. photo must have the camera's size.
     """
-    result = np.zeros_like(photo)
+    photo = np.ascontiguousarray(photo)
+    result = np.empty_like(photo)
     columns = np.arange(camera.width) + 0.5
     for top in range(0, camera.height, ROWS):
         rows = np.arange(top, min(top + ROWS, camera.height)) + 0.5
         lookup = distort(camera, np.stack(np.meshgrid(columns, rows), -1))
         inside = ((lookup >= 0) & (lookup <= (camera.width, camera.height))).all(-1)  # nan is outside
-        result[top : top + ROWS][inside] = _bilinear(photo, lookup[inside] - 0.5)
+        result[top : top + ROWS] = _bilinear(photo, np.where(inside[..., None], lookup - 0.5, 0))
+        result[top : top + ROWS][~inside] = 0
     return result
 
 
 def _bilinear(photo: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    """Values [n, C] of an image at (column, row) positions [n, 2]; beyond the outer pixels' centers theirs."""
-    height, width = photo.shape[:2]
-    column, row = np.clip(positions, 0, (width - 1, height - 1)).T
-    left, top = column.astype(int), row.astype(int)
-    right, bottom = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
-    across = (column - left).astype(np.float32)[:, None]
-    down = (row - top).astype(np.float32)[:, None]
-    above = photo[top, left] * (1 - across) + photo[top, right] * across
-    below = photo[bottom, left] * (1 - across) + photo[bottom, right] * across
-    return above * (1 - down) + below * down
+    """Values [.., C] of an image at (column, row) positions [.., 2]; beyond the outer pixels' centers theirs."""
+    height, width, channels = photo.shape
+    pixels = photo.reshape(-1, channels)
+    column, row = np.clip(positions[..., 0], 0, width - 1), np.clip(positions[..., 1], 0, height - 1)
+    left, top = column.astype(np.intp), row.astype(np.intp)
+    across, down = ((exact - whole).astype(np.float32)[..., None] for exact, whole in ((column, left), (row, top)))
+    right, below = (left < width - 1).astype(np.intp), (top < height - 1) * width  # steps to the neighbors
+    corner = top * width + left
+    upper = _between(pixels.take(corner, 0), pixels.take(corner + right, 0), across)
+    lower = _between(pixels.take(corner + below, 0), pixels.take(corner + below + right, 0), across)
+    return _between(upper, lower, down)
+
+
+def _between(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.ndarray:
+    return first + (second - first) * share

@@ -1,0 +1,53 @@
+"""A stand-in for the layout that Blender gives to what is drawn."""
+
+
+class Layout:
+    """Stands in for Blender's layout: checks what is drawn and remembers it."""
+
+    def __init__(self, bpy, drawn):
+        self._bpy, self._drawn = bpy, drawn
+
+    def row(self, **_):
+        return Layout(self._bpy, self._drawn)
+
+    column = box = row
+
+    def _check(self, icon="NONE", **_):
+        known = self._bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items
+        assert icon in known
+
+    def label(self, text="", **options):
+        self._check(**options)
+        self._drawn.append(text)
+
+    def progress(self, factor, text):
+        assert 0 <= factor <= 1
+        self._drawn.append(text)
+
+    def prop(self, data, name, **options):
+        self._check(**options)
+        assert name in data.bl_rna.properties
+        self._drawn.append(name)
+
+    def prop_search(self, data, name, where, collection, **options):
+        assert collection in where.bl_rna.properties
+        self.prop(data, name, **options)
+
+    def operator(self, name, text="", **options):
+        self._check(**options)
+        self._drawn.append(text)
+        group, _, verb = name.partition(".")
+        operator = getattr(getattr(self._bpy.ops, group), verb)
+        known = set(operator.get_rna_type().properties.keys())
+        self._drawn.append(name)
+        return Properties(known)
+
+
+class Properties:
+    """An operator's properties as the layout gives them."""
+
+    def __init__(self, known):
+        object.__setattr__(self, "known", known)
+
+    def __setattr__(self, name, value):
+        assert name in self.known

@@ -1,0 +1,77 @@
+"""What a failed job left: a report for others, and its log."""
+
+from pathlib import Path
+
+import bpy
+
+from .. import compat, jobs, preferences, report, windows
+from ..engine_api import VERSION, DataError, MissingDependency
+from .reporting import reports_errors
+
+LOG_NAME = "KaRF log"
+
+
+class FailureStep:
+    """Mix-in of operators that need a failed job."""
+
+    @classmethod
+    def poll(cls, context):
+        if not context.window_manager.karf_progress.job:
+            cls.poll_message_set("No job has failed")
+            return False
+        return True
+
+
+class KARF_OT_copy_report(FailureStep, bpy.types.Operator):
+    """Copy versions, how the job ended and the end of its log, to send to a developer; your own folder is written as ~"""
+
+    bl_idname = "karf.copy_report"
+    bl_label = "Copy Report"
+
+    def execute(self, context):
+        progress = context.window_manager.karf_progress
+        versions = {"KaRF": VERSION, "Blender": compat.BLENDER, "Engine Python": _engine_python()}
+        context.window_manager.clipboard = report.compose(Path(progress.job), progress.error, versions)
+        self.report({"INFO"}, "The report is on the clipboard")
+        return {"FINISHED"}
+
+
+class KARF_OT_open_log(FailureStep, bpy.types.Operator):
+    """Show the end of the failed job's log in a Text Editor"""
+
+    bl_idname = "karf.open_log"
+    bl_label = "Open Log"
+
+    @reports_errors
+    def execute(self, context):
+        job = Path(context.window_manager.karf_progress.job)
+        tail = jobs.log_tail(job)
+        if not tail:
+            raise DataError(f"The log in {job} is empty, or gone.", "Run the step again.")
+        text = bpy.data.texts.get(LOG_NAME) or bpy.data.texts.new(LOG_NAME)
+        text.from_string(tail)
+        if not bpy.app.background:
+            editor = _editor().spaces.active
+            editor.text, editor.top = text, 0
+        return {"FINISHED"}
+
+
+def _editor() -> bpy.types.Area:
+    """A Text Editor: an open one, else a new window's."""
+    known = next(windows.areas("TEXT_EDITOR"), None)
+    if known is not None:
+        return known
+    bpy.ops.wm.window_new()
+    area = bpy.context.window_manager.windows[-1].screen.areas[0]
+    area.type = "TEXT_EDITOR"
+    return area
+
+
+def _engine_python() -> str:
+    try:
+        return str(preferences.chosen_python())
+    except MissingDependency as error:
+        return str(error)
+
+
+CLASSES = (KARF_OT_copy_report, KARF_OT_open_log)
