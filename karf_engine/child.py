@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from multiprocessing import get_context
-from multiprocessing.connection import Connection
+from multiprocessing import get_context, parent_process
+from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
@@ -23,7 +25,7 @@ def child_messages(name: str, work: Callable[[Callable[[str, Any], None], Any], 
     """Run `work(send, task)` in a new process; gives its messages (kind, value), the last one ("result", returned value).
 
     name: of the library at work, for errors. work: a function of a module. Raises KarfError where the child fails or
-    dies. At the end of the block the child is killed.
+    dies. At the end of the block the child is killed; it ends by itself where this process is killed.
     """
     context = get_context("spawn")  # a fork would share torch's threads
     here, there = context.Pipe(duplex=False)
@@ -43,12 +45,19 @@ def child_messages(name: str, work: Callable[[Callable[[str, Any], None], Any], 
 
 
 def _run(pipe: Connection, work: Callable, task: Any) -> None:
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         pipe.send(("result", work(lambda kind, value=None: pipe.send((kind, value)), task)))
     except Exception as error:
         known = known_failure(error)
         told = (known.code, known.sentence, known.hint) if known else str(error) or type(error).__name__
         pipe.send(("failure" if known else "error", told))
+
+
+def _end_with_parent() -> None:
+    """End this process when the one that began it has ended, however it did."""
+    wait([parent_process().sentinel])
+    os._exit(1)
 
 
 def _messages(name: str, child: BaseProcess, pipe: Connection) -> Iterator[Message]:

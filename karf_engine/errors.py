@@ -38,7 +38,7 @@ class MissingDependency(KarfError):
 
 
 class DataError(KarfError):
-    """A capture, mask, project or edit file is missing, damaged or contradicts another."""
+    """A capture, mask, project or edit file is missing, damaged, contradicts another, or cannot be read or written."""
 
     code = "data"
     exit_code = 4

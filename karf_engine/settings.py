@@ -22,6 +22,9 @@ def option(default: Any, help: str, minimum: float | None = None, maximum: float
     )
 
 
+MOST_LEVELS, MOST_VOXELS, MOST_ITERATIONS = 16, 2048, 10**7
+
+
 @dataclass(frozen=True)
 class Level:
     """One resolution of the coarse-to-fine geometry: cells along the longest side, iterations, step in voxels."""
@@ -312,7 +315,7 @@ def with_overrides(settings: Settings, overrides: list[str]) -> Settings:
             node = node[parent]
         try:
             node[last] = json.loads(value)
-        except json.JSONDecodeError:
+        except (ValueError, RecursionError):  # a bare word; numbers or brackets without end are none of the types below
             node[last] = value.strip()
     return from_dict(content)
 
@@ -349,7 +352,7 @@ def _checked(item: dataclasses.Field, value: Any, name: str) -> Any:
     if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if type(value) is not type(default):
-        raise BadRequest(f"{name} = {value!r} is no {type(default).__name__}.", f"The default is {default!r}.")
+        raise BadRequest(f"{name} = {value!r:.200} is no {type(default).__name__}.", f"The default is {default!r}.")
     metadata = item.metadata
     if metadata and metadata["choices"] and value not in metadata["choices"]:
         raise BadRequest(f"{name} = {value!r} is not allowed.", f"Use one of: {', '.join(metadata['choices'])}.")
@@ -363,10 +366,16 @@ def _checked(item: dataclasses.Field, value: Any, name: str) -> Any:
 def _checked_levels(value: Any, name: str) -> tuple[Level, ...]:
     try:
         levels = tuple(Level(int(entry["voxels"]), int(entry["iterations"]), float(entry["step"])) for entry in value)
-    except (TypeError, KeyError, ValueError) as error:
+    except (TypeError, KeyError, ValueError, OverflowError) as error:
         raise BadRequest(
-            f"{name} = {value!r} is no list of levels.", 'Give [{"voxels": 40, "iterations": 150, "step": 1.0}, ..].'
+            f"{name} = {value!r:.200} is no list of levels.",
+            'Give [{"voxels": 40, "iterations": 150, "step": 1.0}, ..].',
         ) from error
-    if not levels or any(v.voxels < 4 or v.iterations < 1 or not 0 < v.step <= 1 for v in levels):
-        raise BadRequest(f"{name} holds an empty or impossible level.", "voxels >= 4, iterations >= 1, 0 < step <= 1.")
+    if not 0 < len(levels) <= MOST_LEVELS or not all(
+        4 <= v.voxels <= MOST_VOXELS and 1 <= v.iterations <= MOST_ITERATIONS and 0 < v.step <= 1 for v in levels
+    ):
+        raise BadRequest(
+            f"{name} holds an empty or impossible level, or too many.",
+            f"1 to {MOST_LEVELS} levels; voxels 4 to {MOST_VOXELS}, iterations 1 to {MOST_ITERATIONS}, 0 < step <= 1.",
+        )
     return levels

@@ -18,6 +18,7 @@ from .capture.capture import SparsePoints
 from .child import child_messages
 from .images import Plate, write_png
 from .progress import Progress
+from .workfolder import work_folder
 
 MAX_FEATURES = 2500  # a photo
 NEIGHBORS = 10  # photos that each photo is matched with
@@ -43,8 +44,8 @@ def triangulate(plates: list[Plate], threads: int, progress: Progress) -> Sparse
 
     progress: gets one step a plate. Raises KarfError where pycolmap fails, and what progress raises.
     """
-    with tempfile.TemporaryDirectory(prefix="karf-points-") as name:
-        task = _Task(Path(name), [f"{n:05d}.png" for n in range(len(plates))], [p.camera for p in plates], threads)
+    with work_folder(Path(tempfile.gettempdir()), "karf-points-") as folder:
+        task = _Task(folder, [f"{n:05d}.png" for n in range(len(plates))], [p.camera for p in plates], threads)
         for photo, plate in zip(task.names, plates, strict=True):
             write_png(task.folder / photo, plate.color)
         with child_messages("pycolmap", _find, task) as messages:

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import BadRequest, DataError
+from .inputs import MOST_JSON, check_file
 
 PROTOCOL = 1
 REQUEST_FILE = "request.json"
@@ -26,6 +27,16 @@ LOG_FILE = "engine.log"
 STAGES = ("geometry", "segmentation", "palette", "recoloring", "render", "match", "poses", "all")
 FINAL_EVENTS = ("done", "error", "cancelled")
 MOST_THREADS = 256
+EVENT_VALUES: dict[str, dict[str, Any]] = {  # what a reader may rely on; other values are an event's own
+    "hello": {"protocol": int},
+    "stage": {"name": str},
+    "progress": {"stage": str, "step": int, "total": int, "metrics": dict},
+    "preview": {"path": str},
+    "artifact": {"kind": str, "path": str},
+    "warning": {"code": str, "sentence": str},
+    "error": {"code": str, "sentence": str, "hint": str},
+    "cancelled": {"sentence": str},
+}
 OPTION_TYPES: dict[str, type] = {
     **dict.fromkeys(("capture", "preset", "nerf", "masks", "device", "views", "edit", "out", "base"), str),
     **dict.fromkeys(("photos", "matching", "object", "source", "target", "rule"), str),
@@ -79,18 +90,19 @@ class Request:
     def read(cls, job: Path) -> Request:
         """Read `job/request.json`. Raises DataError where it is unreadable, BadRequest where it asks the impossible."""
         path = job / REQUEST_FILE
+        check_file(path, MOST_JSON)
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
             protocol, stage = content["protocol"], content["stage"]
             request = cls(stage, Path(content["project"]), dict(content.get("options", {})))
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise DataError(f"{path} is no readable request ({error}).", "Start the job again.") from error
+        except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+            raise DataError(f"{path} is no readable request ({error!s:.200}).", "Start the job again.") from error
         if protocol != PROTOCOL:
             raise BadRequest(
                 f"{path} speaks protocol {protocol}, this engine speaks {PROTOCOL}.", "Update the older side."
             )
         if stage not in STAGES:
-            raise BadRequest(f"Unknown stage {stage!r}.", f"Use one of: {', '.join(STAGES)}.")
+            raise BadRequest(f"Unknown stage {stage!r:.200}.", f"Use one of: {', '.join(STAGES)}.")
         return request
 
 
@@ -121,10 +133,17 @@ class Event:
     @classmethod
     def decode(cls, line: str) -> Event:
         """Parse one line. Raises ValueError where it is no event."""
-        content = json.loads(line)
+        try:
+            content = json.loads(line)
+        except RecursionError as error:
+            raise ValueError("brackets without end") from error
         if not isinstance(content, dict) or not {"t", "n", "time"} <= content.keys():
             raise ValueError(f"no event: {line!r}")
-        return cls(content.pop("t"), content.pop("n"), content.pop("time"), content)
+        event = cls(content.pop("t"), content.pop("n"), content.pop("time"), content)
+        known = EVENT_VALUES.get(event.kind, {}) if isinstance(event.kind, str) else {"t": str}
+        if any(not isinstance(content.get(name), kind) for name, kind in known.items()):
+            raise ValueError(f"an event of other values: {line!r}")
+        return event
 
 
 class EventWriter:
@@ -149,7 +168,7 @@ class EventReader:
 
     def poll(self) -> Iterator[Event]:
         """Yield the events that arrived since the last call. Lines that are no event are passed over."""
-        if not self._path.exists():
+        if not self._path.is_file():
             return
         with self._path.open("rb") as stream:
             stream.seek(self._offset)

@@ -126,3 +126,26 @@ def test_every_field_is_described_with_its_default_and_range():
     assert "kan | mlp" in rows["segmentation.head"][1]
     assert set(rows) == set(leaves(dataclasses.asdict(Settings()))) - {"preset"}
     assert all(text.strip() for _, text in rows.values())
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        '[{"voxels": Infinity, "iterations": 1, "step": 1}]',
+        '[{"voxels": NaN, "iterations": 1, "step": 1}]',
+        '[{"voxels": 1e9, "iterations": 1, "step": 1}]',
+        '[{"voxels": 100000, "iterations": 1, "step": 1}]',
+        '[{"voxels": 64, "iterations": 1e12, "step": 1}]',
+        '[{"voxels": 64, "iterations": 1, "step": NaN}]',
+        "[" * 100_000,
+        "9" * 5000,
+    ],
+)
+def test_levels_that_no_computer_holds_are_refused(value):
+    with pytest.raises(BadRequest, match=r"geometry\.levels"):
+        with_overrides(preset("demo"), [f"geometry.levels={value}"])
+
+
+def test_numbers_without_end_are_refused():
+    with pytest.raises(BadRequest, match="seed"):
+        with_overrides(preset("demo"), [f"seed={'9' * 5000}"])

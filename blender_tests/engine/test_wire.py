@@ -1,6 +1,7 @@
 """The job protocol: requests and events as files, read while they are written."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -43,7 +44,7 @@ def test_another_protocol_and_an_unknown_stage_are_refused(tmp_path):
 def test_events_arrive_in_order_with_their_values(tmp_path):
     writer, reader = EventWriter(tmp_path), EventReader(tmp_path)
     writer("stage", name="geometry")
-    writer("progress", step=1, metrics={"psnr": 20.5})
+    writer("progress", stage="geometry", step=1, total=2, metrics={"psnr": 20.5})
     first = list(reader.poll())
     writer("done")
     second = list(reader.poll())
@@ -89,3 +90,36 @@ def test_errors_keep_their_class_across_the_border():
         exit_codes[error.code] = error.exit_code
     assert exit_codes == {"request": 2, "dependency": 3, "data": 4, "memory": 5, "cancelled": 6, "diverged": 7}
     assert error_from_code("from the future", "Hm.").exit_code == KarfError.exit_code == 70
+
+
+# ------------------------------------------------------------------------------------------------- what a stranger wrote
+@pytest.mark.parametrize("make", [os.mkfifo, os.mkdir, lambda path: path.symlink_to("/dev/zero")])
+def test_what_lies_in_place_of_a_request_is_named_and_never_waited_for(tmp_path, make):
+    make(tmp_path / "request.json")
+    with pytest.raises(DataError, match=r"request\.json is a .*, not a file"):
+        Request.read(tmp_path)
+
+
+@pytest.mark.parametrize("content", ["[" * 100_000, '{"protocol": 1, "stage": [], "project": 5}', "[]", "7"])
+def test_requests_of_another_shape_are_refused(tmp_path, content):
+    (tmp_path / "request.json").write_text(content)
+    with pytest.raises(DataError, match=r"request\.json"):
+        Request.read(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        {"t": ["progress"]},
+        {"t": "progress", "stage": "x", "step": "1", "total": 2, "metrics": {}},
+        {"t": "progress", "stage": "x", "step": 1, "metrics": {}},
+        {"t": "progress", "stage": "x", "step": 1, "total": 2, "metrics": [1]},
+        {"t": "preview", "path": 5},
+        {"t": "error", "code": 4, "sentence": "x", "hint": ""},
+        {"t": "warning"},
+    ],
+)
+def test_events_of_other_values_are_passed_over(tmp_path, event):
+    good = Event("done", 1, 2.0, {}).encode()
+    (tmp_path / EVENTS_FILE).write_text(f"{json.dumps(event | {'n': 0, 'time': 1.0})}\n{'[' * 100_000}\n{good}\n")
+    assert [event.kind for event in EventReader(tmp_path).poll()] == ["done"]

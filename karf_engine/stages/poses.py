@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from importlib.util import find_spec
@@ -28,6 +27,7 @@ from ..progress import Emit, Progress
 from ..structure_from_motion import FEWEST_PHOTOS, Placement, Plan, solve
 from ..video import write_sharpest_frames
 from ..wire import Request
+from ..workfolder import work_folder
 
 MATCHING = ("auto", "exhaustive", "sequential")
 MOST_EXHAUSTIVE = 250  # photos; all pairs of more take hours
@@ -40,8 +40,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Find the poses and write the capture. Raises DataError where too few photos can be placed."""
     source, out, matching = _checked(request.options)
     out.parent.mkdir(parents=True, exist_ok=True)
-    work = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
-    try:
+    with work_folder(out.parent, f".{out.name[:100]}-") as work:
         capture = work / "capture"
         (capture / "images").mkdir(parents=True)
         names = _gather(source, capture / "images", emit, should_stop)
@@ -59,8 +58,6 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         if out.exists():
             out.rmdir()  # it is empty
         capture.replace(out)
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
     emit("artifact", kind="capture", path=str(out))
 
 

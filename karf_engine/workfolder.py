@@ -1,0 +1,42 @@
+"""Folders for work files that do not outlive their process: what a killed one has left is removed by the next."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+LOCK = ".karf-work"  # held while the folder is worked in; the system lets go of it when the process ends
+YOUNG = 10.0  # seconds in which a folder's maker may not hold its lock yet
+
+
+@contextmanager
+def work_folder(parent: Path, prefix: str) -> Iterator[Path]:
+    """A new folder in `parent` whose name begins with `prefix`; removed at the end of the block."""
+    _remove_left(parent, prefix)
+    folder = Path(tempfile.mkdtemp(prefix=prefix, dir=parent))
+    try:
+        with FileLock(folder / LOCK):
+            yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _remove_left(parent: Path, prefix: str) -> None:
+    """Remove such folders of processes that have ended, as far as this one may."""
+    for folder in parent.iterdir():
+        lock = folder / LOCK
+        if not folder.name.startswith(prefix) or folder.is_symlink() or not lock.is_file():
+            continue
+        if time.time() - lock.stat().st_mtime < YOUNG:
+            continue
+        try:
+            FileLock(lock).acquire(timeout=0).lock.release()
+        except (Timeout, OSError):  # at work, or another user's
+            continue
+        shutil.rmtree(folder, ignore_errors=True)
