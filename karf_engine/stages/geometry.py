@@ -18,10 +18,8 @@ import torch
 from .. import settings as settings_module
 from ..capture import open_capture
 from ..capture.capture import Capture, SparsePoints, capture_to_json
-from ..checkpoints import load_tensors, save_tensors
 from ..errors import BadRequest, Cancelled, DataError, KarfError
 from ..field.adopt import adopt
-from ..field.fit_nerf import NerfFit
 from ..field.nerf import NerfNetwork
 from ..field.nerf_files import read_nerf
 from ..field.scene import Scene, psnr_of_views
@@ -35,7 +33,6 @@ from ..triangulation import triangulate
 from ..wire import Request
 from .job import Job, make_job, run_stage, stage_fingerprint
 
-UNFINISHED_SCHEMA = "karf-unfinished-nerf/1"
 WATCHED_VIEWS = 8
 COMPARED_VIEWS, COMPARED_LONG_SIDE = 3, 200  # photos that a foreign NeRF must show
 WORSE = 0.5  # dB that held-out views may lose from level to level without a warning
@@ -71,7 +68,6 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
             raise DataError(f"{capture.source} has {n_photos} training photos.", "A scene needs at least three.")
         scene = learn(job, capture, facts, mark) if nerf is None else take_over(job, capture, nerf, networks, facts)
         scene.save(project.geometry_file)
-        project.unfinished_geometry_file.unlink(missing_ok=True)
         job.artifact("geometry", project.geometry_file)
 
 
@@ -91,7 +87,7 @@ def _open_project(folder: Path, source: str, capture: Capture, settings: Setting
 
 
 def learn(job: Job, capture: Capture, facts: dict, mark: str) -> Scene:
-    """Fit the field, with previews on the way. mark: the stage's fingerprint, by which an unfinished NeRF is known."""
+    """Fit the field, with previews on the way. mark: the stage's fingerprint, by which an unfinished fit is known."""
     settings = job.settings.geometry
     views = capture.split("train")
     plates = job.plates(views)
@@ -101,32 +97,15 @@ def learn(job: Job, capture: Capture, facts: dict, mark: str) -> Scene:
     space = choose_space(kind, cameras, points, settings)
     job.emit("stage", name="geometry", text=f"{space}, {0 if points is None else len(points)} sparse points")
     fit = start_fit(make_bank(plates, kind, job), kind, space, cameras, points, settings, job.runtime)
-    if isinstance(fit, NerfFit):
-        go_on(job, fit, mark)
-    watched, scores = watched_views(job, capture), []
-    for scene in fit.scenes(job.progress("geometry", fit.iterations)):
-        if isinstance(fit, NerfFit) and fit.iterations:  # with none left, going on would show no scene
-            save_tensors(job.project.unfinished_geometry_file, fit.state(), UNFINISHED_SCHEMA, {"fingerprint": mark})
+    progress, unfinished = job.progress("geometry", fit.iterations), job.unfinished("geometry", mark)
+    unfinished.follow(fit, progress)
+    watched, scores = watched_views(job, capture), unfinished.notes.setdefault("held_out", [])
+    for scene in fit.scenes(progress, unfinished):
         preview(job, scene, plates[0])
         if watched is not None:
             look(job, scene, watched, scores)
     facts |= {"background": kind, "space": space, **scene.field.figures(), "held_out": scores}
     return scene
-
-
-def go_on(job: Job, fit: NerfFit, mark: str) -> None:
-    """Resume an interrupted fit of the same inputs; a damaged one is no reason to stop."""
-    path = job.project.unfinished_geometry_file
-    if not path.exists():
-        return
-    try:
-        state, facts = load_tensors(path, UNFINISHED_SCHEMA)
-    except DataError as error:
-        job.emit("warning", code="unfinished", sentence=f"Learning begins anew: {error.sentence}")
-        return
-    if facts["fingerprint"] == mark:
-        fit.resume(state)
-        job.emit("stage", name="geometry", text=f"going on, {fit.iterations} iterations are left")
 
 
 def take_over(job: Job, capture: Capture, path: Path, networks: tuple[NerfNetwork, NerfNetwork], facts: dict) -> Scene:

@@ -13,12 +13,13 @@ from typing import Any
 
 from .. import settings as settings_module
 from ..capture.capture import Capture, View, capture_from_json
-from ..errors import BadRequest
+from ..errors import BadRequest, Diverged
 from ..images import Plate, load_views
 from ..progress import Emit, Progress, peak_memory_bytes
 from ..project import STAGE_ORDER, Project, read_json
 from ..runtime import Runtime, start_runtime
 from ..settings import Settings
+from ..unfinished import Unfinished
 from ..wire import Request
 
 
@@ -36,6 +37,10 @@ class Job:
     def progress(self, stage: str, total: int) -> Progress:
         """Progress events of `total` steps under this name."""
         return Progress(self.emit, self.should_stop, stage, total)
+
+    def unfinished(self, stage: str, mark: str) -> Unfinished:
+        """Where this stage's learning is kept on the way. mark: the stage's fingerprint."""
+        return Unfinished(self.project.unfinished_file(stage), mark, stage, self.emit)
 
     def capture(self) -> Capture:
         """The project's capture."""
@@ -97,7 +102,13 @@ def run_stage(job: Job, stage: str, mark: str) -> Iterator[dict[str, Any] | None
     job.emit("stage", name=stage)
     facts: dict[str, Any] = {}
     start = time.perf_counter()
+    unfinished = job.project.unfinished_file(stage)
     with job.project.lock():
-        yield facts
+        try:
+            yield facts
+        except Diverged:
+            unfinished.unlink(missing_ok=True)  # what led there leads there again
+            raise
         seconds = round(time.perf_counter() - start, 2)
         job.project.finish(stage, mark, seconds=seconds, peak_memory=peak_memory_bytes(), **facts)
+        unfinished.unlink(missing_ok=True)

@@ -31,7 +31,8 @@ SCHEMA = "karf-recoloring/1"
 def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Learn view-consistent palette weights, and adapt the palettes."""
     job = open_job(request, emit, should_stop)
-    with run_stage(job, "recoloring", stage_fingerprint(job, "recoloring")) as facts:
+    mark = stage_fingerprint(job, "recoloring")
+    with run_stage(job, "recoloring", mark) as facts:
         if facts is None:
             return
         initial = initial_palettes(job)
@@ -45,7 +46,14 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         stacked = torch.from_numpy(stack_palettes([p.name for p in blocks], {p.name: p.colors for p in blocks}))
         progress = job.progress("recoloring", settings.iterations)
         learned = fit_recoloring(
-            karf, scene.field, rays, stacked.to(job.runtime.device), settings, job.runtime, progress
+            karf,
+            scene.field,
+            rays,
+            stacked.to(job.runtime.device),
+            settings,
+            job.runtime,
+            progress,
+            job.unfinished("recoloring", mark),
         )
         save_tensors(
             job.project.recoloring_file, karf.state_dict(), SCHEMA, {"sizes": sizes, "settings": to_dict(settings)}

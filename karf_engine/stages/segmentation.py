@@ -35,6 +35,7 @@ from ..project import write_json
 from ..rendering.rays import camera_rays
 from ..rendering.surface_cache import SurfaceCache, cache_surface, join_caches
 from ..settings import SegmentationSettings, from_dict, to_dict
+from ..unfinished import Unfinished
 from ..wire import Request
 from .job import Job, open_job, run_stage, stage_fingerprint
 
@@ -57,13 +58,14 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     capture = job.capture()
     masks = find_masks(Path(job.options.get("masks") or job.project.masks_folder), capture)
     digests = [[m.object_name, m.view.name, hashlib.sha256(m.path.read_bytes()).hexdigest()] for m in masks]
-    with run_stage(job, "segmentation", stage_fingerprint(job, "segmentation", digests)) as facts:
+    mark = stage_fingerprint(job, "segmentation", digests)
+    with run_stage(job, "segmentation", mark) as facts:
         if facts is None:
             return
         scene = Scene.load(job.project.geometry_file, job.runtime.device)
         cached = cache_views(job, scene, masks, list(capture.split("train")))
         keep_masks(masks, job.project.masks_folder)
-        report = segment(job, scene, cached)
+        report = segment(job, scene, cached, job.unfinished("segmentation", mark))
         facts["objects"] = report["objects"]
         write_json(job.project.segmentation_report, report)
         job.artifact("segmentation", job.project.segmentation_file)
@@ -134,8 +136,8 @@ def spread_views(views: list[View], first: list[str], count: int) -> list[View]:
     return [views[number] for number in chosen]
 
 
-def segment(job: Job, scene: Scene, cached: CachedViews) -> dict:
-    """Labels, F_s, and the objects' rays; returns the report."""
+def segment(job: Job, scene: Scene, cached: CachedViews, unfinished: Unfinished) -> dict:
+    """Labels, F_s (resumed from what is unfinished), and the objects' rays; returns the report."""
     settings, cache = job.settings.segmentation, cached.cache
     votes, confidence = cached.targets()
     index = cache.index.cpu().numpy()
@@ -148,7 +150,7 @@ def segment(job: Job, scene: Scene, cached: CachedViews) -> dict:
     else:
         labels = _votes_only(points, votes, (confidence > 0) * opacity)
     _warn_of_low_precision(job, cached.objects, labels)
-    karf = _fit(job, scene, cached, points, labels, votes, confidence)
+    karf = _fit(job, scene, cached, points, labels, votes, confidence, unfinished)
     probabilities = segment_cache(karf, scene.field, cache)
     _save(job, karf, cached, probabilities)
     return _report(cached, labels, probabilities)
@@ -208,6 +210,7 @@ def _fit(
     labels: Labels,
     votes: np.ndarray,
     confidence: np.ndarray,
+    unfinished: Unfinished,
 ) -> SegmentationField:
     settings, device = job.settings.segmentation, job.runtime.device
     classes = labels.classes
@@ -226,7 +229,8 @@ def _fit(
     if settings.labels == "masks":
         marked = torch.from_numpy(np.flatnonzero(confidence > 0)).to(device)
         targets = torch.from_numpy(votes).float().to(device)[marked]
-        fit_on_rays(karf, scene.field, _select(cached.cache, marked), targets, settings, job.runtime, progress)
+        rays = _select(cached.cache, marked)
+        fit_on_rays(karf, scene.field, rays, targets, settings, job.runtime, progress, unfinished)
         return karf.requires_grad_(False)
     top_two = np.sort(labels.probabilities, 1)[:, -2:]
     positions = torch.from_numpy(points.positions).float().to(device)
@@ -240,6 +244,7 @@ def _fit(
         settings,
         job.runtime,
         progress,
+        unfinished,
     )
     return karf.requires_grad_(False)
 
