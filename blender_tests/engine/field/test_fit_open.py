@@ -20,6 +20,7 @@ from karf_engine.field.start import (  # noqa: E402
     sightings_of,
     start_fit,
 )
+from karf_engine.field.voxels import VoxelField  # noqa: E402
 from karf_engine.progress import Progress  # noqa: E402
 from karf_engine.rendering.rays import PixelBank  # noqa: E402
 from karf_engine.rendering.space import Box, Contraction  # noqa: E402
@@ -139,21 +140,25 @@ def test_two_runs_of_the_same_seed_are_bit_identical():
     assert all(torch.equal(first[name], second[name]) for name in first)
 
 
-@pytest.mark.parametrize(("space", "rig"), [("contraction", ring), ("frustum", front)])
-def test_total_variation_asks_no_vertex_that_pruning_has_taken_away(space, rig, monkeypatch):
-    asked, gather = [], torch.nn.functional.embedding
+def test_total_variation_asks_no_vertex_that_pruning_has_taken_away(monkeypatch):
+    asked, gather, prune = [], torch.nn.functional.embedding, VoxelField.pruned
 
     def note(rows, table):
         asked.append(rows[:, 0])
         return gather(rows, table)
 
-    levels = (Level(12, 40, 1.0), Level(20, 16, 1.0))
-    state = start(rig(), space, True, replace(SETTINGS, open=replace(SETTINGS.open, levels=levels, samples=5000)))
+    def prune_half_as_well(field, keep):
+        return prune(field, keep & (torch.arange(len(keep)) < len(keep) // 2))
+
+    levels = (Level(12, 40, 1.0), Level(16, 8, 1.0))
+    few = replace(SETTINGS, open=replace(SETTINGS.open, levels=levels, samples=3000, max_rays=512))
+    state = start(cameras(8), "contraction", True, few)
     monkeypatch.setattr("karf_engine.field.fit_open.nn.functional.embedding", note)
+    monkeypatch.setattr(VoxelField, "pruned", prune_half_as_well)
     for _ in state.scenes(silent()):
         pass
-    # the first vertex is one of thousands: a vertex without a row of its own would be taken for it
-    assert max((rows == 0).float().mean().item() for rows in asked) < 0.01
+    # a vertex without a row of its own would be taken for that of the first row, which is one of hundreds
+    assert max((rows == 0).float().mean().item() for rows in asked) < 0.02
 
 
 # ------------------------------------------------------------------------------------------------------------ the choice
