@@ -22,16 +22,21 @@ class Progress:
 
     def __init__(self, emit: Emit, should_stop: Callable[[], bool], stage: str, total: int) -> None:
         self._emit, self._should_stop, self._stage, self._total = emit, should_stop, stage, total
-        self._done = 0
+        self._done = self._first = 0
         self._start = time.monotonic()
         self._last_emit = 0.0
+
+    def resume_at(self, done: int) -> None:
+        """Count on from the steps that an earlier job has done; rate and time left are those of this job."""
+        self._done = self._first = done
+        self._start = time.monotonic()
 
     def step(self, count: int = 1, **metrics: float) -> None:
         """Note `count` finished steps with current figures (loss, psnr); 0 only asks whether to stop."""
         if self._should_stop():
             raise Cancelled(
                 f"The {self._stage} stage was cancelled.",
-                "What earlier stages finished is kept; start it again when you like.",
+                "What is finished and what is learned so far is kept; start it again when you like.",
             )
         if count == 0:
             return
@@ -40,7 +45,7 @@ class Progress:
         if now - self._last_emit < INTERVAL and self._done < self._total:
             return
         self._last_emit = now
-        rate = self._done / max(now - self._start, 1e-6)
+        rate = (self._done - self._first) / max(now - self._start, 1e-6)
         self._emit(
             "progress",
             stage=self._stage,

@@ -9,7 +9,7 @@ A stage's outputs are gathered in a folder of their own until all are there, and
     masks/<object>/<view>.png    coarse masks, as given
     earlier_masks/               those that a segmentation with other masks replaced
     geometry.safetensors         the radiance field
-    unfinished_geometry.safetensors   a NeRF whose training was interrupted, to go on with
+    unfinished_<stage>.safetensors   learning that was interrupted, to resume with
     segmentation.safetensors     the segmentation field F_s        segmentation.json   its report
     surface.safetensors          surface samples of the objects' rays
     palette.json                 palettes as extracted, then as learned
@@ -121,9 +121,9 @@ class Project:
     def geometry_file(self) -> Path:
         return self.folder / "geometry.safetensors"
 
-    @property
-    def unfinished_geometry_file(self) -> Path:
-        return self.folder / "unfinished_geometry.safetensors"
+    def unfinished_file(self, stage: str) -> Path:
+        """Where the stage's learning stood when it was last saved."""
+        return self.folder / f"unfinished_{stage}.safetensors"
 
     @property
     def segmentation_file(self) -> Path:

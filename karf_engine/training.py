@@ -1,21 +1,25 @@
-"""The one training loop: schedule, step, stop on what is not finite, halve the batch when memory runs out."""
+"""The one training loop: schedule, step, stop on what is not finite, take a batch in parts when memory runs out."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 
-import torch
 from torch import Tensor
 
-from .errors import Diverged, OutOfMemory
+from .course import Course
+from .errors import Cancelled, Diverged, OutOfMemory
 from .failures import is_out_of_memory
 from .progress import Progress
+from .unfinished import Unfinished
 
 CHECK_EVERY = 10
+MOST_PARTS = 64  # of a batch
+Step = Callable[[int, float], tuple[Tensor, dict[str, float]]]  # iteration, batch_scale -> loss, metrics
+Schedule = Callable[[int, int], float]  # iteration, iterations -> factor of the learning rate
 
 
-def warm_cosine(warmup: int, floor: float) -> Callable[[int, int], float]:
+def warm_cosine(warmup: int, floor: float) -> Schedule:
     """Learning-rate factor: linear warm-up over `warmup` iterations, then a cosine from 1 down to `floor`."""
 
     def factor(iteration: int, total: int) -> float:
@@ -25,7 +29,7 @@ def warm_cosine(warmup: int, floor: float) -> Callable[[int, int], float]:
     return factor
 
 
-def warm_exponential(warmup: int, hold: float, floor: float) -> Callable[[int, int], float]:
+def warm_exponential(warmup: int, hold: float, floor: float) -> Schedule:
     """Linear warm-up, 1 until the share `hold` of the run, then an exponential decay to `floor`."""
 
     def factor(iteration: int, total: int) -> float:
@@ -42,43 +46,69 @@ def constant(iteration: int, total: int) -> float:
 
 
 def train(
-    iterations: int,
-    optimizer: torch.optim.Optimizer,
-    step: Callable[[int, float], tuple[Tensor, dict[str, float]]],
-    schedule: Callable[[int, int], float],
+    course: Course,
+    until: int,
+    step: Step,
+    schedule: Schedule,
     progress: Progress,
+    unfinished: Unfinished | None = None,
 ) -> None:
-    """Run `iterations` of `loss, metrics = step(iteration, batch_scale)` and the optimizer.
+    """Run the course's `loss, metrics = step(iteration, batch_scale)` and its optimizer until so many are done.
 
-    schedule(iteration, iterations) multiplies every group's learning rate. batch_scale starts at 1 and is halved when
-    memory runs out. Raises Diverged at a loss that is not finite, OutOfMemory when halving no longer helps, and what
-    progress.step raises on cancel.
+    schedule(iteration, course.iterations) multiplies every group's learning rate. When memory runs out, the iteration is
+    tried again with the batch in twice as many parts, each a step of batch_scale = 1 / parts, whose losses are averaged.
+    unfinished: told after each iteration, and at a cancel, so that what is learned is kept. Raises Diverged at a loss
+    that is not finite, OutOfMemory when smaller parts no longer help, and what progress.step raises on cancel.
     """
+    optimizer = course.optimizer
     rates = [group["lr"] for group in optimizer.param_groups]
-    batch_scale = 1.0
-    for iteration in range(iterations):
+    parts = 1
+    while course.done < until:
+        iteration = course.done
         for group, rate in zip(optimizer.param_groups, rates, strict=True):
-            group["lr"] = rate * schedule(iteration, iterations)
+            group["lr"] = rate * schedule(iteration, course.iterations)
         optimizer.zero_grad(set_to_none=True)
         try:
-            loss, metrics = step(iteration, batch_scale)
-            loss.backward()
+            loss, metrics = _gradients(step, iteration, parts)
         except RuntimeError as error:
             if not is_out_of_memory(error):
                 raise
-            batch_scale /= 2
-            if batch_scale < 1 / 64:
+            if parts == MOST_PARTS:
                 raise OutOfMemory(
-                    "The device has too little memory even for a 64th of the batch.", "Use the CPU."
+                    f"The device has too little memory even for a {MOST_PARTS}th of the batch.", "Use the CPU."
                 ) from error
+            parts *= 2
             continue
         # reading the loss waits for the device: every tenth time is soon enough to stop
-        is_checked = iteration % CHECK_EVERY == 0 or iteration == iterations - 1
-        if is_checked and not math.isfinite(float(loss.detach())):
+        is_checked = iteration % CHECK_EVERY == 0 or iteration == until - 1
+        if is_checked and not math.isfinite(float(loss)):
             raise Diverged(
-                f"Training diverged at iteration {iteration}: loss {float(loss.detach())}.", "Lower the learning rate."
+                f"Training diverged at iteration {iteration}: loss {float(loss)}.", "Lower the learning rate."
             )
         optimizer.step()
-        progress.step(**metrics)
+        course.done += 1
+        _tell(metrics, progress, unfinished)
     for group, rate in zip(optimizer.param_groups, rates, strict=True):
         group["lr"] = rate
+
+
+def _gradients(step: Step, iteration: int, parts: int) -> tuple[Tensor, dict[str, float]]:
+    """Gradients of the loss over a batch in parts; its mean, and the last part's metrics."""
+    mean = 0.0
+    for _ in range(parts):
+        loss, metrics = step(iteration, 1 / parts)
+        share = loss / parts
+        share.backward()
+        mean = mean + share.detach()
+    return mean, metrics
+
+
+def _tell(metrics: dict[str, float], progress: Progress, unfinished: Unfinished | None) -> None:
+    try:
+        progress.step(**metrics)
+    except Cancelled:
+        if unfinished is not None:
+            unfinished.save()
+        raise
+    if unfinished is not None:
+        unfinished.offer()

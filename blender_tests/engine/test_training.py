@@ -6,8 +6,10 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from karf_engine.course import Course  # noqa: E402
 from karf_engine.errors import Cancelled, Diverged, OutOfMemory  # noqa: E402
 from karf_engine.progress import Progress  # noqa: E402
+from karf_engine.runtime import start_runtime  # noqa: E402
 from karf_engine.training import train, warm_cosine, warm_exponential  # noqa: E402
 
 
@@ -30,7 +32,8 @@ class Recorder:
         return (self.value - 3) ** 2, {"loss": 1.0}
 
     def train(self, iterations, step=None, schedule=lambda i, n: 1.0):
-        train(iterations, self.optimizer, step or self.step, schedule, self.progress)
+        course = Course(iterations, self.optimizer, lambda: {"value": self.value}, start_runtime(0, 1, "cpu"))
+        train(course, iterations, step or self.step, schedule, self.progress)
 
 
 def test_the_cosine_warms_up_and_falls_to_its_floor_by_hand():
@@ -78,18 +81,24 @@ def test_cancelling_stops_at_once():
     assert len(record.calls) == 3
 
 
-def test_running_out_of_memory_halves_the_batch_and_goes_on():
-    record = Recorder()
+def test_an_iteration_that_runs_out_of_memory_is_done_again_with_the_whole_batch_in_parts():
+    record, seen = Recorder(total=6), []
 
     def step(iteration, scale):
         result = record.step(iteration, scale)
         if scale > 0.3:
             raise torch.OutOfMemoryError("no memory left")
+        seen.append((iteration, scale))
         return result
 
     record.train(6, step)
-    assert [scale for _, scale in record.calls] == [1.0, 0.5, 0.25, 0.25, 0.25, 0.25]
-    assert record.value.item() > 2
+    assert record.calls[:2] == [(0, 1.0), (0, 0.5)]
+    assert seen == [(iteration, 0.25) for iteration in range(6) for _ in range(4)]
+    # as many steps of the same gradient as with memory enough, each counted
+    whole = Recorder()
+    whole.train(6)
+    assert record.value.item() == pytest.approx(whole.value.item())
+    assert record.events[-1]["step"] == 6
 
 
 def test_too_little_memory_for_any_batch_is_said():

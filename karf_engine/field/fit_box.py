@@ -61,7 +61,7 @@ class BackgroundSupport:
     """Which directions are seen through empty space by some training ray, in bins of 10 by 5 degrees."""
 
     def __init__(self, device: torch.device) -> None:
-        self._seen = torch.zeros(AZIMUTH_BINS * ELEVATION_BINS, dtype=torch.bool, device=device)
+        self.seen = torch.zeros(AZIMUTH_BINS * ELEVATION_BINS, dtype=torch.bool, device=device)
 
     def _bins(self, viewdirs: Tensor) -> Tensor:
         azimuth = (torch.atan2(viewdirs[:, 1], viewdirs[:, 0]) / (2 * math.pi) + 0.5) * AZIMUTH_BINS
@@ -72,11 +72,11 @@ class BackgroundSupport:
 
     def note(self, viewdirs: Tensor) -> None:
         """Directions [n, 3] of rays that met no occupied cell."""
-        self._seen[self._bins(viewdirs)] = True
+        self.seen[self._bins(viewdirs)] = True
 
     def supported(self, viewdirs: Tensor) -> Tensor:
         """True for the directions in whose bin such a ray was seen, [n]."""
-        return self._seen[self._bins(viewdirs)]
+        return self.seen[self._bins(viewdirs)]
 
 
 class BoxFit(Fit):
@@ -97,28 +97,33 @@ class BoxFit(Fit):
         super().__init__(bank, settings, runtime, field, background)
         self.kind = background_kind
         self._first_voxel = field.voxel
-        self._support: BackgroundSupport | None = None
+        self._support = BackgroundSupport(runtime.device)  # learned from the second level on
 
-    def _begin(self, number: int, level: Level) -> None:
-        if number > 0 and self.background is not None:
+    def _begin_level(self, level: Level) -> None:
+        if self.background is not None:
             self._learn_support(level)
 
-    def _trained_networks(self) -> list:
-        return super()._trained_networks() + ([] if self.background is None else list(self.background.parameters()))
+    def _own_tensors(self) -> dict[str, Tensor]:
+        return {"support": self._support.seen}
+
+    def _trained_networks(self, field: VoxelField) -> list:
+        return super()._trained_networks(field) + (
+            [] if self.background is None else list(self.background.parameters())
+        )
 
     def _batch(self, number: int, level: Level, n_rays: int) -> Batch:
         index = self.bank.draw(n_rays, self.runtime)
         rays = self.bank.rays(index)
         target = self.bank.color[index].float() / 255
         rendering = render_batch(self.field, rays, level.step, self.runtime.rand(n_rays), diffuse=number == 0)
-        behind = self._behind(index, rays, rendering)
+        behind = self._behind(number, index, rays, rendering)
         if self.bank.alpha is not None:
             matte = self.bank.alpha[index].float()[:, None] / 255
             target = target * matte + (1 - matte) * behind
         error = ((rendering.color + rendering.remainder[:, None] * behind - target) ** 2).mean()
         return Batch(error + self._regularization(number, rendering), error, rendering.n_samples)
 
-    def _behind(self, index: Tensor, rays: Rays, rendering: Rendering) -> Tensor:
+    def _behind(self, number: int, index: Tensor, rays: Rays, rendering: Rendering) -> Tensor:
         """The color behind the ray of each pixel, [R, 3]."""
         n_rays = len(rays)
         if self.kind == "alpha":
@@ -127,7 +132,7 @@ class BoxFit(Fit):
             plain = torch.full((n_rays, 3), 1.0 if self.kind == "white" else 0.0, device=self.runtime.device)
             return torch.where(self.bank.solid[index, None], self.runtime.rand(n_rays, 3), plain)
         color = self.background(rays.viewdirs)
-        if self._support is None:
+        if number == 0:
             return color
         free = (rendering.remainder.detach() > 1 - 1e-6)[:, None]
         known = self._support.supported(rays.viewdirs)[:, None]

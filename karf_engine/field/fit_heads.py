@@ -5,17 +5,18 @@ Losses are means over rays (or points) and sums over channels, which keeps the r
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
+from ..course import Course
 from ..progress import Progress
 from ..rendering.surface_cache import SurfaceCache
 from ..runtime import Runtime
 from ..settings import HeadSettings, RecoloringSettings, SegmentationSettings
-from ..training import constant, train, warm_cosine
+from ..training import Schedule, Step, constant, train, warm_cosine
+from ..unfinished import Unfinished
 from .karf import RecoloringField, SegmentationField
 from .scene import Field
 
@@ -35,6 +36,7 @@ def fit_on_points(
     settings: SegmentationSettings,
     runtime: Runtime,
     progress: Progress,
+    unfinished: Unfinished | None = None,
 ) -> None:
     """Train F_s by cross-entropy on labelled surface points.
 
@@ -52,12 +54,13 @@ def fit_on_points(
     def step(_: int, scale: float) -> tuple[Tensor, dict[str, float]]:
         parts = [_draw(pool, int(n_object * scale) + 1, runtime) for pool in pools]
         parts += [_draw(near_pool, int(n_near * scale) + 1, runtime)]
-        parts += [_draw(any_pool, settings.batch // 5, runtime)]
+        parts += [_draw(any_pool, max(1, int(settings.batch // 5 * scale)), runtime)]
         index = torch.cat(parts)
         loss = torch.nn.functional.cross_entropy(karf.logits(positions[index], features[index]), classes[index])
         return loss, {"loss": float(loss.detach())}
 
-    train(settings.iterations, optimizer, step, _schedule(settings, 0.05), progress)
+    course = Course(settings.iterations, optimizer, karf.state_dict, runtime)
+    _learn(course, step, _schedule(settings, 0.05), progress, unfinished)
 
 
 def fit_on_rays(
@@ -68,6 +71,7 @@ def fit_on_rays(
     settings: SegmentationSettings,
     runtime: Runtime,
     progress: Progress,
+    unfinished: Unfinished | None = None,
 ) -> None:
     """Train F_s by the paper's Eq. 12: cross-entropy between rendered probabilities and the masks as given.
 
@@ -89,7 +93,8 @@ def fit_on_rays(
         loss = -allowed.clamp_min(1e-6).log().mean()
         return loss, {"loss": float(loss.detach())}
 
-    train(settings.iterations, optimizer, step, _schedule(settings, 0.05), progress)
+    course = Course(settings.iterations, optimizer, karf.state_dict, runtime)
+    _learn(course, step, _schedule(settings, 0.05), progress, unfinished)
 
 
 def render_classes(karf: SegmentationField, positions: Tensor, features: Tensor, opacity: Tensor) -> Tensor:
@@ -144,6 +149,7 @@ def fit_recoloring(
     settings: RecoloringSettings,
     runtime: Runtime,
     progress: Progress,
+    unfinished: Unfinished | None = None,
 ) -> Tensor:
     """Train F_w by Eq. 14 with lambda_Edit = 1; returns the learned palettes [blocks, M, 3].
 
@@ -175,7 +181,8 @@ def fit_recoloring(
         loss = settings.palette_loss * palette_loss + settings.weight_loss * weight_loss
         return loss, {"palette": float(palette_loss.detach()), "weight": float(weight_loss.detach())}
 
-    train(settings.iterations, optimizer, step, _schedule(settings, 0.02), progress)
+    course = Course(settings.iterations, optimizer, lambda: karf.state_dict() | {"palettes": learned.detach()}, runtime)
+    _learn(course, step, _schedule(settings, 0.02), progress, unfinished)
     return torch.cat([palettes[:, :1], learned.detach()[:, 1:].clamp(0, 1)], 1)
 
 
@@ -235,7 +242,14 @@ def render_weights(karf: RecoloringField, scene_field: Field, positions: Tensor,
     return weights.view(n_rays, n_samples, karf.n_blocks, karf.n_colors).mean(1)
 
 
-def _schedule(settings: HeadSettings, floor: float) -> Callable[[int, int], float]:
+def _learn(course: Course, step: Step, schedule: Schedule, progress: Progress, unfinished: Unfinished | None) -> None:
+    """Run the whole course, or what is left of it."""
+    if unfinished is not None:
+        unfinished.follow(course, progress)
+    train(course, course.iterations, step, schedule, progress, unfinished)
+
+
+def _schedule(settings: HeadSettings, floor: float) -> Schedule:
     """The learning rate's factor over time; floor: of the cosine."""
     return constant if settings.schedule == "constant" else warm_cosine(WARMUP, floor)
 

@@ -6,11 +6,12 @@ What is behind the rays is a plain color: white behind a matte or a white backgr
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import torch
 from torch import Tensor
 
+from ..course import Course, below, check_alike, number, prefixed, whole_number
 from ..progress import Progress
 from ..rendering.hierarchical import dense_ray_weights, interval_lengths, refine
 from ..rendering.rays import PixelBank, Rays
@@ -19,6 +20,7 @@ from ..rendering.surface_cache import cache_surface
 from ..runtime import Runtime
 from ..settings import NerfSettings
 from ..training import train
+from ..unfinished import Unfinished
 from .nerf import NerfField, NerfNetwork, NerfSampling, NerfShape
 from .scene import Scene
 
@@ -29,11 +31,7 @@ BOUNDS_MARGIN = 0.05
 
 
 class NerfFit:
-    """State of one fit: `scenes` runs it and yields the scene from time to time.
-
-    Hours of training can be interrupted: `state` at any such time, given to `resume` of a fresh fit, lets it go on as if
-    nothing had happened.
-    """
+    """State of one fit: `scenes` runs it and yields the scene from time to time."""
 
     def __init__(self, bank: PixelBank, kind: str, settings: NerfSettings, runtime: Runtime, field: NerfField) -> None:
         self.bank, self.kind, self.settings, self.runtime, self.field = bank, kind, settings, runtime, field
@@ -41,45 +39,52 @@ class NerfFit:
         self._noise = settings.density_noise if isinstance(field.space, Frustum) else 0.0
         self._crop = 0 if kind == "opaque" else settings.crop_iterations
         self._loss_average = 0.1
-        self._done = 0
-        self._optimizer = torch.optim.Adam(field.parameters(), lr=settings.rate)
+        self._looked = 0  # iterations of which the scene has been yielded
+        optimizer = torch.optim.Adam(field.parameters(), lr=settings.rate)
+        self._course = Course(settings.iterations, optimizer, field.state_dict, runtime)
 
     @property
     def iterations(self) -> int:
-        """Iterations that are left."""
-        return self.settings.iterations - self._done
+        """Iterations of the whole fit."""
+        return self.settings.iterations
 
-    def scenes(self, progress: Progress) -> Iterator[Scene]:
-        """The scene as it stands after every `look_every` iterations, and at the end."""
-        settings, field = self.settings, self.field
-        while self.iterations:
-            done, part = self._done, min(settings.look_every, self.iterations)
-            train(part, self._optimizer, lambda i, s, done=done: self._step(done + i, s), self._decay(done), progress)
+    @property
+    def done(self) -> int:
+        """Iterations that are done."""
+        return self._course.done
+
+    def scenes(self, progress: Progress, unfinished: Unfinished | None = None) -> Iterator[Scene]:
+        """Run what is left of the fit; the scene as it stands after every `look_every` iterations, and at the end."""
+        field = self.field
+        while self._looked < self.iterations:
+            until = min(self._looked + self.settings.look_every, self.iterations)
+            train(self._course, until, self._step, self._decay, progress, unfinished)
             field.bounds = surface_bounds(field, self.bank.rays(self.bank.draw(MEASURED_RAYS, self.runtime)))
-            self._done += part
+            self._looked = until
             yield Scene(field, None, self.kind, 1.0)
 
     def state(self) -> dict[str, Tensor]:
-        """All that going on takes: networks, Adam's moments, random numbers, and how far the fit has come."""
-        moments = self._optimizer.state_dict()["state"]
-        tensors = {f"field.{name}": tensor for name, tensor in self.field.state_dict().items()}
-        tensors |= {f"adam.{n}.{name}": value for n, entry in moments.items() for name, value in entry.items()}
-        figures = torch.tensor([self._done, self._loss_average], dtype=torch.float64)
-        return tensors | {"random": self.runtime.generator.get_state(), "done_and_loss": figures}
+        """All that resuming takes."""
+        return self._position() | prefixed("course", self._course.state())
 
     def resume(self, state: dict[str, Tensor]) -> None:
-        """Go on from a state, on the processor, of a fit of the same photos and settings."""
-        self.field.load_state_dict(_below("field", state))
-        adam = self._optimizer.state_dict()
-        adam["state"] = {n: _below(f"adam.{n}", state) for n in adam["param_groups"][0]["params"]}
-        self._optimizer.load_state_dict(adam)
-        self.runtime.generator.set_state(state["random"])
-        done, self._loss_average = state["done_and_loss"].tolist()
-        self._done = int(done)
+        """Let this fresh fit go on from a state, on the processor, of a fit of the same photos and settings.
 
-    def _decay(self, done: int) -> Callable[[int, int], float]:
+        Raises DataError, and changes nothing, where the state is of another one.
+        """
+        course_state = below("course", state)
+        check_alike({n: t for n, t in state.items() if not n.startswith("course.")}, self._position())
+        looked = whole_number(state, "looked", self.iterations - 1)
+        self._course.resume(course_state)
+        self._looked, self._loss_average = looked, float(state["loss_average"])
+
+    def _position(self) -> dict[str, Tensor]:
+        """The numbers of a state."""
+        return {"looked": number(self._looked), "loss_average": number(self._loss_average)}
+
+    def _decay(self, iteration: int, _: int) -> float:
         steps = self.settings.decay_steps
-        return lambda iteration, _: 0.1 ** ((done + iteration) / steps) if steps else 1.0
+        return 0.1 ** (iteration / steps) if steps else 1.0
 
     def _step(self, iteration: int, batch_scale: float) -> tuple[Tensor, dict[str, float]]:
         n_rays = max(16, int(self.settings.rays * batch_scale))
@@ -139,12 +144,6 @@ def start_nerf_fit(
     nothing = torch.tensor([[-1.0] * 3, [1.0] * 3])
     field = NerfField(NerfNetwork(shape), NerfNetwork(shape), sampling, space, nothing).to(runtime.device)
     return NerfFit(bank, kind, settings, runtime, field)
-
-
-def _below(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-    """The tensors whose names begin with `prefix` and a dot, without it."""
-    start = f"{prefix}."
-    return {name.removeprefix(start): tensor for name, tensor in tensors.items() if name.startswith(start)}
 
 
 def surface_bounds(field: NerfField, rays: Rays) -> Tensor:

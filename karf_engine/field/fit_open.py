@@ -15,6 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from ..capture.camera import Camera
+from ..course import Course
 from ..rendering.rays import PixelBank, camera_rays
 from ..rendering.sampling import Polylines, Samples, march
 from ..rendering.space import Contraction, Frustum, Space, space_from_json, space_to_json
@@ -57,8 +58,9 @@ class OpenFit(Fit):
         self._sightings = sightings
         self._grid_size = float((field.bounds[1] - field.bounds[0]).max()) / 2
 
-    def _begin(self, number: int, level: Level) -> None:
-        self._vertices = torch.nonzero(self.field.vertex_rows.view(-1) >= 0).squeeze(1)
+    def _learn(self, field: VoxelField, course: Course) -> None:
+        super()._learn(field, course)
+        self._vertices = torch.nonzero(field.vertex_rows.view(-1) >= 0).squeeze(1)
 
     def _batch(self, number: int, level: Level, n_rays: int) -> Batch:
         settings, field, runtime, bank = self.recipe, self.field, self.runtime, self.bank

@@ -18,10 +18,8 @@ import torch
 from .. import settings as settings_module
 from ..capture import open_capture
 from ..capture.capture import Capture, SparsePoints, capture_to_json
-from ..checkpoints import load_tensors, save_tensors
 from ..errors import BadRequest, Cancelled, DataError, KarfError
 from ..field.adopt import adopt
-from ..field.fit_nerf import NerfFit
 from ..field.nerf import NerfNetwork
 from ..field.nerf_files import read_nerf
 from ..field.scene import Scene, psnr_of_views
@@ -32,10 +30,9 @@ from ..project import Project, write_json
 from ..rendering.rays import PixelBank
 from ..triangulation import triangulate
 from ..wire import Request
-from .job import Job, file_mark, make_job, run_stage
+from .job import Job, StageRun, file_mark, make_job, run_stage
 
 VERSION = 1
-UNFINISHED_SCHEMA = "karf-unfinished-nerf/1"
 WATCHED_VIEWS = 8
 COMPARED_VIEWS, COMPARED_LONG_SIDE = 3, 200  # photos that a foreign NeRF must show
 WORSE = 0.5  # dB that held-out views may lose from level to level without a warning
@@ -65,12 +62,11 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         if n_photos < 3:
             raise DataError(f"{capture.source} has {n_photos} training photos.", "A scene needs at least three.")
         if nerf is None:
-            scene = learn(job, capture, run.facts, run.fingerprint)
+            scene = learn(job, capture, run)
         else:
             scene = take_over(job, capture, nerf, networks, run.facts)
         write_json(run.output(project.capture_file), capture_to_json(capture))
         scene.save(run.output(project.geometry_file))
-    project.unfinished_geometry_file.unlink(missing_ok=True)
     job.artifact("geometry", project.geometry_file)
 
 
@@ -84,8 +80,8 @@ def _inputs(capture: Capture, nerf: Path | None) -> list:
     return inputs
 
 
-def learn(job: Job, capture: Capture, facts: dict, mark: str) -> Scene:
-    """Fit the field, with previews on the way. mark: the stage's fingerprint, by which an unfinished NeRF is known."""
+def learn(job: Job, capture: Capture, run: StageRun) -> Scene:
+    """Fit the field, with previews on the way. mark: the stage's fingerprint, by which an unfinished fit is known."""
     settings = job.settings.geometry
     views = capture.split("train")
     plates = job.plates(views)
@@ -95,32 +91,15 @@ def learn(job: Job, capture: Capture, facts: dict, mark: str) -> Scene:
     space = choose_space(kind, cameras, points, settings)
     job.emit("stage", name="geometry", text=f"{space}, {0 if points is None else len(points)} sparse points")
     fit = start_fit(make_bank(plates, kind, job), kind, space, cameras, points, settings, job.runtime)
-    if isinstance(fit, NerfFit):
-        go_on(job, fit, mark)
-    watched, scores = watched_views(job, capture), []
-    for scene in fit.scenes(job.progress("geometry", fit.iterations)):
-        if isinstance(fit, NerfFit) and fit.iterations:  # with none left, going on would show no scene
-            save_tensors(job.project.unfinished_geometry_file, fit.state(), UNFINISHED_SCHEMA, {"fingerprint": mark})
+    progress = job.progress("geometry", fit.iterations)
+    run.unfinished.follow(fit, progress)
+    watched, scores = watched_views(job, capture), run.unfinished.notes.setdefault("held_out", [])
+    for scene in fit.scenes(progress, run.unfinished):
         preview(job, scene, plates[0])
         if watched is not None:
             look(job, scene, watched, scores)
-    facts |= {"background": kind, "space": space, **scene.field.figures(), "held_out": scores}
+    run.facts.update(background=kind, space=space, **scene.field.figures(), held_out=scores)
     return scene
-
-
-def go_on(job: Job, fit: NerfFit, mark: str) -> None:
-    """Resume an interrupted fit of the same inputs; a damaged one is no reason to stop."""
-    path = job.project.unfinished_geometry_file
-    if not path.exists():
-        return
-    try:
-        state, facts = load_tensors(path, UNFINISHED_SCHEMA)
-    except DataError as error:
-        job.emit("warning", code="unfinished", sentence=f"Learning begins anew: {error.sentence}")
-        return
-    if facts["fingerprint"] == mark:
-        fit.resume(state)
-        job.emit("stage", name="geometry", text=f"going on, {fit.iterations} iterations are left")
 
 
 def take_over(job: Job, capture: Capture, path: Path, networks: tuple[NerfNetwork, NerfNetwork], facts: dict) -> Scene:

@@ -13,13 +13,14 @@ from typing import Any
 
 from .. import settings as settings_module
 from ..capture.capture import Capture, View, capture_from_json
-from ..errors import BadRequest
+from ..errors import BadRequest, Diverged
 from ..images import Plate, load_views
 from ..locking import consistent, writing
 from ..progress import Emit, Progress, peak_memory_bytes
 from ..project import STAGE_ORDER, Project, read_json
 from ..runtime import Runtime, start_runtime
 from ..settings import Settings
+from ..unfinished import Unfinished
 from ..wire import Request
 
 WHOLE_BYTES, END_BYTES = 2**20, 2**18  # files up to here count whole, larger ones by their ends
@@ -57,9 +58,9 @@ class Job:
 
 @dataclass(frozen=True)
 class StageRun:
-    """A stage at work. fingerprint: of its settings and inputs. facts: its figures, to be noted when it is finished."""
+    """A stage at work. unfinished: what its fit has learned so far. facts: its figures, noted when it is finished."""
 
-    fingerprint: str
+    unfinished: Unfinished
     _outputs: Path
     facts: dict[str, Any] = field(default_factory=dict)
 
@@ -142,18 +143,23 @@ def run_stage(job: Job, stage: str, version: int, *inputs: Any) -> Iterator[Stag
     project = job.project
     with writing(project):
         project.remove_leftovers()
-        run = StageRun(stage_fingerprint(job, stage, version, *inputs), project.outputs_folder)
+        mark = stage_fingerprint(job, stage, version, *inputs)
         done = project.finished(stage)
-        if done is not None and done["fingerprint"] == run.fingerprint and project.is_intact(stage):
+        if done is not None and done["fingerprint"] == mark and project.is_intact(stage):
             job.emit("stage", name=stage, text="already done")
             yield None
             return
         job.emit("stage", name=stage)
         start = time.perf_counter()
+        run = StageRun(Unfinished(project.unfinished_file(stage), mark, stage, job.emit), project.outputs_folder)
         try:
             yield run
             figures = {"seconds": round(time.perf_counter() - start, 2), "peak_memory": peak_memory_bytes()}
             with consistent(project):
-                project.commit(stage, run.fingerprint, settings_module.to_dict(job.settings), **figures, **run.facts)
+                project.commit(stage, mark, settings_module.to_dict(job.settings), **figures, **run.facts)
+            run.unfinished.remove()
+        except Diverged:
+            run.unfinished.remove()  # what led there leads there again
+            raise
         finally:
             project.remove_leftovers()

@@ -44,7 +44,14 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         stacked = torch.from_numpy(stack_palettes([p.name for p in blocks], {p.name: p.colors for p in blocks}))
         progress = job.progress("recoloring", settings.iterations)
         learned = fit_recoloring(
-            karf, scene.field, rays, stacked.to(job.runtime.device), settings, job.runtime, progress
+            karf,
+            scene.field,
+            rays,
+            stacked.to(job.runtime.device),
+            settings,
+            job.runtime,
+            progress,
+            run.unfinished,
         )
         facts = {"sizes": sizes, "settings": to_dict(settings)}
         save_tensors(run.output(job.project.recoloring_file), karf.state_dict(), SCHEMA, facts)

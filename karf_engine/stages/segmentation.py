@@ -36,6 +36,7 @@ from ..project import read_json, write_json
 from ..rendering.rays import camera_rays
 from ..rendering.surface_cache import SurfaceCache, cache_surface, join_caches
 from ..settings import SegmentationSettings, from_dict, to_dict
+from ..unfinished import Unfinished
 from ..wire import Request
 from .job import Job, StageRun, open_job, run_stage
 
@@ -139,7 +140,7 @@ def spread_views(views: list[View], first: list[str], count: int) -> list[View]:
 
 
 def segment(job: Job, scene: Scene, cached: CachedViews, run: StageRun) -> dict:
-    """Labels, F_s, and the objects' rays; returns the report."""
+    """Labels, F_s (resumed where it is unfinished), and the objects' rays; returns the report."""
     settings, cache = job.settings.segmentation, cached.cache
     votes, confidence = cached.targets()
     index = cache.index.cpu().numpy()
@@ -152,7 +153,7 @@ def segment(job: Job, scene: Scene, cached: CachedViews, run: StageRun) -> dict:
     else:
         labels = _votes_only(points, votes, (confidence > 0) * opacity)
     _warn_of_low_precision(job, cached.objects, labels)
-    karf = _fit(job, scene, cached, points, labels, votes, confidence)
+    karf = _fit(job, scene, cached, points, labels, votes, confidence, run.unfinished)
     probabilities = segment_cache(karf, scene.field, cache)
     _save(job, karf, cached, probabilities, run)
     return _report(cached, labels, probabilities)
@@ -212,6 +213,7 @@ def _fit(
     labels: Labels,
     votes: np.ndarray,
     confidence: np.ndarray,
+    unfinished: Unfinished,
 ) -> SegmentationField:
     settings, device = job.settings.segmentation, job.runtime.device
     classes = labels.classes
@@ -230,7 +232,8 @@ def _fit(
     if settings.labels == "masks":
         marked = torch.from_numpy(np.flatnonzero(confidence > 0)).to(device)
         targets = torch.from_numpy(votes).float().to(device)[marked]
-        fit_on_rays(karf, scene.field, _select(cached.cache, marked), targets, settings, job.runtime, progress)
+        rays = _select(cached.cache, marked)
+        fit_on_rays(karf, scene.field, rays, targets, settings, job.runtime, progress, unfinished)
         return karf.requires_grad_(False)
     top_two = np.sort(labels.probabilities, 1)[:, -2:]
     positions = torch.from_numpy(points.positions).float().to(device)
@@ -244,6 +247,7 @@ def _fit(
         settings,
         job.runtime,
         progress,
+        unfinished,
     )
     return karf.requires_grad_(False)
 

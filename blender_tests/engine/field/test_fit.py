@@ -1,6 +1,7 @@
 """Fitting the field: a still life of known geometry, on every kind of background, in a few iterations."""
 
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -12,7 +13,6 @@ from blender_tests.engine.reference.still_life import camera_at, cameras, take_p
 from karf_engine.edit.metrics import psnr  # noqa: E402
 from karf_engine.errors import Diverged  # noqa: E402
 from karf_engine.field.fit_box import focus_point, start_box_fit, visual_hull  # noqa: E402
-from karf_engine.field.scene import Scene  # noqa: E402
 from karf_engine.images import solid_pixels  # noqa: E402
 from karf_engine.progress import Progress  # noqa: E402
 from karf_engine.rendering.rays import PixelBank  # noqa: E402
@@ -40,9 +40,7 @@ def fit(photos, kind, settings=SETTINGS, seed=0, levels=2):
     runtime = start_runtime(seed, threads=1, device="cpu")
     state = start_box_fit(bank_of(photos, kind), kind, settings, runtime)
     progress = Progress(lambda *_, **__: None, lambda: False, "geometry", 1)
-    for number, level in enumerate(settings.levels[:levels]):
-        state.run_level(number, level, progress)
-    return Scene(state.field, state.background, kind, settings.levels[levels - 1].step)
+    return list(islice(state.scenes(progress), levels))[-1]
 
 
 @pytest.mark.parametrize("kind", ["alpha", "black", "opaque"])

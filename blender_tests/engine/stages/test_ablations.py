@@ -94,8 +94,8 @@ def test_weights_of_rays_that_are_not_asked_teach_nothing(job):
 def test_the_rate_is_constant_or_warms_up_and_falls(job, monkeypatch, schedule, highest, lowest):
     factors = []
 
-    def note(iterations, optimizer, step, factor, progress):
-        factors.extend(factor(i, iterations) for i in range(iterations + 1))
+    def note(course, until, step, factor, progress, unfinished):
+        factors.extend(factor(i, course.iterations) for i in range(until + 1))
 
     monkeypatch.setattr("karf_engine.field.fit_heads.train", note)
     palettes, scene = recoloring.initial_palettes(job), Scene.load(job.project.geometry_file)

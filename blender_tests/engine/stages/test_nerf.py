@@ -10,7 +10,7 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
-from karf_engine.checkpoints import load_tensors  # noqa: E402
+from karf_engine.checkpoints import load_tensors, save_tensors  # noqa: E402
 from karf_engine.cli import main  # noqa: E402
 from karf_engine.edit.metrics import iou, psnr  # noqa: E402
 from karf_engine.edit.palette import read_palettes  # noqa: E402
@@ -98,7 +98,8 @@ def learn_a_little(still_life, folder, capsys, *more):
 
 @pytest.fixture
 def killed(still_life, tmp_path, monkeypatch, capsys):
-    """A project whose geometry stage was interrupted after its second look."""
+    """A project whose geometry stage was interrupted after its second look, having saved after every iteration."""
+    monkeypatch.setattr("karf_engine.unfinished.INTERVAL", 0.0)
     with monkeypatch.context() as patch:
         patch.setattr("karf_engine.stages.geometry.preview", Mock(side_effect=[None, KeyboardInterrupt]))
         assert learn_a_little(still_life, tmp_path / "project", capsys)[0] == Cancelled.exit_code
@@ -107,26 +108,38 @@ def killed(still_life, tmp_path, monkeypatch, capsys):
     return project
 
 
-def test_a_killed_job_goes_on_from_its_last_look(killed, still_life, capsys):
+def test_a_killed_job_resumes_where_it_was_last_saved(killed, still_life, capsys):
     code, told = learn_a_little(still_life, killed.folder, capsys)
-    assert code == 0 and "going on, 40 iterations are left" in told
-    assert killed.finished("geometry") and not killed.unfinished_geometry_file.exists()
+    assert code == 0 and "resuming at iteration 80 of 120" in told
+    assert killed.finished("geometry") and not killed.unfinished_file("geometry").exists()
 
 
-def test_a_job_killed_after_its_last_iteration_learns_the_last_part_again(killed, still_life, monkeypatch, capsys):
+def test_a_job_killed_after_its_last_iteration_has_only_to_look(killed, still_life, monkeypatch, capsys):
     with monkeypatch.context() as patch:
-        patch.setattr("karf_engine.stages.geometry.preview", Mock(side_effect=KeyboardInterrupt))
+        patch.setattr("karf_engine.stages.geometry.preview", Mock(side_effect=[None, KeyboardInterrupt]))
         assert learn_a_little(still_life, killed.folder, capsys)[0] == Cancelled.exit_code
     code, told = learn_a_little(still_life, killed.folder, capsys)
-    assert code == 0 and "going on, 40 iterations are left" in told and killed.finished("geometry")
+    assert code == 0 and "resuming at iteration 120 of 120" in told and killed.finished("geometry")
 
 
-def test_what_is_left_of_other_settings_or_damaged_is_not_gone_on_with(killed, still_life, capsys):
+def test_what_is_left_of_other_settings_or_damaged_is_not_resumed(killed, still_life, capsys):
     code, told = learn_a_little(still_life, killed.folder, capsys, "geometry.nerf.rate=0.004")
-    assert code == 0 and "going on" not in told
-    killed.unfinished_geometry_file.write_bytes(b"cut off")
+    assert code == 0 and "resuming" not in told
+    killed.unfinished_file("geometry").write_bytes(b"cut off")
     code, told = learn_a_little(still_life, killed.folder, capsys)
     assert code == 0 and "Learning begins anew" in told and "damaged" in told
+
+
+def test_what_an_older_version_left_does_not_block_the_project(still_life, tmp_path, capsys):
+    project = Project(tmp_path / "project")
+    assert learn_a_little(still_life, project.folder, capsys)[0] == 0
+    state = project.state()
+    facts = {"fingerprint": state["stages"].pop("geometry")["fingerprint"]}
+    project.state_file.write_text(json.dumps(state))
+    left = project.folder / "unfinished_geometry.safetensors"
+    save_tensors(left, {"done_and_loss": torch.zeros(2)}, "karf-unfinished-nerf/1", facts)
+    code, told = learn_a_little(still_life, project.folder, capsys)
+    assert code == 0 and "Learning begins anew" in told and not left.exists()
 
 
 def test_an_edit_that_does_not_say_is_composited_as_the_paper_does(project, tmp_path):
