@@ -81,7 +81,7 @@ def _inputs(capture: Capture, nerf: Path | None) -> list:
 
 
 def learn(job: Job, capture: Capture, run: StageRun) -> Scene:
-    """Fit the field, with previews on the way. mark: the stage's fingerprint, by which an unfinished fit is known."""
+    """Fit the field, with previews on the way; what an interrupted run has learned is resumed."""
     settings = job.settings.geometry
     views = capture.split("train")
     plates = job.plates(views)

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -59,8 +60,8 @@ def kill_once_saved(command, saved: Path, times: int):
     )
     seen = set()
     while child.poll() is None and len(seen) < times:
-        if saved.exists():
-            seen.add(saved.stat().st_ino)
+        with suppress(FileNotFoundError):
+            seen.add(saved.stat().st_mtime_ns)
         time.sleep(0.005)
     child.kill()
     child.wait()
@@ -90,6 +91,8 @@ def half_done(request, learned, tmp_path):
     state = project.state()
     for later in STAGE_ORDER[STAGE_ORDER.index(request.param) :]:
         del state["stages"][later]
+    # the palettes on disk are the learned ones, not as the palette stage wrote them
+    state["stages"].get("palette", {}).pop("files", None)
     project.state_file.write_text(json.dumps(state))
     (project.folder / f"{request.param}.safetensors").unlink()
     return project, request.param
