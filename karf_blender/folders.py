@@ -73,8 +73,27 @@ def default_project(capture: Path) -> Path:
     return Path(bpy.utils.extension_path_user(extension, path=f"projects/{name}", create=True))
 
 
+class _Memory:
+    """Whether paths are being rewritten."""
+
+    is_rebasing: bool = False
+
+
+def is_rebasing() -> bool:
+    """True while paths are rewritten: they name the same places as before."""
+    return _Memory.is_rebasing
+
+
 def rebase(source: str, target: str) -> None:
     """Rewrite the relative paths of all scenes from one .blend's place to another's; an empty place: absolute."""
+    _Memory.is_rebasing = True
+    try:
+        _rebase(source, target)
+    finally:
+        _Memory.is_rebasing = False
+
+
+def _rebase(source: str, target: str) -> None:
     for scene in bpy.data.scenes:
         for name in PATH_PROPERTIES:
             path = getattr(scene.karf, name)

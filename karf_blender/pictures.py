@@ -9,6 +9,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from . import rendering
 from .engine_api import DataError, atomic_write
 
 PREFIX = "KaRF"  # of the names of all pictures that are shown
@@ -16,7 +17,8 @@ PREVIEW_NAME = f"{PREFIX} preview"
 
 
 def new_image(name: str, width: int, height: int) -> bpy.types.Image:
-    """A black, opaque byte image labelled sRGB."""
+    """A black, opaque byte image labelled sRGB. Raises BadRequest while Blender renders."""
+    rendering.refuse()
     image = bpy.data.images.new(name, width, height, alpha=False)
     image.colorspace_settings.name = "sRGB"
     image.alpha_mode = "NONE"
@@ -55,8 +57,12 @@ def pixels(image: bpy.types.Image) -> np.ndarray:
     return buffer.reshape(height, width, 4)[::-1]
 
 
-def read_picture(path: Path) -> np.ndarray:
-    """A picture file's own numbers [H, W, 3] in [0, 1], transparency put on white. Raises DataError where unreadable."""
+def read_picture(path: Path, long_side: int | None = None) -> np.ndarray:
+    """A picture file's own numbers [H, W, 3] in [0, 1], transparency put on white; reduced to `long_side` pixels.
+
+    Raises DataError where it is unreadable, BadRequest while Blender renders.
+    """
+    rendering.refuse()
     try:
         image = bpy.data.images.load(str(path))
     except RuntimeError as error:
@@ -64,6 +70,8 @@ def read_picture(path: Path) -> np.ndarray:
     try:
         image.colorspace_settings.name = "Non-Color"  # else 16 bit pictures would be made linear
         image.alpha_mode = "CHANNEL_PACKED"  # else colors would be multiplied by the transparency
+        if long_side and max(image.size) > long_side:
+            image.scale(*(max(1, round(side * long_side / max(image.size))) for side in image.size))
         rgba = pixels(image) if image.size[0] else None
     finally:
         bpy.data.images.remove(image)

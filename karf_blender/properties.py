@@ -12,7 +12,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from . import recolor, reprojection, swatches
+from . import folders, recolor, reprojection, swatches
 from .compat import PATH_OPTIONS
 from .engine_api import BRIGHTEST, COMPOSITING_MODES, PRESETS
 
@@ -45,7 +45,9 @@ def _overlay_switched(self, context):
 
 
 def _project_chosen(self, context):
-    swatches.take_over(self.id_data)
+    # while a file is saved elsewhere, its new paths lead from the new place: here they lead anywhere
+    if not folders.is_rebasing():
+        swatches.take_over(self.id_data)
 
 
 def srgb(name: str, default: float = 0.0, highest: float = 1.0, **options):
