@@ -89,7 +89,6 @@ class KARF_PG_view(bpy.types.PropertyGroup):
     """A captured view, known by its name."""
 
     split: StringProperty(name="Split", description="train, val or test")
-    stem: StringProperty(name="Stem", description="The photo's file name, without folder and ending")
 
 
 class KARF_PG_scene(bpy.types.PropertyGroup):

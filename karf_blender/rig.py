@@ -4,6 +4,7 @@ The Empty is the capture's world: move, turn or scale it as a whole and all came
 taken relative to it.
 """
 
+import hashlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from . import lens, photos, placement, points
+from . import lens, photos, placement, points, rendering
 from .engine_api import BadRequest, Camera, Capture, View
 
 POINT_SIZE = 0.002  # radius of a sparse point; these are in units of the rig's extent
@@ -135,8 +136,10 @@ def straighten_background(scene: bpy.types.Scene, view: View, folder: Path) -> N
 def frames_of(scene: bpy.types.Scene, camera: bpy.types.Object, numbers: Iterable[int]) -> Iterator[View]:
     """The camera as the engine sees it, frame by frame (frame_0001 ..); the scene is at that frame when it is yielded.
 
-    Raises BadRequest where the camera is no perspective camera. The current frame is restored at the end.
+    Raises BadRequest where the camera is no perspective camera, and while Blender renders. The current frame is restored
+    at the end.
     """
+    rendering.refuse()
     current = scene.frame_current
     try:
         for number in numbers:
@@ -145,6 +148,20 @@ def frames_of(scene: bpy.types.Scene, camera: bpy.types.Object, numbers: Iterabl
             yield View(name, name, pinhole(scene, camera), None, "test")
     finally:
         scene.frame_set(current)
+
+
+def file_name(camera: bpy.types.Object) -> str:
+    """A camera's name as the name of a file or folder, another one for every camera of the file.
+
+    It is the camera's own where that may be one; a camera that differs from another by such signs or by case alone, or
+    that has a name no system takes, has a mark added.
+    """
+    clean = bpy.path.clean_name(camera.name)
+    others = [other for other in bpy.data.objects if other.type == "CAMERA" and other != camera]
+    taken = {bpy.path.clean_name(other.name).casefold() for other in others}
+    if clean == camera.name and clean.casefold() not in taken:
+        return clean
+    return f"{clean}-{hashlib.sha256(camera.name.encode()).hexdigest()[:8]}"
 
 
 def pinhole(scene: bpy.types.Scene, camera: bpy.types.Object) -> Camera:

@@ -62,7 +62,7 @@ def import_capture(
         karf.views.clear()
         for view in capture.views:
             item = karf.views.add()
-            item.name, item.split, item.stem = view.name, view.split, view.stem
+            item.name, item.split = view.name, view.split
         # a view that learns: masks are painted on it
         first = next(iter(capture.split("train")), capture.views[0])
         karf.active_view = first.name
@@ -246,8 +246,8 @@ def save_edit(scene: bpy.types.Scene, path: Path) -> None:
 def render_view(scene: bpy.types.Scene) -> Path:
     """Write the active view as it is shown, without the engine; returns the PNG."""
     colors = recolor.composite(scene)
-    # as the engine calls a view that is rendered alone
-    path = folders.out_folder(scene) / "recolor" / f"{scene.karf.views[scene.karf.active_view].stem}.png"
+    # where the engine writes this view too
+    path = folders.out_folder(scene) / "recolor" / f"{scene.karf.active_view}.png"
     pictures.write_png(path, colors)
     return path
 
@@ -257,31 +257,38 @@ def render_captured(scene: bpy.types.Scene, views: str = "all") -> Task:
     out = folders.out_folder(scene)
     edit = out / "edit.json"
     save_edit(scene, edit)
-    return _task(scene, "Render Capture", _pictures(views, edit, out, "photo"))
+    return _task(scene, "Render Capture", _pictures(views, str(edit), out, "photo"))
 
 
 def render_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None, numbers: Iterable[int]) -> Task:
     """Recolor what any Blender camera (None: the scene's) sees, frame by frame, swatches keyframed or not.
 
-    Frames with the same swatches share a job. The pictures are OUT/recolor/frame_0001.png and so on.
+    The pictures are CAMERA_FOLDER/recolor/frame_0001.png and so on, see `camera_folder`.
     """
     camera = _camera_of(scene, camera)
     if not scene.karf.objects:
         raise BadRequest("There is no palette yet.", "Extract the palettes first.")
-    groups: dict[bytes, tuple[Edit, list[View]]] = {}
+    out = camera_folder(scene, camera)
+    views, files, known = [], [], {}
     with recolor.held(scene):
         for view in rig.frames_of(scene, camera, numbers):
             edit = swatches.current_edit(scene)
             key = b"".join(colors.tobytes() for colors in edit.colors.values())
-            groups.setdefault(key, (edit, []))[1].append(view)
-    out = folders.out_folder(scene)
-    jobs = []
-    for edit, views in groups.values():
-        cameras_file, edit_file = (out / "jobs" / f"{views[0].name}_{what}.json" for what in ("cameras", "edit"))
-        write_cameras(cameras_file, views)
-        write_edit(edit_file, edit)
-        jobs.append(_pictures(str(cameras_file), edit_file, out, "render"))
-    return _task(scene, "Render Camera", *jobs)
+            if key not in known:
+                known[key] = out / "edits" / f"{view.name}.json"
+                write_edit(known[key], edit)
+            views.append(view)
+            files.append(str(known[key]))
+    if not views:
+        raise BadRequest("There are no frames to render.", "Give at least one frame.")
+    write_cameras(out / "cameras.json", views)
+    return _task(scene, "Render Camera", _pictures(str(out / "cameras.json"), files, out, "render"))
+
+
+def camera_folder(scene: bpy.types.Scene, camera: bpy.types.Object | None = None) -> Path:
+    """Where a camera's (None: the scene's) frames go, with the cameras and edits they are made from: a folder of its own,
+    `cameras/<camera>` in the output folder."""
+    return folders.out_folder(scene) / "cameras" / rig.file_name(_camera_of(scene, camera))
 
 
 def export_cameras(scene: bpy.types.Scene, path: Path, camera: bpy.types.Object | None, numbers: Iterable[int]) -> int:
@@ -313,6 +320,6 @@ def frame_range(scene: bpy.types.Scene) -> range:
     return range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
 
 
-def _pictures(views: str, edit: Path, out: Path, base: str) -> tuple[str, dict]:
-    options = {"views": views, "edit": str(edit), "out": str(out), "planes": False, "depth": False, "base": base}
+def _pictures(views: str, edit: str | list[str], out: Path, base: str) -> tuple[str, dict]:
+    options = {"views": views, "edit": edit, "out": str(out), "planes": False, "depth": False, "base": base}
     return "render", options
