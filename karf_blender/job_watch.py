@@ -114,6 +114,17 @@ def cancel() -> None:
     _progress().text = "Stopping"
 
 
+def warn(sentence: str) -> None:
+    """Tell of what a user should know, in the panel and on the console."""
+    print(f"KaRF: {sentence}", flush=True)
+    _add_warning(sentence)
+
+
+def _add_warning(sentence: str) -> None:
+    progress = _progress()
+    progress.warnings = f"{progress.warnings}\n{sentence}".strip()
+
+
 def dismiss() -> None:
     """Clear what the panel says of the last task."""
     progress = _progress()
@@ -198,7 +209,7 @@ def _note(title: str, event: Event) -> None:
     elif event.kind == "stage":
         progress.figures = _line(event)
     elif event.kind == "warning":
-        progress.warnings = f"{progress.warnings}\n{event['sentence']}".strip()
+        _add_warning(event["sentence"])
     elif event.kind == "preview":
         pictures.show_preview(Path(event["path"]))
 

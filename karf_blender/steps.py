@@ -43,7 +43,7 @@ def import_capture(
     """Build the rig of a capture and make it the scene's. The capture's remarks say what could not be had.
 
     project: default the one the scene has of this capture, else a folder beside the .blend. Palettes of another capture
-    leave the scene.
+    leave the scene; their edits are kept in the project that they were made in.
     """
     captures.forget()
     capture = open_capture(path)
@@ -55,7 +55,7 @@ def import_capture(
     karf.rig = rig.build(capture, f"KaRF {project.name}", scene, options)
     with recolor.held(scene):
         if not is_known:
-            karf.objects.clear()
+            swatches.load_palettes(scene, ())
         karf.capture = folders.stored(path)
         karf.project = folders.stored(project)
         karf.n_points = 0 if capture.points is None else len(capture.points)

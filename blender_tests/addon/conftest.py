@@ -14,7 +14,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 MODULE = "bl_ext.karf_test.karf"
 FAKE_ENGINE = Path(__file__).parent / "fake_engine"
-MODULES = """camera_paths captures engine_api environment folders headless job_watch jobs lens masks panels.sidebar photos
+MODULES = """camera_paths captures compat engine_api environment folders headless job_watch jobs lens masks panels.sidebar photos
 pictures placement points preferences recolor rendering reprojection rig steps swatches""".split()
 _exit_code = None
 _has_blender = False

@@ -171,7 +171,7 @@ def test_a_job_may_edit_every_view_in_its_own_way(learned, green, tmp_path):
     events = []
     render.run(
         Request("render", Project(learned.project).folder, options),
-        lambda kind, **values: events.append((kind, values)),
+        lambda event, **values: events.append((event, values)),
         lambda: False,
     )
     plain, changed, again = ((tmp_path / "recolor" / f"frame_{i}.png").read_bytes() for i in range(3))
