@@ -1,7 +1,6 @@
 """Where files lie: paths as the .blend stores them (relative to it once it is saved) and as the disk knows them."""
 
 import os
-from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 
@@ -51,13 +50,6 @@ def finished_stages(scene: bpy.types.Scene) -> frozenset[str]:
 @lru_cache(maxsize=4)
 def _finished(folder: Path, written: int) -> frozenset[str]:
     return frozenset(Project(folder).state()["stages"])
-
-
-def scenes_of(project: Path) -> Iterator[bpy.types.Scene]:
-    """The scenes of the open file that work on this project folder."""
-    for scene in bpy.data.scenes:
-        if scene.karf.project and Project(absolute(scene.karf.project)).folder == project:
-            yield scene
 
 
 def out_folder(scene: bpy.types.Scene) -> Path:

@@ -7,12 +7,25 @@ that numpy does at once does it. All raise KarfError for what a user can mend.
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-from . import camera_paths, captures, folders, masks, pictures, preferences, recolor, reprojection, rig, swatches
+from . import (
+    camera_paths,
+    captures,
+    folders,
+    job_watch,
+    masks,
+    pictures,
+    preferences,
+    recolor,
+    reprojection,
+    rig,
+    swatches,
+)
 from .engine_api import (
     BadRequest,
     Capture,
@@ -34,6 +47,7 @@ from .engine_api import (
     write_edit,
 )
 from .job_watch import Task
+from .ownership import Owner
 
 
 # --- 1 import ------------------------------------------------------------------------------------------------------
@@ -103,13 +117,19 @@ def find_poses(scene: bpy.types.Scene, photos: Path, options: rig.Options | None
     number = 2
     while (project / "capture").exists():  # found before: what was learned of it stays
         project, number = wanted.with_name(f"{wanted.name}_{number}"), number + 1
-    out, name = project / "capture", scene.name
+    out, owner = project / "capture", Owner.of(scene)
 
     def take_over(request: Request) -> None:
-        import_capture(bpy.data.scenes.get(name) or bpy.context.scene, out, project, options)
+        found = owner.find()
+        if found is None:
+            job_watch.warn(
+                f"The scene that asked for camera poses is gone or has another project: import {out} yourself."
+            )
+        else:
+            import_capture(found, out, project, options)
 
     request = Request("poses", project, {"photos": str(photos), "out": str(out)} | _threads())
-    return Task("Find Camera Poses", (request,), take_over)
+    return Task("Find Camera Poses", (request,), take_over, owner)
 
 
 def look_through(scene: bpy.types.Scene, name: str = "") -> None:
@@ -168,8 +188,9 @@ def _planes(views: str) -> tuple[str, dict]:
 
 
 def _task(scene: bpy.types.Scene, title: str, *jobs: tuple[str, dict]) -> Task:
-    project = folders.project_of(scene).folder
-    return Task(title, tuple(Request(stage, project, options | _threads()) for stage, options in jobs), finished)
+    project, owner = folders.project_of(scene).folder, Owner.of(scene)
+    requests = tuple(Request(stage, project, options | _threads()) for stage, options in jobs)
+    return Task(title, requests, partial(finished, owner), owner)
 
 
 def _threads() -> dict[str, int]:
@@ -177,13 +198,22 @@ def _threads() -> dict[str, int]:
     return {"threads": threads} if threads else {}
 
 
-def finished(request: Request) -> None:
-    """Take over what a job has learned into the scenes of its project, which may have been renamed meanwhile."""
-    for scene in folders.scenes_of(Project(request.project).folder):
+def finished(owner: Owner, request: Request) -> None:
+    """Take over what a job has learned into the scenes of its project in the file that began it; else say where it is."""
+    brings_planes = request.stage == "render" and request.options["planes"]
+    if request.stage != "recoloring" and not brings_planes:
+        return
+    scenes = list(owner.scenes())
+    if not scenes:
+        job_watch.warn(
+            f"The scene that asked for this is gone or has another project. The result is in {request.project}; choose "
+            "that as the project to bring it in."
+        )
+    for scene in scenes:
         if request.stage == "recoloring":
             recolor.forget()
             swatches.load_palettes(scene, read_palettes(Project(request.project).palette_file))
-        if request.stage == "render" and request.options["planes"] and recolor.is_prepared(scene):
+        elif recolor.is_prepared(scene):
             pictures.reveal(recolor.show(scene))
 
 

@@ -7,7 +7,6 @@ Edits, locks and keyframes belong to an object's name and to a swatch's learned 
 go to the swatch that has this color now, and what has no such swatch is kept in a file.
 """
 
-import os
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -163,17 +162,19 @@ def take_over(scene: bpy.types.Scene) -> None:
     if not scene.karf.project:
         return
     project = folders.project_of(scene)
-    if not scene.karf.masks and os.path.isdir(project.masks_folder):
-        scene.karf.masks = folders.stored(project.masks_folder)
-    if not os.path.exists(project.palette_file):  # nothing was learned yet
-        return
     try:
+        if not scene.karf.masks and project.masks_folder.is_dir():
+            scene.karf.masks = folders.stored(project.masks_folder)
+        if not project.palette_file.exists():  # nothing was learned yet
+            return
         palettes = read_palettes(project.palette_file)
         if [_key(palette) for palette in palettes] != [_key(palette) for palette in learned(scene)]:
             recolor.forget()
             load_palettes(scene, palettes)
     except KarfError as error:
         job_watch.warn(f"{error.sentence} {error.hint}")
+    except OSError as error:
+        job_watch.warn(f"{project.folder} cannot be read: {error}.")
 
 
 def _key(palette: Palette) -> tuple[str, bytes]:
