@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
-from . import captures, folders, pictures, rendering
+from . import captures, folders, handlers, photos, pictures, rendering
 from .engine_api import (
     BadRequest,
     DataError,
@@ -193,8 +193,8 @@ def follow(scene: bpy.types.Scene) -> None:
 def _photo(scene: bpy.types.Scene) -> np.ndarray:
     """The active view's photo as an RGBA buffer [H, W, 4], reduced to PHOTO_SIDE; black where it cannot be read."""
     try:
-        image = captures.view_of(scene).image
-        colors = pictures.read_picture(image, PHOTO_SIDE) if image else None
+        view = captures.view_of(scene)
+        colors = photos.read(view, PHOTO_SIDE) if view.image else None
     except KarfError:
         colors = None
     if colors is None:
@@ -300,14 +300,12 @@ HANDLERS = (
 
 def register():
     """Called when the extension is enabled."""
-    for name, handler in HANDLERS:
-        getattr(bpy.app.handlers, name).append(handler)
+    handlers.add(HANDLERS)
 
 
 def unregister():
     """Called when the extension is disabled."""
-    for name, handler in reversed(HANDLERS):
-        getattr(bpy.app.handlers, name).remove(handler)
+    handlers.remove(HANDLERS)
     if bpy.app.timers.is_registered(_catch_up):
         bpy.app.timers.unregister(_catch_up)
     forget()

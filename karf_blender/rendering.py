@@ -4,6 +4,7 @@ meanwhile crashes Blender, so nothing of ours does."""
 import bpy
 from bpy.app.handlers import persistent
 
+from . import handlers
 from .engine_api import BadRequest
 
 
@@ -47,12 +48,10 @@ HANDLERS = (("render_init", _begin), ("render_complete", _end), ("render_cancel"
 
 def register():
     """Called when the extension is enabled."""
-    for name, handler in HANDLERS:
-        getattr(bpy.app.handlers, name).append(handler)
+    handlers.add(HANDLERS)
 
 
 def unregister():
     """Called when the extension is disabled."""
-    for name, handler in reversed(HANDLERS):
-        getattr(bpy.app.handlers, name).remove(handler)
+    handlers.remove(HANDLERS)
     _Memory.begun = False

@@ -4,6 +4,7 @@ The Empty is the capture's world: move, turn or scale it as a whole and all came
 taken relative to it.
 """
 
+import contextlib
 import hashlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ import numpy as np
 from mathutils import Matrix
 
 from . import lens, photos, placement, points, rendering
-from .engine_api import BadRequest, Camera, Capture, View
+from .engine_api import BadRequest, Camera, Capture, DataError, View
 
 POINT_SIZE = 0.002  # radius of a sparse point; these are in units of the rig's extent
 CLIP_START, CLIP_END = 0.001, 1000.0
@@ -72,8 +73,10 @@ def _camera(view: View, parent: bpy.types.Object, size: float, options: Options)
     data.display_size = options.camera_size * size
     data.clip_start, data.clip_end = CLIP_START * size, CLIP_END * size
     data.show_background_images = options.photos
-    if options.photos and view.image is not None and view.image.exists() and photos.is_shown_as_stored(view):
-        _set_background(data, view.image)
+    if options.photos and view.image is not None and view.image.exists():
+        with contextlib.suppress(DataError):  # looking through the camera says why it shows no photo
+            if photos.is_shown_as_stored(view):
+                _set_background(data, view.image)
     camera = bpy.data.objects.new(view.name, data)
     camera.karf_view = view.name
     camera.parent = parent
@@ -91,8 +94,12 @@ def set_lens(data: bpy.types.Camera, camera: Camera) -> None:
 
 
 def _set_background(data: bpy.types.Camera, photo: Path) -> None:
+    try:
+        image = bpy.data.images.load(str(photo), check_existing=True)
+    except RuntimeError as error:
+        raise DataError(f"{photo} cannot be read as a picture.", "Check the file.") from error
     background = data.background_images.new()
-    background.image = bpy.data.images.load(str(photo), check_existing=True)
+    background.image = image
     background.frame_method = "STRETCH"
     background.display_depth = "BACK"
     background.alpha = 1.0

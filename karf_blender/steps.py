@@ -219,10 +219,14 @@ def finished(owner: Owner, request: Request) -> None:
 
 # --- 5 show --------------------------------------------------------------------------------------------------------
 def show_view(scene: bpy.types.Scene, name: str = "") -> Task | None:
-    """Make a captured view active and show it at once, or return the task that prepares it where it has no planes."""
+    """Make a captured view active and show it at once, or return the task that prepares it where it has no planes.
+
+    Palettes that the project has learned meanwhile are taken over first.
+    """
     karf = scene.karf
     if name and name not in karf.views:
         raise BadRequest(f"The capture has no view {name!r}.", "Choose one from the list.")
+    swatches.take_over(scene)
     if not karf.objects:
         raise BadRequest("There is no palette yet.", "Extract the palettes first.")
     if name:

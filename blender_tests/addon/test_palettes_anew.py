@@ -128,6 +128,12 @@ def test_choosing_another_project_keeps_the_edits_that_it_has_no_place_for(addon
     assert json.loads(file.read_text())["objects"]["pot"]["colors"][1] == list(BLUE)
 
 
+def test_show_brings_the_palettes_that_the_project_has_learned_meanwhile(addon, learned):
+    addon.swatches.load_palettes(learned, palettes(addon, lid=LID))
+    addon.headless.show_view()
+    assert learned.karf.objects.keys() == ["lid", "pot"]
+
+
 def test_importing_another_capture_keeps_the_edits(addon, learned, two_splits, tmp_path):
     addon.headless.set_swatch("pot", 1, BLUE)
     project = addon.folders.project_of(learned)
