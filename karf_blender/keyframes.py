@@ -28,13 +28,10 @@ class Curve:
 
 
 def of(scene: bpy.types.Scene) -> list[Curve]:
-    """The curves and drivers of the scene's objects and swatches; an action that other scenes use becomes its own."""
+    """The curves and drivers of the scene's objects and swatches."""
     animation = scene.animation_data
     if animation is None:
         return []
-    others = (other.animation_data for other in bpy.data.scenes if other != scene)
-    if animation.action and any(other and other.action == animation.action for other in others):
-        animation.action = animation.action.copy()
     strips = [strip for track in animation.nla_tracks for strip in track.strips]
     curves = [curve for owner in (animation, *strips) for curve in compat.curves_of(owner)]
     unique = {curve.as_pointer(): curve for curve in (*curves, *animation.drivers)}
@@ -54,6 +51,14 @@ def _parsed(curve: bpy.types.FCurve, names: Sequence[str]) -> Curve | None:
     else:
         name = bpy.utils.unescape_identifier(name)
     return Curve(curve, name, int(swatch) if swatch else color, tail)
+
+
+def make_own(scene: bpy.types.Scene) -> None:
+    """Give the scene a copy of its action where other scenes use it too: a curve can lead to one scene's swatch only."""
+    action = scene.animation_data.action if scene.animation_data else None
+    others = (other.animation_data for other in bpy.data.scenes if other != scene)
+    if action is not None and any(other and other.action == action for other in others):
+        scene.animation_data.action = action.copy()
 
 
 def move(curve: Curve, numbers: Mapping[str, int], swatch: int | str | None) -> None:

@@ -66,6 +66,7 @@ def load_palettes(scene: bpy.types.Scene, palettes: Sequence[Palette]) -> None:
     lost = [name for name, each in known.items() if each.touched - set(places[name])]
     if lost:
         _keep(scene, lost)
+    keyframes.make_own(scene)
     curves = keyframes.of(scene)
     with recolor.held(scene):
         scene.karf.objects.clear()
@@ -119,7 +120,7 @@ def _swatch_of(
     """The number of a curve's swatch in the new palettes, or its learned color where there is no such swatch."""
     name, swatch = curve.object_name, curve.swatch
     if isinstance(swatch, int):
-        learned = known[name].learned
+        learned = known[name].learned if name in known else ()
         return places[name].get(swatch, rgb_to_hex(learned[swatch])) if swatch < len(learned) else swatch
     if swatch is None or name not in colors:
         return swatch

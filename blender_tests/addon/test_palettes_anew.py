@@ -87,6 +87,23 @@ def test_keyframes_of_an_object_that_is_gone_move_nothing_and_wait_for_it(addon,
     np.testing.assert_allclose(color_of(learned, "lid", 2), LID[0])
 
 
+def test_a_driver_that_names_an_object_which_is_gone_disturbs_nothing(addon, learned):
+    curve = learned.driver_add('karf.objects["lid"].swatches[1].color', 0)
+    for names in (["pot"], ["pot"], ["lid", "pot"]):
+        known = {"lid": LID, "pot": POT}
+        addon.swatches.load_palettes(learned, palettes(addon, **{name: known[name] for name in names}))
+    assert curve.data_path == "karf.objects[0].swatches[1].color"
+
+
+def test_asking_for_edits_changes_nothing(addon, learned):
+    assert not addon.swatches.has_edits(learned)
+    keyed(learned, "lid", 2)
+    addon.headless.apply_edit(addon.engine_api.Edit({}, "delta"))
+    other, action = learned.copy(), learned.animation_data.action
+    assert addon.swatches.has_edits(learned) and addon.swatches.has_edits(other)
+    assert other.animation_data.action == learned.animation_data.action == action
+
+
 def test_scenes_that_share_an_action_keep_their_keyframes_each(bpy, addon, learned):
     keyed(learned, "lid", 2)
     other = learned.copy()
