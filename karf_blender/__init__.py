@@ -1,9 +1,9 @@
 """The Blender side: cameras, swatches and pictures. It runs the engine in its own process and never imports torch."""
 
-from . import disk, job_watch, operators, panels, preferences, properties, recolor, reprojection
+from . import disk, job_watch, operators, ownership, panels, preferences, properties, recolor, rendering, reprojection
 
 # later ones use earlier ones: taken down in reverse
-MODULES = (properties, preferences, recolor, reprojection, disk, job_watch, operators, panels)
+MODULES = (properties, preferences, rendering, recolor, reprojection, disk, ownership, job_watch, operators, panels)
 
 
 def register():

@@ -22,6 +22,17 @@ def give_nodes(material: bpy.types.Material) -> None:
         material.use_nodes = True
 
 
+def curves_of(owner: bpy.types.AnimData | bpy.types.NlaStrip) -> list[bpy.types.FCurve]:
+    """The curves with which animation data, or an NLA strip, animates; actions have slots and layers since 4.4."""
+    if owner.action is None:
+        return []
+    if bpy.app.version < (4, 4, 0):
+        return list(owner.action.fcurves)
+    strips = [strip for layer in owner.action.layers for strip in layer.strips]
+    bags = [bag for strip in strips for bag in strip.channelbags if bag.slot == owner.action_slot]
+    return [curve for bag in bags for curve in bag.fcurves]
+
+
 def set_brush_color(tool_settings: bpy.types.ToolSettings, color: tuple[float, float, float]) -> None:
     """Give the image paint brush this color; the unified color overrides it, and moved to the paint mode in 5.0."""
     paint = tool_settings.image_paint

@@ -16,7 +16,7 @@ from ..karf_engine.capture.reprojection import (
     undistorted_near,
 )
 from ..karf_engine.capture.undistortion import undistorted
-from ..karf_engine.edit.color import linear_to_srgb
+from ..karf_engine.edit.color import linear_to_srgb, srgb_to_lab
 from ..karf_engine.edit.compositing import Planes, delta_composite, paper_composite, read_planes, stack_palettes
 from ..karf_engine.edit.match import match_becomes, match_fewest, nearest_weights, read_object_colors
 from ..karf_engine.edit.palette import (
@@ -86,6 +86,7 @@ __all__ = [
     "read_planes",
     "reprojection_errors",
     "rgb_to_hex",
+    "srgb_to_lab",
     "stack_palettes",
     "summarize",
     "undistorted",

@@ -1,7 +1,6 @@
 """Where files lie: paths as the .blend stores them (relative to it once it is saved) and as the disk knows them."""
 
 import os
-from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 
@@ -53,13 +52,6 @@ def _finished(folder: Path, written: int) -> frozenset[str]:
     return frozenset(Project(folder).state()["stages"])
 
 
-def scenes_of(project: Path) -> Iterator[bpy.types.Scene]:
-    """The scenes of the open file that work on this project folder."""
-    for scene in bpy.data.scenes:
-        if scene.karf.project and Project(absolute(scene.karf.project)).folder == project:
-            yield scene
-
-
 def out_folder(scene: bpy.types.Scene) -> Path:
     """Where pictures are written: the chosen folder, else `out` in the project."""
     return absolute(scene.karf.out) if scene.karf.out else project_of(scene).folder / "out"
@@ -73,8 +65,27 @@ def default_project(capture: Path) -> Path:
     return Path(bpy.utils.extension_path_user(extension, path=f"projects/{name}", create=True))
 
 
+class _Memory:
+    """Whether paths are being rewritten."""
+
+    is_rebasing: bool = False
+
+
+def is_rebasing() -> bool:
+    """True while paths are rewritten: they name the same places as before."""
+    return _Memory.is_rebasing
+
+
 def rebase(source: str, target: str) -> None:
     """Rewrite the relative paths of all scenes from one .blend's place to another's; an empty place: absolute."""
+    _Memory.is_rebasing = True
+    try:
+        _rebase(source, target)
+    finally:
+        _Memory.is_rebasing = False
+
+
+def _rebase(source: str, target: str) -> None:
     for scene in bpy.data.scenes:
         for name in PATH_PROPERTIES:
             path = getattr(scene.karf, name)

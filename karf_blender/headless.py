@@ -128,7 +128,7 @@ def render_sequence(
     scene = _scene(scene)
     _set_out(scene, out)
     job_watch.wait(steps.render_camera(scene, camera, steps.frame_range(scene) if frames is None else frames))
-    return folders.out_folder(scene) / "recolor"
+    return steps.camera_folder(scene, camera) / "recolor"
 
 
 def export_cameras(

@@ -13,8 +13,9 @@ from pathlib import Path
 import bpy
 from bpy.app.handlers import persistent
 
-from . import compat, disk, engine_api, jobs, pictures, preferences, windows
+from . import compat, disk, engine_api, jobs, pictures, preferences, rendering, windows
 from .engine_api import BadRequest, Cancelled, Event, KarfError, Project, Request
+from .ownership import Owner
 
 POLL_SECONDS = 0.2
 PRINT_SECONDS = 5.0
@@ -23,11 +24,25 @@ REPORTED = ("internal", "dependency")  # codes of errors that the log tells more
 
 @dataclass(frozen=True)
 class Task:
-    """Jobs of one project to run in a row, with what Blender does after each is done."""
+    """Jobs of one project to run in a row, with what Blender does after each is done, for the scene that began them."""
 
     title: str
     requests: tuple[Request, ...]
     after: Callable[[Request], None]
+    owner: Owner | None = None
+
+    @property
+    def is_at_home(self) -> bool:
+        """True while the file is open that began the task."""
+        return self.owner is None or self.owner.is_open
+
+    @property
+    def label(self) -> str:
+        """The title, with the scene's name where the file has several, or that it is another file's."""
+        if not self.is_at_home:
+            return f"{self.title} (of another file)"
+        scene = self.owner.find() if self.owner and len(bpy.data.scenes) > 1 else None
+        return f"{self.title} ({scene.name})" if scene else self.title
 
 
 class _Running:
@@ -92,7 +107,7 @@ def wait(task: Task) -> None:
         while not done:
             stage = running.job.request.stage
             for event in running.job.poll():
-                _note(task.title, event)
+                _note(task, event)
                 if event.kind != "progress" or time.monotonic() > quiet_until:
                     quiet_until = time.monotonic() + PRINT_SECONDS
                     _print(stage, event)
@@ -116,6 +131,18 @@ def cancel() -> None:
     _progress().text = "Stopping"
 
 
+def warn(sentence: str) -> None:
+    """Tell of what a user should know, in the panel and on the console."""
+    print(f"KaRF: {sentence}", flush=True)
+    _add_warning(sentence)
+
+
+def _add_warning(sentence: str) -> None:
+    progress = _progress()
+    if sentence not in progress.warnings.splitlines():
+        progress.warnings = f"{progress.warnings}\n{sentence}".strip()
+
+
 def dismiss() -> None:
     """Clear what the panel says of the last task."""
     progress = _progress()
@@ -129,7 +156,7 @@ def _begin(task: Task) -> _Running:
     _running.append(running)
     progress = _progress()
     progress.running = True
-    progress.stage = task.title
+    progress.stage = task.label
     progress.fraction = 0.0
     dismiss()
     progress.text = "Starting"
@@ -169,8 +196,9 @@ def _tick() -> float | None:
         events = running.job.poll()
         for event in events:
             if not running.is_stopping:
-                _note(running.task.title, event)
-        done = running.advance()
+                _note(running.task, event)
+        # what follows a job touches pixels and data
+        done = rendering.is_over() and running.advance()
     except Exception as failure:
         is_ours = isinstance(failure, KarfError)
         _finish(failure if is_ours else KarfError(f"Internal error: {failure!r}.", "The console shows where."))
@@ -183,7 +211,7 @@ def _tick() -> float | None:
         _finish(None)
         _end()
         # what the task brought into the scene is a step of its own to undo
-        if bpy.ops.ed.undo_push.poll():
+        if running.task.is_at_home and bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message=running.task.title)
     if events or done:
         windows.redraw(*windows.PANEL_AREAS)
@@ -194,10 +222,10 @@ def _progress() -> bpy.types.PropertyGroup:
     return bpy.data.window_managers[0].karf_progress
 
 
-def _note(title: str, event: Event) -> None:
+def _note(task: Task, event: Event) -> None:
     """Show an event in the panel."""
     progress = _progress()
-    progress.running, progress.stage = True, title
+    progress.running, progress.stage = True, task.label
     if event.kind == "progress":
         progress.fraction = event["step"] / max(event["total"], 1)
         progress.text = f"{progress.fraction:.0%}{_time_left(event)}"
@@ -205,8 +233,8 @@ def _note(title: str, event: Event) -> None:
     elif event.kind == "stage":
         progress.figures = _line(event)
     elif event.kind == "warning":
-        progress.warnings = f"{progress.warnings}\n{event['sentence']}".strip()
-    elif event.kind == "preview":
+        _add_warning(event["sentence"])
+    elif event.kind == "preview" and task.is_at_home and not rendering.is_running():
         pictures.show_preview(Path(event["path"]))
 
 

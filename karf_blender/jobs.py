@@ -30,14 +30,6 @@ CANCEL_SECONDS = 15.0
 EXIT_SECONDS = 15.0
 LOG_LINES = 30
 LOG_BYTES = 20_000  # lines may be long
-NUMBER = (int, float)
-NEEDED = {
-    "progress": {"stage": str, "step": NUMBER, "total": NUMBER},
-    "stage": {"name": str},
-    "warning": {"sentence": str},
-    "preview": {"path": str},
-    "error": {"code": str, "sentence": str},
-}
 
 
 class Job:
@@ -117,7 +109,7 @@ class Job:
 
     def _news(self) -> list[Event]:
         try:
-            return [event for event in self._reader.poll() if _is_whole(event)]
+            return list(self._reader.poll())
         except OSError:  # the folder may be taken away while the child lives; its end is seen all the same
             return []
 
@@ -187,11 +179,3 @@ def _advice(how: str) -> str:
     if how == "SIGKILL":
         return "Most likely memory ran out: use a smaller preset, or fewer threads."
     return "Its log tells more."
-
-
-def _is_whole(event: Event) -> bool:
-    """Whether an event has all that is read of its kind; a line may have been damaged on its way."""
-    metrics, left = event.get("metrics") or {}, event.get("eta_s") or 0.0
-    has_needed = all(isinstance(event.get(name), kind) for name, kind in NEEDED.get(str(event.kind), {}).items())
-    numbers = [left, *(metrics.values() if isinstance(metrics, dict) else [metrics])]
-    return has_needed and all(isinstance(value, NUMBER) for value in numbers)

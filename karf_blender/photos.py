@@ -16,12 +16,12 @@ def is_shown_as_stored(view: View) -> bool:
     return view.camera.is_pinhole and _orientation(view) == 1
 
 
-def read(view: View) -> np.ndarray:
+def read(view: View, long_side: int | None = None) -> np.ndarray:
     """The photo [H, W, 3], sRGB, as its camera, lens and all, has taken it: the picture that masks are painted on.
 
-    Raises DataError where it cannot be read.
+    long_side: reduce it to so many pixels. Raises DataError where it cannot be read.
     """
-    return _taken(view, pictures.read_picture(view.image))
+    return _taken(view, pictures.read_picture(view.image, long_side))
 
 
 def straightened(view: View, folder: Path) -> Path:
@@ -63,7 +63,7 @@ def _read_small(view: View, camera: Camera) -> np.ndarray:
 
 def _taken(view: View, picture: np.ndarray) -> np.ndarray:
     """A photo's own numbers [H, W, 3] as stored, as the camera has taken it, sRGB."""
-    header = find_header(view.image)
+    header = _header(view)
     if header is not None and header.kind == "exr":  # linear light, which may be brighter than white
         picture = linear_to_srgb(np.clip(picture, 0, 1))
     return _turned(picture, _orientation(view))
@@ -71,9 +71,17 @@ def _taken(view: View, picture: np.ndarray) -> np.ndarray:
 
 def _orientation(view: View) -> int:
     """The Exif orientation (1..8) to be applied: the photo's own, or 1 where its camera was made for the pixels as stored."""
-    header = find_header(view.image)
+    header = _header(view)
     is_upright = header is not None and header.shown == (view.camera.width, view.camera.height)
     return header.orientation if is_upright else 1
+
+
+def _header(view: View):
+    """What the photo's head says, or None. Raises DataError where the file cannot be opened."""
+    try:
+        return find_header(view.image)
+    except OSError as error:
+        raise DataError(f"{view.image} cannot be read: {error.strerror}.", "Check the file.") from error
 
 
 def _turned(picture: np.ndarray, orientation: int) -> np.ndarray:

@@ -11,6 +11,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from . import rendering
 from .engine_api import DataError, atomic_write
 
 PREFIX = "KaRF"  # of the names of all pictures that are shown
@@ -18,7 +19,8 @@ PREVIEW_NAME = f"{PREFIX} preview"
 
 
 def new_image(name: str, width: int, height: int) -> bpy.types.Image:
-    """A black, opaque byte image labelled sRGB."""
+    """A black, opaque byte image labelled sRGB. Raises BadRequest while Blender renders."""
+    rendering.refuse()
     image = bpy.data.images.new(name, width, height, alpha=False)
     image.colorspace_settings.name = "sRGB"
     image.alpha_mode = "NONE"
@@ -57,15 +59,24 @@ def pixels(image: bpy.types.Image) -> np.ndarray:
     return buffer.reshape(height, width, 4)[::-1]
 
 
-def read_picture(path: Path) -> np.ndarray:
-    """A picture file's own numbers [H, W, 3] in [0, 1], transparency put on white. Raises DataError where unreadable."""
+def read_picture(path: Path, long_side: int | None = None) -> np.ndarray:
+    """A picture file's own numbers [H, W, 3] in [0, 1], transparency put on white; reduced to `long_side` pixels.
+
+    Raises DataError where it is unreadable, BadRequest while Blender renders.
+    """
     with opened(path) as image:
+        if long_side and max(image.size) > long_side:
+            image.scale(*(max(1, round(side * long_side / max(image.size))) for side in image.size))
         return colors_of(image)
 
 
 @contextmanager
 def opened(path: Path) -> Iterator[bpy.types.Image]:
-    """A picture file as an image that is gone after this block. Raises DataError where it is unreadable."""
+    """A picture file as an image that is gone after this block. Raises DataError where it is unreadable.
+
+    Raises BadRequest while Blender renders.
+    """
+    rendering.refuse()
     try:
         image = bpy.data.images.load(str(path))
     except RuntimeError as error:

@@ -12,7 +12,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from . import disk, recolor, reprojection, swatches
+from . import disk, folders, recolor, reprojection, swatches
 from .compat import PATH_OPTIONS
 from .engine_api import BRIGHTEST, COMPOSITING_MODES, PRESETS
 
@@ -50,8 +50,10 @@ def _overlay_switched(self, context):
 
 
 def _project_chosen(self, context):
-    swatches.take_over(self.id_data)
-    disk.look()
+    # while a file is saved elsewhere, its new paths lead from the new place: here they lead anywhere
+    if not folders.is_rebasing():
+        swatches.take_over(self.id_data)
+        disk.look()
 
 
 def srgb(name: str, default: float = 0.0, highest: float = 1.0, **options):
@@ -93,7 +95,6 @@ class KARF_PG_view(bpy.types.PropertyGroup):
     """A captured view, known by its name."""
 
     split: StringProperty(name="Split", description="train, val or test")
-    stem: StringProperty(name="Stem", description="The photo's file name, without folder and ending")
 
 
 class KARF_PG_scene(bpy.types.PropertyGroup):

@@ -1,7 +1,8 @@
 """Swatches to picture: composites the cached planes of the shown view and keeps the result image in step.
 
-The image follows swatch edits (property updates), undo and redo, keyframes (frame changes) and loaded files. Planes
-come from the project folder; only those of the view shown last are kept in memory.
+The image follows swatch edits (property updates), undo and redo, keyframes (frame changes), drivers (dependency graph
+updates) and loaded files; while Blender renders it waits, and follows when that ends. Planes come from the project
+folder; only those of the view shown last are kept in memory.
 """
 
 from collections.abc import Iterator
@@ -13,7 +14,7 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
-from . import folders, pictures
+from . import captures, folders, handlers, photos, pictures, rendering
 from .engine_api import (
     BadRequest,
     DataError,
@@ -26,6 +27,8 @@ from .engine_api import (
 )
 
 RESULT_NAME = "KaRF"
+PHOTO_SIDE = 800  # pixels at most of a photo that stands in for a view that is not prepared
+RETRY_SECONDS = 0.2
 
 
 @dataclass(frozen=True)
@@ -46,10 +49,12 @@ class ShownView:
 
 
 class _Memory:
-    """The view shown last, the swatch values last seen in a picture, and how many `held` blocks are open."""
+    """The planes shown last; of each scene (by `session_uid`) the values last seen in a picture and the view that the
+    result image shows; and how many `held` blocks are open."""
 
     view: ShownView | None = None
-    seen: bytes = b""
+    seen: dict[int, bytes] = {}
+    shown: dict[int, str] = {}
     holds: int = 0
 
 
@@ -73,31 +78,34 @@ def _colors(item: bpy.types.PropertyGroup, name: str) -> np.ndarray:
 
 # --- planes --------------------------------------------------------------------------------------------------------
 def planes_file(scene: bpy.types.Scene) -> Path:
-    """The planes of the scene's active view. Raises BadRequest where no view is chosen."""
-    if not scene.karf.active_view:
+    """The planes of the scene's active view. Raises BadRequest where no view of the capture is chosen."""
+    if scene.karf.active_view not in scene.karf.views:
         raise BadRequest(f"The scene {scene.name!r} has no active view.", "Choose one in the KaRF panel.")
     return folders.project_of(scene).planes_file(scene.karf.active_view)
 
 
 def is_prepared(scene: bpy.types.Scene) -> bool:
-    """True if the active view has planes, current or not."""
-    return bool(scene.karf.project and scene.karf.active_view) and planes_file(scene).exists()
+    """True if the active view can be shown recolored: it has planes, made of what was learned last."""
+    is_chosen = scene.karf.project and scene.karf.active_view in scene.karf.views
+    return bool(is_chosen) and is_current(folders.project_of(scene), scene.karf.active_view)
 
 
 def is_current(project: Project, view: str) -> bool:
     """True if the view's planes exist and are no older than what they were made from."""
-    planes, sources = project.planes_file(view), (project.palette_file, project.recoloring_file)
-    if not planes.exists():
+    sources = (project.palette_file, project.recoloring_file)
+    try:
+        made = project.planes_file(view).stat().st_mtime_ns
+        return all(source.stat().st_mtime_ns <= made for source in sources if source.exists())
+    except OSError:
         return False
-    made = planes.stat().st_mtime_ns
-    return all(source.stat().st_mtime_ns <= made for source in sources if source.exists())
 
 
 def shown_view(scene: bpy.types.Scene) -> ShownView:
     """The planes of the active view, read from disk where they are not the ones in memory. Raises KarfError."""
     file = planes_file(scene)
-    if not file.exists():
-        raise DataError(f"{file} (edit planes) does not exist.", "Press Prepare in step 6.")
+    if not is_prepared(scene):
+        what = "is older than the palettes" if file.exists() else "does not exist"
+        raise DataError(f"{file} (edit planes) {what}.", "Press Prepare in step 6.")
     written = file.stat().st_mtime_ns
     known = _Memory.view
     if known is None or (known.file, known.written) != (file, written):
@@ -118,7 +126,7 @@ def shown_view(scene: bpy.types.Scene) -> ShownView:
 def forget() -> None:
     """Drop the planes in memory."""
     _Memory.view = None
-    _Memory.seen = b""
+    _Memory.seen.clear()
 
 
 # --- the picture ---------------------------------------------------------------------------------------------------
@@ -136,8 +144,8 @@ def composite(scene: bpy.types.Scene) -> np.ndarray:
         )
     learned = stack_palettes(view.objects, {name: learned_colors(item) for name, item in items.items()})
     edited = stack_palettes(view.objects, {name: edited_colors(item) for name, item in items.items()})
-    if learned.shape[1] > view.palette_weights.shape[1]:
-        raise DataError(f"{view.file} was made for smaller palettes.", "Press Prepare in step 6.")
+    if learned.shape[1] != view.palette_weights.shape[1]:
+        raise DataError(f"{view.file} was made for other palettes.", "Press Prepare in step 6.")
     if scene.karf.compositing == "paper":
         colors[:] = paper_composite(view.base, view.palette_weights, view.probabilities, edited)
     else:
@@ -146,27 +154,75 @@ def composite(scene: bpy.types.Scene) -> np.ndarray:
 
 
 def show(scene: bpy.types.Scene) -> bpy.types.Image:
-    """Composite the active view into the scene's result image, which is made if needed. Raises KarfError."""
+    """Composite the active view into the scene's result image, which is made if needed. Raises KarfError, also while
+    Blender renders."""
+    rendering.refuse()
+    _Memory.seen[scene.session_uid] = _values(scene)
     composite(scene)
-    buffer = _Memory.view.buffer
+    return _put(scene, _Memory.view.buffer)
+
+
+def _put(scene: bpy.types.Scene, buffer: np.ndarray) -> bpy.types.Image:
+    """Make an RGBA buffer [H, W, 4] the scene's result image, as the active view's picture."""
     height, width = buffer.shape[:2]
     if scene.karf.result is None:
         scene.karf.result = pictures.new_image(RESULT_NAME, width, height)
     pictures.fit(scene.karf.result, width, height)
     pictures.upload(scene.karf.result, buffer)
-    _Memory.seen = _values(scene)
+    _Memory.shown[scene.session_uid] = scene.karf.active_view
     return scene.karf.result
 
 
 def follow(scene: bpy.types.Scene) -> None:
-    """Bring the result image up to date after a change, where there is one to show; never raises."""
+    """Bring the result image up to date after a change, where there is one to show; never raises.
+
+    A view that cannot be shown recolored shows its photo instead: never another view's picture.
+    """
+    if rendering.is_running():
+        _follow_later()
+        return
     if _Memory.holds or scene.karf.result is None:
         return
     try:
         show(scene)
+    except KarfError:  # the panel says that the view is not prepared
+        if _Memory.shown.get(scene.session_uid) != scene.karf.active_view:
+            _put(scene, _photo(scene))
+
+
+def _photo(scene: bpy.types.Scene) -> np.ndarray:
+    """The active view's photo as an RGBA buffer [H, W, 4], reduced to PHOTO_SIDE; black where it cannot be read."""
+    try:
+        view = captures.view_of(scene)
+        colors = photos.read(view, PHOTO_SIDE) if view.image else None
     except KarfError:
-        # a view whose planes are not rendered yet: the panel says so, the last picture stays
-        _Memory.seen = _values(scene)
+        colors = None
+    if colors is None:
+        return pictures.blank(*scene.karf.result.size)
+    buffer = pictures.blank(colors.shape[1], colors.shape[0])
+    pictures.upright(buffer)[:] = colors
+    return buffer
+
+
+def _follow_changed() -> None:
+    """Bring the pictures of all scenes up to date whose values are not those last seen in them."""
+    for scene in bpy.data.scenes:
+        if scene.karf.result is not None and _values(scene) != _Memory.seen.get(scene.session_uid):
+            follow(scene)
+
+
+def _follow_later() -> None:
+    # in background mode timers never fire; there a render's last handler follows
+    if not bpy.app.background and not bpy.app.timers.is_registered(_catch_up):
+        bpy.app.timers.register(_catch_up, first_interval=RETRY_SECONDS)
+
+
+def _catch_up() -> float | None:
+    """The timer: waits until Blender has rendered."""
+    if not rendering.is_over():
+        return RETRY_SECONDS
+    _follow_changed()
+    return None
 
 
 @contextmanager
@@ -194,15 +250,17 @@ def _after_undo(*_):
 
 
 @persistent
-def _after_frame_change(scene, *_):
-    # an animated swatch changes without its update callback
-    if scene.karf.result is not None and _values(scene) != _Memory.seen:
-        follow(scene)
+def _after_change(*_):
+    # animated and driven swatches change without their update callback; a render job calls this on its own thread
+    if not rendering.is_running():
+        _follow_changed()
 
 
 @persistent
 def _after_load(*_):
     forget()
+    # a picture that was saved is that of the view that was active then
+    _Memory.shown = {scene.session_uid: scene.karf.active_view for scene in bpy.data.scenes}
     for scene in bpy.data.scenes:
         follow(scene)
 
@@ -220,7 +278,7 @@ def _before_save(target, *_):
 
 @persistent
 def _after_save(target, *_):
-    # a saved copy leaves the open file where it was
+    # a saved copy and a file that could not be written leave the open file where it was
     if isinstance(target, str) and target:
         folders.rebase(target, bpy.data.filepath)
 
@@ -228,21 +286,26 @@ def _after_save(target, *_):
 HANDLERS = (
     ("undo_post", _after_undo),
     ("redo_post", _after_undo),
-    ("frame_change_post", _after_frame_change),
+    ("frame_change_post", _after_change),
+    ("depsgraph_update_post", _after_change),
+    # after a render without a job: in background mode, or by a script. A job's end updates the dependency graph
+    ("render_complete", _after_change),
+    ("render_cancel", _after_change),
     ("load_post", _after_load),
     ("save_pre", _before_save),
     ("save_post", _after_save),
+    ("save_post_fail", _after_save),
 )
 
 
 def register():
     """Called when the extension is enabled."""
-    for name, handler in HANDLERS:
-        getattr(bpy.app.handlers, name).append(handler)
+    handlers.add(HANDLERS)
 
 
 def unregister():
     """Called when the extension is disabled."""
-    for name, handler in reversed(HANDLERS):
-        getattr(bpy.app.handlers, name).remove(handler)
+    handlers.remove(HANDLERS)
+    if bpy.app.timers.is_registered(_catch_up):
+        bpy.app.timers.unregister(_catch_up)
     forget()

@@ -4,6 +4,8 @@ The Empty is the capture's world: move, turn or scale it as a whole and all came
 taken relative to it.
 """
 
+import contextlib
+import hashlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +14,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from . import lens, photos, placement, points
-from .engine_api import BadRequest, Camera, Capture, View
+from . import lens, photos, placement, points, rendering
+from .engine_api import BadRequest, Camera, Capture, DataError, View
 
 POINT_SIZE = 0.002  # radius of a sparse point; these are in units of the rig's extent
 CLIP_START, CLIP_END = 0.001, 1000.0
@@ -71,8 +73,10 @@ def _camera(view: View, parent: bpy.types.Object, size: float, options: Options)
     data.display_size = options.camera_size * size
     data.clip_start, data.clip_end = CLIP_START * size, CLIP_END * size
     data.show_background_images = options.photos
-    if options.photos and view.image is not None and view.image.exists() and photos.is_shown_as_stored(view):
-        _set_background(data, view.image)
+    if options.photos and view.image is not None and view.image.exists():
+        with contextlib.suppress(DataError):  # looking through the camera says why it shows no photo
+            if photos.is_shown_as_stored(view):
+                _set_background(data, view.image)
     camera = bpy.data.objects.new(view.name, data)
     camera.karf_view = view.name
     camera.parent = parent
@@ -90,8 +94,12 @@ def set_lens(data: bpy.types.Camera, camera: Camera) -> None:
 
 
 def _set_background(data: bpy.types.Camera, photo: Path) -> None:
+    try:
+        image = bpy.data.images.load(str(photo), check_existing=True)
+    except RuntimeError as error:
+        raise DataError(f"{photo} cannot be read as a picture.", "Check the file.") from error
     background = data.background_images.new()
-    background.image = bpy.data.images.load(str(photo), check_existing=True)
+    background.image = image
     background.frame_method = "STRETCH"
     background.display_depth = "BACK"
     background.alpha = 1.0
@@ -135,8 +143,10 @@ def straighten_background(scene: bpy.types.Scene, view: View, folder: Path) -> N
 def frames_of(scene: bpy.types.Scene, camera: bpy.types.Object, numbers: Iterable[int]) -> Iterator[View]:
     """The camera as the engine sees it, frame by frame (frame_0001 ..); the scene is at that frame when it is yielded.
 
-    Raises BadRequest where the camera is no perspective camera. The current frame is restored at the end.
+    Raises BadRequest where the camera is no perspective camera, and while Blender renders. The current frame is restored
+    at the end.
     """
+    rendering.refuse()
     current = scene.frame_current
     try:
         for number in numbers:
@@ -145,6 +155,20 @@ def frames_of(scene: bpy.types.Scene, camera: bpy.types.Object, numbers: Iterabl
             yield View(name, name, pinhole(scene, camera), None, "test")
     finally:
         scene.frame_set(current)
+
+
+def file_name(camera: bpy.types.Object) -> str:
+    """A camera's name as the name of a file or folder, another one for every camera of the file.
+
+    It is the camera's own where that may be one; a camera that differs from another by such signs or by case alone, or
+    that has a name no system takes, has a mark added.
+    """
+    clean = bpy.path.clean_name(camera.name)
+    others = [other for other in bpy.data.objects if other.type == "CAMERA" and other != camera]
+    taken = {bpy.path.clean_name(other.name).casefold() for other in others}
+    if clean == camera.name and clean.casefold() not in taken:
+        return clean
+    return f"{clean}-{hashlib.sha256(camera.name.encode()).hexdigest()[:8]}"
 
 
 def pinhole(scene: bpy.types.Scene, camera: bpy.types.Object) -> Camera:

@@ -7,12 +7,25 @@ that numpy does at once does it. All raise KarfError for what a user can mend.
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-from . import camera_paths, captures, folders, masks, pictures, preferences, recolor, reprojection, rig, swatches
+from . import (
+    camera_paths,
+    captures,
+    folders,
+    job_watch,
+    masks,
+    pictures,
+    preferences,
+    recolor,
+    reprojection,
+    rig,
+    swatches,
+)
 from .engine_api import (
     BadRequest,
     Capture,
@@ -34,6 +47,7 @@ from .engine_api import (
     write_edit,
 )
 from .job_watch import Task
+from .ownership import Owner
 
 
 # --- 1 import ------------------------------------------------------------------------------------------------------
@@ -43,7 +57,7 @@ def import_capture(
     """Build the rig of a capture and make it the scene's. The capture's remarks say what could not be had.
 
     project: default the one the scene has of this capture, else a folder beside the .blend. Palettes of another capture
-    leave the scene.
+    leave the scene; their edits are kept in the project that they were made in.
     """
     captures.forget()
     capture = open_capture(path)
@@ -59,14 +73,14 @@ def import_capture(
     karf.rig = rig.build(capture, f"KaRF {project.name}", scene, options)
     with recolor.held(scene):
         if not is_known:
-            karf.objects.clear()
+            swatches.load_palettes(scene, ())
         karf.capture = folders.stored(path)
         karf.project = folders.stored(project)
         karf.n_points = 0 if capture.points is None else len(capture.points)
         karf.views.clear()
         for view in capture.views:
             item = karf.views.add()
-            item.name, item.split, item.stem = view.name, view.split, view.stem
+            item.name, item.split = view.name, view.split
         # a view that learns: masks are painted on it
         first = next(iter(capture.split("train")), capture.views[0])
         karf.active_view = first.name
@@ -107,13 +121,19 @@ def find_poses(scene: bpy.types.Scene, photos: Path, options: rig.Options | None
     number = 2
     while (project / "capture").exists():  # found before: what was learned of it stays
         project, number = wanted.with_name(f"{wanted.name}_{number}"), number + 1
-    out, name = project / "capture", scene.name
+    out, owner = project / "capture", Owner.of(scene)
 
     def take_over(request: Request) -> None:
-        import_capture(bpy.data.scenes.get(name) or bpy.context.scene, out, project, options)
+        found = owner.find()
+        if found is None:
+            job_watch.warn(
+                f"The scene that asked for camera poses is gone or has another project: import {out} yourself."
+            )
+        else:
+            import_capture(found, out, project, options)
 
     request = Request("poses", project, {"photos": str(photos), "out": str(out)} | _threads())
-    return Task("Find Camera Poses", (request,), take_over)
+    return Task("Find Camera Poses", (request,), take_over, owner)
 
 
 def look_through(scene: bpy.types.Scene, name: str = "") -> None:
@@ -172,8 +192,9 @@ def _planes(views: str) -> tuple[str, dict]:
 
 
 def _task(scene: bpy.types.Scene, title: str, *jobs: tuple[str, dict]) -> Task:
-    project = folders.project_of(scene).folder
-    return Task(title, tuple(Request(stage, project, options | _threads()) for stage, options in jobs), finished)
+    project, owner = folders.project_of(scene).folder, Owner.of(scene)
+    requests = tuple(Request(stage, project, options | _threads()) for stage, options in jobs)
+    return Task(title, requests, partial(finished, owner), owner)
 
 
 def _threads() -> dict[str, int]:
@@ -181,22 +202,35 @@ def _threads() -> dict[str, int]:
     return {"threads": threads} if threads else {}
 
 
-def finished(request: Request) -> None:
-    """Take over what a job has learned into the scenes of its project, which may have been renamed meanwhile."""
-    for scene in folders.scenes_of(Project(request.project).folder):
+def finished(owner: Owner, request: Request) -> None:
+    """Take over what a job has learned into the scenes of its project in the file that began it; else say where it is."""
+    brings_planes = request.stage == "render" and request.options["planes"]
+    if request.stage != "recoloring" and not brings_planes:
+        return
+    scenes = list(owner.scenes())
+    if not scenes:
+        job_watch.warn(
+            f"The scene that asked for this is gone or has another project. The result is in {request.project}; choose "
+            "that as the project to bring it in."
+        )
+    for scene in scenes:
         if request.stage == "recoloring":
             recolor.forget()
             swatches.load_palettes(scene, read_palettes(Project(request.project).palette_file))
-        if request.stage == "render" and request.options["planes"] and recolor.is_prepared(scene):
+        elif recolor.is_prepared(scene):
             pictures.reveal(recolor.show(scene))
 
 
 # --- 5 show --------------------------------------------------------------------------------------------------------
 def show_view(scene: bpy.types.Scene, name: str = "") -> Task | None:
-    """Make a captured view active and show it at once, or return the task that prepares it where it has no planes."""
+    """Make a captured view active and show it at once, or return the task that prepares it where it has no planes.
+
+    Palettes that the project has learned meanwhile are taken over first.
+    """
     karf = scene.karf
     if name and name not in karf.views:
         raise BadRequest(f"The capture has no view {name!r}.", "Choose one from the list.")
+    swatches.take_over(scene)
     if not karf.objects:
         raise BadRequest("There is no palette yet.", "Extract the palettes first.")
     if name:
@@ -250,8 +284,8 @@ def save_edit(scene: bpy.types.Scene, path: Path) -> None:
 def render_view(scene: bpy.types.Scene) -> Path:
     """Write the active view as it is shown, without the engine; returns the PNG."""
     colors = recolor.composite(scene)
-    # as the engine calls a view that is rendered alone
-    path = folders.out_folder(scene) / "recolor" / f"{scene.karf.views[scene.karf.active_view].stem}.png"
+    # where the engine writes this view too
+    path = folders.out_folder(scene) / "recolor" / f"{scene.karf.active_view}.png"
     pictures.write_png(path, colors)
     return path
 
@@ -261,31 +295,38 @@ def render_captured(scene: bpy.types.Scene, views: str = "all") -> Task:
     out = folders.out_folder(scene)
     edit = out / "edit.json"
     save_edit(scene, edit)
-    return _task(scene, "Render Capture", _pictures(views, edit, out, "photo"))
+    return _task(scene, "Render Capture", _pictures(views, str(edit), out, "photo"))
 
 
 def render_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None, numbers: Iterable[int]) -> Task:
     """Recolor what any Blender camera (None: the scene's) sees, frame by frame, swatches keyframed or not.
 
-    Frames with the same swatches share a job. The pictures are OUT/recolor/frame_0001.png and so on.
+    The pictures are CAMERA_FOLDER/recolor/frame_0001.png and so on, see `camera_folder`.
     """
     camera = _camera_of(scene, camera)
     if not scene.karf.objects:
         raise BadRequest("There is no palette yet.", "Extract the palettes first.")
-    groups: dict[bytes, tuple[Edit, list[View]]] = {}
+    out = camera_folder(scene, camera)
+    views, files, known = [], [], {}
     with recolor.held(scene):
         for view in rig.frames_of(scene, camera, numbers):
             edit = swatches.current_edit(scene)
             key = b"".join(colors.tobytes() for colors in edit.colors.values())
-            groups.setdefault(key, (edit, []))[1].append(view)
-    out = folders.out_folder(scene)
-    jobs = []
-    for edit, views in groups.values():
-        cameras_file, edit_file = (out / "jobs" / f"{views[0].name}_{what}.json" for what in ("cameras", "edit"))
-        write_cameras(cameras_file, views)
-        write_edit(edit_file, edit)
-        jobs.append(_pictures(str(cameras_file), edit_file, out, "render"))
-    return _task(scene, "Render Camera", *jobs)
+            if key not in known:
+                known[key] = out / "edits" / f"{view.name}.json"
+                write_edit(known[key], edit)
+            views.append(view)
+            files.append(str(known[key]))
+    if not views:
+        raise BadRequest("There are no frames to render.", "Give at least one frame.")
+    write_cameras(out / "cameras.json", views)
+    return _task(scene, "Render Camera", _pictures(str(out / "cameras.json"), files, out, "render"))
+
+
+def camera_folder(scene: bpy.types.Scene, camera: bpy.types.Object | None = None) -> Path:
+    """Where a camera's (None: the scene's) frames go, with the cameras and edits they are made from: a folder of its own,
+    `cameras/<camera>` in the output folder."""
+    return folders.out_folder(scene) / "cameras" / rig.file_name(_camera_of(scene, camera))
 
 
 def export_cameras(scene: bpy.types.Scene, path: Path, camera: bpy.types.Object | None, numbers: Iterable[int]) -> int:
@@ -317,6 +358,6 @@ def frame_range(scene: bpy.types.Scene) -> range:
     return range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
 
 
-def _pictures(views: str, edit: Path, out: Path, base: str) -> tuple[str, dict]:
-    options = {"views": views, "edit": str(edit), "out": str(out), "planes": False, "depth": False, "base": base}
+def _pictures(views: str, edit: str | list[str], out: Path, base: str) -> tuple[str, dict]:
+    options = {"views": views, "edit": edit, "out": str(out), "planes": False, "depth": False, "base": base}
     return "render", options

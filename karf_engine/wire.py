@@ -37,12 +37,13 @@ EVENT_VALUES: dict[str, dict[str, Any]] = {  # what a reader may rely on; other 
     "error": {"code": str, "sentence": str, "hint": str},
     "cancelled": {"sentence": str},
 }
-OPTION_TYPES: dict[str, type] = {
-    **dict.fromkeys(("capture", "preset", "nerf", "masks", "device", "views", "edit", "out", "base"), str),
-    **dict.fromkeys(("photos", "matching", "object", "source", "target", "rule"), str),
-    **dict.fromkeys(("depth", "planes"), bool),
-    "overrides": list,
-    "threads": int,
+OPTION_TYPES: dict[str, tuple[type, ...]] = {
+    **dict.fromkeys(("capture", "preset", "nerf", "masks", "device", "views", "out", "base"), (str,)),
+    **dict.fromkeys(("photos", "matching", "object", "source", "target", "rule"), (str,)),
+    **dict.fromkeys(("depth", "planes"), (bool,)),
+    "edit": (str, list),
+    "overrides": (list,),
+    "threads": (int,),
 }
 
 
@@ -73,18 +74,21 @@ class Request:
 
     def check_options(self) -> None:
         """Raise BadRequest for an option that is known, but of another type or beyond its range; none may be null."""
-        for name, kind in OPTION_TYPES.items():
+        for name, kinds in OPTION_TYPES.items():
             value = self.options.get(name)
-            if value is not None and type(value) is not kind:
-                raise BadRequest(f"The option {name} = {value!r} is no {kind.__name__}.", "Correct the request.")
-        overrides, threads = self.options.get("overrides") or [], self.options.get("threads")
-        if not all(isinstance(text, str) for text in overrides):
-            raise BadRequest(f"The option overrides = {overrides!r} is no list of texts.", "Write stage.field=value.")
+            if value is not None and type(value) not in kinds:
+                wanted = " or ".join(kind.__name__ for kind in kinds)
+                raise BadRequest(f"The option {name} = {value!r} is no {wanted}.", "Correct the request.")
+            if isinstance(value, list) and not all(isinstance(text, str) for text in value):
+                raise BadRequest(f"The option {name} = {value!r} is no list of texts.", "Correct the request.")
+        threads = self.options.get("threads")
         if threads is not None and not 1 <= threads <= MOST_THREADS:
             raise BadRequest(f"The option threads = {threads} is out of range.", f"Allowed: 1 to {MOST_THREADS}.")
-        for text in (str(self.project), *self.options.values(), *overrides):
-            if isinstance(text, str) and "\0" in text:
-                raise BadRequest(f"{text!r} holds a zero character.", "Correct the path.")
+        for value in (str(self.project), *self.options.values()):
+            if isinstance(value, str | list) and any(
+                "\0" in text for text in (value if type(value) is list else [value])
+            ):
+                raise BadRequest(f"{value!r} holds a zero character.", "Correct the path.")
 
     @classmethod
     def read(cls, job: Path) -> Request:
@@ -140,10 +144,19 @@ class Event:
         if not isinstance(content, dict) or not {"t", "n", "time"} <= content.keys():
             raise ValueError(f"no event: {line!r}")
         event = cls(content.pop("t"), content.pop("n"), content.pop("time"), content)
-        known = EVENT_VALUES.get(event.kind, {}) if isinstance(event.kind, str) else {"t": str}
-        if any(not isinstance(content.get(name), kind) for name, kind in known.items()):
+        if not event._is_whole():
             raise ValueError(f"an event of other values: {line!r}")
         return event
+
+    def _is_whole(self) -> bool:
+        """Whether all that is read of its kind is there; a line may have been damaged on its way."""
+        if not isinstance(self.kind, str):
+            return False
+        metrics = self.get("metrics") or {}
+        numbers = [self.get("eta_s") or 0.0, *(metrics.values() if isinstance(metrics, dict) else [metrics])]
+        known = EVENT_VALUES.get(self.kind, {})
+        has_known = all(isinstance(self.get(name), kind) for name, kind in known.items())
+        return has_known and all(isinstance(value, int | float) for value in numbers)
 
 
 class EventWriter:

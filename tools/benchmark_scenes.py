@@ -98,7 +98,7 @@ def judge(capture: Path, out: Path, options: argparse.Namespace) -> dict:
 
 
 def recolor(project: Project, test: TestViews, truth: Truth, out: Path) -> None:
-    """Write each edit's frames of the test views, as the render stage would: OUT/frames/<edit>/recolor/<stem>.png."""
+    """Write each edit's frames of the test views, as the render stage would: OUT/frames/<edit>/recolor/<view>.png."""
     renderer = test.renderer
     frames = [renderer.frame(plate.view, plate, "photo") for plate in test.plates]
     palettes = {palette.name: palette for palette in renderer.palettes}
@@ -108,7 +108,7 @@ def recolor(project: Project, test: TestViews, truth: Truth, out: Path) -> None:
             colors[key] = solve(project, palettes[key], *truth.color_pair(name, key), "becomes")
         for plate, frame in zip(test.plates, frames, strict=True):
             picture = renderer.recolor(frame, Edit(colors, "delta"))
-            write_png(out / "frames" / name / "recolor" / f"{plate.view.stem}.png", picture)
+            write_png(out / "frames" / name / "recolor" / f"{plate.view.name}.png", picture)
 
 
 def ceiling(job: Job, test: TestViews, truth: Truth, scratch: Path) -> TestViews:

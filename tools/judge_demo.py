@@ -97,7 +97,7 @@ def score_edits(truth: Truth, plates: list[Plate], out: Path) -> dict:
 
 def recolored_frame(out: Path, edit: str, plate: Plate) -> np.ndarray:
     """The main job's frame of a test view."""
-    return iio.imread(out / "frames" / edit / "recolor" / f"{plate.view.stem}.png")[..., :3] / 255
+    return iio.imread(out / "frames" / edit / "recolor" / f"{plate.view.name}.png")[..., :3] / 255
 
 
 def contact_sheet(out: Path, test: TestViews, truth: Truth) -> None:

@@ -1,6 +1,7 @@
 """Loads the checkout as Blender loads the extension, bl_ext.karf_test.karf, and starts every test in an empty file."""
 
 import importlib
+import json
 import os
 import shutil
 import sys
@@ -13,8 +14,9 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 MODULE = "bl_ext.karf_test.karf"
 FAKE_ENGINE = Path(__file__).parent / "fake_engine"
-MODULES = """camera_paths captures disk engine_api engine_test environment folders headless job_watch jobs lens masks
-panels.sidebar photos pictures placement points preferences recolor report reprojection rig steps swatches""".split()
+MODULES = """camera_paths captures compat disk engine_api engine_test environment folders headless job_watch jobs lens
+ masks panels.sidebar photos pictures placement points preferences recolor rendering report reprojection rig steps
+ swatches""".split()
 _exit_code = None
 _has_blender = False
 
@@ -81,6 +83,20 @@ def make_capture(addon, folder, count, width, height):
         addon.pictures.write_png(folder / "images" / f"{name}.png", photo)
         views.append(api.View(f"images/{name}.png", name, camera, None, "train"))
     api.write_cameras(folder / "transforms.json", views)
+    return folder
+
+
+@pytest.fixture
+def two_splits(bpy, addon, tmp_path):
+    """A capture as NeRF-synthetic's: both its photos are called r_000, one to learn from and one to test."""
+    folder = make_capture(addon, tmp_path / "splits", 2, 24, 16)
+    content = json.loads((folder / "transforms.json").read_text())
+    for number, (split, frame) in enumerate(zip(("train", "test"), content["frames"], strict=True)):
+        (folder / split).mkdir()
+        (folder / "images" / f"photo_{number}.png").rename(folder / split / "r_000.png")
+        frame["file_path"] = f"./{split}/r_000"
+        (folder / f"transforms_{split}.json").write_text(json.dumps(content | {"frames": [frame]}))
+    (folder / "transforms.json").unlink()
     return folder
 
 

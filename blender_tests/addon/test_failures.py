@@ -62,7 +62,9 @@ def test_a_report_has_what_a_developer_needs_and_no_home_folder(addon, tmp_path,
     monkeypatch.setenv("HOME", str(home))
     monkeypatch.setenv("USERPROFILE", str(home))
     (job / "request.json").write_text(json.dumps({"stage": "geometry"}))
-    (job / "events.jsonl").write_text(json.dumps({"t": "hello", "n": 0, "time": 1, "torch": "2.13"}) + "\n")
+    (job / "events.jsonl").write_text(
+        json.dumps({"t": "hello", "n": 0, "time": 1, "protocol": 1, "torch": "2.13"}) + "\n"
+    )
     (job / "engine.log").write_text("early\n" * 50 + f"open({str(home / 'a.png')!r})\nlast line\n")
     versions = {"KaRF": "0.1", "Blender": "4.5", "Engine Python": str(home / "venv" / "python")}
     text = addon.report.compose(job, "The engine crashed (SIGSEGV).", versions)

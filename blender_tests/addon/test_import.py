@@ -191,3 +191,14 @@ def test_finished_stages_are_those_of_the_project_as_it_is_now(addon, imported):
     assert addon.folders.finished_stages(imported) == {"geometry"}
     addon.headless.extract_palette()
     assert addon.folders.finished_stages(imported) == {"geometry", "palette", "recoloring"}
+
+
+def test_a_photo_that_cannot_be_opened_leaves_the_cameras_standing(bpy, addon, scene, capture_folder):
+    capture = addon.engine_api.open_capture(capture_folder)
+    capture.views[1].image.unlink()
+    capture.views[1].image.mkdir()
+    rig = addon.rig.build(capture, "pots", scene)
+    shown = {
+        camera.karf_view: bool(camera.data.background_images) for camera in rig.children if camera.type == "CAMERA"
+    }
+    assert shown == {"photo_0": True, "photo_1": False, "photo_2": True}

@@ -1,5 +1,7 @@
 """Swatches to pixels: exact values, undo, keyframes, save and load."""
 
+import importlib
+
 import numpy as np
 import pytest
 
@@ -177,10 +179,59 @@ def test_pictures_of_views_of_different_sizes_share_one_image(addon, learned):
     half = type(small)(
         small.objects, small.palette_weights[..., :8, :], small.probabilities[..., :8, :], small.base[:8]
     )
-    import importlib
-
     compositing = importlib.import_module(addon.engine_api.Planes.__module__)
     compositing.write_planes(addon.recolor.planes_file(learned), half)
     addon.headless.show_view()
     assert learned.karf.result == image and tuple(image.size) == (24, 8)
     np.testing.assert_array_equal(shown(addon, learned), base()[:8])
+
+
+def test_a_driven_swatch_recolors_when_its_driver_changes(bpy, addon, learned):
+    empty = bpy.data.objects.new("slider", None)
+    learned.collection.objects.link(empty)
+    curve = learned.driver_add('karf.objects["pot"].swatches[1].color', 0)
+    curve.driver.type = "SUM"
+    target = curve.driver.variables.new().targets[0]
+    target.id, target.data_path = empty, "location.x"
+    for red in (0.0, 0.4):
+        empty.location.x = red
+        bpy.context.view_layer.update()
+        expected = np.clip(base() / 255 + [(red - 0.8) / 4, 0, 0], 0, 1) * 255
+        assert np.abs(shown(addon, learned) - expected).max() <= 0.5 + 1e-2
+
+
+def photo(addon, scene, name):
+    """A view's photo as read, 8 bit."""
+    return np.rint(addon.pictures.read_picture(addon.captures.view_of(scene, name).image) * 255).astype(int)
+
+
+def test_a_view_that_is_not_prepared_shows_its_own_photo(addon, learned):
+    learned.karf.active_view = "photo_2"
+    assert not addon.recolor.is_prepared(learned)
+    np.testing.assert_array_equal(shown(addon, learned), photo(addon, learned, "photo_2"))
+    learned.karf.active_view = "photo_0"
+    np.testing.assert_array_equal(shown(addon, learned), base())
+
+
+def test_a_view_prepared_for_older_palettes_shows_its_own_photo(addon, learned):
+    addon.headless.prepare_views("photo_1")
+    addon.folders.project_of(learned).recoloring_file.write_text("new")
+    learned.karf.active_view = "photo_1"
+    np.testing.assert_array_equal(shown(addon, learned), photo(addon, learned, "photo_1"))
+
+
+def test_a_photo_that_is_gone_leaves_no_other_views_picture(addon, learned):
+    addon.captures.view_of(learned, "photo_2").image.unlink()
+    learned.karf.active_view = "photo_2"
+    assert not shown(addon, learned).any()
+
+
+@pytest.mark.parametrize("mode", ["delta", "paper"])
+def test_planes_of_a_larger_palette_are_refused_in_a_sentence(addon, learned, mode):
+    planes = addon.engine_api.read_planes(addon.recolor.planes_file(learned))
+    larger = np.concatenate([planes.palette_weights, planes.palette_weights[:, :1]], axis=1)
+    larger = type(planes)(planes.objects, larger, planes.probabilities, planes.base)
+    importlib.import_module(type(planes).__module__).write_planes(addon.recolor.planes_file(learned), larger)
+    learned.karf.compositing = mode
+    with pytest.raises(addon.engine_api.DataError, match="other palettes"):
+        addon.recolor.composite(learned)

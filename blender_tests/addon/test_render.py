@@ -18,10 +18,18 @@ def test_the_shown_view_is_written_as_shown_whatever_the_view_transform(bpy, add
     assert np.abs(written - expected).max() <= 0.51 / 255
 
 
-def test_a_view_is_written_under_its_photos_name(addon, learned, tmp_path):
-    learned.karf.out = str(tmp_path / "out")
-    learned.karf.views["photo_0"].stem = "r_000"  # as where two splits have photos of the same name
-    assert addon.headless.render_view() == tmp_path / "out" / "recolor" / "r_000.png"
+def test_views_of_the_same_photo_name_are_written_to_files_of_their_own(addon, two_splits, tmp_path):
+    """The engine writes each to the same file as Blender, rendered alone or not."""
+    addon.headless.import_capture(two_splits, tmp_path / "project")
+    addon.headless.learn_scene()
+    addon.headless.extract_palette()
+    written = []
+    for view in ("train_r_000", "test_r_000"):
+        addon.headless.show_view(view)
+        written.append(addon.headless.render_view())
+    addon.headless.render_captured("test_r_000")
+    assert len(set(written)) == 2
+    assert sorted(written[0].parent.iterdir()) == sorted(written)
 
 
 def test_captured_views_are_rendered_with_the_edit(addon, learned, tmp_path):
@@ -47,13 +55,29 @@ def test_a_cameras_frames_are_rendered_with_keyframed_swatches(bpy, addon, learn
     assert pictures[0].shape == (16, 24, 3)
 
 
-def test_frames_with_the_same_swatches_share_a_job(bpy, addon, learned):
-    learned.camera.keyframe_insert("location", frame=1)
+def test_a_sequence_is_one_job_with_an_edit_for_each_of_its_swatches(bpy, addon, learned):
+    swatch = learned.karf.objects["pot"].swatches[1]
+    for frame, red in ((1, 0.0), (3, 0.4)):
+        swatch.color = (red, 0.2, 0.2)
+        swatch.keyframe_insert("color", frame=frame)
     task = addon.steps.render_camera(learned, learned.camera, range(1, 31))
     assert len(task.requests) == 1
-    cameras = json.loads(Path(task.requests[0].options["views"]).read_text())
-    assert len(cameras["frames"]) == 30
-    assert task.requests[0].options["base"] == "render"
+    options = task.requests[0].options
+    assert len(json.loads(Path(options["views"]).read_text())["frames"]) == len(options["edit"]) == 30
+    assert len(set(options["edit"])) == 3 and set(options["edit"][2:]) == {options["edit"][2]}
+    assert options["base"] == "render"
+
+
+@pytest.mark.parametrize("names", [("Left", "Right"), ("a/b", "a_b"), ("Cam", "cam"), ("..", "__")])
+def test_two_cameras_never_share_a_picture(bpy, addon, learned, tmp_path, names):
+    folders = []
+    for name in names:
+        camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
+        learned.collection.objects.link(camera)
+        folders.append((camera, addon.steps.camera_folder(learned, camera)))
+    folders = [addon.headless.render_sequence(camera, [1], tmp_path / "out") for camera, _ in folders]
+    assert len({str(folder).casefold() for folder in folders}) == 2
+    assert all(folder.parents[2] == tmp_path / "out" and (folder / "frame_0001.png").exists() for folder in folders)
 
 
 def test_a_moving_camera_reaches_the_engine_frame_by_frame(bpy, addon, learned, tmp_path):

@@ -44,7 +44,7 @@ class KARF_OT_render_camera(PaletteStep, bpy.types.Operator):
     def execute(self, context):
         scene = context.scene
         job_watch.launch(steps.render_camera(scene, scene.camera, steps.frame_range(scene)))
-        self.report({"INFO"}, f"Pictures go to {folders.out_folder(scene) / 'recolor'}")
+        self.report({"INFO"}, f"Pictures go to {steps.camera_folder(scene) / 'recolor'}")
         return {"FINISHED"}
 
 

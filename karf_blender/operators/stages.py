@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import StringProperty
 
-from .. import engine_test, job_watch, preferences, steps
+from .. import engine_test, job_watch, preferences, steps, swatches
 from .reporting import EngineStep, ProjectSwatchStep, reports_errors
 
 
@@ -42,11 +42,17 @@ class KARF_OT_segment(EngineStep, bpy.types.Operator):
 
 
 class KARF_OT_extract_palette(EngineStep, bpy.types.Operator):
-    """Find the swatches of every object and learn what each pixel takes from them; edits are given up"""
+    """Find the swatches of every object and learn what each pixel takes from them. Edits, locks and keyframes stay with their object and color; edits whose color is no longer there are kept in the project's folder edits"""
 
     bl_idname = "karf.extract_palette"
     bl_label = "Extract Palette"
     after = "segmentation"
+
+    def invoke(self, context, event):
+        if not swatches.has_edits(context.scene):
+            return self.execute(context)
+        message = "Edits follow their object and color; those that find none are kept in the project"
+        return context.window_manager.invoke_confirm(self, event, title="Extract anew?", message=message)
 
     @reports_errors
     def execute(self, context):

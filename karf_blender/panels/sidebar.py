@@ -158,6 +158,8 @@ def draw_edit(layout, context):
     draw_view(row, karf)
     is_prepared = disk.seen(context.scene).is_prepared
     row.operator("karf.show_view", text="Show" if is_prepared else "Prepare", icon="IMAGE_DATA")
+    if not is_prepared:
+        draw_text(layout, f"{karf.active_view} is not prepared: Prepare shows it recolored", "INFO")
     if not any(area.type == "IMAGE_EDITOR" for area in context.screen.areas):
         layout.label(text="Open an Image Editor to see it", icon="INFO")
     for item in karf.objects:

@@ -1,8 +1,8 @@
 """Rendering: masks, pictures, recolored frames and edit planes of captured views or of any cameras.
 
-Options: views (train | test | val | all | name,name | CAMERAS.json), edit (EDIT.json), out (folder), base (photo |
-render, for captured views; by default the photo, with the paper's compositing the render, as there), planes, depth
-(bools). Writes
+Options: views (train | test | val | all | name,name | CAMERAS.json), edit (EDIT.json, or a list with one for each view,
+in their order), out (folder), base (photo | render, for captured views; by default the photo, with the paper's
+compositing the render, as there), planes, depth (bools). Writes
 
     OUT/render/<view>.png            the scene as learned
     OUT/masks/<object>/<view>.png    0 or 255
@@ -16,7 +16,7 @@ they are sharp and hold the highlights. For any other camera from F_w, which is 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -161,25 +161,23 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
 
 def _render(job: Job, renderer: Renderer) -> None:
     options = job.options
-    edit_path = options.get("edit")
-    if edit_path or options.get("planes"):
+    if options.get("edit") or options.get("planes"):
         job.project.require("recoloring")
     if not options.get("out") and not options.get("planes"):
         raise BadRequest("The render stage was given nowhere to write.", "Name a folder with --out.")
     views, captured = select_views(job, options.get("views", "test"))
-    edit = read_edit(Path(edit_path), renderer.palettes, job.settings.compositing) if edit_path else None
-    names = file_names(views)
+    edits = read_edits(options.get("edit"), views, renderer.palettes, job.settings.compositing)
     on_photo = captured and (options.get("base") or BASES[job.settings.compositing]) == "photo"
     progress = job.progress("render", len(views))
     job.emit("stage", name="render", text=f"{len(views)} views")
-    for view, name in zip(views, names, strict=True):
+    for view, edit in zip(views, edits, strict=True):
         plate = job.plates([view])[0] if on_photo else None
         shown = view if captured is False or plate is not None else replace(view, camera=_working_camera(job, view))
         frame = renderer.frame(shown, plate, "photo" if on_photo else "field")
         if options.get("out"):
-            _write_frame(job, Path(options["out"]), name, frame, renderer, edit)
+            _write_frame(job, Path(options["out"]), view.name, frame, renderer, edit)
         if options.get("planes"):
-            _write_planes(job, view, name, frame, renderer, captured)
+            _write_planes(job, view, frame, renderer, captured)
         progress.step()
     if options.get("out"):
         job.artifact("frames", Path(options["out"]))
@@ -207,10 +205,21 @@ def select_views(job: Job, wanted: str) -> tuple[list[View], bool]:
     return [capture.view(name.strip()) for name in wanted.split(",")], True
 
 
-def file_names(views: list[View]) -> list[str]:
-    """The photos' stems where they are unique among these views, else the views' names."""
-    stems = [view.stem for view in views]
-    return stems if len(set(stems)) == len(stems) else [view.name for view in views]
+def read_edits(
+    wanted: str | list[str] | None, views: Sequence[View], palettes: Sequence[Palette], compositing: str
+) -> list[Edit | None]:
+    """The edit of each view: wanted is one file for all, one for each, or None. compositing: see `read_edit`.
+
+    Raises BadRequest where there are as many files as views in no way, DataError where one is no edit of these palettes.
+    """
+    paths = wanted if isinstance(wanted, list) else [wanted] * len(views)
+    if len(paths) != len(views) or not all(path is None or isinstance(path, str) for path in paths):
+        raise BadRequest(
+            f"The render stage was given {len(paths)} edits for {len(views)} views.",
+            "Give one edit file for all, or a list with one for each view.",
+        )
+    known = {path: read_edit(Path(path), palettes, compositing) for path in set(paths) if path}
+    return [known.get(path) for path in paths]
 
 
 def _write_frame(job: Job, out: Path, name: str, frame: Frame, renderer: Renderer, edit: Edit | None) -> None:
@@ -224,7 +233,7 @@ def _write_frame(job: Job, out: Path, name: str, frame: Frame, renderer: Rendere
         atomic_write(out / "depth" / f"{name}.npy", lambda temporary: np.save(temporary, depth))
 
 
-def _write_planes(job: Job, view: View, name: str, frame: Frame, renderer: Renderer, captured: bool) -> None:
+def _write_planes(job: Job, view: View, frame: Frame, renderer: Renderer, captured: bool) -> None:
     planes = Planes(
         tuple(renderer.objects),
         frame.palette_weights.astype(np.float16),
@@ -232,7 +241,7 @@ def _write_planes(job: Job, view: View, name: str, frame: Frame, renderer: Rende
         to_bytes(frame.base),
     )
     if job.options.get("out"):
-        write_planes(Path(job.options["out"]) / "planes" / f"{name}.npz", planes)
+        write_planes(Path(job.options["out"]) / "planes" / f"{view.name}.npz", planes)
     if captured:
         write_planes(job.project.planes_file(view.name), planes)
         job.artifact("planes", job.project.planes_file(view.name))

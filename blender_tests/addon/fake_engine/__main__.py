@@ -113,8 +113,9 @@ def render(project, options):
         for view in views:
             write_view_planes(project, view)
     if options["edit"]:
-        edit = read_edit(Path(options["edit"]), read_palettes(project.palette_file))
-        for view in views:
+        files = options["edit"] if isinstance(options["edit"], list) else [options["edit"]] * len(views)
+        for view, file in zip(views, files, strict=True):
+            edit = read_edit(Path(file), read_palettes(project.palette_file))
             picture = np.broadcast_to(edit.colors["pot"][1], (view.camera.height, view.camera.width, 3))
             write_png(Path(options["out"]) / "recolor" / f"{view.name}.png", picture)
 

@@ -10,14 +10,17 @@ pytest.importorskip("torch")
 maximum_filter = pytest.importorskip("scipy.ndimage").maximum_filter
 
 from blender_tests.engine.reference.still_life import camera_at, take_photo  # noqa: E402
-from karf_engine.capture import write_cameras  # noqa: E402
+from karf_engine.capture import open_capture, write_cameras  # noqa: E402
 from karf_engine.capture.capture import View  # noqa: E402
 from karf_engine.cli import main  # noqa: E402
 from karf_engine.edit.compositing import read_planes  # noqa: E402
 from karf_engine.edit.metrics import iou, psnr  # noqa: E402
 from karf_engine.edit.palette import read_edit, read_palettes, rgb_to_hex  # noqa: E402
+from karf_engine.errors import BadRequest  # noqa: E402
 from karf_engine.images import read_mask, read_photo  # noqa: E402
 from karf_engine.project import STAGE_ORDER, Project  # noqa: E402
+from karf_engine.stages import render  # noqa: E402
+from karf_engine.wire import Request  # noqa: E402
 
 BALL_COLOR, GREEN = "#c0221a", "#1ec040"
 
@@ -102,14 +105,14 @@ def test_changed_masks_run_the_segmentation_again(still_life, copy, tmp_path, ca
 def test_held_out_views_show_the_scene_and_its_objects(still_life, frames):
     for stem in ("r_0", "r_1"):
         truth = still_life.photos[f"test/{stem}"]
-        assert psnr(read_photo(frames / "render" / f"{stem}.png"), truth.color) > 20
+        assert psnr(read_photo(frames / "render" / f"test_{stem}.png"), truth.color) > 20
         for label, name in ((1, "ball"), (2, "block")):
-            assert iou(read_mask(frames / "masks" / name / f"{stem}.png"), truth.labels == label) > 0.6
+            assert iou(read_mask(frames / "masks" / name / f"test_{stem}.png"), truth.labels == label) > 0.6
 
 
 def test_depth_is_that_of_the_still_life(still_life, frames):
     truth = still_life.photos["test/r_0"]
-    depth = np.load(frames / "depth" / "r_0.npy")
+    depth = np.load(frames / "depth" / "test_r_0.npy")
     assert depth.dtype == np.float32 and depth.shape == (32, 32)
     _, ball_depth = truth.camera.project(np.array([[-0.4, 0.0, 0.1]]))
     on_ball = depth[truth.labels == 1]
@@ -118,8 +121,8 @@ def test_depth_is_that_of_the_still_life(still_life, frames):
 
 def test_the_edit_turns_the_ball_green_and_leaves_the_rest(still_life, frames):
     truth = still_life.photos["test/r_0"]
-    recolored = read_photo(frames / "recolor" / "r_0.png")
-    ball = recolored[(truth.labels == 1) & read_mask(frames / "masks" / "ball" / "r_0.png")].mean(0)
+    recolored = read_photo(frames / "recolor" / "test_r_0.png")
+    ball = recolored[(truth.labels == 1) & read_mask(frames / "masks" / "ball" / "test_r_0.png")].mean(0)
     assert ball[1] > 2 * ball[0]
     change = np.abs(recolored - np.rint(truth.color * 255) / 255).max(-1)
     beside = ~maximum_filter(truth.labels == 1, 3)
@@ -128,7 +131,7 @@ def test_the_edit_turns_the_ball_green_and_leaves_the_rest(still_life, frames):
 
 
 def test_planes_are_written_for_blender_and_hold_the_photo(still_life, learned, frames):
-    planes = read_planes(frames / "planes" / "r_0.npz")
+    planes = read_planes(frames / "planes" / "test_r_0.npz")
     assert planes.objects == ("ball", "block")
     assert np.array_equal(planes.base, np.rint(still_life.photos["test/r_0"].color * 255))
     total = planes.palette_weights.sum(1, dtype=np.float32)
@@ -142,11 +145,39 @@ def test_an_unchanged_palette_gives_the_photos_bit_by_bit(still_life, learned, t
     (tmp_path / "same.json").write_text('{"schema": "karf-edit/1", "objects": {}}')
     options = ["--views", views, "--edit", str(tmp_path / "same.json"), "--out", str(tmp_path), "--threads", "1"]
     assert main(["render", str(learned.project), *options]) == 0
-    written = sorted((tmp_path / "recolor").iterdir())
+    written, capture = sorted((tmp_path / "recolor").iterdir()), open_capture(still_life.capture)
     assert len(written) == (16 if views == "train" else 2)
     for path in written:
-        photo = still_life.capture / ("test" if path.stem == "r_1" and views != "train" else "train") / path.name
+        photo = capture.view(path.stem).image
         assert np.array_equal(read_photo(path), read_photo(photo))
+
+
+def test_views_of_two_splits_never_share_a_picture(learned, tmp_path):
+    """Both are called r_0 on disk."""
+    for view in ("train_r_0", "test_r_0"):
+        assert main(["render", str(learned.project), "--views", view, "--out", str(tmp_path), "--threads", "1"]) == 0
+    pictures = sorted((tmp_path / "render").iterdir())
+    assert [path.name for path in pictures] == ["test_r_0.png", "train_r_0.png"]
+
+
+def test_a_job_may_edit_every_view_in_its_own_way(learned, green, tmp_path):
+    (tmp_path / "same.json").write_text('{"schema": "karf-edit/1", "objects": {}}')
+    frames = [View(f"frame_{i}", f"frame_{i}", camera_at(1.0, 0.5, size=16), None, "train") for i in range(3)]
+    write_cameras(tmp_path / "path.json", frames)
+    edits = [str(tmp_path / "same.json"), str(green), str(tmp_path / "same.json")]
+    options = {"views": str(tmp_path / "path.json"), "edit": edits, "out": str(tmp_path), "threads": 1}
+    events = []
+    render.run(
+        Request("render", Project(learned.project).folder, options),
+        lambda event, **values: events.append((event, values)),
+        lambda: False,
+    )
+    plain, changed, again = ((tmp_path / "recolor" / f"frame_{i}.png").read_bytes() for i in range(3))
+    assert plain == again == (tmp_path / "render" / "frame_0.png").read_bytes() != changed
+    assert {values["total"] for kind, values in events if kind == "progress"} == {3}
+    options["edit"] = edits[:2]
+    with pytest.raises(BadRequest, match="2 edits for 3 views"):
+        render.run(Request("render", Project(learned.project).folder, options), lambda *_, **__: None, lambda: False)
 
 
 def test_free_cameras_are_rendered_and_recolored_without_a_photo(learned, green, tmp_path):
@@ -167,7 +198,7 @@ def test_an_edit_may_change_the_rendering_instead_of_the_photo(learned, tmp_path
     (tmp_path / "same.json").write_text('{"schema": "karf-edit/1", "objects": {}}')
     options = ["--views", "test_r_0", "--base", "render", "--edit", str(tmp_path / "same.json"), "--out", str(tmp_path)]
     assert main(["render", str(learned.project), *options, "--threads", "1"]) == 0
-    pictures = [(tmp_path / kind / "r_0.png").read_bytes() for kind in ("render", "recolor")]
+    pictures = [(tmp_path / kind / "test_r_0.png").read_bytes() for kind in ("render", "recolor")]
     assert pictures[0] == pictures[1]
 
 
