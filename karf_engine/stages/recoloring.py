@@ -113,7 +113,7 @@ def _reference_views(job: Job) -> Tensor:
     """Numbers, among the views that segmentation cached, of those that a mask marks."""
     marked = {mask.view.name for mask in find_masks(job.project.masks_folder, job.capture())}
     cached = read_json(job.project.segmentation_report, "report")["views"]
-    return torch.tensor([number for number, name in enumerate(cached) if name in marked])
+    return torch.tensor([number for number, name in enumerate(cached) if name in marked], dtype=torch.long)
 
 
 def _learned_palettes(initial: list[Palette], learned: np.ndarray, sizes: list[int]) -> list[Palette]:
