@@ -122,11 +122,8 @@ def _field(
 ) -> NerfField:
     counts = {"coarse": settings.coarse_samples, "fine": settings.fine_samples}
     sampling = NerfSampling(placement.near, placement.far, placement.in_disparity, **counts)
-    return (
-        NerfField(*networks, sampling, space_on(placement.space, device), torch.zeros(2, 3))
-        .to(device)
-        .requires_grad_(False)
-    )
+    space = space_on(placement.space, device)
+    return NerfField(*networks, sampling, space, torch.zeros(2, 3)).to(device).requires_grad_(False)
 
 
 def _bounds(field: NerfField, bank: PixelBank) -> Tensor:
