@@ -28,7 +28,7 @@ def load_tensors(
 ) -> tuple[dict[str, Tensor], dict[str, Any]]:
     """Read tensors and facts. Raises DataError where the file is missing, damaged, of another schema, or not finite."""
     try:
-        with safe_open(path, "pt", device=str(device)) as stored:
+        with safe_open(path, "pt") as stored:
             header = _header(stored.metadata() or {})
             found = header.get("schema")
             if found != schema:
@@ -44,7 +44,7 @@ def load_tensors(
             raise DataError(
                 f"{path} holds values in {name!r} that are not finite.", "Run the stage that writes it again."
             )
-    return tensors, facts
+    return {name: tensor.to(device) for name, tensor in tensors.items()}, facts
 
 
 def _header(metadata: dict[str, str]) -> dict[str, Any]:

@@ -140,7 +140,7 @@ def _verb(verbs, name: str, text: str, action: Callable) -> argparse.ArgumentPar
     verb = verbs.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
     verb.set_defaults(action=action)
     verb.add_argument("--threads", type=int, help="processor threads (default: all cores, at most 4)")
-    verb.add_argument("--device", help="cpu or cuda (default: cuda where there is one)")
+    verb.add_argument("--device", help="cpu, cuda or cuda:NUMBER (default: cuda where there is one)")
     return verb
 
 

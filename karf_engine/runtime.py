@@ -36,19 +36,36 @@ def default_threads() -> int:
     return max(1, min(4, available))
 
 
+def find_device(name: str | None) -> torch.device:
+    """The device of this name, `cpu`, `cuda` or `cuda:<number>`; for None CUDA where there is one, else the CPU.
+
+    Raises BadRequest for any other name, and for a device that is not there or does not answer.
+    """
+    there = ["cpu"]
+    if torch.cuda.is_available():
+        there += ["cuda", *(f"cuda:{number}" for number in range(torch.cuda.device_count()))]
+    name = ("cuda" if "cuda" in there else "cpu") if name is None else str(name)
+    hint = f"Here these can be used: {', '.join(there)}."
+    if name.split(":")[0] == "mps":
+        raise BadRequest("Device 'mps' has no 64-bit numbers, in which light is summed up along rays.", hint)
+    if name not in there:
+        needs = " It needs a CUDA build of torch and an NVIDIA or AMD card." if name == "cuda" else ""
+        raise BadRequest(f"There is no device {name!r}.", hint + needs)
+    try:
+        torch.ones(1, device=name).sum().item()  # a driver may be too old, or the card too new for this torch
+    except (RuntimeError, AssertionError) as error:
+        reason = str(error).partition("\n")[0]
+        raise BadRequest(f"Device {name!r} does not answer: {reason}", "Use --device cpu, or another torch.") from error
+    return torch.device(name)
+
+
 def start_runtime(seed: int = 0, threads: int | None = None, device: str | None = None) -> Runtime:
     """Set torch up for this process and seed it. Raises BadRequest where the device is not there.
 
-    device: `cpu`, `cuda` or None for CUDA where there is one.
+    device: see `find_device`.
     """
-    if device is None:
-        device = "cuda" if torch.cuda.is_available() else "cpu"
-    if device.startswith("cuda") and not torch.cuda.is_available():
-        raise BadRequest(
-            f"Device {device!r} is not available here.", "Use --device cpu, or install a CUDA build of torch."
-        )
+    chosen = find_device(device)
     torch.set_num_threads(threads or default_threads())
     torch.set_flush_denormal(True)  # decaying Adam moments become denormal and slow every step down
     torch.manual_seed(seed)
-    chosen = torch.device(device)
     return Runtime(chosen, torch.Generator(device=chosen).manual_seed(seed))

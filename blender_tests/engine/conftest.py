@@ -1,8 +1,11 @@
 """Fixtures of the engine's tests."""
 
+import json
 import os
+import platform
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +27,55 @@ QUICK = (
     "recoloring.batch=256",
     "recoloring.width=16",
 )
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--device", default="cpu", help="where tensors live: cpu, cuda, cuda:NUMBER or pretend")
+    parser.addoption(
+        "--device-report", type=Path, metavar="FILE", help="write what came of each test to this JSON file"
+    )
+
+
+@pytest.fixture
+def device(request) -> Iterator:
+    """The torch.device that `--device` names; every test that makes tensors makes them there."""
+    torch = pytest.importorskip("torch")
+    name = request.config.getoption("device")
+    if name != "pretend":
+        yield torch.device(name)
+        return
+    from blender_tests.engine.pretend_device import pretend_device
+
+    with pretend_device() as pretended:
+        yield pretended
+
+
+OUTCOMES = {}  # of this session's tests: name -> outcome, seconds, and what was raised
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Note what came of a test; set-up and tear-down count where they fail."""
+    if report.when == "call" or report.outcome != "passed":
+        raised = report.longreprtext.splitlines()[-1:] if report.failed else []
+        OUTCOMES[report.nodeid] = {"outcome": report.outcome, "seconds": round(report.duration, 3), "raised": raised}
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Write the report that `--device-report` asks for."""
+    path = session.config.getoption("device_report")
+    if path is None:
+        return
+    import torch
+
+    name = session.config.getoption("device")
+    facts = {
+        "device": name,
+        "hardware": torch.cuda.get_device_name(name) if name.startswith("cuda") else platform.processor(),
+        "system": platform.platform(),
+        "torch": torch.__version__,
+        "cuda": torch.version.cuda,
+    }
+    path.write_text(json.dumps(facts | {"tests": OUTCOMES}, indent=1))
 
 
 @pytest.fixture(scope="session")

@@ -16,7 +16,7 @@ from ..capture.camera import Camera
 from ..capture.capture import View
 from ..errors import DataError
 from ..rendering.rays import PixelBank
-from ..rendering.space import Box, Space, space_from_json, space_to_json
+from ..rendering.space import Box, Space, space_on
 from ..settings import NerfSettings
 from .fit_box import focus_point
 from .fit_nerf import MEASURED_RAYS, surface_bounds
@@ -122,7 +122,7 @@ def _field(
 ) -> NerfField:
     counts = {"coarse": settings.coarse_samples, "fine": settings.fine_samples}
     sampling = NerfSampling(placement.near, placement.far, placement.in_disparity, **counts)
-    space = space_from_json(space_to_json(placement.space), device)
+    space = space_on(placement.space, device)
     return NerfField(*networks, sampling, space, torch.zeros(2, 3)).to(device).requires_grad_(False)
 
 

@@ -87,7 +87,7 @@ def fit_on_rays(
         count = max(16, int(settings.batch * scale))
         index = torch.cat([_draw(inside, count // 3, runtime), runtime.randint(len(cache), count - count // 3)])
         positions = cache.positions[index]
-        features = scene_field.features(positions.view(-1, 3)).view(*positions.shape[:2], -1)
+        features = _features_of(scene_field, positions)
         probabilities = render_classes(karf, positions, features, cache.opacity[index])
         allowed = (probabilities * (targets[index] > 0)).sum(1)
         loss = -allowed.clamp_min(1e-6).log().mean()
@@ -103,8 +103,8 @@ def render_classes(karf: SegmentationField, positions: Tensor, features: Tensor,
     positions: [n, K, 3] quantile samples; features: [n, K, F]; opacity: [n].
     """
     n_rays, n_samples = positions.shape[:2]
-    per_sample = karf(positions.view(-1, 3), features.view(n_rays * n_samples, -1))
-    rendered = per_sample.view(n_rays, n_samples, -1).mean(1) * opacity[:, None]
+    per_sample = karf(positions.view(-1, 3), features.flatten(0, 1))
+    rendered = per_sample.view(n_rays, n_samples, per_sample.shape[1]).mean(1) * opacity[:, None]
     background = rendered[:, :1] + (1 - opacity)[:, None]
     return torch.cat([background, rendered[:, 1:]], 1)
 
@@ -118,7 +118,7 @@ def segment_cache(karf: SegmentationField, scene_field: Field, cache: SurfaceCac
     inside = karf.inside(cache.positions.view(-1, 3)).any(1).view(-1, n_samples).any(1)
     for part in torch.nonzero(inside).squeeze(1).split(max(1, SAMPLES_PER_CHUNK // n_samples)):
         positions = cache.positions[part]
-        features = scene_field.features(positions.view(-1, 3)).view(*positions.shape[:2], -1)
+        features = _features_of(scene_field, positions)
         result[part] = render_classes(karf, positions, features, cache.opacity[part])
     return result
 
@@ -247,6 +247,11 @@ def _learn(course: Course, step: Step, schedule: Schedule, progress: Progress, u
     if unfinished is not None:
         unfinished.follow(course, progress)
     train(course, course.iterations, step, schedule, progress, unfinished)
+
+
+def _features_of(scene_field: Field, positions: Tensor) -> Tensor:
+    """Prior features at samples [n, K, 3] of rays, [n, K, F]; n may be 0."""
+    return scene_field.features(positions.view(-1, 3)).view(*positions.shape[:2], scene_field.n_features)
 
 
 def _schedule(settings: HeadSettings, floor: float) -> Schedule:

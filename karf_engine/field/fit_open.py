@@ -18,7 +18,7 @@ from ..capture.camera import Camera
 from ..course import Course
 from ..rendering.rays import PixelBank, camera_rays
 from ..rendering.sampling import Polylines, Samples, march
-from ..rendering.space import Contraction, Frustum, Space, space_from_json, space_to_json
+from ..rendering.space import Contraction, Frustum, Space
 from ..rendering.volume import accumulate, distortion, ray_weights_from_sigmas, remainder_from_sigmas
 from ..runtime import Runtime
 from ..settings import Level, OpenSettings
@@ -126,16 +126,14 @@ class OpenFit(Fit):
 def start_open_fit(
     bank: PixelBank, space: Space, settings: OpenSettings, n_features: int, sightings: Sightings, runtime: Runtime
 ) -> OpenFit:
-    """A fresh field in all of a space that at least two cameras see."""
+    """A fresh field in all of a space, on the runtime's device, that at least two cameras see."""
     low, high = grid_corners(space, bank.cameras)
     voxel = float((high - low).max()) / settings.levels[0].voxels
     shape = [max(1, math.ceil(float(side) / voxel - 1e-3)) for side in high - low]
-    occupied = torch.ones(shape, dtype=torch.bool)
+    occupied = torch.ones(shape, dtype=torch.bool, device=runtime.device)
     cells = low + (torch.nonzero(occupied) + 0.5) * voxel
     occupied = seen_cells(space, cells, bank.cameras).view(shape)
-    device = runtime.device
-    there = space_from_json(space_to_json(space), device)
-    field = VoxelField(low.to(device), voxel, occupied.to(device), n_features, 64, DENSITY_BIAS, there)
+    field = VoxelField(low, voxel, occupied, n_features, 64, DENSITY_BIAS, space)
     return OpenFit(bank, settings, runtime, field, sightings)
 
 
@@ -143,12 +141,13 @@ def grid_corners(space: Space, cameras: list[Camera]) -> tuple[Tensor, Tensor]:
     """Lowest and highest corner [3] of the grid: all of a contraction, and of a frustum what the cameras see."""
     if isinstance(space, Contraction):
         reach = 1 + space.room
-        return torch.full((3,), -reach), torch.full((3,), reach)
-    ends = []
+        return torch.full_like(space.center, -reach), torch.full_like(space.center, reach)
+    device, ends = space.focal.device, []
+    farthest = torch.full((3,), torch.inf, device=device)
     for camera in cameras:
         corners = [0, camera.width - 1, (camera.height - 1) * camera.width, camera.height * camera.width - 1]
-        rays = camera_rays(camera)[torch.tensor(corners)]
-        ends.append(space.paths(rays, torch.full((3,), -torch.inf), torch.full((3,), torch.inf)).reshape(-1, 3))
+        rays = camera_rays(camera, device)[corners]
+        ends.append(space.paths(rays, -farthest, farthest).reshape(-1, 3))
     ends = torch.cat(ends)
     low, high = ends.amin(0), ends.amax(0)
     low[2], high[2] = -space.depth_scale, space.depth_scale
@@ -158,15 +157,15 @@ def grid_corners(space: Space, cameras: list[Camera]) -> tuple[Tensor, Tensor]:
 def seen_cells(space: Space, cells: Tensor, cameras: list[Camera]) -> Tensor:
     """True for the cell centers [n, 3], grid coordinates, that at least two cameras see."""
     if isinstance(space, Frustum):
-        return torch.ones(len(cells), dtype=torch.bool)
-    world = space.to_world(cells).double().numpy()
+        return torch.ones(len(cells), dtype=torch.bool, device=cells.device)
+    world = space.to_world(cells).double().cpu().numpy()
     n_seen = np.zeros(len(world), int)
     for camera in cameras:
         pixels, depth = camera.project(world)
         size = np.array([camera.width, camera.height])
         n_seen += (depth > 0) & ((pixels > -0.02 * size) & (pixels < 1.02 * size)).all(1)
     inside = torch.linalg.norm(cells, dim=1) < 1 + space.room
-    return torch.from_numpy(n_seen >= MIN_VIEWS) & inside
+    return torch.from_numpy(n_seen >= MIN_VIEWS).to(cells.device) & inside
 
 
 def fit_background(bank: PixelBank, runtime: Runtime) -> Background:

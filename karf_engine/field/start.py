@@ -11,7 +11,7 @@ from ..capture.camera import Camera
 from ..capture.capture import SparsePoints, View
 from ..errors import BadRequest
 from ..rendering.rays import PixelBank
-from ..rendering.space import Contraction, Frustum, Similarity, Space, space_from_json, space_to_json
+from ..rendering.space import Contraction, Frustum, Similarity, Space, space_on
 from ..runtime import Runtime
 from ..settings import GeometrySettings, Level, NerfSettings, OpenSettings
 from .fit import Fit
@@ -62,8 +62,7 @@ def start_fit(
     """A fresh fit in the space of this name. views: those of the bank, at its size. points: of these views."""
     if settings.field == "nerf":
         space, sampling = nerf_place(kind, space_name, views, points, settings.nerf)
-        on_device = space_from_json(space_to_json(space), runtime.device)
-        return start_nerf_fit(bank, kind, on_device, sampling, settings.nerf, runtime)
+        return start_nerf_fit(bank, kind, space_on(space, runtime.device), sampling, settings.nerf, runtime)
     if space_name == "box":
         return start_box_fit(bank, kind, settings, runtime)
     recipe = settings.open
@@ -72,6 +71,7 @@ def start_fit(
         recipe = replace(recipe, levels=tuple(_finer(level, recipe.frustum_detail) for level in recipe.levels))
     else:
         space = _contraction(bank.cameras, recipe)
+    space = space_on(space, runtime.device)
     return start_open_fit(bank, space, recipe, settings.features, sightings_of(bank, space, points), runtime)
 
 

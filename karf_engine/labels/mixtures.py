@@ -61,7 +61,7 @@ def fit_mixture(
     """Fit by k-means and EM to `n_draws` points drawn in proportion to weights [n] (not all zero)."""
     drawn = random.choice(len(lab), n_draws, p=weights / weights.sum())
     lab = lab[drawn]
-    n_components = min(n_components, len(np.unique(drawn)))
+    n_components = min(n_components, len(np.unique(lab, axis=0)))  # an object may be all of one color
     _, label = kmeans2(lab, n_components, iter=4, minit="++", rng=random)
     mixture = _maximize(lab, np.eye(n_components)[label])
     for _ in range(EM_STEPS):

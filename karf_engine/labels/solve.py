@@ -59,7 +59,7 @@ def neighbor_graph(positions: np.ndarray, lab: np.ndarray, normals: np.ndarray, 
     """
     # the balanced build has crashed beside torch on real data; this one has not
     tree = cKDTree(positions, balanced_tree=False, compact_nodes=False)
-    distances, neighbors = tree.query(positions, k=min(NEIGHBORS + 1, len(positions)))
+    distances, neighbors = tree.query(positions, k=range(1, min(NEIGHBORS + 1, len(positions)) + 1))
     distances, neighbors = distances[:, 1:], neighbors[:, 1:]
     color = ((lab[neighbors] - lab[:, None]) ** 2).sum(2) / (2 * 8.0**2)
     turn = (1 - (normals[neighbors] * normals[:, None]).sum(2)) / (2 * 0.15)
@@ -85,10 +85,11 @@ def solve_labels(
 ) -> Labels:
     """Clean labels for all points. seed_targets: [p, K+1], rows sum to 1; seed_confidence: [p] >= 0, 0 = no seed.
 
-    positions (grid coordinates), lab, normals: [p, 3]. grain: how fine the points are, see SurfacePoints.
+    positions (grid coordinates), lab, normals: [p, 3]. grain: how fine the points are, see SurfacePoints. Each object
+    must have seeds (see `has_seeds`).
     """
     n_classes = seed_targets.shape[1]
-    trees, radii = _seed_regions(positions, seed_targets, seed_confidence)
+    trees, radii = _seed_regions(positions, grain, seed_targets, seed_confidence)
     distance = np.stack([tree.query(positions)[0] for tree in trees], 1)  # [p, K]
     near = (distance < REACH * radii).any(1)
     solver = _Solver(
@@ -107,15 +108,27 @@ def solve_labels(
     return Labels(probabilities, precision)
 
 
-def _seed_regions(positions, seed_targets, seed_confidence) -> tuple[list[cKDTree], np.ndarray]:
-    """For each object a search tree of its confident seeds, and their RMS radius."""
+def has_seeds(seed_targets: np.ndarray, seed_confidence: np.ndarray) -> np.ndarray:
+    """Whether any point stands for each object, [K] bool; arguments as for `solve_labels`."""
+    objects = range(1, seed_targets.shape[1])
+    return np.array([_seeds_of(k, seed_targets, seed_confidence).any() for k in objects])
+
+
+def _seeds_of(k: int, seed_targets: np.ndarray, seed_confidence: np.ndarray) -> np.ndarray:
+    """True for the confident seeds of class k, [p]."""
+    strength = seed_confidence * seed_targets[:, k]
+    firm = np.maximum(0.25 * strength.max(initial=0), np.finfo(float).tiny)  # no confidence is no seed
+    return (seed_targets[:, k] > 0.5) & (strength >= firm)
+
+
+def _seed_regions(positions, grain, seed_targets, seed_confidence) -> tuple[list[cKDTree], np.ndarray]:
+    """For each object a search tree of its confident seeds, and their RMS radius, at least a grain: one may be all."""
     trees, radii = [], []
     for k in range(1, seed_targets.shape[1]):
-        strength = seed_confidence * seed_targets[:, k]
-        seeds = positions[(seed_targets[:, k] > 0.5) & (strength >= 0.25 * strength.max())]
+        seeds = positions[_seeds_of(k, seed_targets, seed_confidence)]
         trees.append(cKDTree(seeds, balanced_tree=False, compact_nodes=False))
         radii.append(np.sqrt(((seeds - seeds.mean(0)) ** 2).sum(1).mean()) + 1e-9)
-    return trees, np.array(radii)
+    return trees, np.maximum(radii, grain)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ All but the contraction keep lines straight; their `lines` gives a ray as origin
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -168,6 +168,13 @@ def space_from_json(content: dict, device: torch.device | str = "cpu") -> Space:
         if name != "kind"
     }
     return KINDS[content["kind"]](**values)
+
+
+def space_on(space: Space, device: torch.device | str) -> Space:
+    """The same space with its tensors on a device: that of all that is mapped by it."""
+    return replace(
+        space, **{name: value.to(device) for name, value in vars(space).items() if isinstance(value, Tensor)}
+    )
 
 
 def clipped_paths(

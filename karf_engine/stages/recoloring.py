@@ -114,7 +114,7 @@ def _loco_weights(
 def _reference_views(job: Job) -> Tensor:
     """Numbers, among the views that segmentation cached, of those that a mask marks."""
     cached, marked = view_names(job, "views"), view_names(job, "marked")
-    return torch.tensor([number for number, name in enumerate(cached) if name in marked])
+    return torch.tensor([number for number, name in enumerate(cached) if name in marked], dtype=torch.long)
 
 
 def _learned_palettes(initial: list[Palette], learned: np.ndarray, sizes: list[int]) -> list[Palette]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,7 +28,7 @@ from ..field.scene import Scene
 from ..images import Plate
 from ..labels.coarse_masks import CoarseMask, copy_masks, find_masks, load_mask
 from ..labels.seeds import mask_confidence, mask_targets, vote_on_points
-from ..labels.solve import Labels, solve_labels
+from ..labels.solve import Labels, has_seeds, solve_labels
 from ..labels.surface_points import SurfacePoints, merge_samples
 from ..names import check_names
 from ..progress import Emit
@@ -143,13 +143,15 @@ def segment(job: Job, scene: Scene, cached: CachedViews, run: StageRun) -> dict:
     """Labels, F_s (resumed where it is unfinished), and the objects' rays; returns the report."""
     settings, cache = job.settings.segmentation, cached.cache
     votes, confidence = cached.targets()
+    if not len(cache):
+        raise DataError("The learned scene shows nothing solid in any photo.", "Learn it again, with other settings.")
     index = cache.index.cpu().numpy()
     votes, confidence = votes[index], confidence[index] * (cache.opacity > 0.3).cpu().numpy()
     opacity = cache.opacity.cpu().numpy()
 
     points = _surface_points(cached, scene.field.voxel)
     if settings.labels == "surface":
-        labels = _solve(job, scene, points, votes, confidence * opacity)
+        labels = _solve(job, scene, cached.objects, points, votes, confidence * opacity)
     else:
         labels = _votes_only(points, votes, (confidence > 0) * opacity)
     _warn_of_low_precision(job, cached.objects, labels)
@@ -175,9 +177,12 @@ def _merged(cached: CachedViews, grain: float) -> SurfacePoints:
     return merge_samples(cache.positions.cpu().numpy(), lab, confidence.cpu().numpy(), grain)
 
 
-def _solve(job: Job, scene: Scene, points: SurfacePoints, votes: np.ndarray, confidence: np.ndarray) -> Labels:
+def _solve(
+    job: Job, scene: Scene, objects: list[str], points: SurfacePoints, votes: np.ndarray, confidence: np.ndarray
+) -> Labels:
     field = scene.field
     targets, strength = vote_on_points(points.point_of_sample, votes, confidence, len(points))
+    _require_all(objects, has_seeds(targets, strength))
     positions = torch.from_numpy(points.positions).float().to(job.runtime.device)
     normals = field.normals(positions).cpu().numpy()
     random = np.random.default_rng(job.settings.seed)
@@ -185,6 +190,15 @@ def _solve(job: Job, scene: Scene, points: SurfacePoints, votes: np.ndarray, con
     return solve_labels(
         points.positions, points.lab, normals, points.grain, targets, strength, job.settings.segmentation.rounds, random
     )
+
+
+def _require_all(objects: list[str], is_there: Sequence[bool]) -> None:
+    """Raise DataError for the first object of which there is nothing."""
+    for name, found in zip(objects, is_there, strict=True):
+        if not found:
+            raise DataError(
+                f"Nothing in the scene belongs to {name!r}.", "Mark it more generously, or in another view."
+            )
 
 
 def _votes_only(points: SurfacePoints, votes: np.ndarray, confidence: np.ndarray) -> Labels:
@@ -217,11 +231,7 @@ def _fit(
 ) -> SegmentationField:
     settings, device = job.settings.segmentation, job.runtime.device
     classes = labels.classes
-    for number, name in enumerate(cached.objects, 1):
-        if not (classes == number).any():
-            raise DataError(
-                f"Nothing in the scene belongs to {name!r}.", "Mark it more generously, or in another view."
-            )
+    _require_all(cached.objects, [(classes == number).any() for number in range(1, len(cached.objects) + 1)])
     margin = BOX_MARGIN_VOXELS * scene.field.voxel
     if settings.labels == "masks":  # as in the paper, nothing bounds the objects
         boxes = scene.field.bounds.expand(len(cached.objects), 2, 3).clone()

@@ -135,12 +135,12 @@ def decomposition_row(bench: Bench, overrides: tuple[str, ...]) -> Row:
     start = time.monotonic()
     rays = object_rays(learned.job, field, palettes)
     seconds = time.monotonic() - start
-    weights, block = rays.weights.numpy(), rays.block.numpy()
+    weights, block, view = (values.cpu().numpy() for values in (rays.weights, rays.block, rays.view))
     colors = stack_palettes([p.name for p in palettes], {p.name: p.colors for p in palettes})
     mixed = np.einsum("nm,nmc->nc", weights, colors[block])
-    error = np.sqrt(((mixed - rays.colors.numpy()) ** 2).sum(1).mean())
-    places = rays.positions[:, rays.positions.shape[1] // 2].numpy()
-    spread = disagreement(weights, np.column_stack([block, np.floor(places / field.voxel)]), rays.view.numpy())
+    error = np.sqrt(((mixed - rays.colors.cpu().numpy()) ** 2).sum(1).mean())
+    places = rays.positions[:, rays.positions.shape[1] // 2].cpu().numpy()
+    spread = disagreement(weights, np.column_stack([block, np.floor(places / field.voxel)]), view)
     taught = score_palettes_of(learned.test, bench.truth.masks("test")).psnr_object
     n_colors = float(np.mean([len(palette.colors) for palette in palettes]))
     return [n_colors, 255 * float(error), float((weights > 0.02).sum(1).mean()), spread, seconds, taught]

@@ -29,31 +29,32 @@ def photos():
     return {sky: [take_photo(camera, sky) for camera in cameras(20)] for sky in (False, True)}
 
 
-def bank_of(photos, kind):
+def bank_of(photos, kind, device="cpu"):
     alphas = [p.alpha for p in photos] if kind == "alpha" else None
     solids = [solid_pixels(p.color, "black") for p in photos] if kind == "black" else None
     colors = [p.color / p.alpha[..., None].clip(1e-6) if kind == "alpha" else p.color for p in photos]
-    return PixelBank([p.camera for p in photos], [c.clip(0, 1) for c in colors], alphas, solids)
+    return PixelBank([p.camera for p in photos], [c.clip(0, 1) for c in colors], alphas, solids, device=device)
 
 
-def fit(photos, kind, settings=SETTINGS, seed=0, levels=2):
-    runtime = start_runtime(seed, threads=1, device="cpu")
-    state = start_box_fit(bank_of(photos, kind), kind, settings, runtime)
+def fit(photos, kind, settings=SETTINGS, seed=0, levels=2, device="cpu"):
+    runtime = start_runtime(seed, threads=1, device=str(device))
+    state = start_box_fit(bank_of(photos, kind, device), kind, settings, runtime)
     progress = Progress(lambda *_, **__: None, lambda: False, "geometry", 1)
     return list(islice(state.scenes(progress), levels))[-1]
 
 
 @pytest.mark.parametrize("kind", ["alpha", "black", "opaque"])
-def test_a_view_that_was_held_out_is_rendered_well(photos, kind):
+def test_a_view_that_was_held_out_is_rendered_well(photos, kind, device):
     sky = kind == "opaque"
-    scene = fit(photos[sky], kind)
+    scene = fit(photos[sky], kind, device=device)
     truth = take_photo(camera_at(0.3, 0.6), sky)
     picture = scene.render(truth.camera, 3)
     expected = truth.color + (1 - truth.alpha[..., None]) * (kind == "alpha")
-    assert psnr(picture.color.numpy(), expected) >= 20
+    assert psnr(picture.color.cpu().numpy(), expected) >= 20
     if not sky:
         solid, empty = truth.alpha > 0.99, truth.alpha < 0.01
-        assert picture.opacity.numpy()[solid].mean() > 0.9 and picture.opacity.numpy()[empty].mean() < 0.1
+        opacity = picture.opacity.cpu().numpy()
+        assert opacity[solid].mean() > 0.9 and opacity[empty].mean() < 0.1
     # the middle of the picture shows the scene's middle: the camera stands 3.6 away, the block reaches 0.75 toward it
     assert 2.6 < picture.depth[16, 16] < 4.2
 

@@ -39,17 +39,17 @@ TINY = NerfSettings(
 )
 
 
-def bank_of(photos, kind):
+def bank_of(photos, kind, device="cpu"):
     alphas = [p.alpha for p in photos] if kind == "alpha" else None
     colors = [p.color / p.alpha[..., None].clip(1e-6) if kind == "alpha" else p.color for p in photos]
-    return PixelBank([p.camera for p in photos], [c.clip(0, 1) for c in colors], alphas)
+    return PixelBank([p.camera for p in photos], [c.clip(0, 1) for c in colors], alphas, device=device)
 
 
-def start(kind, settings=TINY, space="box", seed=0):
+def start(kind, settings=TINY, space="box", seed=0, device="cpu"):
     views, photos = still_life(sky=kind == "opaque")
-    runtime = start_runtime(seed, threads=1, device="cpu")
+    runtime = start_runtime(seed, threads=1, device=str(device))
     geometry = GeometrySettings(field="nerf", nerf=settings)
-    return start_fit(bank_of(photos, kind), kind, space, views, None, geometry, runtime)
+    return start_fit(bank_of(photos, kind, device), kind, space, views, None, geometry, runtime)
 
 
 def silent(should_stop=lambda: False):
@@ -72,14 +72,14 @@ def test_a_view_that_was_held_out_is_rendered_well(learned):
 
 
 @pytest.mark.parametrize("kind", ["alpha", "opaque"])
-def test_other_backgrounds_are_learned_too(kind):
-    fit = start(kind, replace(TINY, iterations=400))
+def test_other_backgrounds_are_learned_too(kind, device):
+    fit = start(kind, replace(TINY, iterations=400), device=device)
     scene = list(fit.scenes(silent()))[-1]
     truth = take_photo(camera_at(0.3, 0.6), kind == "opaque")
     picture = scene.render(truth.camera, 1)
-    assert psnr(picture.color.numpy(), truth.color + (1 - truth.alpha[..., None])) >= 16
+    assert psnr(picture.color.cpu().numpy(), truth.color + (1 - truth.alpha[..., None])) >= 16
     if kind == "alpha":  # white things and white ground look the same, so empty is only emptier
-        opacity = picture.opacity.numpy()
+        opacity = picture.opacity.cpu().numpy()
         assert opacity[truth.alpha > 0.99].mean() > 0.4 + opacity[truth.alpha < 0.01].mean()
 
 

@@ -77,14 +77,14 @@ def points_on_the_still_life(cameras, photos, spread=1.0):
     )
 
 
-def start(cameras, space, with_points, settings=SETTINGS):
+def start(cameras, space, with_points, settings=SETTINGS, device="cpu"):
     photos = [take_photo(camera, sky=True) for camera in cameras]
-    bank = PixelBank(cameras, [photo.color for photo in photos], None)
+    bank = PixelBank(cameras, [photo.color for photo in photos], None, device=device)
     points = points_on_the_still_life(cameras, photos) if with_points else None
     views = views_of(cameras)
     if space == "frustum":
         views = [replace(view, depth_bounds=(2.2, 9.0)) for view in views]
-    runtime = start_runtime(0, threads=1, device="cpu")
+    runtime = start_runtime(0, threads=1, device=str(device))
     return start_fit(bank, "opaque", space, views, points, settings, runtime)
 
 
@@ -92,8 +92,8 @@ def silent():
     return Progress(lambda *_, **__: None, lambda: False, "geometry", 1)
 
 
-def fit(*arguments):
-    return list(start(*arguments).scenes(silent()))[-1]
+def fit(*arguments, **options):
+    return list(start(*arguments, **options).scenes(silent()))[-1]
 
 
 def ball_depth_error(scene, angles):
@@ -103,7 +103,7 @@ def ball_depth_error(scene, angles):
         camera = camera_at(angle, 0.5)
         pixel, depth = camera.project(BALL_CENTER[None])
         u, v = np.floor(pixel[0]).astype(int)
-        shown = scene.render(camera, 1).depth.numpy()[v - 1 : v + 2, u - 1 : u + 2]
+        shown = scene.render(camera, 1).depth.cpu().numpy()[v - 1 : v + 2, u - 1 : u + 2]
         errors.append(np.abs(shown - (depth[0] - BALL_RADIUS)).mean())
     return float(np.mean(errors))
 
@@ -111,17 +111,17 @@ def ball_depth_error(scene, angles):
 @pytest.mark.parametrize(
     ("space", "rig", "angles"), [("contraction", ring, (0.05, 1, 2, 3, 4)), ("frustum", front, (-0.1, 0.05, 0.2))]
 )
-def test_a_view_that_was_held_out_is_rendered_well(space, rig, angles, tmp_path):
-    scene = fit(rig(), space, True)
+def test_a_view_that_was_held_out_is_rendered_well(space, rig, angles, tmp_path, device):
+    scene = fit(rig(), space, with_points=True, device=device)
     camera = camera_at(0.05, 0.5)
     truth = take_photo(camera, sky=True)
     picture = scene.render(camera, 3)
     thing = truth.labels > 0
-    assert psnr(picture.color.numpy()[thing], truth.color[thing]) >= 18
-    assert picture.opacity.numpy()[thing].mean() > 0.95
+    assert psnr(picture.color.cpu().numpy()[thing], truth.color[thing]) >= 18
+    assert picture.opacity.cpu().numpy()[thing].mean() > 0.95
     assert ball_depth_error(scene, angles) < 0.24  # two voxels
     scene.save(tmp_path / "scene.safetensors")
-    again = Scene.load(tmp_path / "scene.safetensors").render(camera, 3)
+    again = Scene.load(tmp_path / "scene.safetensors", device).render(camera, 3)
     assert torch.equal(again.color, picture.color) and torch.equal(again.depth, picture.depth)
 
 

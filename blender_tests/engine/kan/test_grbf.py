@@ -12,17 +12,17 @@ from karf_engine.kan.grbf import GRBFLayer, grbf, grbf_reference, grid_spacing, 
 BANDWIDTHS_IN_SPACINGS = [0.35, 0.5, 1 / math.sqrt(2), 1.0, 2.0]
 
 
-def make_inputs(n_centers, spacings, dtype, n=40, n_in=5, n_out=3):
+def make_inputs(n_centers, spacings, dtype, n=40, n_in=5, n_out=3, device="cpu"):
     generator = torch.Generator().manual_seed(7)
     shapes = [(n, n_in), (n, n_in), (n_out, (n_centers + 1) * n_in), (n_out,)]
     tensors = [torch.randn(shape, generator=generator, dtype=torch.float64) for shape in shapes]
     bandwidth = torch.tensor(spacings * grid_spacing(n_centers), dtype=torch.float64)
-    return [tensor.to(dtype).requires_grad_() for tensor in (*tensors, bandwidth)]
+    return [tensor.to(device, dtype).requires_grad_() for tensor in (*tensors, bandwidth)]
 
 
 def value_and_gradients(function, inputs, n_centers):
     output = function(*inputs, n_centers)
-    upstream = torch.rand(output.shape, generator=torch.Generator().manual_seed(9)).to(output.dtype)
+    upstream = torch.rand(output.shape, generator=torch.Generator().manual_seed(9)).to(output)
     return [output, *torch.autograd.grad(output, inputs, upstream)]
 
 
@@ -35,8 +35,8 @@ def test_gradients_match_finite_differences(n_centers, spacings):
 
 @pytest.mark.parametrize("n_centers", [2, 5, 8])
 @pytest.mark.parametrize("spacings", BANDWIDTHS_IN_SPACINGS)
-def test_float32_equals_the_plain_float64_form(n_centers, spacings):
-    inputs = make_inputs(n_centers, spacings, torch.float32, n=1200)
+def test_float32_equals_the_plain_float64_form(n_centers, spacings, device):
+    inputs = make_inputs(n_centers, spacings, torch.float32, n=1200, device=device)
     exact_inputs = [tensor.detach().double().requires_grad_() for tensor in inputs]
     fast = value_and_gradients(grbf, inputs, n_centers)
     exact = value_and_gradients(grbf_reference, exact_inputs, n_centers)
@@ -48,8 +48,8 @@ def test_float32_equals_the_plain_float64_form(n_centers, spacings):
     assert abs(fast[-1].double() - exact[-1]) < 1e-5 * abs(exact[-1]) + 1e-6 * entries
 
 
-def test_bandwidth_gradient_has_full_precision_in_float64():
-    inputs = make_inputs(8, 1.0, torch.float64, n=1200)
+def test_bandwidth_gradient_has_full_precision_in_float64(device):
+    inputs = make_inputs(8, 1.0, torch.float64, n=1200, device=device)
     fast = value_and_gradients(grbf, inputs, 8)[-1]
     exact = value_and_gradients(grbf_reference, inputs, 8)[-1]
     assert abs(fast - exact) < 1e-5 * abs(exact)
@@ -66,8 +66,8 @@ def test_a_center_gives_one_and_its_neighbors_fall_by_equation_five():
 
 @pytest.mark.parametrize("spacings", BANDWIDTHS_IN_SPACINGS)
 @pytest.mark.parametrize("magnitude", [0.0, 2.0, 2.7, 4.0, 30.0, 1e4, 1e30])
-def test_values_and_gradients_are_finite_for_any_input(spacings, magnitude):
-    inputs = make_inputs(8, spacings, torch.float32)
+def test_values_and_gradients_are_finite_for_any_input(spacings, magnitude, device):
+    inputs = make_inputs(8, spacings, torch.float32, device=device)
     with torch.no_grad():
         inputs[1].copy_(magnitude * torch.sign(inputs[1]))
     assert all(torch.isfinite(tensor).all() for tensor in value_and_gradients(grbf, inputs, 8))

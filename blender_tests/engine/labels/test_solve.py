@@ -1,5 +1,7 @@
 """Coarse seeds become clean labels, on point clouds whose truth is known."""
 
+import warnings
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -8,7 +10,14 @@ pytest.importorskip("scipy")
 
 from karf_engine.edit.color import srgb_to_lab
 from karf_engine.labels.mixtures import class_log_densities
-from karf_engine.labels.solve import PATTERN, _conjugate_gradients, _Solver, neighbor_graph, solve_labels
+from karf_engine.labels.solve import (
+    PATTERN,
+    _conjugate_gradients,
+    _Solver,
+    has_seeds,
+    neighbor_graph,
+    solve_labels,
+)
 
 VOXEL = 0.05
 RED, GREEN, BLUE, WHITE, GRAY = (0.8, 0.15, 0.1), (0.15, 0.6, 0.2), (0.15, 0.25, 0.8), (0.9, 0.9, 0.88), (0.5, 0.5, 0.5)
@@ -204,3 +213,38 @@ def test_a_few_points_in_the_wrong_class_do_not_win_their_color(random):
     strengths[:50] = [0, 1]  # a tenth of the first color is marked as the second class
     log_density = class_log_densities(lab, strengths, random)
     assert (log_density[:500, 0] > log_density[:500, 1]).mean() > 0.99
+
+
+# ------------------------------------------------------------------------------------------------------- hardly any seeds
+def test_one_seed_is_enough(two_balls, random):
+    positions, lab, normals, _, _, _ = two_balls
+    targets, confidence = seeds_from(
+        np.where(np.arange(len(positions)) == 100, 1, 0), 2, np.arange(len(positions)) % 7 < 3
+    )
+    assert confidence[100] == 1
+    labels = solve_labels(positions, lab, normals, VOXEL, targets, confidence, 2, random)
+    assert np.isfinite(labels.probabilities).all() and labels.precision.shape == (1,)
+
+
+def test_a_single_point_far_from_all_others_is_solved(random):
+    positions = np.array([[0.0, 0, 0], [50.0, 0, 0], [50.0, 0.04, 0]])
+    lab, normals = srgb_to_lab(np.array([RED, GRAY, GRAY])), np.tile([0.0, 0, 1], (3, 1))
+    targets, confidence = seeds_from(np.array([1, 0, 0]), 2, np.ones(3, bool))
+    assert solve_labels(positions, lab, normals, VOXEL, targets, confidence, 2, random).classes.tolist() == [1, 0, 0]
+
+
+def test_an_object_has_seeds_where_votes_for_it_are_confident():
+    targets = np.array([[0.0, 1.0, 0.0], [0.5, 0.0, 0.5], [0.0, 0.0, 1.0]])
+    assert has_seeds(targets, np.ones(3)).tolist() == [True, True]
+    assert has_seeds(targets, np.array([1.0, 1.0, 0.0])).tolist() == [True, False]
+    assert has_seeds(targets, np.zeros(3)).tolist() == [False, False]
+    assert has_seeds(targets[:0], np.zeros(0)).tolist() == [False, False]
+
+
+def test_classes_of_one_color_are_equally_likely(random):
+    lab = np.tile([40.0, 10.0, 5.0], (60, 1))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # of clusters without points
+        densities = class_log_densities(lab, np.eye(2)[np.arange(60) % 2], random)
+    assert np.isfinite(densities).all()
+    assert_allclose(densities[:, 0], densities[:, 1])

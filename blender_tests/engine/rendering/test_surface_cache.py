@@ -11,15 +11,17 @@ from karf_engine.rendering.sampling import Samples  # noqa: E402
 from karf_engine.rendering.surface_cache import MIN_OPACITY, join_caches, quantile_samples  # noqa: E402
 
 
-def packed(weights_of_rays):
-    """Rays along z from the origin; sample i of a ray lies at distance i + 1."""
+def packed(weights_of_rays, device="cpu"):
+    """Rays along z from the origin, on a device; sample i of a ray lies at distance i + 1."""
     counts = [len(weights) for weights in weights_of_rays]
     ray_indices = torch.repeat_interleave(torch.arange(len(counts)), torch.tensor(counts))
     distances = torch.cat([torch.arange(1.0, n + 1) for n in counts])
     positions = torch.stack([torch.zeros_like(distances), ray_indices.float(), distances], 1)
-    rays = Rays(torch.zeros(len(counts), 3), torch.tensor([[0.0, 0.0, 1.0]]).expand(len(counts), 3))
+    viewdirs = torch.tensor([[0.0, 0.0, 1.0]]).expand(len(counts), 3)
+    rays = Rays(torch.zeros(len(counts), 3).to(device), viewdirs.to(device))
     weights = torch.tensor([w for weights in weights_of_rays for w in weights], dtype=torch.float32)
-    return rays, Samples(ray_indices, distances, positions, 1.0), weights
+    samples = Samples(ray_indices.to(device), distances.to(device), positions.to(device), 1.0)
+    return rays, samples, weights.to(device)
 
 
 def brute_force(weights, n_samples):
@@ -37,16 +39,16 @@ def test_three_samples_lie_at_one_sixth_a_half_and_five_sixths_by_hand():
 
 
 @pytest.mark.parametrize("n_samples", [1, 2, 3, 7])
-def test_samples_of_many_rays_agree_with_a_loop(n_samples):
+def test_samples_of_many_rays_agree_with_a_loop(n_samples, device):
     random = np.random.default_rng(n_samples)
     rows = [random.dirichlet(np.ones(random.integers(1, 30))) * random.uniform(0.05, 1) for _ in range(150)]
-    cache = quantile_samples(*packed(rows), n_samples)
+    cache = quantile_samples(*packed(rows, device), n_samples)
     assert cache.index.tolist() == list(range(150))
-    assert_allclose(cache.opacity, [row.sum() for row in rows], atol=1e-5)
+    assert_allclose(cache.opacity.cpu(), [row.sum() for row in rows], atol=1e-5)
     # where a share lies within rounding of a quantile, either neighbor is right
-    agree = cache.distances.numpy() == [brute_force(row, n_samples) for row in rows]
+    agree = cache.distances.cpu().numpy() == [brute_force(row, n_samples) for row in rows]
     assert agree.mean() > 0.995
-    assert_allclose(cache.positions[:, :, 1], np.repeat(np.arange(150.0)[:, None], n_samples, 1))
+    assert_allclose(cache.positions[:, :, 1].cpu(), np.repeat(np.arange(150.0)[:, None], n_samples, 1))
 
 
 def test_a_ray_with_one_sample_repeats_it_and_thin_and_empty_rays_are_left_out():

@@ -18,13 +18,14 @@ from karf_engine.rendering.volume import (  # noqa: E402
 )
 
 
-def random_rays(n_rays, dtype=torch.float64, scale=2.0, seed=0):
+def random_rays(n_rays, dtype=torch.float64, scale=2.0, seed=0, device="cpu"):
     """sigmas, deltas and ray indices of rays with 0 to 60 samples each."""
     random = np.random.default_rng(seed)
     ray_indices = np.repeat(np.arange(n_rays), random.integers(0, 61, n_rays))
     sigmas = random.exponential(scale, len(ray_indices)) * random.integers(0, 2, len(ray_indices))
     deltas = random.uniform(0.01, 0.2, len(ray_indices))
-    return torch.tensor(sigmas, dtype=dtype), torch.tensor(deltas, dtype=dtype), torch.from_numpy(ray_indices)
+    values = [torch.tensor(values, dtype=dtype, device=device) for values in (sigmas, deltas)]
+    return *values, torch.from_numpy(ray_indices).to(device)
 
 
 def test_two_samples_on_one_ray_by_hand():
@@ -39,28 +40,33 @@ def test_two_samples_on_one_ray_by_hand():
     assert_allclose(accumulate(weights, None, ray, 2), [[0.75], [0.0]], atol=1e-7)
 
 
-def test_packed_rays_agree_with_the_loop_over_single_rays():
-    sigmas, deltas, ray_indices = random_rays(200)
-    transmittance, weights, remainder = composite(sigmas.numpy(), deltas.numpy(), ray_indices.numpy(), 200)
-    assert_allclose(transmittance_from_optical_depths(sigmas * deltas, ray_indices), transmittance, atol=1e-12)
-    assert_allclose(ray_weights_from_sigmas(sigmas, deltas, ray_indices), weights, atol=1e-12)
-    assert_allclose(remainder_from_sigmas(sigmas, deltas, ray_indices, 200), remainder, atol=1e-12)
+def test_packed_rays_agree_with_the_loop_over_single_rays(device):
+    sigmas, deltas, ray_indices = random_rays(200, device=device)
+    expected = composite(*[values.cpu().numpy() for values in (sigmas, deltas, ray_indices)], 200)
+    found = (
+        transmittance_from_optical_depths(sigmas * deltas, ray_indices),
+        ray_weights_from_sigmas(sigmas, deltas, ray_indices),
+        remainder_from_sigmas(sigmas, deltas, ray_indices, 200),
+    )
+    for ours, loop in zip(found, expected, strict=True):
+        assert_allclose(ours.cpu(), loop, atol=1e-12)
 
 
-def test_weights_and_remainder_of_every_ray_sum_to_one():
-    sigmas, deltas, ray_indices = random_rays(300, torch.float32)
+def test_weights_and_remainder_of_every_ray_sum_to_one(device):
+    sigmas, deltas, ray_indices = random_rays(300, torch.float32, device=device)
     weights = ray_weights_from_sigmas(sigmas, deltas, ray_indices)
     remainder = remainder_from_sigmas(sigmas, deltas, ray_indices, 300)
     assert weights.min() >= 0 and remainder.min() >= 0
-    assert_allclose(accumulate(weights, None, ray_indices, 300)[:, 0] + remainder, np.ones(300), atol=2e-6)
+    opacity = accumulate(weights, None, ray_indices, 300)[:, 0]
+    assert_allclose((opacity + remainder).cpu(), np.ones(300), atol=2e-6)
 
 
-def test_a_single_precision_batch_of_many_rays_keeps_six_digits():
-    sigmas, deltas, ray_indices = random_rays(4000, torch.float32, scale=20.0)
-    transmittance, _, _ = composite(sigmas.numpy(), deltas.numpy(), ray_indices.numpy(), 4000)
+def test_a_single_precision_batch_of_many_rays_keeps_six_digits(device):
+    sigmas, deltas, ray_indices = random_rays(4000, torch.float32, scale=20.0, device=device)
+    transmittance, _, _ = composite(*[values.cpu().numpy() for values in (sigmas, deltas, ray_indices)], 4000)
     found = transmittance_from_optical_depths(sigmas * deltas, ray_indices)
     assert (sigmas * deltas).sum() > 1e5  # a plain float32 running sum would have lost two digits after the point
-    assert_allclose(found, transmittance, atol=1e-6)
+    assert_allclose(found.cpu(), transmittance, atol=1e-6)
 
 
 def test_an_immensely_dense_ray_takes_nothing_from_the_rays_after_it():

@@ -1,0 +1,166 @@
+"""A device that is not the CPU and costs nothing: placement can be tested where there is no graphics card.
+
+Tensors on `pretend` hold their values in the processor's memory and are computed there, by the same kernels, but they
+say that they are elsewhere: an operation on them and on tensors of the CPU is refused, and so are `.numpy()` and a
+generator of the other device. Values are real, so that whole stages run. What cannot be seen this way: another
+device's kernels, its memory, its speed, and what it lacks.
+
+It is torch's "private use" device with Python in the place of a backend; one process has it for good.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+from unittest.mock import patch
+
+import torch
+from torch import Tensor
+from torch.overrides import TorchFunctionMode
+from torch.utils._python_dispatch import TorchDispatchMode
+from torch.utils.backend_registration import _setup_privateuseone_for_python_backend
+
+from karf_engine import runtime
+
+NAME = "pretend"
+_setup_privateuseone_for_python_backend(NAME)
+aten = torch.ops.aten
+JOINING = (aten.cat.default, aten.stack.default)  # nowhere may these mix in even a single number of the CPU
+
+
+class WrongDevice(RuntimeError):
+    """Tensors or generators of different devices met."""
+
+
+class PretendTensor(Tensor):
+    """A tensor that says it is on the pretend device. values: what it holds, on the CPU."""
+
+    @staticmethod
+    def __new__(cls, values: Tensor) -> PretendTensor:
+        tensor = Tensor._make_wrapper_subclass(
+            cls,
+            values.shape,
+            strides=values.stride(),
+            storage_offset=values.storage_offset(),
+            dtype=values.dtype,
+            device=torch.device(NAME, 0),
+        )
+        tensor.values = values
+        return tensor
+
+    __torch_function__ = torch._C._disabled_torch_function_impl  # results are wrapped below
+
+    def __repr__(self) -> str:
+        return f"PretendTensor({self.values})"
+
+    @classmethod
+    def __torch_dispatch__(cls, function, types, args=(), kwargs=None) -> Any:
+        return _run(function, args, kwargs or {})
+
+
+class _Operations(TorchDispatchMode):
+    """Makes tensors on the pretend device where they are asked for."""
+
+    def __torch_dispatch__(self, function, types, args=(), kwargs=None) -> Any:
+        return _run(function, args, kwargs or {})
+
+
+class _Calls(TorchFunctionMode):
+    """What a subclass of Tensor does otherwise than a device's tensors, and generators, which operations do not show."""
+
+    def __torch_function__(self, function, types, args=(), kwargs=None) -> Any:
+        kwargs = kwargs or {}
+        if function is Tensor.tolist:
+            return args[0].cpu().tolist()
+        if function is torch.tensor and _is_pretend(kwargs.get("device")):
+            return function(*args, **kwargs | {"device": "cpu"}).to(NAME)
+        if function in (Tensor.__getitem__, Tensor.__setitem__):
+            args = (args[0], _index(args[0], args[1]), *args[2:])
+        result = function(*args, **kwargs)
+        generator = kwargs.get("generator")
+        if generator is not None and _is_pretend(generator.device) != _is_pretend(result.device):
+            raise WrongDevice(f"{function.__name__} on {result.device} with a generator of {generator.device}")
+        return result
+
+
+class _Generator(torch.Generator):
+    """A generator that knows which device it was made for."""
+
+    def __new__(cls, device: torch.device | str = "cpu") -> _Generator:
+        generator = super().__new__(cls)
+        generator.made_for = torch.device(device)
+        return generator
+
+    @property
+    def device(self) -> torch.device:
+        """The device whose tensors it fills."""
+        return self.made_for
+
+
+@contextmanager
+def pretend_device() -> Iterator[torch.device]:
+    """The pretend device, for as long as the context lasts; jobs know it by its name."""
+    device, real = torch.device(NAME), runtime.find_device
+
+    def find_device(name: str | None) -> torch.device:
+        return device if name == NAME else real(name)
+
+    known = patch.object(runtime, "find_device", find_device)
+    with known, patch.object(torch, "Generator", _Generator), _Calls(), _Operations():
+        yield device
+
+
+def _is_pretend(device: torch.device | str | None) -> bool:
+    return device is not None and torch.device(device).type == NAME
+
+
+def _index(tensor: Tensor, index: Any) -> tuple:
+    """The index with tensors beside its tensor in the place of lists, which torch itself would make there."""
+    parts = index if isinstance(index, tuple) else (index,)
+    return tuple(torch.tensor(part).to(tensor.device) if isinstance(part, list) else part for part in parts)
+
+
+def _run(function, args: tuple, kwargs: dict[str, Any]) -> Any:
+    """Run an operation on the values, and say that the result is where the operation's tensors are."""
+    tensors = _tensors([*args, *kwargs.values()])
+    is_pretend = any(isinstance(tensor, PretendTensor) for tensor in tensors)
+    if function not in (aten._to_copy.default, aten.copy_.default):  # the two that carry values across
+        _refuse_mixture(function, tensors)
+    where = {}
+    if kwargs.get("device") is not None:
+        is_pretend = _is_pretend(kwargs["device"])
+        where = {"device": torch.device("cpu")}
+    values = {name: _values(value) for name, value in kwargs.items()}
+    result = function(*[_values(value) for value in args], **values | where)
+    if function._schema.is_mutable and result is not None:
+        return kwargs.get("out", args[0])  # what was written to
+    return _pretended(result) if is_pretend else result
+
+
+def _refuse_mixture(function, tensors: list[Tensor]) -> None:
+    """Raise WrongDevice for tensors of both devices; single numbers of the CPU go with everything, as on real ones."""
+    strangers = [tensor for tensor in tensors if not isinstance(tensor, PretendTensor)]
+    if len(strangers) == len(tensors) or not strangers:
+        return
+    if function in JOINING or any(tensor.dim() for tensor in strangers):
+        raise WrongDevice(f"{function} on tensors of the CPU and of another device")
+
+
+def _tensors(arguments: list) -> list[Tensor]:
+    """The tensors among an operation's arguments, and in their lists."""
+    flat = itertools.chain.from_iterable(value if isinstance(value, list | tuple) else (value,) for value in arguments)
+    return [value for value in flat if isinstance(value, Tensor)]
+
+
+def _values(argument: Any) -> Any:
+    if isinstance(argument, list | tuple):
+        return [_values(value) for value in argument]
+    return argument.values if isinstance(argument, PretendTensor) else argument
+
+
+def _pretended(result: Any) -> Any:
+    if isinstance(result, list | tuple):
+        return type(result)(_pretended(value) for value in result)
+    return PretendTensor(result) if isinstance(result, Tensor) else result

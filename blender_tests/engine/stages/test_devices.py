@@ -1,0 +1,190 @@
+"""Every stage away from the CPU: on the device that `--device` names, else on one that is only pretended."""
+
+import importlib
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("scipy")
+
+from blender_tests.engine.pretend_device import pretend_device  # noqa: E402
+from blender_tests.engine.reference.nerf import still_life as views_and_photos  # noqa: E402
+from blender_tests.engine.reference.still_life import camera_at  # noqa: E402
+from karf_engine import runtime  # noqa: E402
+from karf_engine.capture.capture import SparsePoints  # noqa: E402
+from karf_engine.cli import main  # noqa: E402
+from karf_engine.field import adopt  # noqa: E402
+from karf_engine.field.scene import Scene, psnr_of_views  # noqa: E402
+from karf_engine.field.start import start_fit  # noqa: E402
+from karf_engine.progress import Progress  # noqa: E402
+from karf_engine.project import STAGE_ORDER, Project  # noqa: E402
+from karf_engine.rendering.rays import PixelBank  # noqa: E402
+from karf_engine.rendering.surface_cache import cache_surface  # noqa: E402
+from karf_engine.settings import GeometrySettings, Level, NerfSettings, OpenSettings  # noqa: E402
+from karf_engine.stages.job import open_job  # noqa: E402
+from karf_engine.stages.render import Renderer  # noqa: E402
+from karf_engine.wire import Request  # noqa: E402
+
+LEVELS = (Level(12, 8, 1.0), Level(16, 8, 1.0))
+SETTINGS = replace(
+    GeometrySettings(),
+    features=4,
+    levels=LEVELS,
+    samples=4000,
+    max_rays=256,
+    prune_alpha=0.0,
+    prune_visibility=0.0,
+    open=replace(OpenSettings(), levels=LEVELS, samples=4000, max_rays=256, radius=0.4, prune_visibility=0.0),
+    nerf=NerfSettings(
+        depth=3, width=16, coarse_samples=8, fine_samples=8, iterations=6, rays=32, look_every=3, crop_iterations=2
+    ),
+)
+SILENT = Progress(lambda *_, **__: None, lambda: False, "geometry", 1)
+
+
+@pytest.fixture
+def elsewhere(request):
+    """A device that is not the CPU: that of `--device`, else the pretended one."""
+    if request.config.getoption("device") != "cpu":
+        yield request.getfixturevalue("device")
+        return
+    with pretend_device() as device:
+        yield device
+
+
+# ------------------------------------------------------------------------------------------------------------- geometry
+def started(kind, space, field, device):
+    """A fit of the still life that has just begun, and its views and pixels."""
+    views, photos = views_and_photos(sky=kind == "opaque")
+    if space == "frustum":
+        views = [replace(view, depth_bounds=(2.2, 9.0)) for view in views]
+    colors = [photo.color for photo in photos]
+    alphas = [photo.alpha for photo in photos] if kind == "alpha" else None
+    solids = [photo.color.max(2) > 0.1 for photo in photos] if kind in ("black", "white") else None
+    bank = PixelBank([view.camera for view in views], colors, alphas, solids, device=device)
+    settings = replace(SETTINGS, field=field)
+    where = runtime.start_runtime(0, threads=1, device=str(device))
+    return start_fit(bank, kind, space, views, points_in_the_middle(views), settings, where), bank
+
+
+def points_in_the_middle(views):
+    """A few points amid the still life, which every view sees."""
+    positions = np.random.default_rng(0).uniform(-0.3, 0.3, (20, 3))
+    return SparsePoints(
+        positions,
+        np.zeros((20, 3), np.uint8),
+        np.full(20, 0.3, np.float32),
+        np.repeat(np.arange(len(views)), 20).astype(np.int32),
+        np.tile(np.arange(20), len(views)).astype(np.int32),
+        np.concatenate([view.camera.project(positions)[0] for view in views]).astype(np.float32),
+    )
+
+
+GEOMETRIES = {
+    "voxels behind a matte": ("alpha", "box", "voxels"),
+    "voxels on black": ("black", "box", "voxels"),
+    "voxels before a background": ("opaque", "box", "voxels"),
+    "contraction": ("opaque", "contraction", "voxels"),
+    "frustum": ("opaque", "frustum", "voxels"),
+    "NeRF of an object": ("alpha", "box", "nerf"),
+    "NeRF of open space": ("opaque", "contraction", "nerf"),
+    "NeRF in NDC": ("opaque", "frustum", "nerf"),
+}
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES.values(), ids=GEOMETRIES)
+def test_a_scene_is_learned_stored_and_looked_at_away_from_the_cpu(geometry, elsewhere, tmp_path):
+    fit, bank = started(*geometry, elsewhere)
+    *_, scene = fit.scenes(SILENT)
+    scene.save(tmp_path / "scene.safetensors")
+    camera = camera_at(0.3, 0.5, 12)
+    views = [Scene.load(tmp_path / "scene.safetensors", where).render(camera, 3) for where in (elsewhere, "cpu")]
+    assert views[0].color.device.type == elsewhere.type
+    assert torch.allclose(views[0].color.cpu(), views[1].color, atol=1e-3)
+    assert all(np.isfinite(psnr_of_views(scene, bank, 20)))
+    cache = cache_surface(scene.field, bank.rays(torch.arange(50, device=elsewhere)), 3, 1.0)
+    field, positions = scene.field, cache.positions.view(-1, 3)
+    for values in (field.normals(positions), field.features(positions), field.space.to_world(positions)):
+        assert values.device.type == elsewhere.type and len(values) == len(positions)
+
+
+def test_an_interrupted_nerf_goes_on_away_from_the_cpu(elsewhere):
+    fit, _ = started("alpha", "box", "nerf", elsewhere)
+    scenes = fit.scenes(SILENT)
+    next(scenes)
+    state = {name: value.cpu().clone() for name, value in fit.state().items()}
+    other, _ = started("alpha", "box", "nerf", elsewhere)
+    other.resume(state)
+    next(scenes)
+    next(other.scenes(SILENT))
+    assert all(torch.equal(a, b) for a, b in zip(fit.field.parameters(), other.field.parameters(), strict=True))
+
+
+def test_a_foreign_nerf_is_adopted_away_from_the_cpu(elsewhere, monkeypatch):
+    monkeypatch.setattr(adopt, "MIN_PSNR", 0.0)
+    fit, bank = started("opaque", "frustum", "nerf", elsewhere)
+    views = [replace(view, depth_bounds=(2.2, 9.0)) for view in views_and_photos(sky=True)[0]]
+    networks = (fit.field.coarse.cpu(), fit.field.fine.cpu())
+    scene, _, _ = adopt.adopt(networks, views, {"opaque": bank}, SETTINGS.nerf, "a file", elsewhere)
+    assert scene.field.bounds.device.type == elsewhere.type
+
+
+# ------------------------------------------------------------------------------------------------------ the other stages
+def runs(*arguments):
+    assert main([*map(str, arguments)]) == 0
+
+
+QUICK = ("segmentation.iterations=25", "recoloring.iterations=4", "segmentation.rounds=1")
+WAYS = {
+    "as by default": (),
+    "as in the paper": ("segmentation.labels=masks", "palette.shared=true", "recoloring.supervision=reference"),
+    "other layers": ("segmentation.layer=bspline", "recoloring.head=mlp", "recoloring.targets=loco"),
+}
+
+
+@pytest.mark.parametrize("settings", WAYS.values(), ids=WAYS)
+def test_the_stages_after_geometry_run_away_from_the_cpu(still_life, learned, elsewhere, tmp_path, settings):
+    project = shutil.copytree(learned.project, tmp_path / "project")
+    runs(*still_life.command(project, *QUICK, *settings), "--device", elsewhere)
+    assert all(Project(project).finished(stage) for stage in STAGE_ORDER)
+    green = tmp_path / "green.json"
+    runs("match", project, "--object", "ball", "--from", "#c0221a", "--to", "#1ec040", "--out", green)
+    for base in ("photo", "render"):
+        options = (
+            "--views",
+            "test_r_1",
+            "--edit",
+            green,
+            "--base",
+            base,
+            "--depth",
+            "--planes",
+            "--out",
+            tmp_path / base,
+        )
+        runs("render", project, *options, "--threads", 1, "--device", elsewhere)
+        assert (tmp_path / base / "recolor" / "r_1.png").exists()
+
+
+def test_the_whole_geometry_stage_runs_away_from_the_cpu(still_life, elsewhere, tmp_path):
+    few = 'geometry.levels=[{"voxels": 12, "iterations": 20, "step": 1.0}]'
+    arguments = still_life.command(tmp_path / "project", few)
+    arguments = [part for part in arguments if part not in ("--masks", str(still_life.masks))]
+    runs("geometry", *arguments[1:], "--device", elsewhere)
+    assert (tmp_path / "project" / "preview.png").exists()
+
+
+def test_the_comparison_of_weights_runs_away_from_the_cpu(learned, elsewhere, monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[3] / "tools"))
+    ablations = importlib.import_module("evaluation.ablations")
+    monkeypatch.setattr(ablations, "score_palettes_of", lambda test, masks: SimpleNamespace(psnr_object=30.0))
+    request = Request("recoloring", learned.project, {"threads": 1, "device": str(elsewhere)})
+    job = open_job(request, lambda *_, **__: None, lambda: False)
+    done = SimpleNamespace(job=job, test=SimpleNamespace(renderer=Renderer(job)))
+    bench = SimpleNamespace(ablation=lambda overrides, seed: done, truth=SimpleNamespace(masks=lambda split: None))
+    assert np.isfinite(ablations.decomposition_row(bench, ())).all()

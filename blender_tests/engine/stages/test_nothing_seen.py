@@ -1,0 +1,155 @@
+"""Cameras that see nothing, and marks of nothing: pictures of what is behind the scene, or one sentence."""
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("scipy")
+
+from blender_tests.engine.reference.still_life import camera_at  # noqa: E402
+from karf_engine.capture import write_cameras  # noqa: E402
+from karf_engine.capture.camera import Camera  # noqa: E402
+from karf_engine.capture.capture import View  # noqa: E402
+from karf_engine.cli import main  # noqa: E402
+from karf_engine.field.fit_heads import object_samples, segment_cache, weigh_cache  # noqa: E402
+from karf_engine.field.karf import RecoloringField, SegmentationField  # noqa: E402
+from karf_engine.field.nerf import NerfField, NerfNetwork, NerfSampling, NerfShape  # noqa: E402
+from karf_engine.field.scene import Scene  # noqa: E402
+from karf_engine.field.voxels import VoxelField  # noqa: E402
+from karf_engine.images import read_mask, read_photo, write_png  # noqa: E402
+from karf_engine.project import Project, write_json  # noqa: E402
+from karf_engine.rendering.space import Box, Contraction, Frustum  # noqa: E402
+from karf_engine.settings import RecoloringSettings, SegmentationSettings  # noqa: E402
+
+
+def turned_away(distance=400.0):
+    """A camera that looks from the still life's outside into the distance."""
+    camera = camera_at(0.3, 0.5, 8, distance)
+    pose = camera.camera_to_world.copy()
+    pose[:3, [0, 2]] *= -1
+    return replace(camera, camera_to_world=pose)
+
+
+CAMERAS = {
+    "looks away": turned_away(),
+    "stands amid it": camera_at(0.3, 0.5, 8, 1e-3),
+    "stands beside it and looks away": turned_away(2.0),
+    "is one pixel and looks away": Camera(1, 1, 9.0, 9.0, 0.5, 0.5, turned_away().camera_to_world),
+}
+
+
+# ---------------------------------------------------------------------------------------------------- cameras, one by one
+def voxels(space, filled):
+    occupied = torch.zeros(6, 6, 6, dtype=torch.bool)
+    occupied[2:4, 2:4, 2:4] = True
+    field = VoxelField(torch.tensor([-0.6, -0.6, -0.6]), 0.2, occupied, 4, space=space)
+    field.raw_density.data += 9.0 if filled else -90.0
+    return field
+
+
+def nerf(space, filled):
+    torch.manual_seed(0)
+    shape = NerfShape(depth=2, width=8, skips=(), view_width=4)
+    networks = [NerfNetwork(shape) for _ in range(2)]
+    for network in networks:
+        network.alpha_linear.bias.data.fill_(5.0 if filled else -50.0)
+    return NerfField(*networks, NerfSampling(0.1, 1.0, coarse=6, fine=6), space, torch.tensor([[-1.0] * 3, [1.0] * 3]))
+
+
+FRUSTUM = Frustum(torch.eye(4), torch.ones(2), 1.0, 0.5)
+FIELDS = {
+    "box": lambda filled: voxels(Box(), filled),
+    "contraction": lambda filled: voxels(Contraction(torch.zeros(3), 1.0, 1.0, 0.1), filled),
+    "frustum": lambda filled: voxels(FRUSTUM, filled),
+    "NeRF": lambda filled: nerf(Box(), filled),
+    "NeRF in NDC": lambda filled: nerf(FRUSTUM, filled),
+}
+
+
+@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
+@pytest.mark.parametrize("filled", [True, False], ids=["scene", "emptiness"])
+@pytest.mark.parametrize("make", FIELDS.values(), ids=FIELDS)
+def test_every_camera_renders_every_space(make, filled, camera):
+    field = make(filled).requires_grad_(False)
+    picture = Scene(field, None, "white", 1.0).render(camera, 3)
+    assert torch.isfinite(picture.color).all() and torch.isfinite(picture.depth).all()
+    if not filled:
+        assert len(picture.cache) == 0 and (picture.color == 1).all()
+    boxes = torch.tensor([[[-0.5] * 3, [0.0] * 3], [[0.0] * 3, [0.5] * 3]])
+    segmentation = SegmentationField(boxes, field.n_features, SegmentationSettings(width=8))
+    recoloring = RecoloringField(segmentation.bounds, field.n_features, [3, 2], RecoloringSettings(width=8))
+    classes = segment_cache(segmentation, field, picture.cache)
+    assert classes.shape == (len(picture.cache), 3)
+    planes = weigh_cache(recoloring, object_samples(segmentation, field, picture.cache), picture.cache)
+    assert planes.shape == (len(picture.cache), 2, 3) and torch.isfinite(planes).all()
+
+
+# ------------------------------------------------------------------------------------------------------ a learned project
+@pytest.mark.parametrize("known", ["geometry", "segmentation", "recoloring"])
+def test_a_camera_that_sees_nothing_ends_no_render(learned, tmp_path, known):
+    project = Project(shutil.copytree(learned.project, tmp_path / "project"))
+    later = {"geometry": ("segmentation", "palette", "recoloring"), "segmentation": ("palette", "recoloring")}
+    state = project.state()
+    for stage in later.get(known, ()):
+        del state["stages"][stage]
+    write_json(project.state_file, state)
+    views = [View(f"f{n}", f"f{n}", camera, None, "test") for n, camera in enumerate(CAMERAS.values())]
+    write_cameras(tmp_path / "cameras.json", [*views, View("last", "last", camera_at(0.3, 0.5, 8), None, "test")])
+    options = ["--views", str(tmp_path / "cameras.json"), "--depth", "--out", str(tmp_path / "out"), "--threads", "1"]
+    if known == "recoloring":
+        edit = tmp_path / "edit.json"
+        green = ["--object", "ball", "--from", "#c0221a", "--to", "#1ec040", "--out", str(edit)]
+        assert main(["match", str(project.folder), *green]) == 0
+        options += ["--edit", str(edit), "--planes"]
+    assert main(["render", str(project.folder), *options]) == 0
+    kind = "recolor" if known == "recoloring" else "render"
+    away, last = (read_photo(tmp_path / "out" / kind / f"{name}.png") for name in ("f0", "last"))
+    assert (away == 0).all() and last.max() > 0.2  # the scene stands before black
+    if known != "geometry":
+        assert not read_mask(tmp_path / "out" / "masks" / "ball" / "f0.png").any()
+
+
+# -------------------------------------------------------------------------------------------------- marks of hardly anything
+def marked(still_life, tmp_path, places):
+    """Masks of the still life whose ball is only these (row, column) pixels of r_0."""
+    masks = shutil.copytree(still_life.masks, tmp_path / "masks")
+    shutil.rmtree(masks / "ball")
+    mask = np.zeros((32, 32), bool)
+    for place in places:
+        mask[place] = True
+    write_png(masks / "ball" / "r_0.png", mask)
+    return masks
+
+
+def middle_of_ball(still_life):
+    rows, columns = np.nonzero(still_life.photos["train/r_0"].labels == 1)
+    return int(np.median(rows)), int(np.median(columns))
+
+
+@pytest.mark.parametrize("labels", ["surface", "masks"])
+def test_a_mark_beside_everything_is_refused_in_a_sentence(still_life, learned, tmp_path, capsys, labels):
+    project = shutil.copytree(learned.project, tmp_path / "project")
+    masks = marked(still_life, tmp_path, [(0, 0)])
+    learn = replace(still_life, masks=masks).command(project, f"segmentation.labels={labels}")
+    assert main(learn) == 4
+    assert "Nothing in the scene belongs to 'ball'." in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("count", [1, 2, 4])
+def test_a_mark_of_a_few_pixels_is_enough_or_refused_in_a_sentence(still_life, learned, tmp_path, capsys, count):
+    project = shutil.copytree(learned.project, tmp_path / "project")
+    row, column = middle_of_ball(still_life)
+    masks = marked(still_life, tmp_path, [(row, column + n) for n in range(count)])
+    code = main(["segmentation", str(project), "--masks", str(masks), "--threads", "1"])
+    printed = capsys.readouterr().err
+    assert code == 0 or (code == 4 and "Nothing in the scene belongs to 'ball'." in printed), printed
+
+
+def test_masks_that_leave_nothing_else_are_no_fault(still_life, learned, tmp_path):
+    project = shutil.copytree(learned.project, tmp_path / "project")
+    masks = marked(still_life, tmp_path, [(slice(None), slice(None))])
+    code = main(["segmentation", str(project), "--masks", str(masks), "--threads", "1"])
+    assert code in (0, 4)
