@@ -1,0 +1,85 @@
+"""The engine is killed: at random moments, before each change of a file, and asked to stop by the user."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import time
+from collections.abc import Iterator
+from functools import partial
+
+from .bench import Bench, Scenario
+from .engine import Child, Run
+from .traps import at, die, file_events, recorder
+from .trial import Trial, trial
+
+
+def random_kills(bench: Bench, tries: int, seed: int) -> Iterator[Trial]:
+    """SIGKILL after a random time, in a random stage, learned for the first time or anew."""
+    chance = random.Random(seed)
+    for number in range(tries):
+        scenario = bench.scenarios[number % len(bench.scenarios)]  # all equally often
+        yield _interrupted(bench, scenario, "killed at a random moment", chance.uniform(0, 1.05), signal.SIGKILL)
+
+
+def cancels(bench: Bench, tries: int, seed: int) -> Iterator[Trial]:
+    """Ctrl-C after a random time: the last state is kept, with its settings."""
+    chance = random.Random(seed)
+    for number in range(tries):
+        scenario = bench.scenarios[number % len(bench.scenarios)]
+        yield _interrupted(bench, scenario, "cancelled at a random moment", chance.uniform(0, 1.0), signal.SIGINT)
+
+
+def _interrupted(bench: Bench, scenario: Scenario, fault: str, share: float, number: int) -> Trial:
+    bench.restore(scenario.start)
+    child = Child(scenario.command, bench.log)
+    time.sleep(share * scenario.seconds)
+    child.stop(number)
+    return _judge(bench, scenario, fault, child.wait())
+
+
+def _judge(bench: Bench, scenario: Scenario, fault: str, ended: Run, case: str = "") -> Trial:
+    lost = bench.lost()
+    seen = "" if ended.killed else ended.sentence or ended.text.strip().splitlines()[-1:] or ""
+    seen = seen if isinstance(seen, str) else seen[0]
+    rerun = bench.rerun(scenario)
+    return trial(fault, case or scenario.title, lost, ended.flaw, rerun, seen=_told(ended, rerun, seen))
+
+
+def _told(ended: Run, rerun: str | None, seen: str) -> str:
+    if ended.killed:
+        return "the project as it was; the same command again completes it" if rerun is None else ""
+    return seen if ended.code else ""
+
+
+def kills_at_events(bench: Bench, share: float) -> Iterator[Trial]:
+    """SIGKILL before each single change of a file (share < 1: of some of them), while a stage is learned anew."""
+    for scenario in bench.scenarios:
+        events = file_changes(bench, scenario)
+        step = max(1, round(1 / share))
+        for number in range(1, len(events) + 1, step):
+            bench.restore(scenario.start)
+            trap = file_events(bench.project, at(number, die))
+            ended = bench_kill(bench, scenario, trap)
+            case = f"{scenario.title}, before {events[number - 1]}"
+            yield _judge(bench, scenario, "killed before each change of a file", ended, case)
+
+
+def bench_kill(bench: Bench, scenario: Scenario, trap) -> Run:
+    """Run into the trap; the death is ours."""
+    child = Child(scenario.command, bench.log, trap)
+    ended = child.wait()
+    return Run(ended.code, ended.text, killed=ended.code == -signal.SIGKILL)
+
+
+def file_changes(bench: Bench, scenario: Scenario) -> list[str]:
+    """The changes of files that the scenario makes, in order."""
+    bench.restore(scenario.start)
+    record = bench.folder / "events.txt"
+    handle = os.open(record, os.O_CREAT | os.O_WRONLY | os.O_TRUNC)
+    try:
+        bench.run(scenario.command, file_events(bench.project, partial(recorder(handle))))
+    finally:
+        os.close(handle)
+    return record.read_text().splitlines()

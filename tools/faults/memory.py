@@ -1,0 +1,39 @@
+"""Memory runs out: a limit of address space, some megabytes above what the engine has when it starts."""
+
+from __future__ import annotations
+
+import resource
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from .bench import Bench
+from .trial import Trial, trial
+
+MEGABYTES = (2, 6, 15, 40, 90)
+
+
+def memory_limits(bench: Bench, share: float) -> Iterator[Trial]:
+    """Every stage with little memory: it does its work or says in a sentence that it cannot."""
+    for scenario in bench.scenarios:
+        for megabytes in MEGABYTES if share == 1 else MEGABYTES[1:2]:
+            bench.restore(scenario.start)
+            ended = bench.run(scenario.command, limit(megabytes))
+            exact = ended.code != 0  # what was finished all the same may have taken smaller batches
+            lost = bench.lost(exact)
+            wrong = None
+            if ended.code and ended.flaw is None and ended.code != 5:
+                wrong = f"ends with {ended.code} and not 5 (out of memory): {ended.sentence}"
+            case = f"{scenario.title}, {megabytes} MB more"
+            seen = ended.sentence if ended.code else ""
+            yield trial("memory runs out", case, lost, ended.flaw or wrong, bench.rerun(scenario, exact), seen=seen)
+
+
+def limit(megabytes: int) -> Callable[[], None]:
+    """What to call in a process so that it gets only so much more memory than it has."""
+
+    def set_limit() -> None:
+        pages = int(Path("/proc/self/statm").read_text().split()[0])
+        most = pages * resource.getpagesize() + (megabytes << 20)
+        resource.setrlimit(resource.RLIMIT_AS, (most, most))
+
+    return set_limit
