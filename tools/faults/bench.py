@@ -23,8 +23,9 @@ from karf_engine.project import STAGE_ORDER, Project
 
 from .engine import Run, run
 
-SIZE = 40  # pixels of a photo
-LEVELS = '[{"voxels": 16, "iterations": 30, "step": 1.0}, {"voxels": 24, "iterations": 30, "step": 1.0}]'
+SIZE, N_PHOTOS = 36, 8
+MARKED = ("r_0", "r_4")
+LEVELS = '[{"voxels": 16, "iterations": 25, "step": 1.0}, {"voxels": 24, "iterations": 25, "step": 1.0}]'
 SETTINGS = (
     "geometry.space=box",
     f"geometry.long_side={SIZE}",
@@ -91,9 +92,9 @@ class Bench:
         self.capture, self.masks, self.other_masks = (self.folder / n for n in ("capture", "masks", "other_masks"))
         self.project, self.look = self.folder / "project", self.folder / "look"
         self.log, self.look_log = self.folder / "command.log", self.folder / "look.log"
-        photos = write_capture(self.capture, 12, 2, SIZE)
-        write_masks(self.masks, photos, ("r_0", "r_6"))
-        write_masks(self.other_masks, photos, ("r_3", "r_8"))
+        photos = write_capture(self.capture, N_PHOTOS, 2, SIZE)
+        write_masks(self.masks, photos, MARKED)
+        write_masks(self.other_masks, photos, ("r_2", "r_6"))
         self._learn()
 
     # --- commands --------------------------------------------------------------------------------------------------
@@ -177,6 +178,14 @@ class Bench:
     def anew(self, stage: str) -> Scenario:
         """The scenario in which this stage is learned anew."""
         return next(scenario for scenario in self.scenarios if scenario.title == f"{stage}, anew")
+
+    def some(self, few: bool) -> list[Scenario]:
+        """All scenarios, or the one stage in which most happens for its seconds."""
+        return [self.anew("segmentation")] if few else self.scenarios
+
+    def repeated(self, few: bool) -> list[Scenario]:
+        """Those that begin with a complete project: old and new must not mix."""
+        return [scenario for scenario in self.some(few) if not scenario.title.endswith("first")]
 
     # --- what a project is -----------------------------------------------------------------------------------------
     def chain(self) -> tuple[tuple[str, str], ...]:

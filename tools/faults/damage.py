@@ -17,11 +17,11 @@ from .trial import Trial, trial
 Damage = Callable[[Path, random.Random], None]
 
 
-def damaged_files(bench: Bench, flips: int, share: float, seed: int) -> Iterator[Trial]:
+def damaged_files(bench: Bench, flips: int, few: bool, seed: int) -> Iterator[Trial]:
     """Each file of a complete project is damaged in each way, several times by a flipped bit."""
     chance = random.Random(seed)
     names = ["project.json", *bench.complete.files]
-    if share < 1:
+    if few:
         names = ["geometry.safetensors", "palette.json", "object_colors.npz"]
     for name in names:
         for way, tries, damage in _ways(name, flips):

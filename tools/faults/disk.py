@@ -9,28 +9,27 @@ import subprocess
 from collections.abc import Callable, Iterator
 
 from .bench import Bench, Scenario
-from .kills import file_changes
+from .kills import FEW_STEP, file_changes
 from .traps import file_events, from_then_on, no_room
 from .trial import Trial, trial
 
-FILE_SIZES = (0, 300, 3_000, 12_000)  # bytes that a file may have
-FREE_KILOBYTES = (0, 8, 40, 120)
+FILE_SIZES = (0, 3_000, 12_000)  # bytes that a file may have
+FREE_KILOBYTES = (0, 16, 80)
 
 
-def full_at_events(bench: Bench, share: float) -> Iterator[Trial]:
-    """From each single change of a file on (share < 1: of some of them) there is no room: ENOSPC."""
-    for scenario in bench.scenarios:
+def full_at_events(bench: Bench, few: bool) -> Iterator[Trial]:
+    """From each single change of a file on (few: from some of one stage) there is no room: ENOSPC."""
+    for scenario in bench.repeated(few):
         count = len(file_changes(bench, scenario))
-        for number in range(1, count + 1, max(1, round(1 / share))):
+        for number in range(1, count + 1, 2 * FEW_STEP if few else 1):
             trap = file_events(bench.project, from_then_on(number, no_room))
             yield _full(bench, scenario, "no room from one change of a file on", trap)
 
 
-def small_files(bench: Bench, share: float) -> Iterator[Trial]:
+def small_files(bench: Bench, few: bool) -> Iterator[Trial]:
     """Files cannot grow beyond some bytes: RLIMIT_FSIZE, which stops every library's writing, half-way."""
-    sizes = FILE_SIZES if share == 1 else FILE_SIZES[-1:]
-    for scenario in bench.scenarios:
-        for size in sizes:
+    for scenario in bench.some(few):
+        for size in FILE_SIZES[-1:] if few else FILE_SIZES:
             yield _full(bench, scenario, "files are cut off while they are written", _limit(size))
 
 
@@ -38,7 +37,7 @@ def _limit(size: int) -> Callable[[], None]:
     return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
 
 
-def full_disk(bench: Bench, share: float) -> Iterator[Trial]:
+def full_disk(bench: Bench, few: bool) -> Iterator[Trial]:
     """A small disk that is truly full; only where this user may mount one."""
     disk = bench.folder / "disk"
     disk.mkdir(exist_ok=True)
@@ -49,8 +48,8 @@ def full_disk(bench: Bench, share: float) -> Iterator[Trial]:
     shutil.rmtree(project, ignore_errors=True)
     project.symlink_to(disk / "project")
     try:
-        for scenario in bench.scenarios:
-            for free in FREE_KILOBYTES if share == 1 else FREE_KILOBYTES[1:2]:
+        for scenario in bench.some(few):
+            for free in FREE_KILOBYTES[1:2] if few else FREE_KILOBYTES:
                 yield _on_disk(bench, scenario, disk, free)
     finally:
         project.unlink()

@@ -15,10 +15,9 @@ from .trial import Trial, trial
 NOBODY = 65534  # root may write everywhere, so it becomes somebody who may not
 
 
-def folders(bench: Bench, share: float) -> Iterator[Trial]:
-    """All of them; share < 1: each for one stage only."""
-    scenarios = bench.scenarios if share == 1 else [bench.anew("segmentation")]
-    for scenario in scenarios:
+def folders(bench: Bench, few: bool) -> Iterator[Trial]:
+    """All of them, few: each for one stage only."""
+    for scenario in bench.some(few):
         if scenario.start is not None:
             yield _moved(bench, scenario)
             yield _deleted(bench, scenario)

@@ -14,6 +14,8 @@ from .engine import Child, Run
 from .traps import at, die, file_events, recorder
 from .trial import Trial, trial
 
+FEW_STEP = 8  # of the changes of files, where only a few are tried
+
 
 def random_kills(bench: Bench, tries: int, seed: int) -> Iterator[Trial]:
     """SIGKILL after a random time, in a random stage, learned for the first time or anew."""
@@ -53,12 +55,11 @@ def _told(ended: Run, rerun: str | None, seen: str) -> str:
     return seen if ended.code else ""
 
 
-def kills_at_events(bench: Bench, share: float) -> Iterator[Trial]:
-    """SIGKILL before each single change of a file (share < 1: of some of them), while a stage is learned anew."""
-    for scenario in bench.scenarios:
+def kills_at_events(bench: Bench, few: bool) -> Iterator[Trial]:
+    """SIGKILL before each single change of a file (few: of some of one stage), while a stage is learned anew."""
+    for scenario in bench.repeated(few):
         events = file_changes(bench, scenario)
-        step = max(1, round(1 / share))
-        for number in range(1, len(events) + 1, step):
+        for number in range(1, len(events) + 1, FEW_STEP if few else 1):
             bench.restore(scenario.start)
             trap = file_events(bench.project, at(number, die))
             ended = bench_kill(bench, scenario, trap)

@@ -9,28 +9,28 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from .bench import Bench
+from .bench import Bench, Scenario
 from .engine import Child
 from .trial import Trial, trial
 
 TOMORROW = 86_400
 
 
-def locks(bench: Bench, share: float, seed: int) -> Iterator[Trial]:
-    """All of them; share < 1: a few of each."""
+def locks(bench: Bench, few: bool, seed: int) -> Iterator[Trial]:
+    """All of them, few: each once with one stage."""
     chance = random.Random(seed)
-    tries = 5 if share == 1 else 1
-    for stage in ("geometry", "segmentation", "palette", "recoloring") if share == 1 else ("segmentation",):
-        for _ in range(tries):
-            yield _two_at_once(bench, stage, chance.uniform(0, 0.9))
-            yield _render_meanwhile(bench, stage, chance.uniform(0, 1.0))
+    for scenario in bench.some(few):
+        if not scenario.title.endswith("anew"):
+            continue
+        for _ in range(1 if few else 5):
+            yield _two_at_once(bench, scenario, chance.uniform(0, 0.9))
+            yield _render_meanwhile(bench, scenario, chance.uniform(0, 1.0))
     for case, plant in PLANTED.items():
         yield _planted(bench, case, plant)
 
 
-def _two_at_once(bench: Bench, stage: str, delay: float) -> Trial:
+def _two_at_once(bench: Bench, scenario: Scenario, delay: float) -> Trial:
     """The same stage twice: one does the work, the other is refused or finds it done."""
-    scenario = bench.anew(stage)
     bench.restore(scenario.start)
     first = Child(scenario.command, bench.log)
     time.sleep(delay * scenario.seconds)
@@ -42,9 +42,8 @@ def _two_at_once(bench: Bench, stage: str, delay: float) -> Trial:
     return trial("two engines at one project", scenario.title, bench.lost(), *flaws, bench.rerun(scenario), seen=seen)
 
 
-def _render_meanwhile(bench: Bench, stage: str, delay: float) -> Trial:
+def _render_meanwhile(bench: Bench, scenario: Scenario, delay: float) -> Trial:
     """A render while a stage is learned anew shows the old scene or the new one, or is refused."""
-    scenario = bench.anew(stage)
     bench.restore(scenario.start)
     child = Child(scenario.command, bench.log)
     time.sleep(delay * scenario.seconds)

@@ -12,10 +12,10 @@ from .trial import Trial, trial
 MEGABYTES = (2, 6, 15, 40, 90)
 
 
-def memory_limits(bench: Bench, share: float) -> Iterator[Trial]:
+def memory_limits(bench: Bench, few: bool) -> Iterator[Trial]:
     """Every stage with little memory: it does its work or says in a sentence that it cannot."""
-    for scenario in bench.scenarios:
-        for megabytes in MEGABYTES if share == 1 else MEGABYTES[1:2]:
+    for scenario in bench.some(few):
+        for megabytes in MEGABYTES[1:2] if few else MEGABYTES:
             bench.restore(scenario.start)
             ended = bench.run(scenario.command, limit(megabytes))
             exact = ended.code != 0  # what was finished all the same may have taken smaller batches

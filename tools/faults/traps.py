@@ -10,22 +10,23 @@ from collections.abc import Callable
 from pathlib import Path
 
 CHANGES = ("os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate", "os.link", "os.symlink")
-WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT
+MAKING = os.O_CREAT | os.O_TRUNC
 
 
 def file_events(folder: Path, act: Callable[[str], None]) -> Callable[[], None]:
     """What to call in a process so that `act(event)` is called just before each change of a file in the folder.
 
-    A change is a rename, a removal, an opening for writing, a new folder, or the flush of any file.
+    A change is a file that is made or emptied, a rename, a removal, a new folder, or the flush of any file.
     """
     root = str(folder)
 
     def hook(event: str, arguments: tuple) -> None:
-        writes = event == "open" and isinstance(arguments[2], int) and arguments[2] & WRITING
-        if event not in CHANGES and not writes:
+        makes = event == "open" and isinstance(arguments[2], int) and arguments[2] & MAKING
+        if event not in CHANGES and not makes:
             return
         path = os.fsdecode(arguments[0]) if isinstance(arguments[0], str | bytes | os.PathLike) else ""
-        if path.startswith(root):
+        vain = {"os.mkdir": True, "os.remove": False}.get(event)  # what is there already, or no longer
+        if path.startswith(root) and (vain is None or os.path.lexists(path) != vain):
             act(f"{event} {Path(path).suffix or Path(path).name}")
 
     def set_up() -> None:

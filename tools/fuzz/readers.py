@@ -25,13 +25,13 @@ from karf_engine.errors import KarfError
 from karf_engine.field.nerf_files import read_nerf
 from karf_engine.images import read_mask, read_photo
 from karf_engine.project import STAGE_ORDER, Project
-from karf_engine.stages import render
+from karf_engine.stages import match, render
 from karf_engine.stages.job import Job, open_job
 from karf_engine.stages.palette import object_pixels
 from karf_engine.stages.recoloring import initial_palettes, object_rays
 from karf_engine.wire import EventReader, Request
-from tools.faults.checksums import renew_checksum
 
+from ..faults.checksums import renew_checksum
 from . import mutate, samples
 from .watch import Outcome, read_watched
 
@@ -91,8 +91,8 @@ class Bed:
 
 # ------------------------------------------------------------------------------------------------------------ how to read
 def capture(path: Path) -> None:
-    """Open the capture that the file belongs to, as the geometry stage does."""
-    folder = next(p for p in path.parents if p.name == "files")
+    """Open the capture that the file belongs to, as the geometry stage does; COLMAP's lie in sparse/0."""
+    folder = path.parents[2] if path.parent.name == "0" else path.parent
     json.dumps(capture_to_json(open_capture(folder)))
 
 
@@ -114,8 +114,11 @@ def edit(path: Path) -> None:
 
 def job_of(path: Path) -> Job:
     """A job of the project that the file belongs to."""
-    folder = next(p for p in path.parents if p.name == "files")
-    return open_job(Request("render", folder, {"threads": 1}), lambda kind, /, **values: None, lambda: False)
+    return open_job(Request("render", path.parent, {"threads": 1}), _quiet, lambda: False)
+
+
+def _quiet(kind: str, /, **values) -> None:
+    """Take events and tell nobody."""
 
 
 def state(path: Path) -> None:
@@ -164,7 +167,7 @@ def rendered(path: Path) -> None:
     """Render one view of the project, the one with a strange name if there is one, and write all that can be written."""
     views = json.loads(path.with_name("capture.json").read_text())["views"]
     strange = [view["name"] for view in views if not re.fullmatch(r"(train_|test_)?r_\d+", view["name"])]
-    _render(path, strange[0] if strange else "test_r_0")
+    _render(path, strange[0] if strange else samples.RENDERED)
 
 
 def renamed(path: Path) -> None:
@@ -177,7 +180,7 @@ def renamed(path: Path) -> None:
     edits = json.loads((folder / "edit.json").read_text())
     edits["objects"] = dict(zip(names, edits["objects"].values(), strict=True))
     (folder / "edit.json").write_text(json.dumps(edits))
-    _render(path, "test_r_0")
+    _render(path, samples.RENDERED)
 
 
 def _with_objects(header: dict, names: list[str]) -> dict:
@@ -191,15 +194,13 @@ def rendered_cameras(path: Path) -> None:
 
 
 def _render(path: Path, views: str) -> None:
-    folder = next(p for p in path.parents if p.name == "files")
+    folder = path.parent
     options = {"views": views, "out": str(folder / "out"), "edit": str(folder / "edit.json"), "planes": True}
-    render.run(Request("render", folder, options | {"threads": 1}), lambda kind, /, **values: None, lambda: False)
+    render.run(Request("render", folder, options | {"threads": 1}), _quiet, lambda: False)
 
 
 def matched(path: Path) -> None:
     """Solve an edit for whatever objects the palettes name."""
-    from karf_engine.stages import match
-
     project = Project(path.parent)
     for palette in read_palettes(project.palette_file):
         options = {
@@ -208,12 +209,12 @@ def matched(path: Path) -> None:
             "target": "#3059b8",
             "out": str(path.parent / "out.json"),
         }
-        match.run(Request("match", path.parent, options), lambda kind, /, **values: None, lambda: False)
+        match.run(Request("match", path.parent, options), _quiet, lambda: False)
 
 
 # --------------------------------------------------------------------------------------------------------------- registry
-def readers(project: Path) -> list[Reader]:
-    """All readers. project: a learned one (see samples), which is copied."""
+def readers(project: Path | None) -> list[Reader]:
+    """All readers. project: a learned one (see samples), which is copied; None where only names are asked for."""
     model = "sparse/0/"
     found = [
         Reader("NeRF-synthetic, transforms_train.json", samples.nerf_synthetic, ("transforms_train.json",),
@@ -244,9 +245,8 @@ def readers(project: Path) -> list[Reader]:
     return [*found, *_project_readers(project)]
 
 
-def _project_readers(project: Path) -> list[Reader]:
+def _project_readers(project: Path | None) -> list[Reader]:
     copied = samples.project(project)
-    planes = str(next((project / "planes").glob("*.npz")).relative_to(project))
     kinds = [
         ("project.json", mutate.mutate_json, state),
         ("capture.json", mutate.mutate_json, learned),
@@ -258,7 +258,7 @@ def _project_readers(project: Path) -> list[Reader]:
         ("recoloring.safetensors", mutate.mutate_safetensors, learned),
         ("surface.safetensors", mutate.mutate_safetensors, surface),
         ("object_colors.npz", mutate.mutate_npz, object_colors),
-        (planes, mutate.mutate_npz, read_planes),
+        (f"planes/{samples.RENDERED}.npz", mutate.mutate_npz, read_planes),
     ]
     named = [
         ("capture.json", mutate.mutate_names, rendered),

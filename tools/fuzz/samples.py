@@ -19,22 +19,24 @@ from blender_tests.engine.reference.still_life import cameras, write_capture, wr
 from karf_engine.cli import run_stage
 from karf_engine.field.nerf import NerfNetwork, NerfShape
 from karf_engine.wire import Event, Request
-from tools.faults.bench import SETTINGS, SIZE
 
+from ..faults.bench import MARKED, N_PHOTOS, SETTINGS, SIZE
+
+RENDERED = "test_r_0"  # the view of a learned project that has planes
 NAMES = [f"photo_{number}.png" for number in range(4)]
 
 
 def learned_project(folder: Path) -> Path:
     """A project with every stage done, planes of one view and an edit.json, learned from the still life."""
     project, masks, threads = folder / "project", folder / "masks", {"threads": 1}
-    photos = write_capture(folder / "capture", 12, 2, SIZE)
-    write_masks(masks, photos, ("r_0", "r_6"))
+    photos = write_capture(folder / "capture", N_PHOTOS, 2, SIZE)
+    write_masks(masks, photos, MARKED)
     capture = {"capture": str(folder / "capture"), "overrides": list(SETTINGS), "masks": str(masks)}
     colors = {"object": "ball", "source": "#b5302c", "target": "#3059b8", "out": str(project / "edit.json")}
     for stage, options in (
         ("all", capture),
         ("match", colors),
-        ("render", {"views": "test_r_0", "planes": True}),
+        ("render", {"views": RENDERED, "planes": True}),
     ):
         run_stage(Request(stage, project, options | threads), lambda kind, /, **values: None, lambda: False)
     return project
@@ -166,6 +168,6 @@ def events(folder: Path) -> None:
     (folder / "events.jsonl").write_text("".join(line.encode() + "\n" for line in lines))
 
 
-def project(learned: Path) -> Callable[[Path], None]:
+def project(learned: Path | None) -> Callable[[Path], None]:
     """A copy of a learned project."""
     return lambda folder: shutil.copytree(learned, folder, dirs_exist_ok=True) and None

@@ -104,6 +104,7 @@ def _watched(folder: Path) -> Iterator[list[str]]:
     _folder = os.path.realpath(folder)
     old_temporary, tempfile.tempdir = tempfile.tempdir, _folder
     old_handler = signal.signal(signal.SIGALRM, _too_slow)
+    old_bytecode, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # a late import is no writing of the reader's
     old_limit = resource.getrlimit(resource.RLIMIT_AS)
     notes: list[str] = []
     try:
@@ -118,6 +119,7 @@ def _watched(folder: Path) -> Iterator[list[str]]:
         signal.setitimer(signal.ITIMER_REAL, 0)
         resource.setrlimit(resource.RLIMIT_AS, old_limit)
         signal.signal(signal.SIGALRM, old_handler)
+        sys.dont_write_bytecode = old_bytecode
         tempfile.tempdir = old_temporary
 
 

@@ -19,44 +19,36 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
-os.environ.update({name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")})
-sys.dont_write_bytecode = True
-
-from tools import reliability
-from tools.faults import damage, disk, engine, folders, kills, locks, memory, schemas
-from tools.faults.bench import Bench
-from tools.faults.trial import Trial, rows
+from .. import reliability
+from . import damage, disk, engine, folders, kills, locks, memory, schemas
+from .bench import Bench
+from .trial import Trial, rows
 
 
 def families(options: argparse.Namespace) -> dict[str, list[Callable[[Bench], Iterable[Trial]]]]:
     """The faults by name. With --quick a few of each kind."""
-    share = 0.1 if options.quick else 1.0
-    flips = 1 if options.quick else 6
-    seed = options.seed
+    few, seed = options.quick, options.seed
     return {
         "kills": [
             lambda bench: kills.random_kills(bench, options.kills, seed),
             lambda bench: kills.cancels(bench, max(1, options.kills // 5), seed),
         ],
-        "events": [lambda bench: kills.kills_at_events(bench, share)],
+        "events": [lambda bench: kills.kills_at_events(bench, few)],
         "disk": [
-            lambda bench: disk.full_at_events(bench, share),
-            lambda bench: disk.small_files(bench, share),
-            lambda bench: disk.full_disk(bench, share),
+            lambda bench: disk.full_at_events(bench, few),
+            lambda bench: disk.small_files(bench, few),
+            lambda bench: disk.full_disk(bench, few),
         ],
-        "folders": [lambda bench: folders.folders(bench, share)],
-        "memory": [lambda bench: memory.memory_limits(bench, share)],
-        "damage": [lambda bench: damage.damaged_files(bench, flips, share, seed)],
-        "locks": [lambda bench: locks.locks(bench, share, seed)],
+        "folders": [lambda bench: folders.folders(bench, few)],
+        "memory": [lambda bench: memory.memory_limits(bench, few)],
+        "damage": [lambda bench: damage.damaged_files(bench, 1 if few else 6, few, seed)],
+        "locks": [lambda bench: locks.locks(bench, few, seed)],
         "versions": [lambda bench: schemas.newer_versions(bench)],
     }
 
@@ -72,7 +64,7 @@ def main() -> int:
         chosen = families(options)
         for name in options.names or chosen:
             for throw in chosen[name]:
-                found += [show(row) for row in rows(throw(bench), bench.folder)]
+                found += [show({"family": name, **row}) for row in rows(throw(bench), bench.folder)]
     report = {"made": reliability.made(start, sys.argv[1:], "faults"), "rows": found}
     out = Path(options.out)
     out.mkdir(parents=True, exist_ok=True)

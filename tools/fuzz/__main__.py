@@ -23,16 +23,11 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
-os.environ.update({name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")})
-sys.dont_write_bytecode = True
-
-from tools import reliability
-from tools.faults import engine
-from tools.fuzz.readers import Bed, Reader, readers
-from tools.fuzz.samples import learned_project
-from tools.fuzz.watch import SECONDS
+from .. import reliability
+from ..faults import engine
+from .readers import Bed, Reader, readers
+from .samples import learned_project
+from .watch import SECONDS
 
 PATIENCE = SECONDS + 10  # seconds without a new file after which a process hangs in what no signal reaches
 SECONDS_BY_DEFAULT = 300.0
