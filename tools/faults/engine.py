@@ -114,6 +114,9 @@ def _become(arguments: Sequence[str], log: Path, before: Callable[[], None] | No
         code = main(list(arguments))
         sys.stdout.flush()
         sys.stderr.flush()
+    except KeyboardInterrupt:  # it came before the command began
+        code = 6
+        os.write(2, b"cancelled; nothing was begun.\n")
     except SystemExit as ended:
         code = ended.code if isinstance(ended.code, int) else 1
     except BaseException as error:  # what the engine let through is a finding, told by the log

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import random
 import signal
 import time
 from collections.abc import Iterator
-from functools import partial
+from dataclasses import replace
 
 from .bench import Bench, Scenario
 from .engine import Child, Run
@@ -20,17 +21,21 @@ FEW_STEP = 8  # of the changes of files, where only a few are tried
 def random_kills(bench: Bench, tries: int, seed: int) -> Iterator[Trial]:
     """SIGKILL after a random time, in a random stage, learned for the first time or anew."""
     chance = random.Random(seed)
-    for number in range(tries):
-        scenario = bench.scenarios[number % len(bench.scenarios)]  # all equally often
+    for scenario in _in_turn(bench, tries):
         yield _interrupted(bench, scenario, "killed at a random moment", chance.uniform(0, 1.05), signal.SIGKILL)
 
 
 def cancels(bench: Bench, tries: int, seed: int) -> Iterator[Trial]:
     """Ctrl-C after a random time: the last state is kept, with its settings."""
     chance = random.Random(seed)
-    for number in range(tries):
-        scenario = bench.scenarios[number % len(bench.scenarios)]
+    for scenario in _in_turn(bench, tries):
         yield _interrupted(bench, scenario, "cancelled at a random moment", chance.uniform(0, 1.0), signal.SIGINT)
+
+
+def _in_turn(bench: Bench, tries: int) -> Iterator[Scenario]:
+    """All scenarios equally often; those in which old and new can mix come first."""
+    ordered = sorted(bench.scenarios, key=lambda scenario: scenario.title.endswith("first"))
+    return itertools.islice(itertools.cycle(ordered), tries)
 
 
 def _interrupted(bench: Bench, scenario: Scenario, fault: str, share: float, number: int) -> Trial:
@@ -42,17 +47,11 @@ def _interrupted(bench: Bench, scenario: Scenario, fault: str, share: float, num
 
 
 def _judge(bench: Bench, scenario: Scenario, fault: str, ended: Run, case: str = "") -> Trial:
-    lost = bench.lost()
-    seen = "" if ended.killed else ended.sentence or ended.text.strip().splitlines()[-1:] or ""
-    seen = seen if isinstance(seen, str) else seen[0]
-    rerun = bench.rerun(scenario)
-    return trial(fault, case or scenario.title, lost, ended.flaw, rerun, seen=_told(ended, rerun, seen))
-
-
-def _told(ended: Run, rerun: str | None, seen: str) -> str:
-    if ended.killed:
-        return "the project as it was; the same command again completes it" if rerun is None else ""
-    return seen if ended.code else ""
+    lost, rerun = bench.lost(), bench.rerun(scenario)
+    seen = ended.sentence if ended.code else ""
+    if ended.killed and rerun is None:
+        seen = "the project as it was; the same command completes it"
+    return trial(fault, case or scenario.title, lost, ended.flaw, rerun, seen=seen)
 
 
 def kills_at_events(bench: Bench, few: bool) -> Iterator[Trial]:
@@ -62,16 +61,10 @@ def kills_at_events(bench: Bench, few: bool) -> Iterator[Trial]:
         for number in range(1, len(events) + 1, FEW_STEP if few else 1):
             bench.restore(scenario.start)
             trap = file_events(bench.project, at(number, die))
-            ended = bench_kill(bench, scenario, trap)
+            ended = bench.run(scenario.command, trap)
+            ended = replace(ended, killed=ended.code == -signal.SIGKILL)
             case = f"{scenario.title}, before {events[number - 1]}"
             yield _judge(bench, scenario, "killed before each change of a file", ended, case)
-
-
-def bench_kill(bench: Bench, scenario: Scenario, trap) -> Run:
-    """Run into the trap; the death is ours."""
-    child = Child(scenario.command, bench.log, trap)
-    ended = child.wait()
-    return Run(ended.code, ended.text, killed=ended.code == -signal.SIGKILL)
 
 
 def file_changes(bench: Bench, scenario: Scenario) -> list[str]:
@@ -80,7 +73,7 @@ def file_changes(bench: Bench, scenario: Scenario) -> list[str]:
     record = bench.folder / "events.txt"
     handle = os.open(record, os.O_CREAT | os.O_WRONLY | os.O_TRUNC)
     try:
-        bench.run(scenario.command, file_events(bench.project, partial(recorder(handle))))
+        bench.run(scenario.command, file_events(bench.project, recorder(handle)))
     finally:
         os.close(handle)
     return record.read_text().splitlines()

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import resource
+import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from .bench import Bench
+from .engine import Run
 from .trial import Trial, trial
 
 MEGABYTES = (2, 6, 15, 40, 90)
@@ -20,12 +22,25 @@ def memory_limits(bench: Bench, few: bool) -> Iterator[Trial]:
             ended = bench.run(scenario.command, limit(megabytes))
             exact = ended.code != 0  # what was finished all the same may have taken smaller batches
             lost = bench.lost(exact)
-            wrong = None
-            if ended.code and ended.flaw is None and ended.code != 5:
-                wrong = f"ends with {ended.code} and not 5 (out of memory): {ended.sentence}"
             case = f"{scenario.title}, {megabytes} MB more"
-            seen = ended.sentence if ended.code else ""
-            yield trial("memory runs out", case, lost, ended.flaw or wrong, bench.rerun(scenario, exact), seen=seen)
+            yield trial("memory runs out", case, lost, _flaw(ended), bench.rerun(scenario, exact), seen=_seen(ended))
+
+
+def _flaw(ended: Run) -> str | None:
+    if _died(ended) or ended.code in (0, 5) or ended.flaw:
+        return None if _died(ended) else ended.flaw
+    return f"ends with {ended.code} and not 5 (out of memory): {ended.sentence}"
+
+
+def _seen(ended: Run) -> str:
+    if _died(ended):
+        return "the engine's process ends; the sidebar says so"
+    return ended.sentence if ended.code else ""
+
+
+def _died(ended: Run) -> bool:
+    """Whether a library below Python gave up: nothing above can prevent it, and nothing must be lost by it."""
+    return ended.code in (-signal.SIGABRT, -signal.SIGSEGV, -signal.SIGBUS)
 
 
 def limit(megabytes: int) -> Callable[[], None]:
