@@ -199,10 +199,10 @@ class Bench:
         own = [name for name in names if str(name) not in PASSING and name.parts[0] not in PASSING_FOLDERS]
         return {str(name): digest(self.project / name) for name in own}
 
-    def differs(self, state: State) -> str:
-        """Which of a state's files the project does not hold as they are there; empty: none."""
+    def differs(self, state: State, but: str = "") -> str:
+        """Which of a state's files, but this one, the project does not hold as they are there; empty: none."""
         files = self.files()
-        return ", ".join(sorted(name for name, own in state.files.items() if files.get(name) != own))
+        return ", ".join(sorted(name for name, own in state.files.items() if files.get(name) != own and name != but))
 
     def pictures(self, planes: bool | None = None) -> tuple[dict[str, str], Run]:
         """Digests of all that a render gives, and the render. planes: None for where they can be had."""

@@ -5,6 +5,7 @@ Each mutator takes the bytes of a valid file and a random.Random (hypothesis bri
 
 from __future__ import annotations
 
+import copy
 import io
 import json
 import math
@@ -95,18 +96,23 @@ def mutate_value(value: Any, chance: random.Random) -> Any:
     for _ in range(chance.choice((1, 1, 1, 2, 3))):
         places = list(_places(value))
         if not places or chance.random() < 0.01:
-            return chance.choice(VALUES)
+            return _value(chance)
         holder, key = chance.choice(places)
         way = chance.randrange(6)
         if way <= 3:
-            holder[key] = chance.choice(VALUES)
+            holder[key] = _value(chance)
         elif way == 4:
             del holder[key]
         elif isinstance(holder, list):
-            holder.insert(key, chance.choice(VALUES))
+            holder.insert(key, _value(chance))
         else:
-            holder[chance.choice(("x", "", "..", "fl_x", "w", "camera_model", "name", "files"))] = chance.choice(VALUES)
+            holder[chance.choice(("x", "", "..", "fl_x", "w", "camera_model", "name", "files"))] = _value(chance)
     return value
+
+
+def _value(chance: random.Random) -> Any:
+    """One of VALUES, as an object of its own."""
+    return copy.deepcopy(chance.choice(VALUES))
 
 
 def _places(value: Any) -> Iterator[tuple[Any, Any]]:
@@ -162,7 +168,7 @@ def mutate_npz(data: bytes, chance: random.Random) -> bytes:
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as file:
         for member, content in members.items():
-            file.writestr(member.replace("\0", "") or "x", content)
+            file.writestr(member.replace("\0", "").encode("utf-8", "replace").decode() or "x", content)
     return packed.getvalue()
 
 
