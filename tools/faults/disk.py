@@ -20,9 +20,9 @@ FREE_KILOBYTES = (0, 16, 80)
 def full_at_events(bench: Bench, few: bool) -> Iterator[Trial]:
     """From each single change of a file on (few: from some of one stage) there is no room: ENOSPC."""
     for scenario in bench.repeated(few):
-        count = len(file_changes(bench, scenario))
+        count = len(file_changes(bench, scenario, flushes=True))
         for number in range(1, count + 1, 2 * FEW_STEP if few else 1):
-            trap = file_events(bench.project, from_then_on(number, no_room))
+            trap = file_events(bench.project, from_then_on(number, no_room), flushes=True)
             yield _full(bench, scenario, "no room from one change of a file on", trap)
 
 

@@ -57,23 +57,23 @@ def _judge(bench: Bench, scenario: Scenario, fault: str, ended: Run, case: str =
 def kills_at_events(bench: Bench, few: bool) -> Iterator[Trial]:
     """SIGKILL before each single change of a file (few: of some of one stage), while a stage is learned anew."""
     for scenario in bench.repeated(few):
-        events = file_changes(bench, scenario)
+        events = file_changes(bench, scenario, flushes=False)  # a flush leaves what a kill finds as it was
         for number in range(1, len(events) + 1, FEW_STEP if few else 1):
             bench.restore(scenario.start)
-            trap = file_events(bench.project, at(number, die))
+            trap = file_events(bench.project, at(number, die), flushes=False)
             ended = bench.run(scenario.command, trap)
             ended = replace(ended, killed=ended.code == -signal.SIGKILL)
             case = f"{scenario.title}, before {events[number - 1]}"
             yield _judge(bench, scenario, "killed before each change of a file", ended, case)
 
 
-def file_changes(bench: Bench, scenario: Scenario) -> list[str]:
+def file_changes(bench: Bench, scenario: Scenario, flushes: bool) -> list[str]:
     """The changes of files that the scenario makes, in order."""
     bench.restore(scenario.start)
     record = bench.folder / "events.txt"
     handle = os.open(record, os.O_CREAT | os.O_WRONLY | os.O_TRUNC)
     try:
-        bench.run(scenario.command, file_events(bench.project, recorder(handle)))
+        bench.run(scenario.command, file_events(bench.project, recorder(handle), flushes))
     finally:
         os.close(handle)
     return record.read_text().splitlines()

@@ -13,10 +13,10 @@ CHANGES = ("os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate", "os.
 MAKING = os.O_CREAT | os.O_TRUNC
 
 
-def file_events(folder: Path, act: Callable[[str], None]) -> Callable[[], None]:
+def file_events(folder: Path, act: Callable[[str], None], flushes: bool) -> Callable[[], None]:
     """What to call in a process so that `act(event)` is called just before each change of a file in the folder.
 
-    A change is a file that is made or emptied, a rename, a removal, a new folder, or the flush of any file.
+    A change is a file that is made or emptied, a rename, a removal, a new folder, and with `flushes` a file's flush.
     """
     root = str(folder)
 
@@ -36,7 +36,8 @@ def file_events(folder: Path, act: Callable[[str], None]) -> Callable[[], None]:
             act("fsync")
             flush(handle)
 
-        os.fsync = flushed
+        if flushes:
+            os.fsync = flushed
         sys.addaudithook(hook)
 
     return set_up

@@ -40,8 +40,8 @@ def main() -> int:
     out = Path(options.out).absolute()
     with tempfile.TemporaryDirectory(prefix="karf-fuzz-") as folder:
         chosen = [r for r in readers(learned_project(Path(folder))) if _is_wanted(r.name, options.readers)]
-        share = None if options.mutants else options.seconds / max(1, len(chosen))
-        rows = [fuzz(r, Path(folder), share, options.mutants, options.seed, out) for r in chosen]
+        seconds, mutants = shares(chosen, options)
+        rows = [fuzz(r, Path(folder), seconds.get(r.name), mutants.get(r.name), options.seed, out) for r in chosen]
     report = {"made": reliability.made(start, sys.argv[1:], "fuzz"), "rows": rows}
     out.mkdir(parents=True, exist_ok=True)
     (out / "fuzz.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
@@ -51,6 +51,14 @@ def main() -> int:
         f"{sum(row['executions'] for row in rows)} files, {sum(len(row['findings']) for row in rows)} different flaws"
     )
     return int(any(row["findings"] for row in rows))
+
+
+def shares(chosen: list[Reader], options: argparse.Namespace) -> tuple[dict[str, float], dict[str, int]]:
+    """Seconds or files of each reader: slow ones get more of the time, or fewer files."""
+    if options.mutants:
+        return {}, {r.name: max(1, options.mutants // (10 if r.is_slow else 1)) for r in chosen}
+    weights = {r.name: 3 if r.is_slow else 1 for r in chosen}
+    return {name: options.seconds * weight / sum(weights.values()) for name, weight in weights.items()}, {}
 
 
 def _is_wanted(name: str, parts: list[str]) -> bool:

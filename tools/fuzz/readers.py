@@ -35,16 +35,20 @@ from ..faults.checksums import renew_checksum
 from . import mutate, samples
 from .watch import Outcome, read_watched
 
+PLAIN = re.compile(r"(train_|test_)?r_\d+")  # names of views and photos as the samples have them
+
 
 @dataclass(frozen=True)
 class Reader:
-    """make: writes valid files into an empty folder. files: which of them are changed. read: is given the changed one."""
+    """make: writes valid files into an empty folder. files: which of them are changed. read: is given the changed
+    one."""
 
     name: str
     make: Callable[[Path], None]
     files: tuple[str, ...]
     mutator: mutate.Mutator
     read: Callable[[Path], object]
+    is_slow: bool = False  # it renders
 
     def changed(self, name: str, valid: bytes, folder: Path, chance: random.Random) -> Outcome:
         """Put a changed file in the place of a valid one and read it under watch."""
@@ -166,7 +170,7 @@ def read_events(path: Path) -> None:
 def rendered(path: Path) -> None:
     """Render one view of the project, the one with a strange name if there is one, and write all that can be written."""
     views = json.loads(path.with_name("capture.json").read_text())["views"]
-    strange = [view["name"] for view in views if not re.fullmatch(r"(train_|test_)?r_\d+", view["name"])]
+    strange = [v["name"] for v in views if not (PLAIN.fullmatch(v["name"]) and PLAIN.fullmatch(v["stem"]))]
     _render(path, strange[0] if strange else samples.RENDERED)
 
 
@@ -247,6 +251,11 @@ def readers(project: Path | None) -> list[Reader]:
 
 def _project_readers(project: Path | None) -> list[Reader]:
     copied = samples.project(project)
+
+    def with_cameras(folder: Path) -> None:
+        copied(folder)
+        samples.camera_file(folder)
+
     kinds = [
         ("project.json", mutate.mutate_json, state),
         ("capture.json", mutate.mutate_json, learned),
@@ -261,22 +270,15 @@ def _project_readers(project: Path | None) -> list[Reader]:
         (f"planes/{samples.RENDERED}.npz", mutate.mutate_npz, read_planes),
     ]
     named = [
-        ("capture.json", mutate.mutate_names, rendered),
-        ("palette.json", mutate.mutate_names, matched),
-        ("segmentation.safetensors", mutate.name_safetensors, rendered),
-        ("edit.json", mutate.mutate_keys, rendered),
+        ("capture.json", copied, mutate.mutate_names, rendered),
+        ("palette.json", copied, mutate.mutate_names, matched),
+        ("palette.json and all others", copied, mutate.mutate_names, renamed),
+        ("segmentation.safetensors", copied, mutate.name_safetensors, rendered),
+        ("edit.json", copied, mutate.mutate_keys, rendered),
+        ("cameras.json", with_cameras, mutate.mutate_names, rendered_cameras),
     ]
-    renamed_objects = Reader(
-        "hostile names of objects, everywhere", copied, ("palette.json",), mutate.mutate_names, renamed
-    )
     found = [Reader(file.partition("/")[0], copied, (file,), mutator, read) for file, mutator, read in kinds]
-    found += [Reader(f"{file}, hostile names", copied, (file,), mutator, read) for file, mutator, read in named]
-
-    def with_cameras(folder: Path) -> None:
-        copied(folder)
-        samples.camera_file(folder)
-
-    cameras = Reader(
-        "camera file, hostile names", with_cameras, ("cameras.json",), mutate.mutate_names, rendered_cameras
-    )
-    return [*found, renamed_objects, cameras]
+    for title, make, mutator, read in named:
+        file = title.partition(" ")[0]
+        found.append(Reader(f"hostile names in {title}", make, (file,), mutator, read, read is not matched))
+    return found
