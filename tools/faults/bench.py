@@ -11,7 +11,6 @@ import hashlib
 import json
 import shutil
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -91,7 +90,6 @@ class Bench:
     def __post_init__(self) -> None:
         self.capture, self.masks, self.other_masks = (self.folder / n for n in ("capture", "masks", "other_masks"))
         self.project, self.look = self.folder / "project", self.folder / "look"
-        self.log, self.look_log = self.folder / "command.log", self.folder / "look.log"
         photos = write_capture(self.capture, N_PHOTOS, 2, SIZE)
         write_masks(self.masks, photos, MARKED)
         write_masks(self.other_masks, photos, ("r_2", "r_6"))
@@ -119,9 +117,6 @@ class Bench:
         """Solve an edit into the folder `look`."""
         colors = ["--object", "ball", "--from", "#b5302c", "--to", "#3059b8"]
         return ["match", str(self.project), *colors, "--out", str(self.look / "edit.json")]
-
-    def run(self, command: list[str], before: Callable[[], None] | None = None) -> Run:
-        return run(command, self.log, before)
 
     # --- right states ----------------------------------------------------------------------------------------------
     def _learn(self) -> None:
@@ -160,7 +155,7 @@ class Bench:
         return self.scenarios[-1]
 
     def _must(self, command: list[str]) -> None:
-        done = self.run(command)
+        done = run(command)
         if done.code:
             raise RuntimeError(f"{' '.join(command[:2])} fails without any fault:\n{done.text}")
 
@@ -209,7 +204,7 @@ class Bench:
         shutil.rmtree(self.look, ignore_errors=True)
         self.look.mkdir()
         planes = "recoloring" in dict(self.chain()) if planes is None else planes
-        shown = run(self.render(*(["--planes"] if planes else [])), self.look_log)
+        shown = run(self.render(*(["--planes"] if planes else [])))
         paths = [path for path in sorted(self.look.rglob("*")) if path.is_file()]
         return {str(path.relative_to(self.look)): digest(path) for path in paths}, shown
 
@@ -241,7 +236,7 @@ class Bench:
 
     def rerun(self, scenario: Scenario, exact: bool = True) -> str | None:
         """What keeps the same command from completing what was interrupted, or None."""
-        done = self.run(scenario.command)
+        done = run(scenario.command)
         if done.code:
             return f"a rerun fails: {done.flaw or done.sentence}"
         if self.chain() != scenario.end.chain:

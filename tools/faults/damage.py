@@ -18,13 +18,13 @@ Damage = Callable[[Path, random.Random], None]
 
 
 def damaged_files(bench: Bench, flips: int, few: bool, seed: int) -> Iterator[Trial]:
-    """Each file of a complete project is damaged in each way, several times by a flipped bit."""
+    """Each file of a complete project is damaged in each way, several times by a flipped bit; few: some in one way."""
     chance = random.Random(seed)
     names = ["project.json", *(name for name in bench.complete.files if not name.startswith("masks/"))]  # the user's
     if few:
         names = ["geometry.safetensors", "palette.json", "object_colors.npz"]
     for name in names:
-        for way, tries, damage in _ways(name, flips):
+        for way, tries, damage in [("a flipped bit", 1, flip)] if few else _ways(name, flips):
             for _ in range(tries):
                 yield _damaged(bench, name, way, damage, chance)
 
@@ -88,9 +88,9 @@ def _damaged(bench: Bench, name: str, way: str, damage: Damage, chance: random.R
 def _used(bench: Bench, anew: Scenario, name: str) -> tuple[str | None, list[str | None], str]:
     """Render, solve an edit and extract a palette: each must be refused, or give what it gave without damage."""
     pictures, shown = bench.pictures(planes=True)
-    solved = run(bench.match, bench.log)
+    solved = run(bench.match)
     edit = digest(bench.look / "edit.json") if solved.code == 0 else None
-    learned = run(anew.command, bench.log)
+    learned = run(anew.command)
     lost = None
     if shown.code == 0 and pictures != bench.complete.pictures:
         lost = "a render silently gives other pictures"
@@ -106,7 +106,7 @@ def _used(bench: Bench, anew: Scenario, name: str) -> tuple[str | None, list[str
 def _mended(bench: Bench, name: str) -> str | None:
     """Whether learning everything once more makes the project right again; a lost project.json cannot be told of."""
     for stage in ("geometry", "segmentation", "palette", "recoloring"):
-        done = bench.run(bench.command(stage))
+        done = run(bench.command(stage))
         if done.code:
             refused = name == "project.json" and done.flaw is None
             return None if refused else f"learning again fails: {done.flaw or done.sentence}"

@@ -9,6 +9,7 @@ import subprocess
 from collections.abc import Callable, Iterator
 
 from .bench import Bench, Scenario
+from .engine import run
 from .kills import FEW_STEP, file_changes
 from .traps import file_events, from_then_on, no_room
 from .trial import Trial, trial
@@ -65,14 +66,14 @@ def _on_disk(bench: Bench, scenario: Scenario, disk, free: int) -> Trial:
     ballast = disk / "ballast"
     state = os.statvfs(disk)
     ballast.write_bytes(b"x" * max(0, state.f_bavail * state.f_bsize - free * 1024))
-    ended = bench.run(scenario.command)
+    ended = run(scenario.command)
     ballast.unlink()
     return _judged(bench, scenario, "the disk is full", ended)
 
 
 def _full(bench: Bench, scenario: Scenario, fault: str, trap: Callable[[], None]) -> Trial:
     bench.restore(scenario.start)
-    return _judged(bench, scenario, fault, bench.run(scenario.command, trap))
+    return _judged(bench, scenario, fault, run(scenario.command, trap))
 
 
 def _judged(bench: Bench, scenario: Scenario, fault: str, ended) -> Trial:

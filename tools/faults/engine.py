@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from pathlib import Path
 
 TIMEOUT = 120.0
 MODULES = ("geometry", "segmentation", "palette", "recoloring", "render", "match")
@@ -58,15 +57,19 @@ def prepare() -> None:
 class Child:
     """One command of the engine that is running in a process of its own.
 
-    before: called in that process before the command, to set a limit or a trap.
+    before: called in that process before the command, to set a limit or a trap. What the command prints comes through a
+    pipe: a limit of file sizes does not reach it.
     """
 
-    def __init__(self, arguments: Sequence[str], log: Path, before: Callable[[], None] | None = None) -> None:
-        self._log = log
+    def __init__(self, arguments: Sequence[str], before: Callable[[], None] | None = None) -> None:
+        self._printed = bytearray()
         self._killed = False
+        self._pipe, end = os.pipe()
         self.process = os.fork()
         if not self.process:
-            _become(arguments, log, before)
+            _become(arguments, end, before)
+        os.close(end)
+        os.set_blocking(self._pipe, False)
 
     def stop(self, number: int = signal.SIGKILL) -> None:
         """Send a signal; a process that has ended already gets none."""
@@ -81,6 +84,7 @@ class Child:
         end = time.monotonic() + seconds
         while True:
             process, status = os.waitpid(self.process, os.WNOHANG)
+            self._drain()
             if process:
                 return self._run(os.waitstatus_to_exitcode(status))
             if time.monotonic() > end:
@@ -89,24 +93,31 @@ class Child:
                 return self._run(None)
             time.sleep(0.002)
 
+    def _drain(self) -> None:
+        try:
+            while part := os.read(self._pipe, 65536):
+                self._printed += part
+        except BlockingIOError:
+            pass
+
     def _run(self, code: int | None) -> Run:
+        os.close(self._pipe)
         killed = self._killed and code == -signal.SIGKILL
-        return Run(code, self._log.read_text(errors="replace"), killed)
+        return Run(code, self._printed.decode(errors="replace"), killed)
 
 
-def run(arguments: Sequence[str], log: Path, before: Callable[[], None] | None = None) -> Run:
+def run(arguments: Sequence[str], before: Callable[[], None] | None = None) -> Run:
     """Run one command to its end."""
-    return Child(arguments, log, before).wait()
+    return Child(arguments, before).wait()
 
 
-def _become(arguments: Sequence[str], log: Path, before: Callable[[], None] | None) -> None:
+def _become(arguments: Sequence[str], out: int, before: Callable[[], None] | None) -> None:
     """In the new process: run the command and end."""
     code = 99
     try:
         os.setsid()
-        streams = os.open(log, os.O_CREAT | os.O_WRONLY | os.O_TRUNC)
         for number in (1, 2):
-            os.dup2(streams, number)
+            os.dup2(out, number)
         if before is not None:
             before()
         from karf_engine.cli import main
@@ -119,7 +130,7 @@ def _become(arguments: Sequence[str], log: Path, before: Callable[[], None] | No
         os.write(2, b"cancelled; nothing was begun.\n")
     except SystemExit as ended:
         code = ended.code if isinstance(ended.code, int) else 1
-    except BaseException as error:  # what the engine let through is a finding, told by the log
+    except BaseException as error:  # what the engine let through is a finding, told in what is printed
         os.write(2, f"Traceback: {error!r}\n".encode())
     finally:
         os._exit(code)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from .bench import Bench, Scenario
-from .engine import Child, Run
+from .engine import Child, Run, run
 from .trial import Trial, trial
 
 NOBODY = 65534  # root may write everywhere, so it becomes somebody who may not
@@ -26,13 +26,13 @@ def folders(bench: Bench, few: bool) -> Iterator[Trial]:
     for case, project in _impossible(bench):
         command = bench.command("geometry")
         command[command.index("--project") + 1] = str(project)
-        ended = bench.run(command)
+        ended = run(command)
         refused = None if ended.code else "is not refused"
         yield trial("a project where none can be", case, None, ended.flaw or refused, seen=ended.sentence)
 
 
 def _during(bench: Bench, scenario: Scenario, act: Callable[[], object]) -> Run:
-    child = Child(scenario.command, bench.log)
+    child = Child(scenario.command)
     time.sleep(0.5 * scenario.seconds)
     act()
     return child.wait()
@@ -64,7 +64,7 @@ def _unwritable(bench: Bench, scenario: Scenario) -> Trial:
         path.chmod(0o555 if path.is_dir() else 0o444)
     before = (lambda: os.setuid(NOBODY)) if os.getuid() == 0 else None
     _open_to_all(bench.folder)
-    ended = bench.run(scenario.command, before)
+    ended = run(scenario.command, before)
     for path in paths:
         path.chmod(0o755 if path.is_dir() else 0o644)
     return _after(bench, scenario, "the project cannot be written", ended)
@@ -82,7 +82,7 @@ def _without_photos(bench: Bench, scenario: Scenario) -> Trial:
     photos, away = bench.capture / "train", bench.capture / "away"
     photos.rename(away)
     try:
-        ended = bench.run(scenario.command)
+        ended = run(scenario.command)
     finally:
         away.rename(photos)
     return _after(bench, scenario, "the photos are gone", ended)

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from .bench import Bench, Scenario
-from .engine import Child, Run
+from .engine import Child, Run, run
 from .traps import at, die, file_events, recorder
 from .trial import Trial, trial
 
@@ -40,7 +40,7 @@ def _in_turn(bench: Bench, tries: int) -> Iterator[Scenario]:
 
 def _interrupted(bench: Bench, scenario: Scenario, fault: str, share: float, number: int) -> Trial:
     bench.restore(scenario.start)
-    child = Child(scenario.command, bench.log)
+    child = Child(scenario.command)
     time.sleep(share * scenario.seconds)
     child.stop(number)
     return _judge(bench, scenario, fault, child.wait())
@@ -61,7 +61,7 @@ def kills_at_events(bench: Bench, few: bool) -> Iterator[Trial]:
         for number in range(1, len(events) + 1, FEW_STEP if few else 1):
             bench.restore(scenario.start)
             trap = file_events(bench.project, at(number, die), flushes=False)
-            ended = bench.run(scenario.command, trap)
+            ended = run(scenario.command, trap)
             ended = replace(ended, killed=ended.code == -signal.SIGKILL)
             case = f"{scenario.title}, before {events[number - 1]}"
             yield _judge(bench, scenario, "killed before each change of a file", ended, case)
@@ -73,7 +73,7 @@ def file_changes(bench: Bench, scenario: Scenario, flushes: bool) -> list[str]:
     record = bench.folder / "events.txt"
     handle = os.open(record, os.O_CREAT | os.O_WRONLY | os.O_TRUNC)
     try:
-        bench.run(scenario.command, file_events(bench.project, recorder(handle), flushes))
+        run(scenario.command, file_events(bench.project, recorder(handle), flushes))
     finally:
         os.close(handle)
     return record.read_text().splitlines()

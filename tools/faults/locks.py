@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from .bench import Bench, Scenario
-from .engine import Child
+from .engine import Child, run
 from .trial import Trial, trial
 
 TOMORROW = 86_400
@@ -32,9 +32,9 @@ def locks(bench: Bench, few: bool, seed: int) -> Iterator[Trial]:
 def _two_at_once(bench: Bench, scenario: Scenario, delay: float) -> Trial:
     """The same stage twice: one does the work, the other is refused or finds it done."""
     bench.restore(scenario.start)
-    first = Child(scenario.command, bench.log)
+    first = Child(scenario.command)
     time.sleep(delay * scenario.seconds)
-    second = Child(scenario.command, bench.look_log)
+    second = Child(scenario.command)
     ends = [first.wait(), second.wait()]
     done = sum(end.code == 0 for end in ends)
     flaws = [end.flaw for end in ends] + ["neither completes" if not done else None]
@@ -45,7 +45,7 @@ def _two_at_once(bench: Bench, scenario: Scenario, delay: float) -> Trial:
 def _render_meanwhile(bench: Bench, scenario: Scenario, delay: float) -> Trial:
     """A render while a stage is learned anew shows the old scene or the new one, or is refused."""
     bench.restore(scenario.start)
-    child = Child(scenario.command, bench.log)
+    child = Child(scenario.command)
     time.sleep(delay * scenario.seconds)
     pictures, shown = bench.pictures(planes=False)
     ended = child.wait()
@@ -77,7 +77,7 @@ def _planted(bench: Bench, case: str, plant) -> Trial:
     scenario = bench.anew("palette")
     bench.restore(scenario.start)
     plant(bench.project / "lock")
-    ended = bench.run(scenario.command)
+    ended = run(scenario.command)
     blocked = f"is kept out: {ended.sentence}" if ended.code else None
     lost = bench.lost()
     return trial("a lock left behind", case, lost, ended.flaw or blocked, bench.rerun(scenario), seen=ended.sentence)

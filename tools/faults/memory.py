@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from .bench import Bench
-from .engine import Run
+from .engine import Run, run
 from .trial import Trial, trial
 
 MEGABYTES = (2, 6, 15, 40, 90)
@@ -19,7 +19,7 @@ def memory_limits(bench: Bench, few: bool) -> Iterator[Trial]:
     for scenario in bench.some(few):
         for megabytes in MEGABYTES[1:2] if few else MEGABYTES:
             bench.restore(scenario.start)
-            ended = bench.run(scenario.command, limit(megabytes))
+            ended = run(scenario.command, limit(megabytes))
             exact = ended.code != 0  # what was finished all the same may have taken smaller batches
             lost = bench.lost(exact)
             case = f"{scenario.title}, {megabytes} MB more"

@@ -9,6 +9,7 @@ from typing import Any
 
 from .bench import Bench, digest
 from .checksums import renew_checksum
+from .engine import run
 from .trial import Trial, trial
 
 
@@ -54,7 +55,7 @@ def _newer(bench: Bench, name: str, change: Callable[[Path], None], case: str = 
     change(bench.project / name)
     renew_checksum(bench.project, name)
     before = bench.files() | {"project.json": digest(bench.project / "project.json")}
-    shown, learned = bench.run(bench.render("--planes")), bench.run(scenario.command)
+    shown, learned = run(bench.render("--planes")), run(scenario.command)
     refused = next((one for one in (shown, learned) if one.code), None)
     flaw = shown.flaw or learned.flaw or (None if refused else "is taken as if it were of this version")
     after = bench.files() | {"project.json": digest(bench.project / "project.json")}
