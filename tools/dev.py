@@ -4,6 +4,8 @@
     python3 tools/dev.py test                lint and all tests, in both environments (test -k WORD: engine tests by name)
     python3 tools/dev.py bench [NAME ...]    measured ratios and seconds
     python3 tools/dev.py evaluate [TABLE ..] the paper's tables on the demo capture: docs/results.md
+    python3 tools/dev.py faults [NAME ...]   kills, full disks, damage thrown at the engine: docs/reliability.md
+    python3 tools/dev.py fuzz [READER ...]   nearly right files for every reader: docs/reliability.md
     python3 tools/dev.py build               the extension's zip in dist/
     python3 tools/dev.py setup               only the environments
 
@@ -24,6 +26,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 ENVIRONMENTS = {"engine": ("", "photos", "test", "lint"), "blender": ("blender", "test")}
+# of processes that are forked after numpy and torch were imported: they must find no other threads
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
 BLENDER_LIBRARIES = (
     "libx11-6 libxrender1 libxxf86vm1 libxfixes3 libxi6 libxkbcommon0 libsm6 libice6 libgl1 libgomp1"  # Debian's names
 )
@@ -40,17 +44,27 @@ def main() -> int:
         ("test", "lint and all tests"),
         ("bench", "measured ratios and seconds"),
         ("evaluate", "the paper's tables on the demo capture"),
+        ("faults", "kills, full disks and damage thrown at the engine"),
+        ("fuzz", "nearly right files for every reader"),
     ):
         verb = verbs.add_parser(name, help=text)
         verb.add_argument("rest", nargs=argparse.REMAINDER, help="passed on")
     verbs.add_parser("build", help="the extension's zip in dist/")
     verbs.add_parser("setup", help="only the environments")
     options, unknown = parser.parse_known_args()
-    if unknown and options.verb not in ("test", "bench", "evaluate"):
+    actions = {
+        "demo": run_demo,
+        "test": run_tests,
+        "bench": run_bench,
+        "evaluate": run_evaluate,
+        "faults": run_faults,
+        "fuzz": run_fuzz,
+        "build": build,
+    }
+    if unknown and options.verb not in ("test", "bench", "evaluate", "faults", "fuzz"):
         parser.error(f"unknown arguments: {' '.join(unknown)}")
     setup()
     rest = unknown + list(getattr(options, "rest", []))
-    actions = {"demo": run_demo, "test": run_tests, "bench": run_bench, "evaluate": run_evaluate, "build": build}
     return actions[options.verb](options, rest) if options.verb in actions else 0
 
 
@@ -130,6 +144,14 @@ def run_evaluate(options: argparse.Namespace, rest: list[str]) -> int:
     return _run("engine", "tools/evaluate.py", *rest)
 
 
+def run_faults(options: argparse.Namespace, rest: list[str]) -> int:
+    return _run("engine", "-m", "tools.faults", *rest, **ONE_THREAD)
+
+
+def run_fuzz(options: argparse.Namespace, rest: list[str]) -> int:
+    return _run("engine", "-m", "tools.fuzz", *rest, **ONE_THREAD)
+
+
 def build(options: argparse.Namespace, rest: list[str]) -> int:
     """Validate and pack the extension with Blender's own tool."""
     tool = next((ROOT / ".venv" / "blender").rglob("bl_pkg/cli/blender_ext.py"))
@@ -138,9 +160,9 @@ def build(options: argparse.Namespace, rest: list[str]) -> int:
     return code or max(_run("blender", str(tool), "validate", str(path)) for path in (ROOT / "dist").glob("karf-*.zip"))
 
 
-def _run(environment: str, *arguments: str) -> int:
+def _run(environment: str, *arguments: str, **variables: str) -> int:
     """Run one of the environments' Python at the root, with the engine's Python known to Blender."""
-    variables = os.environ | {"KARF_ENGINE_PYTHON": str(python_of("engine"))}
+    variables = os.environ | {"KARF_ENGINE_PYTHON": str(python_of("engine"))} | variables
     return subprocess.run([str(python_of(environment)), *arguments], cwd=ROOT, env=variables).returncode
 
 
