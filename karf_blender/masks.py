@@ -65,7 +65,7 @@ def marked(scene: bpy.types.Scene) -> dict[str, int]:
     folder = folders.absolute(scene.karf.masks) if scene.karf.masks else None
     if folder is None or not folder.is_dir():
         return {}
-    counts = {each.name: len(list(each.glob("*.png"))) for each in sorted(folder.iterdir()) if each.is_dir()}
+    counts = {each.name: len(list(each.rglob("*.png"))) for each in sorted(folder.iterdir()) if each.is_dir()}
     return {name: count for name, count in counts.items() if count}
 
 

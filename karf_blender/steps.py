@@ -256,7 +256,8 @@ def save_mask(scene: bpy.types.Scene) -> tuple[str, float]:
 def becomes(scene: bpy.types.Scene, name: str, source: Sequence[float], target: Sequence[float], rule: str) -> None:
     """Set an object's swatches so that a color of it becomes another; rule `becomes` or `fewest`. sRGB in [0, 1]."""
     item = swatches.object_named(scene, name)
-    colors, counts, palette_weights = read_object_colors(folders.project_of(scene).object_colors_file, name)
+    project = folders.project_of(scene)
+    colors, counts, palette_weights = read_object_colors(project.checked(project.object_colors_file), name)
     palette = recolor.learned_colors(item)
     locked = [index for index, swatch in enumerate(item.swatches) if swatch.locked]
     source, target = np.asarray(source, np.float32), np.asarray(target, np.float32)

@@ -168,7 +168,7 @@ def take_over(scene: bpy.types.Scene) -> None:
             scene.karf.masks = folders.stored(project.masks_folder)
         if not project.palette_file.exists():  # nothing was learned yet
             return
-        palettes = read_palettes(project.palette_file)
+        palettes = read_palettes(project.checked(project.palette_file))
         if [_key(palette) for palette in palettes] != [_key(palette) for palette in learned(scene)]:
             recolor.forget()
             load_palettes(scene, palettes)

@@ -39,7 +39,7 @@ from .inputs import MOST_JSON, check_file
 
 SCHEMA = "karf-project/1"
 STAGE_ORDER = ("geometry", "segmentation", "palette", "recoloring")
-TEMPORARY = ".tmp-"  # how names of files in the making begin
+TEMPORARY = ".tmp"  # how names of files in the making begin, safetensors' own ones too
 STALE_SECONDS = 3600.0  # after which nobody is writing a temporary file any more
 
 

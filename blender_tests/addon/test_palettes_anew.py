@@ -137,9 +137,10 @@ def test_choosing_another_project_keeps_the_edits_that_it_has_no_place_for(addon
     addon.headless.set_swatch("pot", 1, BLUE)
     addon.headless.set_swatch("lid", 1, BLUE)
     content = {"schema": "karf-palette/1", "objects": [{"name": "lid", "colors": [[0, 0, 0], *LID]}]}
-    (tmp_path / "other").mkdir()
-    (tmp_path / "other" / "palette.json").write_text(json.dumps(content))
-    learned.karf.project = str(tmp_path / "other")
+    other = addon.engine_api.Project(tmp_path / "other")
+    other.create("lids")
+    other.palette_file.write_text(json.dumps(content))
+    learned.karf.project = str(other.folder)
     assert learned.karf.objects.keys() == ["lid"] and color_of(learned, "lid", 1) == BLUE
     (file,) = kept_files(addon, learned)
     assert json.loads(file.read_text())["objects"]["pot"]["colors"][1] == list(BLUE)
