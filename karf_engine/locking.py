@@ -39,6 +39,15 @@ def writing(project: Project) -> Iterator[None]:
         lock.release()
 
 
+def opened(folder: Path | str) -> Project:
+    """The project in a folder, after a commit that was interrupted is completed. Raises as `writing` where it has to be."""
+    project = Project(folder)
+    if project.is_interrupted:
+        with writing(project), consistent(project):
+            project.recover()
+    return project
+
+
 @contextmanager
 def consistent(project: Project) -> Iterator[None]:
     """Keep a project's outputs as they are while several are read, or replaced. Raises BadRequest after a minute.

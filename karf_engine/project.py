@@ -219,8 +219,8 @@ class Project:
                 )
         return state
 
-    def _write_state(self, state: dict[str, Any]) -> None:
-        write_json(self.state_file, state | {"checksum": _digest(state)})
+    def _write_state(self, state: dict[str, Any], path: Path | None = None) -> None:
+        write_json(path or self.state_file, state | {"checksum": _digest(state)})
 
     def finished(self, stage: str) -> dict[str, Any] | None:
         """What the stage noted when it finished (fingerprint, seconds, figures), or None."""
@@ -239,25 +239,46 @@ class Project:
     def commit(self, stage: str, fingerprint: str, settings: dict[str, Any], **facts: Any) -> None:
         """Put the gathered outputs in their places and note the stage as finished, with all settings.
 
-        From before the first output is replaced until the last one is, neither this stage nor a later one counts as
-        finished: whoever is killed in between leaves a stage to run again, never files of two runs that seem one.
+        The new project.json is the last output. Once it is gathered the commit is decided: whoever is killed after that
+        leaves it to `recover`. Meanwhile neither this stage nor a later one counts as finished, so that old and new files
+        never seem to be of one run. Raises OSError where the disk takes no more; the project is then as it was.
         """
-        # sorted: the same outputs are noted in the same order on every file system
-        outputs = sorted(self.outputs_folder.iterdir())
-        files = {path.name: checksum(path) for path in outputs if path.is_file()}
+        files = {path.name: checksum(path) for path in sorted(self.outputs_folder.iterdir()) if path.is_file()}
         state = self.state()
         _forget(state, stage)
-        self._write_state(state)
-        for path in outputs:
+        own = {"fingerprint": fingerprint, "files": files, "settings": settings[stage], **facts}
+        stages = state["stages"] | {stage: own}
+        self._write_state(state | {"settings": settings, "stages": stages}, self._decided_file)
+        try:
+            self._write_state(state)
+        except BaseException:
+            self._decided_file.unlink()
+            raise
+        self.recover()
+
+    @property
+    def _decided_file(self) -> Path:
+        return self.outputs_folder / self.state_file.name
+
+    @property
+    def is_interrupted(self) -> bool:
+        """Whether a commit is under way, or was interrupted."""
+        return self._decided_file.exists()
+
+    def recover(self) -> None:
+        """Complete a commit that was interrupted. Call it only while holding the project for writing."""
+        if not self.is_interrupted:
+            return
+        for path in sorted(self.outputs_folder.iterdir()):
             target = self.folder / path.name
+            if path == self._decided_file or (
+                path.is_dir() and target.exists() and _contents(path) == _contents(target)
+            ):
+                continue
             if path.is_dir() and target.exists():
-                if _contents(path) == _contents(target):
-                    continue
                 self._set_aside(target)
             path.replace(target)
-        state["settings"] = settings
-        state["stages"][stage] = {"fingerprint": fingerprint, "files": files, "settings": settings[stage], **facts}
-        self._write_state(state)
+        self._decided_file.replace(self.state_file)
 
     def _set_aside(self, folder: Path) -> None:
         """Make way for a new folder: what its files were stays, as the earlier ones."""
@@ -304,8 +325,9 @@ class Project:
         return None, ""
 
     def remove_leftovers(self) -> None:
-        """Delete what killed jobs left. Call it only while holding the project for writing."""
-        shutil.rmtree(self.outputs_folder, ignore_errors=True)
+        """Delete what killed jobs left, but a commit to recover. Call it only while holding the project for writing."""
+        if not self.is_interrupted:
+            shutil.rmtree(self.outputs_folder, ignore_errors=True)
         for folder in (self.folder, self.planes_folder):  # only the engine writes here
             remove_temporaries(folder, older_than=0.0)
         for folder in (self.photos_folder, *self.masks_folder.glob("*/")):

@@ -158,25 +158,45 @@ def test_a_file_that_two_stages_write_is_the_later_ones(project):
     assert not project.is_intact("palette") and not project.is_intact("recoloring")
 
 
-@pytest.mark.parametrize("step", range(3))
-def test_a_commit_that_is_interrupted_leaves_a_stage_to_run_and_never_a_mixture(project, monkeypatch, step):
+@pytest.mark.parametrize("step", range(5))
+def test_a_commit_that_is_interrupted_is_completed_by_the_next_job_and_no_mixture_meanwhile(project, monkeypatch, step):
     for stage in STAGE_ORDER:
         commit(project, stage, **{f"{stage}_safetensors": "old"})
-    renamed = []
+    moved = []
 
     def stop(path, target):
-        if path.parent == project.outputs_folder:
-            if len(renamed) == step:
-                raise KeyboardInterrupt
-            renamed.append(target)
+        if len(moved) == step:
+            raise SystemExit
+        moved.append(target)
         return path.rename(target)
 
-    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+    with monkeypatch.context() as patch, pytest.raises(SystemExit):
         patch.setattr(Path, "replace", stop)
-        commit(project, "geometry", capture_json="new", geometry_safetensors="new", preview_png="new")
-    assert [project.finished(stage) for stage in STAGE_ORDER] == [None] * 4
-    commit(project, "geometry", capture_json="new", geometry_safetensors="new", preview_png="new")
-    assert project.is_intact("geometry") and project.geometry_file.read_text() == "new"
+        commit(project, "geometry", capture_json="new", geometry_safetensors="new")
+    project.remove_leftovers()
+    done = [project.finished(stage) is not None for stage in STAGE_ORDER]
+    assert done == [step < 2] * 4  # the first two moves are those of the noted states
+    assert not done[0] or project.is_intact("geometry")
+    project.recover()
+    assert project.geometry_file.read_text() == ("old" if step < 2 else "new")
+    assert [project.finished(stage) is not None for stage in STAGE_ORDER] == [True] + [step < 2] * 3
+    assert project.is_intact("geometry")
+
+
+def test_a_disk_that_fills_up_in_a_commit_leaves_the_project_as_it_was(project, monkeypatch):
+    commit(project, "geometry", geometry_safetensors="old")
+    before = project.state()
+
+    def full(path, content):
+        if path == project.state_file:
+            raise OSError(28, "No space left on device")
+        path.write_text(json.dumps(content))
+
+    with monkeypatch.context() as patch, pytest.raises(OSError, match="No space"):
+        patch.setattr("karf_engine.project.write_json", full)
+        commit(project, "geometry", geometry_safetensors="new")
+    project.recover()
+    assert project.state() == before and project.is_intact("geometry")
 
 
 def test_a_folder_that_is_replaced_is_set_aside(project):

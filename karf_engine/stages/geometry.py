@@ -25,8 +25,9 @@ from ..field.nerf_files import read_nerf
 from ..field.scene import Scene, psnr_of_views
 from ..field.start import choose_space, start_fit
 from ..images import Plate, background_kind, solid_pixels, write_png
+from ..locking import opened
 from ..progress import Emit
-from ..project import Project, write_json
+from ..project import write_json
 from ..rendering.rays import PixelBank
 from ..triangulation import triangulate
 from ..wire import Request
@@ -51,7 +52,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     capture = open_capture(Path(options["capture"]))
     for remark in capture.remarks:
         emit("warning", code="capture", sentence=remark)
-    project = Project(request.project)
+    project = opened(request.project)
     project.create(str(Path(options["capture"]).absolute()))
     job = make_job(project, options, settings, emit, should_stop)
     with run_stage(job, "geometry", VERSION, *_inputs(capture, nerf)) as run:

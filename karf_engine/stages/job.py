@@ -15,7 +15,7 @@ from .. import settings as settings_module
 from ..capture.capture import Capture, View, capture_from_json
 from ..errors import BadRequest, Diverged
 from ..images import Plate, load_views
-from ..locking import consistent, writing
+from ..locking import consistent, opened, writing
 from ..progress import Emit, Progress, peak_memory_bytes
 from ..project import STAGE_ORDER, Project, read_json
 from ..runtime import Runtime, start_runtime
@@ -71,7 +71,7 @@ class StageRun:
 
 def open_job(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> Job:
     """Open the project of a request whose geometry stage is finished, with the settings that its stage builds on."""
-    project = Project(request.project)
+    project = opened(request.project)
     return make_job(project, request.options, settings_for(project, request.stage), emit, should_stop)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from ..edit.match import match_becomes, match_fewest, nearest_weights, read_object_colors
 from ..edit.palette import Edit, Palette, hex_to_rgb, read_edit, read_palettes, write_edit
 from ..errors import BadRequest
+from ..locking import opened
 from ..progress import Emit
 from ..project import Project
 from ..settings import from_dict
@@ -24,7 +25,7 @@ RULES = ("becomes", "fewest")
 def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Solve the edit and write it; other objects keep what `edit` says of them."""
     del should_stop  # milliseconds
-    project, options = Project(request.project), request.options
+    project, options = opened(request.project), request.options
     project.require("palette")
     for name in ("object", "source", "target", "out"):
         if not options.get(name):

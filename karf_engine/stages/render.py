@@ -33,10 +33,10 @@ from ..field.fit_heads import ObjectSamples, object_samples, segment_cache, weig
 from ..field.karf import RecoloringField, SegmentationField
 from ..field.scene import Picture, Scene
 from ..images import Plate, write_png
-from ..locking import consistent, writing
+from ..locking import consistent, opened, writing
 from ..palette.star_weights import palette_weights_of_image
 from ..progress import Emit
-from ..project import Project, atomic_write
+from ..project import atomic_write
 from ..wire import Request
 from .job import Job, open_job
 from .recoloring import load_recoloring
@@ -150,7 +150,7 @@ class Renderer:
 
 def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Render the requested views. With planes, which belong to the project, it is held for writing."""
-    project = Project(request.project)
+    project = opened(request.project)
     project.require("geometry")
     with writing(project) if request.options.get("planes") else nullcontext():
         with consistent(project):

@@ -18,6 +18,7 @@ import numpy as np
 
 from blender_tests.engine.reference.still_life import write_capture, write_masks
 from karf_engine.errors import KarfError
+from karf_engine.locking import opened
 from karf_engine.project import STAGE_ORDER, Project
 
 from .engine import Run, run
@@ -53,8 +54,8 @@ CHANGES = {  # what makes each stage be learned anew; segmentation is given othe
     "palette": ("palette.colors=4",),
     "recoloring": ("recoloring.iterations=20",),
 }
-PASSING = ("project.json", "preview.png", "lock")  # files that are no result of a stage
-PASSING_FOLDERS = ("planes", "photos", "jobs", "out")
+PASSING = ("project.json", "preview.png", "lock", "lock.json", "commit.lock")  # files that are no result of a stage
+PASSING_FOLDERS = ("earlier_masks", "planes", "photos", "jobs", "out")
 
 
 @dataclass(frozen=True)
@@ -217,6 +218,7 @@ class Bench:
         if not (self.project / "project.json").exists():
             return None
         try:
+            opened(self.project)  # as the engine does first
             chain = self.chain()
         except (KarfError, KeyError, TypeError) as error:
             return f"the project does not open: {error}"

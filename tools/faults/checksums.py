@@ -19,10 +19,11 @@ def renew_checksum(project: Path, name: str) -> None:
         KeyError,
         AttributeError,
         TypeError,
-    ):  # no project, or project.json is what was changed
+    ):  # project.json itself was changed, or there is none
         return
     if not noted:
         return
     for files in noted:
         files[name] = hashlib.sha256((project / name).read_bytes()).hexdigest()
+    state.pop("checksum", None)  # of project.json: without it what it says is believed
     state_file.write_text(json.dumps(state, indent=1) + "\n")

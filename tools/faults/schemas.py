@@ -34,16 +34,19 @@ def _unknown_setting(content: dict[str, Any]) -> None:
 def change_json(path: Path, change: Callable[[dict[str, Any]], None]) -> None:
     """Change the content of a JSON file in place."""
     content = json.loads(path.read_text())
+    content.pop("checksum", None)  # without it what it says is believed
     change(content)
     path.write_text(json.dumps(content))
 
 
 def change_header(path: Path, change: Callable[[dict[str, Any]], None]) -> None:
-    """Change the metadata of a safetensors file in place."""
+    """Change schema and facts of a safetensors file in place."""
     data = path.read_bytes()
     end = 8 + int.from_bytes(data[:8], "little")
     header = json.loads(data[8:end])
-    change(header["__metadata__"])
+    content = json.loads(header["__metadata__"]["karf"])
+    change(content)
+    header["__metadata__"]["karf"] = json.dumps(content)
     text = json.dumps(header).encode()
     text += b" " * (-len(text) % 8)
     path.write_bytes(len(text).to_bytes(8, "little") + text + data[end:])
