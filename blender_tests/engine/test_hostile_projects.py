@@ -17,6 +17,7 @@ from karf_engine.edit.palette import read_palettes
 from karf_engine.errors import DataError
 from karf_engine.names import LONGEST, file_name, is_file_name
 from karf_engine.project import Project, read_json
+from tools.faults.checksums import renew_checksum
 
 from .conftest import run_engine
 from .reference.capture_files import centered, put_json, random_rig, write_transforms
@@ -84,15 +85,13 @@ def test_object_names_of_palettes_never_leave_the_folder(tmp_path, name):
 
 
 def rewrite_objects(path, name):
-    """Another name of the first object in the header of a safetensors file."""
-    from safetensors import safe_open
-    from safetensors.torch import save_file
+    """Another name of the first object in the facts of a learned file, as a project of somebody may have it."""
+    from karf_engine.checkpoints import load_tensors, save_tensors
 
-    with safe_open(path, "pt") as stored:
-        header, tensors = stored.metadata(), {key: stored.get_tensor(key) for key in stored.keys()}
-    facts = json.loads(header["facts"])
-    facts["objects"][0] = name
-    save_file(tensors, path, header | {"facts": json.dumps(facts)})
+    schema = f"karf-{path.stem}/1"
+    tensors, facts = load_tensors(path, schema)
+    save_tensors(path, tensors, schema, facts | {"objects": [name, *facts["objects"][1:]]})
+    renew_checksum(path.parent, path.name)
 
 
 @pytest.mark.parametrize("file", ["segmentation.safetensors", "surface.safetensors"])
@@ -115,6 +114,7 @@ def test_a_hostile_project_writes_nothing_beside_its_folders(learned, tmp_path):
     for view in content["views"]:
         view["name"] = view["stem"] = f"../../escaped_{view['name']}"
     (project / "capture.json").write_text(json.dumps(content))
+    renew_checksum(project, "capture.json")
     done = run_engine("render", project, "--views", "test", "--planes", "--out", tmp_path / "out" / "here")
     assert done.returncode == 4 and "cannot be the name of a file" in done.stderr and "Traceback" not in done.stderr
     assert not list(tmp_path.glob("escaped*")) and not list(tmp_path.glob("*/escaped*"))
@@ -200,13 +200,14 @@ def test_values_of_project_json_of_another_type_are_named(tmp_path, change):
 @pytest.mark.parametrize("report", [[], {"views": 5}, {"views": "ab"}, {"views": [5]}, {"views": ["../x"]}, {}])
 def test_values_of_segmentation_json_of_another_type_are_named(learned, tmp_path, report):
     from karf_engine.stages.job import open_job
-    from karf_engine.stages.segmentation import cached_view_names
+    from karf_engine.stages.segmentation import view_names
     from karf_engine.wire import Request
 
     project = shutil.copytree(learned.project, tmp_path / "project")
     put_json(project / "segmentation.json", report)
+    renew_checksum(project, "segmentation.json")
     job = open_job(Request("recoloring", project, {"threads": 1}), lambda *_, **__: None, lambda: False)
-    assert "segmentation.json" in refusal(cached_view_names, job)
+    assert "segmentation.json" in refusal(view_names, job, "views")
 
 
 @pytest.mark.parametrize("initial", [None, 5, [], [[0, 0, 0], [float("nan")] * 3], [[0, 0, 0]] * 10_000, "red"])

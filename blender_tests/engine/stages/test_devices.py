@@ -168,7 +168,7 @@ def test_the_stages_after_geometry_run_away_from_the_cpu(still_life, learned, el
             tmp_path / base,
         )
         runs("render", project, *options, "--threads", 1, "--device", elsewhere)
-        assert (tmp_path / base / "recolor" / "r_1.png").exists()
+        assert (tmp_path / base / "recolor" / "test_r_1.png").exists()
 
 
 def test_the_whole_geometry_stage_runs_away_from_the_cpu(still_life, elsewhere, tmp_path):

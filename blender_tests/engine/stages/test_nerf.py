@@ -75,9 +75,9 @@ def judge(out, still_life, lowest_psnr, lowest_iou):
     """Held-out views against the truth."""
     for stem in ("r_0", "r_1"):
         photo = still_life.photos[f"test/{stem}"]
-        assert psnr(read_photo(out / "render" / f"{stem}.png")[..., :3], photo.color) >= lowest_psnr
+        assert psnr(read_photo(out / "render" / f"test_{stem}.png")[..., :3], photo.color) >= lowest_psnr
         for label, name in ((1, "ball"), (2, "block")):
-            assert iou(read_mask(out / "masks" / name / f"{stem}.png"), photo.labels == label) >= lowest_iou
+            assert iou(read_mask(out / "masks" / name / f"test_{stem}.png"), photo.labels == label) >= lowest_iou
 
 
 def test_the_papers_preset_learns_all_stages_on_a_nerf(project, still_life, tmp_path):
@@ -210,5 +210,5 @@ def test_a_real_pretrained_nerf_shows_views_it_was_not_trained_on(scenes, tmp_pa
     for stem in ("r_0", "r_48"):
         photo = read_photo(scenes / "chair" / "test" / f"{stem}.png")
         on_white = photo[..., :3] * photo[..., 3:] + 1 - photo[..., 3:]
-        found = read_photo(tmp_path / "out" / "render" / f"{stem}.png")[..., :3]
+        found = read_photo(tmp_path / "out" / "render" / f"test_{stem}.png")[..., :3]
         assert psnr(found, resize(on_white, 48, 48)) >= 23
