@@ -4,6 +4,7 @@
     python3 tools/dev.py test                lint and all tests, in both environments (test -k WORD: engine tests by name)
     python3 tools/dev.py bench [NAME ...]    measured ratios and seconds
     python3 tools/dev.py evaluate [TABLE ..] the paper's tables on the demo capture: docs/results.md
+    python3 tools/dev.py window [...]        the extension used by mouse and keys in a real window: docs/window_story.md
     python3 tools/dev.py build               the extension's zip in dist/
     python3 tools/dev.py setup               only the environments
 
@@ -24,6 +25,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 ENVIRONMENTS = {"engine": ("", "photos", "test", "lint"), "blender": ("blender", "test")}
+PASSING_ON = ("test", "bench", "evaluate", "window")  # verbs whose further arguments are another program's
 BLENDER_LIBRARIES = (
     "libx11-6 libxrender1 libxxf86vm1 libxfixes3 libxi6 libxkbcommon0 libsm6 libice6 libgl1 libgomp1"  # Debian's names
 )
@@ -40,17 +42,25 @@ def main() -> int:
         ("test", "lint and all tests"),
         ("bench", "measured ratios and seconds"),
         ("evaluate", "the paper's tables on the demo capture"),
+        ("window", "the extension used by mouse and keys in a real Blender window"),
     ):
         verb = verbs.add_parser(name, help=text)
         verb.add_argument("rest", nargs=argparse.REMAINDER, help="passed on")
     verbs.add_parser("build", help="the extension's zip in dist/")
     verbs.add_parser("setup", help="only the environments")
     options, unknown = parser.parse_known_args()
-    if unknown and options.verb not in ("test", "bench", "evaluate"):
+    if unknown and options.verb not in PASSING_ON:
         parser.error(f"unknown arguments: {' '.join(unknown)}")
     setup()
     rest = unknown + list(getattr(options, "rest", []))
-    actions = {"demo": run_demo, "test": run_tests, "bench": run_bench, "evaluate": run_evaluate, "build": build}
+    actions = {
+        "demo": run_demo,
+        "test": run_tests,
+        "bench": run_bench,
+        "evaluate": run_evaluate,
+        "window": run_window,
+        "build": build,
+    }
     return actions[options.verb](options, rest) if options.verb in actions else 0
 
 
@@ -128,6 +138,11 @@ def run_bench(options: argparse.Namespace, rest: list[str]) -> int:
 
 def run_evaluate(options: argparse.Namespace, rest: list[str]) -> int:
     return _run("engine", "tools/evaluate.py", *rest)
+
+
+def run_window(options: argparse.Namespace, rest: list[str]) -> int:
+    """Build the extension, then use it in a real window."""
+    return build(options, []) or _run("engine", "tools/window_story.py", *rest)
 
 
 def build(options: argparse.Namespace, rest: list[str]) -> int:
