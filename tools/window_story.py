@@ -30,11 +30,11 @@ import record  # noqa: E402
 import screen  # noqa: E402
 
 DEMO = ROOT / "demo"
-MARKED_VIEW, MARKED_PHOTO = "train_r_041", "r_041.png"
-SIZE = 1400, 1400  # of the screen: every panel of the sidebar fits, nothing has to be scrolled
+MARKED_VIEW = "r_041"
+SIZE = 1100, 1600  # of the screen: every panel of the sidebar fits, nothing has to be scrolled
 PATIENCE = 200.0  # seconds without a new line in the record after which Blender counts as hung
 RESTARTS = 6
-STROKE_ROWS = 14  # pixels of the photo between two strokes
+STROKE_ROWS = 18  # pixels of the photo between two strokes
 TINY = (
     "geometry.long_side=96",
     'geometry.levels=[{"voxels": 32, "iterations": 80, "step": 1.0}, {"voxels": 56, "iterations": 120, "step": 0.75}]',
@@ -45,6 +45,7 @@ TINY = (
     "recoloring.iterations=40",
     "recoloring.width=16",
 )
+BRUSH = 6  # its radius, about, pixels of the photo
 SOFTWARE = {"LIBGL_ALWAYS_SOFTWARE": "1", "GALLIUM_DRIVER": "llvmpipe"}
 
 
@@ -111,12 +112,14 @@ def engine_folders() -> list[Path]:
 def prepare(out: Path, is_new: bool) -> None:
     """Lay out OUT: the capture, the extension's package, and a decoy project of the same objects with other colors."""
     (out / "record.jsonl").unlink(missing_ok=True)
+    shutil.rmtree(out / "shots", ignore_errors=True)
+    (out / "shots").mkdir(parents=True)
     if not is_new:
         return
-    for name in ("desk", "user", "shots", "screen", "decoy", "blender.log", "facts.json"):
+    for name in ("desk", "user", "screen", "blender.log", "facts.json"):
         path = out / name
         shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink(missing_ok=True)
-    for folder in ("desk/here/sub", "user", "shots", "screen"):
+    for folder in ("desk/here/sub", "user", "screen"):
         (out / folder).mkdir(parents=True)
     capture = out / "desk" / "pots"
     for name in ("train", "test"):
@@ -128,20 +131,21 @@ def prepare(out: Path, is_new: bool) -> None:
         shutil.copytree(DEMO / "coarse_masks" / "three" / other, masks / name, dirs_exist_ok=True)
     command = [sys.executable, "-m", "karf_engine", "all", str(capture), "--masks", str(masks), "--threads", "1"]
     command += ["--project", str(out / "decoy"), *(part for text in TINY for part in ("--set", text))]
-    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+    if not (out / "decoy" / "palette.json").exists():
+        subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
 
 
 def strokes(name: str) -> list[list[tuple[float, float]]]:
     """Brush strokes over an object: back and forth through its rough mask, in shares of the picture from the lower left."""
-    mask = imageio.imread(DEMO / "coarse_masks" / "one" / name / MARKED_PHOTO)
+    mask = imageio.imread(DEMO / "coarse_masks" / "one" / name / f"{MARKED_VIEW}.png")
     mask = mask.reshape(*mask.shape[:2], -1)[..., 0] > 127
     height, width = mask.shape
     rows = np.flatnonzero(mask.any(1))
     lines = []
     for row in rows[STROKE_ROWS // 2 : -STROKE_ROWS // 2 : STROKE_ROWS]:
         columns = np.flatnonzero(mask[row])
-        first, last = columns[0] + 4, columns[-1] - 4
-        lines.append([(float(x) / width, 1 - float(row) / height) for x in np.linspace(first, last, 8)])
+        first, last = columns[0] + BRUSH, columns[-1] - BRUSH
+        lines.append([(float(x) / width, 1 - float(row) / height) for x in np.linspace(first, last, 5)])
     return lines
 
 
@@ -241,7 +245,11 @@ def run_blender(place: Place, out: Path, folders, display: str, job: Path) -> in
             env=os.environ | user | software,
             start_new_session=True,
         )
-    return watch(process, out)
+    try:
+        return watch(process, out)
+    finally:  # also where the driver is interrupted
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
 
 
 def watch(process: subprocess.Popen, out: Path) -> int:

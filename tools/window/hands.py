@@ -15,9 +15,11 @@ import bpy
 
 Place = tuple[int, int]
 Wait = Generator[float, None, None]
-PAUSE = 0.05  # seconds in which Blender takes an event in
-ROW = 7  # pixels between two rows of a search; the lowest buttons are about 18 high
-COLUMNS = (0.5, 0.2, 0.78, 0.93, 0.35, 0.65)  # of a region's width, in the order of a search
+PAUSE = 0.03  # seconds in which Blender takes an event in
+ROW = 13  # pixels between two rows of a search; the lowest buttons are about 18 high
+EMPTY_ROWS = 18  # so many rows without a button are the end of the panels
+RIGHT = 0.83  # where a sidebar has the small button at the end of a row
+COLUMNS = (0.45, RIGHT, 0.2, 0.68, 0.32, 0.57)  # of a region's width, in the order of a search
 
 
 class NotFound(Exception):
@@ -142,8 +144,9 @@ def meaning(where: Where) -> str:
 _seen: dict[Where, dict[str, Place]] = {}
 
 
-def find(where: Where, pattern: str) -> Generator[float, None, Place]:
-    """The place of the first button whose meaning matches a regular expression. Raises NotFound."""
+def find(where: Where, pattern: str, first: float = COLUMNS[0]) -> Generator[float, None, Place]:
+    """The place of the first button whose meaning matches a regular expression; first: where to look first. Raises
+    NotFound."""
     seen = _seen.setdefault(where, {})
     for place in [place for meant, place in seen.items() if re.search(pattern, meant)]:
         yield from move(place)
@@ -151,19 +154,25 @@ def find(where: Where, pattern: str) -> Generator[float, None, Place]:
             return place
     seen.clear()  # the panels have moved
     region = region_of(where)
-    for share in COLUMNS:
+    for share in dict.fromkeys([first, *COLUMNS]):
         x = region.x + int(region.width * share)
+        empty = 0
+        yield from move((x, region.y + region.height - ROW))
         for y in range(region.y + region.height - ROW, region.y, -ROW):
-            yield from move((x, y))
+            send("MOUSEMOVE", "NOTHING", (x, y))
+            yield PAUSE
             meant = meaning(where)
+            empty = 0 if meant else empty + 1
             if meant:
                 seen.setdefault(meant, (x, y))
             if re.search(pattern, meant):
                 return x, y
+            if empty > EMPTY_ROWS:
+                break
     raise NotFound(f"no button of {where.editor} {where.region} is {pattern}; there are {sorted(seen)}")
 
 
-def press_button(where: Where, pattern: str, **modifiers) -> Wait:
+def press_button(where: Where, pattern: str, first: float = COLUMNS[0]) -> Wait:
     """Find a button and click it."""
-    place = yield from find(where, pattern)
-    yield from click(place, **modifiers)
+    place = yield from find(where, pattern, first)
+    yield from click(place)

@@ -9,6 +9,7 @@ from types import FunctionType
 
 import bpy
 
+DRAWN_AT = ("PRE_VIEW", "POST_VIEW", "POST_PIXEL", "BACKDROP")
 OWNERS = (bpy.types.Scene, bpy.types.WindowManager, bpy.types.Object, bpy.types.Image)
 BASES = "Panel Operator Menu Header UIList PropertyGroup AddonPreferences FileHandler Gizmo GizmoGroup".split()
 
@@ -44,7 +45,7 @@ def _handlers(package: str) -> Iterator[str]:
 def _is_drawn(function: FunctionType) -> bool:
     """Blender has no list of drawing callbacks, but it keeps the arguments of `draw_handler_add` as they were given."""
     owners = (each for each in gc.get_referrers(function) if isinstance(each, tuple))
-    return any(len(each) == 4 and each[0] is function and each[3] in ("POST_VIEW", "POST_PIXEL") for each in owners)
+    return any(len(each) > 3 and each[-1] in DRAWN_AT for each in owners)
 
 
 def _classes(package: str) -> Iterator[str]:

@@ -108,18 +108,21 @@ def button_job(story: Story, operator: str) -> Wait:
 
 
 def file_browser(folder: Path, name: str = "") -> Wait:
-    """Choose a file in the file browser that is open: type folder and name, click the button that takes it."""
+    """Choose a file in the file browser that is open: the path is put in by script, the button that takes it clicked."""
     yield from until(lambda: _editors("FILE_BROWSER") > 0, "the file browser", 10)
     yield 0.5
     params = hands.area_of("FILE_BROWSER").spaces.active.params
-    yield from hands.write(f"{folder}/", hands.middle_of(Where("FILE_BROWSER", "UI"), 0.35))
-    yield from until(lambda: Path(params.directory.decode()) == folder, f"typing {folder}", 3)
-    if name:
-        yield from hands.write(name, hands.middle_of(Where("FILE_BROWSER", "EXECUTE"), 0.3))
-        yield from until(lambda: params.filename == name, f"typing {name}", 3)
-    yield from hands.press_button(Where("FILE_BROWSER", "EXECUTE"), r"file\.execute")
+    params.directory, params.filename = str(folder).encode(), name
+    yield 0.5
+    yield from hands.press_button(Where("FILE_BROWSER", "EXECUTE"), r"file\.execute", 0.93)
     yield from until(lambda: _editors("FILE_BROWSER") == 0, "the file browser's end", 30)
     yield 0.5
+
+
+def save_file() -> Wait:
+    """Ctrl S, as one does now and then."""
+    yield from hands.press("S", hands.middle_of(VIEW), ctrl=True)
+    yield from until(lambda: not bpy.data.is_dirty, "saving", 10)
 
 
 def _editors(kind: str) -> int:
@@ -129,6 +132,9 @@ def _editors(kind: str) -> int:
 def set_up_screen() -> Wait:
     """3D View at the left, Image Editor at the right, in both the KaRF tab."""
     if not _editors("IMAGE_EDITOR"):
+        for kind in ("PROPERTIES", "OUTLINER"):  # less to draw
+            with hands.inside(Where(kind, "WINDOW")):
+                bpy.ops.screen.area_close()
         with hands.inside(VIEW):
             bpy.ops.screen.area_split(direction="VERTICAL", factor=0.4)
         hands.area_of("VIEW_3D").type = "IMAGE_EDITOR"
@@ -159,7 +165,7 @@ def color_of(name: str, index: int) -> tuple[float, ...]:
 
 def drag_swatch(story: Story, name: str, index: int, steps: int, angle: tuple[int, int]) -> Generator[float, None, int]:
     """Open a swatch's picker, drag in its wheel, close it; returns how many pictures were seen on the way."""
-    field = yield from hands.find(SIDEBAR, swatch(name, index))
+    field = yield from hands.find(SIDEBAR, swatch(name, index), 0.2)
     yield from hands.click(field)
     yield 0.3
     start = field[0], field[1] - story.facts.get("wheel", 110)
@@ -188,6 +194,8 @@ def install(story: Story) -> Wait:
     view = bpy.context.preferences.view
     view.show_splash = view.show_tooltips = False
     view.filebrowser_display_type, view.render_display_type = "SCREEN", "NONE"
+    # the sidebar beside the picture, not over it, where strokes would hit it
+    bpy.context.preferences.system.use_region_overlap = False
     bpy.ops.extensions.package_install_files(filepath=story.job["package"], repo="user_default", enable_on_install=True)
     check(desk.PACKAGE in bpy.context.preferences.addons, "the extension is not enabled after its installation")
     held = remains.remains(desk.PACKAGE)
@@ -212,7 +220,7 @@ def sidebar(story: Story) -> Wait:
     check(TAB not in first.values(), f"{TAB} takes the place of the first tab: {first}")
 
 
-@step("save", "keys: Ctrl Shift S; path typed, button clicked")
+@step("save", "keys: Ctrl Shift S; path by script, button clicked")
 def save(story: Story) -> Wait:
     yield from hands.press("S", hands.middle_of(VIEW), ctrl=True, shift=True)
     yield from file_browser(story.home, "story.blend")
@@ -220,7 +228,7 @@ def save(story: Story) -> Wait:
     story.facts["blend"] = bpy.data.filepath
 
 
-@step("import", "mouse: Import Capture; path typed, button clicked")
+@step("import", "mouse: Import Capture; path by script, button clicked")
 def import_capture(story: Story) -> Wait:
     yield from hands.press_button(SIDEBAR, r"karf\.import_capture")
     yield from file_browser(story.desk / "pots")
@@ -229,6 +237,7 @@ def import_capture(story: Story) -> Wait:
     yield from story.shoot("import")
     check(len(karf.views) == story.job["views"], f"{len(karf.views)} views, not {story.job['views']}")
     check(karf.project == "//pots_karf", f"the project is {karf.project!r}")
+    yield from save_file()
 
 
 @step("learn, cancel", "mouse: Learn Scene with the preset, then the cross")
@@ -238,7 +247,7 @@ def learn_cancel(story: Story) -> Wait:
     yield from until(lambda: progress.fraction > 0, "progress", JOB_SECONDS)
     check(any("timer" in line for line in remains.remains(desk.PACKAGE)), "no timer is found: the check is blind")
     yield from story.shoot("learning")
-    yield from hands.press_button(SIDEBAR, r"karf\.cancel")
+    yield from hands.press_button(SIDEBAR, r"karf\.cancel", hands.RIGHT)
     yield from job_end(story, "cancelled")
     check("geometry" not in desk.module("folders").finished_stages(desk.scene()), "a cancelled stage counts as done")
 
@@ -249,6 +258,7 @@ def learn(story: Story) -> Wait:
     yield from job_end(story)
     check("geometry" in desk.module("folders").finished_stages(desk.scene()), "the scene is not learned")
     yield from story.shoot("learned")
+    yield from save_file()
 
 
 @step("mark", "mouse: name typed, Paint Mask, strokes, Save Mask")
@@ -259,6 +269,7 @@ def mark(story: Story) -> Wait:
         yield from paint(story, name)
     counts = desk.module("masks").marked(desk.scene())
     check(counts == {"mug": 1, "pot": 1}, f"marked are {counts}")
+    yield from save_file()
 
 
 def paint(story: Story, name: str) -> Wait:
@@ -266,18 +277,19 @@ def paint(story: Story, name: str) -> Wait:
     field = yield from hands.find(SIDEBAR, r"karf\.mask_object")
     yield from hands.write(name, field)
     check(desk.scene().karf.mask_object == name, f"typed {name}, got {desk.scene().karf.mask_object}")
-    yield from hands.press_button(SIDEBAR, r"karf\.paint_mask")
+    yield from hands.press_button(SIDEBAR, r"karf\.paint_mask", 0.2)
+    yield from until(lambda: desk.scene().karf.mask_image is not None, "Paint Mask", 5)
     with hands.inside(PICTURE):
         bpy.ops.image.view_all(fit_view=True)
     yield 0.5
-    for _ in range(3):
+    for _ in range(9):  # a brush of half the size
         yield from hands.press("LEFT_BRACKET", hands.middle_of(PICTURE))
     region = hands.region_of(PICTURE)
     for stroke in story.job["strokes"][name]:
         places = [region.view2d.view_to_region(*place, clip=False) for place in stroke]
         yield from hands.drag([(x + region.x, y + region.y) for x, y in places])
     yield from story.shoot(f"painted-{name}")
-    yield from hands.press_button(SIDEBAR, r"karf\.save_mask")
+    yield from hands.press_button(SIDEBAR, r"karf\.save_mask", 0.68)
     yield 0.5
 
 
@@ -296,6 +308,7 @@ def palette(story: Story) -> Wait:
     check(set(desk.swatches()) == {"mug", "pot"}, f"the objects are {list(desk.swatches())}")
     check(desk.is_in_step(), "the picture is not what the swatches say")
     story.facts["learned"] = desk.picture()
+    yield from save_file()
 
 
 @step("drag", "mouse: a swatch's picker is opened, its color dragged")
@@ -343,14 +356,13 @@ def keyframe(story: Story) -> Wait:
 
 def key_swatch(story: Story) -> Wait:
     """I over the mug's first swatch."""
-    place = yield from hands.find(SIDEBAR, swatch("mug", 1))
+    place = yield from hands.find(SIDEBAR, swatch("mug", 1), 0.2)
     yield from hands.press("I", place)
 
 
 @step("save again", "keys: Ctrl S")
 def save_again(story: Story) -> Wait:
-    yield from hands.press("S", hands.middle_of(VIEW), ctrl=True)
-    yield from until(lambda: not bpy.data.is_dirty, "saving", 10)
+    yield from save_file()
 
 
 @step("camera's frames", "mouse: Camera's Frames, of three keyframed frames")
@@ -390,7 +402,7 @@ for _number in (1, 2, 3):
     )
 
 
-@step("save elsewhere", "keys: Ctrl Shift S into a folder beside another project of the same name; path typed")
+@step("save elsewhere", "keys: Ctrl Shift S into a folder beside another project of the same name; path by script")
 def save_elsewhere(story: Story) -> Wait:
     folders, place = desk.module("folders"), story.home / "sub"
     # one where the new .blend would look for a project of this name, one where its new path leads from the old folder
@@ -408,7 +420,7 @@ def save_elsewhere(story: Story) -> Wait:
     story.note(f"the project is {desk.scene().karf.project}")
 
 
-@step("reload", "keys: Ctrl O; path typed, button clicked")
+@step("reload", "keys: Ctrl O; path by script, button clicked")
 def reload(story: Story) -> Wait:
     before = desk.swatches(), desk.picture(), desk.animated_objects(), desk.scene().frame_current
     yield from hands.press("O", hands.middle_of(VIEW), ctrl=True)
