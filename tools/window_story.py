@@ -31,7 +31,7 @@ import screen  # noqa: E402
 
 DEMO = ROOT / "demo"
 MARKED_VIEW = "r_041"
-SIZE = 1100, 1600  # of the screen: every panel of the sidebar fits, nothing has to be scrolled
+SIZE = 1300, 1600  # of the screen: every panel of the sidebar fits, nothing has to be scrolled
 PATIENCE = 200.0  # seconds without a new line in the record after which Blender counts as hung
 RESTARTS = 6
 STROKE_ROWS = 18  # pixels of the photo between two strokes
@@ -235,7 +235,12 @@ def run_blender(place: Place, out: Path, folders, display: str, job: Path) -> in
     size = ["--window-geometry", "0", "0", *map(str, SIZE)]
     command = [place.blender, *([blend] if blend else []), "--gpu-backend", "opengl", *size]
     command += ["--enable-event-simulate", "--python", str(INSIDE / "inside.py"), "--", str(job)]
-    user = {"DISPLAY": display, "HOME": str(out / "user"), "BLENDER_USER_RESOURCES": str(out / "user")}
+    user = {
+        "DISPLAY": display,
+        "HOME": str(out / "user"),
+        "BLENDER_USER_RESOURCES": str(out / "user"),
+        "TMPDIR": str(out / "user"),
+    }
     software = SOFTWARE if dump(out) is not None else {}
     with (out / "blender.log").open("ab") as log:
         process = subprocess.Popen(

@@ -26,6 +26,7 @@ PICTURE = Where("IMAGE_EDITOR", "WINDOW")
 VIEW = Where("VIEW_3D", "WINDOW")
 JOB_SECONDS = 150.0
 FILM_FRAMES = 60
+WHEEL = 55, 215  # from a click into a swatch at the left of its row to the middle of the picker's wheel, pixels
 
 
 class Broken(Exception):
@@ -122,7 +123,23 @@ def file_browser(folder: Path, name: str = "") -> Wait:
 def save_file() -> Wait:
     """Ctrl S, as one does now and then."""
     yield from hands.press("S", hands.middle_of(VIEW), ctrl=True)
+    yield from affirm_pictures(lambda: not bpy.data.is_dirty)
     yield from until(lambda: not bpy.data.is_dirty, "saving", 10)
+
+
+def save_file_as(blend: Path) -> Wait:
+    """Ctrl Shift S, to another place."""
+    yield from hands.press("S", hands.middle_of(VIEW), ctrl=True, shift=True)
+    yield from affirm_pictures(lambda: _editors("FILE_BROWSER") > 0)
+    yield from file_browser(blend.parent, blend.name)
+    yield from until(lambda: bpy.data.filepath == str(blend), "saving", 10)
+
+
+def affirm_pictures(is_asked_nothing: Callable[[], bool]) -> Wait:
+    """Blender 5 asks before it saves whether pictures that are no files shall be saved too; Return says yes."""
+    yield 1.0
+    if not is_asked_nothing():
+        yield from hands.press("RET", hands.middle_of(PICTURE))
 
 
 def _editors(kind: str) -> int:
@@ -132,9 +149,6 @@ def _editors(kind: str) -> int:
 def set_up_screen() -> Wait:
     """3D View at the left, Image Editor at the right, in both the KaRF tab."""
     if not _editors("IMAGE_EDITOR"):
-        for kind in ("PROPERTIES", "OUTLINER"):  # less to draw
-            with hands.inside(Where(kind, "WINDOW")):
-                bpy.ops.screen.area_close()
         with hands.inside(VIEW):
             bpy.ops.screen.area_split(direction="VERTICAL", factor=0.4)
         hands.area_of("VIEW_3D").type = "IMAGE_EDITOR"
@@ -168,7 +182,7 @@ def drag_swatch(story: Story, name: str, index: int, steps: int, angle: tuple[in
     field = yield from hands.find(SIDEBAR, swatch(name, index), 0.2)
     yield from hands.click(field)
     yield 0.3
-    start = field[0], field[1] - story.facts.get("wheel", 110)
+    start = field[0] + WHEEL[0], field[1] + WHEEL[1]
     seen = set()
     yield from hands.move(start)
     hands.send("LEFTMOUSE", "PRESS", start)
@@ -222,9 +236,7 @@ def sidebar(story: Story) -> Wait:
 
 @step("save", "keys: Ctrl Shift S; path by script, button clicked")
 def save(story: Story) -> Wait:
-    yield from hands.press("S", hands.middle_of(VIEW), ctrl=True, shift=True)
-    yield from file_browser(story.home, "story.blend")
-    yield from until(lambda: bpy.data.filepath == str(story.home / "story.blend"), "saving", 10)
+    yield from save_file_as(story.home / "story.blend")
     story.facts["blend"] = bpy.data.filepath
 
 
@@ -409,9 +421,7 @@ def save_elsewhere(story: Story) -> Wait:
     for decoy in (place / "pots_karf", story.desk / "pots_karf"):
         shutil.copytree(story.job["decoy"], decoy, dirs_exist_ok=True)
     before = desk.swatches(), folders.project_of(desk.scene()).folder, desk.picture(), desk.animated_objects()
-    yield from hands.press("S", hands.middle_of(VIEW), ctrl=True, shift=True)
-    yield from file_browser(place, "story.blend")
-    yield from until(lambda: bpy.data.filepath == str(place / "story.blend"), "saving", 10)
+    yield from save_file_as(place / "story.blend")
     yield 0.5
     story.facts["blend"] = bpy.data.filepath
     after = desk.swatches(), folders.project_of(desk.scene()).folder, desk.picture(), desk.animated_objects()
