@@ -1,10 +1,10 @@
 """The window story's record, transcript and screenshots; the story itself needs a Blender window (docs/window_story.md)."""
 
 import ast
-import importlib.util
 import json
 import re
 import struct
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,17 +14,9 @@ ROOT = Path(__file__).resolve().parents[2]
 WINDOW = ROOT / "tools" / "window"
 
 
-def load(name):
-    specification = importlib.util.spec_from_file_location(f"window_{name}", WINDOW / f"{name}.py")
-    module = importlib.util.module_from_spec(specification)
-    # dataclasses ask for the module by name
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(__import__("sys").modules, specification.name, module)
-        specification.loader.exec_module(module)
-    return module
-
-
-record, screen = load("record"), load("screen")
+sys.path.insert(0, str(WINDOW))
+import record  # noqa: E402
+import screen  # noqa: E402
 
 
 def dumped(pixels, order, padding=0):
