@@ -12,9 +12,10 @@ from pathlib import Path
 import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
+import acts
 import hands
 import record
-import story as tale
+from story import STEPS, Step
 
 SHOT_SECONDS = 5.0
 
@@ -23,27 +24,27 @@ def play(job: dict) -> Generator[float, None, None]:
     """The steps after the one named by the job, of those it names; a step that fails does not end the story."""
     lines, facts = Path(job["record"]), Path(job["facts"])
     known = json.loads(facts.read_text()) if facts.exists() else {}
-    story = tale.Story(job, known, lambda text: record.note(lines, kind="note", text=text), shooter(job))
+    story = acts.Story(job, known, lambda text: record.note(lines, kind="note", text=text), shooter(job))
     yield 1.0
     if bpy.data.filepath:  # after a crash: the window as the .blend has it
-        yield from tale.set_up_screen()
-        yield from tale.show_tab()
-    names = [step.name for step in tale.STEPS]
+        yield from acts.set_up_screen()
+        yield from acts.show_tab()
+    names = [step.name for step in STEPS]
     start = names.index(job["after"]) + 1 if job["after"] else 0
-    for step in tale.STEPS[start:]:
+    for step in STEPS[start:]:
         if not job["only"] or step.name in job["only"]:
             yield from perform(story, step, lines)
-            tale.save_facts(story)
+            acts.save_facts(story)
 
 
-def perform(story: tale.Story, step: tale.Step, lines: Path) -> Generator[float, None, None]:
+def perform(story: acts.Story, step: Step, lines: Path) -> Generator[float, None, None]:
     """One step, and its lines in the record."""
     record.note(lines, kind="begin", name=step.name, how=step.how)
     begin = time.monotonic()
     outcome = record.PASSED
     try:
         yield from step.run(story)
-    except (tale.Broken, hands.NotFound) as failure:
+    except (acts.Broken, hands.NotFound) as failure:
         outcome = record.FAILED
         story.note(str(failure))
     except Exception:

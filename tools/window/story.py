@@ -6,52 +6,21 @@ done by events in the window; what no event can reach in a sensible time is done
 
 from __future__ import annotations
 
-import json
 import shutil
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+import acts
 import bpy
 import desk
 import hands
 import remains
+from acts import JOB_SECONDS, PICTURE, SIDEBAR, TAB, VIEW, Story, check, until
 from hands import Wait, Where
 
-TAB = "KaRF"
-SIDEBAR = Where("IMAGE_EDITOR")
-PICTURE = Where("IMAGE_EDITOR", "WINDOW")
-VIEW = Where("VIEW_3D", "WINDOW")
-JOB_SECONDS = 150.0
 FILM_FRAMES = 60
-BRUSH = 14  # radius, pixels of the screen
-WHEEL = 55, 215  # from a click into a swatch at the left of its row to the middle of the picker's wheel, pixels
-
-
-class Broken(Exception):
-    """What a step promises does not hold."""
-
-
-@dataclass
-class Story:
-    """What the steps know: the driver's job, and facts that outlive a crash of Blender."""
-
-    job: dict[str, Any]
-    facts: dict[str, Any]
-    note: Callable[[str], None]
-    shoot: Callable[[str], Wait]
-
-    @property
-    def desk(self) -> Path:
-        """The folder in which the artist works."""
-        return Path(self.job["desk"])
-
-    @property
-    def home(self) -> Path:
-        """The folder of the .blend and its project."""
-        return self.desk / "here"
 
 
 @dataclass(frozen=True)
@@ -76,134 +45,6 @@ def step(name: str, how: str):
     return add
 
 
-def check(holds: bool, sentence: str) -> None:
-    """Raise Broken with the sentence where something does not hold."""
-    if not holds:
-        raise Broken(sentence)
-
-
-# --- what several steps do -----------------------------------------------------------------------------------------
-def until(condition: Callable[[], bool], what: str, seconds: float) -> Wait:
-    """Wait for something; Broken where it does not come."""
-    end = time.monotonic() + seconds
-    while not condition():
-        check(time.monotonic() < end, f"{what} did not happen within {seconds:.0f} s")
-        yield 0.1
-
-
-def job_end(story: Story, expected: str = "done") -> Wait:
-    """Wait for the running job; Broken where it ends otherwise than expected."""
-    progress = bpy.data.window_managers[0].karf_progress
-    yield from until(lambda: not desk.module("job_watch").is_running(), "the job's end", JOB_SECONDS)
-    if progress.warnings:
-        story.note(f"warning: {progress.warnings}")
-    check(not progress.error, f"{progress.stage} failed: {progress.error}")
-    check(progress.text == expected, f"{progress.stage} ended as {progress.text!r}, not {expected!r}")
-    yield 0.5
-
-
-def button_job(story: Story, operator: str) -> Wait:
-    """Click a button that starts a job, and wait for its end."""
-    yield from hands.press_button(SIDEBAR, operator)
-    yield from until(lambda: desk.module("job_watch").is_running(), f"{operator}'s job", 10)
-    yield from job_end(story)
-
-
-def file_browser(folder: Path, name: str = "") -> Wait:
-    """Choose a file in the file browser that is open: the path is put in by script, the button that takes it clicked."""
-    yield from until(lambda: _editors("FILE_BROWSER") > 0, "the file browser", 10)
-    yield 0.5
-    params = hands.area_of("FILE_BROWSER").spaces.active.params
-    params.directory, params.filename = str(folder).encode(), name
-    yield 0.5
-    yield from hands.press_button(Where("FILE_BROWSER", "EXECUTE"), r"file\.execute", 0.93)
-    yield from until(lambda: _editors("FILE_BROWSER") == 0, "the file browser's end", 30)
-    yield 0.5
-
-
-def save_file() -> Wait:
-    """Ctrl S, as one does now and then."""
-    yield from hands.press("S", hands.middle_of(VIEW), ctrl=True)
-    yield from affirm_pictures(lambda: not bpy.data.is_dirty)
-    yield from until(lambda: not bpy.data.is_dirty, "saving", 10)
-
-
-def save_file_as(blend: Path) -> Wait:
-    """Ctrl Shift S, to another place."""
-    yield from hands.press("S", hands.middle_of(VIEW), ctrl=True, shift=True)
-    yield from affirm_pictures(lambda: _editors("FILE_BROWSER") > 0)
-    yield from file_browser(blend.parent, blend.name)
-    yield from until(lambda: bpy.data.filepath == str(blend), "saving", 10)
-
-
-def affirm_pictures(is_asked_nothing: Callable[[], bool]) -> Wait:
-    """Blender 5 asks before it saves whether pictures that are no files shall be saved too; Return says yes."""
-    yield 1.0
-    if not is_asked_nothing():
-        yield from hands.press("RET", hands.middle_of(PICTURE))
-
-
-def _editors(kind: str) -> int:
-    return sum(area.type == kind for area in hands.window().screen.areas)
-
-
-def set_up_screen() -> Wait:
-    """3D View at the left, Image Editor at the right, in both the KaRF tab."""
-    if not _editors("IMAGE_EDITOR"):
-        with hands.inside(VIEW):
-            bpy.ops.screen.area_split(direction="VERTICAL", factor=0.4)
-        hands.area_of("VIEW_3D").type = "IMAGE_EDITOR"
-    for kind in ("VIEW_3D", "IMAGE_EDITOR"):
-        hands.area_of(kind).spaces.active.show_region_ui = True
-    yield 1.0
-
-
-def show_tab() -> Wait:
-    """Bring the KaRF tab to the front in both sidebars, and fit the picture."""
-    for kind in ("VIEW_3D", "IMAGE_EDITOR"):
-        sidebar = hands.region_of(Where(kind))
-        sidebar.active_panel_category = TAB
-        sidebar.tag_redraw()
-    yield 0.5
-
-
-def swatch(name: str, index: int) -> str:
-    """The pattern of a swatch's field."""
-    number = desk.scene().karf.objects.find(name)
-    return rf'karf\.objects\[({number}|"{name}")\]\.swatches\[({index}|"[^"]*{index}")\]\.color'
-
-
-def color_of(name: str, index: int) -> tuple[float, ...]:
-    """A swatch as it stands."""
-    return desk.swatches()[name][index]
-
-
-def drag_swatch(story: Story, name: str, index: int, steps: int, angle: tuple[int, int]) -> Generator[float, None, int]:
-    """Open a swatch's picker, drag in its wheel, close it; returns how many pictures were seen on the way."""
-    field = yield from hands.find(SIDEBAR, swatch(name, index), 0.2)
-    yield from hands.click(field)
-    yield 0.3
-    start = field[0] + WHEEL[0], field[1] + WHEEL[1]
-    seen = set()
-    yield from hands.move(start)
-    hands.send("LEFTMOUSE", "PRESS", start)
-    yield hands.PAUSE
-    for number in range(1, steps + 1):
-        place = start[0] + angle[0] * number // steps, start[1] + angle[1] * number // steps
-        hands.send("MOUSEMOVE", "NOTHING", place)
-        yield 0.12
-        seen.add(desk.picture())
-    yield from story.shoot(f"picker-{name}-{index}")
-    hands.send("LEFTMOUSE", "RELEASE", place)
-    yield 0.2
-    outside = hands.middle_of(PICTURE)
-    yield from hands.move(outside)
-    yield from hands.click(outside)
-    yield 0.3
-    return len(seen)
-
-
-# --- the steps -----------------------------------------------------------------------------------------------------
 @step("install", "script: Install from Disk, the engine's Python in the preferences")
 def install(story: Story) -> Wait:
     view = bpy.context.preferences.view
@@ -228,29 +69,29 @@ def install(story: Story) -> Wait:
 
 @step("sidebar", "script: editors and sidebars are opened")
 def sidebar(story: Story) -> Wait:
-    yield from set_up_screen()
+    yield from acts.set_up_screen()
     first = {kind: hands.region_of(Where(kind)).active_panel_category for kind in ("VIEW_3D", "IMAGE_EDITOR")}
-    yield from show_tab()
+    yield from acts.show_tab()
     yield from story.shoot("sidebar")
     check(TAB not in first.values(), f"{TAB} takes the place of the first tab: {first}")
 
 
 @step("save", "keys: Ctrl Shift S; path by script, button clicked")
 def save(story: Story) -> Wait:
-    yield from save_file_as(story.home / "story.blend")
+    yield from acts.save_file_as(story.home / "story.blend")
     story.facts["blend"] = bpy.data.filepath
 
 
 @step("import", "mouse: Import Capture; path by script, button clicked")
 def import_capture(story: Story) -> Wait:
     yield from hands.press_button(SIDEBAR, r"karf\.import_capture")
-    yield from file_browser(story.desk / "pots")
+    yield from acts.file_browser(story.desk / "pots")
     karf = desk.scene().karf
     story.note(f"{len(karf.views)} views, project {karf.project}")
     yield from story.shoot("import")
     check(len(karf.views) == story.job["views"], f"{len(karf.views)} views, not {story.job['views']}")
     check(karf.project == "//pots_karf", f"the project is {karf.project!r}")
-    yield from save_file()
+    yield from acts.save_file()
 
 
 @step("learn, cancel", "mouse: Learn Scene with the preset, then the cross")
@@ -261,17 +102,17 @@ def learn_cancel(story: Story) -> Wait:
     check(any("timer" in line for line in remains.remains(desk.PACKAGE)), "no timer is found: the check is blind")
     yield from story.shoot("learning")
     yield from hands.press_button(SIDEBAR, r"karf\.cancel", hands.RIGHT)
-    yield from job_end(story, "cancelled")
+    yield from acts.job_end(story, "cancelled")
     check("geometry" not in desk.module("folders").finished_stages(desk.scene()), "a cancelled stage counts as done")
 
 
 @step("learn (tiny)", "script: the panel's job with smaller settings, which the panel has not")
 def learn(story: Story) -> Wait:
     desk.module("job_watch").launch(desk.module("steps").learn_scene(desk.scene(), "demo", story.job["tiny"]))
-    yield from job_end(story)
+    yield from acts.job_end(story)
     check("geometry" in desk.module("folders").finished_stages(desk.scene()), "the scene is not learned")
     yield from story.shoot("learned")
-    yield from save_file()
+    yield from acts.save_file()
 
 
 @step("mark", "mouse: name typed, Paint Mask, strokes, Save Mask")
@@ -279,64 +120,37 @@ def mark(story: Story) -> Wait:
     karf = desk.scene().karf
     karf.active_view = story.job["marked_view"]
     for name in ("mug", "pot"):
-        yield from paint(story, name)
+        yield from acts.paint(story, name)
     counts = desk.module("masks").marked(desk.scene())
     check(counts == {"mug": 1, "pot": 1}, f"marked are {counts}")
-    yield from save_file()
-
-
-def paint(story: Story, name: str) -> Wait:
-    """Paint over an object and save its mask."""
-    field = yield from hands.find(SIDEBAR, r"karf\.mask_object")
-    yield from hands.write(name, field)
-    check(desk.scene().karf.mask_object == name, f"typed {name}, got {desk.scene().karf.mask_object}")
-    yield from hands.press_button(SIDEBAR, r"karf\.paint_mask", 0.2)
-    yield from until(lambda: desk.scene().karf.mask_image is not None, "Paint Mask", 5)
-    if desk.scene().tool_settings.image_paint.brush is None:
-        story.note("this Blender came without brushes: one is made by script")
-        with hands.inside(PICTURE):
-            desk.make_brush()
-        yield from hands.press_button(SIDEBAR, r"karf\.paint_mask", 0.2)
-    with hands.inside(PICTURE):
-        bpy.ops.image.view_all(fit_view=True)
-    yield 0.5
-    for _ in range(15):
-        if desk.brush_radius() > BRUSH:
-            yield from hands.press("LEFT_BRACKET", hands.middle_of(PICTURE))
-    region = hands.region_of(PICTURE)
-    for stroke in story.job["strokes"][name]:
-        places = [region.view2d.view_to_region(*place, clip=False) for place in stroke]
-        yield from hands.drag([(x + region.x, y + region.y) for x, y in places])
-    yield from story.shoot(f"painted-{name}")
-    yield from hands.press_button(SIDEBAR, r"karf\.save_mask", 0.68)
-    yield 0.5
+    yield from acts.save_file()
 
 
 @step("segment", "mouse: Segment")
 def segment(story: Story) -> Wait:
-    yield from button_job(story, r"karf\.segment\(")
+    yield from acts.button_job(story, r"karf\.segment\(")
     check("segmentation" in desk.module("folders").finished_stages(desk.scene()), "nothing is segmented")
 
 
 @step("palette", "mouse: Extract Palette")
 def palette(story: Story) -> Wait:
-    yield from button_job(story, r"karf\.extract_palette")
+    yield from acts.button_job(story, r"karf\.extract_palette")
     with hands.inside(PICTURE):
         bpy.ops.image.view_all(fit_view=True)
     yield from story.shoot("palette")
     check(set(desk.swatches()) == {"mug", "pot"}, f"the objects are {list(desk.swatches())}")
     check(desk.is_in_step(), "the picture is not what the swatches say")
     story.facts["learned"] = desk.picture()
-    yield from save_file()
+    yield from acts.save_file()
 
 
 @step("drag", "mouse: a swatch's picker is opened, its color dragged")
 def drag(story: Story) -> Wait:
-    before = color_of("pot", 1)
-    seen = yield from drag_swatch(story, "pot", 1, 10, (-45, 25))
+    before = acts.color_of("pot", 1)
+    seen = yield from acts.drag_swatch(story, "pot", 1, 10, (-45, 25))
     yield from story.shoot("dragged")
-    story.note(f"{before} became {color_of('pot', 1)}; {seen} pictures on the way")
-    check(color_of("pot", 1) != before, "the swatch did not change")
+    story.note(f"{before} became {acts.color_of('pot', 1)}; {seen} pictures on the way")
+    check(acts.color_of("pot", 1) != before, "the swatch did not change")
     check(seen >= 4, f"the picture followed only {seen} times")
     check(desk.is_in_step(), "the picture is not what the swatches say")
     story.facts["dragged"] = desk.picture()
@@ -361,7 +175,7 @@ def keyframe(story: Story) -> Wait:
     yield from key_swatch(story)
     yield from hands.press("RIGHT_ARROW", hands.middle_of(VIEW), shift=True)
     check(scene.frame_current == FILM_FRAMES, f"Shift Right went to frame {scene.frame_current}")
-    yield from drag_swatch(story, "mug", 1, 6, (50, -10))
+    yield from acts.drag_swatch(story, "mug", 1, 6, (50, -10))
     yield from key_swatch(story)
     check(desk.animated_objects() == {"mug"}, f"keyframes are on {desk.animated_objects()}")
     last = desk.picture()
@@ -375,13 +189,13 @@ def keyframe(story: Story) -> Wait:
 
 def key_swatch(story: Story) -> Wait:
     """I over the mug's first swatch."""
-    place = yield from hands.find(SIDEBAR, swatch("mug", 1), 0.2)
+    place = yield from hands.find(SIDEBAR, acts.swatch("mug", 1), 0.2)
     yield from hands.press("I", place)
 
 
 @step("save again", "keys: Ctrl S")
 def save_again(story: Story) -> Wait:
-    yield from save_file()
+    yield from acts.save_file()
 
 
 @step("camera's frames", "mouse: Camera's Frames, of three keyframed frames")
@@ -389,7 +203,7 @@ def camera_frames(story: Story) -> Wait:
     scene = desk.scene()
     scene.frame_end = 3
     try:
-        yield from button_job(story, r"karf\.render_camera")
+        yield from acts.button_job(story, r"karf\.render_camera")
     finally:
         scene.frame_end = FILM_FRAMES
     written = sorted(each.name for each in desk.module("folders").out_folder(scene).rglob("recolor/frame_*.png"))
@@ -402,7 +216,7 @@ def render_animation(story: Story, number: int) -> Wait:
     scene, film = desk.scene(), story.desk / f"film_{number}"
     scene.render.engine, scene.render.filepath = "BLENDER_WORKBENCH", f"{film}/"
     scene.render.resolution_percentage = 50
-    check(_editors("IMAGE_EDITOR") == 1 and scene.karf.result is not None, "the picture is not open")
+    check(acts.editors("IMAGE_EDITOR") == 1 and scene.karf.result is not None, "the picture is not open")
     hands.area_of("IMAGE_EDITOR").spaces.active.image = scene.karf.result
     yield from hands.press("F12", hands.middle_of(VIEW), ctrl=True)
     yield from until(lambda: bpy.app.is_job_running("RENDER"), "the render", 10)
@@ -432,7 +246,7 @@ def save_elsewhere(story: Story) -> Wait:
     for decoy in (place / "pots_karf", story.desk / "pots_karf"):
         shutil.copytree(story.job["decoy"], decoy, dirs_exist_ok=True)
     before = desk.swatches(), folders.project_of(desk.scene()).folder, desk.picture(), desk.animated_objects()
-    yield from save_file_as(place / "story.blend")
+    yield from acts.save_file_as(place / "story.blend")
     yield 0.5
     story.facts["blend"] = bpy.data.filepath
     after = desk.swatches(), folders.project_of(desk.scene()).folder, desk.picture(), desk.animated_objects()
@@ -446,9 +260,9 @@ def reload(story: Story) -> Wait:
     before = desk.swatches(), desk.picture(), desk.animated_objects(), desk.scene().frame_current
     yield from hands.press("O", hands.middle_of(VIEW), ctrl=True)
     blend = Path(bpy.data.filepath)
-    yield from file_browser(blend.parent, blend.name)
+    yield from acts.file_browser(blend.parent, blend.name)
     yield 2.0
-    yield from show_tab()
+    yield from acts.show_tab()
     yield from story.shoot("reloaded")
     after = desk.swatches(), desk.picture(), desk.animated_objects(), desk.scene().frame_current
     for what, one, other in zip(("swatches", "pixels", "keyframes", "frame"), before, after, strict=True):
@@ -460,12 +274,12 @@ def reload(story: Story) -> Wait:
 def extract_again(story: Story) -> Wait:
     karf = desk.scene().karf
     karf.active_view = story.job["marked_view"]
-    edited = color_of("pot", 1)
-    yield from paint(story, "apple")
-    yield from button_job(story, r"karf\.segment\(")
+    edited = acts.color_of("pot", 1)
+    yield from acts.paint(story, "apple")
+    yield from acts.button_job(story, r"karf\.segment\(")
     yield from hands.press_button(SIDEBAR, r"karf\.extract_palette")
     yield from until(lambda: desk.module("job_watch").is_running(), "the job", 10)
-    yield from job_end(story)
+    yield from acts.job_end(story)
     yield from story.shoot("extracted-again")
     check(set(desk.swatches()) == {"apple", "mug", "pot"}, f"the objects are {list(desk.swatches())}")
     check(desk.animated_objects() == {"mug"}, f"the mug's keyframes went to {desk.animated_objects() or 'nobody'}")
@@ -473,7 +287,7 @@ def extract_again(story: Story) -> Wait:
     first = desk.picture()
     desk.scene().frame_set(FILM_FRAMES)
     check(desk.picture() != first, "the keyframed picture does not follow any more")
-    check(color_of("pot", 1) == edited, f"the pot's edit {edited} became {color_of('pot', 1)}")
+    check(acts.color_of("pot", 1) == edited, f"the pot's edit {edited} became {acts.color_of('pot', 1)}")
 
 
 @step("disable, enable", "script: the extension is switched off and on")
@@ -485,15 +299,10 @@ def disable_enable(story: Story) -> Wait:
     yield from story.shoot("disabled")
     bpy.ops.preferences.addon_enable(module=desk.PACKAGE)
     yield 1.0
-    yield from show_tab()
+    yield from acts.show_tab()
     check(not left, f"a disabled extension leaves {left}")
     check(desk.swatches() == before, "the swatches are others after disabling and enabling")
     learned = desk.picture()
-    yield from drag_swatch(story, "pot", 1, 6, (-30, -30))
+    yield from acts.drag_swatch(story, "pot", 1, 6, (-30, -30))
     yield from story.shoot("enabled")
     check(desk.picture() != learned and desk.is_in_step(), "swatches have no effect after enabling again")
-
-
-def save_facts(story: Story) -> None:
-    """Keep what a new Blender must know after a crash."""
-    Path(story.job["facts"]).write_text(json.dumps(story.facts))
