@@ -6,6 +6,7 @@
     python3 tools/dev.py evaluate [TABLE ..] the paper's tables on the demo capture: docs/results.md
     python3 tools/dev.py faults [NAME ...]   kills, full disks, damage thrown at the engine: docs/reliability.md
     python3 tools/dev.py fuzz [READER ...]   nearly right files for every reader: docs/reliability.md
+    python3 tools/dev.py window [...]        the extension used by mouse and keys in a real window: docs/window_story.md
     python3 tools/dev.py build               the extension's zip in dist/
     python3 tools/dev.py setup               only the environments
 
@@ -26,6 +27,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 ENVIRONMENTS = {"engine": ("", "photos", "test", "lint"), "blender": ("blender", "test")}
+PASSING_ON = ("test", "bench", "evaluate", "faults", "fuzz", "window")  # verbs with arguments of another program
 # of processes that are forked after numpy and torch were imported: they must find no other threads
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
 BLENDER_LIBRARIES = (
@@ -46,12 +48,17 @@ def main() -> int:
         ("evaluate", "the paper's tables on the demo capture"),
         ("faults", "kills, full disks and damage thrown at the engine"),
         ("fuzz", "nearly right files for every reader"),
+        ("window", "the extension used by mouse and keys in a real Blender window"),
     ):
         verb = verbs.add_parser(name, help=text)
         verb.add_argument("rest", nargs=argparse.REMAINDER, help="passed on")
     verbs.add_parser("build", help="the extension's zip in dist/")
     verbs.add_parser("setup", help="only the environments")
     options, unknown = parser.parse_known_args()
+    if unknown and options.verb not in PASSING_ON:
+        parser.error(f"unknown arguments: {' '.join(unknown)}")
+    setup()
+    rest = unknown + list(getattr(options, "rest", []))
     actions = {
         "demo": run_demo,
         "test": run_tests,
@@ -59,12 +66,9 @@ def main() -> int:
         "evaluate": run_evaluate,
         "faults": run_faults,
         "fuzz": run_fuzz,
+        "window": run_window,
         "build": build,
     }
-    if unknown and options.verb not in ("test", "bench", "evaluate", "faults", "fuzz"):
-        parser.error(f"unknown arguments: {' '.join(unknown)}")
-    setup()
-    rest = unknown + list(getattr(options, "rest", []))
     return actions[options.verb](options, rest) if options.verb in actions else 0
 
 
@@ -150,6 +154,11 @@ def run_faults(options: argparse.Namespace, rest: list[str]) -> int:
 
 def run_fuzz(options: argparse.Namespace, rest: list[str]) -> int:
     return _run("engine", "-m", "tools.fuzz", *rest, **ONE_THREAD)
+
+
+def run_window(options: argparse.Namespace, rest: list[str]) -> int:
+    """Build the extension, then use it in a real window."""
+    return build(options, []) or _run("engine", "tools/window_story.py", *rest)
 
 
 def build(options: argparse.Namespace, rest: list[str]) -> int:

@@ -1,0 +1,207 @@
+"""What the steps of the story are made of: waiting, jobs, files, swatches, brush strokes. Runs inside Blender."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+import desk
+import hands
+from hands import Wait, Where
+
+TAB = "KaRF"
+SIDEBAR = Where("IMAGE_EDITOR")
+PICTURE = Where("IMAGE_EDITOR", "WINDOW")
+VIEW = Where("VIEW_3D", "WINDOW")
+JOB_SECONDS = 150.0
+BRUSH = 14  # radius, pixels of the screen
+WHEEL = 55, 215  # from a click into a swatch at the left of its row to the middle of the picker's wheel, pixels
+
+
+class Broken(Exception):
+    """What a step promises does not hold."""
+
+
+@dataclass
+class Story:
+    """What the steps know: the driver's job, and facts that outlive a crash of Blender."""
+
+    job: dict[str, Any]
+    facts: dict[str, Any]
+    note: Callable[[str], None]
+    shoot: Callable[[str], Wait]
+
+    @property
+    def desk(self) -> Path:
+        """The folder in which the artist works."""
+        return Path(self.job["desk"])
+
+    @property
+    def home(self) -> Path:
+        """The folder of the .blend and its project."""
+        return self.desk / "here"
+
+
+def check(holds: bool, sentence: str) -> None:
+    """Raise Broken with the sentence where something does not hold."""
+    if not holds:
+        raise Broken(sentence)
+
+
+# --- what several steps do -----------------------------------------------------------------------------------------
+def until(condition: Callable[[], bool], what: str, seconds: float) -> Wait:
+    """Wait for something; Broken where it does not come."""
+    end = time.monotonic() + seconds
+    while not condition():
+        check(time.monotonic() < end, f"{what} did not happen within {seconds:.0f} s")
+        yield 0.1
+
+
+def job_end(story: Story, expected: str = "done") -> Wait:
+    """Wait for the running job; Broken where it ends otherwise than expected."""
+    progress = bpy.data.window_managers[0].karf_progress
+    yield from until(lambda: not desk.module("job_watch").is_running(), "the job's end", JOB_SECONDS)
+    if progress.warnings:
+        story.note(f"warning: {progress.warnings}")
+    check(not progress.error, f"{progress.stage} failed: {progress.error}")
+    check(progress.text == expected, f"{progress.stage} ended as {progress.text!r}, not {expected!r}")
+    yield 0.5
+
+
+def button_job(story: Story, operator: str) -> Wait:
+    """Click a button that starts a job, and wait for its end."""
+    yield from hands.press_button(SIDEBAR, operator)
+    yield from until(lambda: desk.module("job_watch").is_running(), f"{operator}'s job", 10)
+    yield from job_end(story)
+
+
+def file_browser(folder: Path, name: str = "") -> Wait:
+    """Choose a file in the file browser that is open: the path is put in by script, the button that takes it clicked."""
+    yield from until(lambda: editors("FILE_BROWSER") > 0, "the file browser", 10)
+    yield 0.5
+    params = hands.area_of("FILE_BROWSER").spaces.active.params
+    params.directory, params.filename = str(folder).encode(), name
+    yield 0.5
+    yield from hands.press_button(Where("FILE_BROWSER", "EXECUTE"), r"file\.execute", 0.93)
+    yield from until(lambda: editors("FILE_BROWSER") == 0, "the file browser's end", 30)
+    yield 0.5
+
+
+def save_file() -> Wait:
+    """Ctrl S, as one does now and then."""
+    yield from hands.press("S", hands.middle_of(VIEW), ctrl=True)
+    yield from affirm_pictures(lambda: not bpy.data.is_dirty)
+    yield from until(lambda: not bpy.data.is_dirty, "saving", 10)
+
+
+def save_file_as(blend: Path) -> Wait:
+    """Ctrl Shift S, to another place."""
+    yield from hands.press("S", hands.middle_of(VIEW), ctrl=True, shift=True)
+    yield from affirm_pictures(lambda: editors("FILE_BROWSER") > 0)
+    yield from file_browser(blend.parent, blend.name)
+    yield from until(lambda: bpy.data.filepath == str(blend), "saving", 10)
+
+
+def affirm_pictures(is_asked_nothing: Callable[[], bool]) -> Wait:
+    """Blender 5 asks before it saves whether pictures that are no files shall be saved too; Return says yes."""
+    yield 1.0
+    if not is_asked_nothing():
+        yield from hands.press("RET", hands.middle_of(PICTURE))
+
+
+def editors(kind: str) -> int:
+    """How many editors of a type the window has."""
+    return sum(area.type == kind for area in hands.window().screen.areas)
+
+
+def set_up_screen() -> Wait:
+    """3D View at the left, Image Editor at the right, in both the KaRF tab."""
+    if not editors("IMAGE_EDITOR"):
+        with hands.inside(VIEW):
+            bpy.ops.screen.area_split(direction="VERTICAL", factor=0.4)
+        hands.area_of("VIEW_3D").type = "IMAGE_EDITOR"
+    for kind in ("VIEW_3D", "IMAGE_EDITOR"):
+        hands.area_of(kind).spaces.active.show_region_ui = True
+    yield 1.0
+
+
+def show_tab() -> Wait:
+    """Bring the KaRF tab to the front in both sidebars, and fit the picture."""
+    for kind in ("VIEW_3D", "IMAGE_EDITOR"):
+        sidebar = hands.region_of(Where(kind))
+        sidebar.active_panel_category = TAB
+        sidebar.tag_redraw()
+    yield 0.5
+
+
+def swatch(name: str, index: int) -> str:
+    """The pattern of a swatch's field."""
+    number = desk.scene().karf.objects.find(name)
+    return rf'karf\.objects\[({number}|"{name}")\]\.swatches\[({index}|"[^"]*{index}")\]\.color'
+
+
+def color_of(name: str, index: int) -> tuple[float, ...]:
+    """A swatch as it stands."""
+    return desk.swatches()[name][index]
+
+
+def drag_swatch(story: Story, name: str, index: int, steps: int, angle: tuple[int, int]) -> Generator[float, None, int]:
+    """Open a swatch's picker, drag in its wheel, close it; returns how many pictures were seen on the way."""
+    field = yield from hands.find(SIDEBAR, swatch(name, index), 0.2)
+    yield from hands.click(field)
+    yield 0.3
+    start = field[0] + WHEEL[0], field[1] + WHEEL[1]
+    seen = set()
+    yield from hands.move(start)
+    hands.send("LEFTMOUSE", "PRESS", start)
+    yield hands.PAUSE
+    for number in range(1, steps + 1):
+        place = start[0] + angle[0] * number // steps, start[1] + angle[1] * number // steps
+        hands.send("MOUSEMOVE", "NOTHING", place)
+        yield 0.12
+        seen.add(desk.picture())
+    yield from story.shoot(f"picker-{name}-{index}")
+    hands.send("LEFTMOUSE", "RELEASE", place)
+    yield 0.2
+    outside = hands.middle_of(PICTURE)
+    yield from hands.move(outside)
+    yield from hands.click(outside)
+    yield 0.3
+    return len(seen)
+
+
+def paint(story: Story, name: str) -> Wait:
+    """Paint over an object and save its mask."""
+    field = yield from hands.find(SIDEBAR, r"karf\.mask_object")
+    yield from hands.write(name, field)
+    check(desk.scene().karf.mask_object == name, f"typed {name}, got {desk.scene().karf.mask_object}")
+    yield from hands.press_button(SIDEBAR, r"karf\.paint_mask", 0.2)
+    yield from until(lambda: desk.scene().karf.mask_image is not None, "Paint Mask", 5)
+    if desk.scene().tool_settings.image_paint.brush is None:
+        story.note("this Blender came without brushes: one is made by script")
+        with hands.inside(PICTURE):
+            desk.make_brush()
+        yield from hands.press_button(SIDEBAR, r"karf\.paint_mask", 0.2)
+    with hands.inside(PICTURE):
+        bpy.ops.image.view_all(fit_view=True)
+    yield 0.5
+    for _ in range(15):
+        if desk.brush_radius() > BRUSH:
+            yield from hands.press("LEFT_BRACKET", hands.middle_of(PICTURE))
+    region = hands.region_of(PICTURE)
+    for stroke in story.job["strokes"][name]:
+        places = [region.view2d.view_to_region(*place, clip=False) for place in stroke]
+        yield from hands.drag([(x + region.x, y + region.y) for x, y in places])
+    yield from story.shoot(f"painted-{name}")
+    yield from hands.press_button(SIDEBAR, r"karf\.save_mask", 0.68)
+    yield 0.5
+
+
+def save_facts(story: Story) -> None:
+    """Keep what a new Blender must know after a crash."""
+    Path(story.job["facts"]).write_text(json.dumps(story.facts))

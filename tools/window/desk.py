@@ -1,0 +1,93 @@
+"""What the story asks of Blender and of the extension, on any version: pictures, keyframes, jobs. Runs inside Blender."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import sys
+from collections.abc import Iterator
+
+import bpy
+import numpy as np
+
+PACKAGE = "bl_ext.user_default.karf"
+
+
+def module(name: str):
+    """A module of the enabled extension."""
+    return sys.modules[f"{PACKAGE}.karf_blender.{name}"]
+
+
+def scene() -> bpy.types.Scene:
+    """The scene of the main window; a timer has no other context."""
+    return bpy.data.window_managers[0].windows[0].scene
+
+
+def picture() -> str:
+    """The result picture's pixels as a short mark; empty where there is none."""
+    image = scene().karf.result
+    return "" if image is None else hashlib.sha1(_bytes(image).tobytes()).hexdigest()[:12]
+
+
+def _bytes(image: bpy.types.Image) -> np.ndarray:
+    buffer = np.empty(image.size[0] * image.size[1] * 4, np.float32)
+    image.pixels.foreach_get(buffer)
+    return np.rint(buffer * 255).astype(np.uint8).reshape(image.size[1], image.size[0], 4)[::-1]
+
+
+def is_in_step() -> bool:
+    """Whether the result picture is what the swatches say."""
+    wanted = module("recolor").composite(scene())
+    shown = _bytes(scene().karf.result)[..., :3].astype(int)
+    return bool(np.abs(shown - np.rint(np.clip(wanted, 0, 1) * 255)).max() <= 1)
+
+
+def swatches() -> dict[str, list[tuple[float, ...]]]:
+    """The colors of every object as they stand, rounded as a person would compare them."""
+    return {
+        item.name: [tuple(round(value, 4) for value in swatch.color) for swatch in item.swatches]
+        for item in scene().karf.objects
+    }
+
+
+def curves() -> Iterator[bpy.types.FCurve]:
+    """The animation curves of the scene; Blender 5 keeps them in layers."""
+    data = scene().animation_data
+    action = data.action if data else None
+    if action is None:
+        return
+    if hasattr(action, "fcurves"):
+        yield from action.fcurves
+        return
+    for layer in action.layers:
+        for strip in layer.strips:
+            for bag in strip.channelbags:
+                yield from bag.fcurves
+
+
+def animated_objects() -> set[str]:
+    """The names of the objects whose swatches have keyframes."""
+    found = set()
+    for curve in curves():
+        owner = re.match(r"karf\.objects\[[^\]]+\]", curve.data_path)
+        if owner:
+            try:
+                found.add(scene().path_resolve(owner.group()).name)
+            except ValueError:
+                found.add(f"nothing ({curve.data_path})")
+    return found
+
+
+def make_brush() -> None:
+    """A brush to paint with, where Blender was packed without its library of them (Debian's 4.3)."""
+    bpy.data.brushes.new("Draw", mode="TEXTURE_PAINT").asset_mark()
+    bpy.ops.brush.asset_activate(asset_library_type="LOCAL", relative_asset_identifier="Brush/Draw")
+
+
+def brush_radius() -> float:
+    """Of the brush that paints on pictures, in pixels of the screen; Blender 5 keeps the diameter."""
+    settings = scene().tool_settings
+    own = getattr(settings.image_paint, "unified_paint_settings", None)
+    unified = own or settings.unified_paint_settings
+    size = unified.size if unified.use_unified_size else settings.image_paint.brush.size
+    return size / 2 if own else size

@@ -1,0 +1,99 @@
+"""Runs the story in the window: started by the driver with `blender --enable-event-simulate --python inside.py -- JOB`."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+import traceback
+from collections.abc import Generator
+from pathlib import Path
+
+import bpy
+
+sys.path.insert(0, str(Path(__file__).parent))
+import acts
+import hands
+import record
+from story import STEPS, Step
+
+SHOT_SECONDS = 5.0
+
+
+def play(job: dict) -> Generator[float, None, None]:
+    """The steps after the one named by the job, of those it names; a step that fails does not end the story."""
+    lines, facts = Path(job["record"]), Path(job["facts"])
+    known = json.loads(facts.read_text()) if facts.exists() else {}
+    story = acts.Story(job, known, lambda text: record.note(lines, kind="note", text=text), shooter(job))
+    yield 1.0
+    if bpy.data.filepath:  # after a crash: the window as the .blend has it
+        yield from acts.set_up_screen()
+        yield from acts.show_tab()
+    names = [step.name for step in STEPS]
+    start = names.index(job["after"]) + 1 if job["after"] else 0
+    for step in STEPS[start:]:
+        if not job["only"] or step.name in job["only"]:
+            yield from perform(story, step, lines)
+            acts.save_facts(story)
+
+
+def perform(story: acts.Story, step: Step, lines: Path) -> Generator[float, None, None]:
+    """One step, and its lines in the record."""
+    record.note(lines, kind="begin", name=step.name, how=step.how)
+    begin = time.monotonic()
+    outcome = record.PASSED
+    try:
+        yield from step.run(story)
+    except (acts.Broken, hands.NotFound) as failure:
+        outcome = record.FAILED
+        story.note(str(failure))
+    except Exception:
+        outcome = record.FAILED
+        story.note(traceback.format_exc())
+    if outcome == record.FAILED:
+        yield from story.shoot(f"failed-{step.name}")
+        yield from back_to_the_window()
+    record.note(lines, kind="end", outcome=outcome, seconds=round(time.monotonic() - begin, 1))
+
+
+def back_to_the_window() -> Generator[float, None, None]:
+    """Close what a failed step has left open: popups, a file browser."""
+    for _ in range(2):
+        area = max(hands.window().screen.areas, key=lambda each: each.width * each.height)
+        yield from hands.press("ESC", (area.x + area.width // 2, area.y + area.height // 2))
+
+
+def shooter(job: dict):
+    """A function that has the driver photograph the screen, and waits until it has."""
+
+    def shoot(name: str) -> Generator[float, None, None]:
+        name = name.replace(" ", "-").replace(",", "").replace("'", "")
+        yield 0.3
+        if job["has_screen"]:
+            record.note(Path(job["record"]), kind="shot", text=name)
+            end = time.monotonic() + SHOT_SECONDS
+            while not (Path(job["shots"]) / f"{name}.png").exists() and time.monotonic() < end:
+                yield 0.05
+
+    return shoot
+
+
+def main() -> None:
+    """Play the story from a timer: only there the window is drawn between two events."""
+    job = json.loads(Path(sys.argv[sys.argv.index("--") + 1]).read_text())
+    scenes = play(job)
+
+    def tick() -> float | None:
+        try:
+            return next(scenes)
+        except StopIteration:
+            pass
+        except BaseException:
+            traceback.print_exc()
+        bpy.ops.wm.quit_blender()
+        return None
+
+    bpy.app.timers.register(tick, first_interval=1.0, persistent=True)
+
+
+main()
