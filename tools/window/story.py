@@ -61,9 +61,11 @@ def install(story: Story) -> Wait:
     preferences = desk.module("preferences").current()
     preferences.engine_python, preferences.threads = story.job["engine_python"], story.job["threads"]
     bpy.ops.karf.examine_engine()
-    yield from until(lambda: bool(preferences.examination), "Test Engine's verdict", 120)
-    story.note(preferences.examination)
-    check(preferences.examination.startswith("Ready"), f"Test Engine says {preferences.examination!r}")
+    engine_test, python = desk.module("engine_test"), Path(preferences.engine_python)
+    yield from until(lambda: engine_test.verdict_on(python) is not None, "Test Engine's verdict", 120)
+    verdict = engine_test.verdict_on(python)
+    story.note(verdict.sentence)
+    check(verdict.is_ready, f"Test Engine says {verdict.sentence!r}")
     bpy.ops.wm.save_userpref()
 
 
@@ -270,7 +272,7 @@ def reload(story: Story) -> Wait:
     check(desk.is_in_step(), "the picture is not what the swatches say")
 
 
-@step("re-extract with keys", "mouse: a third object, Segment, Extract Palette")
+@step("re-extract with keys", "mouse: a third object, Segment, Extract Palette; Return where Blender asks")
 def extract_again(story: Story) -> Wait:
     karf = desk.scene().karf
     karf.active_view = story.job["marked_view"]
@@ -278,6 +280,9 @@ def extract_again(story: Story) -> Wait:
     yield from acts.paint(story, "apple")
     yield from acts.button_job(story, r"karf\.segment\(")
     yield from hands.press_button(SIDEBAR, r"karf\.extract_palette")
+    yield 0.5
+    yield from story.shoot("asked")
+    yield from hands.press("RET", hands.middle_of(PICTURE))  # there are edits, and Blender asks first
     yield from until(lambda: desk.module("job_watch").is_running(), "the job", 10)
     yield from acts.job_end(story)
     yield from story.shoot("extracted-again")
