@@ -350,9 +350,8 @@ def _checked(item: dataclasses.Field, value: Any, name: str) -> Any:
         return from_dict(value, type(default), f"{name}.")
     if isinstance(default, tuple):
         return _checked_levels(value, name)
-    if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value)
-    if type(value) is not type(default):
+    is_whole = isinstance(default, float) and type(value) is int
+    if type(value) is not type(default) and not is_whole:
         raise BadRequest(f"{name} = {value!r:.200} is no {type(default).__name__}.", f"The default is {default!r}.")
     metadata = item.metadata
     if metadata and metadata["choices"] and value not in metadata["choices"]:
@@ -361,7 +360,7 @@ def _checked(item: dataclasses.Field, value: Any, name: str) -> Any:
         raise BadRequest(
             f"{name} = {value!r:.200} is out of range.", f"Allowed: {metadata['minimum']} to {metadata['maximum']}."
         )
-    return value
+    return float(value) if is_whole else value  # whole numbers may be too large for it before the range is known
 
 
 def _checked_levels(value: Any, name: str) -> tuple[Level, ...]:

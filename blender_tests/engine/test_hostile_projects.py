@@ -195,6 +195,7 @@ def test_rays_of_objects_that_nobody_wrote_are_refused_in_a_sentence(learned, tm
         lambda state: state["stages"]["geometry"].update(settings=7),
         lambda state: state.update(schema="x" * 5000),
         lambda state: state["settings"].update({"x" * 5000: 1}),
+        lambda state: state["settings"]["geometry"].update(table_rate=10**400),
     ],
 )
 def test_a_state_of_other_types_is_refused_in_a_sentence(learned, tmp_path, change):
