@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,18 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from .errors import DataError
+from .failures import is_out_of_memory
 from .project import atomic_write
+
+AGAIN = "Run the stage that writes it again."
+DAMAGE = (
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+)  # by facts or tensors of it
 
 
 def save_tensors(path: Path, tensors: dict[str, Tensor], schema: str, facts: dict[str, Any]) -> None:
@@ -32,23 +45,44 @@ def load_tensors(
             header = _header(stored.metadata() or {})
             found = header.get("schema")
             if found != schema:
-                raise DataError(f"{path} holds {found!r}, not {schema!r}.", "Run the stage that writes it again.")
+                raise DataError(f"{path} holds {found!r:.200}, not {schema!r}.", AGAIN)
             tensors = {name: stored.get_tensor(name) for name in stored.keys()}
             facts = header["facts"]
     except FileNotFoundError as error:
         raise DataError(f"{path} does not exist.", "Run the stage that writes it.") from error
-    except (SafetensorError, OSError, KeyError, ValueError) as error:
-        raise DataError(f"{path} is damaged ({error}).", "Run the stage that writes it again.") from error
+    except (SafetensorError, OSError, RecursionError, *DAMAGE) as error:
+        raise _damaged(path, error) from error
     for name, tensor in tensors.items():
         if tensor.is_floating_point() and not torch.isfinite(tensor).all():
-            raise DataError(
-                f"{path} holds values in {name!r} that are not finite.", "Run the stage that writes it again."
-            )
+            raise DataError(f"{path} holds values in {name!r:.200} that are not finite.", AGAIN)
     return {name: tensor.to(device) for name, tensor in tensors.items()}, facts
+
+
+@contextmanager
+def restoring(path: Path) -> Iterator[None]:
+    """While something is made of the file's tensors and facts: where they do not allow it, they are not as written.
+
+    Raises DataError for that; errors of memory and those that are sentences already pass.
+    """
+    try:
+        yield
+    except DAMAGE as error:
+        if is_out_of_memory(error):
+            raise
+        raise _damaged(path, error) from error
+
+
+def _damaged(path: Path, error: Exception) -> DataError:
+    return DataError(f"{path} is damaged ({type(error).__name__}: {error!s:.200}).", AGAIN)
 
 
 def _header(metadata: dict[str, str]) -> dict[str, Any]:
     """Schema and facts of a file; the first versions wrote them as two entries."""
     if "karf" in metadata:
-        return json.loads(metadata["karf"])
-    return {"schema": metadata.get("schema"), "facts": json.loads(metadata.get("facts", "{}"))}
+        return json.loads(metadata["karf"], parse_constant=_refuse)
+    facts = json.loads(metadata.get("facts", "{}"), parse_constant=_refuse)
+    return {"schema": metadata.get("schema"), "facts": facts}
+
+
+def _refuse(constant: str) -> None:
+    raise ValueError(f"{constant} among the facts")

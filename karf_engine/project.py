@@ -201,7 +201,9 @@ class Project:
         state = read_json(self.state_file, "project state")
         schema = state.get("schema") if isinstance(state, dict) else None
         if schema != SCHEMA:
-            raise DataError(f"{self.state_file} has schema {schema!r}, not {SCHEMA}.", "Update KaRF, or start anew.")
+            raise DataError(
+                f"{self.state_file} has schema {schema!r:.200}, not {SCHEMA}.", "Update KaRF, or start anew."
+            )
         if not isinstance(state.get("capture"), str) or not isinstance(state.get("stages"), dict):
             raise DataError(f"{self.state_file} lacks its capture or its stages.", "Start anew in an empty folder.")
         if state.pop("checksum", None) not in (None, _digest(state)):
@@ -212,10 +214,11 @@ class Project:
         if not isinstance(state.get("settings", {}), dict):
             raise DataError(f"{self.state_file} has the settings {state['settings']!r:.200}.", "Start anew.")
         for stage, facts in state["stages"].items():
-            if not isinstance(facts, dict) or not isinstance(facts.get("fingerprint"), str):
+            if not _is_note(facts):
                 raise DataError(
-                    f"{self.state_file} has no fingerprint of its {stage} stage, but {facts!r:.200}.",
-                    f"Remove {stage!r} from its stages, and run that stage again.",
+                    f"{self.state_file} has no fingerprint, or no list of files, of its {stage!r:.200} stage, "
+                    f"but {facts!r:.200}.",
+                    f"Remove {stage!r:.200} from its stages, and run that stage again.",
                 )
         return state
 
@@ -344,6 +347,13 @@ class Project:
 def _contents(folder: Path) -> dict[str, str]:
     """Checksums of all files in a folder."""
     return {str(path.relative_to(folder)): checksum(path) for path in folder.rglob("*") if path.is_file()}
+
+
+def _is_note(facts: Any) -> bool:
+    """Whether a stage's entry in project.json is as `commit` writes it."""
+    if not isinstance(facts, dict) or not isinstance(facts.get("fingerprint"), str):
+        return False
+    return isinstance(facts.get("files", {}), dict)
 
 
 def _forget(state: dict[str, Any], stage: str) -> None:

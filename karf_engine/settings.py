@@ -289,13 +289,16 @@ def to_dict(settings: Any) -> dict[str, Any]:
 
 def from_dict(content: dict[str, Any], kind: type = Settings, where: str = "") -> Any:
     """Rebuild settings from plain values; unknown names, wrong types and values out of range raise BadRequest."""
+    if not isinstance(content, dict):
+        group = where.rstrip(".") or "A group of settings"
+        raise BadRequest(f"{group} = {content!r:.200} is no group of settings.", "Give an object.")
     known = {item.name: item for item in fields(kind)}
     values = {}
     for name, value in content.items():
         if name not in known:
             nearest = difflib.get_close_matches(name, known, 1)
             hint = f"Did you mean {where}{nearest[0]}?" if nearest else f"Known: {', '.join(known)}."
-            raise BadRequest(f"Unknown setting {where}{name}.", hint)
+            raise BadRequest(f"Unknown setting {where}{name:.200}.", hint)
         values[name] = _checked(known[name], value, f"{where}{name}")
     return kind(**values)
 
@@ -344,23 +347,20 @@ def _range_text(metadata: Any) -> str:
 def _checked(item: dataclasses.Field, value: Any, name: str) -> Any:
     default = item.default
     if is_dataclass(default):
-        if not isinstance(value, dict):
-            raise BadRequest(f"{name} = {value!r} is no group of settings.", "Give an object.")
         return from_dict(value, type(default), f"{name}.")
     if isinstance(default, tuple):
         return _checked_levels(value, name)
-    if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value)
-    if type(value) is not type(default):
+    is_whole = isinstance(default, float) and type(value) is int
+    if type(value) is not type(default) and not is_whole:
         raise BadRequest(f"{name} = {value!r:.200} is no {type(default).__name__}.", f"The default is {default!r}.")
     metadata = item.metadata
     if metadata and metadata["choices"] and value not in metadata["choices"]:
-        raise BadRequest(f"{name} = {value!r} is not allowed.", f"Use one of: {', '.join(metadata['choices'])}.")
+        raise BadRequest(f"{name} = {value!r:.200} is not allowed.", f"Use one of: {', '.join(metadata['choices'])}.")
     if metadata and metadata["minimum"] is not None and not metadata["minimum"] <= value <= metadata["maximum"]:
         raise BadRequest(
-            f"{name} = {value!r} is out of range.", f"Allowed: {metadata['minimum']} to {metadata['maximum']}."
+            f"{name} = {value!r:.200} is out of range.", f"Allowed: {metadata['minimum']} to {metadata['maximum']}."
         )
-    return value
+    return float(value) if is_whole else value  # whole numbers may be too large for it before the range is known
 
 
 def _checked_levels(value: Any, name: str) -> tuple[Level, ...]:

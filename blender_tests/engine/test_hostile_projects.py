@@ -17,7 +17,6 @@ from karf_engine.edit.palette import read_palettes
 from karf_engine.errors import DataError
 from karf_engine.names import LONGEST, file_name, is_file_name
 from karf_engine.project import Project, read_json
-from tools.faults.checksums import renew_checksum
 
 from .conftest import run_engine
 from .reference.capture_files import centered, put_json, random_rig, write_transforms
@@ -54,6 +53,17 @@ def refusal(read, *arguments):
     return caught.value.sentence
 
 
+def strangers_copy(learned, tmp_path):
+    """A copy of a learned project without checksums: a stranger's would fit what is hostile in it."""
+    project = shutil.copytree(learned.project, tmp_path / "project")
+    state = json.loads((project / "project.json").read_text())
+    del state["checksum"]
+    for facts in state["stages"].values():
+        del facts["files"]
+    (project / "project.json").write_text(json.dumps(state))
+    return project
+
+
 # ---------------------------------------------------------------------------------------------------------------- names
 @pytest.mark.parametrize("name", [*ESCAPES, None, 5, [], "\udcff"])
 def test_names_that_lead_elsewhere_are_no_file_names_and_made_ones_always_are(name):
@@ -84,37 +94,129 @@ def test_object_names_of_palettes_never_leave_the_folder(tmp_path, name):
     assert "cannot be the name of a file" in refusal(read_palettes, tmp_path / "palette.json")
 
 
-def rewrite_objects(path, name):
-    """Another name of the first object in the facts of a learned file, as a project of somebody may have it."""
-    from karf_engine.checkpoints import load_tensors, save_tensors
+def rewrite_facts(path, change):
+    """Facts, changed in place, in the header of a safetensors file."""
+    from safetensors import safe_open
+    from safetensors.torch import save_file
 
-    schema = f"karf-{path.stem}/1"
-    tensors, facts = load_tensors(path, schema)
-    save_tensors(path, tensors, schema, facts | {"objects": [name, *facts["objects"][1:]]})
-    renew_checksum(path.parent, path.name)
+    with safe_open(path, "pt") as stored:
+        header, tensors = stored.metadata(), {key: stored.get_tensor(key) for key in stored.keys()}
+    own = json.loads(header["karf"])
+    change(own["facts"])
+    save_file(tensors, path, {"karf": json.dumps(own)})
+
+
+def job_of(project):
+    from karf_engine.stages.job import open_job
+    from karf_engine.wire import Request
+
+    return open_job(Request("render", project, {"threads": 1}), lambda *_, **__: None, lambda: False)
 
 
 @pytest.mark.parametrize("file", ["segmentation.safetensors", "surface.safetensors"])
 def test_object_names_of_learned_files_never_leave_the_folder(learned, tmp_path, file):
-    from karf_engine.stages.job import open_job
     from karf_engine.stages.palette import object_pixels
     from karf_engine.stages.segmentation import load_segmentation
-    from karf_engine.wire import Request
 
-    project = shutil.copytree(learned.project, tmp_path / "project")
-    rewrite_objects(project / file, "../../escaped")
-    job = open_job(Request("render", project, {"threads": 1}), lambda *_, **__: None, lambda: False)
-    read = load_segmentation if file.startswith("segmentation") else object_pixels
-    assert "cannot be the name of a file" in refusal(read, job)
+    project = strangers_copy(learned, tmp_path)
+    rewrite_facts(project / file, lambda facts: facts["objects"].__setitem__(0, "../../escaped"))
+    reads = {"segmentation.safetensors": lambda job: load_segmentation(job, 6), "surface.safetensors": object_pixels}
+    assert "cannot be the name of a file" in refusal(reads[file], job_of(project))
+
+
+@pytest.mark.parametrize(
+    ("file", "facts"),
+    [
+        ("geometry", {"kind": "cloud"}),
+        ("geometry", {"kind": ["voxels"]}),
+        ("geometry", {"kind": "nerf"}),
+        ("geometry", {"voxel": "wide"}),
+        ("geometry", {"voxel": 0.0}),
+        ("geometry", {"voxel": float("nan")}),
+        ("geometry", {"width": 10**9}),
+        ("geometry", {"n_features": 10**9}),
+        ("geometry", {"density_bias": None}),
+        ("geometry", {"step": 1e-320}),
+        ("geometry", {"step": "1"}),
+        ("geometry", {"background_kind": 3}),
+        ("geometry", {"space": {}}),
+        ("geometry", {"space": {"kind": "contraction", "center": [0, 0], "radius": 1, "room": 1, "near": 1}}),
+        ("segmentation", {"settings": 5}),
+        ("segmentation", {"objects": ["ball"]}),
+        ("segmentation", {"objects": None}),
+        ("segmentation", {"objects": ["block", "ball"]}),
+        ("recoloring", {"settings": {"width": 9}}),
+        ("recoloring", {"settings": None}),
+        ("recoloring", {"sizes": [10**9]}),
+        ("recoloring", {"sizes": "many"}),
+        ("recoloring", {"sizes": []}),
+        ("recoloring", {"sizes": [2, 2, 2]}),
+    ],
+)
+def test_facts_that_nobody_wrote_are_refused_in_a_sentence(learned, tmp_path, file, facts):
+    from karf_engine.errors import KarfError
+    from karf_engine.stages.render import Renderer
+
+    project = strangers_copy(learned, tmp_path)
+    rewrite_facts(project / f"{file}.safetensors", lambda known: known.update(facts))
+    with pytest.raises(KarfError) as caught:
+        Renderer(job_of(project))
+    assert caught.value.hint and len(caught.value.sentence) < 1000
+
+
+def test_palettes_of_other_objects_are_refused_in_a_sentence(learned, tmp_path):
+    from karf_engine.stages.render import Renderer
+
+    project = strangers_copy(learned, tmp_path)
+    palettes = json.loads((project / "palette.json").read_text())
+    palettes["objects"][0]["name"] = "pot"
+    (project / "palette.json").write_text(json.dumps(palettes))
+    assert "palette.json holds palettes of pot" in refusal(Renderer, job_of(project))
+
+
+@pytest.mark.parametrize("name", ["positions", "viewdirs", "colors", "object", "sure", "view"])
+def test_rays_of_objects_that_nobody_wrote_are_refused_in_a_sentence(learned, tmp_path, name):
+    from karf_engine.checkpoints import load_tensors, save_tensors
+    from karf_engine.stages.palette import object_pixels
+    from karf_engine.stages.segmentation import SURFACE_SCHEMA
+
+    project = strangers_copy(learned, tmp_path)
+    path = project / "surface.safetensors"
+    tensors, facts = load_tensors(path, SURFACE_SCHEMA)
+    for wrong in (tensors | {name: tensors[name][:-1]}, {key: t for key, t in tensors.items() if key != name}):
+        save_tensors(path, wrong, SURFACE_SCHEMA, facts)
+        assert "surface.safetensors is damaged" in refusal(object_pixels, job_of(project))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda state: state["stages"]["geometry"].update(files=3.5),
+        lambda state: state["stages"]["geometry"].update(settings=7),
+        lambda state: state.update(schema="x" * 5000),
+        lambda state: state["settings"].update({"x" * 5000: 1}),
+        lambda state: state["settings"]["geometry"].update(table_rate=10**400),
+    ],
+)
+def test_a_state_of_other_types_is_refused_in_a_sentence(learned, tmp_path, change):
+    from karf_engine.errors import KarfError
+    from karf_engine.stages.render import Renderer
+
+    project = strangers_copy(learned, tmp_path)
+    state = json.loads((project / "project.json").read_text())
+    change(state)
+    (project / "project.json").write_text(json.dumps(state))
+    with pytest.raises(KarfError) as caught:
+        Renderer(job_of(project))
+    assert caught.value.hint and len(caught.value.sentence) < 1000
 
 
 def test_a_hostile_project_writes_nothing_beside_its_folders(learned, tmp_path):
-    project = shutil.copytree(learned.project, tmp_path / "project")
+    project = strangers_copy(learned, tmp_path)
     content = json.loads((project / "capture.json").read_text())
     for view in content["views"]:
         view["name"] = view["stem"] = f"../../escaped_{view['name']}"
     (project / "capture.json").write_text(json.dumps(content))
-    renew_checksum(project, "capture.json")
     done = run_engine("render", project, "--views", "test", "--planes", "--out", tmp_path / "out" / "here")
     assert done.returncode == 4 and "cannot be the name of a file" in done.stderr and "Traceback" not in done.stderr
     assert not list(tmp_path.glob("escaped*")) and not list(tmp_path.glob("*/escaped*"))
@@ -199,15 +301,11 @@ def test_values_of_project_json_of_another_type_are_named(tmp_path, change):
 
 @pytest.mark.parametrize("report", [[], {"views": 5}, {"views": "ab"}, {"views": [5]}, {"views": ["../x"]}, {}])
 def test_values_of_segmentation_json_of_another_type_are_named(learned, tmp_path, report):
-    from karf_engine.stages.job import open_job
     from karf_engine.stages.segmentation import view_names
-    from karf_engine.wire import Request
 
-    project = shutil.copytree(learned.project, tmp_path / "project")
+    project = strangers_copy(learned, tmp_path)
     put_json(project / "segmentation.json", report)
-    renew_checksum(project, "segmentation.json")
-    job = open_job(Request("recoloring", project, {"threads": 1}), lambda *_, **__: None, lambda: False)
-    assert "segmentation.json" in refusal(view_names, job, "views")
+    assert "segmentation.json" in refusal(view_names, job_of(project), "views")
 
 
 @pytest.mark.parametrize("initial", [None, 5, [], [[0, 0, 0], [float("nan")] * 3], [[0, 0, 0]] * 10_000, "red"])

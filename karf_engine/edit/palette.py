@@ -47,7 +47,7 @@ def hex_to_rgb(text: str) -> np.ndarray:
     """sRGB [3] float32 in [0, 1] of `#rrggbb` (the # may be left out). Raises DataError where it is no such color."""
     match = re.fullmatch(r"#?([0-9a-fA-F]{6})", text.strip())
     if match is None:
-        raise DataError(f"{text!r} is no color.", "Write it as #rrggbb, for example #aa2211.")
+        raise DataError(f"{text!r:.200} is no color.", "Write it as #rrggbb, for example #aa2211.")
     return np.frombuffer(bytes.fromhex(match[1]), np.uint8).astype(np.float32) / np.float32(255)
 
 
@@ -128,7 +128,7 @@ def _read_schema(path: Path, what: str, schema: str) -> dict[str, Any]:
     content = read_json(path, what)
     found = content.get("schema") if isinstance(content, dict) else None
     if found != schema:
-        raise DataError(f"{path} ({what}) has schema {found!r}, not {schema}.", "Update KaRF, or write it again.")
+        raise DataError(f"{path} ({what}) has schema {found!r:.200}, not {schema}.", "Update KaRF, or write it again.")
     return content
 
 

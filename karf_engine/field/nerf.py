@@ -22,6 +22,7 @@ from ..rendering.space import Space, space_from_json, space_to_json
 from ..rendering.volume import Trace, outward_normals, trace_of
 
 DETAIL = 128  # a "voxel", the length scale of the later stages, is this share of the field's longest side
+MOST_SAMPLES = 1 << 12  # a ray
 CPU_POSITIONS_PER_CHUNK = 8192  # a chunk's activations stay near the processor's cache
 ACCELERATOR_POSITIONS_PER_CHUNK = 1 << 18
 
@@ -177,12 +178,16 @@ class NerfField(nn.Module):
 
     @classmethod
     def restored(cls, facts: dict[str, Any], tensors: dict[str, Tensor], device: torch.device | str) -> NerfField:
-        """The field that had these facts and tensors."""
-        networks = [NerfNetwork(_shape(facts[name])) for name in ("coarse", "fine")]
-        sampling = NerfSampling(**facts["sampling"])
-        field = cls(*networks, sampling, space_from_json(facts["space"], device), tensors["bounds"]).to(device)
-        field.load_state_dict(tensors)
-        return field
+        """The field that had these facts and tensors; in `checkpoints.restoring`, as others may have changed them."""
+        if not all(1 <= facts["sampling"][name] <= MOST_SAMPLES for name in ("coarse", "fine")):
+            raise ValueError(f"sampling {facts['sampling']}")
+        # without numbers until the file's are there: no shape takes more memory than the file fills
+        with torch.device("meta"):
+            networks = [NerfNetwork(_shape(facts[name], tensors, name)) for name in ("coarse", "fine")]
+        space = space_from_json(facts["space"], device)
+        field = cls(*networks, NerfSampling(**facts["sampling"]), space, tensors["bounds"])
+        field.load_state_dict(tensors, assign=True)
+        return field.float().to(device)
 
     def _samples(self, origins: Tensor, directions: Tensor, t: Tensor) -> Samples:
         lengths = torch.linalg.norm(directions, dim=1, keepdim=True)
@@ -204,5 +209,8 @@ def _density(network: NerfNetwork, positions: Tensor) -> Tensor:
     return torch.relu(network.raw_density(network.hidden(positions)))
 
 
-def _shape(values: dict[str, Any]) -> NerfShape:
+def _shape(values: dict[str, Any], tensors: dict[str, Tensor], network: str) -> NerfShape:
+    layers = sum(name.startswith(f"{network}.pts_linears.") and name.endswith(".weight") for name in tensors)
+    if values["depth"] != layers:
+        raise ValueError(f"{values['depth']} layers, of which {layers} are there")
     return NerfShape(**{item.name: values[item.name] for item in fields(NerfShape)} | {"skips": tuple(values["skips"])})

@@ -44,13 +44,24 @@ def check_torch_file(path: Path) -> None:
                     check_pickle(file, record.file_size)
 
 
+class _Bounded:
+    """A file that is asked for no more than it holds: Python makes room for all that it is asked for."""
+
+    def __init__(self, file: BinaryIO, length: int) -> None:
+        self._file, self._length = file, length
+        self.readline, self.tell = file.readline, file.tell
+
+    def read(self, size: int) -> bytes:
+        return self._file.read(min(size, self._length))
+
+
 def check_pickle(file: BinaryIO, length: int, names: set[str] | None = NAMES) -> None:
     """Walk through the pickle at the file's position; nothing is made of it.
 
     length: bytes of the file. names: what it may ask for, None where the reader checks that. Raises ValueError for
     another name, for a place in the reader's table beyond what the file can fill, and where the pickle is cut off.
     """
-    for opcode, argument, _ in pickletools.genops(file):
+    for opcode, argument, _ in pickletools.genops(_Bounded(file, length)):
         if opcode.name in PUTS and int(argument) > length:
             raise ValueError(f"it numbers an entry {argument} in {length} bytes")
         if names is not None and opcode.name == "GLOBAL" and argument not in names:

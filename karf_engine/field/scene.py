@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 from ..capture.camera import Camera
-from ..checkpoints import load_tensors, save_tensors
+from ..checkpoints import load_tensors, restoring, save_tensors
 from ..rendering.rays import PixelBank, Rays, camera_rays, depth_per_distance
 from ..rendering.surface_cache import SurfaceCache, join_caches, quantile_samples
 from ..rendering.volume import VISIBLE_WEIGHT, accumulate
@@ -30,6 +30,8 @@ FIELDS = {"voxels": VoxelField, "nerf": NerfField}
 CPU_RAYS_PER_CHUNK = 2048  # a chunk's samples stay near the processor's cache; accelerators want more at once
 ACCELERATOR_RAYS_PER_CHUNK = 65536
 WATCHED_PIXELS = 1500
+BACKGROUNDS = ("alpha", "black", "white", "opaque")
+STEPS = 0.01, 10.0  # voxels: finer ones never end, coarser ones miss what there is
 
 
 @dataclass(frozen=True)
@@ -115,12 +117,16 @@ class Scene:
     def load(cls, path: Path, device: torch.device | str = "cpu") -> Scene:
         """Read a scene. Raises DataError where the file is missing or damaged."""
         tensors, facts = load_tensors(path, SCHEMA, device)
-        field = FIELDS[facts.get("kind", "voxels")].restored(facts, _part(tensors, "field."), device)
-        background = None
-        if learned := _part(tensors, "background."):
-            background = Background().to(device)
-            background.load_state_dict(learned)
-        return cls(field.requires_grad_(False), background, facts["background_kind"], facts["step"])
+        with restoring(path):
+            field = FIELDS[facts.get("kind", "voxels")].restored(facts, _part(tensors, "field."), device)
+            background = None
+            if learned := _part(tensors, "background."):
+                background = Background().to(device)
+                background.load_state_dict(learned)
+            kind, step = facts["background_kind"], facts["step"]
+            if kind not in BACKGROUNDS or not STEPS[0] <= step <= STEPS[1]:
+                raise ValueError(f"background {kind!r}, step {step!r}")
+        return cls(field.requires_grad_(False), background, kind, step)
 
 
 def psnr_of_views(scene: Scene, bank: PixelBank, n_pixels: int = WATCHED_PIXELS) -> list[float]:

@@ -183,16 +183,16 @@ class VoxelField(nn.Module):
 
     @classmethod
     def restored(cls, facts: dict[str, Any], tensors: dict[str, Tensor], device: torch.device | str) -> VoxelField:
-        """The field that had these facts and tensors."""
-        field = cls(
-            tensors["minimum"],
-            facts["voxel"],
-            tensors["occupied"],
-            facts["n_features"],
-            facts["width"],
-            facts["density_bias"],
-            space_from_json(facts.get("space", {"kind": "box"}), device),
-        )
+        """The field that had these facts and tensors; in `checkpoints.restoring`, as others may have changed them."""
+        # these two as the tensors say, so that no file takes more memory than it fills
+        n_features, width = tensors["feature_table"].shape[1], tensors["color_network.0.weight"].shape[0]
+        space = space_from_json(facts.get("space", {"kind": "box"}), device)
+        voxel, density_bias = float(facts["voxel"]), float(facts["density_bias"])
+        if (n_features, width) != (facts["n_features"], facts["width"]) or voxel <= 0:
+            raise ValueError(f"voxels of {voxel}, {n_features} features, width {width}")
+        if tensors["occupied"].dtype != torch.bool or tensors["minimum"].shape != (3,):
+            raise ValueError("no cells")
+        field = cls(tensors["minimum"], voxel, tensors["occupied"], n_features, width, density_bias, space)
         field.load_state_dict(tensors)
         return field
 

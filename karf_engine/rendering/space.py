@@ -154,6 +154,9 @@ Space = Box | Similarity | Contraction | Frustum
 KINDS = {"box": Box, "similarity": Similarity, "contraction": Contraction, "frustum": Frustum}
 
 
+SHAPES = {"world_to_grid": (4, 4), "world_to_camera": (4, 4), "center": (3,), "focal": (2,)}  # others are numbers
+
+
 def space_to_json(space: Space) -> dict:
     """Plain values of a space; `space_from_json` gives it back."""
     values = {name: v.tolist() if isinstance(v, Tensor) else v for name, v in vars(space).items()}
@@ -161,12 +164,15 @@ def space_to_json(space: Space) -> dict:
 
 
 def space_from_json(content: dict, device: torch.device | str = "cpu") -> Space:
-    """The space of these values, its tensors on a device."""
+    """The space of these values, its tensors on a device. Raises ValueError, KeyError or TypeError where it is none."""
     values = {
-        name: torch.tensor(v, device=device) if isinstance(v, list) else v
+        name: torch.tensor(v, device=device) if isinstance(v, list) else float(v)
         for name, v in content.items()
         if name != "kind"
     }
+    for name, value in values.items():
+        if isinstance(value, Tensor) != (name in SHAPES) or getattr(value, "shape", None) != SHAPES.get(name):
+            raise ValueError(f"a space whose {name} is {content[name]!r:.100}")
     return KINDS[content["kind"]](**values)
 
 

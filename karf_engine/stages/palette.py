@@ -7,10 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..checkpoints import load_tensors
 from ..edit.palette import Palette, write_palettes
 from ..errors import DataError
-from ..names import check_names
 from ..palette.hull import cell_support, color_cells, extract_palette
 from ..palette.star_weights import star_weights
 from ..progress import Emit
@@ -18,7 +16,7 @@ from ..project import atomic_write
 from ..settings import PaletteSettings
 from ..wire import Request
 from .job import Job, open_job, run_stage
-from .segmentation import MIN_SURE_PIXELS, SURFACE_SCHEMA
+from .segmentation import MIN_SURE_PIXELS, load_surface
 
 VERSION = 1
 
@@ -42,11 +40,10 @@ def object_pixels(job: Job) -> tuple[list[str], list[list[np.ndarray]]]:
 
     Raises DataError where an object shows too few pixels to speak of a palette.
     """
-    tensors, facts = load_tensors(job.project.checked(job.project.surface_file), SURFACE_SCHEMA)
+    tensors, objects = load_surface(job)
     colors = tensors["colors"].numpy().astype(np.float32) / 255
     owner, view, sure = (tensors[name].numpy() for name in ("object", "view", "sure"))
     pixels = []
-    objects = check_names(facts["objects"], job.project.surface_file, "an object")
     for k, name in enumerate(objects):
         chosen = (owner == k) & sure
         if chosen.sum() < MIN_SURE_PIXELS:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from ..checkpoints import load_tensors, save_tensors
+from ..checkpoints import load_tensors, restoring, save_tensors
 from ..edit.compositing import stack_palettes
 from ..edit.palette import Palette, read_palettes, write_palettes
+from ..errors import DataError
 from ..field.fit_heads import ObjectRays, fit_recoloring
 from ..field.karf import RecoloringField
 from ..field.scene import Field, Scene
@@ -21,7 +22,7 @@ from ..settings import RecoloringSettings, from_dict, to_dict
 from ..wire import Request
 from .job import Job, open_job, run_stage
 from .palette import object_pixels, write_object_colors
-from .segmentation import SURFACE_SCHEMA, load_segmentation, view_names
+from .segmentation import load_segmentation, load_surface, view_names
 
 VERSION = 1
 SCHEMA = "karf-recoloring/1"
@@ -33,9 +34,9 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     with run_stage(job, "recoloring", VERSION) as run:
         if run is None:
             return
-        initial = initial_palettes(job)
         scene = Scene.load(job.project.checked(job.project.geometry_file), job.runtime.device)
-        segmentation, _ = load_segmentation(job)
+        segmentation, objects = load_segmentation(job, scene.field.n_features)
+        initial = palettes_of(job, objects, "initial")
         blocks = initial[:1] if job.settings.palette.shared else initial
         sizes = [len(palette.colors) for palette in blocks]
         settings = job.settings.recoloring
@@ -68,9 +69,22 @@ def initial_palettes(job: Job) -> list[Palette]:
     return list(read_palettes(job.project.checked(job.project.palette_file), "initial"))
 
 
+def palettes_of(job: Job, objects: list[str], which: str = "colors") -> list[Palette]:
+    """The palettes of these objects, in their order (see `read_palettes`). Raises DataError where there are others."""
+    path = job.project.checked(job.project.palette_file)
+    palettes = list(read_palettes(path, which))
+    names = [palette.name for palette in palettes]
+    if names != objects:
+        raise DataError(
+            f"{path} holds palettes of {', '.join(names):.200}, the segmentation {', '.join(objects):.200}.",
+            "Run the palette stage again.",
+        )
+    return palettes
+
+
 def object_rays(job: Job, scene_field: Field, blocks: list[Palette]) -> ObjectRays:
     """The rays well inside the objects, with the weights of their photo colors over the objects' palettes."""
-    tensors, _ = load_tensors(job.project.checked(job.project.surface_file), SURFACE_SCHEMA, job.runtime.device)
+    tensors, _ = load_surface(job, job.runtime.device)
     settings = job.settings.recoloring
     sure = tensors["sure"]
     positions, view = tensors["positions"][sure], tensors["view"][sure].long()
@@ -100,6 +114,8 @@ def _loco_weights(
     world = scene_field.space.to_world(surface).double().cpu().numpy()
     rgb, number = colors.cpu().numpy(), view.cpu().numpy()
     names, capture = view_names(job, "views"), job.capture()
+    if number.max(initial=0) >= len(names):
+        raise DataError(f"{job.project.segmentation_report} lacks views.", "Run the segmentation stage again.")
     weights = np.zeros((len(rgb), len(palette.colors)), np.float32)
     progress = job.progress("loco", len(np.unique(number)))
     for n in np.unique(number):
@@ -126,10 +142,18 @@ def _learned_palettes(initial: list[Palette], learned: np.ndarray, sizes: list[i
     return palettes
 
 
-def load_recoloring(job: Job, bounds: Tensor, n_features: int) -> RecoloringField:
-    """F_w of the project. bounds: those of F_s, [2, 3]."""
-    tensors, facts = load_tensors(job.project.checked(job.project.recoloring_file), SCHEMA, job.runtime.device)
-    settings = from_dict(facts["settings"], RecoloringSettings)
-    karf = RecoloringField(bounds, n_features, facts["sizes"], settings).to(job.runtime.device)
-    karf.load_state_dict(tensors)
+def load_recoloring(job: Job, bounds: Tensor, n_features: int, palettes: Sequence[Palette]) -> RecoloringField:
+    """F_w of the project. bounds: those of F_s, [2, 3]. palettes: that it was learned for.
+
+    Raises DataError where the file is damaged or belongs to others.
+    """
+    path = job.project.checked(job.project.recoloring_file)
+    tensors, facts = load_tensors(path, SCHEMA, job.runtime.device)
+    with restoring(path):
+        sizes, own = facts["sizes"], [len(palette.colors) for palette in palettes]
+        if sizes != own and sizes * len(own) != own:  # one block may serve all
+            raise ValueError(f"palettes of {sizes} colors instead of {own}")
+        settings = from_dict(facts["settings"], RecoloringSettings)
+        karf = RecoloringField(bounds, n_features, sizes, settings).to(job.runtime.device)
+        karf.load_state_dict(tensors)
     return karf.requires_grad_(False)

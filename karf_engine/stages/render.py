@@ -27,7 +27,7 @@ from ..capture import open_capture
 from ..capture.capture import View
 from ..edit.color import to_bytes
 from ..edit.compositing import Planes, delta_composite, paper_composite, stack_palettes, write_planes
-from ..edit.palette import Edit, Palette, read_edit, read_palettes
+from ..edit.palette import Edit, Palette, read_edit
 from ..errors import BadRequest, DataError
 from ..field.fit_heads import ObjectSamples, object_samples, segment_cache, weigh_cache
 from ..field.karf import RecoloringField, SegmentationField
@@ -39,7 +39,7 @@ from ..progress import Emit
 from ..project import atomic_write
 from ..wire import Request
 from .job import Job, open_job
-from .recoloring import load_recoloring
+from .recoloring import load_recoloring, palettes_of
 from .segmentation import load_segmentation
 
 BASES = {"delta": "photo", "paper": "render"}  # what an edit of a captured view changes, where nothing is said
@@ -74,11 +74,11 @@ class Renderer:
         self.segmentation: SegmentationField | None = None
         self.recoloring: RecoloringField | None = None
         if job.project.finished("segmentation"):
-            self.segmentation, self.objects = load_segmentation(job)
+            self.segmentation, self.objects = load_segmentation(job, self.scene.field.n_features)
         if job.project.finished("recoloring"):
-            n_features = self.scene.field.n_features
-            self.recoloring = load_recoloring(job, self.segmentation.bounds, n_features)
-            self.palettes = read_palettes(job.project.checked(job.project.palette_file))
+            self.palettes = tuple(palettes_of(job, self.objects))
+            bounds, n_features = self.segmentation.bounds, self.scene.field.n_features
+            self.recoloring = load_recoloring(job, bounds, n_features, self.palettes)
 
     @property
     def learned(self) -> np.ndarray:

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from ..capture.capture import View
-from ..checkpoints import load_tensors, save_tensors
+from ..checkpoints import load_tensors, restoring, save_tensors
 from ..edit.color import srgb_to_lab, to_bytes
 from ..edit.metrics import iou
 from ..errors import DataError
@@ -43,6 +43,14 @@ from .job import Job, StageRun, open_job, run_stage
 VERSION = 1
 SCHEMA = "karf-segmentation/1"
 SURFACE_SCHEMA = "karf-surface/1"
+SURFACE = {  # type and dimensions, the last of several being x, y, z or red, green, blue
+    "positions": (torch.float32, 3),
+    "viewdirs": (torch.float32, 2),
+    "colors": (torch.uint8, 2),
+    "object": (torch.uint8, 1),
+    "sure": (torch.bool, 1),
+    "view": (torch.int16, 1),
+}
 MOST_POINTS = 60_000  # of a label solve, about: finer ones have few votes each, and colors outvote their neighbors
 LABEL_SAMPLES = 3  # a ray: labels are of the surface, and the first and last of many samples lie off it
 CACHE_STEP = 1.0  # voxels; the later stages need where a ray ends, not the last digit of its color
@@ -324,14 +332,42 @@ def _interior(cached: CachedViews, label: Tensor, probabilities: Tensor) -> Tens
     return torch.from_numpy(inside)
 
 
-def load_segmentation(job: Job) -> tuple[SegmentationField, list[str]]:
-    """F_s of the project, and the objects' names."""
-    tensors, facts = load_tensors(job.project.checked(job.project.segmentation_file), SCHEMA, job.runtime.device)
-    n_features = len(tensors["standardizer.mean"])
-    settings = from_dict(facts["settings"], SegmentationSettings)
-    karf = SegmentationField(tensors["boxes"], n_features, settings).to(job.runtime.device)
-    karf.load_state_dict(tensors)
-    return karf.requires_grad_(False), check_names(facts["objects"], job.project.segmentation_file, "an object")
+def load_segmentation(job: Job, n_features: int) -> tuple[SegmentationField, list[str]]:
+    """F_s of the project, and the objects' names. n_features: of the scene's field.
+
+    Raises DataError where the file is damaged or belongs to another field.
+    """
+    path = job.project.checked(job.project.segmentation_file)
+    tensors, facts = load_tensors(path, SCHEMA, job.runtime.device)
+    with restoring(path):
+        objects = check_names(facts["objects"], path, "an object")
+        if tensors["boxes"].shape != (len(objects), 2, 3):
+            raise ValueError(f"{len(objects)} objects, boxes {tuple(tensors['boxes'].shape)}")
+        settings = from_dict(facts["settings"], SegmentationSettings)
+        karf = SegmentationField(tensors["boxes"], n_features, settings).to(job.runtime.device)
+        karf.load_state_dict(tensors)
+    return karf.requires_grad_(False), objects
+
+
+def load_surface(job: Job, device: torch.device | str = "cpu") -> tuple[dict[str, Tensor], list[str]]:
+    """The objects' rays, tensors as SURFACE says with n rows each, and the objects' names.
+
+    object: from 0, into the names. view: into `view_names`. Raises DataError where the file is damaged.
+    """
+    path = job.project.checked(job.project.surface_file)
+    tensors, facts = load_tensors(path, SURFACE_SCHEMA, device)
+    with restoring(path):
+        objects = check_names(facts["objects"], path, "an object")
+        n_rays = len(tensors["object"])
+        for name, (kind, n_dimensions) in SURFACE.items():
+            tensor = tensors[name]
+            columns = tensor.shape[-1] if n_dimensions > 1 else 3
+            if (tensor.dtype, tensor.ndim, len(tensor), columns) != (kind, n_dimensions, n_rays, 3):
+                raise ValueError(f"{name} {tensor.dtype} {tuple(tensor.shape)}")
+        owners, views = tensors["object"].tolist(), tensors["view"].tolist()
+        if max(owners, default=0) >= len(objects) or min(views, default=0) < 0 or 0 in tensors["positions"].shape[1:]:
+            raise ValueError("rays of no object, of no view or without samples")
+    return tensors, objects
 
 
 def view_names(job: Job, which: str) -> list[str]:

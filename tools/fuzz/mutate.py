@@ -192,23 +192,26 @@ def mutate_safetensors(data: bytes, chance: random.Random) -> bytes:
 
 
 def _header_change(header: dict[str, Any], chance: random.Random) -> dict[str, Any]:
-    facts = header.get("__metadata__", {}).get("facts")
-    if facts is None or chance.random() < 0.5:
+    if chance.random() < 0.3:
         return mutate_value(header, chance)
-    header["__metadata__"]["facts"] = json.dumps(mutate_value(json.loads(facts), chance))
-    return header
+    return with_facts(header, lambda facts: mutate_value(facts, chance))
 
 
 def name_safetensors(data: bytes, chance: random.Random) -> bytes:
     """Give one object in the facts a hostile name."""
 
-    def change(header: dict[str, Any]) -> dict[str, Any]:
-        facts = json.loads(header["__metadata__"]["facts"])
+    def change(facts: dict[str, Any]) -> dict[str, Any]:
         facts["objects"][chance.randrange(len(facts["objects"]))] = chance.choice(NAMES)
-        header["__metadata__"]["facts"] = json.dumps(facts)
-        return header
+        return facts
 
-    return with_header(data, change)
+    return with_header(data, lambda header: with_facts(header, change))
+
+
+def with_facts(header: dict[str, Any], change: Callable[[Any], Any]) -> dict[str, Any]:
+    """A safetensors header with other facts, where checkpoints.py writes them."""
+    own = json.loads(header["__metadata__"]["karf"])
+    header["__metadata__"]["karf"] = json.dumps(own | {"facts": change(own["facts"])})
+    return header
 
 
 def with_header(data: bytes, change: Callable[[dict[str, Any]], Any]) -> bytes:

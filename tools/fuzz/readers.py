@@ -178,9 +178,10 @@ def renamed(path: Path) -> None:
     """Give the objects the names of palette.json everywhere, then solve an edit and render."""
     folder = path.parent
     names = [entry["name"] for entry in json.loads(path.read_text())["objects"]]
-    segmentation = folder / "segmentation.safetensors"
-    segmentation.write_bytes(mutate.with_header(segmentation.read_bytes(), lambda header: _with_objects(header, names)))
-    renew_checksum(folder, segmentation.name)
+    for name in ("segmentation.safetensors", "surface.safetensors"):
+        file = folder / name
+        file.write_bytes(mutate.with_header(file.read_bytes(), lambda header: _with_objects(header, names)))
+        renew_checksum(folder, name)
     edits = json.loads((folder / "edit.json").read_text())
     edits["objects"] = dict(zip(names, edits["objects"].values(), strict=True))
     (folder / "edit.json").write_text(json.dumps(edits))
@@ -188,9 +189,7 @@ def renamed(path: Path) -> None:
 
 
 def _with_objects(header: dict, names: list[str]) -> dict:
-    facts = json.loads(header["__metadata__"]["facts"]) | {"objects": names}
-    header["__metadata__"]["facts"] = json.dumps(facts)
-    return header
+    return mutate.with_facts(header, lambda facts: facts | {"objects": names})
 
 
 def rendered_cameras(path: Path) -> None:

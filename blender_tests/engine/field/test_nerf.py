@@ -9,8 +9,10 @@ from numpy.testing import assert_allclose
 torch = pytest.importorskip("torch")
 
 from blender_tests.engine.reference.nerf import composited, encoded, fine_t, vanilla  # noqa: E402
+from karf_engine.checkpoints import load_tensors, save_tensors  # noqa: E402
+from karf_engine.errors import DataError  # noqa: E402
 from karf_engine.field.nerf import NerfField, NerfNetwork, NerfSampling, NerfShape  # noqa: E402
-from karf_engine.field.scene import Scene  # noqa: E402
+from karf_engine.field.scene import SCHEMA, Scene  # noqa: E402
 from karf_engine.kan.encoding import positional_encoding  # noqa: E402
 from karf_engine.rendering.rays import Rays  # noqa: E402
 from karf_engine.rendering.space import Box, Similarity  # noqa: E402
@@ -127,6 +129,27 @@ def test_a_saved_scene_comes_back_bit_for_bit(tmp_path, shape):
     assert torch.equal(loaded.field.bounds, made.bounds)
     rays = some_rays()
     assert torch.equal(loaded.colors(rays), Scene(made, None, "opaque", 1.0).colors(rays))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda facts: facts["fine"].update(depth=10**9),
+        lambda facts: facts["fine"].update(width=10**6),
+        lambda facts: facts["sampling"].update(coarse=10**9),
+        lambda facts: facts["space"].update(world_to_grid=[1.0]),
+        lambda facts: facts.pop("coarse"),
+    ],
+)
+def test_a_scene_whose_facts_contradict_its_networks_is_refused(tmp_path, change):
+    path = tmp_path / "scene.safetensors"
+    made = field(Similarity(torch.eye(4)))
+    Scene(made, None, "opaque", 1.0).save(path)
+    tensors, facts = load_tensors(path, SCHEMA)
+    change(facts)
+    save_tensors(path, tensors, SCHEMA, facts)
+    with pytest.raises(DataError, match="is damaged"):
+        Scene.load(path)
 
 
 def test_its_length_scale_follows_what_there_is_to_see():

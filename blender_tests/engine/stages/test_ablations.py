@@ -68,7 +68,7 @@ def test_reference_supervision_asks_only_rays_of_marked_views_for_their_weights(
 
 def test_weights_of_rays_that_are_not_asked_teach_nothing(job):
     scene = Scene.load(job.project.geometry_file)
-    bounds = load_segmentation(job)[0].bounds
+    bounds = load_segmentation(job, scene.field.n_features)[0].bounds
     palettes = recoloring.initial_palettes(job)
     rays = recoloring.object_rays(job, Scene.load(job.project.geometry_file).field, palettes)
     some = torch.arange(len(rays.colors)) % 3 == 0
@@ -101,7 +101,9 @@ def test_the_rate_is_constant_or_warms_up_and_falls(job, monkeypatch, schedule, 
     palettes, scene = recoloring.initial_palettes(job), Scene.load(job.project.geometry_file)
     rays = recoloring.object_rays(job, scene.field, palettes)
     settings = RecoloringSettings(iterations=60, schedule=schedule)
-    karf = RecoloringField(load_segmentation(job)[0].bounds, scene.field.n_features, [4, 4], settings)
+    karf = RecoloringField(
+        load_segmentation(job, scene.field.n_features)[0].bounds, scene.field.n_features, [4, 4], settings
+    )
     fit_recoloring(karf, scene.field, rays, torch.zeros(2, 4, 3), settings, job.runtime, job.progress("test", 1))
     assert max(factors) == pytest.approx(highest, abs=0.1) and min(factors[20:]) == pytest.approx(lowest)
     assert (factors[0] < 0.1) == (schedule == "cosine")
