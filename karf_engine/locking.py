@@ -23,7 +23,10 @@ COMMIT_SECONDS = 60.0  # a commit renames a few files; on a slow network drive t
 
 @contextmanager
 def writing(project: Project) -> Iterator[None]:
-    """Hold the project for one job that writes. Raises BadRequest where another one holds it."""
+    """Hold the project for one job that writes, cleared of what killed ones left.
+
+    Raises BadRequest where another job holds it.
+    """
     holder = project.folder / "lock.json"
     lock = FileLock(project.folder / "lock", timeout=0)
     try:
@@ -31,6 +34,7 @@ def writing(project: Project) -> Iterator[None]:
     except Timeout:
         raise BadRequest(f"{project.folder} is in use by {_name(holder)}.", "Wait for that job or cancel it.") from None
     try:
+        project.remove_leftovers()
         write_json(holder, {"pid": os.getpid(), "host": platform.node()})
         yield
     finally:

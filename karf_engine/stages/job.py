@@ -142,7 +142,6 @@ def run_stage(job: Job, stage: str, version: int, *inputs: Any) -> Iterator[Stag
     """
     project = job.project
     with writing(project):
-        project.remove_leftovers()
         mark = stage_fingerprint(job, stage, version, *inputs)
         done = project.finished(stage)
         if done is not None and done["fingerprint"] == mark and project.is_intact(stage):
