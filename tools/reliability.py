@@ -31,19 +31,25 @@ def made(start: float, arguments: list[str], verb: str) -> dict[str, Any]:
 
 
 def write(name: str, report: dict[str, Any]) -> None:
-    """Store a report, and write its table into the page."""
+    """Store a report, and write its table into the page. `made`: of each run that its rows are from."""
     FOLDER.mkdir(exist_ok=True)
     (FOLDER / f"{name}.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     PAGE.write_text(page(), encoding="utf-8")
+
+
+def read(name: str) -> dict[str, Any]:
+    """The stored report; an empty one where there is none."""
+    path = FOLDER / f"{name}.json"
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {"made": [], "rows": []}
 
 
 def page() -> str:
     """The page with its tables as the reports have them; a table without a report is left alone."""
     text = PAGE.read_text(encoding="utf-8")
     for name in NAMES:
-        path = FOLDER / f"{name}.json"
-        if path.exists():
-            table = TABLES[name](json.loads(path.read_text(encoding="utf-8")))
+        report = read(name)
+        if report["rows"]:
+            table = TABLES[name](report)
             marks = rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)"
             text = re.sub(marks, lambda found, table=table: found[1] + table + found[2], text, flags=re.DOTALL)
     return text
@@ -74,9 +80,8 @@ TABLES = {"faults": faults_table, "fuzz": fuzz_table}
 def _table(titles: list[str], rows: list[list[Any]], report: dict[str, Any]) -> str:
     cells = [titles, ["---"] * len(titles), *rows]
     lines = ["| " + " | ".join(str(cell).replace("|", "/") for cell in row) + " |" for row in cells]
-    origin = report["made"]
-    return "\n".join([*lines, "", f"<sub>{origin['date']}, `{origin['command']}`, {origin['system']}, "
-                      f"{origin['seconds']} s.</sub>", ""])  # fmt: skip
+    origins = [f"{made['date']}, `{made['command']}`, {made['system']}, {made['seconds']} s" for made in report["made"]]
+    return "\n".join([*lines, "", f"<sub>{'; '.join(origins)}.</sub>", ""])
 
 
 if __name__ == "__main__":

@@ -42,7 +42,7 @@ def main() -> int:
         chosen = [r for r in readers(learned_project(Path(folder))) if _is_wanted(r.name, options.readers)]
         seconds, mutants = shares(chosen, options)
         rows = [fuzz(r, Path(folder), seconds.get(r.name), mutants.get(r.name), options.seed, out) for r in chosen]
-    report = {"made": reliability.made(start, sys.argv[1:], "fuzz"), "rows": rows}
+    report = {"made": [reliability.made(start, sys.argv[1:], "fuzz")], "rows": rows}
     out.mkdir(parents=True, exist_ok=True)
     (out / "fuzz.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     if options.seconds and not options.readers:
