@@ -19,6 +19,7 @@ SIDEBAR = Where("IMAGE_EDITOR")
 PICTURE = Where("IMAGE_EDITOR", "WINDOW")
 VIEW = Where("VIEW_3D", "WINDOW")
 JOB_SECONDS = 150.0
+ASKED_SECONDS = 4.0  # in which a busy machine has opened what was asked for, where Blender asks nothing
 BRUSH = 14  # radius, pixels of the screen
 WHEEL = 55, 215  # from a click into a swatch at the left of its row to the middle of the picker's wheel, pixels
 
@@ -109,7 +110,9 @@ def save_file_as(blend: Path) -> Wait:
 
 def affirm_pictures(is_asked_nothing: Callable[[], bool]) -> Wait:
     """Blender 5 asks before it saves whether pictures that are no files shall be saved too; Return says yes."""
-    yield 1.0
+    end = time.monotonic() + ASKED_SECONDS
+    while not is_asked_nothing() and time.monotonic() < end:
+        yield 0.2
     if not is_asked_nothing():
         yield from hands.press("RET", hands.middle_of(PICTURE))
 
