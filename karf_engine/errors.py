@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 
 INSTALL_NAMES = {"PIL": "pillow", "cv2": "opencv-python-headless"}  # where pip's name is another
+LONGEST = 1500  # letters of a sentence: what it quotes of a file may be without end
 
 
 class KarfError(Exception):
@@ -18,6 +19,7 @@ class KarfError(Exception):
     exit_code = 70
 
     def __init__(self, sentence: str, hint: str = "") -> None:
+        sentence = sentence if len(sentence) <= LONGEST else f"{sentence[:LONGEST]} ..."
         super().__init__(f"{sentence} {hint}".strip())
         self.sentence = sentence
         self.hint = hint

@@ -150,7 +150,7 @@ class Event:
 
     def _is_whole(self) -> bool:
         """Whether all that is read of its kind is there; a line may have been damaged on its way."""
-        if not isinstance(self.kind, str):
+        if not isinstance(self.kind, str) or not isinstance(self.time, int | float):
             return False
         metrics = self.get("metrics") or {}
         numbers = [self.get("eta_s") or 0.0, *(metrics.values() if isinstance(metrics, dict) else [metrics])]

@@ -123,3 +123,17 @@ def test_events_of_other_values_are_passed_over(tmp_path, event):
     good = Event("done", 1, 2.0, {}).encode()
     (tmp_path / EVENTS_FILE).write_text(f"{json.dumps(event | {'n': 0, 'time': 1.0})}\n{'[' * 100_000}\n{good}\n")
     assert [event.kind for event in EventReader(tmp_path).poll()] == ["done"]
+
+
+def test_an_event_of_no_time_is_passed_over(tmp_path):
+    (tmp_path / EVENTS_FILE).write_text(
+        '{"t": "done", "n": 0, "time": "noon"}\n' + Event("done", 1, 2.0, {}).encode() + "\n"
+    )
+    assert [event.number for event in EventReader(tmp_path).poll()] == [1]
+
+
+def test_a_sentence_that_quotes_without_end_is_cut_off():
+    error = BadRequest("The option views = " + "x" * 100_000, "Correct the request.")
+    assert (
+        len(error.sentence) < 2000 and error.sentence.endswith(" ...") and str(error).endswith("Correct the request.")
+    )
