@@ -16,7 +16,7 @@ from ..karf_engine.capture.reprojection import (
     undistorted_near,
 )
 from ..karf_engine.capture.undistortion import undistorted
-from ..karf_engine.edit.color import linear_to_srgb, srgb_to_lab
+from ..karf_engine.color import linear_to_srgb, srgb_to_lab
 from ..karf_engine.edit.compositing import Planes, delta_composite, paper_composite, read_planes, stack_palettes
 from ..karf_engine.edit.match import match_becomes, match_fewest, nearest_weights, read_object_colors
 from ..karf_engine.edit.palette import (
@@ -31,7 +31,8 @@ from ..karf_engine.edit.palette import (
     write_edit,
 )
 from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency, error_from_code
-from ..karf_engine.project import Project, atomic_write
+from ..karf_engine.files import atomic_write
+from ..karf_engine.project import Project
 from ..karf_engine.settings import PRESETS
 from ..karf_engine.wire import LOG_FILE, REQUEST_FILE, Event, EventReader, Request
 

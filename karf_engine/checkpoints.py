@@ -15,7 +15,7 @@ from torch import Tensor
 
 from .errors import DataError
 from .failures import is_out_of_memory
-from .project import atomic_write
+from .files import atomic_write
 
 AGAIN = "Run the stage that writes it again."
 DAMAGE = (

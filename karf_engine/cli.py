@@ -17,8 +17,9 @@ from pathlib import Path
 from . import __version__
 from .errors import Cancelled, DataError, KarfError, MissingDependency, missing_package
 from .failures import known_failure
+from .files import read_json
 from .progress import Emit, TerminalEmit
-from .project import Project, read_json
+from .project import Project
 from .settings import PRESETS, describe
 from .wire import PROTOCOL, EventWriter, Request
 

@@ -1,4 +1,4 @@
-"""Image files in and out, resizing and undistortion (rounding to 8 bit is `edit.color.to_bytes`).
+"""Image files in and out, and resizing (rounding to 8 bit is `color.to_bytes`).
 
 Images are float32 [H, W, C], display-referred sRGB in [0, 1], row 0 at the top. Pixel corners lie at integers, so the
 value at [row, column] belongs to the position (u, v) = (column + 0.5, row + 0.5). Alpha is straight, not multiplied in.
@@ -7,9 +7,6 @@ value at [row, column] belongs to the position (u, v) = (column + 0.5, row + 0.5
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -18,23 +15,12 @@ import imageio.v3 as iio
 import numpy as np
 import OpenEXR
 from PIL import Image
-from scipy.ndimage import maximum_filter
 
-from .capture.camera import Camera
-from .capture.capture import View
-from .capture.distortion import distort
 from .capture.image_size import MOST_PIXELS, MOST_PIXELS_OF_SMALL, ImageHeader, check_pixels, find_header, unreadable
-from .edit.color import linear_to_srgb, to_bytes
-from .errors import DataError, KarfError
+from .color import linear_to_srgb, to_bytes
+from .errors import KarfError
 from .failures import is_out_of_memory
-from .project import atomic_write
-
-BORDER_TOLERANCE = 0.04  # a border pixel this near to black or white counts as such: JPEG noise, dark gray paper
-BORDER_SHARE = 0.8  # of the border's pixels: an object may touch the border
-SOLID_DIFFERENCE = 0.06  # a pixel this far from a black or white background shows something
-VIEW_SHARE = 0.9  # of the views: a few may be close-ups
-LENS_ROWS = 256  # rows of a lens map that are computed at once: float64 temporaries of whole photos are large
-LENS_DETAIL = 3  # photos are undistorted at this multiple of the working size, so that interpolation costs no detail
+from .files import atomic_write
 
 MOST_PIXELS_OF_SMALL_EXR = 8_000_000  # of up to four channels: each takes several copies of floats
 MOST_PIXELS_OF_SMALL_MASK = 100_000_000  # of drawings, which pack well
@@ -44,22 +30,6 @@ cv2.setNumThreads(1)  # its threads would fight torch's for the same cores
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # what matters becomes a DataError
 
 
-@dataclass(frozen=True)
-class Plate:
-    """A captured view at the working size, without lens distortion.
-
-    camera: pinhole at the working size. color: float32 [H, W, 3], straight. alpha: float32 [H, W], or None where the
-    photo is opaque. valid: bool [H, W], False where undistortion looked outside the photo, or None where all is valid.
-    """
-
-    view: View
-    camera: Camera
-    color: np.ndarray
-    alpha: np.ndarray | None
-    valid: np.ndarray | None
-
-
-# ---------------------------------------------------------------------------------------------------------------- files
 def read_photo(path: Path, upright: bool = True) -> np.ndarray:
     """Read a picture as float32 [H, W, 3 or 4] in [0, 1], turned as its Exif orientation says if `upright`.
 
@@ -70,7 +40,7 @@ def read_photo(path: Path, upright: bool = True) -> np.ndarray:
     pixels, header = _read_pixels(path, upright)
     colors = _as_colors(pixels)
     if header.premultiplied and header.kind != "exr" and colors.shape[-1] == 4:
-        colors[..., :3] = _straight(colors)
+        colors[..., :3] = straight(colors)
     return colors
 
 
@@ -137,7 +107,7 @@ def _read_exr(path: Path, header: ImageHeader) -> np.ndarray:
     _paste(stored, light, file.header()["dataWindow"][0] - file.header()["displayWindow"][0])
     light = np.nan_to_num(light, posinf=np.finfo(np.float32).max)
     if light.shape[-1] == 4:
-        light[..., :3] = _straight(light)
+        light[..., :3] = straight(light)
     colors = light[..., :3] if light.shape[-1] > 1 else np.repeat(light, 3, -1)
     colors = np.clip(linear_to_srgb(np.clip(colors, 0, 1)), 0, 1)
     return np.concatenate([colors, np.clip(light[..., 3:], 0, 1)], -1).astype(np.float32)
@@ -205,7 +175,6 @@ def read_mask(path: Path) -> np.ndarray:
     return opaque if opaque.any() and not opaque.all() else inside & opaque
 
 
-# ------------------------------------------------------------------------------------------------------------- geometry
 def resize(image: np.ndarray, width: int, height: int) -> np.ndarray:
     """Resize float [H, W] or [H, W, C] to float32 [height, width, ...]: exact area averaging along an axis that shrinks,
     linear interpolation along an axis that grows."""
@@ -217,128 +186,8 @@ def resize(image: np.ndarray, width: int, height: int) -> np.ndarray:
     return resized.reshape(height, width, *image.shape[2:])
 
 
-def undistort(image: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera, np.ndarray]:
-    """Remove the lens distortion of `camera` from float [H, W, C]; focal lengths, center and size stay.
-
-    C is 1, 3 or 4: OpenCV interpolates these exactly. Returns the image (float32), its pinhole camera, and valid
-    bool [H, W]: where the photo was looked up inside its borders.
-    """
-    if camera.is_pinhole:
-        return image, camera.without_distortion(), np.ones(image.shape[:2], bool)
-    map_u, map_v, valid = lens_map(
-        camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, camera.distortion, camera.fisheye
-    )
-    image = image.astype(np.float32, copy=False)
-    straight = cv2.remap(image, map_u, map_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return straight.reshape(image.shape), camera.without_distortion(), valid.copy()
-
-
-@lru_cache(maxsize=2)  # most captures have one lens; the maps of a large photo take 100 MB
-def lens_map(
-    width: int, height: int, fx: float, fy: float, cx: float, cy: float, distortion: tuple[float, ...], fisheye: bool
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Columns and rows (float32 [H, W], pixel centers at integers) where a lens shows what its pinhole shows in each
-    pixel, and where these lie inside the photo (bool [H, W])."""
-    lens = Camera(width, height, fx, fy, cx, cy, np.eye(4), distortion, fisheye)
-    maps, valid = np.empty((2, height, width), np.float32), np.empty((height, width), bool)
-    for top in range(0, height, LENS_ROWS):
-        rows = slice(top, min(top + LENS_ROWS, height))
-        v, u = np.mgrid[rows, 0:width] + 0.5
-        seen = distort(lens, np.stack([u, v], -1))
-        valid[rows] = ((seen >= 0) & (seen <= (width, height))).all(-1)  # nan is outside
-        maps[:, rows] = np.moveaxis(np.nan_to_num(seen, nan=-1.0), -1, 0) - 0.5
-    return maps[0], maps[1], valid
-
-
-# ------------------------------------------------------------------------------------------------------------- captures
-def load_views(views: Sequence[View], long_side: int) -> list[Plate]:
-    """Read the photos of the views, undistort them and shrink them so that no side exceeds `long_side` pixels.
-
-    Photos are never enlarged, and only one is in memory at its full size. Raises DataError naming the photo that is
-    missing, damaged or of another size.
-    """
-    return [_load_view(view, long_side) for view in views]
-
-
-def _load_view(view: View, long_side: int) -> Plate:
-    photo = _photo_of(view)
-    camera = view.camera
-    factor = min(1.0, long_side / max(camera.width, camera.height))
-    width, height = max(1, round(camera.width * factor)), max(1, round(camera.height * factor))
-    opaque = photo.shape[-1] == 3 or bool((photo[..., 3] == 1).all())
-    if opaque:
-        photo = photo[..., :3]
-    if camera.is_pinhole and (width, height) == (camera.width, camera.height):
-        return Plate(view, camera, photo[..., :3], None if opaque else photo[..., 3], None)
-
-    if not opaque:  # averages must not mix in the hidden colors of transparent pixels
-        photo[..., :3] *= photo[..., 3:]
-    if not camera.is_pinhole:  # at full size a lens map takes more time and memory than all else
-        camera = camera.scaled(min(camera.width, LENS_DETAIL * width), min(camera.height, LENS_DETAIL * height))
-        photo = resize(photo, camera.width, camera.height)
-    photo, pinhole, valid = undistort(photo, camera)
-    photo = resize(photo, width, height)
-    valid = resize(valid.astype(np.float32), width, height) > 0.999
-    return Plate(
-        view,
-        pinhole.scaled(width, height),
-        photo if opaque else _straight(photo),
-        None if opaque else photo[..., 3],
-        None if valid.all() else valid,
-    )
-
-
-def _photo_of(view: View) -> np.ndarray:
-    """The view's photo in the orientation that its camera was made for."""
-    if view.image is None:
-        raise DataError(f"View {view.name!r} is a bare camera without a photo.", "Give a capture with photos.")
-    size = (view.camera.height, view.camera.width)
-    for upright in (True, False):
-        photo = read_photo(view.image, upright)
-        if photo.shape[:2] == size:
-            return photo
-        found, photo = photo.shape, None  # never two of them in memory
-    raise DataError(
-        f"{view.image} is {found[1]}x{found[0]} pixels where its camera has {size[1]}x{size[0]}.",
-        "Import the capture again.",
-    )
-
-
-def _straight(photo: np.ndarray) -> np.ndarray:
+def straight(photo: np.ndarray) -> np.ndarray:
     """Premultiplied [H, W, 4] as straight colors [H, W, 3]."""
     alpha = photo[..., 3:]
     color = np.divide(photo[..., :3], alpha, out=np.zeros_like(photo[..., :3]), where=alpha > 0)
     return np.minimum(color, 1.0)  # the quotient may round to above one
-
-
-def background_kind(photos: Sequence[np.ndarray]) -> str:
-    """What surrounds the object in float photos [H, W, 3 or 4]: `alpha` (a matte), `black`, `white`, or `opaque`
-    (a real background). An alpha channel that is 1 everywhere is no matte. Raises DataError where all photos are
-    transparent everywhere."""
-    if photos and all(photo.shape[-1] == 4 and not photo[..., 3].any() for photo in photos):
-        raise DataError("All photos are transparent everywhere.", "Export them with their colors, or without alpha.")
-    kinds = [_background_of(photo) for photo in photos]
-    for kind in ("alpha", "black", "white"):
-        if kinds and kinds.count(kind) >= VIEW_SHARE * len(kinds):
-            return kind
-    return "opaque"
-
-
-def _background_of(photo: np.ndarray) -> str:
-    if photo.shape[-1] == 4 and (photo[..., 3] < 1).any():
-        return "alpha"
-    border = np.concatenate([photo[0], photo[-1], photo[1:-1, 0], photo[1:-1, -1]])[:, :3]
-    if (border.max(-1) <= BORDER_TOLERANCE).mean() >= BORDER_SHARE:
-        return "black"
-    if (border.min(-1) >= 1 - BORDER_TOLERANCE).mean() >= BORDER_SHARE:
-        return "white"
-    return "opaque"
-
-
-def solid_pixels(color: np.ndarray, kind: str) -> np.ndarray:
-    """Pixels [H, W] that surely show something opaque before a `black` or `white` background; color [H, W, 3].
-
-    They differ from the background, and by more than half of what their neighbors do: a mixed pixel at an edge does not.
-    """
-    difference = color.max(-1) if kind == "black" else 1 - color.min(-1)
-    return (difference > SOLID_DIFFERENCE) & (difference > 0.8 * maximum_filter(difference, 3))

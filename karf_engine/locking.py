@@ -16,7 +16,8 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from .errors import BadRequest
-from .project import Project, write_json
+from .files import write_json
+from .project import Project
 
 COMMIT_SECONDS = 60.0  # a commit renames a few files; on a slow network drive that may take a while
 

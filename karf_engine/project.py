@@ -1,7 +1,6 @@
-"""The project folder: every file's name, how it is written, and which files belong together.
+"""The project folder: every file's name, and which files belong together.
 
 All that is learned lives here, beside the .blend. Files are data (json, npz, safetensors, png), never pickles.
-A file is written to a temporary name, flushed to disk and renamed, so that a killed job leaves the last good state.
 A stage's outputs are gathered in a folder of their own until all are there, and take their places together (`commit`).
 
     project.json                 schema, capture, settings, what each stage finished, checksums of its files
@@ -26,76 +25,16 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import shutil
-import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from .errors import BadRequest, DataError
-from .inputs import MOST_JSON, check_file
+from .files import checksum, read_json, remove_temporaries, write_json
 
 SCHEMA = "karf-project/1"
 STAGE_ORDER = ("geometry", "segmentation", "palette", "recoloring")
-TEMPORARY = ".tmp"  # how names of files in the making begin, safetensors' own ones too
-STALE_SECONDS = 3600.0  # after which nobody is writing a temporary file any more
-
-
-def atomic_write(path: Path, write: Callable[[Path], None]) -> None:
-    """Call `write(temporary_path)`, flush it to disk and rename it to `path`; on any failure `path` stays as it was."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    # keep the suffix: image and npz writers choose the format by it. Nothing else of the name: it may be of full length
-    handle, name = tempfile.mkstemp(prefix=TEMPORARY, suffix=path.suffix, dir=path.parent)
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        write(temporary)
-        with temporary.open("rb+") as stream:
-            os.fsync(stream.fileno())
-        temporary.chmod(0o666 & ~_umask())
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
-
-
-def write_json(path: Path, content: Any) -> None:
-    """Write JSON atomically, indented so that a person can read it."""
-    text = json.dumps(content, indent=1, allow_nan=False)
-    atomic_write(path, lambda temporary: temporary.write_text(text + "\n", encoding="utf-8"))
-
-
-def read_json(path: Path, what: str) -> Any:
-    """Read a JSON file that is called `what` in messages. Raises DataError naming file, line and reason."""
-    check_file(path, MOST_JSON, f"{path} ({what})")
-    try:
-        return json.loads(path.read_text(encoding="utf-8-sig"))
-    except json.JSONDecodeError as error:
-        raise DataError(
-            f"{path} ({what}) is broken JSON at line {error.lineno}: {error.msg}.", "Export or write the file again."
-        ) from error
-    except (OSError, ValueError, RecursionError) as error:  # no text, numbers without end, brackets without end
-        raise DataError(f"{path} ({what}) cannot be read: {error}.", "Check the file.") from error
-
-
-def checksum(path: Path) -> str:
-    """SHA-256 of a file's bytes, as hexadecimal text."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-def remove_temporaries(folder: Path, older_than: float = STALE_SECONDS) -> None:
-    """Delete temporary files that killed processes left in a folder, once they are this many seconds old."""
-    for path in folder.glob(f"{TEMPORARY}*"):
-        if time.time() - path.stat().st_mtime >= older_than:
-            path.unlink(missing_ok=True)
 
 
 class Project:

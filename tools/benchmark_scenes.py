@@ -31,11 +31,12 @@ from judging import (
 )
 
 from karf_engine.cli import run_stage
-from karf_engine.edit.metrics import mse_outside
 from karf_engine.edit.palette import Edit
+from karf_engine.files import write_json
 from karf_engine.images import write_png
+from karf_engine.metrics.images import mse_outside
 from karf_engine.progress import TerminalEmit
-from karf_engine.project import Project, write_json
+from karf_engine.project import Project
 from karf_engine.settings import PRESETS
 from karf_engine.stages.job import Job
 from karf_engine.stages.match import solve

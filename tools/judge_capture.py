@@ -40,10 +40,11 @@ from judging import (
 from karf_engine.capture import open_capture
 from karf_engine.capture.capture import Capture, View
 from karf_engine.cli import run_stage
-from karf_engine.edit.metrics import iou
-from karf_engine.images import Plate, read_mask, resize, undistort, write_png
+from karf_engine.files import read_json, write_json
+from karf_engine.images import read_mask, resize, write_png
+from karf_engine.metrics.images import iou
+from karf_engine.plates import Plate, undistort
 from karf_engine.progress import TerminalEmit
-from karf_engine.project import read_json, write_json
 from karf_engine.settings import PRESETS
 from karf_engine.stages.segmentation import spread_views
 from karf_engine.wire import Request

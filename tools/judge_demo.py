@@ -35,11 +35,11 @@ from judging import (
     write_sheet,
 )
 
-from karf_engine.edit.color import to_bytes
+from karf_engine.color import to_bytes
 from karf_engine.edit.compositing import delta_composite
-from karf_engine.evaluation import score_edit
-from karf_engine.images import Plate
-from karf_engine.project import write_json
+from karf_engine.files import write_json
+from karf_engine.metrics.scores import score_edit
+from karf_engine.plates import Plate
 
 
 def main() -> None:

@@ -15,10 +15,12 @@ import numpy as np
 
 from karf_engine import settings as settings_module
 from karf_engine.cli import run_stage
-from karf_engine.evaluation import PaletteScore, score_masks, score_palettes, score_pictures
-from karf_engine.images import Plate, write_png
+from karf_engine.files import write_json
+from karf_engine.images import write_png
+from karf_engine.metrics.scores import PaletteScore, score_masks, score_palettes, score_pictures
+from karf_engine.plates import Plate
 from karf_engine.progress import TerminalEmit
-from karf_engine.project import STAGE_ORDER, Project, write_json
+from karf_engine.project import STAGE_ORDER, Project
 from karf_engine.stages.job import Job, open_job
 from karf_engine.stages.render import Frame, Renderer
 from karf_engine.wire import Request

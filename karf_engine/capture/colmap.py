@@ -17,16 +17,7 @@ from .camera import Camera
 from .capture import Capture, SparsePoints, with_test_views
 from .colmap_model import Image, Lens, Points, count_images, read_cameras, read_images, read_points
 from .limits import LARGEST_POSITION, check_camera
-from .reading import (
-    PHOTO_SUFFIXES,
-    at_size,
-    counted,
-    exists,
-    lens,
-    make_views,
-    photo_size,
-    photos_in,
-)
+from .reading import PHOTO_SUFFIXES, at_size, counted, exists, lens, make_views, photo_size, photos_in
 
 MODEL_FOLDERS = ("sparse", "colmap/sparse", "dense/sparse", ".", "colmap", "dense")
 PHOTO_FOLDERS = ("images", "input", "images_*", "rgb", "photos")

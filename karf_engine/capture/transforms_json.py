@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import DataError
-from ..project import read_json, write_json
+from ..files import read_json, write_json
 from .camera import Camera
 from .capture import SPLITS, Capture, SparsePoints, View, with_test_views
 from .limits import LARGEST_SIDE, check_camera

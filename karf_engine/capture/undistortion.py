@@ -13,7 +13,7 @@ ROWS = 16  # at a time: what is computed on the way stays in the processor's cac
 def undistorted(photo: np.ndarray, camera: Camera) -> np.ndarray:
     """The photo, float32 [H, W, C] as stored, as its camera's pinhole shows it; black where that sees beyond the photo.
 
-    Bilinear, the same pixels as `images.undistort` gives the engine. photo must have the camera's size.
+    Bilinear, the same pixels as `plates.undistort` gives the engine. photo must have the camera's size.
     """
     photo = np.ascontiguousarray(photo)
     result = np.empty_like(photo)

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import DataError
+from ..files import atomic_write
 from ..names import check_names
-from ..project import atomic_write
-from .arrays import read_arrays
+from ..npz import read_arrays
 
 # rows are done in blocks of about this many pixels: a block's working set stays in a core's cache
 BLOCK_PIXELS = 16384

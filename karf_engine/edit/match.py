@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..color import lab_chroma, lab_hue, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from ..errors import BadRequest, DataError
-from .arrays import read_arrays
-from .color import lab_chroma, lab_hue, linear_to_srgb, srgb_to_lab, srgb_to_linear
+from ..npz import read_arrays
 from .palette import BRIGHTEST
 
 AGAIN = "Extract the palettes again."

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from ..color import to_bytes
 from ..errors import DataError
+from ..files import read_json, write_json
 from ..names import check_name, check_names
-from ..project import read_json, write_json
-from .color import to_bytes
 
 PALETTE_SCHEMA = "karf-palette/1"
 EDIT_SCHEMA = "karf-edit/1"

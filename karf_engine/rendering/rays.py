@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from ..capture.camera import Camera
-from ..edit.color import to_bytes
+from ..color import to_bytes
 from ..runtime import Runtime
 
 

@@ -19,17 +19,18 @@ from .. import settings as settings_module
 from ..capture import open_capture
 from ..capture.capture import Capture, SparsePoints, capture_to_json
 from ..errors import BadRequest, Cancelled, DataError, KarfError
-from ..field.adopt import adopt
-from ..field.nerf import NerfNetwork
-from ..field.nerf_files import read_nerf
-from ..field.scene import Scene, psnr_of_views
-from ..field.start import choose_space, start_fit
-from ..images import Plate, background_kind, solid_pixels, write_png
+from ..fields.nerf.field import NerfNetwork
+from ..fields.nerf.files import read_nerf
+from ..fields.nerf.importing import adopt
+from ..fields.scene import Scene, psnr_of_views
+from ..fields.start import choose_space, start_fit
+from ..files import write_json
+from ..images import write_png
 from ..locking import opened
+from ..plates import Plate, background_kind, solid_pixels
+from ..poses.triangulation import triangulate
 from ..progress import Emit
-from ..project import write_json
 from ..rendering.rays import PixelBank
-from ..triangulation import triangulate
 from ..wire import Request
 from .job import Job, StageRun, file_mark, make_job, run_stage
 

@@ -14,13 +14,14 @@ from typing import Any
 from .. import settings as settings_module
 from ..capture.capture import Capture, View, capture_from_json
 from ..errors import BadRequest, Diverged
-from ..images import Plate, load_views
+from ..files import read_json
 from ..locking import consistent, opened, writing
+from ..plates import Plate, load_views
 from ..progress import Emit, Progress, peak_memory_bytes
-from ..project import STAGE_ORDER, Project, read_json
+from ..project import STAGE_ORDER, Project
 from ..runtime import Runtime, start_runtime
 from ..settings import Settings
-from ..unfinished import Unfinished
+from ..training.unfinished import Unfinished
 from ..wire import Request
 
 WHOLE_BYTES, END_BYTES = 2**20, 2**18  # files up to here count whole, larger ones by their ends

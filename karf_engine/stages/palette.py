@@ -9,10 +9,10 @@ import numpy as np
 
 from ..edit.palette import Palette, write_palettes
 from ..errors import DataError
+from ..files import atomic_write
 from ..palette.hull import cell_support, color_cells, extract_palette
 from ..palette.star_weights import star_weights
 from ..progress import Emit
-from ..project import atomic_write
 from ..settings import PaletteSettings
 from ..wire import Request
 from .job import Job, open_job, run_stage

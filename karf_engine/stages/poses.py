@@ -23,11 +23,11 @@ from ..capture.image_size import image_header
 from ..capture.reading import photos_in
 from ..errors import BadRequest, DataError, missing_package
 from ..images import read_photo, write_png
+from ..poses.structure_from_motion import FEWEST_PHOTOS, Placement, Plan, solve
+from ..poses.video import write_sharpest_frames
+from ..poses.work_folder import work_folder
 from ..progress import Emit, Progress
-from ..structure_from_motion import FEWEST_PHOTOS, Placement, Plan, solve
-from ..video import write_sharpest_frames
 from ..wire import Request
-from ..workfolder import work_folder
 
 MATCHING = ("auto", "exhaustive", "sequential")
 MOST_EXHAUSTIVE = 250  # photos; all pairs of more take hours

@@ -12,9 +12,9 @@ from ..checkpoints import load_tensors, restoring, save_tensors
 from ..edit.compositing import stack_palettes
 from ..edit.palette import Palette, read_palettes, write_palettes
 from ..errors import DataError
-from ..field.fit_heads import ObjectRays, fit_recoloring
-from ..field.karf import RecoloringField
-from ..field.scene import Field, Scene
+from ..fields.scene import Field, Scene
+from ..heads.fields import RecoloringField
+from ..heads.fit import ObjectRays, fit_recoloring
 from ..palette.loco_weights import loco_weights
 from ..palette.star_weights import star_weights
 from ..progress import Emit

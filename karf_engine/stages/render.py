@@ -25,18 +25,19 @@ import numpy as np
 
 from ..capture import open_capture
 from ..capture.capture import View
-from ..edit.color import to_bytes
+from ..color import to_bytes
 from ..edit.compositing import Planes, delta_composite, paper_composite, stack_palettes, write_planes
 from ..edit.palette import Edit, Palette, read_edit
 from ..errors import BadRequest, DataError
-from ..field.fit_heads import ObjectSamples, object_samples, segment_cache, weigh_cache
-from ..field.karf import RecoloringField, SegmentationField
-from ..field.scene import Picture, Scene
-from ..images import Plate, write_png
+from ..fields.scene import Picture, Scene
+from ..files import atomic_write
+from ..heads.fields import RecoloringField, SegmentationField
+from ..heads.rendering import ObjectSamples, object_samples, segment_cache, weigh_cache
+from ..images import write_png
 from ..locking import consistent, opened, writing
 from ..palette.star_weights import palette_weights_of_image
+from ..plates import Plate
 from ..progress import Emit
-from ..project import atomic_write
 from ..wire import Request
 from .job import Job, open_job
 from .recoloring import load_recoloring, palettes_of

@@ -19,24 +19,25 @@ from torch import Tensor
 
 from ..capture.capture import View
 from ..checkpoints import load_tensors, restoring, save_tensors
-from ..edit.color import srgb_to_lab, to_bytes
-from ..edit.metrics import iou
+from ..color import srgb_to_lab, to_bytes
 from ..errors import DataError
-from ..field.fit_heads import fit_on_points, fit_on_rays, segment_cache
-from ..field.karf import SegmentationField
-from ..field.scene import Scene
-from ..images import Plate
-from ..labels.coarse_masks import CoarseMask, copy_masks, find_masks, load_mask
-from ..labels.seeds import mask_confidence, mask_targets, vote_on_points
-from ..labels.solve import Labels, has_seeds, solve_labels
-from ..labels.surface_points import SurfacePoints, merge_samples
+from ..fields.scene import Scene
+from ..files import read_json, write_json
+from ..heads.fields import SegmentationField
+from ..heads.fit import fit_on_points, fit_on_rays
+from ..heads.rendering import segment_cache
+from ..metrics.images import iou
 from ..names import check_names
+from ..plates import Plate
 from ..progress import Emit
-from ..project import read_json, write_json
 from ..rendering.rays import camera_rays
 from ..rendering.surface_cache import SurfaceCache, cache_surface, join_caches
+from ..segmentation.coarse_masks import CoarseMask, copy_masks, find_masks, load_mask
+from ..segmentation.label_solve import Labels, has_seeds, solve_labels
+from ..segmentation.surface_points import SurfacePoints, merge_samples
+from ..segmentation.votes import mask_confidence, mask_targets, vote_on_points
 from ..settings import SegmentationSettings, from_dict, to_dict
-from ..unfinished import Unfinished
+from ..training.unfinished import Unfinished
 from ..wire import Request
 from .job import Job, StageRun, open_job, run_stage
 

@@ -19,9 +19,9 @@ from torch import Tensor
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from karf_engine.field.fit_heads import render_weights
-from karf_engine.field.karf import RecoloringField
-from karf_engine.field.voxels import VoxelField
+from karf_engine.fields.voxels.field import VoxelField
+from karf_engine.heads.fields import RecoloringField
+from karf_engine.heads.rendering import render_weights
 from karf_engine.settings import RecoloringSettings
 
 RAYS, DENSE_SAMPLES, CACHED_SAMPLES, COLORS = 256, 192, (3, 1), 6

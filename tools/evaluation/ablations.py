@@ -8,8 +8,8 @@ import numpy as np
 from judging import score_palettes_of
 
 from karf_engine.edit.compositing import stack_palettes
-from karf_engine.evaluation import PaletteScore, score_palettes
 from karf_engine.kan.gated_block import count_parameters
+from karf_engine.metrics.scores import PaletteScore, score_palettes
 from karf_engine.stages.recoloring import initial_palettes, object_rays
 
 from .bench import Bench

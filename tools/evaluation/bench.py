@@ -20,7 +20,7 @@ from judging import (
 
 from karf_engine.cli import run_stage
 from karf_engine.edit.compositing import stack_palettes
-from karf_engine.field.fit_heads import ObjectSamples, object_samples
+from karf_engine.heads.rendering import ObjectSamples, object_samples
 from karf_engine.lpips import read_lpips
 from karf_engine.progress import TerminalEmit
 from karf_engine.stages.job import Job

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from karf_engine.capture.capture import View
-from karf_engine.consistency import Sight, carried_by_flow, correspond, flow_rmse, laenerf_error, mean_of_pairs
 from karf_engine.lpips import Lpips
+from karf_engine.metrics.consistency import Sight, carried_by_flow, correspond, flow_rmse, laenerf_error, mean_of_pairs
 from karf_engine.stages.render import Frame, Renderer
 
 from .bench import Bench

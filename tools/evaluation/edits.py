@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from judging import TestViews
 
-from karf_engine.edit.color import hue_shift
-from karf_engine.edit.metrics import mse_outside
-from karf_engine.evaluation import score_recolor
+from karf_engine.color import hue_shift
+from karf_engine.metrics.images import mse_outside
+from karf_engine.metrics.scores import score_recolor
 from karf_engine.stages.render import Frame
 
 from .bench import MLP_HEADS, PLAIN, Bench, Learned

@@ -10,8 +10,8 @@ import imageio.v3 as iio
 import numpy as np
 from judging import difference, tinted
 
-from karf_engine.edit.color import to_bytes
-from karf_engine.evaluation import palette_picture
+from karf_engine.color import to_bytes
+from karf_engine.metrics.scores import palette_picture
 
 from .bench import PLAIN, Bench, Learned
 from .recolors import global_recolor, kmeans_recolor, masked_hue_shift, projected, true_masks_of

@@ -22,7 +22,7 @@ from karf_engine.edit.compositing import read_planes
 from karf_engine.edit.match import read_object_colors
 from karf_engine.edit.palette import read_edit, read_palettes
 from karf_engine.errors import KarfError
-from karf_engine.field.nerf_files import read_nerf
+from karf_engine.fields.nerf.files import read_nerf
 from karf_engine.images import read_mask, read_photo
 from karf_engine.project import STAGE_ORDER, Project
 from karf_engine.stages import match, render

@@ -17,7 +17,7 @@ from PIL import Image
 from blender_tests.engine.reference import capture_files
 from blender_tests.engine.reference.still_life import cameras, write_capture, write_masks
 from karf_engine.cli import run_stage
-from karf_engine.field.nerf import NerfNetwork, NerfShape
+from karf_engine.fields.nerf.field import NerfNetwork, NerfShape
 from karf_engine.wire import Event, Request
 
 from ..faults.bench import MARKED, N_PHOTOS, SETTINGS, SIZE

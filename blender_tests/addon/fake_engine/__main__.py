@@ -22,7 +22,8 @@ from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import View, capture_from_json, capture_to_json
 from karf_engine.edit.compositing import Planes, write_planes
 from karf_engine.edit.palette import Palette, read_edit, read_palettes, write_palettes
-from karf_engine.project import Project, read_json, write_json
+from karf_engine.files import read_json, write_json
+from karf_engine.project import Project
 from karf_engine.wire import PROTOCOL, EventWriter, Request
 
 LEARNED = {"lid": [[0, 0, 0], [0.2, 0.4, 0.6], [1, 1, 1]], "pot": [[0, 0, 0], [0.8, 0.2, 0.1], [0.9, 0.9, 0.5]]}

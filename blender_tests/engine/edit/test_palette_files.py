@@ -19,7 +19,7 @@ from karf_engine.edit.palette import (
     write_palettes,
 )
 from karf_engine.errors import DataError
-from karf_engine.project import read_json
+from karf_engine.files import read_json
 
 POT = Palette("pot", np.array([[0, 0, 0], [0.1, 1 / 3, 0.7], [1, 0.25, 0.5]], np.float32))
 MUG = Palette("mug", np.array([[0, 0, 0], [0.9, 0.8, 0.7]], np.float32))

@@ -6,14 +6,8 @@ from numpy.testing import assert_allclose
 
 torch = pytest.importorskip("torch")
 
-from karf_engine.rendering.hierarchical import (  # noqa: E402
-    dense_ray_weights,
-    interval_lengths,
-    refine,
-    sample_pdf,
-    spread,
-)
-from karf_engine.rendering.volume import ray_weights_from_sigmas  # noqa: E402
+from karf_engine.rendering.hierarchical import dense_ray_weights, interval_lengths, refine, sample_pdf, spread
+from karf_engine.rendering.volume import ray_weights_from_sigmas
 
 EVEN = torch.zeros(1, 0)
 

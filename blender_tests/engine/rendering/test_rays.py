@@ -6,8 +6,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 torch = pytest.importorskip("torch")
 
-from karf_engine.capture.camera import Camera  # noqa: E402
-from karf_engine.rendering.rays import PixelBank, camera_rays, depth_per_distance  # noqa: E402
+from karf_engine.capture.camera import Camera
+from karf_engine.rendering.rays import PixelBank, camera_rays, depth_per_distance
 
 
 def random_camera(seed, width, height):

@@ -6,9 +6,9 @@ from numpy.testing import assert_allclose
 
 torch = pytest.importorskip("torch")
 
-from blender_tests.engine.reference.rays import march_one  # noqa: E402
-from karf_engine.rendering.sampling import Polylines, cell_indices, coarse_occupancy, march  # noqa: E402
-from karf_engine.rendering.space import clipped_paths  # noqa: E402
+from blender_tests.engine.reference.rays import march_one
+from karf_engine.rendering.sampling import Polylines, cell_indices, coarse_occupancy, march
+from karf_engine.rendering.space import clipped_paths
 
 MINIMUM, VOXEL = np.array([-1.0, 0.5, -0.3]), 0.17
 N_RAYS = 300

@@ -8,16 +8,9 @@ from numpy.testing import assert_allclose
 
 torch = pytest.importorskip("torch")
 
-from karf_engine.rendering.rays import Rays  # noqa: E402
-from karf_engine.rendering.sampling import Polylines  # noqa: E402
-from karf_engine.rendering.space import (  # noqa: E402
-    Box,
-    Contraction,
-    Frustum,
-    Similarity,
-    space_from_json,
-    space_to_json,
-)
+from karf_engine.rendering.rays import Rays
+from karf_engine.rendering.sampling import Polylines
+from karf_engine.rendering.space import Box, Contraction, Frustum, Similarity, space_from_json, space_to_json
 
 CENTER = torch.tensor([0.5, -1.0, 2.0])
 

@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose
 
 torch = pytest.importorskip("torch")
 
-from blender_tests.engine.reference.rays import composite  # noqa: E402
-from karf_engine.rendering.volume import (  # noqa: E402
+from blender_tests.engine.reference.rays import composite
+from karf_engine.rendering.volume import (
     accumulate,
     distortion,
     ray_weights_from_sigmas,

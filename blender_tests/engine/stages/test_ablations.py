@@ -7,20 +7,21 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from karf_engine import settings as settings_module  # noqa: E402
-from karf_engine.checkpoints import load_tensors  # noqa: E402
-from karf_engine.edit.compositing import stack_palettes  # noqa: E402
-from karf_engine.field.fit_heads import fit_recoloring  # noqa: E402
-from karf_engine.field.karf import RecoloringField  # noqa: E402
-from karf_engine.field.scene import Scene  # noqa: E402
-from karf_engine.progress import Progress  # noqa: E402
-from karf_engine.project import Project, read_json  # noqa: E402
-from karf_engine.runtime import start_runtime  # noqa: E402
-from karf_engine.settings import PaletteSettings, RecoloringSettings  # noqa: E402
-from karf_engine.stages import recoloring  # noqa: E402
-from karf_engine.stages.job import make_job  # noqa: E402
-from karf_engine.stages.palette import extract_palettes  # noqa: E402
-from karf_engine.stages.segmentation import SURFACE_SCHEMA, load_segmentation  # noqa: E402
+from karf_engine import settings as settings_module
+from karf_engine.checkpoints import load_tensors
+from karf_engine.edit.compositing import stack_palettes
+from karf_engine.fields.scene import Scene
+from karf_engine.files import read_json
+from karf_engine.heads.fields import RecoloringField
+from karf_engine.heads.fit import fit_recoloring
+from karf_engine.progress import Progress
+from karf_engine.project import Project
+from karf_engine.runtime import start_runtime
+from karf_engine.settings import PaletteSettings, RecoloringSettings
+from karf_engine.stages import recoloring
+from karf_engine.stages.job import make_job
+from karf_engine.stages.palette import extract_palettes
+from karf_engine.stages.segmentation import SURFACE_SCHEMA, load_segmentation
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +98,7 @@ def test_the_rate_is_constant_or_warms_up_and_falls(job, monkeypatch, schedule, 
     def note(course, until, step, factor, progress, unfinished):
         factors.extend(factor(i, course.iterations) for i in range(until + 1))
 
-    monkeypatch.setattr("karf_engine.field.fit_heads.train", note)
+    monkeypatch.setattr("karf_engine.heads.fit.train", note)
     palettes, scene = recoloring.initial_palettes(job), Scene.load(job.project.geometry_file)
     rays = recoloring.object_rays(job, scene.field, palettes)
     settings = RecoloringSettings(iterations=60, schedule=schedule)

@@ -12,23 +12,23 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
-from blender_tests.engine.pretend_device import pretend_device  # noqa: E402
-from blender_tests.engine.reference.nerf import still_life as views_and_photos  # noqa: E402
-from blender_tests.engine.reference.still_life import camera_at  # noqa: E402
-from karf_engine import runtime  # noqa: E402
-from karf_engine.capture.capture import SparsePoints  # noqa: E402
-from karf_engine.cli import main  # noqa: E402
-from karf_engine.field import adopt  # noqa: E402
-from karf_engine.field.scene import Scene, psnr_of_views  # noqa: E402
-from karf_engine.field.start import start_fit  # noqa: E402
-from karf_engine.progress import Progress  # noqa: E402
-from karf_engine.project import STAGE_ORDER, Project  # noqa: E402
-from karf_engine.rendering.rays import PixelBank  # noqa: E402
-from karf_engine.rendering.surface_cache import cache_surface  # noqa: E402
-from karf_engine.settings import GeometrySettings, Level, NerfSettings, OpenSettings  # noqa: E402
-from karf_engine.stages.job import open_job  # noqa: E402
-from karf_engine.stages.render import Renderer  # noqa: E402
-from karf_engine.wire import Request  # noqa: E402
+from blender_tests.engine.pretend_device import pretend_device
+from blender_tests.engine.reference.nerf import still_life as views_and_photos
+from blender_tests.engine.reference.still_life import camera_at
+from karf_engine import runtime
+from karf_engine.capture.capture import SparsePoints
+from karf_engine.cli import main
+from karf_engine.fields.nerf import importing as adopt
+from karf_engine.fields.scene import Scene, psnr_of_views
+from karf_engine.fields.start import start_fit
+from karf_engine.progress import Progress
+from karf_engine.project import STAGE_ORDER, Project
+from karf_engine.rendering.rays import PixelBank
+from karf_engine.rendering.surface_cache import cache_surface
+from karf_engine.settings import GeometrySettings, Level, NerfSettings, OpenSettings
+from karf_engine.stages.job import open_job
+from karf_engine.stages.render import Renderer
+from karf_engine.wire import Request
 
 LEVELS = (Level(12, 8, 1.0), Level(16, 8, 1.0))
 SETTINGS = replace(

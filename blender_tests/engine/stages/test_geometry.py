@@ -8,11 +8,12 @@ import pytest
 pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
-from blender_tests.engine.field.test_fit_open import points_on_the_still_life
+from blender_tests.engine.fields.voxels.test_fit_open import points_on_the_still_life
 from blender_tests.engine.reference.still_life import cameras, take_photo
 from karf_engine.capture.capture import Capture, View, with_test_views
 from karf_engine.errors import KarfError
-from karf_engine.images import load_views, write_png
+from karf_engine.images import write_png
+from karf_engine.plates import load_views
 from karf_engine.project import Project
 from karf_engine.settings import preset, with_overrides
 from karf_engine.stages import geometry

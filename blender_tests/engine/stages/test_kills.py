@@ -15,12 +15,12 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
-from blender_tests.engine.conftest import ROOT, run_engine  # noqa: E402
-from karf_engine.checkpoints import load_tensors  # noqa: E402
-from karf_engine.cli import main  # noqa: E402
-from karf_engine.errors import Cancelled, Diverged  # noqa: E402
-from karf_engine.progress import Progress  # noqa: E402
-from karf_engine.project import STAGE_ORDER, Project  # noqa: E402
+from blender_tests.engine.conftest import ROOT, run_engine
+from karf_engine.checkpoints import load_tensors
+from karf_engine.cli import main
+from karf_engine.errors import Cancelled, Diverged
+from karf_engine.progress import Progress
+from karf_engine.project import STAGE_ORDER, Project
 
 FEW = (
     'geometry.levels=[{"voxels": 16, "iterations": 60, "step": 1.0}, {"voxels": 20, "iterations": 60, "step": 1.0}]',
@@ -29,7 +29,7 @@ FEW = (
 )
 SAVING_ALWAYS = """
 import sys
-from karf_engine import unfinished
+from karf_engine.training import unfinished
 unfinished.INTERVAL = 0.0
 from karf_engine.cli import main
 sys.exit(main(sys.argv[1:]))
@@ -125,7 +125,7 @@ def test_what_led_to_divergence_is_not_resumed(still_life, tmp_path, monkeypatch
         assert Project(tmp_path).unfinished_file("geometry").exists()
         raise Diverged("Nothing is solid.")
 
-    monkeypatch.setattr("karf_engine.unfinished.INTERVAL", 0.0)
-    monkeypatch.setattr("karf_engine.field.fit.Fit._pruned", find_nothing)
+    monkeypatch.setattr("karf_engine.training.unfinished.INTERVAL", 0.0)
+    monkeypatch.setattr("karf_engine.fields.voxels.fit.Fit._pruned", find_nothing)
     assert main(geometry_command(still_life, tmp_path)) == Diverged.exit_code
     assert not Project(tmp_path).unfinished_file("geometry").exists()

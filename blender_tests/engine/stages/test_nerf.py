@@ -10,14 +10,14 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
-from karf_engine.checkpoints import load_tensors, save_tensors  # noqa: E402
-from karf_engine.cli import main  # noqa: E402
-from karf_engine.edit.metrics import iou, psnr  # noqa: E402
-from karf_engine.edit.palette import read_palettes  # noqa: E402
-from karf_engine.errors import Cancelled  # noqa: E402
-from karf_engine.field.scene import SCHEMA  # noqa: E402
-from karf_engine.images import read_mask, read_photo, resize  # noqa: E402
-from karf_engine.project import Project  # noqa: E402
+from karf_engine.checkpoints import load_tensors, save_tensors
+from karf_engine.cli import main
+from karf_engine.edit.palette import read_palettes
+from karf_engine.errors import Cancelled
+from karf_engine.fields.scene import SCHEMA
+from karf_engine.images import read_mask, read_photo, resize
+from karf_engine.metrics.images import iou, psnr
+from karf_engine.project import Project
 
 SMALL = (
     "geometry.nerf.depth=4",
@@ -99,7 +99,7 @@ def learn_a_little(still_life, folder, capsys, *more):
 @pytest.fixture
 def killed(still_life, tmp_path, monkeypatch, capsys):
     """A project whose geometry stage was interrupted after its second look, having saved after every iteration."""
-    monkeypatch.setattr("karf_engine.unfinished.INTERVAL", 0.0)
+    monkeypatch.setattr("karf_engine.training.unfinished.INTERVAL", 0.0)
     with monkeypatch.context() as patch:
         patch.setattr("karf_engine.stages.geometry.preview", Mock(side_effect=[None, KeyboardInterrupt]))
         assert learn_a_little(still_life, tmp_path / "project", capsys)[0] == Cancelled.exit_code

@@ -9,20 +9,21 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
-from blender_tests.engine.reference.still_life import camera_at  # noqa: E402
-from karf_engine.capture import write_cameras  # noqa: E402
-from karf_engine.capture.camera import Camera  # noqa: E402
-from karf_engine.capture.capture import View  # noqa: E402
-from karf_engine.cli import main  # noqa: E402
-from karf_engine.field.fit_heads import object_samples, segment_cache, weigh_cache  # noqa: E402
-from karf_engine.field.karf import RecoloringField, SegmentationField  # noqa: E402
-from karf_engine.field.nerf import NerfField, NerfNetwork, NerfSampling, NerfShape  # noqa: E402
-from karf_engine.field.scene import Scene  # noqa: E402
-from karf_engine.field.voxels import VoxelField  # noqa: E402
-from karf_engine.images import read_mask, read_photo, write_png  # noqa: E402
-from karf_engine.project import Project, write_json  # noqa: E402
-from karf_engine.rendering.space import Box, Contraction, Frustum  # noqa: E402
-from karf_engine.settings import RecoloringSettings, SegmentationSettings  # noqa: E402
+from blender_tests.engine.reference.still_life import camera_at
+from karf_engine.capture import write_cameras
+from karf_engine.capture.camera import Camera
+from karf_engine.capture.capture import View
+from karf_engine.cli import main
+from karf_engine.fields.nerf.field import NerfField, NerfNetwork, NerfSampling, NerfShape
+from karf_engine.fields.scene import Scene
+from karf_engine.fields.voxels.field import VoxelField
+from karf_engine.files import write_json
+from karf_engine.heads.fields import RecoloringField, SegmentationField
+from karf_engine.heads.rendering import object_samples, segment_cache, weigh_cache
+from karf_engine.images import read_mask, read_photo, write_png
+from karf_engine.project import Project
+from karf_engine.rendering.space import Box, Contraction, Frustum
+from karf_engine.settings import RecoloringSettings, SegmentationSettings
 
 
 def turned_away(distance=400.0):

@@ -5,11 +5,11 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
-from karf_engine.field.scene import Scene  # noqa: E402
-from karf_engine.labels.coarse_masks import find_masks  # noqa: E402
-from karf_engine.stages import segmentation  # noqa: E402
-from karf_engine.stages.job import open_job  # noqa: E402
-from karf_engine.wire import Request  # noqa: E402
+from karf_engine.fields.scene import Scene
+from karf_engine.segmentation.coarse_masks import find_masks
+from karf_engine.stages import segmentation
+from karf_engine.stages.job import open_job
+from karf_engine.wire import Request
 
 
 def test_the_surface_has_no_more_points_than_rays_can_fill(learned, monkeypatch):

@@ -9,18 +9,18 @@ import pytest
 pytest.importorskip("torch")
 maximum_filter = pytest.importorskip("scipy.ndimage").maximum_filter
 
-from blender_tests.engine.reference.still_life import camera_at, take_photo  # noqa: E402
-from karf_engine.capture import open_capture, write_cameras  # noqa: E402
-from karf_engine.capture.capture import View  # noqa: E402
-from karf_engine.cli import main  # noqa: E402
-from karf_engine.edit.compositing import read_planes  # noqa: E402
-from karf_engine.edit.metrics import iou, psnr  # noqa: E402
-from karf_engine.edit.palette import read_edit, read_palettes, rgb_to_hex  # noqa: E402
-from karf_engine.errors import BadRequest  # noqa: E402
-from karf_engine.images import read_mask, read_photo  # noqa: E402
-from karf_engine.project import STAGE_ORDER, Project  # noqa: E402
-from karf_engine.stages import render  # noqa: E402
-from karf_engine.wire import Request  # noqa: E402
+from blender_tests.engine.reference.still_life import camera_at, take_photo
+from karf_engine.capture import open_capture, write_cameras
+from karf_engine.capture.capture import View
+from karf_engine.cli import main
+from karf_engine.edit.compositing import read_planes
+from karf_engine.edit.palette import read_edit, read_palettes, rgb_to_hex
+from karf_engine.errors import BadRequest
+from karf_engine.images import read_mask, read_photo
+from karf_engine.metrics.images import iou, psnr
+from karf_engine.project import STAGE_ORDER, Project
+from karf_engine.stages import render
+from karf_engine.wire import Request
 
 BALL_COLOR, GREEN = "#c0221a", "#1ec040"
 

@@ -1,0 +1,134 @@
+"""One rig, written in every format, is the same rig; and which format a folder is read as."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from blender_tests.engine.reference.capture_files import (
+    centered,
+    put,
+    put_photos,
+    random_rig,
+    write_colmap,
+    write_llff,
+    write_nerf_synthetic,
+    write_transforms,
+)
+from karf_engine.capture import open_capture
+from karf_engine.capture.capture import Capture, View, capture_from_json, capture_to_json
+from karf_engine.errors import DataError
+
+NAMES = [f"{number:03d}.png" for number in range(9)]
+LENSES = {
+    "pinhole": ((), False),
+    "opencv": ((0.1, -0.02, 0.003, -0.004), False),
+    "k3": ((0.1, -0.02, 0.003, -0.004, 0.005), False),
+    "rational": ((0.1, -0.02, 0.003, -0.004, 0.005, 0.03, -0.01, 0.002), False),
+    "fisheye": ((0.1, -0.02, 0.003, -0.004), True),
+}
+FORMATS = {  # writer, and what the format can say of a camera
+    "nerf-synthetic": (lambda folder, cameras: write_nerf_synthetic(folder, cameras), centered),
+    "transforms": (lambda folder, cameras: write_transforms(folder, cameras, NAMES), lambda camera: camera),
+    "colmap binary": (lambda folder, cameras: write_colmap(folder, cameras, NAMES), lambda camera: camera),
+    "colmap text": (lambda folder, cameras: write_colmap(folder, cameras, NAMES, ".txt"), lambda camera: camera),
+    "llff": (lambda folder, cameras: write_llff(folder, cameras, NAMES), centered),
+    "llff of nex": (lambda folder, cameras: write_llff(folder, cameras, NAMES, 14), lambda c: c.without_distortion()),
+}
+
+
+def assert_same_camera(read, written):
+    assert (read.width, read.height, read.fisheye) == (written.width, written.height, written.fisheye)
+    intrinsics = [[camera.fx, camera.fy, camera.cx, camera.cy] for camera in (read, written)]
+    assert_allclose(*intrinsics, rtol=1e-5)
+    assert_allclose(read.distortion, written.distortion, rtol=1e-5)
+    scale = 1 + np.abs(written.position).max()
+    assert_allclose(read.camera_to_world, written.camera_to_world, rtol=1e-5, atol=1e-5 * scale)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+@settings(derandomize=True, max_examples=6, deadline=None)
+@given(seed=st.integers(0, 10_000), lens=st.sampled_from(sorted(LENSES)))
+def test_every_format_gives_the_same_cameras(tmp_path_factory, name, seed, lens):
+    write, expressible = FORMATS[name]
+    folder = tmp_path_factory.mktemp("rig")
+    cameras = [expressible(camera) for camera in random_rig(seed, 9, *LENSES[lens])]
+    write(folder, cameras)
+    capture = open_capture(folder)
+    assert capture.format == name.split()[0]
+    assert capture.remarks == ()
+    ordered = cameras[2:] + cameras[:2] if name == "nerf-synthetic" else cameras  # train, val, test
+    for view, camera in zip(capture.views, ordered, strict=True):
+        assert_same_camera(view.camera, camera)
+        assert view.image.is_file()
+
+
+@pytest.mark.parametrize("lens", LENSES)
+def test_the_canonical_json_keeps_every_lens(tmp_path, lens):
+    cameras = random_rig(5, 3, *LENSES[lens])
+    views = [
+        View(f"v{i}", f"v{i}", camera, tmp_path / f"{i}.png", "train", (0.5, 8.0)) for i, camera in enumerate(cameras)
+    ]
+    capture = Capture(tmp_path, "colmap", tuple(views), ("a remark",))
+    again = capture_from_json(capture_to_json(capture), tmp_path / "capture.json")
+    for before, after in zip(capture.views, again.views, strict=True):
+        assert replace(after, camera=None) == replace(before, camera=None)
+        assert_allclose(after.camera.camera_to_world, before.camera.camera_to_world, rtol=0, atol=0)
+        assert replace(after.camera, camera_to_world=None) == replace(before.camera, camera_to_world=None)
+
+
+# ----------------------------------------------------------------------------------------------------------- precedence
+def write_all(folder, *formats):
+    cameras = [centered(camera) for camera in random_rig(2)]
+    for name in formats:
+        FORMATS[name][0](folder, cameras)
+
+
+@pytest.mark.parametrize(
+    ("formats", "mark", "left"),
+    [
+        (["colmap binary", "llff"], "sparse/", "poses_bounds.npy"),
+        (["transforms", "colmap binary"], "transforms.json", "sparse/"),
+        (["transforms", "colmap text", "llff"], "transforms.json", "sparse/ or poses_bounds.npy"),
+        (["nerf-synthetic", "transforms"], "transforms_train.json", "transforms.json"),
+    ],
+)
+def test_of_several_formats_the_one_that_says_most_is_read_with_a_remark(tmp_path, formats, mark, left):
+    write_all(tmp_path, *formats)
+    capture = open_capture(tmp_path)
+    assert capture.format == formats[0].split()[0]
+    assert len(capture.remarks) == 1 and capture.remarks[0].startswith(f"{mark} was read, not {left}: ")
+
+
+@pytest.mark.parametrize(
+    ("file", "format_name"),
+    [
+        ("transforms.json", "transforms"),
+        ("sparse/0/images.bin", "colmap"),
+        ("sparse", "colmap"),
+        ("poses_bounds.npy", "llff"),
+    ],
+)
+def test_a_file_is_read_as_what_it_is_without_a_remark(tmp_path, file, format_name):
+    write_all(tmp_path, "transforms", "colmap binary", "llff")
+    capture = open_capture(tmp_path / file)
+    assert capture.format == format_name and capture.remarks == ()
+
+
+def test_what_only_resembles_a_model_does_not_hide_other_cameras(tmp_path):
+    write_all(tmp_path, "llff")
+    (tmp_path / "sparse").mkdir()
+    put(tmp_path / "images.txt", b"a list of pictures")
+    assert open_capture(tmp_path).format == "llff"
+
+
+def test_photos_alone_are_no_capture(tmp_path):
+    put_photos(tmp_path / "images", NAMES)
+    with pytest.raises(DataError, match="no capture of a known format") as caught:
+        open_capture(tmp_path)
+    assert caught.value.hint == (
+        "A capture has one of these: transforms_train.json, transforms.json, sparse/, poses_bounds.npy."
+    )

@@ -1,0 +1,203 @@
+"""The command line: help, exit codes with one sentence each, and no traceback."""
+
+import json
+import shutil
+import sys
+
+import numpy as np
+import pytest
+
+pytest.importorskip("scipy")
+pytest.importorskip("imageio")
+
+from blender_tests.engine.conftest import run_engine
+from karf_engine import cli
+from karf_engine.cli import main
+from karf_engine.images import write_png
+from karf_engine.project import Project
+
+VERBS = [
+    "poses",
+    "all",
+    "geometry",
+    "segmentation",
+    "palette",
+    "recoloring",
+    "match",
+    "render",
+    "settings",
+    "doctor",
+    "run",
+]
+BLOCK_TORCH = "import sys\nsys.modules['torch'] = None\n"
+
+
+def fails(capsys, code, *arguments):
+    """Run a command that must fail with this exit code; returns its sentence and its remedy."""
+    assert main(list(map(str, arguments))) == code
+    printed = capsys.readouterr().err.strip().splitlines()
+    errors = [number for number, line in enumerate(printed) if line.startswith("error: ")]
+    assert len(errors) == 1 and "Traceback" not in "".join(printed)
+    sentence, hint = printed[errors[0]].removeprefix("error: "), "".join(printed[errors[0] + 1 :]).strip()
+    assert sentence.endswith(".") and hint
+    return sentence, hint
+
+
+# ------------------------------------------------------------------------------------------------------------------ help
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_explains_itself(verb, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main([verb, "--help"])
+    assert stopped.value.code == 0
+    assert f"usage: karf_engine {verb}" in capsys.readouterr().out
+
+
+def test_the_help_lists_every_verb_and_exit_code(capsys):
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    printed = capsys.readouterr().out
+    assert all(f"\n    {verb} " in printed.replace("\n", " \n") for verb in VERBS)
+    assert all(
+        word in " ".join(printed.split()) for word in ("2 bad request", "4 bad data", "6 cancelled", "7 diverged")
+    )
+
+
+@pytest.mark.parametrize(
+    "arguments", [[], ["paint"], ["geometry"], ["geometry", "c", "--project", "p", "--preset", "best"]]
+)
+def test_commands_that_cannot_be_understood_end_with_two(arguments, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main(arguments)
+    assert stopped.value.code == 2
+    assert "usage: karf_engine" in capsys.readouterr().err
+
+
+def test_settings_are_listed_and_the_doctor_is_content(capsys):
+    pytest.importorskip("torch")
+    assert main(["settings"]) == 0
+    assert "geometry.long_side" in capsys.readouterr().out
+    assert main(["doctor"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["ok"] and report["missing"] == [] and report["versions"]["numpy"] == np.__version__
+
+
+# ------------------------------------------------------------------------------------------------------------ exit codes
+def test_a_missing_capture_is_named(tmp_path, capsys):
+    pytest.importorskip("torch")
+    sentence, _ = fails(capsys, 4, "geometry", tmp_path / "nowhere", "--project", tmp_path / "p")
+    assert sentence == f"{tmp_path / 'nowhere'} does not exist."
+    assert not (tmp_path / "p").exists()
+
+
+def test_broken_cameras_are_named_with_their_line(still_life, tmp_path, capsys):
+    pytest.importorskip("torch")
+    capture = shutil.copytree(still_life.capture, tmp_path / "capture")
+    (capture / "transforms_train.json").write_text('{"frames": [\n{]}')
+    sentence, _ = fails(capsys, 4, "geometry", capture, "--project", tmp_path / "p")
+    assert "transforms_train.json (cameras) is broken JSON at line 2" in sentence
+
+
+def test_an_unknown_setting_is_refused_before_anything_is_made(still_life, tmp_path, capsys):
+    pytest.importorskip("torch")
+    options = ["--project", tmp_path / "p", "--set", "geometry.max_ray=9"]
+    _, hint = fails(capsys, 2, "geometry", still_life.capture, *options)
+    assert "geometry.max_rays" in hint and not (tmp_path / "p").exists()
+
+
+def test_masks_that_do_not_fit_are_named(still_life, learned, tmp_path, capsys):
+    project = shutil.copytree(learned.project, tmp_path / "project")
+    before = Project(project).state()
+    masks = tmp_path / "masks"
+    command = ["segmentation", project, "--masks", masks]
+    assert "is no folder of masks" in fails(capsys, 4, *command)[0]
+    masks.mkdir()
+    assert "holds no masks" in fails(capsys, 4, *command)[0]
+    write_png(masks / "ball" / "r_0.png", np.zeros((32, 32), bool))
+    assert "r_0.png marks nothing of 'ball'" in fails(capsys, 4, *command)[0]
+    write_png(masks / "ball" / "r_0.png", np.ones((30, 32), bool))
+    assert "r_0.png is 32x30 pixels where its photo has 32x32" in fails(capsys, 4, *command)[0]
+    assert Project(project).state() == before and not (project / "lock.json").exists()
+
+
+def test_a_project_folder_that_is_none_or_of_another_capture_is_refused(still_life, learned, tmp_path, capsys):
+    assert "is no KaRF project" in fails(capsys, 4, "palette", tmp_path)[0]
+    assert "is no KaRF project" in fails(capsys, 4, "render", tmp_path, "--out", tmp_path / "out")[0]
+    other = shutil.copytree(still_life.capture, tmp_path / "other")
+    sentence, hint = fails(capsys, 2, "geometry", other, "--project", learned.project)
+    assert "already holds a project of" in sentence and str(other) in hint
+
+
+def test_stages_out_of_order_name_the_one_to_run_first(still_life, tmp_path, capsys):
+    pytest.importorskip("torch")
+    project = Project(tmp_path)
+    project.create(str(still_life.capture))
+    for verb, first in (("palette", "geometry"), ("match", "palette")):
+        more = (
+            ["--object", "ball", "--from", "#000000", "--to", "#ffffff", "--out", "e.json"] if verb == "match" else []
+        )
+        sentence, hint = fails(capsys, 2, verb, tmp_path, *more)
+        assert first in sentence + hint
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ('{"schema": "karf-edit/1", "objects": {"vase": {"colors": [null]}}}', "edits the unknown object 'vase'"),
+        ('{"schema": "karf-edit/1", "objects": {"ball": {"colors": [null]}}}', "has 1 colors"),
+        ('{"schema": "karf-edit/9"}', "has schema 'karf-edit/9'"),
+        ("{", "is broken JSON"),
+    ],
+)
+def test_edits_that_do_not_fit_are_named(learned, tmp_path, capsys, content, words):
+    (tmp_path / "edit.json").write_text(content)
+    options = ["--edit", tmp_path / "edit.json", "--out", tmp_path / "out"]
+    sentence, _ = fails(capsys, 4, "render", learned.project, *options)
+    assert words in sentence and "edit.json" in sentence
+    assert not (tmp_path / "out").exists()
+
+
+def test_wrong_words_for_views_objects_and_colors_are_named(learned, tmp_path, capsys):
+    out = ["--out", tmp_path / "out.json"]
+    assert "has no view 'nobody'" in fails(capsys, 4, "render", learned.project, "--views", "nobody", *out)[0]
+    assert "has no val views" in fails(capsys, 4, "render", learned.project, "--views", "val", *out)[0]
+    colors = ["--from", "#ff0000", "--to", "#00ff00"]
+    assert "no object 'vase'" in fails(capsys, 2, "match", learned.project, "--object", "vase", *colors, *out)[0]
+    colors = ["--from", "red", "--to", "#00ff00"]
+    assert "'red' is no color" in fails(capsys, 4, "match", learned.project, "--object", "ball", *colors, *out)[0]
+
+
+def test_a_damaged_checkpoint_is_named(learned, tmp_path, capsys):
+    project = shutil.copytree(learned.project, tmp_path / "project")
+    path = project / "geometry.safetensors"
+    path.write_bytes(path.read_bytes()[:-100])
+    assert f"{path} is damaged" in fails(capsys, 4, "render", project, "--out", tmp_path / "out")[0]
+
+
+def test_internal_errors_end_with_seventy_and_show_their_trace(monkeypatch, capsys):
+    def break_down(_):
+        raise ZeroDivisionError("of all things")
+
+    monkeypatch.setattr(cli, "_list_settings", break_down)
+    assert main(["settings"]) == 70
+    printed = capsys.readouterr().err
+    assert "Traceback" in printed and "error: Internal error: ZeroDivisionError('of all things')." in printed
+
+
+def test_the_broken_captures_from_the_wild_end_with_one_sentence(scenes, tmp_path, capsys):
+    pytest.importorskip("torch")
+    folders = [path for path in sorted((scenes / "broken").iterdir()) if path.is_dir()]
+    assert folders
+    for folder in folders:
+        sentence, _ = fails(capsys, 4, "geometry", folder, "--project", tmp_path / folder.name)
+        assert folder.name in sentence
+
+
+def test_without_torch_the_engine_says_what_to_install(still_life, tmp_path):
+    (tmp_path / "sitecustomize.py").write_text(BLOCK_TORCH)
+    environment = {"PYTHONPATH": str(tmp_path)}
+    done = run_engine("geometry", still_life.capture, "--project", tmp_path / "p", environment=environment)
+    assert done.returncode == 3
+    assert f"({sys.executable}) has no package 'torch'" in done.stderr and "pip install torch" in done.stderr
+    assert "Traceback" not in done.stderr
+    done = run_engine("doctor", environment=environment)
+    assert done.returncode == 3 and json.loads(done.stdout)["missing"] == ["torch"]

@@ -1,0 +1,180 @@
+"""Faults of the system end in one sentence, a remedy and the documented exit code, never in an internal error."""
+
+import errno
+import io
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("scipy")
+pytest.importorskip("imageio")
+
+import karf_engine.cli as cli
+from blender_tests.engine.conftest import ROOT
+from karf_engine.errors import BadRequest, Cancelled, OutOfMemory
+from karf_engine.wire import EventReader, Request
+
+FULL = Path("/dev/full")
+
+
+@pytest.fixture(autouse=True)
+def no_input(monkeypatch):
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+
+
+def end(capsys, monkeypatch, error):
+    """What a command prints and returns when its stage raises this error."""
+
+    def raising(*_):
+        raise error
+
+    monkeypatch.setattr(cli, "run_stage", raising)
+    code = cli.main(["palette", "project"])
+    return code, capsys.readouterr().err
+
+
+def memory_errors():
+    """Each kind of a failed allocation, raised by the library itself where that costs nothing."""
+    torch, cv2 = pytest.importorskip("torch"), pytest.importorskip("cv2")
+    attempts = (
+        lambda: np.empty(2**50),
+        lambda: np.empty(2**60),
+        lambda: torch.empty(2**58),
+        lambda: torch.empty(2**62),
+        lambda: bytearray(2**62),
+    )
+    for attempt in attempts:
+        try:
+            attempt()
+        except Exception as error:
+            yield error
+        else:
+            raise AssertionError("this machine has more memory than any")
+    yield torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2.00 GiB")
+    yield RuntimeError("std::bad_alloc")
+    yield OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
+    yield cv2.error("OpenCV(4.9.0) alloc.cpp:73: error: (-4:Insufficient memory) Failed to allocate 600 bytes")
+
+
+def test_memory_that_ran_out_is_exit_code_five_by_whichever_library(capsys, monkeypatch):
+    from karf_engine.training.loop import is_out_of_memory
+
+    for error in memory_errors():
+        code, printed = end(capsys, monkeypatch, error)
+        assert code == 5 and printed.startswith("error: The computer ran out of memory."), repr(error)
+        assert is_out_of_memory(error), repr(error)  # the training loop halves its batch for the same errors
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (errno.ENOSPC, "The disk is full"),
+        (errno.EDQUOT, "Your share of the disk is used up"),
+        (errno.EACCES, "may not be read or written"),
+        (errno.EROFS, "can only be read"),
+        (errno.ENOENT, "is not there, or no longer"),
+        (errno.ENOTDIR, "lies in a file"),
+        (errno.ENAMETOOLONG, "a name too long"),
+        (errno.EMFILE, "Too many files are open"),
+        (errno.EIO, "cannot be read or written: Input/output error"),
+    ],
+)
+def test_faults_of_the_disk_are_sentences_with_a_remedy(capsys, monkeypatch, number, words):
+    code, printed = end(capsys, monkeypatch, OSError(number, os.strerror(number), "/film/pots/palette.json"))
+    sentence, hint = printed.strip().split("\n")
+    assert code == 4 and words in sentence and hint.strip() and "Traceback" not in printed
+    assert "/film/pots/palette.json" in sentence or number == errno.EMFILE
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        RuntimeError("Error while serializing: I/O error: No space left on device (os error 28)"),
+        OSError("1048576 requested and 4096 written"),
+        RuntimeError("database or disk is full"),
+    ],
+)
+def test_full_disks_that_libraries_tell_only_in_words_are_known_too(capsys, monkeypatch, error):
+    code, printed = end(capsys, monkeypatch, error)
+    assert code == 4 and "The disk is full" in printed
+
+
+def test_only_a_fault_of_the_engine_prints_a_trace(capsys, monkeypatch):
+    code, printed = end(capsys, monkeypatch, ZeroDivisionError("division by zero"))
+    assert code == 70 and "Traceback" in printed and "Internal error" in printed
+
+
+@pytest.mark.parametrize(("error", "code"), [(OutOfMemory("None left."), 5), (Cancelled("Stopped."), 6)])
+def test_a_job_whose_events_cannot_be_written_keeps_its_exit_code_and_says_why(
+    tmp_path, capsys, monkeypatch, error, code
+):
+    class FullDisk:
+        def __call__(self, kind, /, **values):
+            if kind != "hello":
+                raise OSError(errno.ENOSPC, "No space left on device")
+
+    def raising(*_):
+        raise error
+
+    Request("palette", tmp_path).write(tmp_path / "job")
+    monkeypatch.setattr(cli, "EventWriter", lambda job: FullDisk())
+    monkeypatch.setattr(cli, "run_stage", raising)
+    assert cli.run_job(tmp_path / "job") == code
+    assert error.sentence in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="this system has no /dev/full")
+def test_a_log_on_a_full_disk_does_not_change_the_exit_code(tmp_path):
+    with FULL.open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "karf_engine", "palette", str(tmp_path)], cwd=ROOT, stderr=full, timeout=120
+        )
+    assert done.returncode == 4
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="this system has no /dev/full")
+def test_events_on_a_full_disk_end_the_job_with_a_sentence(tmp_path):
+    Request("palette", tmp_path).write(tmp_path)
+    (tmp_path / "events.jsonl").symlink_to(FULL)
+    done = subprocess.run(
+        [sys.executable, "-m", "karf_engine", "run", str(tmp_path)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 4 and "The disk is full" in done.stderr and "Traceback" not in done.stderr
+
+
+# -------------------------------------------------------------------------------------------------------------- options
+@pytest.mark.parametrize("threads", ["1000000", "-1", "0", "9" * 30])
+def test_an_impossible_number_of_threads_is_a_bad_request(tmp_path, capsys, threads):
+    assert cli.main(["palette", str(tmp_path), "--threads", threads]) == 2
+    assert f"threads = {threads} is out of range" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"threads": "2"}, "threads = '2' is no int"),
+        ({"threads": True}, "threads = True is no int"),
+        ({"threads": 1_000_000}, "threads = 1000000 is out of range"),
+        ({"views": ["r_0"]}, "views = ['r_0'] is no str"),
+        ({"out": 5}, "out = 5 is no str"),
+        ({"capture": 5}, "capture = 5 is no str"),
+        ({"overrides": "abc"}, "overrides = 'abc' is no list"),
+        ({"overrides": [1]}, "overrides = [1] is no list of texts"),
+        ({"planes": "yes"}, "planes = 'yes' is no bool"),
+        ({"device": 7}, "device = 7 is no str"),
+        ({"out": "a\0b"}, "holds a zero character"),
+    ],
+)
+def test_options_of_another_type_are_named_to_the_caller(tmp_path, options, words):
+    Request("render", tmp_path, options).write(tmp_path)
+    assert cli.run_job(tmp_path) == BadRequest.exit_code
+    last = list(EventReader(tmp_path).poll())[-1]
+    assert last.kind == "error" and last["code"] == "request" and words in last["sentence"] and last["hint"]

@@ -1,0 +1,105 @@
+"""Job folders: the engine as a child process, its events, and how it is stopped."""
+
+import subprocess
+import sys
+import time
+
+import pytest
+
+pytest.importorskip("scipy")
+pytest.importorskip("imageio")
+
+from blender_tests.engine.conftest import ROOT
+from karf_engine.cli import main
+from karf_engine.project import Project
+from karf_engine.wire import EventReader, Request
+
+
+def start_job(job):
+    """As Blender does it: the folder of the engine, isolated, with a pipe as lifeline."""
+    return subprocess.Popen(
+        [sys.executable, "-I", str(ROOT / "karf_engine"), "run", str(job)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=(job / "engine.log").open("w"),
+        text=True,
+    )
+
+
+def wait_for(job, kind, seconds=60):
+    """Events up to the first of this kind."""
+    reader, events = EventReader(job), []
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        for event in reader.poll():
+            events.append(event)
+            if event.kind == kind:
+                return events
+        time.sleep(0.02)
+    raise AssertionError(f"no {kind} after {[e.kind for e in events]}: {(job / 'engine.log').read_text()}")
+
+
+def test_a_job_reports_hello_progress_artifacts_and_done(learned, tmp_path):
+    options = {"views": "test", "out": str(tmp_path / "out"), "planes": False, "threads": 1}
+    Request("render", learned.project, options).write(tmp_path / "job")
+    child = start_job(tmp_path / "job")
+    assert child.wait(60) == 0
+    child.stdin.close()
+    events = list(EventReader(tmp_path / "job").poll())
+    kinds = [event.kind for event in events]
+    assert kinds[0] == "hello" and kinds[-1] == "done" and {"stage", "progress", "artifact"} <= set(kinds)
+    assert events[0]["protocol"] == 1 and events[0]["pid"] == child.pid
+    last = [event for event in events if event.kind == "progress"][-1]
+    assert last["step"] == last["total"] == 2
+    assert (tmp_path / "job" / "engine.log").read_text() == ""
+    assert len(list((tmp_path / "out" / "render").iterdir())) == 2
+
+
+@pytest.mark.parametrize("how", ["word", "end of input"])
+def test_a_job_stops_when_told_and_leaves_the_project_free(still_life, tmp_path, how):
+    pytest.importorskip("torch")
+    overrides = ["geometry.long_side=32", "geometry.samples=20000"]
+    options = {"capture": str(still_life.capture), "overrides": overrides, "threads": 1}
+    Request("geometry", tmp_path / "project", options).write(tmp_path / "job")
+    child = start_job(tmp_path / "job")
+    wait_for(tmp_path / "job", "progress")
+    assert (tmp_path / "project" / "lock.json").exists()
+    if how == "word":
+        child.stdin.write("cancel\n")
+        child.stdin.flush()
+    else:
+        child.stdin.close()
+    assert child.wait(30) == 6
+    child.stdin.close()
+    last = list(EventReader(tmp_path / "job").poll())[-1]
+    assert last.kind == "cancelled" and last.is_final
+    project = Project(tmp_path / "project")
+    assert not (project.folder / "lock.json").exists() and project.finished("geometry") is None
+
+
+@pytest.mark.parametrize(
+    ("request_text", "code", "kind"),
+    [
+        ("{", 4, "data"),
+        ('{"protocol": 9, "stage": "palette", "project": "p"}', 2, "request"),
+        ('{"protocol": 1, "stage": "geometry", "project": "p", "options": {}}', 2, "request"),
+        ('{"protocol": 1, "stage": "palette", "project": "/nowhere/at/all"}', 4, "data"),
+        (
+            '{"protocol": 1, "stage": "geometry", "project": "p", "options": {"capture": "c", "preset": "x"}}',
+            2,
+            "request",
+        ),
+    ],
+)
+def test_a_job_that_fails_says_why_as_an_event(tmp_path, monkeypatch, request_text, code, kind):
+    pytest.importorskip("torch")
+    (tmp_path / "request.json").write_text(request_text)
+    monkeypatch.setattr(sys, "stdin", (tmp_path / "request.json").open())
+    assert main(["run", str(tmp_path)]) == code
+    last = list(EventReader(tmp_path).poll())[-1]
+    assert last.kind == "error" and last["code"] == kind and last["sentence"] and last["hint"]
+
+
+def test_a_job_folder_that_is_missing_is_named(tmp_path, capsys):
+    assert main(["run", str(tmp_path / "none")]) == 4
+    assert f"error: {tmp_path / 'none'} is no job folder." in capsys.readouterr().err

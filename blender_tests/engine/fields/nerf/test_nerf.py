@@ -1,0 +1,157 @@
+"""The vanilla NeRF: what it computes is what a plain reading of its paper and programs computes."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+torch = pytest.importorskip("torch")
+
+from blender_tests.engine.reference.nerf import composited, encoded, fine_t, vanilla
+from karf_engine.checkpoints import load_tensors, save_tensors
+from karf_engine.errors import DataError
+from karf_engine.fields.nerf.field import NerfField, NerfNetwork, NerfSampling, NerfShape
+from karf_engine.fields.scene import SCHEMA, Scene
+from karf_engine.kan.encoding import positional_encoding
+from karf_engine.rendering.rays import Rays
+from karf_engine.rendering.space import Box, Similarity
+
+SMALL = NerfShape(width=16, view_width=8, position_frequencies=4, direction_frequencies=2)
+
+
+def network(shape=SMALL, seed=0):
+    torch.manual_seed(seed)
+    made = NerfNetwork(shape)
+    for layer in made.modules():  # stronger than a fresh network, so that something is solid
+        if isinstance(layer, torch.nn.Linear):
+            layer.weight.data *= 2
+    return made.requires_grad_(False)
+
+
+def field(space=None, sampling=None):
+    sampling = sampling or NerfSampling(1.0, 4.0, coarse=8, fine=12)
+    bounds = torch.tensor([[-1.0, -2.0, -1.0], [1.0, 2.0, 1.0]])
+    return NerfField(network(seed=1), network(seed=2), sampling, space or Box(), bounds)
+
+
+def in_float64(module):
+    return {name: value.double().numpy() for name, value in module.state_dict().items()}
+
+
+def some_rays(count=6):
+    random = torch.Generator().manual_seed(0)
+    viewdirs = torch.nn.functional.normalize(torch.randn(count, 3, generator=random), dim=1)
+    return Rays(torch.randn(count, 3, generator=random) - 2 * viewdirs, viewdirs)
+
+
+def reference_color(module, ray, ground):
+    """Color of one ray by the plain reading."""
+    origin, direction = ray.origins[0].double().numpy(), ray.viewdirs[0].double().numpy()
+    t = np.linspace(module.sampling.near, module.sampling.far, module.sampling.coarse)
+    coarse = [vanilla(in_float64(module.coarse), origin + v * direction, direction, (4, 2)) for v in t]
+    weights = composited([c[0] for c in coarse], [c[2] for c in coarse], t, 1.0, ground)[1]
+    t = fine_t(t, weights, module.sampling.fine)
+    fine = [vanilla(in_float64(module.fine), origin + v * direction, direction, (4, 2)) for v in t]
+    return composited([f[0] for f in fine], [f[2] for f in fine], t, 1.0, ground)[0]
+
+
+def test_the_encoding_is_the_position_then_sine_and_cosine_of_every_octave():
+    x = torch.tensor([[0.3, -1.2, 2.0], [0.0, 0.5, 1.0]])
+    for row in range(2):
+        expected = encoded(x[row].double().numpy(), 10)
+        assert_allclose(positional_encoding(x.double(), 10)[row], expected, atol=1e-12)
+    assert positional_encoding(x, 10).shape == (2, 63) and positional_encoding(x, 4).shape == (2, 27)
+
+
+def test_the_network_of_the_paper_has_its_layers_and_parameters():
+    made = NerfNetwork(NerfShape())
+    assert sum(p.numel() for p in made.parameters()) == 595_844
+    inputs = [layer.in_features for layer in made.pts_linears]
+    assert inputs == [63, 256, 256, 256, 256, 319, 256, 256]
+    assert (made.feature_linear.out_features, made.views_linears[0].in_features) == (256, 283)
+    assert (made.views_linears[0].out_features, made.rgb_linear.out_features) == (128, 3)
+
+
+def test_density_features_and_color_are_those_of_the_plain_reading():
+    module, rays = field(), some_rays()
+    features = module.features(rays.origins)
+    colors = module.color(rays.origins, rays.viewdirs, features)
+    for n in range(len(rays)):
+        raw, expected, color = vanilla(in_float64(module.fine), rays.origins[n], rays.viewdirs[n], (4, 2))
+        assert_allclose(module.density(rays.origins)[n], max(raw, 0), rtol=1e-4, atol=1e-5)
+        assert_allclose(features[n], expected, rtol=1e-4, atol=1e-4)
+        assert_allclose(colors[n], color, atol=1e-5)
+
+
+@pytest.mark.parametrize(("kind", "ground"), [("alpha", 1.0), ("white", 1.0), ("black", 0.0), ("opaque", 0.0)])
+def test_rays_end_as_in_the_plain_reading_before_their_background(kind, ground):
+    module, rays = field(), some_rays()
+    colors = Scene(module, None, kind, 1.0).colors(rays)
+    expected = np.stack([reference_color(module, rays[n : n + 1], ground) for n in range(len(rays))])
+    assert_allclose(colors, expected, atol=2e-3)
+    assert expected.std() > 0.02  # they are no plain gray
+
+
+def test_a_trace_holds_the_sorted_union_and_its_weights_and_remainder_sum_to_one():
+    rays = some_rays()
+    trace = field().trace(rays)
+    assert len(trace.samples) == 6 * 20
+    assert (trace.samples.distances.view(6, 20).diff(dim=1) >= 0).all()
+    assert_allclose(trace.ray_weights.view(6, 20).sum(1) + trace.remainder, np.ones(6), atol=1e-5)
+    along = rays.origins[0] + trace.samples.distances[:20, None] * rays.viewdirs[0]
+    assert_allclose(trace.samples.positions[:20], along, atol=1e-5)
+
+
+def test_a_field_that_is_turned_moved_and_scaled_looks_the_same():
+    angle, scale, shift = 0.7, 2.5, torch.tensor([0.3, -1.0, 2.0])
+    turn = torch.tensor([[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1.0]])
+    rays = some_rays()
+    # the world in which the same rays lie elsewhere: x' = turn (x - shift) * scale
+    matrix = torch.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = scale * turn, -scale * turn @ shift
+    there = Rays(rays.origins @ turn / scale + shift, rays.viewdirs @ turn)
+    sampling = NerfSampling(1.0 / scale, 4.0 / scale, coarse=8, fine=12)
+    moved = Scene(field(Similarity(matrix), sampling), None, "black", 1.0).colors(there)
+    assert_allclose(moved, Scene(field(), None, "black", 1.0).colors(rays), atol=1e-3)
+
+
+@pytest.mark.parametrize("shape", [SMALL, NerfShape(3, 8, (), 4, 3, 1, True, True)], ids=["vanilla", "flexible"])
+def test_a_saved_scene_comes_back_bit_for_bit(tmp_path, shape):
+    matrix = torch.eye(4)
+    matrix[0, 3] = 0.5
+    sampling = NerfSampling(0.5, 9.0, True, 8, 12)
+    made = NerfField(network(shape, 1), network(SMALL, 2), sampling, Similarity(matrix), torch.randn(2, 3))
+    Scene(made, None, "opaque", 1.0).save(tmp_path / "scene.safetensors")
+    loaded = Scene.load(tmp_path / "scene.safetensors")
+    assert loaded.field.coarse.shape == shape and loaded.field.sampling == sampling
+    assert loaded.background is None and loaded.background_kind == "opaque"
+    assert torch.equal(loaded.field.bounds, made.bounds)
+    rays = some_rays()
+    assert torch.equal(loaded.colors(rays), Scene(made, None, "opaque", 1.0).colors(rays))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda facts: facts["fine"].update(depth=10**9),
+        lambda facts: facts["fine"].update(width=10**6),
+        lambda facts: facts["sampling"].update(coarse=10**9),
+        lambda facts: facts["space"].update(world_to_grid=[1.0]),
+        lambda facts: facts.pop("coarse"),
+    ],
+)
+def test_a_scene_whose_facts_contradict_its_networks_is_refused(tmp_path, change):
+    path = tmp_path / "scene.safetensors"
+    made = field(Similarity(torch.eye(4)))
+    Scene(made, None, "opaque", 1.0).save(path)
+    tensors, facts = load_tensors(path, SCHEMA)
+    change(facts)
+    save_tensors(path, tensors, SCHEMA, facts)
+    with pytest.raises(DataError, match="is damaged"):
+        Scene.load(path)
+
+
+def test_its_length_scale_follows_what_there_is_to_see():
+    assert field().voxel == pytest.approx(4 / 128)
+    assert field().n_features == 16

@@ -1,0 +1,103 @@
+"""Fitting the field: a still life of known geometry, on every kind of background, in a few iterations."""
+
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+maximum_filter = pytest.importorskip("scipy.ndimage").maximum_filter
+
+from blender_tests.engine.reference.still_life import camera_at, cameras, take_photo
+from karf_engine.errors import Diverged
+from karf_engine.fields.voxels.fit_box import focus_point, start_box_fit, visual_hull
+from karf_engine.metrics.images import psnr
+from karf_engine.plates import solid_pixels
+from karf_engine.progress import Progress
+from karf_engine.rendering.rays import PixelBank
+from karf_engine.runtime import start_runtime
+from karf_engine.settings import GeometrySettings, Level
+
+SETTINGS = replace(
+    GeometrySettings(), levels=(Level(24, 70, 1.0), Level(36, 80, 0.75)), samples=20_000, max_rays=2048, features=6
+)
+
+
+@pytest.fixture(scope="module")
+def photos():
+    return {sky: [take_photo(camera, sky) for camera in cameras(20)] for sky in (False, True)}
+
+
+def bank_of(photos, kind, device="cpu"):
+    alphas = [p.alpha for p in photos] if kind == "alpha" else None
+    solids = [solid_pixels(p.color, "black") for p in photos] if kind == "black" else None
+    colors = [p.color / p.alpha[..., None].clip(1e-6) if kind == "alpha" else p.color for p in photos]
+    return PixelBank([p.camera for p in photos], [c.clip(0, 1) for c in colors], alphas, solids, device=device)
+
+
+def fit(photos, kind, settings=SETTINGS, seed=0, levels=2, device="cpu"):
+    runtime = start_runtime(seed, threads=1, device=str(device))
+    state = start_box_fit(bank_of(photos, kind, device), kind, settings, runtime)
+    progress = Progress(lambda *_, **__: None, lambda: False, "geometry", 1)
+    return list(islice(state.scenes(progress), levels))[-1]
+
+
+@pytest.mark.parametrize("kind", ["alpha", "black", "opaque"])
+def test_a_view_that_was_held_out_is_rendered_well(photos, kind, device):
+    sky = kind == "opaque"
+    scene = fit(photos[sky], kind, device=device)
+    truth = take_photo(camera_at(0.3, 0.6), sky)
+    picture = scene.render(truth.camera, 3)
+    expected = truth.color + (1 - truth.alpha[..., None]) * (kind == "alpha")
+    assert psnr(picture.color.cpu().numpy(), expected) >= 20
+    if not sky:
+        solid, empty = truth.alpha > 0.99, truth.alpha < 0.01
+        opacity = picture.opacity.cpu().numpy()
+        assert opacity[solid].mean() > 0.9 and opacity[empty].mean() < 0.1
+    # the middle of the picture shows the scene's middle: the camera stands 3.6 away, the block reaches 0.75 toward it
+    assert 2.6 < picture.depth[16, 16] < 4.2
+
+
+@pytest.mark.parametrize("kind", ["alpha", "black", "opaque"])
+def test_the_first_level_already_makes_something_solid(photos, kind):
+    scene = fit(photos[kind == "opaque"], kind, levels=1)
+    picture = scene.render(camera_at(0.3, 0.6), 1)
+    assert picture.opacity.mean() > 0.2
+    assert picture.opacity[12:20, 12:20].mean() > 0.5
+
+
+def test_two_runs_of_the_same_seed_are_bit_identical(photos):
+    short = replace(SETTINGS, levels=(Level(16, 60, 1.0), Level(24, 4, 1.0)), samples=8000)
+    first, second = (fit(photos[True], "opaque", short).field.state_dict() for _ in range(2))
+    assert first.keys() == second.keys()
+    assert all(torch.equal(first[name], second[name]) for name in first)
+
+
+def test_a_capture_that_shows_nothing_is_called_diverged():
+    blank = [replace(take_photo(camera), color=0 * take_photo(camera).color) for camera in cameras(4)]
+    short = replace(SETTINGS, levels=(Level(12, 60, 1.0), Level(16, 20, 1.0)), samples=8000, sparsity=1.0)
+    with pytest.raises(Diverged, match="nothing solid"):
+        fit(blank, "black", short)
+
+
+def test_the_focus_point_is_where_the_optical_axes_meet():
+    assert focus_point(cameras(7)).abs().max() < 1e-5
+    parallel = [
+        replace(camera_at(0, 0), camera_to_world=camera_at(0, 0).camera_to_world + shift) for shift in (0.0, 0.0)
+    ]
+    assert torch.isfinite(focus_point(parallel)).all()
+
+
+def test_the_visual_hull_holds_the_scene_and_nothing_that_a_view_sees_empty(photos):
+    points = 4 * torch.rand(4000, 3, generator=torch.Generator().manual_seed(0)) - 2
+    hull = visual_hull(bank_of(photos[False], "alpha"), points, 0.05).numpy()
+    ball = (points - torch.tensor([-0.4, 0.0, 0.1])).norm(dim=1) < 0.42
+    assert ball.sum() > 5 and hull[ball].all()
+    for photo in photos[False]:
+        pixels, _ = photo.camera.project(points.double().numpy())
+        u, v = np.floor(pixels).astype(int).T
+        inside = (u >= 0) & (u < 32) & (v >= 0) & (v < 32)
+        near_something = maximum_filter(photo.alpha, 5)[v.clip(0, 31), u.clip(0, 31)] > 0
+        assert not hull[inside & ~near_something].any()
+    assert 0.005 < hull.mean() < 0.1

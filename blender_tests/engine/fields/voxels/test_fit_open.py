@@ -1,0 +1,213 @@
+"""Fitting open space: the still life before a sky, in a contraction and in a frustum, with sparse points and without."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from blender_tests.engine.reference.still_life import BALL_CENTER, BALL_RADIUS, camera_at, cameras, take_photo
+from karf_engine.capture.capture import SparsePoints, View
+from karf_engine.errors import BadRequest
+from karf_engine.fields.scene import Scene
+from karf_engine.fields.start import choose_space, looks_one_way, nearest_depth, sightings_of, start_fit
+from karf_engine.fields.voxels.field import VoxelField
+from karf_engine.fields.voxels.fit_open import grid_corners, seen_cells
+from karf_engine.metrics.images import psnr
+from karf_engine.progress import Progress
+from karf_engine.rendering.rays import PixelBank
+from karf_engine.rendering.space import Box, Contraction
+from karf_engine.runtime import start_runtime
+from karf_engine.settings import GeometrySettings, Level, OpenSettings
+
+SETTINGS = replace(
+    GeometrySettings(),
+    features=6,
+    open=replace(
+        OpenSettings(), levels=(Level(24, 60, 1.0), Level(48, 110, 1.0)), samples=16_000, max_rays=1500, radius=0.4
+    ),
+)
+
+
+def views_of(cameras):
+    return [View(f"view{n}", f"view{n}", camera, None, "train") for n, camera in enumerate(cameras)]
+
+
+def ring():
+    return cameras(20)
+
+
+def front():
+    """Cameras side by side, all looking about the same way."""
+    return [camera_at(0.12 * (n % 5 - 2), 0.35 + 0.1 * (n // 5)) for n in range(15)]
+
+
+def points_on_the_still_life(cameras, photos, spread=1.0):
+    """Points on the ball and the block's top, observed where the photo shows them."""
+    random = np.random.default_rng(0)
+    directions = random.normal(size=(150, 3))
+    ball = BALL_CENTER + BALL_RADIUS * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    top = np.stack([random.uniform(0.15, 0.75, 150), random.uniform(-0.35, 0.35, 150), np.full(150, 0.25)], 1)
+    positions, labels = spread * np.concatenate([ball, top]), np.repeat([1, 2], 150)
+    view, point, pixels = [], [], []
+    for number, (camera, photo) in enumerate(zip(cameras, photos, strict=True)):
+        places, _ = camera.project(positions)
+        u, v = np.floor(places).astype(int).clip(0, camera.width - 1).T
+        # the ball's far side projects onto the ball too
+        toward = camera.position - positions
+        faces_camera = ((positions - BALL_CENTER) * toward).sum(1) > 0
+        seen = np.flatnonzero((photo.labels[v, u] == labels) & (faces_camera | (labels == 2)))
+        view += [number] * len(seen)
+        point += seen.tolist()
+        pixels += places[seen].tolist()
+    return SparsePoints(
+        positions,
+        np.zeros((300, 3), np.uint8),
+        np.full(300, 0.3, np.float32),
+        np.array(view, np.int32),
+        np.array(point, np.int32),
+        np.array(pixels, np.float32),
+    )
+
+
+def start(cameras, space, with_points, settings=SETTINGS, device="cpu"):
+    photos = [take_photo(camera, sky=True) for camera in cameras]
+    bank = PixelBank(cameras, [photo.color for photo in photos], None, device=device)
+    points = points_on_the_still_life(cameras, photos) if with_points else None
+    views = views_of(cameras)
+    if space == "frustum":
+        views = [replace(view, depth_bounds=(2.2, 9.0)) for view in views]
+    runtime = start_runtime(0, threads=1, device=str(device))
+    return start_fit(bank, "opaque", space, views, points, settings, runtime)
+
+
+def silent():
+    return Progress(lambda *_, **__: None, lambda: False, "geometry", 1)
+
+
+def fit(*arguments, **options):
+    return list(start(*arguments, **options).scenes(silent()))[-1]
+
+
+def ball_depth_error(scene, angles):
+    """Mean error of the depth in the middle of the ball, seen from these angles, world units."""
+    errors = []
+    for angle in angles:
+        camera = camera_at(angle, 0.5)
+        pixel, depth = camera.project(BALL_CENTER[None])
+        u, v = np.floor(pixel[0]).astype(int)
+        shown = scene.render(camera, 1).depth.cpu().numpy()[v - 1 : v + 2, u - 1 : u + 2]
+        errors.append(np.abs(shown - (depth[0] - BALL_RADIUS)).mean())
+    return float(np.mean(errors))
+
+
+@pytest.mark.parametrize(
+    ("space", "rig", "angles"), [("contraction", ring, (0.05, 1, 2, 3, 4)), ("frustum", front, (-0.1, 0.05, 0.2))]
+)
+def test_a_view_that_was_held_out_is_rendered_well(space, rig, angles, tmp_path, device):
+    scene = fit(rig(), space, with_points=True, device=device)
+    camera = camera_at(0.05, 0.5)
+    truth = take_photo(camera, sky=True)
+    picture = scene.render(camera, 3)
+    thing = truth.labels > 0
+    assert psnr(picture.color.cpu().numpy()[thing], truth.color[thing]) >= 18
+    assert picture.opacity.cpu().numpy()[thing].mean() > 0.95
+    assert ball_depth_error(scene, angles) < 0.24  # two voxels
+    scene.save(tmp_path / "scene.safetensors")
+    again = Scene.load(tmp_path / "scene.safetensors", device).render(camera, 3)
+    assert torch.equal(again.color, picture.color) and torch.equal(again.depth, picture.depth)
+
+
+def test_sparse_points_put_the_surface_where_it_is():
+    few = [camera_at(angle, 0.5) for angle in (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75)]
+    with_points, without = (
+        ball_depth_error(fit(few, "contraction", given), (-0.37, -0.12, 0.12, 0.37)) for given in (True, False)
+    )
+    assert with_points < 0.12
+    assert with_points < 0.8 * without
+
+
+def test_two_runs_of_the_same_seed_are_bit_identical():
+    short = replace(SETTINGS, open=replace(SETTINGS.open, levels=(Level(16, 40, 1.0), Level(24, 5, 1.0)), samples=6000))
+    first, second = (fit(cameras(6), "contraction", True, short).field.state_dict() for _ in range(2))
+    assert all(torch.equal(first[name], second[name]) for name in first)
+
+
+def test_total_variation_asks_no_vertex_that_pruning_has_taken_away(monkeypatch):
+    asked, gather, prune = [], torch.nn.functional.embedding, VoxelField.pruned
+
+    def note(rows, table):
+        asked.append(rows[:, 0])
+        return gather(rows, table)
+
+    def prune_half_as_well(field, keep):
+        return prune(field, keep & (torch.arange(len(keep)) < len(keep) // 2))
+
+    levels = (Level(12, 40, 1.0), Level(16, 8, 1.0))
+    few = replace(SETTINGS, open=replace(SETTINGS.open, levels=levels, samples=3000, max_rays=512))
+    state = start(cameras(8), "contraction", True, few)
+    monkeypatch.setattr("karf_engine.fields.voxels.fit_open.nn.functional.embedding", note)
+    monkeypatch.setattr(VoxelField, "pruned", prune_half_as_well)
+    for _ in state.scenes(silent()):
+        pass
+    # a vertex without a row of its own would be taken for that of the first row, which is one of hundreds
+    assert max((rows == 0).float().mean().item() for rows in asked) < 0.02
+
+
+# ------------------------------------------------------------------------------------------------------------ the choice
+def test_the_space_follows_from_background_cameras_and_points():
+    photos = [take_photo(camera) for camera in ring()]
+    on_table, all_round = (points_on_the_still_life(ring(), photos, spread) for spread in (1.0, 8.0))
+    around, ahead = views_of(ring()), views_of(front())
+    bounded = [replace(view, depth_bounds=(2.0, 9.0)) for view in ahead]
+    settings = GeometrySettings()
+    assert choose_space("alpha", around, all_round, settings) == "box"
+    assert choose_space("opaque", around, on_table, settings) == "box"
+    assert choose_space("opaque", around, all_round, settings) == "contraction"
+    assert choose_space("opaque", around, None, settings) == "box"
+    assert choose_space("opaque", bounded, None, settings) == "frustum"
+    assert choose_space("opaque", ahead, on_table, settings) == "frustum"
+    assert choose_space("opaque", around, on_table, replace(settings, space="contraction")) == "contraction"
+
+
+def test_cameras_look_one_way_or_round():
+    assert looks_one_way(front()) and not looks_one_way(ring())
+
+
+def test_the_nearest_depth_is_declared_or_that_of_the_points():
+    photos = [take_photo(camera) for camera in ring()]
+    points = points_on_the_still_life(ring(), photos)
+    assert nearest_depth(views_of(ring()), points) == pytest.approx(3.6 - 0.8, abs=0.25)
+    declared = [replace(view, depth_bounds=(1.5 + n, 9.0)) for n, view in enumerate(views_of(ring()))]
+    assert nearest_depth(declared, points) == 1.5
+    assert nearest_depth(views_of(ring()), None) is None
+
+
+def test_a_frustum_without_any_depth_is_refused():
+    bank = PixelBank(front(), [take_photo(camera).color for camera in front()], None)
+    with pytest.raises(BadRequest, match="how near"):
+        start_fit(bank, "opaque", "frustum", views_of(front()), None, SETTINGS, start_runtime(0, 1, "cpu"))
+
+
+def test_each_sighting_is_the_pixel_that_shows_its_point():
+    photos = [take_photo(camera) for camera in ring()]
+    points = points_on_the_still_life(ring(), photos)
+    bank = PixelBank(ring(), [photo.color for photo in photos], None)
+    sightings = sightings_of(bank, Box(), points)
+    assert len(sightings) == len(points.view)
+    rays = bank.rays(sightings.index)
+    toward = torch.nn.functional.normalize(sightings.positions - rays.origins, dim=1)
+    assert (toward * rays.viewdirs).sum(1).min() > np.cos(1.0 / ring()[0].fx)  # within a pixel
+    bad = replace(points, errors=np.where(np.arange(300) < 150, 9.0, 0.3).astype(np.float32))
+    assert len(sightings_of(bank, Box(), bad)) == (points.point >= 150).sum()
+
+
+def test_only_what_two_cameras_see_is_looked_for():
+    space = Contraction(torch.zeros(3), 1.0, 1.0, 0.1)
+    pair = [camera_at(0.0, 0.3), camera_at(0.4, 0.3)]
+    behind_both = pair[0].position + pair[1].position
+    world = torch.tensor(np.stack([np.zeros(3), behind_both, [0.0, 0, 30]])).float()
+    assert seen_cells(space, space.to_grid(world), pair).tolist() == [True, False, False]
+    low, high = grid_corners(space, pair)
+    assert low.tolist() == [-2, -2, -2] and high.tolist() == [2, 2, 2]

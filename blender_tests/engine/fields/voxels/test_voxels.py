@@ -1,0 +1,168 @@
+"""The voxel field: interpolation, refinement, pruning and files, against scipy and by hand."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+torch = pytest.importorskip("torch")
+ndimage = pytest.importorskip("scipy.ndimage")
+
+from karf_engine.fields.scene import Scene
+from karf_engine.fields.voxels.field import Background, VoxelField, _Gather, dilate, rescaled_raw, spherical_harmonics
+
+MINIMUM, VOXEL = torch.tensor([-1.0, 0.5, 2.0]), 0.25
+
+
+def random_field(occupied, seed=0, n_features=5):
+    torch.manual_seed(seed)
+    field = VoxelField(MINIMUM, VOXEL, occupied, n_features, width=8)
+    field.raw_density.data.normal_(0, 3)
+    field.feature_table.data.normal_()
+    field.color_network[2].weight.data.normal_()
+    return field.requires_grad_(False)
+
+
+def random_points(shape, count, seed=1):
+    random = torch.Generator().manual_seed(seed)
+    return MINIMUM + torch.rand(count, 3, generator=random) * VOXEL * torch.tensor(shape)
+
+
+def random_occupancy(shape, share, seed=2):
+    return torch.rand(shape, generator=torch.Generator().manual_seed(seed)) < share
+
+
+def test_interpolation_on_a_full_grid_is_scipys():
+    shape = (4, 6, 3)
+    field = random_field(torch.ones(shape, dtype=torch.bool))
+    points = random_points(shape, 500)
+    index = ((points - MINIMUM) / VOXEL).numpy().T
+    vertices = tuple(n + 1 for n in shape)
+    for column in range(5):
+        grid = field.feature_table[:, column].view(vertices).numpy()
+        assert_allclose(field.features(points)[:, column], ndimage.map_coordinates(grid, index, order=1), atol=1e-5)
+    raw = ndimage.map_coordinates(field.raw_density.view(vertices).numpy(), index, order=1).astype(float)
+    assert_allclose(field.density(points), np.logaddexp(0, raw - 5.5) / VOXEL, rtol=1e-4, atol=1e-6)
+
+
+def test_density_is_zero_outside_occupied_cells_and_outside_the_box():
+    occupied = random_occupancy((5, 4, 6), 0.4)
+    field = random_field(occupied)
+    points = random_points((5, 4, 6), 400)
+    cells = ((points - MINIMUM) / VOXEL).long()
+    inside = occupied[tuple(cells.T)]
+    density = field.density(points)
+    assert (density[inside] > 0).all() and (density[~inside] == 0).all()
+    assert 50 < int(inside.sum()) < 350
+    beside = MINIMUM + VOXEL * torch.tensor([[-0.5, 1, 1], [1, 1, 6.5], [1, 99, 1]])
+    assert field.density(beside).tolist() == [0, 0, 0]
+
+
+def test_the_gather_has_the_gradient_of_its_formula():
+    random = torch.Generator().manual_seed(3)
+    rows = torch.randint(6, (7, 8), generator=random)
+    weights = torch.rand(7, 8, generator=random, dtype=torch.float64)
+    for width in (1, 3):
+        table = torch.randn(6, width, generator=random, dtype=torch.float64, requires_grad=True)
+        expected = (weights[..., None] * table[rows]).sum(1)
+        assert_allclose(_Gather.apply(table, rows, weights).detach(), expected.detach(), atol=1e-12)
+        assert torch.autograd.gradcheck(lambda t: _Gather.apply(t, rows, weights), table)
+
+
+def test_a_grid_twice_as_fine_has_the_same_density_at_the_old_vertices():
+    shape = (6, 4, 5)
+    field = random_field(torch.ones(shape, dtype=torch.bool))
+    fine = field.refined(12).requires_grad_(False)
+    assert fine.occupied.shape == (12, 8, 10) and fine.occupied.all()
+    assert fine.voxel == pytest.approx(VOXEL / 2)
+    vertices = MINIMUM + VOXEL * torch.nonzero(torch.ones(6, 4, 5))
+    for grid in (field, fine):
+        assert (grid.density(vertices) > 0).all()
+    assert_allclose(fine.density(vertices), field.density(vertices), rtol=2e-3, atol=1e-6)
+    points = random_points(shape, 300)
+    assert_allclose(fine.features(points), field.features(points), atol=1e-4)
+
+
+def test_a_refined_even_fog_is_as_dense_as_before_on_any_grid():
+    field = random_field(random_occupancy((7, 7, 7), 0.5))
+    field.raw_density.data.fill_(4.0)
+    fine = field.refined(19).requires_grad_(False)
+    both = field.is_occupied(points := random_points((7, 7, 7), 2000)) & fine.is_occupied(points)
+    assert both.sum() > 300
+    assert_allclose(fine.density(points[both]), field.density(points[both]), rtol=1e-4)
+
+
+@pytest.mark.parametrize("raw", [-60.0, -8.0, 0.0, 7.0, 200.0])
+def test_rescaled_raw_density_keeps_density_far_from_zero_too(raw):
+    raw, ratio, bias = torch.tensor(raw, dtype=torch.float64), 0.37, -5.5
+    softplus = torch.nn.functional.softplus
+    assert_allclose(softplus(rescaled_raw(raw, ratio, bias) + bias), ratio * softplus(raw + bias), rtol=1e-9)
+
+
+def test_a_refined_grid_fits_tightly_round_what_is_occupied():
+    occupied = torch.zeros(16, 16, 16, dtype=torch.bool)
+    occupied[4:7, 9:11, 2] = True
+    field = random_field(occupied)
+    fine = field.refined(20)
+    points = random_points((16, 16, 16), 4000)
+    assert torch.equal(fine.is_occupied(points), field.is_occupied(points))
+    low, high = fine.bounds
+    assert max(fine.occupied.shape) == 20
+    assert_allclose(low, MINIMUM + VOXEL * torch.tensor([3.0, 8.0, 1.0]), atol=1e-5)
+    assert_allclose(high, MINIMUM + VOXEL * torch.tensor([8.0, 12.0, 4.0]), atol=1e-5)
+
+
+def test_pruning_keeps_the_named_cells_their_neighbors_and_every_value():
+    field = random_field(random_occupancy((8, 8, 8), 0.7))
+    keep = torch.rand(int(field.occupied.sum()), generator=torch.Generator().manual_seed(5)) < 0.05
+    small = field.pruned(keep)
+    named = torch.zeros_like(field.occupied)
+    named[field.occupied] = keep
+    assert torch.equal(small.occupied, dilate(named) & field.occupied)
+    assert named.sum() < small.occupied.sum() < field.occupied.sum()
+    points = random_points((8, 8, 8), 2000)
+    points = points[small.is_occupied(points)]
+    assert torch.equal(small.density(points), field.density(points))
+    assert torch.equal(small.features(points), field.features(points))
+    viewdirs = torch.nn.functional.normalize(points, dim=1)
+    features = field.features(points)
+    assert torch.equal(small.color(points, viewdirs, features), field.color(points, viewdirs, features))
+
+
+def test_dilation_reaches_the_corner_neighbors():
+    occupied = torch.zeros(5, 5, 5, dtype=torch.bool)
+    occupied[0, 2, 2] = True
+    expected = torch.zeros_like(occupied)
+    expected[:2, 1:4, 1:4] = True
+    assert torch.equal(dilate(occupied), expected)
+
+
+def test_normals_point_out_of_a_ball():
+    grid = torch.stack(torch.meshgrid(*[torch.arange(17.0)] * 3, indexing="ij"), -1) - 8
+    field = VoxelField(MINIMUM, VOXEL, torch.ones(16, 16, 16, dtype=torch.bool))
+    field.raw_density.data = (4.0 * (5 - grid.norm(dim=-1))).view(-1, 1)
+    directions = torch.nn.functional.normalize(torch.randn(100, 3, generator=torch.Generator().manual_seed(0)), dim=1)
+    normals = field.normals(MINIMUM + VOXEL * (8 + 5 * directions))
+    assert ((normals * directions).sum(1) > 0.9).all()
+
+
+def test_spherical_harmonics_are_orthonormal_over_the_sphere():
+    directions = torch.nn.functional.normalize(
+        torch.randn(200_000, 3, generator=torch.Generator().manual_seed(0)), dim=1
+    )
+    basis = spherical_harmonics(directions)
+    assert_allclose(4 * np.pi * (basis.T @ basis) / len(basis), np.eye(9), atol=0.02)
+
+
+@pytest.mark.parametrize("kind", ["alpha", "opaque"])
+def test_a_saved_scene_comes_back_bit_for_bit(tmp_path, kind):
+    field = random_field(random_occupancy((6, 5, 7), 0.3))
+    scene = Scene(field, Background() if kind == "opaque" else None, kind, 0.6)
+    scene.save(tmp_path / "scene.safetensors")
+    loaded = Scene.load(tmp_path / "scene.safetensors")
+    assert (loaded.background_kind, loaded.step, loaded.field.voxel) == (kind, 0.6, VOXEL)
+    for name, value in field.state_dict().items():
+        assert torch.equal(loaded.field.state_dict()[name], value)
+    points = random_points((6, 5, 7), 300)
+    viewdirs = torch.nn.functional.normalize(points, dim=1)
+    assert torch.equal(loaded.field.density(points), field.density(points))
+    assert torch.equal(loaded.behind(viewdirs), scene.behind(viewdirs))

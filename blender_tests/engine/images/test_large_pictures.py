@@ -1,0 +1,141 @@
+"""Pictures that claim more than they hold are refused by their size before memory is taken; large photos are read."""
+
+import io
+import os
+import struct
+import tracemalloc
+import zlib
+
+import numpy as np
+import pytest
+
+pytest.importorskip("imageio")
+pytest.importorskip("scipy")
+pytest.importorskip("OpenEXR")
+
+import OpenEXR
+from PIL import Image
+
+from blender_tests.engine.reference.capture_files import png_bytes
+from karf_engine.capture.image_size import image_header
+from karf_engine.errors import DataError
+from karf_engine.images import read_mask, read_photo
+from karf_engine.plates import background_kind
+
+
+def huge_png(path, width, height, depth, color):
+    """A PNG whose header claims this size, with hardly any pixels."""
+    content = bytearray(png_bytes(8, 8))
+    content[16:26] = struct.pack(">IIBB", width, height, depth, color)
+    content[29:33] = struct.pack(">I", zlib.crc32(content[12:29]))
+    path.write_bytes(content)
+
+
+def exr_of(path, window, names=("R", "G", "B")):
+    """An EXR whose windows claim this size."""
+    channels = {name: np.zeros((8, 8), np.float32) for name in names}
+    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, channels).write(str(path))
+    content = path.read_bytes()
+    for name in window:
+        start = content.index(name.encode()) + len(name) + 1 + len("box2i") + 1 + 4
+        content = content[:start] + struct.pack("<4i", 0, 0, *window[name]) + content[start + 16 :]
+    path.write_bytes(content)
+
+
+def huge_tiff(path):
+    Image.fromarray(np.zeros((8, 8, 3), np.uint8)).save(path)
+    content = bytearray(path.read_bytes())
+    (directory,) = struct.unpack("<I", content[4:8])
+    (count,) = struct.unpack("<H", content[directory : directory + 2])
+    for entry in range(directory + 2, directory + 2 + 12 * count, 12):
+        if struct.unpack("<H", content[entry : entry + 2])[0] in (256, 257):
+            content[entry + 2 : entry + 12] = struct.pack("<HII", 4, 1, 60_000)
+    path.write_bytes(content)
+
+
+CLAIMS = {
+    "gray.png": lambda path: huge_png(path, 20_000, 20_000, 8, 0),
+    "colors.png": lambda path: huge_png(path, 13_000, 13_000, 8, 2),
+    "deep.png": lambda path: huge_png(path, 20_000, 20_000, 16, 2),
+    "no_end.png": lambda path: huge_png(path, 2**31 - 1, 2**31 - 1, 16, 6),
+    "shown.exr": lambda path: exr_of(path, {"displayWindow": (24_999, 24_999)}),
+    "stored.exr": lambda path: exr_of(path, {"dataWindow": (99_999, 9_999)}),
+    "layers.exr": lambda path: exr_of(path, {"dataWindow": (1_999, 1_999)}, [f"{n:02d}.Z" for n in range(40)]),
+    "claims.tif": huge_tiff,
+}
+
+
+@pytest.mark.parametrize("name", CLAIMS)
+@pytest.mark.parametrize("read", [read_photo, read_mask])
+def test_small_files_that_claim_many_pixels_are_refused_by_their_size(tmp_path, name, read):
+    CLAIMS[name](tmp_path / name)
+    tracemalloc.start()
+    try:
+        with pytest.raises(
+            DataError, match=r"has \d+x\d+ pixels in [\d,]+ bytes; at most \d+ million are read"
+        ) as caught:
+            read(tmp_path / name)
+        assert tracemalloc.get_traced_memory()[1] < 50e6
+    finally:
+        tracemalloc.stop()
+    assert str(tmp_path / name) in caught.value.sentence and caught.value.hint
+
+
+def test_an_import_refuses_such_a_photo_by_its_header(tmp_path):
+    huge_png(tmp_path / "a.png", 20_000, 20_000, 8, 2)
+    with pytest.raises(DataError, match=r"a\.png has 20000x20000 pixels"):
+        image_header(tmp_path / "a.png")
+
+
+def test_photographs_of_a_hundred_megapixels_are_read(tmp_path):
+    """By their header: what a camera writes of them is large enough."""
+    stream = io.BytesIO()
+    Image.new("L", (8, 8)).save(stream, "JPEG")
+    content = bytearray(stream.getvalue())
+    start = content.index(b"\xff\xc0") + 5
+    content[start : start + 4] = struct.pack(">HH", 8_700, 11_600)
+    (tmp_path / "a.jpg").write_bytes(bytes(content) + bytes(20_000_000))
+    assert image_header(tmp_path / "a.jpg").shown == (11_600, 8_700)
+
+
+def test_a_mask_of_a_large_photo_is_read_though_it_packs_well(tmp_path):
+    picture = np.zeros((6_000, 8_000), np.uint8)
+    picture[:50, :60] = 255
+    Image.fromarray(picture).save(tmp_path / "a.png", compress_level=1)
+    assert (tmp_path / "a.png").stat().st_size < picture.size // 50
+    assert read_mask(tmp_path / "a.png").sum() == 50 * 60
+
+
+def test_a_jpeg_with_an_empty_segment_is_named(tmp_path):
+    for length in (b"\0\0", b"\0\1"):
+        (tmp_path / "a.jpg").write_bytes(b"\xff\xd8\xff\xe0" + length + b"\0" * 50)
+        for read in (image_header, read_photo):
+            with pytest.raises(DataError, match=r"a\.jpg cannot be read as a picture"):
+                read(tmp_path / "a.jpg")
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, os.mkdir, lambda path: path.symlink_to("/dev/zero")])
+@pytest.mark.parametrize("read", [read_photo, read_mask, image_header])
+def test_what_lies_in_place_of_a_picture_is_named_and_never_waited_for(tmp_path, make, read):
+    make(tmp_path / "a.png")
+    with pytest.raises(DataError, match=r"a\.png is a (folder|pipe or a device), not a file"):
+        read(tmp_path / "a.png")
+
+
+def test_memory_that_runs_out_while_a_photo_is_read_is_no_damage_of_the_photo(tmp_path, monkeypatch):
+    (tmp_path / "a.png").write_bytes(png_bytes(8, 8))
+
+    def too_much(*_, **__):
+        raise MemoryError
+
+    monkeypatch.setattr("karf_engine.images.iio.imopen", too_much)
+    with pytest.raises(MemoryError):
+        read_photo(tmp_path / "a.png")
+
+
+def test_photos_without_any_visible_pixel_are_no_scene():
+    hidden, seen = np.zeros((4, 4, 4), np.float32), np.full((4, 4, 4), 0.5, np.float32)
+    with pytest.raises(DataError, match="All photos are transparent everywhere") as caught:
+        background_kind([hidden] * 3)
+    assert caught.value.hint
+    assert background_kind([hidden, seen]) == "alpha"

@@ -1,0 +1,117 @@
+"""One job writes a project at a time, and the operating system frees what a killed one held."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("filelock")
+
+from karf_engine import locking
+from karf_engine.errors import BadRequest
+from karf_engine.locking import consistent, writing
+from karf_engine.project import Project
+
+ROOT = Path(__file__).resolve().parents[3]
+HOLD = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from karf_engine.locking import consistent, writing
+from karf_engine.project import Project
+with globals()[sys.argv[3]](Project(sys.argv[2])):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.fixture
+def project(tmp_path):
+    project = Project(tmp_path / "project")
+    project.create("/captures/pots")
+    return project
+
+
+@pytest.fixture
+def hold(project):
+    """Starts a process that holds the project in a way."""
+    children = []
+
+    def start(how):
+        child = subprocess.Popen(
+            [sys.executable, "-c", HOLD, str(ROOT), str(project.folder), how],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        children.append(child)
+        assert child.stdout.readline() == "held\n"
+        return child
+
+    yield start
+    for child in children:
+        child.kill()
+        child.communicate()
+
+
+def test_a_project_that_another_process_writes_is_refused_with_its_number(project, hold):
+    child = hold("writing")
+    with pytest.raises(BadRequest, match=f"in use by process {child.pid} on"), writing(project):
+        pass
+
+
+def test_what_a_killed_process_held_is_free(project, hold):
+    child = hold("writing")
+    child.kill()
+    child.wait()
+    with writing(project):
+        assert json.loads((project.folder / "lock.json").read_text())["pid"] == os.getpid()
+    assert not (project.folder / "lock.json").exists()
+
+
+def test_the_lock_is_given_back_after_an_error_and_is_not_entered_twice(project):
+    with pytest.raises(RuntimeError), writing(project):
+        with pytest.raises(BadRequest, match=f"in use by process {os.getpid()}"), writing(project):
+            pass
+        raise RuntimeError
+    with writing(project):
+        pass
+
+
+@pytest.mark.parametrize("content", ["", "{", json.dumps({"pid": os.getpid(), "start": "1", "host": "elsewhere"})])
+def test_a_lock_file_that_nobody_holds_is_no_obstacle_whatever_it_says_and_when(project, content):
+    path = project.folder / "lock"
+    path.write_text(content)
+    os.utime(path, (time.time() + 1e6,) * 2)
+    with writing(project):
+        pass
+
+
+def test_a_holder_that_could_not_say_who_it_is_still_holds(project, hold):
+    hold("writing")
+    (project.folder / "lock.json").write_text("{")
+    with pytest.raises(BadRequest, match="in use by another job"), writing(project):
+        pass
+
+
+def test_reading_waits_for_a_commit_and_does_not_wait_for_a_job_that_learns(project, hold, monkeypatch):
+    monkeypatch.setattr(locking, "COMMIT_SECONDS", 0.2)
+    hold("writing")
+    with consistent(project):
+        pass
+    hold("consistent")
+    with pytest.raises(BadRequest, match="is being changed by another job"), consistent(project):
+        pass
+
+
+@pytest.mark.skipif(os.name == "nt" or not hasattr(os, "geteuid"), reason="rights of POSIX folders")
+def test_a_project_in_which_nothing_can_be_written_can_be_read(project, monkeypatch):
+    def refuse(*_, **__):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(locking.FileLock, "acquire", refuse)
+    with consistent(project):
+        assert project.state()

@@ -1,0 +1,245 @@
+"""The project folder: nothing half-written, one writer, and clear words for what is damaged."""
+
+import json
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from karf_engine.errors import BadRequest, DataError
+from karf_engine.files import atomic_write, read_json, write_json
+from karf_engine.project import STAGE_ORDER, Project
+
+
+@pytest.fixture
+def project(tmp_path):
+    project = Project(tmp_path / "project")
+    project.create("/captures/pots")
+    return project
+
+
+# --------------------------------------------------------------------------------------------------------------- writing
+def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path):
+    path = tmp_path / "a.json"
+    write_json(path, {"old": True})
+
+    def fail(temporary):
+        temporary.write_text("half")
+        raise RuntimeError("the disk is full")
+
+    with pytest.raises(RuntimeError):
+        atomic_write(path, fail)
+    with pytest.raises(ValueError):
+        write_json(path, {"bad": float("nan")})
+    assert read_json(path, "test") == {"old": True}
+    assert [file.name for file in tmp_path.iterdir()] == ["a.json"]
+
+
+def test_a_written_file_keeps_its_suffix_on_the_way_and_has_the_usual_rights(tmp_path):
+    seen = []
+
+    def write(temporary):
+        seen.append(temporary)
+        temporary.write_text("x")
+
+    atomic_write(tmp_path / "new" / "a.png", write)
+    (tmp_path / "plain").write_text("x")
+    assert seen[0].suffix == ".png" and seen[0].parent == tmp_path / "new" and not seen[0].exists()
+    rights = [stat.S_IMODE(file.stat().st_mode) for file in (tmp_path / "new" / "a.png", tmp_path / "plain")]
+    assert rights[0] == rights[1]
+
+
+def test_broken_json_is_named_with_its_line(tmp_path):
+    (tmp_path / "a.json").write_text('{"a": 1,\n "b": }')
+    with pytest.raises(DataError, match=r"a\.json \(test\) is broken JSON at line 2"):
+        read_json(tmp_path / "a.json", "test")
+    with pytest.raises(DataError, match="does not exist"):
+        read_json(tmp_path / "b.json", "test")
+    (tmp_path / "c.json").write_bytes(b"\xff\xfe\xfa")
+    with pytest.raises(DataError, match="cannot be read"):
+        read_json(tmp_path / "c.json", "test")
+
+
+def test_a_byte_order_mark_does_no_harm(tmp_path):
+    (tmp_path / "a.json").write_bytes(b"\xef\xbb\xbf[1]")
+    assert read_json(tmp_path / "a.json", "test") == [1]
+
+
+# ----------------------------------------------------------------------------------------------------------------- state
+def test_a_project_is_made_once_and_for_one_capture(project):
+    project.finish("geometry", "abc")
+    project.create("/captures/pots")
+    assert project.finished("geometry") == {"fingerprint": "abc"}
+    with pytest.raises(BadRequest, match="already holds a project of /captures/pots"):
+        project.create("/captures/other")
+
+
+def test_a_folder_that_is_no_project_is_said_to_be_none(tmp_path):
+    with pytest.raises(DataError, match=r"is no KaRF project \(project.json is missing\)"):
+        Project(tmp_path).state()
+
+
+@pytest.mark.parametrize("content", ['{"schema": "karf-project/2"}', "[]", "{}", "null"])
+def test_a_project_of_another_schema_is_refused(project, content):
+    project.state_file.write_text(content)
+    with pytest.raises(DataError, match="has schema"):
+        project.state()
+
+
+@pytest.mark.parametrize("content", ['{"schema": "karf-project/1"}', '{"schema": "karf-project/1", "capture": "c"}'])
+def test_a_project_file_with_parts_missing_is_damaged(project, content):
+    project.state_file.write_text(content)
+    with pytest.raises(DataError, match="lacks its capture or its stages"):
+        project.finished("geometry")
+
+
+def test_a_broken_project_file_is_named(project):
+    project.state_file.write_text('{"schema": ')
+    with pytest.raises(DataError, match=r"project\.json \(project state\) is broken JSON"):
+        project.finished("geometry")
+
+
+def test_finishing_a_stage_forgets_the_later_ones_and_keeps_the_earlier(project):
+    for stage in STAGE_ORDER:
+        project.finish(stage, f"mark of {stage}", seconds=1.5)
+    project.finish("segmentation", "new")
+    assert [project.finished(stage) is not None for stage in STAGE_ORDER] == [True, True, False, False]
+    assert project.finished("geometry") == {"fingerprint": "mark of geometry", "seconds": 1.5}
+    with pytest.raises(BadRequest, match="no finished palette stage") as caught:
+        project.require("palette")
+    assert "palette" in caught.value.hint
+
+
+def test_job_folders_are_new_every_time(project):
+    jobs = {project.new_job("render") for _ in range(5)}
+    assert len(jobs) == 5 and all(job.is_dir() and job.name.endswith("-render") for job in jobs)
+
+
+# ----------------------------------------------------------------------------------------------------------------- files
+SETTINGS = {stage: {"rate": 1} for stage in STAGE_ORDER}
+
+
+def commit(project, stage, **files):
+    """Finish a stage whose outputs hold these words; names have `_` for `.`."""
+    for name, words in files.items():
+        path = project.outputs_folder / name.replace("_", ".")
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(words)
+    project.commit(stage, f"mark of {stage}", SETTINGS)
+
+
+def test_outputs_take_their_places_with_their_checksums_and_settings(project):
+    commit(project, "geometry", capture_json="{}", geometry_safetensors="field")
+    done = project.finished("geometry")
+    assert done["files"].keys() == {"capture.json", "geometry.safetensors"} and done["settings"] == {"rate": 1}
+    assert project.state()["settings"] == SETTINGS
+    assert project.checked(project.geometry_file).read_text() == "field" and project.is_intact("geometry")
+
+
+@pytest.mark.parametrize("damage", ["flip", "cut", "gone"])
+def test_an_output_that_is_not_what_was_written_is_named_with_the_stage_to_run(project, damage):
+    commit(project, "geometry", geometry_safetensors="field")
+    if damage == "gone":
+        project.geometry_file.unlink()
+    else:
+        project.geometry_file.write_text({"flip": "fielf", "cut": "fie"}[damage])
+    with pytest.raises(
+        DataError, match=r"geometry\.safetensors is (damaged|missing).*the geometry stage wrote"
+    ) as caught:
+        project.checked(project.geometry_file)
+    assert "Run the geometry stage again" in caught.value.hint and not project.is_intact("geometry")
+
+
+def test_a_file_that_two_stages_write_is_the_later_ones(project):
+    commit(project, "palette", palette_json="extracted")
+    commit(project, "recoloring", palette_json="learned", recoloring_safetensors="F_w")
+    assert project.is_intact("palette") and project.is_intact("recoloring")
+    project.palette_file.write_text("damaged")
+    assert not project.is_intact("palette") and not project.is_intact("recoloring")
+
+
+@pytest.mark.parametrize("step", range(5))
+def test_a_commit_that_is_interrupted_is_completed_by_the_next_job_and_no_mixture_meanwhile(project, monkeypatch, step):
+    for stage in STAGE_ORDER:
+        commit(project, stage, **{f"{stage}_safetensors": "old"})
+    moved = []
+
+    def stop(path, target):
+        if len(moved) == step:
+            raise SystemExit
+        moved.append(target)
+        return path.rename(target)
+
+    with monkeypatch.context() as patch, pytest.raises(SystemExit):
+        patch.setattr(Path, "replace", stop)
+        commit(project, "geometry", capture_json="new", geometry_safetensors="new")
+    project.remove_leftovers()
+    done = [project.finished(stage) is not None for stage in STAGE_ORDER]
+    assert done == [step < 2] * 4  # the first two moves are those of the noted states
+    assert not done[0] or project.is_intact("geometry")
+    project.recover()
+    assert project.geometry_file.read_text() == ("old" if step < 2 else "new")
+    assert [project.finished(stage) is not None for stage in STAGE_ORDER] == [True] + [step < 2] * 3
+    assert project.is_intact("geometry")
+
+
+def test_a_disk_that_fills_up_in_a_commit_leaves_the_project_as_it_was(project, monkeypatch):
+    commit(project, "geometry", geometry_safetensors="old")
+    before = project.state()
+
+    def full(path, content):
+        if path == project.state_file:
+            raise OSError(28, "No space left on device")
+        path.write_text(json.dumps(content))
+
+    with monkeypatch.context() as patch, pytest.raises(OSError, match="No space"):
+        patch.setattr("karf_engine.project.write_json", full)
+        commit(project, "geometry", geometry_safetensors="new")
+    project.recover()
+    assert project.state() == before and project.is_intact("geometry")
+
+
+def test_a_folder_that_is_replaced_is_set_aside(project):
+    for words in ("first", "second"):
+        (project.outputs_folder / "masks").mkdir(parents=True)
+        (project.outputs_folder / "masks" / words).write_text(words)
+        project.commit("segmentation", "mark", SETTINGS)
+    assert [path.name for path in project.masks_folder.iterdir()] == ["second"]
+    assert [path.name for path in (project.folder / "earlier_masks").iterdir()] == ["first"]
+
+
+def test_a_damaged_project_file_is_refused_and_one_without_a_checksum_is_believed(project):
+    commit(project, "geometry", geometry_safetensors="field")
+    text = project.state_file.read_text()
+    project.state_file.write_text(text.replace("mark of geometry", "mark of geometrz"))
+    with pytest.raises(DataError, match=r"project\.json is damaged, or was changed by hand") as caught:
+        project.state()
+    assert "remove its entry 'checksum'" in caught.value.hint
+    content = json.loads(project.state_file.read_text())
+    del content["checksum"]
+    write_json(project.state_file, content)
+    assert project.finished("geometry")["fingerprint"] == "mark of geometrz"
+
+
+def test_a_project_made_before_there_were_checksums_is_believed(project):
+    project.finish("geometry", "mark")
+    project.geometry_file.write_text("any")
+    assert project.checked(project.geometry_file) == project.geometry_file and project.is_intact("geometry")
+
+
+def test_what_killed_jobs_left_is_removed_and_what_others_may_be_writing_is_not(project):
+    left = [project.outputs_folder / "a.png", project.folder / ".tmp-1.png", project.planes_folder / ".tmp-2.npz"]
+    others = [project.photos_folder / ".tmp-3.png", project.masks_folder / "pot" / ".tmp-4.png"]
+    for path in left + others:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("half")
+    os.utime(others[0], (0, 0))
+    project.remove_leftovers()
+    assert [path.exists() for path in left + others] == [False] * 4 + [True]
+
+
+def test_a_file_whose_name_is_as_long_as_a_name_can_be_is_written(tmp_path):
+    path = tmp_path / ("n" * 251 + ".png")
+    atomic_write(path, lambda temporary: temporary.write_text("x"))
+    assert path.read_text() == "x"

@@ -1,0 +1,156 @@
+"""Fitting a NeRF to photos, as the original implementation does: random rays, a coarse and a fine pass, Adam.
+
+What is behind the rays is a plain color: white behind a matte or a white background, else black (nothing is added).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import torch
+from torch import Tensor
+
+from ...progress import Progress
+from ...rendering.hierarchical import dense_ray_weights, interval_lengths, refine
+from ...rendering.rays import PixelBank, Rays
+from ...rendering.space import Frustum, Space
+from ...rendering.surface_cache import cache_surface
+from ...runtime import Runtime
+from ...settings import NerfSettings
+from ...training.course import Course, below, check_alike, number, prefixed, whole_number
+from ...training.loop import train
+from ...training.unfinished import Unfinished
+from ..scene import Scene
+from .field import NerfField, NerfNetwork, NerfSampling, NerfShape
+
+CROP_SHARE = 0.5  # of the pictures' sides: where rays are drawn at first, so that not all of them are background
+MEASURED_RAYS = 2048
+STRAYS = 0.005  # of the surface on either side of each axis is left out of the bounds
+BOUNDS_MARGIN = 0.05
+
+
+class NerfFit:
+    """State of one fit: `scenes` runs it and yields the scene from time to time."""
+
+    def __init__(self, bank: PixelBank, kind: str, settings: NerfSettings, runtime: Runtime, field: NerfField) -> None:
+        self.bank, self.kind, self.settings, self.runtime, self.field = bank, kind, settings, runtime, field
+        self._white = kind in ("alpha", "white")
+        self._noise = settings.density_noise if isinstance(field.space, Frustum) else 0.0
+        self._crop = 0 if kind == "opaque" else settings.crop_iterations
+        self._loss_average = 0.1
+        self._looked = 0  # iterations of which the scene has been yielded
+        optimizer = torch.optim.Adam(field.parameters(), lr=settings.rate)
+        self._course = Course(settings.iterations, optimizer, field.state_dict, runtime)
+
+    @property
+    def iterations(self) -> int:
+        """Iterations of the whole fit."""
+        return self.settings.iterations
+
+    @property
+    def done(self) -> int:
+        """Iterations that are done."""
+        return self._course.done
+
+    def scenes(self, progress: Progress, unfinished: Unfinished | None = None) -> Iterator[Scene]:
+        """Run what is left of the fit; the scene as it stands after every `look_every` iterations, and at the end."""
+        field = self.field
+        while self._looked < self.iterations:
+            until = min(self._looked + self.settings.look_every, self.iterations)
+            train(self._course, until, self._step, self._decay, progress, unfinished)
+            field.bounds = surface_bounds(field, self.bank.rays(self.bank.draw(MEASURED_RAYS, self.runtime)))
+            self._looked = until
+            yield Scene(field, None, self.kind, 1.0)
+
+    def state(self) -> dict[str, Tensor]:
+        """All that resuming takes."""
+        return self._position() | prefixed("course", self._course.state())
+
+    def resume(self, state: dict[str, Tensor]) -> None:
+        """Let this fresh fit go on from a state, on the processor, of a fit of the same photos and settings.
+
+        Raises DataError, and changes nothing, where the state is of another one.
+        """
+        course_state = below("course", state)
+        check_alike({n: t for n, t in state.items() if not n.startswith("course.")}, self._position())
+        looked = whole_number(state, "looked", self.iterations - 1)
+        self._course.resume(course_state)
+        self._looked, self._loss_average = looked, float(state["loss_average"])
+
+    def _position(self) -> dict[str, Tensor]:
+        """The numbers of a state."""
+        return {"looked": number(self._looked), "loss_average": number(self._loss_average)}
+
+    def _decay(self, iteration: int, _: int) -> float:
+        steps = self.settings.decay_steps
+        return 0.1 ** (iteration / steps) if steps else 1.0
+
+    def _step(self, iteration: int, batch_scale: float) -> tuple[Tensor, dict[str, float]]:
+        n_rays = max(16, int(self.settings.rays * batch_scale))
+        if iteration < self._crop:
+            index = self.bank.draw_central(n_rays, CROP_SHARE, self.runtime)
+        else:
+            index = self.bank.draw(n_rays, self.runtime)
+        target = self.bank.color[index].float() / 255
+        if self.bank.alpha is not None:
+            matte = self.bank.alpha[index].float()[:, None] / 255
+            target = target * matte + (1 - matte)
+        coarse, fine = self._render(self.bank.rays(index))
+        error = ((fine - target) ** 2).mean()
+        self._loss_average += 0.05 * (float(error.detach()) - self._loss_average)
+        loss = error + ((coarse - target) ** 2).mean()
+        return loss, {"psnr": -10 * math.log10(max(self._loss_average, 1e-10))}
+
+    def _render(self, rays: Rays) -> tuple[Tensor, Tensor]:
+        """Differentiable colors of rays by the coarse and by the fine network, [R, 3] each."""
+        field, sampling, runtime = self.field, self.field.sampling, self.runtime
+        lines = field.space.lines(rays)
+        viewdirs = field.space.turned(rays.viewdirs)
+        t = field.coarse_t(runtime.rand(len(rays), sampling.coarse))
+        coarse, ray_weights = self._pass(field.coarse, lines, viewdirs, t)
+        t = refine(t, ray_weights.detach(), runtime.rand(len(rays), sampling.fine))
+        return coarse, self._pass(field.fine, lines, viewdirs, t)[0]
+
+    def _pass(
+        self, network: NerfNetwork, lines: tuple[Tensor, Tensor], viewdirs: Tensor, t: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        origins, directions = lines
+        positions = (origins[:, None] + t[..., None] * directions[:, None]).view(-1, 3)
+        hidden = network.hidden(positions)
+        raw = network.raw_density(hidden).view(t.shape)
+        if self._noise:
+            raw = raw + self._noise * self.runtime.randn(*t.shape)
+        deltas = interval_lengths(t) * torch.linalg.norm(directions, dim=1, keepdim=True)
+        ray_weights = dense_ray_weights(torch.relu(raw), deltas)
+        colors = network.color(network.features(hidden), viewdirs.repeat_interleave(t.shape[1], 0))
+        color = (ray_weights[..., None] * colors.view(*t.shape, 3)).sum(1)
+        if self._white:
+            color = color + 1 - ray_weights.sum(1, keepdim=True)
+        return color, ray_weights
+
+
+def start_nerf_fit(
+    bank: PixelBank, kind: str, space: Space, sampling: NerfSampling, settings: NerfSettings, runtime: Runtime
+) -> NerfFit:
+    """Fresh networks in a space."""
+    shape = NerfShape(
+        depth=settings.depth,
+        width=settings.width,
+        view_width=settings.width // 2,
+        position_frequencies=settings.position_frequencies,
+        direction_frequencies=settings.direction_frequencies,
+    )
+    nothing = torch.tensor([[-1.0] * 3, [1.0] * 3])
+    field = NerfField(NerfNetwork(shape), NerfNetwork(shape), sampling, space, nothing).to(runtime.device)
+    return NerfFit(bank, kind, settings, runtime, field)
+
+
+def surface_bounds(field: NerfField, rays: Rays) -> Tensor:
+    """Corners [2, 3], grid coordinates, of a box round where these rays end, without strays."""
+    positions = cache_surface(field, rays, 1, 1.0).positions[:, 0]
+    if not len(positions):
+        return field.bounds
+    ends = torch.quantile(positions, torch.tensor([STRAYS, 1 - STRAYS], device=positions.device), dim=0)
+    margin = BOUNDS_MARGIN * (ends[1] - ends[0]).max().clamp_min(1e-6)
+    return torch.stack([ends[0] - margin, ends[1] + margin])

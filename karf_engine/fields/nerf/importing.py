@@ -1,0 +1,131 @@
+"""Taking over a NeRF that another program has trained: where does its world lie in the capture's?
+
+A checkpoint does not say. Programs move and scale poses before they learn, each in its own way, so the known ways are
+tried, and the one is taken with which the NeRF shows the photos. Nothing is adopted that does not show them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ...capture.camera import Camera
+from ...capture.capture import View
+from ...errors import DataError
+from ...rendering.rays import PixelBank
+from ...rendering.space import Box, Space, space_on
+from ...settings import NerfSettings
+from ..scene import Scene, psnr_of_views
+from ..start import OBJECT_DISTANCE, middle_frustum, middle_pose, ndc, similarity
+from ..voxels.fit_box import focus_point
+from .field import NerfField, NerfNetwork, NerfSampling
+from .fit import MEASURED_RAYS, surface_bounds
+
+SYNTHETIC_RANGE = (2.0, 6.0)  # of NeRF-synthetic captures, whose cameras stand 4 from the object
+LLFF_NEAR = 0.9  # of the nearest depth, where LLFF's rays begin outside NDC
+MIN_PSNR = 20.0
+TRIED_PIXELS = 600
+
+
+@dataclass(frozen=True)
+class Placement:
+    """One way from the capture's world to a NeRF's. near, far: see NerfSampling."""
+
+    name: str
+    space: Space
+    near: float
+    far: float
+    in_disparity: bool = False
+
+
+def placements(views: list[View], settings: NerfSettings) -> list[Placement]:
+    """The known ways, for all views of a capture; those of LLFF where depth bounds are declared."""
+    found = []
+    if settings.near and settings.far:
+        found.append(Placement("as it is, near and far as set", Box(), settings.near, settings.far))
+    found.append(Placement("as it is, near 2 and far 6", Box(), *SYNTHETIC_RANGE))
+    cameras = [view.camera for view in views]
+    center = focus_point(cameras).numpy()
+    distance = float(np.mean([np.linalg.norm(camera.position - center) for camera in cameras]))
+    scale = OBJECT_DISTANCE / distance
+    near, far = (value / scale for value in SYNTHETIC_RANGE)
+    found.append(Placement("scaled", similarity(scale, np.eye(3), center), near, far))
+    bounds = [view.depth_bounds for view in views if view.depth_bounds]
+    if not bounds:
+        return found
+    near, far = LLFF_NEAR * min(low for low, _ in bounds), max(high for _, high in bounds)
+    found.append(Placement("as it is, LLFF's bounds", Box(), near, far))
+    frustum = middle_frustum(views, None)
+    found.append(Placement("LLFF in NDC", ndc(frustum, views), 0.0, 1.0))
+    middle = middle_pose(cameras)
+    scale = 1 / frustum.near  # the nearest depth becomes 1 / 0.75
+    found.append(Placement("LLFF recentered", similarity(scale, middle[:3, :3].T, middle[:3, 3]), near, far))
+    found.append(Placement("LLFF spherified", spherified(cameras), near, far, in_disparity=True))
+    return found
+
+
+def spherified(cameras: list[Camera]) -> Space:
+    """LLFF's own placement of cameras that stand all round: on a unit sphere, up away from the focus point."""
+    middle = middle_pose(cameras)
+    # its axes hang on the recentered poses' own, by a constant vector
+    to_middle = middle[:3, :3].T
+    positions = np.stack([to_middle @ (camera.position - middle[:3, 3]) for camera in cameras])
+    focus = to_middle @ (focus_point(cameras).numpy() - middle[:3, 3])
+    up = (positions - focus).mean(0)
+    up /= np.linalg.norm(up)
+    right = np.cross([0.1, 0.2, 0.3], up)
+    right /= np.linalg.norm(right)
+    to_sphere = np.stack([right, np.cross(up, right), up]) @ to_middle
+    center = focus_point(cameras).numpy()
+    radius = np.sqrt(np.mean([np.sum((camera.position - center) ** 2) for camera in cameras]))
+    return similarity(1 / radius, to_sphere, center)
+
+
+def adopt(
+    networks: tuple[NerfNetwork, NerfNetwork],
+    views: list[View],
+    banks: dict[str, PixelBank],
+    settings: NerfSettings,
+    source: str,
+    device: torch.device,
+) -> tuple[Scene, str, float]:
+    """The scene of these networks, the placement's name, and the PSNR in dB with which it shows the photos.
+
+    views: all of the capture. banks: some training photos as each kind of background shows them. Raises DataError where
+    no placement shows them.
+    """
+    tried = []
+    for placement in placements(views, settings):
+        field = _field(networks, placement, settings, device)
+        for kind, bank in banks.items():
+            scene = Scene(field, None, kind, 1.0)
+            psnr = float(np.mean(psnr_of_views(scene, bank, TRIED_PIXELS)))
+            # a placement that does not suit the cameras may lead nowhere
+            tried.append((psnr if np.isfinite(psnr) else 0.0, placement.name, scene))
+    psnr, name, scene = max(tried, key=lambda entry: entry[0])
+    if psnr < MIN_PSNR:
+        names = ", ".join(dict.fromkeys(f"{entry[1]!r}" for entry in tried))
+        raise DataError(
+            f"{source} does not show this capture: of {names} the best, {name!r}, reaches {psnr:.1f} dB of the "
+            f"{MIN_PSNR:g} dB needed.",
+            "Give the capture it was trained on, as it was given to that program; geometry.nerf.near and .far may help.",
+        )
+    scene.field.bounds = _bounds(scene.field, banks[scene.background_kind])
+    return scene, name, psnr
+
+
+def _field(
+    networks: tuple[NerfNetwork, NerfNetwork], placement: Placement, settings: NerfSettings, device: torch.device
+) -> NerfField:
+    counts = {"coarse": settings.coarse_samples, "fine": settings.fine_samples}
+    sampling = NerfSampling(placement.near, placement.far, placement.in_disparity, **counts)
+    space = space_on(placement.space, device)
+    return NerfField(*networks, sampling, space, torch.zeros(2, 3)).to(device).requires_grad_(False)
+
+
+def _bounds(field: NerfField, bank: PixelBank) -> Tensor:
+    index = torch.randint(len(bank), (MEASURED_RAYS,), generator=torch.Generator().manual_seed(0))
+    return surface_bounds(field, bank.rays(index.to(bank.color.device)))

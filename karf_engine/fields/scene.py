@@ -1,0 +1,144 @@
+"""A learned scene: frozen field, background, and how to look at it.
+
+The protocol of a frozen field, which is all that the later stages know of it:
+- `trace(rays, step)`: where rays end; `density(x)`, `features(x)` [n, n_features], `color(x, d, f)`, `normals(x)`;
+- `space` of its coordinates, `bounds` [2, 3] of what there is, `voxel`, the length below which nothing is told apart;
+- `figures()` for reports; `facts()` and `restored(facts, tensors, device)` for files.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from ..capture.camera import Camera
+from ..checkpoints import load_tensors, restoring, save_tensors
+from ..rendering.rays import PixelBank, Rays, camera_rays, depth_per_distance
+from ..rendering.surface_cache import SurfaceCache, join_caches, quantile_samples
+from ..rendering.volume import VISIBLE_WEIGHT, accumulate
+from .nerf.field import NerfField
+from .voxels.field import Background, VoxelField
+
+SCHEMA = "karf-geometry/1"
+Field = VoxelField | NerfField
+FIELDS = {"voxels": VoxelField, "nerf": NerfField}
+CPU_RAYS_PER_CHUNK = 2048  # a chunk's samples stay near the processor's cache; accelerators want more at once
+ACCELERATOR_RAYS_PER_CHUNK = 65536
+WATCHED_PIXELS = 1500
+BACKGROUNDS = ("alpha", "black", "white", "opaque")
+STEPS = 0.01, 10.0  # voxels: finer ones never end, coarser ones miss what there is
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A rendered view. color [H, W, 3] sRGB in [0, 1], opacity [H, W], depth [H, W] along the axis (0 where empty).
+
+    cache: the surface samples of its rays, for the fields on top.
+    """
+
+    color: Tensor
+    opacity: Tensor
+    depth: Tensor
+    cache: SurfaceCache
+
+
+@dataclass(frozen=True)
+class Scene:
+    """field and background as learned. background_kind: alpha, black, white or opaque. step: stride in voxels, of a
+    field that has some."""
+
+    field: Field
+    background: Background | None
+    background_kind: str
+    step: float
+
+    def behind(self, viewdirs: Tensor) -> Tensor:
+        """What is seen where nothing is solid, [n, 3]; white behind a matte, as the field's benchmarks have it."""
+        if self.background is not None:
+            return self.background(viewdirs)
+        return torch.full_like(viewdirs, 1.0 if self.background_kind in ("alpha", "white") else 0.0)
+
+    @torch.no_grad()
+    def render(self, camera: Camera, n_quantiles: int) -> Picture:
+        """Render all pixels of a pinhole camera."""
+        device = self.field.bounds.device
+        colors, opacities, distances, caches = self._render_rays(camera_rays(camera, device), n_quantiles)
+        shape = (camera.height, camera.width)
+        factor = torch.from_numpy(depth_per_distance(camera)).float().to(device)
+        return Picture(
+            torch.cat(colors).clamp(0, 1).view(*shape, 3),
+            torch.cat(opacities).view(shape),
+            (torch.cat(distances) * factor).view(shape),
+            join_caches(list(caches)),
+        )
+
+    @torch.no_grad()
+    def colors(self, rays: Rays) -> Tensor:
+        """sRGB colors of single rays, [R, 3] in [0, 1]."""
+        return torch.cat(self._render_rays(rays, 1)[0]).clamp(0, 1)
+
+    def _render_rays(self, rays: Rays, n_quantiles: int) -> tuple[tuple, ...]:
+        """Colors, opacities, distances and caches, each in chunks."""
+        chunk = CPU_RAYS_PER_CHUNK if rays.origins.device.type == "cpu" else ACCELERATOR_RAYS_PER_CHUNK
+        parts = [self._render_chunk(rays[i : i + chunk], i, n_quantiles) for i in range(0, len(rays), chunk)]
+        return tuple(zip(*parts, strict=True))
+
+    def _render_chunk(self, rays: Rays, first: int, n_quantiles: int) -> tuple[Tensor, Tensor, Tensor, SurfaceCache]:
+        field = self.field
+        trace = field.trace(rays, self.step)
+        samples, ray_weights, remainder = trace.samples, trace.ray_weights, trace.remainder
+        seen = torch.nonzero(ray_weights > VISIBLE_WEIGHT).squeeze(1)
+        ray_indices, positions = samples.ray_indices[seen], samples.positions[seen]
+        color = field.color(positions, rays.viewdirs[ray_indices], field.features(positions))
+        surface = field.space.to_world(positions)
+        distances = torch.linalg.norm(surface - rays.origins[ray_indices], dim=1, keepdim=True)
+        sums = accumulate(ray_weights[seen], torch.cat([color, distances], 1), ray_indices, len(rays))
+        opacity = 1 - remainder
+        color = sums[:, :3] + remainder[:, None] * self.behind(rays.viewdirs)
+        # an empty ray has no distance: dividing by the smallest float keeps 0 / 0 out
+        distance = sums[:, 3] / opacity.clamp_min(torch.finfo(opacity.dtype).tiny)
+        return color, opacity, distance, quantile_samples(rays, samples, ray_weights, n_quantiles, first)
+
+    def save(self, path: Path) -> None:
+        """Write the scene as data."""
+        tensors = {f"field.{name}": value for name, value in self.field.state_dict().items()}
+        if self.background is not None:
+            tensors |= {f"background.{name}": value for name, value in self.background.state_dict().items()}
+        kind = next(name for name, field_class in FIELDS.items() if type(self.field) is field_class)
+        own = {"kind": kind, "background_kind": self.background_kind, "step": self.step}
+        save_tensors(path, tensors, SCHEMA, self.field.facts() | own)
+
+    @classmethod
+    def load(cls, path: Path, device: torch.device | str = "cpu") -> Scene:
+        """Read a scene. Raises DataError where the file is missing or damaged."""
+        tensors, facts = load_tensors(path, SCHEMA, device)
+        with restoring(path):
+            field = FIELDS[facts.get("kind", "voxels")].restored(facts, _part(tensors, "field."), device)
+            background = None
+            if learned := _part(tensors, "background."):
+                background = Background().to(device)
+                background.load_state_dict(learned)
+            kind, step = facts["background_kind"], facts["step"]
+            if kind not in BACKGROUNDS or not STEPS[0] <= step <= STEPS[1]:
+                raise ValueError(f"background {kind!r}, step {step!r}")
+        return cls(field.requires_grad_(False), background, kind, step)
+
+
+def psnr_of_views(scene: Scene, bank: PixelBank, n_pixels: int = WATCHED_PIXELS) -> list[float]:
+    """PSNR in dB of each plate of the bank, over random pixels of it (always the same ones)."""
+    random = torch.Generator().manual_seed(0)
+    values = []
+    for first, last in itertools.pairwise(bank.first.tolist()):
+        index = torch.randint(first, last, (n_pixels,), generator=random).to(bank.color.device)
+        error = ((scene.colors(bank.rays(index)) - bank.color[index].float() / 255) ** 2).mean()
+        values.append(-10 * math.log10(float(error) + 1e-10))
+    return values
+
+
+def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}

@@ -1,0 +1,1 @@
+"""A radiance field on a sparse grid of voxels, and its fits."""

@@ -1,0 +1,228 @@
+"""Fitting a voxel field to photos, coarse to fine: what fits in a box and fits of open space share.
+
+What makes it fast: samples only in occupied cells, color only where a sample is seen, a fixed number of samples an
+iteration.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from ...errors import DataError, Diverged
+from ...progress import Progress
+from ...rendering.rays import PixelBank
+from ...rendering.volume import ray_weights_from_sigmas
+from ...runtime import Runtime
+from ...settings import GeometrySettings, Level, OpenSettings
+from ...training.course import Course, below, check_alike, number, prefixed, whole_number
+from ...training.loop import train, warm_exponential
+from ...training.unfinished import Unfinished
+from ..scene import Scene
+from .field import Background, VoxelField
+
+
+@dataclass(frozen=True)
+class Batch:
+    """One step's result: the loss, the part of it that is the colors' mean squared error, the samples it took."""
+
+    loss: Tensor
+    error: Tensor
+    n_samples: int
+
+
+@dataclass(frozen=True)
+class Part:
+    """A stretch of a level's iterations: the level's number, its iterations before this part, and those of the part."""
+
+    level: int
+    before: int
+    iterations: int
+
+
+class Fit:
+    """State of one fit: the field, what is behind it, and what they learn from. Subclasses say what the loss is.
+
+    recipe: the levels with their rates and limits. cuts: shares of a level's iterations after which it is pruned again.
+    first_share: of the samples that the first level takes: in its fog each of them is seen. kind: of background.
+    """
+
+    kind: str
+    cuts: tuple[float, ...] = ()
+    first_share = 1.0
+
+    def __init__(
+        self,
+        bank: PixelBank,
+        recipe: GeometrySettings | OpenSettings,
+        runtime: Runtime,
+        field: VoxelField,
+        background: Background | None,
+    ) -> None:
+        self.bank, self.recipe, self.runtime = bank, recipe, runtime
+        self.field, self.background = field, background
+        self._rays_per_batch = 1024.0
+        self._loss_average = 0.1
+        self._parts = [part for level in range(len(recipe.levels)) for part in self._parts_of(level)]
+        self._number = 0  # of the part that is being learned
+        self._course: Course | None = None  # of that part, once it has begun
+
+    @property
+    def iterations(self) -> int:
+        """Iterations of the whole fit."""
+        return sum(level.iterations for level in self.recipe.levels)
+
+    @property
+    def done(self) -> int:
+        """Iterations that are done."""
+        return sum(part.iterations for part in self._parts[: self._number]) + (self._course.done if self._course else 0)
+
+    def scenes(self, progress: Progress, unfinished: Unfinished | None = None) -> Iterator[Scene]:
+        """Run what is left of the fit; the scene as it stands after each level."""
+        if self._course is None:
+            self._begin(self._parts[0])
+        for part in self._parts[self._number :]:
+            if part is not self._parts[self._number]:
+                self._number += 1
+                self._begin(part)
+            self._train(part, progress, unfinished)
+            level = self.recipe.levels[part.level]
+            if part.before + part.iterations == level.iterations:
+                yield Scene(self.field, self.background, self.kind, level.step)
+
+    def state(self) -> dict[str, Tensor]:
+        """All that resuming takes, once the fit has begun."""
+        return self._position() | prefixed("own", self._own_tensors()) | prefixed("course", self._course.state())
+
+    def resume(self, state: dict[str, Tensor]) -> None:
+        """Let this fresh fit go on from a state, on the processor, of a fit of the same photos and settings.
+
+        Raises DataError, and changes nothing, where the state is of another one.
+        """
+        course_state = below("course", state)
+        own = {name: tensor for name, tensor in state.items() if not name.startswith("course.")}
+        check_alike(own, self._position() | prefixed("own", self._own_tensors()))
+        number_of_part = whole_number(state, "part", len(self._parts) - 1)
+        field = self._field_like(below("learned.field", course_state), float(state["voxel"]))
+        course = self._course_of(field, self._parts[number_of_part])
+        course.resume(course_state)
+        self._number = number_of_part
+        self._rays_per_batch, self._loss_average = float(state["rays_per_batch"]), float(state["loss_average"])
+        for name, tensor in self._own_tensors().items():
+            tensor.copy_(state[f"own.{name}"])
+        self._learn(field, course)
+
+    def _position(self) -> dict[str, Tensor]:
+        """The numbers of a state."""
+        return {
+            "voxel": number(self.field.voxel),
+            "part": number(self._number),
+            "rays_per_batch": number(self._rays_per_batch),
+            "loss_average": number(self._loss_average),
+        }
+
+    def _own_tensors(self) -> dict[str, Tensor]:
+        """What a subclass knows beside the field and the background, of shapes that never change."""
+        return {}
+
+    def _field_like(self, tensors: dict[str, Tensor], voxel: float) -> VoxelField:
+        """A field like the present one in the cells of a state, its values not yet filled in."""
+        occupied, like = tensors.get("occupied"), self.field
+        if occupied is None or occupied.dtype != torch.bool or occupied.dim() != 3 or not occupied.any() or voxel <= 0:
+            raise DataError("What was learned holds no occupied cells.")
+        occupied = occupied.to(self.runtime.device)
+        minimum = like.minimum.clone()
+        return VoxelField(minimum, voxel, occupied, like.n_features, like.width, like.density_bias, like.space)
+
+    def _begin(self, part: Part) -> None:
+        """Prune before every part but the first, and refine before every level but the first."""
+        if part is not self._parts[0]:
+            self.field = self._pruned()
+        if part.level and not part.before:
+            self.field = self.field.refined(self.recipe.levels[part.level].voxels)
+            self._begin_level(self.recipe.levels[part.level])
+        self._learn(self.field, self._course_of(self.field, part))
+
+    def _begin_level(self, level: Level) -> None:
+        """Called before the iterations of each level but the first, on its field."""
+
+    def _learn(self, field: VoxelField, course: Course) -> None:
+        """Train this field from now on."""
+        self.field, self._course = field, course
+
+    def _batch(self, number: int, level: Level, n_rays: int) -> Batch:
+        raise NotImplementedError
+
+    def _trained_networks(self, field: VoxelField) -> list:
+        return list(field.color_network.parameters())
+
+    def _course_of(self, field: VoxelField, part: Part) -> Course:
+        optimizer = torch.optim.Adam(
+            [
+                {"params": [field.raw_density, field.feature_table], "lr": self.recipe.table_rate},
+                {"params": self._trained_networks(field), "lr": self.recipe.network_rate},
+            ],
+            betas=(0.9, 0.99),
+            eps=1e-12,
+            fused=True,
+        )
+        return Course(part.iterations, optimizer, lambda: self._learned(field), self.runtime)
+
+    def _learned(self, field: VoxelField) -> dict[str, Tensor]:
+        background = {} if self.background is None else self.background.state_dict()
+        return prefixed("field", field.state_dict()) | prefixed("background", background)
+
+    def _train(self, part: Part, progress: Progress, unfinished: Unfinished | None) -> None:
+        level = self.recipe.levels[part.level]
+        whole = warm_exponential(10, 0.35, 0.1)
+
+        def schedule(iteration: int, _: int) -> float:
+            # a part after pruning warms up again, and goes on where the level's decay stood
+            return min(1.0, (iteration + 1) / 10) * whole(max(part.before + iteration, 10), level.iterations)
+
+        def step(_: int, batch_scale: float) -> tuple[Tensor, dict[str, float]]:
+            return self._step(part.level, level, batch_scale)
+
+        train(self._course, part.iterations, step, schedule, progress, unfinished)
+
+    def _step(self, number: int, level: Level, batch_scale: float) -> tuple[Tensor, dict[str, float]]:
+        n_rays = max(64, int(self._rays_per_batch * batch_scale))
+        batch = self._batch(number, level, n_rays)
+        if batch.n_samples:
+            share = self.first_share if number == 0 else 1.0
+            wanted = n_rays * share * self.recipe.samples / batch.n_samples
+            self._rays_per_batch = min(0.8 * self._rays_per_batch + 0.2 * wanted, self.recipe.max_rays)
+        self._loss_average += 0.05 * (float(batch.error.detach()) - self._loss_average)
+        return batch.loss, {"psnr": -10 * math.log10(max(self._loss_average, 1e-10))}
+
+    @torch.no_grad()
+    def _pruned(self) -> VoxelField:
+        """The field with only the cells that are dense enough and that some training ray sees."""
+        field = self.field
+        visibility = torch.zeros(field.occupied.numel(), device=self.runtime.device)
+        for _ in range(16):
+            index = self.bank.draw(8192, self.runtime)
+            samples = field.march(self.bank.rays(index), 1.0)
+            sigmas = field.density_at(*field.corners(samples.positions, all_occupied=True))
+            weights = ray_weights_from_sigmas(sigmas, samples.step, samples.ray_indices)
+            visibility.scatter_reduce_(0, field.cells(samples.positions), weights, "amax")
+        keep = (field.cell_alphas() > self.recipe.prune_alpha) & (
+            visibility[field.occupied.view(-1)] > self.recipe.prune_visibility
+        )
+        if not keep.any():
+            raise Diverged(
+                "The geometry stage found nothing solid in the scene.",
+                "Check the camera poses, or raise the iterations.",
+            )
+        return field.pruned(keep)
+
+    def _parts_of(self, level: int) -> list[Part]:
+        """The stretches between the cuts of a level; the first level has none."""
+        iterations = self.recipe.levels[level].iterations
+        marks = [0, *[int(iterations * cut) for cut in (self.cuts if level else ())], iterations]
+        return [Part(level, a, b - a) for a, b in itertools.pairwise(marks) if b > a]

@@ -1,0 +1,244 @@
+"""Fitting what lies in a box: an object alone, or on a table before a background far away.
+
+What makes it clean, by kind of background:
+- alpha: the matte supervises opacity over random backgrounds, and the first grid is the mattes' visual hull;
+- black, white: rays end at that color, and at a random one where the photo shows something else, which must then be
+  opaque: otherwise opacity and brightness trade off; half-transparent rays are punished;
+- opaque: the background is a function of direction that only rays through empty space may teach. Where no such ray
+  exists it is random, so that what stands there must become opaque; a ray's samples are drawn together.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from ...rendering.rays import PixelBank, Rays
+from ...rendering.volume import VISIBLE_WEIGHT, accumulate, ray_weights_from_sigmas, remainder_from_sigmas
+from ...runtime import Runtime
+from ...settings import GeometrySettings, Level
+from .field import Background, VoxelField
+from .fit import Batch, Fit
+
+AZIMUTH_BINS, ELEVATION_BINS = 36, 36
+OPAQUE_REACH = 1.2  # half-width of the box before a real background, in units of what a camera sees at the focus point
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """Packed result of one batch: ray_weights [S], the samples seen, their colors, remainder [R]."""
+
+    color: Tensor  # [R, 3], background left out
+    remainder: Tensor  # [R]
+    depth_variance: Tensor  # [R], world units squared
+    mean_alpha: Tensor  # []
+    n_samples: int
+
+
+def render_batch(field: VoxelField, rays: Rays, step: float, jitter: Tensor, diffuse: bool = False) -> Rendering:
+    """Differentiable rendering of a batch of rays."""
+    samples = field.march(rays, step, jitter)
+    rows, weights = field.corners(samples.positions, all_occupied=True)
+    sigmas = field.density_at(rows, weights)
+    ray_weights = ray_weights_from_sigmas(sigmas, samples.step, samples.ray_indices)
+    seen = torch.nonzero(ray_weights.detach() > VISIBLE_WEIGHT).squeeze(1)
+    ray_indices = samples.ray_indices[seen]
+    features = field.features_at(rows[seen], weights[seen], diffuse)
+    colors = field.color(samples.positions[seen], rays.viewdirs[ray_indices], features, diffuse)
+    # one pass over the seen samples for color, distance and its square
+    distances = samples.distances[seen, None]
+    sums = accumulate(ray_weights[seen], torch.cat([colors, distances, distances**2], 1), ray_indices, len(rays))
+    remainder = remainder_from_sigmas(sigmas, samples.step, samples.ray_indices, len(rays))
+    variance = sums[:, 4] - sums[:, 3] ** 2 / (1 - remainder).clamp_min(1e-6)
+    mean_alpha = -torch.expm1(-sigmas * samples.step).mean() if len(samples) else sigmas.sum()
+    return Rendering(sums[:, :3], remainder, variance, mean_alpha, len(samples))
+
+
+class BackgroundSupport:
+    """Which directions are seen through empty space by some training ray, in bins of 10 by 5 degrees."""
+
+    def __init__(self, device: torch.device) -> None:
+        self.seen = torch.zeros(AZIMUTH_BINS * ELEVATION_BINS, dtype=torch.bool, device=device)
+
+    def _bins(self, viewdirs: Tensor) -> Tensor:
+        azimuth = (torch.atan2(viewdirs[:, 1], viewdirs[:, 0]) / (2 * math.pi) + 0.5) * AZIMUTH_BINS
+        elevation = torch.acos(viewdirs[:, 2].clamp(-1, 1)) / math.pi * ELEVATION_BINS
+        return azimuth.long().clamp_max(AZIMUTH_BINS - 1) * ELEVATION_BINS + elevation.long().clamp_max(
+            ELEVATION_BINS - 1
+        )
+
+    def note(self, viewdirs: Tensor) -> None:
+        """Directions [n, 3] of rays that met no occupied cell."""
+        self.seen[self._bins(viewdirs)] = True
+
+    def supported(self, viewdirs: Tensor) -> Tensor:
+        """True for the directions in whose bin such a ray was seen, [n]."""
+        return self.seen[self._bins(viewdirs)]
+
+
+class BoxFit(Fit):
+    """The fit of what lies in a box round the cameras' focus point."""
+
+    cuts = (1 / 6, 1 / 2)
+    first_share = 0.5
+
+    def __init__(
+        self,
+        bank: PixelBank,
+        background_kind: str,
+        settings: GeometrySettings,
+        runtime: Runtime,
+        field: VoxelField,
+    ) -> None:
+        background = Background().to(runtime.device) if background_kind == "opaque" else None
+        super().__init__(bank, settings, runtime, field, background)
+        self.kind = background_kind
+        self._first_voxel = field.voxel
+        self._support = BackgroundSupport(runtime.device)  # learned from the second level on
+
+    def _begin_level(self, level: Level) -> None:
+        if self.background is not None:
+            self._learn_support(level)
+
+    def _own_tensors(self) -> dict[str, Tensor]:
+        return {"support": self._support.seen}
+
+    def _trained_networks(self, field: VoxelField) -> list:
+        return super()._trained_networks(field) + (
+            [] if self.background is None else list(self.background.parameters())
+        )
+
+    def _batch(self, number: int, level: Level, n_rays: int) -> Batch:
+        index = self.bank.draw(n_rays, self.runtime)
+        rays = self.bank.rays(index)
+        target = self.bank.color[index].float() / 255
+        rendering = render_batch(self.field, rays, level.step, self.runtime.rand(n_rays), diffuse=number == 0)
+        behind = self._behind(number, index, rays, rendering)
+        if self.bank.alpha is not None:
+            matte = self.bank.alpha[index].float()[:, None] / 255
+            target = target * matte + (1 - matte) * behind
+        error = ((rendering.color + rendering.remainder[:, None] * behind - target) ** 2).mean()
+        return Batch(error + self._regularization(number, rendering), error, rendering.n_samples)
+
+    def _behind(self, number: int, index: Tensor, rays: Rays, rendering: Rendering) -> Tensor:
+        """The color behind the ray of each pixel, [R, 3]."""
+        n_rays = len(rays)
+        if self.kind == "alpha":
+            return self.runtime.rand(n_rays, 3)
+        if self.background is None:
+            plain = torch.full((n_rays, 3), 1.0 if self.kind == "white" else 0.0, device=self.runtime.device)
+            return torch.where(self.bank.solid[index, None], self.runtime.rand(n_rays, 3), plain)
+        color = self.background(rays.viewdirs)
+        if number == 0:
+            return color
+        free = (rendering.remainder.detach() > 1 - 1e-6)[:, None]
+        known = self._support.supported(rays.viewdirs)[:, None]
+        color = torch.where(free, color, color.detach())
+        return torch.where(known | free, color, self.runtime.rand(n_rays, 3))
+
+    def _regularization(self, number: int, rendering: Rendering) -> Tensor:
+        settings, field = self.recipe, self.field
+        loss = settings.total_variation * (
+            self._total_variation(field.raw_density) + self._total_variation(field.feature_table)
+        )
+        if number == 0:
+            loss = loss + settings.sparsity * rendering.mean_alpha
+        if self.background is not None:
+            falling = settings.depth_variance * (1.0, 0.3, 0.1)[min(number, 2)]
+            loss = loss + falling * rendering.depth_variance.mean() / self._first_voxel**2
+        elif self.bank.alpha is None and number > 0:
+            opacity = (1 - rendering.remainder).clamp(1e-4, 1 - 1e-4)
+            entropy = -(opacity * opacity.log() + (1 - opacity) * (1 - opacity).log())
+            loss = loss + settings.opacity_entropy * entropy.mean()
+        return loss
+
+    def _total_variation(self, table: Tensor) -> Tensor:
+        """Mean squared difference of neighbors in table order (along z) over a random stretch of an eighth."""
+        length = max(2, len(table) // 8)
+        start = int(self.runtime.randint(len(table) - length + 1, 1))
+        part = table[start : start + length]
+        return ((part[1:] - part[:-1]) ** 2).mean()
+
+    @torch.no_grad()
+    def _learn_support(self, level: Level) -> None:
+        """Note which directions training rays see past every occupied cell."""
+        self._support = BackgroundSupport(self.runtime.device)
+        for _ in range(16):
+            rays = self.bank.rays(self.bank.draw(8192, self.runtime))
+            samples = self.field.march(rays, level.step)
+            free = torch.ones(len(rays), dtype=torch.bool, device=self.runtime.device)
+            free[samples.ray_indices] = False
+            self._support.note(rays.viewdirs[free])
+
+
+def focus_point(cameras) -> Tensor:
+    """The point nearest to all optical axes in the least-squares sense, [3] float64."""
+    poses = torch.stack([torch.from_numpy(c.camera_to_world) for c in cameras])
+    axes = -poses[:, :3, 2]
+    axes = nn.functional.normalize(axes, dim=1)
+    projectors = torch.eye(3, dtype=axes.dtype) - axes[:, :, None] * axes[:, None, :]
+    # parallel axes have no nearest point: a little pull to the cameras' middle keeps the system solvable
+    pull = 1e-6 * torch.eye(3, dtype=axes.dtype) * len(cameras)
+    right = (projectors @ poses[:, :3, 3, None]).sum(0)[:, 0] + pull @ poses[:, :3, 3].mean(0)
+    return torch.linalg.solve(projectors.sum(0) + pull, right)
+
+
+def start_box(cameras, reach: float) -> tuple[Tensor, float]:
+    """Center [3] and half-width of the first grid: `reach` times what a typical camera sees at the focus point."""
+    center = focus_point(cameras)
+    half_widths = [
+        float(torch.linalg.norm(torch.from_numpy(c.position) - center)) * max(c.width / c.fx, c.height / c.fy) / 2
+        for c in cameras
+    ]
+    return center, reach * sorted(half_widths)[len(half_widths) // 2]
+
+
+def visual_hull(bank: PixelBank, points: Tensor, margin: float) -> Tensor:
+    """True for points [n, 3] that at least half the views see, each with something within `margin` (world units)."""
+    possible = torch.ones(len(points), dtype=torch.bool, device=points.device)
+    n_seen = torch.zeros(len(points), dtype=torch.long, device=points.device)
+    for number, camera in enumerate(bank.cameras):
+        first, last = int(bank.first[number]), int(bank.first[number + 1])
+        matte = bank.alpha[first:last].view(1, 1, camera.height, camera.width) > 0
+        depth_of_middle = float(torch.linalg.norm(points.mean(0) - torch.from_numpy(camera.position).to(points)))
+        radius = max(1, math.ceil(margin * camera.fx / depth_of_middle))
+        matte = nn.functional.max_pool2d(matte.float(), 2 * radius + 1, stride=1, padding=radius)[0, 0] > 0
+        inverse = torch.from_numpy(camera.world_to_camera).to(points)
+        local = points @ inverse[:3, :3].T + inverse[:3, 3]
+        u = (camera.cx - camera.fx * local[:, 0] / local[:, 2]).floor().long()
+        v = (camera.cy + camera.fy * local[:, 1] / local[:, 2]).floor().long()
+        inside = (local[:, 2] < 0) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
+        possible &= ~inside | matte[v.clamp(0, camera.height - 1), u.clamp(0, camera.width - 1)]
+        n_seen += inside
+    return possible & (2 * n_seen >= len(bank.cameras))
+
+
+def start_box_fit(bank: PixelBank, background_kind: str, settings: GeometrySettings, runtime: Runtime) -> BoxFit:
+    """A fresh field in a box round the cameras' focus point, with everything in it possible."""
+    center, half_width = start_box(bank.cameras, OPAQUE_REACH if background_kind == "opaque" else 0.75)
+    n = settings.levels[0].voxels
+    if bank.alpha is not None:  # the mattes tell a tighter box
+        center, half_width = _matte_box(bank, center, half_width)
+    minimum = (center - half_width).float().to(runtime.device)
+    voxel = 2 * half_width / n
+    occupied = torch.ones(n, n, n, dtype=torch.bool, device=runtime.device)
+    if bank.alpha is not None:
+        points = minimum + (torch.nonzero(occupied) + 0.5) * voxel
+        occupied = visual_hull(bank, points, voxel).view(n, n, n)
+    return BoxFit(bank, background_kind, settings, runtime, VoxelField(minimum, voxel, occupied, settings.features))
+
+
+def _matte_box(bank: PixelBank, center: Tensor, half_width: float) -> tuple[Tensor, float]:
+    """A box round the mattes' visual hull, looked for in a generous one."""
+    n, wide = 48, half_width * 1.8
+    grid = torch.stack(torch.meshgrid(*[torch.arange(n)] * 3, indexing="ij"), -1).view(-1, 3)
+    voxel = 2 * wide / n
+    points = ((center - wide) + (grid + 0.5) * voxel).float().to(bank.color.device)
+    inside = points[visual_hull(bank, points, voxel)]
+    if len(inside) == 0:
+        return center, half_width
+    low, high = inside.amin(0).cpu().double() - voxel, inside.amax(0).cpu().double() + voxel
+    return (low + high) / 2, float((high - low).max()) / 2

@@ -1,0 +1,184 @@
+"""Training the two KaRF fields on surface samples of the frozen scene (paper, Sec. 4.3).
+
+Losses are means over rays (or points) and sums over channels, which keeps the ratio of the paper's lambdas.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from ..fields.scene import Field
+from ..progress import Progress
+from ..rendering.surface_cache import SurfaceCache
+from ..runtime import Runtime
+from ..settings import HeadSettings, RecoloringSettings, SegmentationSettings
+from ..training.course import Course
+from ..training.loop import Schedule, Step, constant, train, warm_cosine
+from ..training.unfinished import Unfinished
+from .fields import RecoloringField, SegmentationField
+from .rendering import features_of, render_classes, render_weights
+
+WARMUP = 20  # iterations
+NEAR_SHARE, OBJECT_SHARE = 0.4, 0.4  # of a batch; the rest comes from anywhere
+
+
+def fit_on_points(
+    karf: SegmentationField,
+    scene_field: Field,
+    positions: Tensor,
+    classes: Tensor,
+    certainty: Tensor,
+    near: Tensor,
+    settings: SegmentationSettings,
+    runtime: Runtime,
+    progress: Progress,
+    unfinished: Unfinished | None = None,
+) -> None:
+    """Train F_s by cross-entropy on labelled surface points.
+
+    positions: [p, 3]. classes: [p] in 0..K. certainty: [p] in [0, 1], the chance to be drawn. near: [p] bool, background
+    points near an object, where the border is decided.
+    """
+    features = scene_field.features(positions)
+    karf.standardizer.fit(features)
+    pools = [_pool(certainty * (classes == k)) for k in range(1, int(classes.max()) + 1)]
+    near_pool, any_pool = _pool(certainty * (near & (classes == 0))), _pool(certainty)
+    n_near = int(settings.batch * NEAR_SHARE)
+    n_object = int(settings.batch * OBJECT_SHARE) // max(len(pools), 1)
+    optimizer = torch.optim.Adam(karf.parameters(), lr=settings.rate)
+
+    def step(_: int, scale: float) -> tuple[Tensor, dict[str, float]]:
+        parts = [_draw(pool, int(n_object * scale) + 1, runtime) for pool in pools]
+        parts += [_draw(near_pool, int(n_near * scale) + 1, runtime)]
+        parts += [_draw(any_pool, max(1, int(settings.batch // 5 * scale)), runtime)]
+        index = torch.cat(parts)
+        loss = torch.nn.functional.cross_entropy(karf.logits(positions[index], features[index]), classes[index])
+        return loss, {"loss": float(loss.detach())}
+
+    course = Course(settings.iterations, optimizer, karf.state_dict, runtime)
+    _learn(course, step, _schedule(settings, 0.05), progress, unfinished)
+
+
+def fit_on_rays(
+    karf: SegmentationField,
+    scene_field: Field,
+    cache: SurfaceCache,
+    targets: Tensor,
+    settings: SegmentationSettings,
+    runtime: Runtime,
+    progress: Progress,
+    unfinished: Unfinished | None = None,
+) -> None:
+    """Train F_s by the paper's Eq. 12: cross-entropy between rendered probabilities and the masks as given.
+
+    targets: [n, K+1] votes of each cached ray (see labels.seeds). A ray whose votes allow several classes is only asked
+    to be one of them. A third of each batch comes from inside the masks, so that small objects do not vanish.
+    """
+    flat = cache.positions.view(-1, 3)
+    karf.standardizer.fit(scene_field.features(flat[:: max(1, len(flat) // 65536)]))
+    inside = _pool((targets[:, 1:].sum(1) > 0.99).float())
+    optimizer = torch.optim.Adam(karf.parameters(), lr=settings.rate)
+
+    def step(_: int, scale: float) -> tuple[Tensor, dict[str, float]]:
+        count = max(16, int(settings.batch * scale))
+        index = torch.cat([_draw(inside, count // 3, runtime), runtime.randint(len(cache), count - count // 3)])
+        positions = cache.positions[index]
+        features = features_of(scene_field, positions)
+        probabilities = render_classes(karf, positions, features, cache.opacity[index])
+        allowed = (probabilities * (targets[index] > 0)).sum(1)
+        loss = -allowed.clamp_min(1e-6).log().mean()
+        return loss, {"loss": float(loss.detach())}
+
+    course = Course(settings.iterations, optimizer, karf.state_dict, runtime)
+    _learn(course, step, _schedule(settings, 0.05), progress, unfinished)
+
+
+@dataclass(frozen=True)
+class ObjectRays:
+    """Rays of segmented objects with their quantile samples: what F_w learns from.
+
+    positions [n, K, 3], viewdirs [n, 3], colors [n, 3] of the photo, view [n] its number among the cached ones, block
+    [n] (which palette), weights [n, M] over it, supervised [n] bool: whether Eq. 13 asks this ray for
+    its weights, which are 0 elsewhere.
+    """
+
+    positions: Tensor
+    viewdirs: Tensor
+    colors: Tensor
+    view: Tensor
+    block: Tensor
+    weights: Tensor
+    supervised: Tensor
+
+
+def fit_recoloring(
+    karf: RecoloringField,
+    scene_field: Field,
+    rays: ObjectRays,
+    palettes: Tensor,
+    settings: RecoloringSettings,
+    runtime: Runtime,
+    progress: Progress,
+    unfinished: Unfinished | None = None,
+) -> Tensor:
+    """Train F_w by Eq. 14 with lambda_Edit = 1; returns the learned palettes [blocks, M, 3].
+
+    In the last share of the iterations the palettes are learned too; black (entry 0) stays.
+    """
+    some = slice(None, None, max(1, len(rays.colors) // 65536))
+    middle = rays.positions.shape[1] // 2
+    karf.standardizer.fit(scene_field.features(rays.positions[some, middle]))
+    learned = palettes.clone().requires_grad_(True)
+    groups = [
+        {"params": list(karf.parameters()), "lr": settings.rate},
+        {"params": [learned], "lr": settings.palette_rate},
+    ]
+    optimizer = torch.optim.Adam(groups)
+    first_palette_iteration = int(settings.iterations * (1 - settings.palette_share))
+
+    def step(iteration: int, scale: float) -> tuple[Tensor, dict[str, float]]:
+        index = runtime.randint(len(rays.colors), max(16, int(settings.batch * scale)))
+        block = rays.block[index]
+        all_weights = render_weights(karf, scene_field, rays.positions[index], rays.viewdirs[index])
+        weights = all_weights[torch.arange(len(index), device=index.device), block]  # [n, M]
+        colors = learned if iteration >= first_palette_iteration else palettes
+        # black stays black and no color leaves [0, 1]
+        colors = torch.cat([palettes[:, :1], colors[:, 1:].clamp(0, 1)], 1)
+        mixed = torch.einsum("nm,nmc->nc", weights, colors[block])
+        palette_loss = ((mixed - rays.colors[index]) ** 2).sum(1).mean()
+        asked = rays.supervised[index]
+        weight_loss = (((weights - rays.weights[index]) ** 2).sum(1) * asked).sum() / asked.sum().clamp_min(1)
+        loss = settings.palette_loss * palette_loss + settings.weight_loss * weight_loss
+        return loss, {"palette": float(palette_loss.detach()), "weight": float(weight_loss.detach())}
+
+    course = Course(settings.iterations, optimizer, lambda: karf.state_dict() | {"palettes": learned.detach()}, runtime)
+    _learn(course, step, _schedule(settings, 0.02), progress, unfinished)
+    return torch.cat([palettes[:, :1], learned.detach()[:, 1:].clamp(0, 1)], 1)
+
+
+def _learn(course: Course, step: Step, schedule: Schedule, progress: Progress, unfinished: Unfinished | None) -> None:
+    """Run the whole course, or what is left of it."""
+    if unfinished is not None:
+        unfinished.follow(course, progress)
+    train(course, course.iterations, step, schedule, progress, unfinished)
+
+
+def _schedule(settings: HeadSettings, floor: float) -> Schedule:
+    """The learning rate's factor over time; floor: of the cosine."""
+    return constant if settings.schedule == "constant" else warm_cosine(WARMUP, floor)
+
+
+def _pool(chance: Tensor) -> Tensor:
+    """Running sum of chances [p], for `_draw`; empty where nothing can be drawn."""
+    total = torch.cumsum(chance.double(), 0)
+    return total if len(total) and float(total[-1]) > 0 else total[:0]
+
+
+def _draw(pool: Tensor, count: int, runtime: Runtime) -> Tensor:
+    """`count` indices in proportion to the chances of a pool."""
+    if len(pool) == 0:
+        return torch.zeros(0, dtype=torch.long, device=pool.device)
+    return torch.searchsorted(pool, runtime.rand(count).double() * pool[-1]).clamp_max(len(pool) - 1)

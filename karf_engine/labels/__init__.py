@@ -1,1 +1,0 @@
-"""Coarse masks to clean labels on surface points."""

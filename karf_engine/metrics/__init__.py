@@ -1,0 +1,1 @@
+"""Figures against a known truth, and of views against each other."""

@@ -1,0 +1,155 @@
+"""Held-out figures of a project against known truth: pictures, masks, palettes and edits.
+
+All figures are means over views; colors are sRGB in [0, 1]; masks bool [H, W].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..color import hue_shift
+from .images import accuracy, iou, iou_border_excluded, mean_ciede2000, mse_outside, psnr, ssim
+
+MIN_PIXELS = 60  # views that show less of an object say nothing about its mask
+
+
+@dataclass(frozen=True)
+class MaskScore:
+    """Means over views that show the object, the worst view, and the IoU of the pixels of all these views together."""
+
+    iou: float
+    iou_border_excluded: float
+    worst: float
+    accuracy: float
+    pooled: float
+
+
+def score_masks(predicted: list[np.ndarray], truth: list[np.ndarray]) -> MaskScore:
+    """IoU of one object's masks, view by view; the second figure leaves the truth's +-1 px border out.
+
+    Raises ValueError where no view shows the object.
+    """
+    pairs = [(p, t) for p, t in zip(predicted, truth, strict=True) if t.sum() >= MIN_PIXELS]
+    if not pairs:
+        raise ValueError(f"no view shows {MIN_PIXELS} pixels of the object")
+    values = [iou(p, t) for p, t in pairs]
+    inner = [iou_border_excluded(p, t) for p, t in pairs]
+    accuracies = [accuracy(p, t) for p, t in pairs]
+    pooled = iou(*(np.concatenate([mask.ravel() for mask in side]) for side in zip(*pairs, strict=True)))
+    return MaskScore(*map(float, (np.mean(values), np.mean(inner), np.min(values), np.mean(accuracies), pooled)))
+
+
+def palette_picture(palette_weights: np.ndarray, probabilities: np.ndarray, palettes: np.ndarray) -> np.ndarray:
+    """The objects as their palettes mix them, W P / probability, for each object [K, H, W, 3].
+
+    palette_weights: [K, M, H, W]; probabilities: [K, H, W]; palettes: [K, M, 3].
+    """
+    mixed = np.einsum("kmhw,kmc->khwc", palette_weights.astype(np.float32), palettes)
+    return np.clip(mixed / np.maximum(probabilities, 1e-4)[..., None], 0, 1)
+
+
+@dataclass(frozen=True)
+class PaletteScore:
+    """How well palettes alone show the objects: the whole frame on black, and inside the objects."""
+
+    psnr_frame: float
+    ssim_frame: float
+    psnr_object: float
+    ssim_object: float
+
+
+def score_palettes(
+    palette_weights: list[np.ndarray],
+    probabilities: list[np.ndarray],
+    palettes: np.ndarray,
+    photos: list[np.ndarray],
+    object_masks: list[np.ndarray],
+) -> PaletteScore:
+    """Judge the objects as their palettes mix them, W P, against the photos.
+
+    In the frame all else is black, as in the paper's segmented scene; inside the true masks each object is shown as if
+    it filled its pixels. For each view: palette_weights [K, M, H, W], probabilities [K, H, W], photo [H, W, 3],
+    object_masks bool [K, H, W]. palettes: [K, M, 3].
+    """
+    rows = []
+    for weights, chances, photo, masks in zip(palette_weights, probabilities, photos, object_masks, strict=True):
+        inside = masks.any(0)
+        truth = np.where(inside[..., None], photo, 0)
+        frame = np.clip(np.einsum("kmhw,kmc->hwc", weights.astype(np.float32), palettes), 0, 1)
+        mixed = palette_picture(weights, chances, palettes)
+        shown = (mixed * masks[..., None]).sum(0)
+        rows.append([psnr(frame, truth), ssim(frame, truth), psnr(shown, truth, inside), ssim(shown, truth, inside)])
+    return PaletteScore(*np.mean(rows, 0).tolist())
+
+
+@dataclass(frozen=True)
+class RecolorScore:
+    """Against the true recolor: mean CIEDE2000 inside the edited objects, and PSNR. Against the photo: MSE outside."""
+
+    ciede2000: float
+    psnr: float
+    mse_outside: float
+
+
+def score_recolor(
+    recolored: list[np.ndarray], truths: list[np.ndarray], photos: list[np.ndarray], insides: list[np.ndarray]
+) -> RecolorScore:
+    """Judge recolored views; insides: true masks of all edited objects together."""
+    rows = [
+        [mean_ciede2000(ours, truth, inside), psnr(ours, truth), mse_outside(ours, photo, inside)]
+        for ours, truth, photo, inside in zip(recolored, truths, photos, insides, strict=True)
+    ]
+    return RecolorScore(*np.mean(rows, 0).tolist())
+
+
+def hue_shifted(
+    photo: np.ndarray, masks: dict[str, np.ndarray], pairs: dict[str, tuple[np.ndarray, np.ndarray]]
+) -> np.ndarray:
+    """The photo with each object's own hue shift inside its mask; pairs: object -> (source, target)."""
+    result = photo.copy()
+    for name, mask in masks.items():
+        result[mask] = hue_shift(photo, *pairs[name])[mask]
+    return result
+
+
+@dataclass(frozen=True)
+class EditScore:
+    """Mean CIEDE2000 inside the edited objects against the true recolor, and of what one would do without us.
+
+    hue_shift: of the whole picture; hue_shift_in_true_mask has the same color inside, and nothing outside.
+    """
+
+    ours: float
+    no_edit: float
+    hue_shift: float
+    hue_shift_in_true_mask: float
+    mse_outside: float
+    psnr: float
+
+
+def score_edit(
+    photos: list[np.ndarray],
+    recolored: list[np.ndarray],
+    truths: list[np.ndarray],
+    object_masks: list[dict[str, np.ndarray]],
+    pairs: dict[str, tuple[np.ndarray, np.ndarray]],
+) -> EditScore:
+    """Judge one edit. object_masks: per view the true masks of the edited objects; pairs: object -> (source, target).
+
+    The global hue shift knows one color pair, the first object's; inside the true masks each object gets its own.
+    """
+    first_pair = next(iter(pairs.values()))
+    insides = [np.any(list(masks.values()), 0) for masks in object_masks]
+    shifted = [hue_shift(photo, *first_pair) for photo in photos]
+    masked = [hue_shifted(photo, masks, pairs) for photo, masks in zip(photos, object_masks, strict=True)]
+    ours, *others = (score_recolor(views, truths, photos, insides) for views in (recolored, photos, shifted, masked))
+    return EditScore(ours.ciede2000, *(other.ciede2000 for other in others), ours.mse_outside, ours.psnr)
+
+
+def score_pictures(rendered: list[np.ndarray], photos: list[np.ndarray]) -> dict[str, float]:
+    """PSNR mean and worst, SSIM mean."""
+    values = [psnr(a, b) for a, b in zip(rendered, photos, strict=True)]
+    similarity = [ssim(a, b) for a, b in zip(rendered, photos, strict=True)]
+    return {"psnr": float(np.mean(values)), "worst": float(np.min(values)), "ssim": float(np.mean(similarity))}

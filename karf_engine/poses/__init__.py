@@ -1,0 +1,1 @@
+"""Camera poses and sparse points from photos, and frames from videos."""

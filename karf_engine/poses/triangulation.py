@@ -1,0 +1,148 @@
+"""Sparse points of photos whose cameras are known: features, their matches between neighboring photos, triangulation.
+
+All by COLMAP (Schönberger and Frahm 2016) through pycolmap, in a child process; the cameras stay as they are.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..capture.camera import Camera
+from ..capture.capture import SparsePoints
+from ..images import write_png
+from ..plates import Plate
+from ..progress import Progress
+from .child import child_messages
+from .work_folder import work_folder
+
+MAX_FEATURES = 2500  # a photo
+NEIGHBORS = 10  # photos that each photo is matched with
+TURN = 2.0  # how much a turned view counts as far, against a camera at the rig's typical distance
+
+
+@dataclass(frozen=True)
+class _Task:
+    """folder: holds `names` as pictures, taken by `cameras`."""
+
+    folder: Path
+    names: list[str]
+    cameras: list[Camera]
+    threads: int
+
+    @property
+    def database(self) -> Path:
+        return self.folder / "features.db"
+
+
+def triangulate(plates: list[Plate], threads: int, progress: Progress) -> SparsePoints:
+    """Points that at least two of the plates share; `view` numbers the plates, pixels and errors are of their size.
+
+    progress: gets one step a plate. Raises KarfError where pycolmap fails, and what progress raises.
+    """
+    with work_folder(Path(tempfile.gettempdir()), "karf-points-") as folder:
+        task = _Task(folder, [f"{n:05d}.png" for n in range(len(plates))], [p.camera for p in plates], threads)
+        for photo, plate in zip(task.names, plates, strict=True):
+            write_png(task.folder / photo, plate.color)
+        with child_messages("pycolmap", _find, task) as messages:
+            for kind, found in messages:  # noqa: B007, the last one is the result
+                progress.step(int(kind == "photo"))
+    return found
+
+
+# ---------------------------------------------------------------------------------------------------------- the child
+def _find(send: Callable[..., None], task: _Task) -> SparsePoints:
+    import pycolmap
+
+    pycolmap.logging.minloglevel = pycolmap.logging.FATAL.value
+    for name in task.names:
+        _extract(pycolmap, task, name)
+        send("photo")
+    _set_cameras(pycolmap, task)
+    _match(pycolmap, task)
+    options = pycolmap.IncrementalPipelineOptions(num_threads=task.threads)
+    out = task.folder / "points"
+    out.mkdir()
+    model = _posed_model(pycolmap, task)
+    return _sparse_points(pycolmap.triangulate_points(model, task.database, task.folder, out, options=options))
+
+
+def _extract(pycolmap: Any, task: _Task, name: str) -> None:
+    options = pycolmap.FeatureExtractionOptions(num_threads=task.threads, use_gpu=False)
+    options.sift.max_num_features = MAX_FEATURES
+    options.sift.peak_threshold = 0.003  # photos of some hundred pixels have faint features only
+    pycolmap.extract_features(
+        task.database,
+        task.folder,
+        [name],
+        pycolmap.CameraMode.PER_IMAGE,
+        pycolmap.ImageReaderOptions(camera_model="PINHOLE"),
+        options,
+        pycolmap.Device.cpu,
+    )
+
+
+def _set_cameras(pycolmap: Any, task: _Task) -> None:
+    with pycolmap.Database.open(task.database) as content:
+        for name, camera in zip(task.names, task.cameras, strict=True):
+            stored = content.read_camera(content.read_image_with_name(name).camera_id)
+            stored.params = [camera.fx, camera.fy, camera.cx, camera.cy]
+            content.update_camera(stored)
+
+
+def _match(pycolmap: Any, task: _Task) -> None:
+    pairs = task.folder / "pairs.txt"
+    pairs.write_text("\n".join(f"{task.names[a]} {task.names[b]}" for a, b in neighbor_pairs(task.cameras)))
+    pycolmap.match_image_pairs(
+        task.database,
+        pycolmap.FeatureMatchingOptions(num_threads=task.threads, use_gpu=False),
+        pycolmap.ImportedPairingOptions(match_list_path=str(pairs)),
+        device=pycolmap.Device.cpu,
+    )
+
+
+def neighbor_pairs(cameras: list[Camera]) -> list[tuple[int, int]]:
+    """Pairs of cameras (a < b) that stand near each other and look the same way, about NEIGHBORS for each."""
+    positions = np.stack([camera.position for camera in cameras])
+    axes = np.stack([-camera.camera_to_world[:3, 2] for camera in cameras])
+    size = np.median(np.linalg.norm(positions - positions.mean(0), axis=1)) + 1e-12
+    away = np.linalg.norm(positions[:, None] - positions, axis=2) / size + TURN * (1 - axes @ axes.T)
+    nearest = away.argsort(1)[:, 1 : NEIGHBORS + 1]
+    return sorted({(min(a, int(b)), max(a, int(b))) for a, row in enumerate(nearest) for b in row})
+
+
+def _posed_model(pycolmap: Any, task: _Task) -> Any:
+    """A COLMAP model of the photos at their poses (COLMAP's cameras look down +z, y is down)."""
+    model = pycolmap.Reconstruction()
+    with pycolmap.Database.open(task.database) as content:
+        for camera in content.read_all_cameras():
+            model.add_camera_with_trivial_rig(camera)
+        for image in content.read_all_images():
+            pose = np.diag([1.0, -1, -1, 1]) @ task.cameras[int(image.name[:-4])].world_to_camera
+            bare = pycolmap.Image(name=image.name, camera_id=image.camera_id, image_id=image.image_id)
+            model.add_image_with_trivial_frame(bare, pycolmap.Rigid3d(pose[:3]))
+    return model
+
+
+def _sparse_points(model: Any) -> SparsePoints:
+    number = {point_id: n for n, point_id in enumerate(model.points3D)}
+    points = list(model.points3D.values())
+    seen = [
+        (int(image.name[:-4]), number[feature.point3D_id], *feature.xy)
+        for image in model.images.values()
+        for feature in image.get_observation_points2D()
+    ]
+    view, point, *pixels = np.array(seen, np.float64).reshape(-1, 4).T
+    return SparsePoints(
+        positions=np.array([p.xyz for p in points], np.float64).reshape(-1, 3),
+        colors=np.array([p.color for p in points], np.uint8).reshape(-1, 3),
+        errors=np.array([p.error for p in points], np.float32),
+        view=view.astype(np.int32),
+        point=point.astype(np.int32),
+        pixels=np.stack(pixels, 1).astype(np.float32),
+    )

@@ -1,0 +1,133 @@
+"""Coarse masks on disk: MASKS/<object>/<photo stem>.png, checked against the capture.
+
+Photos of several cameras lie in subfolders, and masks may lie in the same: MASKS/<object>/cam1/0001.png.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..capture.capture import Capture, View
+from ..capture.image_size import MOST_PHOTO_BYTES
+from ..errors import DataError
+from ..files import atomic_write
+from ..images import read_mask, resize
+from ..inputs import check_file
+from ..names import file_name, is_file_name
+from ..plates import Plate, undistort
+
+SUFFIXES = (".png", ".jpg", ".jpeg", ".webp")
+LAYOUT_HINT = "Lay masks out as MASKS/<object>/<photo stem>.png, as large as the photo."
+
+
+@dataclass(frozen=True)
+class CoarseMask:
+    """One object's rough mask in one training view. `path` is the file as the user gave it."""
+
+    object_name: str
+    view: View
+    path: Path
+
+
+def find_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
+    """The masks below a folder, sorted by object and view.
+
+    A mask is named after its photo's stem, or the view's name where stems repeat, or lies in the photo's subfolder.
+    Raises DataError where there is none, where a name fits no training photo or several, where it is no file, or where
+    an object is called `background`, or what no file can be called.
+    """
+    if not folder.is_dir():
+        raise DataError(f"{folder} is no folder of masks.", LAYOUT_HINT)
+    objects = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
+    masks = [mask for path in objects for mask in _object_masks(path, capture)]
+    if not masks:
+        raise DataError(f"{folder} holds no masks.", LAYOUT_HINT)
+    return masks
+
+
+def _object_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
+    if folder.name.lower() == "background":
+        raise DataError(f"{folder} names an object 'background', which is what no mask covers.", "Rename the folder.")
+    if not is_file_name(folder.name):
+        raise DataError(f"{folder} names an object as no file can be called on every system.", "Rename the folder.")
+    files = _mask_files(folder)
+    if not files:
+        raise DataError(f"{folder} holds no mask of the object {folder.name!r}.", LAYOUT_HINT)
+    for path in files:
+        check_file(path, MOST_PHOTO_BYTES)
+    masks = [CoarseMask(folder.name, _view_of(path, path.relative_to(folder), capture), path) for path in files]
+    for first, second in itertools.pairwise(sorted(masks, key=lambda mask: mask.view.name)):
+        if first.view.name == second.view.name:
+            raise DataError(f"{first.path} and {second.path} mark the same photo.", "Keep one of them.")
+    return masks
+
+
+def _mask_files(folder: Path) -> list[Path]:
+    """All that is named like a picture below a folder, in order; hidden files are not looked at."""
+    found = []
+    for place, folders, names in os.walk(folder):
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        found += [Path(place, name) for name in names if not name.startswith(".")]
+    return sorted(path for path in found if path.suffix.lower() in SUFFIXES)
+
+
+def _view_of(path: Path, below: Path, capture: Capture) -> View:
+    """The training view that a mask marks; below: its path in the object's folder."""
+    training = [view for view in capture.split("train") if _fits(below, view)]
+    named = [view for view in training if view.name == file_name(below.stem)]
+    if named or len(training) == 1:
+        return (named or training)[0]
+    if training:
+        raise DataError(
+            f"{path} fits {len(training)} photos, the views {', '.join(view.name for view in training[:3])}.",
+            "Name it after its view, or lay masks out in the photos' subfolders.",
+        )
+    if any(_fits(below, view) for view in capture.views):
+        raise DataError(f"{path} marks a photo that is held out for testing.", "Mark a training photo instead.")
+    first = next(iter(capture.split("train")), None)
+    raise DataError(f"{path} is named after no training photo.", f"The first one is {first.stem!r}." if first else "")
+
+
+def _fits(below: Path, view: View) -> bool:
+    """Whether a mask's path in its object's folder can mean this view: by the photo's subfolders, else by name."""
+    stem = file_name(below.stem)
+    if len(below.parts) == 1:
+        return stem in (view.name, view.stem)
+    folders = below.parts[:-1]
+    return view.image is not None and stem == view.stem and view.image.parts[:-1][-len(folders) :] == folders
+
+
+def load_mask(mask: CoarseMask, plate: Plate) -> np.ndarray:
+    """The mask at the plate's working size, bool [H, W].
+
+    Raises DataError where its size is neither the photo's nor the working size, or where it marks nothing.
+    """
+    found = read_mask(mask.path)
+    height, width = found.shape
+    stored, working = mask.view.camera, plate.camera
+    if (width, height) == (stored.width, stored.height):
+        values = found.astype(np.float32)[..., None]
+        if not stored.is_pinhole:
+            values, _, _ = undistort(values, stored)
+        found = resize(values, working.width, working.height)[..., 0] >= 0.5
+    elif (width, height) != (working.width, working.height):
+        raise DataError(
+            f"{mask.path} is {width}x{height} pixels where its photo has {stored.width}x{stored.height}.",
+            "Save the mask at the photo's size.",
+        )
+    if not found.any():
+        raise DataError(f"{mask.path} marks nothing of {mask.object_name!r}.", "Paint the object white.")
+    return found
+
+
+def copy_masks(masks: list[CoarseMask], folder: Path) -> None:
+    """Copy the masks into a folder, laid out as <object>/<view's name>.png (or as the mask's own format)."""
+    for mask in masks:
+        target = folder / mask.object_name / f"{mask.view.name}{mask.path.suffix}"
+        atomic_write(target, lambda temporary, source=mask.path: shutil.copyfile(source, temporary))
