@@ -10,13 +10,14 @@ import numpy as np
 from ..edit.palette import Palette, write_palettes
 from ..errors import DataError
 from ..files import atomic_write
+from ..heads.files import load_surface
 from ..palette.hull import cell_support, color_cells, extract_palette
 from ..palette.star_weights import star_weights
 from ..progress import Emit
 from ..settings import PaletteSettings
 from ..wire import Request
 from .job import Job, open_job, run_stage
-from .segmentation import MIN_SURE_PIXELS, load_surface
+from .segmentation import MIN_SURE_PIXELS
 
 VERSION = 1
 
@@ -40,9 +41,9 @@ def object_pixels(job: Job) -> tuple[list[str], list[list[np.ndarray]]]:
 
     Raises DataError where an object shows too few pixels to speak of a palette.
     """
-    tensors, objects = load_surface(job)
-    colors = tensors["colors"].numpy().astype(np.float32) / 255
-    owner, view, sure = (tensors[name].numpy() for name in ("object", "view", "sure"))
+    surface, objects = load_surface(job.project.checked(job.project.surface_file))
+    colors = surface.colors.numpy().astype(np.float32) / 255
+    owner, view, sure = surface.object.numpy(), surface.view.numpy(), surface.sure.numpy()
     pixels = []
     for k, name in enumerate(objects):
         chosen = (owner == k) & sure

@@ -2,30 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from ..checkpoints import load_tensors, restoring, save_tensors
 from ..edit.compositing import stack_palettes
 from ..edit.palette import Palette, read_palettes, write_palettes
 from ..errors import DataError
 from ..fields.scene import Field, Scene
 from ..heads.fields import RecoloringField
+from ..heads.files import load_segmentation, load_surface, save_recoloring
 from ..heads.fit import ObjectRays, fit_recoloring
 from ..palette.loco_weights import loco_weights
 from ..palette.star_weights import star_weights
 from ..progress import Emit
-from ..settings import RecoloringSettings, from_dict, to_dict
 from ..wire import Request
 from .job import Job, open_job, run_stage
 from .palette import object_pixels, write_object_colors
-from .segmentation import load_segmentation, load_surface, view_names
+from .segmentation import view_names
 
 VERSION = 1
-SCHEMA = "karf-recoloring/1"
 
 
 def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
@@ -35,7 +33,8 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         if run is None:
             return
         scene = Scene.load(job.project.checked(job.project.geometry_file), job.runtime.device)
-        segmentation, objects = load_segmentation(job, scene.field.n_features)
+        path = job.project.checked(job.project.segmentation_file)
+        segmentation, objects = load_segmentation(path, scene.field.n_features, job.runtime.device)
         initial = palettes_of(job, objects, "initial")
         blocks = initial[:1] if job.settings.palette.shared else initial
         sizes = [len(palette.colors) for palette in blocks]
@@ -54,8 +53,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
             progress,
             run.unfinished,
         )
-        facts = {"sizes": sizes, "settings": to_dict(settings)}
-        save_tensors(run.output(job.project.recoloring_file), karf.state_dict(), SCHEMA, facts)
+        save_recoloring(run.output(job.project.recoloring_file), karf, sizes, settings)
         palettes = _learned_palettes(initial, learned.cpu().numpy(), sizes)
         write_palettes(run.output(job.project.palette_file), palettes, job.settings.palette.shared, initial)
         write_object_colors(run.output(job.project.object_colors_file), palettes, object_pixels(job)[1])
@@ -84,12 +82,12 @@ def palettes_of(job: Job, objects: list[str], which: str = "colors") -> list[Pal
 
 def object_rays(job: Job, scene_field: Field, blocks: list[Palette]) -> ObjectRays:
     """The rays well inside the objects, with the weights of their photo colors over the objects' palettes."""
-    tensors, _ = load_surface(job, job.runtime.device)
+    surface, _ = load_surface(job.project.checked(job.project.surface_file), job.runtime.device)
     settings = job.settings.recoloring
-    sure = tensors["sure"]
-    positions, view = tensors["positions"][sure], tensors["view"][sure].long()
-    colors = tensors["colors"][sure].float() / 255
-    block = tensors["object"][sure].long() * (len(blocks) > 1)
+    sure = surface.sure
+    positions, view = surface.positions[sure], surface.view[sure].long()
+    colors = surface.colors[sure].float() / 255
+    block = surface.object[sure].long() * (len(blocks) > 1)
     supervised = torch.ones_like(block, dtype=torch.bool)
     if settings.supervision == "reference":
         supervised = torch.isin(view, _reference_views(job).to(colors.device))
@@ -102,7 +100,7 @@ def object_rays(job: Job, scene_field: Field, blocks: list[Palette]) -> ObjectRa
         else:
             found = star_weights(colors[own].cpu().numpy(), palette.colors)
         weights[own, : found.shape[1]] = torch.from_numpy(found).to(colors.device)
-    return ObjectRays(positions, tensors["viewdirs"][sure], colors, view, block, weights, supervised)
+    return ObjectRays(positions, surface.viewdirs[sure], colors, view, block, weights, supervised)
 
 
 def _loco_weights(
@@ -140,20 +138,3 @@ def _learned_palettes(initial: list[Palette], learned: np.ndarray, sizes: list[i
         block = k if len(sizes) > 1 else 0
         palettes.append(Palette(palette.name, learned[block, : sizes[block]].astype(np.float32)))
     return palettes
-
-
-def load_recoloring(job: Job, bounds: Tensor, n_features: int, palettes: Sequence[Palette]) -> RecoloringField:
-    """F_w of the project. bounds: those of F_s, [2, 3]. palettes: that it was learned for.
-
-    Raises DataError where the file is damaged or belongs to others.
-    """
-    path = job.project.checked(job.project.recoloring_file)
-    tensors, facts = load_tensors(path, SCHEMA, job.runtime.device)
-    with restoring(path):
-        sizes, own = facts["sizes"], [len(palette.colors) for palette in palettes]
-        if sizes != own and sizes * len(own) != own:  # one block may serve all
-            raise ValueError(f"palettes of {sizes} colors instead of {own}")
-        settings = from_dict(facts["settings"], RecoloringSettings)
-        karf = RecoloringField(bounds, n_features, sizes, settings).to(job.runtime.device)
-        karf.load_state_dict(tensors)
-    return karf.requires_grad_(False)

@@ -32,6 +32,7 @@ from ..errors import BadRequest, DataError
 from ..fields.scene import Picture, Scene
 from ..files import atomic_write
 from ..heads.fields import RecoloringField, SegmentationField
+from ..heads.files import load_recoloring, load_segmentation
 from ..heads.rendering import ObjectSamples, object_samples, segment_cache, weigh_cache
 from ..images import write_png
 from ..locking import consistent, opened, writing
@@ -40,8 +41,7 @@ from ..plates import Plate
 from ..progress import Emit
 from ..wire import Request
 from .job import Job, open_job
-from .recoloring import load_recoloring, palettes_of
-from .segmentation import load_segmentation
+from .recoloring import palettes_of
 
 BASES = {"delta": "photo", "paper": "render"}  # what an edit of a captured view changes, where nothing is said
 MASK_SAMPLES, WEIGHT_SAMPLES = 3, 8  # quantile samples a ray: colors need more of them than classes
@@ -75,11 +75,13 @@ class Renderer:
         self.segmentation: SegmentationField | None = None
         self.recoloring: RecoloringField | None = None
         if job.project.finished("segmentation"):
-            self.segmentation, self.objects = load_segmentation(job, self.scene.field.n_features)
+            path = job.project.checked(job.project.segmentation_file)
+            self.segmentation, self.objects = load_segmentation(path, self.scene.field.n_features, job.runtime.device)
         if job.project.finished("recoloring"):
             self.palettes = tuple(palettes_of(job, self.objects))
             bounds, n_features = self.segmentation.bounds, self.scene.field.n_features
-            self.recoloring = load_recoloring(job, bounds, n_features, self.palettes)
+            path = job.project.checked(job.project.recoloring_file)
+            self.recoloring = load_recoloring(path, bounds, n_features, self.palettes, job.runtime.device)
 
     @property
     def learned(self) -> np.ndarray:

@@ -18,12 +18,12 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from ..capture.capture import View
-from ..checkpoints import load_tensors, restoring, save_tensors
 from ..color import srgb_to_lab, to_bytes
 from ..errors import DataError
 from ..fields.scene import Scene
 from ..files import read_json, write_json
 from ..heads.fields import SegmentationField
+from ..heads.files import ObjectSurface, save_segmentation, save_surface
 from ..heads.fit import fit_on_points, fit_on_rays
 from ..heads.rendering import segment_cache
 from ..metrics.images import iou
@@ -36,22 +36,11 @@ from ..segmentation.coarse_masks import CoarseMask, copy_masks, find_masks, load
 from ..segmentation.label_solve import Labels, has_seeds, solve_labels
 from ..segmentation.surface_points import SurfacePoints, merge_samples
 from ..segmentation.votes import mask_confidence, mask_targets, vote_on_points
-from ..settings import SegmentationSettings, from_dict, to_dict
 from ..training.unfinished import Unfinished
 from ..wire import Request
 from .job import Job, StageRun, open_job, run_stage
 
 VERSION = 1
-SCHEMA = "karf-segmentation/1"
-SURFACE_SCHEMA = "karf-surface/1"
-SURFACE = {  # type and dimensions, the last of several being x, y, z or red, green, blue
-    "positions": (torch.float32, 3),
-    "viewdirs": (torch.float32, 2),
-    "colors": (torch.uint8, 2),
-    "object": (torch.uint8, 1),
-    "sure": (torch.bool, 1),
-    "view": (torch.int16, 1),
-}
 MOST_POINTS = 60_000  # of a label solve, about: finer ones have few votes each, and colors outvote their neighbors
 LABEL_SAMPLES = 3  # a ray: labels are of the surface, and the first and last of many samples lie off it
 CACHE_STEP = 1.0  # voxels; the later stages need where a ray ends, not the last digit of its color
@@ -293,23 +282,23 @@ def _near_objects(positions: np.ndarray, classes: np.ndarray, reach: float) -> n
 
 def _save(job: Job, karf: SegmentationField, cached: CachedViews, probabilities: Tensor, run: StageRun) -> None:
     """Write F_s, and the object rays that the palette and recoloring stages learn from."""
-    facts = {"objects": cached.objects, "settings": to_dict(job.settings.segmentation)}
-    save_tensors(run.output(job.project.segmentation_file), karf.state_dict(), SCHEMA, facts)
+    settings = job.settings.segmentation
+    save_segmentation(run.output(job.project.segmentation_file), karf, cached.objects, settings)
     cache = cached.cache
     label = probabilities.argmax(1)
     rays = torch.nonzero(label > 0).squeeze(1)
     sure = _interior(cached, label, probabilities)
     colors = torch.from_numpy(to_bytes(cached.colors()))
     view = np.searchsorted(cached.first, cache.index[rays].cpu().numpy(), side="right") - 1
-    tensors = {
-        "positions": cache.positions[rays],
-        "viewdirs": cache.viewdirs[rays],
-        "colors": colors[cache.index[rays].cpu()],
-        "object": (label[rays] - 1).to(torch.uint8),
-        "sure": sure[rays.cpu()],
-        "view": torch.from_numpy(view).to(torch.int16),
-    }
-    save_tensors(run.output(job.project.surface_file), tensors, SURFACE_SCHEMA, facts)
+    surface = ObjectSurface(
+        positions=cache.positions[rays],
+        viewdirs=cache.viewdirs[rays],
+        colors=colors[cache.index[rays].cpu()],
+        object=(label[rays] - 1).to(torch.uint8),
+        sure=sure[rays.cpu()],
+        view=torch.from_numpy(view).to(torch.int16),
+    )
+    save_surface(run.output(job.project.surface_file), surface, cached.objects, settings)
 
 
 def _interior(cached: CachedViews, label: Tensor, probabilities: Tensor) -> Tensor:
@@ -331,44 +320,6 @@ def _interior(cached: CachedViews, label: Tensor, probabilities: Tensor) -> Tens
         if (own & inside).sum() < MIN_SURE_PIXELS:
             inside |= own
     return torch.from_numpy(inside)
-
-
-def load_segmentation(job: Job, n_features: int) -> tuple[SegmentationField, list[str]]:
-    """F_s of the project, and the objects' names. n_features: of the scene's field.
-
-    Raises DataError where the file is damaged or belongs to another field.
-    """
-    path = job.project.checked(job.project.segmentation_file)
-    tensors, facts = load_tensors(path, SCHEMA, job.runtime.device)
-    with restoring(path):
-        objects = check_names(facts["objects"], path, "an object")
-        if tensors["boxes"].shape != (len(objects), 2, 3):
-            raise ValueError(f"{len(objects)} objects, boxes {tuple(tensors['boxes'].shape)}")
-        settings = from_dict(facts["settings"], SegmentationSettings)
-        karf = SegmentationField(tensors["boxes"], n_features, settings).to(job.runtime.device)
-        karf.load_state_dict(tensors)
-    return karf.requires_grad_(False), objects
-
-
-def load_surface(job: Job, device: torch.device | str = "cpu") -> tuple[dict[str, Tensor], list[str]]:
-    """The objects' rays, tensors as SURFACE says with n rows each, and the objects' names.
-
-    object: from 0, into the names. view: into `view_names`. Raises DataError where the file is damaged.
-    """
-    path = job.project.checked(job.project.surface_file)
-    tensors, facts = load_tensors(path, SURFACE_SCHEMA, device)
-    with restoring(path):
-        objects = check_names(facts["objects"], path, "an object")
-        n_rays = len(tensors["object"])
-        for name, (kind, n_dimensions) in SURFACE.items():
-            tensor = tensors[name]
-            columns = tensor.shape[-1] if n_dimensions > 1 else 3
-            if (tensor.dtype, tensor.ndim, len(tensor), columns) != (kind, n_dimensions, n_rays, 3):
-                raise ValueError(f"{name} {tensor.dtype} {tuple(tensor.shape)}")
-        owners, views = tensors["object"].tolist(), tensors["view"].tolist()
-        if max(owners, default=0) >= len(objects) or min(views, default=0) < 0 or 0 in tensors["positions"].shape[1:]:
-            raise ValueError("rays of no object, of no view or without samples")
-    return tensors, objects
 
 
 def view_names(job: Job, which: str) -> list[str]:

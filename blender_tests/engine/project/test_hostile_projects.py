@@ -115,12 +115,17 @@ def job_of(project):
 
 @pytest.mark.parametrize("file", ["segmentation.safetensors", "surface.safetensors"])
 def test_object_names_of_learned_files_never_leave_the_folder(learned, tmp_path, file):
+    from karf_engine.heads.files import load_segmentation
     from karf_engine.stages.palette import object_pixels
-    from karf_engine.stages.segmentation import load_segmentation
 
     project = strangers_copy(learned, tmp_path)
     rewrite_facts(project / file, lambda facts: facts["objects"].__setitem__(0, "../../escaped"))
-    reads = {"segmentation.safetensors": lambda job: load_segmentation(job, 6), "surface.safetensors": object_pixels}
+    reads = {
+        "segmentation.safetensors": lambda job: load_segmentation(
+            job.project.checked(job.project.segmentation_file), 6
+        ),
+        "surface.safetensors": object_pixels,
+    }
     assert "cannot be the name of a file" in refusal(reads[file], job_of(project))
 
 
@@ -177,8 +182,8 @@ def test_palettes_of_other_objects_are_refused_in_a_sentence(learned, tmp_path):
 @pytest.mark.parametrize("name", ["positions", "viewdirs", "colors", "object", "sure", "view"])
 def test_rays_of_objects_that_nobody_wrote_are_refused_in_a_sentence(learned, tmp_path, name):
     from karf_engine.checkpoints import load_tensors, save_tensors
+    from karf_engine.heads.files import SURFACE_SCHEMA
     from karf_engine.stages.palette import object_pixels
-    from karf_engine.stages.segmentation import SURFACE_SCHEMA
 
     project = strangers_copy(learned, tmp_path)
     path = project / "surface.safetensors"

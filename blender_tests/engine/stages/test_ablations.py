@@ -13,6 +13,7 @@ from karf_engine.edit.compositing import stack_palettes
 from karf_engine.fields.scene import Scene
 from karf_engine.files import read_json
 from karf_engine.heads.fields import RecoloringField
+from karf_engine.heads.files import SURFACE_SCHEMA, load_segmentation
 from karf_engine.heads.fit import fit_recoloring
 from karf_engine.progress import Progress
 from karf_engine.project import Project
@@ -21,7 +22,6 @@ from karf_engine.settings import PaletteSettings, RecoloringSettings
 from karf_engine.stages import recoloring
 from karf_engine.stages.job import make_job
 from karf_engine.stages.palette import extract_palettes
-from karf_engine.stages.segmentation import SURFACE_SCHEMA, load_segmentation
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +69,7 @@ def test_reference_supervision_asks_only_rays_of_marked_views_for_their_weights(
 
 def test_weights_of_rays_that_are_not_asked_teach_nothing(job):
     scene = Scene.load(job.project.geometry_file)
-    bounds = load_segmentation(job, scene.field.n_features)[0].bounds
+    bounds = load_segmentation(job.project.segmentation_file, scene.field.n_features)[0].bounds
     palettes = recoloring.initial_palettes(job)
     rays = recoloring.object_rays(job, Scene.load(job.project.geometry_file).field, palettes)
     some = torch.arange(len(rays.colors)) % 3 == 0
@@ -103,7 +103,10 @@ def test_the_rate_is_constant_or_warms_up_and_falls(job, monkeypatch, schedule, 
     rays = recoloring.object_rays(job, scene.field, palettes)
     settings = RecoloringSettings(iterations=60, schedule=schedule)
     karf = RecoloringField(
-        load_segmentation(job, scene.field.n_features)[0].bounds, scene.field.n_features, [4, 4], settings
+        load_segmentation(job.project.segmentation_file, scene.field.n_features)[0].bounds,
+        scene.field.n_features,
+        [4, 4],
+        settings,
     )
     fit_recoloring(karf, scene.field, rays, torch.zeros(2, 4, 3), settings, job.runtime, job.progress("test", 1))
     assert max(factors) == pytest.approx(highest, abs=0.1) and min(factors[20:]) == pytest.approx(lowest)

@@ -7,8 +7,6 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
-from karf_engine.training.unfinished import SCHEMA, Unfinished
-
 from blender_tests.engine.fields.nerf import test_fit_nerf as nerf
 from blender_tests.engine.fields.voxels import test_fit as box
 from blender_tests.engine.fields.voxels import test_fit_open as opened
@@ -22,6 +20,7 @@ from karf_engine.progress import Progress
 from karf_engine.rendering.surface_cache import SurfaceCache
 from karf_engine.runtime import start_runtime
 from karf_engine.settings import Level, RecoloringSettings, SegmentationSettings
+from karf_engine.training.unfinished import SCHEMA, Unfinished
 
 BOX = replace(box.SETTINGS, levels=(Level(12, 60, 1.0), Level(16, 12, 1.0)), samples=4000, max_rays=512)
 OPEN = replace(

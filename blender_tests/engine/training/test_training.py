@@ -6,12 +6,11 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from karf_engine.training.course import Course
-from karf_engine.training.loop import train, warm_cosine, warm_exponential
-
 from karf_engine.errors import Cancelled, Diverged, OutOfMemory
 from karf_engine.progress import Progress
 from karf_engine.runtime import start_runtime
+from karf_engine.training.course import Course
+from karf_engine.training.loop import train, warm_cosine, warm_exponential
 
 
 class Recorder:
