@@ -12,8 +12,12 @@ from typing import Any
 
 import bpy
 
-from . import captures, folders, job_watch, rig, steps, swatches
+from . import steps
 from .engine_api import Capture, Edit, ErrorSummary, Palette, hex_to_rgb
+from .project import captures, folders
+from .rig.cameras import Options
+from .swatches import edits
+from .tasks import runner
 
 Color = str | Sequence[float]
 
@@ -21,15 +25,15 @@ Color = str | Sequence[float]
 def import_capture(
     path: str | Path, project: str | Path | None = None, scene: bpy.types.Scene | None = None, **options: Any
 ) -> Capture:
-    """Build the cameras of a capture (its folder or camera file) in the scene; options are those of `rig.Options`."""
+    """Build the cameras of a capture (its folder or camera file) in the scene; options are those of `rig.cameras.Options`."""
     folder = Path(project).absolute() if project else None
-    return steps.import_capture(_scene(scene), Path(path).absolute(), folder, rig.Options(**options))
+    return steps.import_capture(_scene(scene), Path(path).absolute(), folder, Options(**options))
 
 
 def find_poses(photos: str | Path, scene: bpy.types.Scene | None = None, **options: Any) -> Capture:
     """Find the camera poses of a folder of photos, or of a video, and import the capture that they make."""
     scene = _scene(scene)
-    job_watch.wait(steps.find_poses(scene, Path(photos).absolute(), rig.Options(**options)))
+    runner.wait(steps.find_poses(scene, Path(photos).absolute(), Options(**options)))
     return captures.of(scene)
 
 
@@ -46,28 +50,28 @@ def learn_scene(
     nerf: str | Path | None = None,
 ) -> dict[str, Any]:
     """Learn the geometry; overrides are `stage.field=value`. nerf: checkpoint of a NeRF that is taken instead. Returns
-    what the stage noted (seconds, figures)."""
+    the stage's summary in the project (seconds, metrics)."""
     if nerf is not None:
         _scene(scene).karf.nerf = folders.stored(Path(nerf).absolute())
-    job_watch.wait(steps.learn_scene(_scene(scene), preset, overrides))
+    runner.wait(steps.learn_scene(_scene(scene), preset, overrides))
     return folders.project_of(_scene(scene)).finished("geometry")
 
 
 def segment(masks: str | Path | None = None, scene: bpy.types.Scene | None = None) -> dict[str, Any]:
-    """Segment the objects marked by the masks `masks/<object>/<photo name>.png`. Returns what the stage noted."""
-    job_watch.wait(steps.segment(_scene(scene), Path(masks).absolute() if masks else None))
+    """Segment the objects that the masks `masks/<object>/<photo name>.png` show. Returns the stage's summary in the project."""
+    runner.wait(steps.segment(_scene(scene), Path(masks).absolute() if masks else None))
     return folders.project_of(_scene(scene)).finished("segmentation")
 
 
 def extract_palette(scene: bpy.types.Scene | None = None) -> tuple[Palette, ...]:
     """Extract and learn the palettes, prepare the active view and show it. Returns the palettes."""
-    job_watch.wait(steps.extract_palette(_scene(scene)))
-    return swatches.learned(_scene(scene))
+    runner.wait(steps.extract_palette(_scene(scene)))
+    return edits.learned(_scene(scene))
 
 
 def set_swatch(object_name: str, index: int, color: Color, scene: bpy.types.Scene | None = None) -> None:
     """Give a swatch a color; index counts from 1 (swatch 0 is black and frozen)."""
-    swatches.set_color(_scene(scene), object_name, index, _color(color))
+    edits.set_color(_scene(scene), object_name, index, _color(color))
 
 
 def becomes(
@@ -80,7 +84,7 @@ def becomes(
 def apply_edit(edit: str | Path | Edit, scene: bpy.types.Scene | None = None) -> None:
     """Set the swatches to an edit, or to that in an edit file."""
     if isinstance(edit, Edit):
-        swatches.apply_edit(_scene(scene), edit)
+        edits.apply_edit(_scene(scene), edit)
     else:
         steps.load_edit(_scene(scene), Path(edit))
 
@@ -94,13 +98,13 @@ def show_view(view: str = "", scene: bpy.types.Scene | None = None) -> bpy.types
     """Show a captured view (default: the active one) recolored, preparing it where needed. Returns the result image."""
     task = steps.show_view(_scene(scene), view)
     if task is not None:
-        job_watch.wait(task)
+        runner.wait(task)
     return _scene(scene).karf.result
 
 
 def prepare_views(views: str = "all", scene: bpy.types.Scene | None = None) -> None:
     """Prepare captured views (`all`, `train`, `test` or names), so that they show without the engine."""
-    job_watch.wait(steps.prepare_views(_scene(scene), views))
+    runner.wait(steps.prepare_views(_scene(scene), views))
 
 
 def render_view(scene: bpy.types.Scene | None = None) -> Path:
@@ -111,7 +115,7 @@ def render_view(scene: bpy.types.Scene | None = None) -> Path:
 def render_captured(views: str = "all", out: str | Path | None = None, scene: bpy.types.Scene | None = None) -> Path:
     """Write captured views recolored. Returns the folder of the PNGs."""
     _set_out(_scene(scene), out)
-    job_watch.wait(steps.render_captured(_scene(scene), views))
+    runner.wait(steps.render_captured(_scene(scene), views))
     return folders.out_folder(_scene(scene)) / "recolor"
 
 
@@ -127,7 +131,7 @@ def render_sequence(
     """
     scene = _scene(scene)
     _set_out(scene, out)
-    job_watch.wait(steps.render_camera(scene, camera, steps.frame_range(scene) if frames is None else frames))
+    runner.wait(steps.render_camera(scene, camera, steps.frame_range(scene) if frames is None else frames))
     return steps.camera_folder(scene, camera) / "recolor"
 
 

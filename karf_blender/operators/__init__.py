@@ -2,9 +2,9 @@
 
 import bpy
 
-from . import cameras, cancel, edit, failure, import_capture, mark, render, stages
+from . import cameras, cancel, edit, failure, import_capture, masks, render, stages
 
-FILES = (import_capture, mark, stages, edit, render, cameras, cancel, failure)
+FILES = (import_capture, masks, stages, edit, render, cameras, cancel, failure)
 CLASSES = tuple(each for file in FILES for each in file.CLASSES)
 
 

@@ -5,8 +5,10 @@ from pathlib import Path
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
-from .. import job_watch, rig, steps
+from .. import steps
 from ..engine_api import CAPTURE_MARKS
+from ..rig.cameras import Options
+from ..tasks import runner
 from .reporting import has_project, is_free, reports_errors
 
 ORIENTATION_ITEMS = [
@@ -17,7 +19,7 @@ ORIENTATION_ITEMS = [
 VIDEOS = "*.mp4;*.mov;*.m4v;*.avi;*.mkv;*.webm"
 
 
-def look_from_camera(area, colored_points: bool = False) -> None:
+def view_from_camera(area, colored_points: bool = False) -> None:
     """Let a 3D View look through the scene's camera; other areas (or none) are left alone."""
     if area is not None and area.type == "VIEW_3D":
         view = area.spaces.active
@@ -56,9 +58,9 @@ class RigOptions:
         for name in ("orientation", "size", "points", "photos", "camera_size"):
             self.layout.prop(self, name)
 
-    def rig_options(self) -> rig.Options:
+    def rig_options(self) -> Options:
         """The options as the rig takes them."""
-        return rig.Options(
+        return Options(
             self.orientation.lower(), self.size, self.points, self.photos, camera_size=self.camera_size / 100
         )
 
@@ -97,7 +99,7 @@ class KARF_OT_import_capture(RigOptions, bpy.types.Operator):
         capture = steps.import_capture(context.scene, path, project, self.rig_options())
         for remark in capture.remarks:
             self.report({"WARNING"}, remark)
-        look_from_camera(context.area, colored_points=self.points and capture.points is not None)
+        view_from_camera(context.area, colored_points=self.points and capture.points is not None)
         self.report({"INFO"}, f"{len(capture.views)} cameras from {capture.source}")
         return {"FINISHED"}
 
@@ -129,7 +131,7 @@ class KARF_OT_find_poses(RigOptions, bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         path = Path(bpy.path.abspath(self.filepath))
-        job_watch.launch(steps.find_poses(context.scene, path, self.rig_options()))
+        runner.launch(steps.find_poses(context.scene, path, self.rig_options()))
         return {"FINISHED"}
 
 
@@ -149,7 +151,7 @@ class KARF_OT_look_through(bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         steps.look_through(context.scene, self.view)
-        look_from_camera(context.area)
+        view_from_camera(context.area)
         return {"FINISHED"}
 
 

@@ -3,7 +3,10 @@
 import bpy
 from bpy.props import StringProperty
 
-from .. import engine_test, job_watch, preferences, steps, swatches
+from .. import preferences, steps
+from ..engine import probing
+from ..swatches import palettes
+from ..tasks import runner
 from .reporting import EngineStep, ProjectSwatchStep, reports_errors
 
 
@@ -15,7 +18,7 @@ class KARF_OT_learn_scene(EngineStep, bpy.types.Operator):
 
     @reports_errors
     def execute(self, context):
-        job_watch.launch(steps.learn_scene(context.scene))
+        runner.launch(steps.learn_scene(context.scene))
         return {"FINISHED"}
 
 
@@ -37,7 +40,7 @@ class KARF_OT_segment(EngineStep, bpy.types.Operator):
 
     @reports_errors
     def execute(self, context):
-        job_watch.launch(steps.segment(context.scene))
+        runner.launch(steps.segment(context.scene))
         return {"FINISHED"}
 
 
@@ -49,14 +52,14 @@ class KARF_OT_extract_palette(EngineStep, bpy.types.Operator):
     after = "segmentation"
 
     def invoke(self, context, event):
-        if not swatches.has_edits(context.scene):
+        if not palettes.has_edits(context.scene):
             return self.execute(context)
         message = "Edits follow their object and color; those that find none are kept in the project"
         return context.window_manager.invoke_confirm(self, event, title="Extract anew?", message=message)
 
     @reports_errors
     def execute(self, context):
-        job_watch.launch(steps.extract_palette(context.scene))
+        runner.launch(steps.extract_palette(context.scene))
         return {"FINISHED"}
 
 
@@ -73,7 +76,7 @@ class KARF_OT_show_view(ProjectSwatchStep, bpy.types.Operator):
     def execute(self, context):
         task = steps.show_view(context.scene, self.view)
         if task is not None:
-            job_watch.launch(task)
+            runner.launch(task)
         if context.area and context.area.type == "IMAGE_EDITOR":
             context.space_data.image = context.scene.karf.result or context.space_data.image
         return {"FINISHED"}
@@ -90,7 +93,7 @@ class KARF_OT_prepare_views(EngineStep, bpy.types.Operator):
 
     @reports_errors
     def execute(self, context):
-        job_watch.launch(steps.prepare_views(context.scene, self.views))
+        runner.launch(steps.prepare_views(context.scene, self.views))
         return {"FINISHED"}
 
 
@@ -102,7 +105,7 @@ class KARF_OT_examine_engine(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if engine_test.is_running():
+        if probing.is_running():
             cls.poll_message_set("A test is running")
             return False
         return True
@@ -110,8 +113,8 @@ class KARF_OT_examine_engine(bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         python = preferences.chosen_python()
-        engine_test.launch(python)
-        verdict = engine_test.verdict_on(python)
+        probing.launch(python)
+        verdict = probing.verdict_on(python)
         if verdict is None:  # it is still being asked; the preferences show its answer
             return {"FINISHED"}
         self.report({"INFO" if verdict.is_ready else "ERROR"}, f"{verdict.sentence}. {verdict.command}".strip())
@@ -125,7 +128,7 @@ class KARF_OT_cancel_examination(bpy.types.Operator):
     bl_label = "Cancel Test"
 
     def execute(self, context):
-        engine_test.cancel()
+        probing.cancel()
         return {"FINISHED"}
 
 

@@ -78,9 +78,9 @@ def show(project: Path, options: argparse.Namespace) -> bpy.types.Scene:
     scene = bpy.context.scene
     scene.karf.project = str(project)
     scene.karf.active_view = "view"
-    swatches = importlib.import_module(f"{MODULE}.karf_blender.swatches")
-    swatches.load_palettes(scene, [palette.Palette(name, ramp) for name in names])
-    importlib.import_module(f"{MODULE}.karf_blender.recolor").show(scene)
+    palettes = importlib.import_module(f"{MODULE}.karf_blender.swatches.palettes")
+    palettes.load_palettes(scene, [palette.Palette(name, ramp) for name in names])
+    importlib.import_module(f"{MODULE}.karf_blender.swatches.recolor").show(scene)
     return scene
 
 
