@@ -66,12 +66,20 @@ def current() -> bpy.types.AddonPreferences:
 
 
 def chosen_python() -> Path:
-    """The Python that runs the engine, there or not. Raises MissingDependency where its path is not absolute."""
+    """The Python that runs the engine, there or not.
+
+    Raises:
+        MissingDependency: Its path is not absolute.
+    """
     return environment.chosen_python(current().engine_python, os.environ)
 
 
 def engine_python() -> Path:
-    """The Python that runs the engine. Raises MissingDependency where none is known."""
+    """The Python that runs the engine.
+
+    Raises:
+        MissingDependency: None is known.
+    """
     return environment.find_python(current().engine_python, os.environ)
 
 

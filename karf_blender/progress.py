@@ -21,7 +21,7 @@ def begin(label: str) -> None:
 
 
 def warn(sentence: str) -> None:
-    """Tell of what a user should know, in the panel and on the console."""
+    """Tell the user something, in the panel and on the console."""
     print(f"KaRF: {sentence}", flush=True)
     _add_warning(sentence)
 
@@ -60,7 +60,7 @@ def print_event(stage: str, event: Event) -> None:
 
 
 def _line(event: Event) -> str:
-    """What a person reads of an event; empty for those that say nothing to one."""
+    """An event as a person reads it; empty for events that are not for people."""
     if event.kind == "progress":
         return f"{event['step']}/{event['total']}{_time_left(event)}{_metrics(event)}"
     if event.kind == "stage":

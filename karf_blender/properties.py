@@ -1,4 +1,4 @@
-"""What the .blend remembers (Scene.karf: saved, undone, keyframed) and what it does not (WindowManager.karf_progress)."""
+"""What the .blend keeps (Scene.karf: saved, undone, keyframed) and what it does not (WindowManager.karf_progress)."""
 
 import bpy
 from bpy.props import (
@@ -59,7 +59,7 @@ def _project_chosen(self, context):
 
 
 def srgb(name: str, default: float = 0.0, highest: float = 1.0, **options):
-    """A color property of sRGB numbers, as palettes are learned; the picker's bar ends at white, whatever is highest."""
+    """A color property of sRGB numbers, as palettes are learned; the picker's bar ends at white."""
     limits = {"min": 0.0, "max": highest, "soft_max": 1.0}
     return FloatVectorProperty(name=name, subtype="COLOR_GAMMA", size=3, default=(default,) * 3, **limits, **options)
 

@@ -66,7 +66,8 @@ class Examination:
 def chosen_python(preference: str, variables: Mapping[str, str]) -> Path:
     """The Python of the preference, else of KARF_ENGINE_PYTHON, else of `.venv/engine` beside the engine; there or not.
 
-    Raises MissingDependency for a path that is not absolute: what it names would depend on the open file.
+    Raises:
+        MissingDependency: Its path is not absolute: what it names would depend on the open file.
     """
     chosen = preference or variables.get(VARIABLE, "")
     # two slashes stand for the .blend's folder, which may be a stranger's
@@ -82,7 +83,11 @@ def chosen_python(preference: str, variables: Mapping[str, str]) -> Path:
 
 
 def find_python(preference: str, variables: Mapping[str, str]) -> Path:
-    """The chosen Python. Raises MissingDependency where it is no file, or not given by its whole path."""
+    """The chosen Python.
+
+    Raises:
+        MissingDependency: It is no file, or not given by its whole path.
+    """
     python = chosen_python(preference, variables)
     if python.is_file():
         return python
@@ -96,7 +101,8 @@ def find_python(preference: str, variables: Mapping[str, str]) -> Path:
 class Probe:
     """A question to a Python for its version, packages and device (a few seconds): `poll` it until it has answered.
 
-    Raises MissingDependency where the Python cannot be started.
+    Raises:
+        MissingDependency: The Python cannot be started.
     """
 
     def __init__(self, python: Path) -> None:
@@ -111,7 +117,11 @@ class Probe:
             raise _does_not_run(python, error) from error
 
     def poll(self) -> Examination | None:
-        """The answer, or None while there is none yet. Never blocks. Raises MissingDependency where it will not run."""
+        """The answer, or None while there is none yet. Never blocks.
+
+        Raises:
+            MissingDependency: The Python does not run, or does not answer in time.
+        """
         code = self._process.poll()
         if code is None and time.monotonic() > self._end_by:
             self.end()
@@ -146,7 +156,11 @@ def _does_not_run(python: Path, reason: object) -> MissingDependency:
 
 
 def examine(python: Path) -> Examination:
-    """Ask a Python and block until it has answered. Raises MissingDependency where it will not run."""
+    """Ask a Python and block until it has answered.
+
+    Raises:
+        MissingDependency: It does not run.
+    """
     probe = Probe(python)
     try:
         while (found := probe.poll()) is None:

@@ -52,7 +52,7 @@ class Job:
         """The events since the last call. Also enforces the deadlines. Never blocks."""
         # the exit is asked for first, so that all events written before it are read
         has_exited = self._process.poll() is not None
-        events = self._news()
+        events = self._new_events()
         if events:
             self._hello_by = float("inf")
         for event in events:
@@ -88,7 +88,11 @@ class Job:
         self.ended = True
 
     def check(self) -> None:
-        """Return where the ended job is done. Raises KarfError otherwise: its own error, or how it ended without one."""
+        """Return where the ended job is done.
+
+        Raises:
+            KarfError: It is not: the job's own error, or how it ended without one.
+        """
         job, how = f"the {self.request.stage} job", processes.ending(self._process)
         if self._silent:
             raise MissingDependency("The engine did not answer after its start.", "Try Test Engine in the preferences.")
@@ -107,7 +111,7 @@ class Job:
         """The last lines that the child wrote beside its events."""
         return log_tail(self.folder)
 
-    def _news(self) -> list[Event]:
+    def _new_events(self) -> list[Event]:
         try:
             return list(self._reader.poll())
         except OSError:  # the folder may be taken away while the child lives; its end is seen all the same
@@ -128,7 +132,17 @@ def start(
 ) -> Job:
     """Start a job in its own empty folder.
 
-    Raises MissingDependency where the Python cannot be started, DataError where the folder cannot be written.
+    Args:
+        python: The Python that has the engine's packages.
+        engine: The engine's folder, which that Python executes.
+        request: What is asked; it is written into the folder.
+        folder: The job's own folder.
+        threads: Processor threads; 0: the engine chooses.
+        hello_seconds: How long the engine may be silent after its start.
+
+    Raises:
+        MissingDependency: The Python cannot be started.
+        DataError: The folder cannot be written.
     """
     with disk_errors():
         request.write(folder)

@@ -24,7 +24,11 @@ def child_environment(variables: Mapping[str, str], threads: int = 0) -> dict[st
 
 
 def start(command: Sequence[str], threads: int = 0, **options: Any) -> subprocess.Popen:
-    """Start a command in a group of its own, without Blender's environment; options are those of Popen. Raises OSError."""
+    """Start a command in a group of its own, without Blender's environment; options are those of Popen.
+
+    Raises:
+        OSError: The command cannot be started.
+    """
     if os.name == "nt":
         own_group = {"creationflags": subprocess.CREATE_NO_WINDOW | subprocess.CREATE_NEW_PROCESS_GROUP}
     else:

@@ -20,7 +20,11 @@ def is_running() -> bool:
 
 
 def refuse() -> None:
-    """Raises BadRequest while Blender renders."""
+    """Refuse what must not happen while Blender renders.
+
+    Raises:
+        BadRequest: Blender renders.
+    """
     if is_running():
         raise BadRequest("Blender is rendering.", "Wait until it is done, or cancel it.")
 

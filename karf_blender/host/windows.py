@@ -14,6 +14,6 @@ def areas(*kinds: str) -> Iterator[bpy.types.Area]:
 
 
 def redraw(*kinds: str) -> None:
-    """Draw the areas of these types anew."""
+    """Draw the areas of these types again."""
     for area in areas(*kinds):
         area.tag_redraw()

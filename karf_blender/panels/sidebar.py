@@ -113,7 +113,7 @@ def draw_view(layout, karf):
 def draw_learn(layout, context):
     """Step 2."""
     layout.prop(context.scene.karf, "preset")
-    layout.prop(context.scene.karf, "nerf", text="NeRF")  # the whole name has no room
+    layout.prop(context.scene.karf, "nerf", text="NeRF")  # the whole name does not fit
     problem = disk.engine_problem()
     if problem:
         draw_text(layout, problem, "INFO")

@@ -35,7 +35,7 @@ def set_mode(image: bpy.types.Image, mode: str) -> None:
 
 
 def show_preview(path: Path) -> None:
-    """Show the engine's latest preview in the one preview image; a file that is gone or half written is passed over."""
+    """Show the engine's latest preview in the one preview image; a file that is gone or half written is ignored."""
     image = bpy.data.images.get(PREVIEW_NAME)
     try:
         if image is None:

@@ -16,7 +16,11 @@ from ..host import rendering
 
 
 def new_image(name: str, width: int, height: int) -> bpy.types.Image:
-    """A black, opaque byte image labelled sRGB. Raises BadRequest while Blender renders."""
+    """A black, opaque byte image labelled sRGB.
+
+    Raises:
+        BadRequest: Blender renders.
+    """
     rendering.refuse()
     image = bpy.data.images.new(name, width, height, alpha=False)
     image.colorspace_settings.name = "sRGB"
@@ -57,9 +61,18 @@ def pixels(image: bpy.types.Image) -> np.ndarray:
 
 
 def read_picture(path: Path, long_side: int | None = None) -> np.ndarray:
-    """A picture file's own numbers [H, W, 3] in [0, 1], transparency put on white; reduced to `long_side` pixels.
+    """A picture file's own numbers, transparency put on white.
 
-    Raises DataError where it is unreadable, BadRequest while Blender renders.
+    Args:
+        path: The file.
+        long_side: Reduce the picture to at most so many pixels.
+
+    Returns:
+        [H, W, 3] float32 in [0, 1], first row at the top.
+
+    Raises:
+        DataError: The file is unreadable.
+        BadRequest: Blender renders.
     """
     with opened(path) as image:
         if long_side and max(image.size) > long_side:
@@ -69,9 +82,11 @@ def read_picture(path: Path, long_side: int | None = None) -> np.ndarray:
 
 @contextmanager
 def opened(path: Path) -> Iterator[bpy.types.Image]:
-    """A picture file as an image that is gone after this block. Raises DataError where it is unreadable.
+    """A picture file as an image that is gone after this block.
 
-    Raises BadRequest while Blender renders.
+    Raises:
+        DataError: The file is unreadable.
+        BadRequest: Blender renders.
     """
     rendering.refuse()
     try:

@@ -16,7 +16,20 @@ THRESHOLD = 8 / 255  # a pixel that differs by more was painted on
 
 
 def start(scene: bpy.types.Scene, name: str, view: View) -> bpy.types.Image:
-    """Make the picture to paint on for object `name` in a view; returns it. Raises DataError for an unreadable photo."""
+    """Make the picture to paint on.
+
+    Args:
+        scene: Its mask image is replaced.
+        name: The object's.
+        view: A view of the train split.
+
+    Returns:
+        The image: a copy of the view's photo.
+
+    Raises:
+        BadRequest: The name cannot be a folder's, or the view is held out or has no photo.
+        DataError: The photo is unreadable.
+    """
     _check_name(name)
     if view.split != "train":
         raise BadRequest(f"The view {view.name!r} is held out for testing.", "Choose a view of the train split.")
@@ -39,7 +52,11 @@ def start(scene: bpy.types.Scene, name: str, view: View) -> bpy.types.Image:
 def save(scene: bpy.types.Scene, view: View) -> tuple[str, float]:
     """Write what was painted as a mask into the chosen folder (default: the project's own).
 
-    Returns the file's path and the painted share of the picture. Raises BadRequest where no mask was begun or nothing is painted.
+    Returns:
+        The file's path, and the painted share of the picture.
+
+    Raises:
+        BadRequest: No mask was begun, or nothing is painted.
     """
     karf = scene.karf
     _check_name(karf.mask_object)

@@ -17,18 +17,33 @@ def is_shown_as_stored(view: View) -> bool:
 
 
 def read(view: View, long_side: int | None = None) -> np.ndarray:
-    """The photo [H, W, 3], sRGB, as its camera, lens and all, has taken it: the picture that masks are painted on.
+    """The photo as its camera, lens and all, has taken it: the picture that masks are painted on.
 
-    long_side: reduce it to so many pixels. Raises DataError where it cannot be read.
+    Args:
+        view: The captured view.
+        long_side: Reduce the photo to at most so many pixels.
+
+    Returns:
+        [H, W, 3] float32, sRGB in [0, 1].
+
+    Raises:
+        DataError: The photo cannot be read.
     """
     return _taken(view, images.read_picture(view.image, long_side))
 
 
 def straightened(view: View, folder: Path) -> Path:
-    """The photo as the view's pinhole shows it, as a PNG of at most SHOWN_PIXELS in `folder`; made where it is not
-    there yet.
+    """The photo as the view's pinhole shows it, as a file; made where it is not there yet.
 
-    Raises DataError where the photo cannot be read or has another size than its camera.
+    Args:
+        view: The captured view.
+        folder: Where the files are kept.
+
+    Returns:
+        A PNG of at most SHOWN_PIXELS.
+
+    Raises:
+        DataError: The photo cannot be read, or has another size than its camera.
     """
     camera = _shown(view.camera)
     lens = (camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, camera.distortion, camera.fisheye)
@@ -70,7 +85,7 @@ def _taken(view: View, picture: np.ndarray) -> np.ndarray:
 
 
 def _orientation(view: View) -> int:
-    """The Exif orientation (1..8) to be applied: the photo's own, or 1 where its camera was made for the pixels as stored."""
+    """The Exif orientation (1..8) to apply: the photo's own, or 1 where its camera is that of the pixels as stored."""
     header = _header(view)
     is_upright = header is not None and header.shown == (view.camera.width, view.camera.height)
     return header.orientation if is_upright else 1

@@ -10,14 +10,22 @@ from . import folders
 
 
 def path_of(scene: bpy.types.Scene) -> Path:
-    """Where the scene's capture lies. Raises BadRequest where none was imported."""
+    """Where the scene's capture lies.
+
+    Raises:
+        BadRequest: None was imported.
+    """
     if not scene.karf.capture:
         raise BadRequest(f"The scene {scene.name!r} has no capture.", "Import a capture first.")
     return folders.absolute(scene.karf.capture)
 
 
 def of(scene: bpy.types.Scene) -> Capture:
-    """The scene's capture, as it was when it was read last. Raises KarfError where none was imported or can be read."""
+    """The scene's capture, as it was when it was read last.
+
+    Raises:
+        KarfError: None was imported, or it cannot be read.
+    """
     return _read(path_of(scene))
 
 

@@ -29,7 +29,11 @@ def _finished(folder: Path, written: int) -> frozenset[str]:
 
 
 def planes_file(scene: bpy.types.Scene) -> Path:
-    """The planes of the scene's active view. Raises BadRequest where no view of the capture is chosen."""
+    """The planes of the scene's active view.
+
+    Raises:
+        BadRequest: No view of the capture is chosen.
+    """
     if scene.karf.active_view not in scene.karf.views:
         raise BadRequest(f"The scene {scene.name!r} has no active view.", "Choose one in the KaRF panel.")
     return folders.project_of(scene).planes_file(scene.karf.active_view)

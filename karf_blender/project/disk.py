@@ -1,7 +1,7 @@
 """What the disk held when it was read last: drawing and polls, which run at every redraw, ask only this.
 
-A slow timer reads it again, and so do the events that change something: a job's end, a folder chosen, a mask saved, undo,
-load and save. In background mode nothing is drawn and timers never fire: there every question reads the disk.
+A slow timer reads it again, and so do the events that change something: a job's end, a folder chosen, a mask saved,
+undo, load and save. In background mode nothing is drawn and timers never fire: there every question reads the disk.
 """
 
 from collections.abc import Mapping
@@ -24,8 +24,11 @@ REFRESH_SECONDS = 2.0
 class Contents:
     """What there is of one scene's files.
 
-    missing: the scene's project folder where it is gone, else None. stages: finished ones. is_prepared: whether the
-    active view has edit planes. masks: the number of masks of each object that has some.
+    Attributes:
+        missing: The scene's project folder where it is gone, else None.
+        stages: The finished ones.
+        is_prepared: Whether the active view has edit planes.
+        masks: The number of masks of each object that has some.
     """
 
     missing: Path | None = None

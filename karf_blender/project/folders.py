@@ -29,7 +29,11 @@ def stored(path: Path, blend: str | None = None) -> str:
 
 
 def project_of(scene: bpy.types.Scene) -> Project:
-    """The scene's project folder. Raises BadRequest where none is chosen."""
+    """The scene's project folder.
+
+    Raises:
+        BadRequest: None is chosen.
+    """
     if not scene.karf.project:
         raise BadRequest(f"The scene {scene.name!r} has no KaRF project.", "Import a capture first.")
     return Project(absolute(scene.karf.project))

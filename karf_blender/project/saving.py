@@ -1,4 +1,4 @@
-"""What saving a .blend needs: pictures that are only in memory are packed, paths relative to its place are rewritten."""
+"""What saving a .blend needs: pictures that are only in memory are packed, relative paths rewritten."""
 
 import bpy
 from bpy.app.handlers import persistent

@@ -14,7 +14,7 @@ ASPECT_TOLERANCE = 1e-4
 
 
 def frame_numbers(views: Sequence[View], first: int) -> list[int]:
-    """The frame of each view: the number that its name ends in where all have a different one, else counted from `first`."""
+    """The frame of each view: the number at its name's end where all have a different one, else counted from `first`."""
     ends = [view.name[len(view.name.rstrip("0123456789")) :] for view in views]
     numbers = [int(end) for end in ends if end]
     return numbers if len(set(numbers)) == len(views) else list(range(first, first + len(views)))
@@ -23,7 +23,8 @@ def frame_numbers(views: Sequence[View], first: int) -> list[int]:
 def build(views: Sequence[View], name: str, scene: bpy.types.Scene) -> bpy.types.Object:
     """One camera below the scene's rig with keyframes for every view; the scene gets its picture size and frame range.
 
-    Raises BadRequest where the views need different pixel aspects, which Blender keeps per scene.
+    Raises:
+        BadRequest: The views need different pixel aspects, which Blender keeps per scene.
     """
     cameras = _at_one_size(views)
     numbers = frame_numbers(views, scene.frame_start)

@@ -23,8 +23,12 @@ CLIP_START, CLIP_END = 0.001, 1000.0
 class Options:
     """How a capture is shown; nothing here changes what is learned.
 
-    orientation, size: see `placement.matrix_of`. points, photos: whether the sparse points and the photos behind the
-    cameras are made. camera_size: drawn size of a camera, in units of the rig's extent.
+    Attributes:
+        orientation: `auto`, `file` or `upright`, see `placement.matrix_of`.
+        size: Extent of the cameras in Blender units; 0: as in the file.
+        points: Whether the sparse points are made.
+        photos: Whether photos are put behind the cameras.
+        camera_size: Drawn size of a camera, in units of the rig's extent.
     """
 
     orientation: str = "auto"
@@ -35,9 +39,12 @@ class Options:
 
 
 def build(capture: Capture, name: str, scene: bpy.types.Scene, options: Options | None = None) -> bpy.types.Object:
-    """Make an Empty with a camera for each view, and the sparse points, in a collection of their own; returns the Empty.
+    """Make an Empty with a camera for each view, and the sparse points, in a collection of their own.
 
     The scene stays as it was where a camera cannot be made.
+
+    Returns:
+        The Empty.
     """
     options = options or Options()
     extent = placement.extent(capture)
@@ -104,7 +111,11 @@ def _set_background(data: bpy.types.Camera, photo: Path) -> None:
 
 
 def camera_of(scene: bpy.types.Scene, view: str) -> bpy.types.Object:
-    """The rig's camera of a captured view. Raises BadRequest where it was deleted."""
+    """The rig's camera of a captured view.
+
+    Raises:
+        BadRequest: It was deleted.
+    """
     rig = scene.karf.rig
     for camera in rig.children if rig else ():
         if camera.karf_view == view:
@@ -129,7 +140,13 @@ def set_picture(scene: bpy.types.Scene, camera: Camera) -> None:
 def straighten_background(scene: bpy.types.Scene, view: View, folder: Path) -> None:
     """Put the photo, as the view's pinhole shows it, behind its camera where photos are wanted and it has none yet.
 
-    The picture is kept in `folder`. Raises DataError where the photo cannot be read.
+    Args:
+        scene: Its rig has the camera.
+        view: The captured view.
+        folder: Where the picture is kept.
+
+    Raises:
+        DataError: The photo cannot be read.
     """
     data = camera_of(scene, view.name).data
     is_wanted = data.show_background_images and not data.background_images

@@ -13,10 +13,18 @@ from . import lens
 
 
 def frames_of(scene: bpy.types.Scene, camera: bpy.types.Object, numbers: Iterable[int]) -> Iterator[View]:
-    """The camera as the engine sees it, frame by frame (frame_0001 ..); the scene is at that frame when it is yielded.
+    """The camera as the engine sees it, frame by frame.
 
-    Raises BadRequest where the camera is no perspective camera, and while Blender renders. The current frame is restored
-    at the end.
+    Args:
+        scene: It is at the frame when that is yielded; its current frame is restored at the end.
+        camera: A perspective camera.
+        numbers: The frames.
+
+    Yields:
+        Views without photos, named frame_0001 and so on.
+
+    Raises:
+        BadRequest: The camera is no perspective camera, or Blender renders.
     """
     rendering.refuse()
     current = scene.frame_current
@@ -44,7 +52,11 @@ def file_name(camera: bpy.types.Object) -> str:
 
 
 def pinhole(scene: bpy.types.Scene, camera: bpy.types.Object) -> Camera:
-    """The pinhole, in the capture's world, of a Blender camera with the scene's render size at its current frame."""
+    """The pinhole, in the capture's world, of a Blender camera with the scene's render size at its current frame.
+
+    Raises:
+        BadRequest: The camera is no perspective camera, or it is mirrored or unevenly scaled.
+    """
     if camera.type != "CAMERA" or camera.data.type != "PERSP":
         raise BadRequest(f"{camera.name!r} is no perspective camera.", "Set the camera's type to Perspective.")
     render = scene.render

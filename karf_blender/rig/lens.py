@@ -38,7 +38,14 @@ def lens_of(camera: Camera) -> Lens:
 
 
 def pinhole_of(projection: np.ndarray, width: int, height: int, camera_to_world: np.ndarray) -> Camera:
-    """The pinhole of an OpenGL perspective projection matrix [4, 4], as Blender computes it for any camera settings."""
+    """The pinhole of a perspective projection, as Blender computes it for any camera settings.
+
+    Args:
+        projection: OpenGL projection matrix [4, 4].
+        width: Of the picture, in pixels.
+        height: Of the picture, in pixels.
+        camera_to_world: Pose [4, 4].
+    """
     return Camera(
         width=width,
         height=height,
@@ -51,7 +58,18 @@ def pinhole_of(projection: np.ndarray, width: int, height: int, camera_to_world:
 
 
 def rigid(matrix: np.ndarray, name: str) -> np.ndarray:
-    """The pose in `matrix` [4, 4] without its scale. Raises BadRequest naming `name` where it is sheared or mirrored."""
+    """A pose without its scale.
+
+    Args:
+        matrix: [4, 4].
+        name: The camera's, for the error.
+
+    Returns:
+        [4, 4] float64: a pure rotation and a position.
+
+    Raises:
+        BadRequest: The matrix is sheared or mirrored.
+    """
     axes = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
     if not np.allclose(axes.T @ axes, np.eye(3), atol=1e-3) or np.linalg.det(axes) < 0:
         raise BadRequest(

@@ -8,15 +8,21 @@ import numpy as np
 from ..engine_api import Capture
 
 ORIENTATIONS = ("auto", "file", "upright")
-ARBITRARY_WORLDS = ("llff", "colmap")  # formats whose axes say nothing of up
+ARBITRARY_WORLDS = ("llff", "colmap")  # formats without a known up axis
 PULL = 0.01  # of the cameras' own up, where their right axes leave it open
 
 
 def matrix_of(capture: Capture, orientation: str, size: float) -> np.ndarray:
-    """World matrix [4, 4] of the Empty: a rotation times a uniform scale.
+    """World matrix of the Empty: a rotation times a uniform scale.
 
-    orientation: `file`, `upright` (the cameras' up becomes +z), or `auto`: upright where the format's world is arbitrary.
-    size: extent of the cameras in Blender units; 0 as in the file.
+    Args:
+        capture: The capture.
+        orientation: `file`, `upright` (the cameras' up becomes +z), or `auto`: upright where the format's world is
+            arbitrary.
+        size: Extent of the cameras in Blender units; 0: as in the file.
+
+    Returns:
+        [4, 4] float64.
     """
     matrix = np.eye(4)
     if orientation == "upright" or (orientation == "auto" and capture.format in ARBITRARY_WORLDS):
@@ -35,8 +41,8 @@ def extent(capture: Capture) -> float:
 def up_of(capture: Capture) -> np.ndarray:
     """The direction, [3] of length 1, that people who took the photos would call up.
 
-    It is perpendicular to the cameras' right axes, for photos are tilted more than they are rolled; where these axes are
-    all alike and leave it open, it is the mean of the cameras' up axes.
+    It is perpendicular to the cameras' right axes, for photos are tilted more than they are rolled; where these axes
+    are all alike and leave it open, it is the mean of the cameras' up axes.
     """
     axes = np.array([view.camera.camera_to_world[:3, :3] for view in capture.views])
     right, up = axes[..., 0], axes[..., 1].mean(axis=0)

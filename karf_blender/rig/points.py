@@ -15,7 +15,12 @@ NAME = "KaRF points"
 def build(points: SparsePoints, parent: bpy.types.Object, radius: float) -> bpy.types.Object:
     """The points as an object below `parent`, with the attributes `color` (sRGB bytes) and `error` (pixels).
 
-    radius: of the balls, in the parent's units. It is not rendered.
+    It is not rendered.
+
+    Args:
+        points: The capture's.
+        parent: The rig's Empty.
+        radius: Of the balls, in the parent's units.
     """
     mesh = bpy.data.meshes.new(NAME)
     mesh.vertices.add(len(points))

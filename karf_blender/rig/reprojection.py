@@ -33,8 +33,16 @@ TEXT_SIZE, TEXT_MARGIN = 14, 24
 
 @dataclass(frozen=True)
 class Check:
-    """One view's errors. places [2m, 3] float32, capture's world: each point as it is, and where the photo shows it at
-    the same depth. colors [2m, 4] float32. batches: lines and dots on the graphics card, made at the first drawing."""
+    """One view's errors.
+
+    Attributes:
+        capture: Where the capture lies.
+        view: The view's name.
+        summary: Count, median and worst error.
+        places: [2m, 3] float32, capture's world: each point as it is, and where the photo shows it at the same depth.
+        colors: [2m, 4] float32.
+        batches: Lines and dots on the graphics card, made at the first drawing.
+    """
 
     capture: Path
     view: str
@@ -52,13 +60,17 @@ class _Memory:
 
 
 # --- numbers -------------------------------------------------------------------------------------------------------
-def note(scene: bpy.types.Scene, capture: Capture, name: str) -> None:
+def remember(scene: bpy.types.Scene, capture: Capture, name: str) -> None:
     """Remember the errors of a view of the scene's capture; captures without points have none."""
     _Memory.check = check(captures.path_of(scene), capture, name) if capture.points is not None else None
 
 
 def check(path: Path, capture: Capture, name: str) -> Check:
-    """The errors of one view. Raises DataError where the capture has no points or no such view."""
+    """The errors of one view.
+
+    Raises:
+        DataError: The capture has no points or no such view.
+    """
     view = capture.view(name)
     number = capture.views.index(view)
     observed, projected = reprojection_errors(capture, number)
@@ -96,7 +108,7 @@ def refresh(scene: bpy.types.Scene) -> None:
     camera = scene.camera
     if scene.karf.show_reprojection and camera is not None and camera.karf_view and of_camera(scene, camera) is None:
         try:
-            note(scene, captures.of(scene), camera.karf_view)
+            remember(scene, captures.of(scene), camera.karf_view)
         except KarfError as error:
             print(f"KaRF: {error.sentence} {error.hint}")
     windows.redraw("VIEW_3D")

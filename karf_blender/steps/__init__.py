@@ -1,7 +1,7 @@
 """The steps from capture to picture as plain functions; operators and scripts call these.
 
-A step that needs the engine returns a `Task`: launch it beside the interface or wait for it (see `tasks.runner`). A step
-that numpy does at once does it. All raise KarfError for what a user can mend.
+A step that needs the engine returns a `Task`: launch it beside the interface or wait for it (see `tasks.runner`). The
+others are done when they return. All raise KarfError for what a user can mend.
 """
 
 from .cameras import export_cameras, frame_range, import_cameras

@@ -10,9 +10,19 @@ from ..rig import camera_paths, frames
 
 
 def export_cameras(scene: bpy.types.Scene, path: Path, camera: bpy.types.Object | None, numbers: Iterable[int]) -> int:
-    """Write what a camera (None: the scene's) is in these frames as a transforms.json; returns their number.
+    """Write what a camera is in these frames as a transforms.json, with poses relative to the rig where there is one.
 
-    Poses are relative to the rig's Empty, where there is one. Raises BadRequest for a camera without a pinhole.
+    Args:
+        scene: The scene.
+        path: The file.
+        camera: None: the scene's.
+        numbers: The frames.
+
+    Returns:
+        The number of cameras.
+
+    Raises:
+        BadRequest: There is no camera or no frame, or the camera is no pinhole.
     """
     views = list(frames.frames_of(scene, camera_of(scene, camera), numbers))
     if not views:
@@ -27,7 +37,11 @@ def import_cameras(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
 
 
 def camera_of(scene: bpy.types.Scene, camera: bpy.types.Object | None) -> bpy.types.Object:
-    """A camera, or the scene's. Raises BadRequest where there is none."""
+    """A camera, or the scene's.
+
+    Raises:
+        BadRequest: There is none.
+    """
     camera = camera or scene.camera
     if camera is None:
         raise BadRequest(f"The scene {scene.name!r} has no camera.", "Add one, or choose a camera of the capture.")

@@ -19,10 +19,18 @@ from . import requests, view
 def import_capture(
     scene: bpy.types.Scene, path: Path, project: Path | None = None, options: cameras.Options | None = None
 ) -> Capture:
-    """Build the rig of a capture and make it the scene's. The capture's remarks say what could not be had.
+    """Build the rig of a capture and make it the scene's.
 
-    project: default the one the scene has of this capture, else a folder beside the .blend. Palettes of another capture
-    leave the scene; their edits are kept in the project that they were made in.
+    Palettes of another capture leave the scene; their edits are kept in the project that they were made in.
+
+    Args:
+        scene: The scene.
+        path: The capture's folder or camera file.
+        project: Default: the one the scene has of this capture, else a folder beside the .blend.
+        options: How the rig is shown.
+
+    Returns:
+        The capture; its remarks say what could not be had.
     """
     captures.forget()
     capture = open_capture(path)
@@ -57,8 +65,10 @@ def import_capture(
 
 
 def _place_of(path: Path, capture: Capture) -> Path:
-    """The folder of the camera file, or that of camera file and photos, where it is the same capture: chosen in whichever
-    way, a capture has one path and one project."""
+    """The folder of the camera file, or that of camera file and photos, where it is the same capture.
+
+    Chosen in whichever way, a capture has one path and one project.
+    """
     photos = [each.image for each in capture.views]
     start = path.parent if path.is_file() else path
     for folder in (_common_folder([start, *(photo.parent for photo in photos if photo)]), start):

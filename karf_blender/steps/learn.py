@@ -25,7 +25,11 @@ def learn_scene(scene: bpy.types.Scene, preset: str = "", overrides: Sequence[st
 
 
 def segment(scene: bpy.types.Scene, folder: Path | None = None) -> Task:
-    """Masks of every view from the coarse ones in a folder (default: the panel's). Raises BadRequest where it has none."""
+    """Masks of every view from the coarse ones in a folder (default: the panel's).
+
+    Raises:
+        BadRequest: No folder is chosen.
+    """
     if folder is None and not scene.karf.masks:
         raise BadRequest("No masks are chosen.", "Give a folder with <object>/<photo name>.png, or paint one.")
     folder = folder or folders.absolute(scene.karf.masks)
@@ -46,9 +50,15 @@ def prepare_views(scene: bpy.types.Scene, views: str) -> Task:
 
 
 def show_view(scene: bpy.types.Scene, name: str = "") -> Task | None:
-    """Make a captured view active and show it at once, or return the task that prepares it where it has no planes.
+    """Make a captured view active and show it, where it has planes.
 
     Palettes that the project has learned meanwhile are imported first.
+
+    Returns:
+        None, or the task that prepares the view where it has no planes.
+
+    Raises:
+        KarfError: There is no such view, there are no palettes, or Blender renders.
     """
     karf = scene.karf
     if name and name not in karf.views:

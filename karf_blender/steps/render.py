@@ -17,7 +17,11 @@ from .edit import save_edit
 
 
 def render_view(scene: bpy.types.Scene) -> Path:
-    """Write the active view as it is shown, without the engine; returns the PNG."""
+    """Write the active view as it is shown, without the engine.
+
+    Returns:
+        The PNG's path.
+    """
     colors = images.upright(planes.composite(scene))
     # where the engine writes this view too
     path = folders.out_folder(scene) / "recolor" / f"{scene.karf.active_view}.png"
@@ -59,6 +63,8 @@ def render_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None, numbe
 
 
 def camera_folder(scene: bpy.types.Scene, camera: bpy.types.Object | None = None) -> Path:
-    """Where a camera's (None: the scene's) frames go, with the cameras and edits they are made from: a folder of its own,
-    `cameras/<camera>` in the output folder."""
+    """Where a camera's (None: the scene's) frames go, with the cameras and edits they are made from.
+
+    It is a folder of its own, `cameras/<camera>` in the output folder.
+    """
     return folders.out_folder(scene) / "cameras" / frames.file_name(camera_of(scene, camera))

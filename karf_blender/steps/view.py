@@ -10,19 +10,28 @@ from ..rig import cameras, reprojection
 def look_through(scene: bpy.types.Scene, name: str = "") -> None:
     """Look through a captured view's camera, with its picture size and its photo free of lens distortion.
 
-    Raises KarfError where there is no such view or its photo cannot be read.
+    Raises:
+        KarfError: There is no such view, or its photo cannot be read.
     """
     show_camera(scene, captures.of(scene), captures.view_of(scene, name))
 
 
 def show_camera(scene: bpy.types.Scene, capture: Capture, view: View) -> None:
-    """The same for a view of the scene's capture. Raises DataError where its photo cannot be read."""
+    """The same for a view of the scene's capture.
+
+    Raises:
+        DataError: Its photo cannot be read.
+    """
     cameras.look_through(scene, view)
-    reprojection.note(scene, capture, view.name)
+    reprojection.remember(scene, capture, view.name)
     cameras.straighten_background(scene, view, folders.project_of(scene).photos_folder)
 
 
 def reprojection_error(scene: bpy.types.Scene, name: str = "") -> ErrorSummary:
-    """How far the sparse points are from where a view's photo shows them. Raises DataError where there are none."""
+    """How far the sparse points are from where a view's photo shows them.
+
+    Raises:
+        DataError: The capture has no sparse points.
+    """
     name = captures.view_of(scene, name).name
     return reprojection.check(captures.path_of(scene), captures.of(scene), name).summary

@@ -46,7 +46,11 @@ def reset(scene: bpy.types.Scene, name: str, index: int | None = None) -> None:
 
 
 def object_named(scene: bpy.types.Scene, name: str) -> bpy.types.PropertyGroup:
-    """The scene's object with this name. Raises BadRequest listing those there are."""
+    """The scene's object with this name.
+
+    Raises:
+        BadRequest: There is none; the hint lists those there are.
+    """
     item = scene.karf.objects.get(name)
     if item is None:
         known = ", ".join(scene.karf.objects.keys())
@@ -57,7 +61,11 @@ def object_named(scene: bpy.types.Scene, name: str) -> bpy.types.PropertyGroup:
 
 
 def swatch_at(scene: bpy.types.Scene, name: str, index: int) -> bpy.types.PropertyGroup:
-    """Swatch `index` of an object. Raises BadRequest where there is none, or where it is the frozen black."""
+    """Swatch `index` of an object.
+
+    Raises:
+        BadRequest: There is none, or it is the frozen black.
+    """
     found = object_named(scene, name).swatches
     if not 1 <= index < len(found):
         raise BadRequest(

@@ -18,8 +18,14 @@ PATH = re.compile(r'karf\.objects\[(?:(\d+)|"((?:[^"\\]|\\.)*)")\](?:\.swatches\
 
 @dataclass(frozen=True)
 class Curve:
-    """A curve or driver of an object. swatch: its number, the learned color where it waits for one, or None where the
-    curve is the object's own."""
+    """A curve or driver of an object.
+
+    Attributes:
+        curve: Blender's own.
+        object_name: The object that it animates.
+        swatch: Its number, the learned color where it waits for one, or None where the curve is the object's own.
+        tail: The end of its path: the animated property.
+    """
 
     curve: bpy.types.FCurve
     object_name: str
@@ -54,7 +60,7 @@ def _parsed(curve: bpy.types.FCurve, names: Sequence[str]) -> Curve | None:
 
 
 def make_own(scene: bpy.types.Scene) -> None:
-    """Give the scene a copy of its action where other scenes use it too: a curve can lead to one scene's swatch only."""
+    """Give the scene a copy of its action where other scenes use it too: a curve animates one scene's swatch only."""
     action = scene.animation_data.action if scene.animation_data else None
     others = (other.animation_data for other in bpy.data.scenes if other != scene)
     if action is not None and any(other and other.action == action for other in others):
@@ -62,7 +68,13 @@ def make_own(scene: bpy.types.Scene) -> None:
 
 
 def move(curve: Curve, numbers: Mapping[str, int], swatch: int | str | None) -> None:
-    """Lead a curve to a swatch of its object: a number, or a color to wait for. numbers: where each object stands now."""
+    """Let a curve animate another swatch of its object.
+
+    Args:
+        curve: The curve.
+        numbers: The number of each object by its name.
+        swatch: The swatch's number, a color to wait for, or None where the curve is the object's own.
+    """
     number = numbers.get(curve.object_name)
     waits = number is None or isinstance(swatch, str)
     place = f'"{bpy.utils.escape_identifier(curve.object_name)}"' if waits else number

@@ -45,8 +45,10 @@ class _ObjectEdits:
 def load_palettes(scene: bpy.types.Scene, palettes: Sequence[Palette]) -> None:
     """Replace the scene's objects and swatches by these learned palettes. Edits, locks and keyframes go along.
 
-    What cannot go along is kept as an edit file in the project, and a warning names it. Raises DataError where that
-    cannot be written; then all stays as it was.
+    What cannot go along is kept as an edit file in the project, and a warning names it.
+
+    Raises:
+        DataError: That file cannot be written; then all stays as it was.
     """
     before = {item.name: _ObjectEdits.of(item) for item in scene.karf.objects}
     after = {palette.name: palette.colors for palette in palettes}
@@ -66,7 +68,14 @@ def load_palettes(scene: bpy.types.Scene, palettes: Sequence[Palette]) -> None:
 
 
 def _add(scene: bpy.types.Scene, palette: Palette, before: _ObjectEdits | None, matches: dict[int, int]) -> None:
-    """Add an object; matches: the new number of each of its swatches before that is still there."""
+    """Add an object.
+
+    Args:
+        scene: The scene.
+        palette: The object's palette as learned.
+        before: What the artist had done to it, if it was there.
+        matches: The new number of each of its former swatches that is still there.
+    """
     item = scene.karf.objects.add()
     item.name = palette.name
     for index, color in enumerate(palette.colors):
@@ -87,7 +96,7 @@ def _add(scene: bpy.types.Scene, palette: Palette, before: _ObjectEdits | None, 
 
 
 def _match_swatches(old: np.ndarray, new: np.ndarray | None) -> dict[int, int]:
-    """Where the swatches of a palette [n, 3] are in another [m, 3]: the nearest pairs first, each swatch in one of them."""
+    """Where the swatches of a palette [n, 3] are in another [m, 3]: nearest pairs first, each swatch in one pair."""
     if new is None:
         return {}
     distances = np.linalg.norm(srgb_to_lab(old)[:, None] - srgb_to_lab(new)[None], axis=-1)
@@ -147,7 +156,7 @@ def has_edits(scene: bpy.types.Scene) -> bool:
 
 
 def import_learned(scene: bpy.types.Scene) -> None:
-    """Import what the scene's project has learned: its masks, and its palettes where the scene has others; never raises.
+    """Import what the scene's project has learned: masks, and palettes where the scene has others; never raises.
 
     Edits of the same palettes are kept, for those of others see `load_palettes`.
     """

@@ -19,8 +19,14 @@ from . import colors
 class ShownView:
     """Planes of one view, ready for compositing.
 
-    palette_weights: [K, M, H, W] float32. probabilities: [K, H, W]. base: [H, W, 3] float32. buffer: [H, W, 4] float32
-    in Blender's row order, overwritten by every picture.
+    Attributes:
+        file: Where they are from.
+        written: The file's time, in nanoseconds.
+        objects: Names of the K objects.
+        palette_weights: [K, M, H, W] float32.
+        probabilities: [K, H, W] float32.
+        base: [H, W, 3] float32, sRGB in [0, 1].
+        buffer: [H, W, 4] float32 in Blender's row order, overwritten by every picture.
     """
 
     file: Path
@@ -39,7 +45,11 @@ class _Memory:
 
 
 def shown_view(scene: bpy.types.Scene) -> ShownView:
-    """The planes of the active view, read from disk where they are not the ones in memory. Raises KarfError."""
+    """The planes of the active view, read from disk where they are not the ones in memory.
+
+    Raises:
+        KarfError: There are none, or they are older than the palettes.
+    """
     file = contents.planes_file(scene)
     if not contents.is_prepared(scene):
         what = "is older than the palettes" if file.exists() else "does not exist"

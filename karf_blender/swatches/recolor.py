@@ -23,8 +23,10 @@ RETRY_SECONDS = 0.2
 
 
 class _Memory:
-    """Of each scene (by `session_uid`) the values that its picture was last made from and the view that it shows; and how
-    many `batched` blocks are open."""
+    """Of each scene (by `session_uid`) the values that its picture was made from and the view that it shows.
+
+    `open_batches` counts the `batched` blocks that are open.
+    """
 
     values: dict[int, bytes] = {}
     shown: dict[int, str] = {}
@@ -39,8 +41,11 @@ def forget() -> None:
 
 # --- the picture ---------------------------------------------------------------------------------------------------
 def show(scene: bpy.types.Scene) -> bpy.types.Image:
-    """Composite the active view into the scene's result image, which is made if needed. Raises KarfError, also while
-    Blender renders."""
+    """Composite the active view into the scene's result image, which is made if needed.
+
+    Raises:
+        KarfError: The view cannot be composited, or Blender renders.
+    """
     rendering.refuse()
     _Memory.values[scene.session_uid] = _values(scene)
     return _put(scene, planes.composite(scene))
@@ -89,7 +94,7 @@ def _photo(scene: bpy.types.Scene) -> np.ndarray:
 
 
 def _refresh_changed() -> None:
-    """Bring the pictures of all scenes up to date whose values are not those that they were made from."""
+    """Bring the pictures of all scenes up to date whose values have changed since."""
     for scene in bpy.data.scenes:
         if scene.karf.result is not None and _values(scene) != _Memory.values.get(scene.session_uid):
             refresh(scene)

@@ -11,7 +11,7 @@ from ..project import folders
 
 
 class _Session:
-    """Counts the files that were opened; a path would not tell a file from itself opened again, nor new files apart."""
+    """Counts the files that were opened; a path does not distinguish a file from itself opened again, nor new files."""
 
     file: int = 0
 

@@ -21,7 +21,7 @@ from .task import Task
 
 POLL_SECONDS = 0.2
 PRINT_SECONDS = 5.0
-REPORTED = ("internal", "dependency")  # codes of errors that the log tells more of
+REPORTED = ("internal", "dependency")  # codes of errors that the log explains
 
 
 class _Running:
@@ -74,7 +74,8 @@ def is_running() -> bool:
 def launch(task: Task) -> None:
     """Run a task beside the interface and return at once; in background mode, block until it is done.
 
-    Raises KarfError where it cannot start, in background mode also where it fails.
+    Raises:
+        KarfError: It cannot start; in background mode also: it fails.
     """
     if bpy.app.background:
         wait(task)
@@ -85,7 +86,11 @@ def launch(task: Task) -> None:
 
 
 def wait(task: Task) -> None:
-    """Run a task and block until it is done, printing its progress. Raises KarfError."""
+    """Run a task and block until it is done, printing its progress.
+
+    Raises:
+        KarfError: It cannot start, or it fails.
+    """
     running = _begin(task)
     quiet_until = 0.0
     try:
@@ -109,7 +114,11 @@ def wait(task: Task) -> None:
 
 
 def cancel() -> None:
-    """Ask the running task to stop. Raises BadRequest where none runs."""
+    """Ask the running task to stop.
+
+    Raises:
+        BadRequest: None runs.
+    """
     if not _running:
         raise BadRequest("No KaRF job is running.", "")
     _running[0].job.cancel()
