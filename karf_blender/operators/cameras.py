@@ -6,7 +6,7 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from .. import steps
-from .import_capture import view_from_camera
+from .capture import view_from_camera
 from .reporting import reports_errors
 
 

@@ -17,11 +17,11 @@ LINE = 34  # characters of a message that fit the sidebar's usual width
 
 
 # --- the running job -----------------------------------------------------------------------------------------------
-def has_news(context):
-    """Whether there is anything for the status to say."""
+def has_status(context):
+    """Whether there is anything to show in the status."""
     progress = context.window_manager.karf_progress
-    is_told = progress.running or progress.text or progress.warnings or progress.error
-    return bool(is_told or disk.contents_of(context.scene).missing)
+    has_message = progress.running or progress.text or progress.warnings or progress.error
+    return bool(has_message or disk.contents_of(context.scene).missing)
 
 
 def draw_status(layout, context):
@@ -253,7 +253,7 @@ def make_panel(space: str, editor: str, order: int, name: str, title: str, draw_
 
     def poll(cls, context):
         # without a header it would need no question, but such panels pull their tab before Item, Tool and View
-        return name != "status" or has_news(context)
+        return name != "status" or has_status(context)
 
     def draw(self, context):
         draw_section(self.layout, context)

@@ -14,7 +14,7 @@ ASPECT_TOLERANCE = 1e-4
 
 
 def frame_numbers(views: Sequence[View], first: int) -> list[int]:
-    """The frame of each view: the number at its name's end where all have a different one, else counted from `first`."""
+    """The frame of each view: the number at its name's end where all differ in it, else counted from `first`."""
     ends = [view.name[len(view.name.rstrip("0123456789")) :] for view in views]
     numbers = [int(end) for end in ends if end]
     return numbers if len(set(numbers)) == len(views) else list(range(first, first + len(views)))

@@ -9,7 +9,7 @@ from ..engine_api import Capture
 
 ORIENTATIONS = ("auto", "file", "upright")
 ARBITRARY_WORLDS = ("llff", "colmap")  # formats without a known up axis
-PULL = 0.01  # of the cameras' own up, where their right axes leave it open
+UP_WEIGHT = 0.01  # of the cameras' own up axes, which decide where their right axes leave it open
 
 
 def matrix_of(capture: Capture, orientation: str, size: float) -> np.ndarray:
@@ -46,7 +46,7 @@ def up_of(capture: Capture) -> np.ndarray:
     """
     axes = np.array([view.camera.camera_to_world[:3, :3] for view in capture.views])
     right, up = axes[..., 0], axes[..., 1].mean(axis=0)
-    found = np.linalg.solve(right.T @ right / len(right) + PULL * np.eye(3), up)
+    found = np.linalg.solve(right.T @ right / len(right) + UP_WEIGHT * np.eye(3), up)
     length = np.linalg.norm(found)
     return found / length if length > 1e-6 else np.array([0.0, 0.0, 1.0])
 

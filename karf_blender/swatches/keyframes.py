@@ -59,7 +59,7 @@ def _parsed(curve: bpy.types.FCurve, names: Sequence[str]) -> Curve | None:
     return Curve(curve, name, int(swatch) if swatch else color, tail)
 
 
-def make_own(scene: bpy.types.Scene) -> None:
+def copy_shared_action(scene: bpy.types.Scene) -> None:
     """Give the scene a copy of its action where other scenes use it too: a curve animates one scene's swatch only."""
     action = scene.animation_data.action if scene.animation_data else None
     others = (other.animation_data for other in bpy.data.scenes if other != scene)

@@ -56,7 +56,7 @@ def load_palettes(scene: bpy.types.Scene, palettes: Sequence[Palette]) -> None:
     lost = [name for name, each in before.items() if each.touched - set(matches[name])]
     if lost:
         _keep(scene, lost)
-    keyframes.make_own(scene)
+    keyframes.copy_shared_action(scene)
     curves = keyframes.of(scene)
     with recolor.batched(scene):
         scene.karf.objects.clear()

@@ -29,20 +29,20 @@ class Owner:
         return cls(_Session.file, scene.session_uid, _project_of(scene))
 
     @property
-    def is_open(self) -> bool:
+    def is_file_open(self) -> bool:
         """True while no other file was opened."""
         return self.file == _Session.file
 
     def find(self) -> bpy.types.Scene | None:
         """The scene, if it is still there and works on the same project."""
-        for scene in bpy.data.scenes if self.is_open else ():
+        for scene in bpy.data.scenes if self.is_file_open else ():
             if scene.session_uid == self.scene and _project_of(scene) == self.project:
                 return scene
         return None
 
     def scenes(self) -> Iterator[bpy.types.Scene]:
         """All scenes of the file that work on the same project; none where another file was opened."""
-        for scene in bpy.data.scenes if self.is_open else ():
+        for scene in bpy.data.scenes if self.is_file_open else ():
             if self.project is not None and _project_of(scene) == self.project:
                 yield scene
 

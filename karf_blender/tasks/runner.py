@@ -183,7 +183,7 @@ def _tick() -> float | None:
         _finish(None)
         _end()
         # what the task brought into the scene is a step of its own to undo
-        if running.task.is_at_home and bpy.ops.ed.undo_push.poll():
+        if running.task.is_file_open and bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message=running.task.title)
     if events or done:
         windows.redraw(*windows.PANEL_AREAS)
@@ -193,7 +193,7 @@ def _tick() -> float | None:
 def _show(task: Task, event: Event) -> None:
     """Show an event in the panel, a preview in an Image Editor."""
     progress.show_event(task.label, event)
-    if event.kind == "preview" and task.is_at_home and not rendering.is_running():
+    if event.kind == "preview" and task.is_file_open and not rendering.is_running():
         editors.show_preview(Path(event["path"]))
 
 

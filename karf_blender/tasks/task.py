@@ -19,14 +19,14 @@ class Task:
     owner: Owner | None = None
 
     @property
-    def is_at_home(self) -> bool:
+    def is_file_open(self) -> bool:
         """True while the file is open that began the task."""
-        return self.owner is None or self.owner.is_open
+        return self.owner is None or self.owner.is_file_open
 
     @property
     def label(self) -> str:
         """The title, with the scene's name where the file has several, or that it is another file's."""
-        if not self.is_at_home:
+        if not self.is_file_open:
             return f"{self.title} (of another file)"
         scene = self.owner.find() if self.owner and len(bpy.data.scenes) > 1 else None
         return f"{self.title} ({scene.name})" if scene else self.title

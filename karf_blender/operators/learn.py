@@ -3,8 +3,7 @@
 import bpy
 from bpy.props import StringProperty
 
-from .. import preferences, steps
-from ..engine import probing
+from .. import steps
 from ..swatches import palettes
 from ..tasks import runner
 from .reporting import EngineStep, ProjectSwatchStep, reports_errors
@@ -97,47 +96,10 @@ class KARF_OT_prepare_views(EngineStep, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class KARF_OT_examine_engine(bpy.types.Operator):
-    """Ask the engine's Python what it is and what it lacks"""
-
-    bl_idname = "karf.examine_engine"
-    bl_label = "Test Engine"
-
-    @classmethod
-    def poll(cls, context):
-        if probing.is_running():
-            cls.poll_message_set("A test is running")
-            return False
-        return True
-
-    @reports_errors
-    def execute(self, context):
-        python = preferences.chosen_python()
-        probing.launch(python)
-        verdict = probing.verdict_on(python)
-        if verdict is None:  # it is still being asked; the preferences show its answer
-            return {"FINISHED"}
-        self.report({"INFO" if verdict.is_ready else "ERROR"}, f"{verdict.sentence}. {verdict.command}".strip())
-        return {"FINISHED"} if verdict.is_ready else {"CANCELLED"}
-
-
-class KARF_OT_cancel_examination(bpy.types.Operator):
-    """Stop asking the engine's Python"""
-
-    bl_idname = "karf.cancel_examination"
-    bl_label = "Cancel Test"
-
-    def execute(self, context):
-        probing.cancel()
-        return {"FINISHED"}
-
-
 CLASSES = (
     KARF_OT_learn_scene,
     KARF_OT_segment,
     KARF_OT_extract_palette,
     KARF_OT_show_view,
     KARF_OT_prepare_views,
-    KARF_OT_examine_engine,
-    KARF_OT_cancel_examination,
 )
