@@ -11,7 +11,7 @@ from ..host import compat
 from ..project import folders
 from . import images, photos
 
-MARKER = (1.0, 0.0, 1.0)
+BRUSH_COLOR = (1.0, 0.0, 1.0)  # magenta, which few objects have
 THRESHOLD = 8 / 255  # a pixel that differs by more was painted on
 
 
@@ -45,7 +45,7 @@ def start(scene: bpy.types.Scene, name: str, view: View) -> bpy.types.Image:
     images.upright(buffer)[:] = photo
     images.upload(image, buffer)
     scene.karf.mask_object, scene.karf.mask_view = name, view.name
-    compat.set_brush_color(scene.tool_settings, MARKER)
+    compat.set_brush_color(scene.tool_settings, BRUSH_COLOR)
     return image
 
 

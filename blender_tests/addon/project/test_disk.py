@@ -78,7 +78,7 @@ def test_what_is_drawn_follows_jobs_masks_and_the_chosen_view(bpy, addon, timed,
     scene = bpy.context.scene
     addon.steps.paint_mask(scene, "pot")
     pixels = addon.images.pixels(scene.karf.mask_image)
-    pixels[:5] = addon.masks.MARKER + (1,)
+    pixels[:5] = addon.masks.BRUSH_COLOR + (1,)
     addon.images.upload(scene.karf.mask_image, pixels[::-1].copy())
     assert bpy.ops.karf.save_mask() == {"FINISHED"}
     assert "pot\u00a0(1)" in draw_all(bpy, addon)[0] and bpy.ops.karf.segment.poll()
