@@ -51,6 +51,6 @@ def test_the_package_holds_the_extension_and_nothing_else(package):
 
 def test_the_manifest_tells_the_engines_version():
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text())
-    version = (ROOT / "karf_engine" / "__init__.py").read_text().partition('__version__ = "')[2].partition('"')[0]
+    version = (ROOT / "karf_engine" / "version.py").read_text().partition('__version__ = "')[2].partition('"')[0]
     assert manifest["version"] == version
     assert manifest["blender_version_min"] == "4.2.0"

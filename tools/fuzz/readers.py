@@ -24,6 +24,7 @@ from karf_engine.edit.palette import read_edit, read_palettes
 from karf_engine.errors import KarfError
 from karf_engine.fields.nerf.files import read_nerf
 from karf_engine.images import read_mask, read_photo
+from karf_engine.model import Model
 from karf_engine.project import STAGE_ORDER, Project
 from karf_engine.stages import match, render
 from karf_engine.stages.job import Job, open_job
@@ -138,9 +139,9 @@ def learned(path: Path) -> None:
     """Load all that a render needs."""
     job = job_of(path)
     render.select_views(job, "test")
-    renderer = render.Renderer(job)
-    if renderer.palettes:
-        renderer.learned  # noqa: B018 a property that computes
+    model = Model(job.project, job.runtime.device)
+    if model.palettes:
+        model.learned_colors  # noqa: B018 a property that computes
 
 
 def surface(path: Path) -> None:

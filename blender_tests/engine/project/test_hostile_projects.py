@@ -160,23 +160,23 @@ def test_object_names_of_learned_files_never_leave_the_folder(learned, tmp_path,
 )
 def test_facts_that_nobody_wrote_are_refused_in_a_sentence(learned, tmp_path, file, facts):
     from karf_engine.errors import KarfError
-    from karf_engine.stages.render import Renderer
+    from karf_engine.model import Model
 
     project = strangers_copy(learned, tmp_path)
     rewrite_facts(project / f"{file}.safetensors", lambda known: known.update(facts))
     with pytest.raises(KarfError) as caught:
-        Renderer(job_of(project))
+        Model(Project(project))
     assert caught.value.hint and len(caught.value.sentence) < 1000
 
 
 def test_palettes_of_other_objects_are_refused_in_a_sentence(learned, tmp_path):
-    from karf_engine.stages.render import Renderer
+    from karf_engine.model import Model
 
     project = strangers_copy(learned, tmp_path)
     palettes = json.loads((project / "palette.json").read_text())
     palettes["objects"][0]["name"] = "pot"
     (project / "palette.json").write_text(json.dumps(palettes))
-    assert "palette.json holds palettes of pot" in refusal(Renderer, job_of(project))
+    assert "palette.json holds palettes of pot" in refusal(Model, Project(project))
 
 
 @pytest.mark.parametrize("name", ["positions", "viewdirs", "colors", "object", "sure", "view"])
@@ -205,14 +205,14 @@ def test_rays_of_objects_that_nobody_wrote_are_refused_in_a_sentence(learned, tm
 )
 def test_a_state_of_other_types_is_refused_in_a_sentence(learned, tmp_path, change):
     from karf_engine.errors import KarfError
-    from karf_engine.stages.render import Renderer
+    from karf_engine.model import Model
 
     project = strangers_copy(learned, tmp_path)
     state = json.loads((project / "project.json").read_text())
     change(state)
     (project / "project.json").write_text(json.dumps(state))
     with pytest.raises(KarfError) as caught:
-        Renderer(job_of(project))
+        Model(Project(project))
     assert caught.value.hint and len(caught.value.sentence) < 1000
 
 

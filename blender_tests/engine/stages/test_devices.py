@@ -21,13 +21,13 @@ from karf_engine.cli import main
 from karf_engine.fields.nerf import importing as adopt
 from karf_engine.fields.scene import Scene, psnr_of_views
 from karf_engine.fields.start import start_fit
+from karf_engine.model import Model
 from karf_engine.progress import Progress
 from karf_engine.project import STAGE_ORDER, Project
 from karf_engine.rendering.rays import PixelBank
 from karf_engine.rendering.surface_cache import cache_surface
 from karf_engine.settings import GeometrySettings, Level, NerfSettings, OpenSettings
 from karf_engine.stages.job import open_job
-from karf_engine.stages.render import Renderer
 from karf_engine.wire import Request
 
 LEVELS = (Level(12, 8, 1.0), Level(16, 8, 1.0))
@@ -185,6 +185,6 @@ def test_the_comparison_of_weights_runs_away_from_the_cpu(learned, elsewhere, mo
     monkeypatch.setattr(ablations, "score_palettes_of", lambda test, masks: SimpleNamespace(psnr_object=30.0))
     request = Request("recoloring", learned.project, {"threads": 1, "device": str(elsewhere)})
     job = open_job(request, lambda *_, **__: None, lambda: False)
-    done = SimpleNamespace(job=job, test=SimpleNamespace(renderer=Renderer(job)))
+    done = SimpleNamespace(job=job, test=SimpleNamespace(model=Model(job.project, job.runtime.device)))
     bench = SimpleNamespace(ablation=lambda overrides, seed: done, truth=SimpleNamespace(masks=lambda split: None))
     assert np.isfinite(ablations.decomposition_row(bench, ())).all()

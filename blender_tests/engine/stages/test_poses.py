@@ -18,12 +18,12 @@ import cv2
 from blender_tests.engine.conftest import ROOT, run_engine
 from karf_engine.capture import open_capture
 from karf_engine.capture.image_size import image_header
-from karf_engine.cli import run_stage
 from karf_engine.errors import BadRequest, Cancelled, DataError, MissingDependency
 from karf_engine.images import read_photo, write_png
 from karf_engine.poses.structure_from_motion import Placement, _epipolar_errors
 from karf_engine.poses.video import write_sharpest_frames
 from karf_engine.stages import poses
+from karf_engine.stages.dispatch import run_request
 from karf_engine.wire import EventReader, Request
 
 
@@ -31,7 +31,7 @@ def run(photos, out, should_stop=lambda: False, **options):
     """Run the stage with one thread; returns its events as (kind, values)."""
     events = []
     request = Request("poses", out, {"photos": str(photos), "out": str(out), "threads": 1} | options)
-    run_stage(request, lambda kind, /, **values: events.append((kind, values)), should_stop)
+    run_request(request, lambda kind, /, **values: events.append((kind, values)), should_stop)
     return events
 
 
@@ -198,7 +198,7 @@ def test_wrong_requests_are_named_before_anything_is_made(tmp_path):
     with pytest.raises(BadRequest, match="Unknown matching 'all'"):
         run(photos, tmp_path / "capture", matching="all")
     with pytest.raises(BadRequest, match="was given no out"):
-        run_stage(Request("poses", tmp_path, {"photos": str(photos)}), lambda *_, **__: None, lambda: False)
+        run_request(Request("poses", tmp_path, {"photos": str(photos)}), lambda *_, **__: None, lambda: False)
     assert [path.name for path in tmp_path.iterdir()] == ["photos"]
 
 
