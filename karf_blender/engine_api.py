@@ -37,7 +37,7 @@ from ..karf_engine.settings import PRESETS
 from ..karf_engine.wire import LOG_FILE, REQUEST_FILE, Event, EventReader, Request
 
 # the file or folder by which each known kind of capture is recognized
-CAPTURE_MARKS = tuple(known.mark for known in FORMATS)
+CAPTURE_MARKS = tuple(known.marker for known in FORMATS)
 # the folder that the engine's own Python executes
 ENGINE_FOLDER = Path(karf_engine.__file__).parent
 VERSION = karf_engine.__version__
