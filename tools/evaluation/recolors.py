@@ -11,8 +11,8 @@ import numpy as np
 from scipy.cluster.vq import kmeans2
 
 from karf_engine.color import to_bytes
+from karf_engine.edit.becomes import match_becomes, match_pixels, reflection_target
 from karf_engine.edit.compositing import delta_composite, paper_composite
-from karf_engine.edit.match import match_becomes, match_pixels, reflection_target
 from karf_engine.metrics.scores import hue_shifted
 from karf_engine.model import Frame, Model
 from karf_engine.palette.hull import color_cells, extract_palette

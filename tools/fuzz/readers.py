@@ -18,8 +18,8 @@ from karf_engine.capture import open_capture
 from karf_engine.capture.capture import capture_to_json
 from karf_engine.capture.image_size import image_header
 from karf_engine.capture.ply import read_points
+from karf_engine.edit.becomes import read_object_colors
 from karf_engine.edit.compositing import read_planes
-from karf_engine.edit.match import read_object_colors
 from karf_engine.edit.palette import read_edit, read_palettes
 from karf_engine.errors import KarfError
 from karf_engine.fields.nerf.files import read_nerf

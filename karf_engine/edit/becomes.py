@@ -2,7 +2,8 @@
 
 Naming: n colors of an object (histogram cells or pixels), [n, 3] sRGB in [0, 1], with counts [n]. palette_weights
 [n, M]: each color's share of the M palette entries; a palette change dP [M, 3] moves the colors by
-palette_weights @ dP. Entry 0 is black and never moves; `locked` lists further entries that stay.
+palette_weights @ dP. Entry 0 is black and never moves; `locked` lists further entries that stay. To match is to find
+the palette whose change moves colors to their targets.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from ..color import lab_chroma, lab_hue, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from ..errors import BadRequest, DataError
 from ..npz import read_arrays
+from .least_squares import bounded_least_squares
 from .palette import BRIGHTEST
 
 AGAIN = "Extract the palettes again."
@@ -48,10 +50,26 @@ def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray
 
     Linear light c = a r + s (1, 1, 1) + rest with the source r; shading a and gloss s are not negative, found by least
     squares. The paint's part follows: c + gate a (t - r); gate = exp(-(dh / 0.65)^4) of the Lab hue difference dh to
-    the source leaves other pigments alone. A grey source has no hue: there the chroma difference gates.
+    the source leaves other pigments alone. A grey source has no hue: there the chroma difference gates. This is the
+    dichromatic model of Shafer (1985), "Using color to separate reflection components", with one light.
 
-    colors: [n, 3]. source, target: [3]; what an eyedropper shows before and after. All sRGB in [0, 1].
-    Returns [n, 3] float64 in [0, 1]. Raises BadRequest for a black source, which tells nothing about shading.
+    Args:
+        colors: sRGB [n, 3] in [0, 1].
+        source: sRGB [3] in [0, 1], what an eyedropper shows before.
+        target: sRGB [3] in [0, 1], what it is to show after.
+
+    Returns:
+        sRGB [n, 3] float64 in [0, 1].
+
+    Raises:
+        BadRequest: The source is black, and so the shading is unknown.
+
+    Examples:
+        The source becomes the target, a green beside it stays:
+
+        >>> red, blue, green = np.array([0.7, 0.1, 0.1]), np.array([0.1, 0.2, 0.7]), np.array([0.1, 0.6, 0.2])
+        >>> reflection_target(np.stack([red, green]), red, blue).round(3).tolist()
+        [[0.1, 0.2, 0.7], [0.1, 0.6, 0.2]]
     """
     source = np.asarray(source, np.float64)
     light, r, t = srgb_to_linear(colors), srgb_to_linear(source), srgb_to_linear(target)
@@ -67,7 +85,7 @@ def _shading(light: np.ndarray, r: np.ndarray) -> np.ndarray:
     rr, r1, cr, c1 = r @ r, r.sum(), light @ r, light.sum(axis=1)
     paint_only = np.maximum(cr / rr, 0)
     determinant = 3 * rr - r1 * r1
-    if determinant < 1e-3 * rr:  # gloss and paint are both grey: nothing tells them apart
+    if determinant < 1e-3 * rr:  # gloss and paint are both grey, and cannot be separated
         return paint_only
     paint, gloss = (3 * cr - r1 * c1) / determinant, (rr * c1 - r1 * cr) / determinant
     return np.where(gloss < 0, paint_only, np.maximum(paint, 0))
@@ -92,8 +110,28 @@ def match_becomes(
 ) -> np.ndarray:
     """The palette with which the source's paint becomes the target's, on the whole object, shading and gloss kept.
 
-    colors [n, 3] with counts [n] and palette_weights [n, M]: the object's color histogram. palette: [M, 3] as learned.
-    Returns the edited palette [M, 3] float32 in [0, BRIGHTEST]. Raises BadRequest for a black source.
+    Args:
+        colors: The object's color histogram, sRGB [n, 3] in [0, 1].
+        counts: How often each color occurs, [n], >= 0.
+        palette_weights: Of each color, [n, M].
+        palette: As learned, sRGB [M, 3] in [0, 1].
+        source: sRGB [3] in [0, 1], a color of the object now.
+        target: sRGB [3] in [0, 1], what it is to become.
+        locked: Entries that stay as they are.
+
+    Returns:
+        The edited palette [M, 3] float32 in [0, BRIGHTEST].
+
+    Raises:
+        BadRequest: The source is black.
+
+    Examples:
+        >>> palette = np.array([[0, 0, 0], [0.7, 0.1, 0.1]], np.float32)
+        >>> weights = np.array([[0.0, 1.0], [0.5, 0.5]])  # a red object, lit and in the shade
+        >>> edited = match_becomes(weights @ palette, np.ones(2), weights, palette, palette[1], np.array([0.1, 0.2, 0.7]))
+        >>> print(edited.round(2))
+        [[0.  0.  0. ]
+         [0.1 0.2 0.7]]
     """
     targets = reflection_target(colors, source, target)
     return match_pixels(palette_weights, colors, targets, palette, counts, locked)
@@ -107,13 +145,27 @@ def match_pixels(
     counts: np.ndarray | None = None,
     locked: Iterable[int] = (),
 ) -> np.ndarray:
-    """The palette that moves n colors closest to n targets, by bounded least squares in sRGB: "match a painted view".
+    """The palette that moves n colors closest to n targets, by bounded least squares in sRGB.
 
-    A hull encloses the colors, so its entries lie near the rim of [0, 1] and brighter paint needs some beyond white;
-    the pixels themselves are clipped when they are composed.
+    It matches a painted view, or any targets. A hull encloses the colors, so its entries lie near the rim of [0, 1] and
+    brighter paint needs some beyond white; the pixels themselves are clipped when they are composed.
 
-    palette_weights: [n, M]. colors, targets: [n, 3] in [0, 1]. palette: [M, 3]. counts: [n], default 1 each.
-    Returns the edited palette [M, 3] float32 in [0, BRIGHTEST]; entry 0 and locked ones are the palette's own.
+    Args:
+        palette_weights: Of each color, [n, M].
+        colors: sRGB [n, 3] in [0, 1].
+        targets: What each is to become, sRGB [n, 3] in [0, 1].
+        palette: As learned, sRGB [M, 3] in [0, 1].
+        counts: Importance of each color, [n], >= 0; by default 1 each.
+        locked: Entries that stay as they are.
+
+    Returns:
+        The edited palette [M, 3] float32 in [0, BRIGHTEST]; entry 0 and locked ones are the palette's own.
+
+    Examples:
+        >>> palette = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+        >>> weights = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+        >>> match_pixels(weights, weights @ palette, [[0.5, 0, 0], [0, 1, 0]], palette).round(2).tolist()
+        [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 1.0, 0.0]]
     """
     lower, upper = _room(palette, locked, BRIGHTEST)
     change = bounded_least_squares(palette_weights, np.subtract(targets, colors), lower, upper, counts, RIDGE)
@@ -133,8 +185,22 @@ def match_fewest(
     least squares, each step solved exactly within 0 <= P + dP <= 1. A target out of reach is met as closely as the box
     lets it, channel by channel.
 
-    palette_weights_of_pixel: [M]. palette: [M, 3]. target: [3]. shown: [3] the pixel's color now (default: what the
-    palette gives). Returns the edited palette [M, 3] float32.
+    Args:
+        palette_weights_of_pixel: [M].
+        palette: As learned, sRGB [M, 3] in [0, 1].
+        target: sRGB [3] in [0, 1].
+        locked: Entries that stay as they are.
+        shown: The pixel's color now, sRGB [3]; by default what the palette gives.
+
+    Returns:
+        The edited palette [M, 3] float32 in [0, 1].
+
+    Examples:
+        Of two swatches that make up a pixel, the one with the larger share moves:
+
+        >>> palette = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+        >>> match_fewest(np.array([0, 0.8, 0.2]), palette, np.array([0.4, 0.2, 0])).round(2).tolist()
+        [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 1.0, 0.0]]
     """
     weights = np.asarray(palette_weights_of_pixel, np.float64)
     lower, upper = _room(palette, locked, 1.0)
@@ -150,64 +216,22 @@ def match_fewest(
 
 
 def nearest_weights(colors: np.ndarray, palette_weights: np.ndarray, color: np.ndarray) -> np.ndarray:
-    """Palette weights [M] of the histogram color nearest in Lab to an eyedropper's sRGB color [3]."""
+    """Palette weights of the histogram color nearest in Lab to a color.
+
+    Args:
+        colors: The histogram, sRGB [n, 3] in [0, 1].
+        palette_weights: Of each of its colors, [n, M].
+        color: What an eyedropper shows, sRGB [3] in [0, 1].
+
+    Returns:
+        [M].
+
+    Examples:
+        >>> nearest_weights(np.array([[1.0, 0, 0], [0, 0, 1.0]]), np.eye(2), np.array([0.1, 0.2, 0.8])).tolist()
+        [0.0, 1.0]
+    """
     distance = np.linalg.norm(srgb_to_lab(colors) - srgb_to_lab(color), axis=1)
     return palette_weights[int(distance.argmin())]
-
-
-def bounded_least_squares(
-    matrix: np.ndarray,
-    values: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    counts: np.ndarray | None = None,
-    ridge: float = 0.0,
-) -> np.ndarray:
-    """Minimise sum_i counts_i |matrix_i x - values_i|^2 + ridge sum(counts) |x|^2 with lower <= x <= upper, exactly.
-
-    matrix: [n, M]. values: [n, C]; the columns are solved apart. lower, upper: [M, C] with lower <= 0 <= upper; equal
-    bounds pin an entry. counts: [n] >= 0, default 1 each. Returns x [M, C].
-
-    An active-set method: finite, and at its end the gradient vanishes on free entries and presses bound ones outward.
-    """
-    matrix, values = np.asarray(matrix, np.float64), np.asarray(values, np.float64)
-    counts = np.ones(len(matrix)) if counts is None else np.asarray(counts, np.float64)
-    counts = counts / counts.sum()
-    weighted = matrix * counts[:, None]
-    # a trace of ridge makes the problem strictly convex, so that every subset of entries can be solved
-    normal = weighted.T @ matrix + max(ridge, 1e-12) * np.eye(matrix.shape[1])
-    right = weighted.T @ values
-    columns = [_active_set(normal, right[:, c], lower[:, c], upper[:, c]) for c in range(values.shape[1])]
-    return np.stack(columns, axis=1)
-
-
-def _active_set(normal: np.ndarray, right: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """Minimise x normal x / 2 - right x in the box, from x = 0; normal [M, M] positive definite."""
-    x = np.zeros(len(right))
-    free = lower < upper
-    for _ in range(20 * len(right)):  # each stay of the free set lowers the objective: no set comes back
-        best = x.copy()
-        if free.any():
-            fixed = right[free] - normal[np.ix_(free, ~free)] @ x[~free]
-            best[free] = np.linalg.solve(normal[np.ix_(free, free)], fixed)
-        step = best - x
-        limit = np.where(step > 0, upper, lower)
-        room = np.divide(limit - x, step, out=np.full_like(x, np.inf), where=free & (step != 0))
-        blocking = int(room.argmin())
-        if room[blocking] < 1:
-            x = x + room[blocking] * step
-            x[blocking] = limit[blocking]
-            free[blocking] = False
-            continue
-        x = best
-        downhill = right - normal @ x
-        inward = np.where(x >= upper, -downhill, downhill)
-        inward[free | (lower == upper)] = 0
-        release = int(inward.argmax())
-        if inward[release] <= 1e-10:
-            return x
-        free[release] = True
-    return x
 
 
 def _shared_pull(

@@ -1,4 +1,4 @@
-"""Color matching: the solvers against their optimality conditions, the rules against a sphere whose paint is known."""
+"""What "becomes" does: the solvers against their optimality conditions, the rules against a sphere whose paint is known."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from karf_engine.color import hue_shift, linear_to_srgb, srgb_to_linear
-from karf_engine.edit.compositing import delta_composite
-from karf_engine.edit.match import (
-    bounded_least_squares,
+from karf_engine.edit.becomes import (
     match_becomes,
     match_fewest,
     match_pixels,
     nearest_weights,
     reflection_target,
 )
+from karf_engine.edit.compositing import delta_composite
+from karf_engine.edit.least_squares import bounded_least_squares
 from karf_engine.errors import BadRequest
 from karf_engine.metrics.images import mean_ciede2000
 
