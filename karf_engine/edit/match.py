@@ -2,7 +2,8 @@
 
 Naming: n colors of an object (histogram cells or pixels), [n, 3] sRGB in [0, 1], with counts [n]. palette_weights
 [n, M]: each color's share of the M palette entries; a palette change dP [M, 3] moves the colors by
-palette_weights @ dP. Entry 0 is black and never moves; `locked` lists further entries that stay.
+palette_weights @ dP. Entry 0 is black and never moves; `locked` lists further entries that stay. The solver is
+hand-written because swatches are matched inside Blender, which has numpy alone.
 """
 
 from __future__ import annotations
