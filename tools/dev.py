@@ -8,9 +8,12 @@
     python3 tools/dev.py fuzz [READER ...]   nearly right files for every reader: docs/reliability.md
     python3 tools/dev.py window [...]        the extension used by mouse and keys in a real window: docs/window_story.md
     python3 tools/dev.py build               the extension's zip in dist/
+    python3 tools/dev.py wheel               the engine's wheel and source archive in dist/, checked
+    python3 tools/dev.py docs                the documentation site in docs_out/; a warning is an error
     python3 tools/dev.py setup               only the environments
 
-Two environments are made under .venv/: `engine` has torch, `blender` has Blender as a module, as at a user's desk.
+Two environments are made under .venv/: `engine` has torch, `blender` has Blender as a module, as at a user's desk. The
+verbs `wheel` and `docs` make a small one each. What is in them stands, to the digit, in requirements/.
 """
 
 from __future__ import annotations
@@ -18,15 +21,15 @@ from __future__ import annotations
 import argparse
 import hashlib
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
 import time
-import tomllib
 import venv
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-ENVIRONMENTS = {"engine": ("", "photos", "test", "lint"), "blender": ("blender", "test")}
 PASSING_ON = ("test", "bench", "evaluate", "faults", "fuzz", "window")  # verbs with arguments of another program
 # of processes that are forked after numpy and torch were imported: they must find no other threads
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
@@ -53,11 +56,13 @@ def main() -> int:
         verb = verbs.add_parser(name, help=text)
         verb.add_argument("rest", nargs=argparse.REMAINDER, help="passed on")
     verbs.add_parser("build", help="the extension's zip in dist/")
+    verbs.add_parser("wheel", help="the engine's wheel and source archive in dist/, checked")
+    verbs.add_parser("docs", help="the documentation site in docs_out/; a warning is an error")
     verbs.add_parser("setup", help="only the environments")
     options, unknown = parser.parse_known_args()
     if unknown and options.verb not in PASSING_ON:
         parser.error(f"unknown arguments: {' '.join(unknown)}")
-    setup()
+    setup("engine", "blender")
     rest = unknown + list(getattr(options, "rest", []))
     actions = {
         "demo": run_demo,
@@ -68,42 +73,40 @@ def main() -> int:
         "fuzz": run_fuzz,
         "window": run_window,
         "build": build,
+        "wheel": wheel,
+        "docs": docs,
     }
     return actions[options.verb](options, rest) if options.verb in actions else 0
 
 
 # ---------------------------------------------------------------------------------------------------------- environments
 def python_of(environment: str) -> Path:
-    """The interpreter of one of the two environments."""
+    """The interpreter of an environment."""
     folder = ROOT / ".venv" / environment
     return folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
 
 
-def setup() -> None:
-    """Make or update the environments; each remembers what it was made from."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    for environment, groups in ENVIRONMENTS.items():
-        extras = project["optional-dependencies"]
-        wanted = [item for group in groups for item in (extras[group] if group else project["dependencies"])]
+def setup(*environments: str) -> None:
+    """Make or update environments; each remembers the pinned packages that it was made from."""
+    for environment in environments:
+        pinned = ROOT / "requirements" / f"{environment}.txt"
         mark = ROOT / ".venv" / environment / "made-from.txt"
-        digest = hashlib.sha256("\n".join(wanted).encode()).hexdigest()
+        digest = hashlib.sha256(pinned.read_bytes()).hexdigest()
         if mark.exists() and mark.read_text() == digest:
             continue
         start = time.monotonic()
         print(f"setting up .venv/{environment} ...", flush=True)
         venv.create(mark.parent, with_pip=True, symlinks=os.name != "nt")
-        install = [
-            str(python_of(environment)),
-            "-m",
-            "pip",
-            "install",
-            "--quiet",
-            "--disable-pip-version-check",
-            *wanted,
-        ]
-        subprocess.run(install, check=True)
+        pip = [str(python_of(environment)), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+        subprocess.run([*pip, "--requirement", str(pinned)], check=True)
         mark.write_text(digest)
         print(f"setting up .venv/{environment} took {time.monotonic() - start:.0f} s", flush=True)
+    if "blender" in environments:
+        _check_system_libraries()
+
+
+def _check_system_libraries() -> None:
+    """End with the names of the system's libraries where Blender lacks some."""
     probe = subprocess.run([str(python_of("blender")), "-c", "import bpy"], capture_output=True, text=True)
     if "cannot open shared object file" in probe.stderr:
         print(probe.stderr.strip().splitlines()[-1], file=sys.stderr)
@@ -167,6 +170,29 @@ def build(options: argparse.Namespace, rest: list[str]) -> int:
     (ROOT / "dist").mkdir(exist_ok=True)
     code = _run("blender", str(tool), "build", "--source-dir", str(ROOT), "--output-dir", str(ROOT / "dist"))
     return code or max(_run("blender", str(tool), "validate", str(path)) for path in (ROOT / "dist").glob("karf-*.zip"))
+
+
+def wheel(options: argparse.Namespace, rest: list[str]) -> int:
+    """Build the engine's source archive, from it the wheel, and check what both say of themselves."""
+    setup("wheel")
+    with tempfile.TemporaryDirectory() as folder:
+        code = _run("wheel", "-m", "build", "--no-isolation", "--outdir", folder, str(ROOT))
+        built = sorted(Path(folder).iterdir())
+        code = code or _run("wheel", "-m", "twine", "check", "--strict", *map(str, built))
+        (ROOT / "dist").mkdir(exist_ok=True)
+        for path in built if not code else ():
+            print(shutil.copy(path, ROOT / "dist"))
+    return code
+
+
+def docs(options: argparse.Namespace, rest: list[str]) -> int:
+    """Build the documentation site of README.md, docs/*.md and the docstrings."""
+    setup("docs")
+    out = ROOT / "docs_out"
+    code = _run("docs", "-m", "sphinx", "--fail-on-warning", "--fresh-env", "-c", "docs/site", ".", str(out))
+    if not code:
+        print(out / "index.html")
+    return code
 
 
 def _run(environment: str, *arguments: str, **variables: str) -> int:

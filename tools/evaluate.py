@@ -74,9 +74,6 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--set", dest="overrides", action="append", default=[], metavar="STAGE.FIELD=VALUE")
     parser.add_argument("--seeds", type=int, default=2, help="seeds of every ablation (default: %(default)s)")
     parser.add_argument("--threads", type=int, default=1, help="processor threads (default: %(default)s)")
-    parser.add_argument(
-        "--lpips", type=Path, nargs=2, metavar=("ALEXNET", "LINEAR"), help="weights for LPIPS, see karf_engine/lpips.py"
-    )
     parser.add_argument("--pictures", action="store_true", help="only the pictures of these tables")
     parser.add_argument("--dry", action="store_true", help="print the tables, and write nothing below docs/")
     options = parser.parse_args()

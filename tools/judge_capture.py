@@ -41,7 +41,7 @@ from karf_engine.capture import open_capture
 from karf_engine.capture.capture import Capture, View
 from karf_engine.files import read_json, write_json
 from karf_engine.images import read_mask, resize, write_png
-from karf_engine.metrics.images import iou
+from karf_engine.metrics.masks import iou
 from karf_engine.plates import Plate, undistort
 from karf_engine.progress import TerminalEmit
 from karf_engine.settings import PRESETS

@@ -2,7 +2,7 @@
 
 Format: COLMAP's documentation, "Output Format", with the camera models of src/colmap/sensor/models.h (4.2). Pixel corners
 lie at integers. Files are checked against their length before memory is taken; what newer versions write beside the three
-(rigs, frames) repeats the images' poses and is not needed.
+(rigs, frames) repeats the images' poses and is not needed. Hand-written because Blender reads captures too, with numpy alone.
 """
 
 from __future__ import annotations

@@ -2,7 +2,8 @@
 
 Follows the PNG specification (IHDR, eXIf), JPEG (ITU T.81, SOFn segments), Exif 2.3 (orientation tag 0x0112), the WebP
 container specification (VP8, VP8L and VP8X chunks), TIFF 6.0 (first directory), Windows bitmaps (BITMAPCOREHEADER and
-its successors) and the OpenEXR file layout (displayWindow). Sizes are (width, height) in pixels.
+its successors) and the OpenEXR file layout (displayWindow). Sizes are (width, height) in pixels. Hand-written because
+Blender reads captures too, and its Python has no picture library.
 """
 
 from __future__ import annotations

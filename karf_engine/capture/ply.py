@@ -1,7 +1,7 @@
 """Sparse points in PLY files, as nerfstudio writes them beside its transforms.json.
 
 Format: G. Turk, "The PLY Polygon File Format": ASCII or binary; the first element must be `vertex` with x, y, z and,
-where the points are colored, red, green, blue.
+where the points are colored, red, green, blue. Hand-written because Blender reads captures too, with numpy alone.
 """
 
 from __future__ import annotations

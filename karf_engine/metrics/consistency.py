@@ -80,7 +80,7 @@ def flow_rmse(first: np.ndarray, second: np.ndarray, shown: np.ndarray, other: n
 def carried_by_flow(first: np.ndarray, second: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """`other`, the view of `second`, carried back to that of `first` [H, W, 3], and where that can be trusted [H, W]."""
     forward, backward = optical_flow(first, second), optical_flow(second, first)
-    return sampled(other, _moved(forward)).reshape(other.shape), visible_by_flow(forward, backward)
+    return sampled(other, moved_pixels(forward)).reshape(other.shape), visible_by_flow(forward, backward)
 
 
 def optical_flow(first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -91,24 +91,11 @@ def optical_flow(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 def visible_by_flow(forward: np.ndarray, backward: np.ndarray) -> np.ndarray:
     """Pixels whose way there and back ends where it began, and around which the flow is smooth, bool [H, W]."""
-    return _visible(forward, sampled(backward, _moved(forward)).reshape(forward.shape))
+    return cancel(forward, sampled(backward, moved_pixels(forward)).reshape(forward.shape))
 
 
-def laenerf_error(first: np.ndarray, second: np.ndarray, shown: np.ndarray, other: np.ndarray) -> float:
-    """The figure of LAENeRF's published script, which calls it RMSE: to compare with papers that used it, not to trust.
-
-    Arguments as for `flow_rmse`. It is the mean, over pixels, of squares summed over channels, without a root; over the
-    pixels that are hidden, not over those that are visible; and it tells these by one flow taken twice, so that all
-    that moves by more than a third of a pixel counts as hidden. NaN where nothing moves.
-    """
-    to_first, to_second = optical_flow(second, first), optical_flow(first, second)
-    marked = ~_visible(to_second, sampled(to_second, _moved(to_first)).reshape(to_first.shape))
-    difference = other[marked] - sampled(shown, _moved(to_first))[marked.ravel()]
-    return float((difference**2).sum(-1).mean()) if marked.any() else float("nan")
-
-
-def _visible(flow: np.ndarray, back: np.ndarray) -> np.ndarray:
-    """Where `flow` [H, W, 2] and the flow `back` from where it leads cancel, and `flow` is smooth, bool [H, W].
+def cancel(flow: np.ndarray, back: np.ndarray) -> np.ndarray:
+    """Where `flow` [H, W, 2] and the flow `back` of the places it leads to cancel, and `flow` is smooth, bool [H, W].
 
     The thresholds are those of Lai et al. 2018, after Sundaram et al. 2010.
     """
@@ -118,7 +105,7 @@ def _visible(flow: np.ndarray, back: np.ndarray) -> np.ndarray:
     return returned & (bend <= 0.01 * squared + 0.002)
 
 
-def _moved(flow: np.ndarray) -> np.ndarray:
+def moved_pixels(flow: np.ndarray) -> np.ndarray:
     """Pixel positions [H * W, 2] after the flow."""
     height, width = flow.shape[:2]
     v, u = np.mgrid[:height, :width]

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..color import hue_shift
-from .images import accuracy, iou, iou_border_excluded, mean_ciede2000, mse_outside, psnr, ssim
+from .images import hue_shift, mean_ciede2000, mse_outside, psnr, ssim
+from .masks import accuracy, iou, iou_border_excluded
 
 MIN_PIXELS = 60  # views that show less of an object say nothing about its mask
 

@@ -26,7 +26,7 @@ from ..heads.fields import SegmentationField
 from ..heads.files import ObjectSurface, save_segmentation, save_surface
 from ..heads.fit import fit_on_points, fit_on_rays
 from ..heads.rendering import segment_cache
-from ..metrics.images import iou
+from ..metrics.masks import iou
 from ..names import check_names
 from ..plates import Plate
 from ..progress import Emit

@@ -20,7 +20,6 @@ from judging import (
 
 from karf_engine.edit.compositing import stack_palettes
 from karf_engine.heads.rendering import ObjectSamples, object_samples
-from karf_engine.lpips import read_lpips
 from karf_engine.model import Model
 from karf_engine.progress import TerminalEmit
 from karf_engine.project_edit import solve
@@ -48,7 +47,6 @@ class Bench:
     def __init__(self, options: argparse.Namespace) -> None:
         self.truth = Truth()
         self.seeds = options.seeds
-        self.lpips = read_lpips(*options.lpips) if options.lpips else None
         self._out = options.out.absolute()
         shutil.rmtree(self._out / "scratch", ignore_errors=True)
         values = {

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from karf_engine.capture.capture import View
-from karf_engine.lpips import Lpips
-from karf_engine.metrics.consistency import Sight, carried_by_flow, correspond, flow_rmse, laenerf_error, mean_of_pairs
+from karf_engine.metrics.consistency import Sight, correspond, flow_rmse, mean_of_pairs
 from karf_engine.model import Frame, Model
 
 from .bench import Bench
+from .laenerf import laenerf_error
 from .recolors import composed, on_photo
 from .table import Table
 
@@ -38,14 +38,12 @@ def consistency_table(bench: Bench) -> Table:
         edited = bench.edited(bench.job, model, edit)
         for label, way in ways.items():
             shown = plain if way is None else [composed(model, frame, edited, way[1]) for frame in way[0]]
-            figures[label].append(consistency_figures(sights, plain, shown, bench.lpips))
+            figures[label].append(consistency_figures(sights, plain, shown))
     mean = {label: np.mean(values, 0) for label, values in figures.items()}
     still = mean["not edited"]
     rows = [[label, *v[:2].tolist(), *(v / still)[:2].tolist(), *v[2:].tolist()] for label, v in mean.items()]
-    if bench.lpips is None:
-        rows = [[*row, "n/a", "n/a"] for row in rows]
     published = {"PaletteNeRF with LSeg": (0.136, 0.262), "LAENeRF": (0.131, 0.260), "KaRF": (0.127, 0.250)}
-    rows += [[f"paper: {name}, mean of other captures", *[None] * 4, *v, *[None] * 4] for name, v in published.items()]
+    rows += [[f"paper: {name}, mean of other captures", *[None] * 4, *v, *[None] * 2] for name, v in published.items()]
     return Table(
         "View consistency (Table 3)",
         f"RMSE between what two frames of a camera path show of the same surface points, {SHORT} and {LONG} frames apart "
@@ -56,8 +54,7 @@ def consistency_table(bench: Bench) -> Table:
         "what LAENeRF's published script computes (sums of squares, over hidden pixels), with the same flow. The paper's "
         "RMSE is by flow, with steps between views that it does not tell. Highlights "
         "move over the objects, so that even the scene that is not edited differs. A smaller figure is not always "
-        "better: a flat color is perfectly consistent. LPIPS, of frames carried over by the flow, hidden pixels black, needs "
-        "a network that is not part of this program (`--lpips`).",
+        "better: a flat color is perfectly consistent.",
         (
             ("recolored", ""),
             ("RMSE short", ".4f"),
@@ -68,17 +65,13 @@ def consistency_table(bench: Bench) -> Table:
             ("by flow, long", ".4f"),
             ("by script, short", ".4f"),
             ("by script, long", ".4f"),
-            ("LPIPS short", ".4f"),
-            ("LPIPS long", ".4f"),
         ),
         rows,
     )
 
 
-def consistency_figures(
-    sights: list[Sight], plain: list[np.ndarray], shown: list[np.ndarray], lpips: Lpips | None
-) -> list[float]:
-    """Short and long: RMSE by geometry, by flow, the script's error, and LPIPS where it was given.
+def consistency_figures(sights: list[Sight], plain: list[np.ndarray], shown: list[np.ndarray]) -> list[float]:
+    """Short and long: RMSE by geometry, by flow, and the script's error.
 
     plain: the frames without the edit.
     """
@@ -92,11 +85,7 @@ def consistency_figures(
     def by_script(a: int, b: int) -> float:
         return laenerf_error(plain[a], plain[b], shown[a], shown[b])
 
-    def by_network(a: int, b: int) -> float:
-        carried, visible = carried_by_flow(plain[a], plain[b], shown[b])
-        return lpips(shown[a] * visible[..., None], carried * visible[..., None])
-
-    measures = (by_geometry, by_flow, by_script) + ((by_network,) if lpips else ())
+    measures = (by_geometry, by_flow, by_script)
     return [mean_of_pairs(len(shown), k, measure) for measure in measures for k in (SHORT, LONG)]
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from judging import TestViews
 
-from karf_engine.color import hue_shift
-from karf_engine.metrics.images import mse_outside
+from karf_engine.metrics.images import hue_shift, mse_outside
 from karf_engine.metrics.scores import score_recolor
 from karf_engine.model import Frame
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from karf_engine.color import hue_shift, linear_to_srgb, srgb_to_linear
+from karf_engine.color import linear_to_srgb, srgb_to_linear
 from karf_engine.edit.becomes import (
     match_becomes,
     match_fewest,
@@ -18,7 +18,7 @@ from karf_engine.edit.becomes import (
 from karf_engine.edit.compositing import delta_composite
 from karf_engine.edit.least_squares import bounded_least_squares
 from karf_engine.errors import BadRequest
-from karf_engine.metrics.images import mean_ciede2000
+from karf_engine.metrics.images import hue_shift, mean_ciede2000
 
 RED, BLUE, GREEN, YELLOW, CREAM = (
     np.array(color)

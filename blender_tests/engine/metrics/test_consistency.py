@@ -6,12 +6,12 @@ import pytest
 pytest.importorskip("scipy")
 pytest.importorskip("cv2")
 
+from blender_tests.engine.reference.textures import smooth_texture
 from karf_engine.capture.camera import Camera
 from karf_engine.metrics.consistency import (
     Sight,
     correspond,
     flow_rmse,
-    laenerf_error,
     mean_of_pairs,
     optical_flow,
     sampled,
@@ -71,26 +71,12 @@ def test_the_mean_is_over_all_pairs_of_the_interval_that_say_something():
     assert np.isnan(mean_of_pairs(3, 3, lambda a, b: 1.0))
 
 
-def smooth_texture(shift):
-    """A wavy picture, moved right by `shift` pixels."""
-    v, u = np.mgrid[:64, :96]
-    waves = [np.sin((u - shift) / length + v / other) for length, other in ((5, 7), (4, -9), (7, 3))]
-    return 0.5 + 0.2 * np.stack(waves, -1)
-
-
 def test_flow_follows_a_picture_that_moves_and_carries_it_back():
     first, second = smooth_texture(0), smooth_texture(3)
     flow = optical_flow(first, second)
     assert np.abs(np.median(flow[10:-10, 10:-10], (0, 1)) - [3, 0]).max() < 0.2
     assert flow_rmse(first, second, first, second) < 0.02
     assert flow_rmse(first, second, first, second + 0.1) == pytest.approx(0.1, abs=0.02)
-
-
-def test_the_published_script_sums_squares_of_all_that_moves():
-    first, second = smooth_texture(0), smooth_texture(3)
-    assert laenerf_error(first, second, first, second) < 0.01
-    assert laenerf_error(first, second, first, second + 0.1) == pytest.approx(3 * 0.1**2, abs=0.01)
-    assert np.isnan(laenerf_error(first, first, first, first))
 
 
 def test_nothing_is_hidden_in_a_pure_translation():

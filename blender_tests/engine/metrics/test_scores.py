@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from karf_engine.color import hue_shift
-from karf_engine.metrics.images import ssim
+from karf_engine.metrics.images import hue_shift, ssim
 from karf_engine.metrics.scores import (
     palette_picture,
     score_edit,

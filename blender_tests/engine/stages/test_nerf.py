@@ -16,7 +16,8 @@ from karf_engine.edit.palette import read_palettes
 from karf_engine.errors import Cancelled
 from karf_engine.fields.scene import SCHEMA
 from karf_engine.images import read_mask, read_photo, resize
-from karf_engine.metrics.images import iou, psnr
+from karf_engine.metrics.images import psnr
+from karf_engine.metrics.masks import iou
 from karf_engine.project import Project
 
 SMALL = (

@@ -17,7 +17,8 @@ from karf_engine.edit.compositing import read_planes
 from karf_engine.edit.palette import read_edit, read_palettes, rgb_to_hex
 from karf_engine.errors import BadRequest
 from karf_engine.images import read_mask, read_photo
-from karf_engine.metrics.images import iou, psnr
+from karf_engine.metrics.images import psnr
+from karf_engine.metrics.masks import iou
 from karf_engine.project import STAGE_ORDER, Project
 from karf_engine.stages import render
 from karf_engine.wire import Request

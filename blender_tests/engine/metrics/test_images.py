@@ -1,0 +1,78 @@
+"""The figures of pictures and masks, on pictures small enough to work out by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("skimage")
+
+from karf_engine.metrics import images, masks
+
+
+def test_hue_shift_turns_red_to_green_and_leaves_grey() -> None:
+    image = np.array([[[0.8, 0.2, 0.2], [0.4, 0.4, 0.4]]])
+    shifted = images.hue_shift(image, np.array([1.0, 0, 0]), np.array([0, 1.0, 0]))
+    np.testing.assert_allclose(shifted, [[[0.2, 0.8, 0.2], [0.4, 0.4, 0.4]]], atol=1e-12)
+
+
+def test_psnr_of_a_constant_error_is_its_decibels() -> None:
+    first, mask = np.zeros((4, 4, 3)), np.eye(4, dtype=bool)
+    second = first + 0.1
+    assert images.psnr(first, second) == pytest.approx(20)
+    second[mask] = 0.01
+    assert images.psnr(first, second, mask) == pytest.approx(40)
+    assert images.psnr(first, first) == float("inf")
+
+
+def test_mse_outside_looks_outside_only() -> None:
+    first, mask = np.zeros((2, 2, 3)), np.array([[True, False], [False, False]])
+    second = first.copy()
+    second[0, 0], second[0, 1] = 1, 0.3
+    assert images.mse_outside(first, second, mask) == pytest.approx(0.09 / 3)
+    assert images.mse_outside(first, second, np.ones_like(mask)) == 0
+
+
+def test_ssim_equals_its_formula_window_by_window() -> None:
+    random = np.random.default_rng(2)
+    x = random.random((13, 12))
+    y = np.clip(x + 0.2 * random.standard_normal(x.shape), 0, 1)
+    grid = np.arange(-5, 6)
+    window = np.exp(-(grid[:, None] ** 2 + grid**2) / (2 * 1.5**2))
+    window /= window.sum()
+    values = []
+    for row in range(3):
+        for column in range(2):
+            a, b = x[row : row + 11, column : column + 11], y[row : row + 11, column : column + 11]
+            ma, mb = (window * a).sum(), (window * b).sum()
+            va, vb = (window * (a - ma) ** 2).sum(), (window * (b - mb) ** 2).sum()
+            covariance = (window * (a - ma) * (b - mb)).sum()
+            values.append((2 * ma * mb + 1e-4) * (2 * covariance + 9e-4) / ((ma**2 + mb**2 + 1e-4) * (va + vb + 9e-4)))
+    assert images.ssim(x, y) == pytest.approx(np.mean(values), abs=1e-12)
+    assert images.ssim(x, x) == pytest.approx(1)
+    with pytest.raises(ValueError):
+        images.ssim(x[:10], y[:10])
+
+
+def test_mask_figures_of_two_overlapping_squares() -> None:
+    truth, predicted = np.zeros((10, 10), bool), np.zeros((10, 10), bool)
+    truth[2:8, 2:8] = True
+    predicted[2:8, 3:9] = True
+    assert masks.iou(predicted, truth) == 30 / 42
+    assert masks.accuracy(predicted, truth) == 0.88
+    # the two differing columns touch the truth's border
+    assert masks.iou_border_excluded(predicted, truth) == 1
+    predicted[2:8, 3] = False
+    predicted[2:8, 4] = False
+    # inside the border 4 x 4 pixels count; columns 3 and 4 of them are missed
+    assert masks.iou_border_excluded(predicted, truth) == 0.5
+    assert masks.iou(truth & False, truth & False) == 1
+
+
+def test_mean_difference_of_a_mask_ignores_the_rest() -> None:
+    first, second = np.zeros((2, 2, 3)), np.zeros((2, 2, 3))
+    second[1] = 1
+    mask = np.array([[True, True], [False, True]])
+    # black against white differs by exactly 100
+    assert images.mean_ciede2000(first, second, mask) == pytest.approx(100 / 3, abs=1e-6)
+    assert np.isnan(images.mean_ciede2000(first, second, mask & False))

@@ -1,0 +1,20 @@
+"""The figure of LAENeRF's published script: to compare with papers that used it, not to trust."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from karf_engine.metrics.consistency import cancel, moved_pixels, optical_flow, sampled
+
+
+def laenerf_error(first: np.ndarray, second: np.ndarray, shown: np.ndarray, other: np.ndarray) -> float:
+    """What the script calls RMSE; arguments as for `karf_engine.metrics.consistency.flow_rmse`.
+
+    It is the mean, over pixels, of squares summed over channels, without a root; over the pixels that are hidden, not
+    over those that are visible; and it tells these by one flow taken twice, so that all that moves by more than a third
+    of a pixel counts as hidden. NaN where nothing moves.
+    """
+    to_first, to_second = optical_flow(second, first), optical_flow(first, second)
+    hidden = ~cancel(to_second, sampled(to_second, moved_pixels(to_first)).reshape(to_first.shape))
+    difference = other[hidden] - sampled(shown, moved_pixels(to_first))[hidden.ravel()]
+    return float((difference**2).sum(-1).mean()) if hidden.any() else float("nan")
