@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..edit.match import match_becomes, match_fewest, nearest_weights, read_object_colors
+from ..edit.match import match_becomes, match_fewest, nearest_weights
+from ..edit.object_colors import read_object_colors
 from ..edit.palette import Edit, Palette, hex_to_rgb, read_edit, read_palettes, write_edit
 from ..errors import BadRequest
 from ..locking import opened

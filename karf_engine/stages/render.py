@@ -27,7 +27,7 @@ from ..capture import open_capture
 from ..capture.capture import View
 from ..color import to_bytes
 from ..edit.compositing import Planes, delta_composite, paper_composite, stack_palettes, write_planes
-from ..edit.palette import Edit, Palette, read_edit
+from ..edit.palette import Edit, Palette, read_edit, read_palettes
 from ..errors import BadRequest, DataError
 from ..fields.scene import Picture, Scene
 from ..files import atomic_write
@@ -41,7 +41,6 @@ from ..plates import Plate
 from ..progress import Emit
 from ..wire import Request
 from .job import Job, open_job
-from .recoloring import palettes_of
 
 BASES = {"delta": "photo", "paper": "render"}  # what an edit of a captured view changes, where nothing is said
 MASK_SAMPLES, WEIGHT_SAMPLES = 3, 8  # quantile samples a ray: colors need more of them than classes
@@ -78,7 +77,7 @@ class Renderer:
             path = job.project.checked(job.project.segmentation_file)
             self.segmentation, self.objects = load_segmentation(path, self.scene.field.n_features, job.runtime.device)
         if job.project.finished("recoloring"):
-            self.palettes = tuple(palettes_of(job, self.objects))
+            self.palettes = read_palettes(job.project.checked(job.project.palette_file), objects=self.objects)
             bounds, n_features = self.segmentation.bounds, self.scene.field.n_features
             path = job.project.checked(job.project.recoloring_file)
             self.recoloring = load_recoloring(path, bounds, n_features, self.palettes, job.runtime.device)
