@@ -17,8 +17,9 @@ from ..karf_engine.capture.reprojection import (
 )
 from ..karf_engine.capture.undistortion import undistorted
 from ..karf_engine.color import linear_to_srgb, srgb_to_lab
-from ..karf_engine.edit.becomes import match_becomes, match_fewest, nearest_weights, read_object_colors
+from ..karf_engine.edit.becomes import match_becomes, match_fewest, nearest_weights
 from ..karf_engine.edit.compositing import Planes, delta_composite, paper_composite, read_planes, stack_palettes
+from ..karf_engine.edit.object_colors import read_object_colors
 from ..karf_engine.edit.palette import (
     BRIGHTEST,
     COMPOSITING_MODES,

@@ -6,7 +6,6 @@ they are sharp and hold the highlights. For any other camera from F_w, which is 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,7 +17,6 @@ from .capture.capture import Capture, View
 from .color import to_bytes
 from .edit.compositing import delta_composite, paper_composite, stack_palettes
 from .edit.palette import Edit, Palette, read_palettes
-from .errors import DataError
 from .fields.scene import Picture, Scene
 from .heads.fields import RecoloringField, SegmentationField
 from .heads.files import load_recoloring, load_segmentation
@@ -103,7 +101,7 @@ class Model:
             path = project.checked(project.segmentation_file)
             self.segmentation, self.objects = load_segmentation(path, n_features, self.device)
         if project.finished("recoloring"):
-            self.palettes = _palettes_of(project, self.objects)
+            self.palettes = read_palettes(project.checked(project.palette_file), objects=self.objects)
             path, bounds = project.checked(project.recoloring_file), self.segmentation.bounds
             self.recoloring = load_recoloring(path, bounds, n_features, self.palettes, self.device)
 
@@ -226,19 +224,6 @@ class Model:
         if edit.compositing == "paper":
             return paper_composite(frame.base, frame.palette_weights, frame.probabilities, edited)
         return delta_composite(frame.base, frame.palette_weights, self.learned_colors, edited)
-
-
-def _palettes_of(project: Project, objects: Sequence[str]) -> tuple[Palette, ...]:
-    """The project's palettes as learned. Raises DataError where they are of other objects."""
-    path = project.checked(project.palette_file)
-    palettes = read_palettes(path)
-    names = [palette.name for palette in palettes]
-    if names != list(objects):
-        raise DataError(
-            f"{path} holds palettes of {', '.join(names):.200}, the segmentation {', '.join(objects):.200}.",
-            "Run the palette stage again.",
-        )
-    return palettes
 
 
 def _on_white(plate: Plate) -> np.ndarray:

@@ -12,7 +12,7 @@ A stage's outputs are gathered in a folder of their own until all are there, and
     segmentation.safetensors     the segmentation field F_s        segmentation.json   its report
     surface.safetensors          surface samples of the objects' rays
     palette.json                 palettes as extracted, then as learned
-    object_colors.npz            each object's color histogram with its palette weights (see edit.becomes)
+    object_colors.npz            each object's color histogram with its palette weights (see edit.object_colors)
     recoloring.safetensors       the recoloring field F_w
     planes/<view>.npz            edit planes of a captured view (see edit.compositing)
     photos/<view>-<digest>.png   photos without lens distortion, as Blender shows them behind its cameras

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .edit.becomes import match_becomes, match_fewest, nearest_weights, read_object_colors
+from .edit.becomes import match_becomes, match_fewest, nearest_weights
+from .edit.object_colors import read_object_colors
 from .edit.palette import BRIGHTEST, Edit, Palette, hex_to_rgb, read_edit, read_palettes, write_edit
 from .errors import BadRequest
 from .project import Project

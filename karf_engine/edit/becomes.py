@@ -9,40 +9,18 @@ the palette whose change moves colors to their targets.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from pathlib import Path
 
 import numpy as np
 
 from ..color import lab_chroma, lab_hue, linear_to_srgb, srgb_to_lab, srgb_to_linear
-from ..errors import BadRequest, DataError
-from ..npz import read_arrays
+from ..errors import BadRequest
 from .least_squares import bounded_least_squares
 from .palette import BRIGHTEST
 
-AGAIN = "Extract the palettes again."
-MOST_CELLS = 2**18  # of a histogram of colors
 HUE_GATE = 0.65  # radians of Lab hue at which a color counts as another pigment
 GREY_CHROMA, CHROMA_GATE = 6.0, 25.0  # Lab chroma below which a source has no hue; and the gate that then stands in
 STILL = 1e-4  # a move of a swatch under this, 1/40 of a step of 8 bits, is rounding
 RIDGE = 1e-3  # per unit of counts: what keeps swatches still that hardly any pixel uses
-
-
-def read_object_colors(path: Path, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """An object's color histogram as the palette stage wrote it: colors [n, 3], counts [n], palette_weights [n, M].
-
-    Raises DataError where the file is unreadable, has nothing of this object, or values that cannot be.
-    """
-    parts = [f"{name}/{part}" for part in ("colors", "counts", "palette_weights")]
-    colors, counts, weights = read_arrays(path, parts, f"colors of {name!r}", AGAIN)
-    fits = counts.ndim == 1 and colors.shape == (len(counts), 3) and weights.shape[:-1] == counts.shape
-    is_sane = all(array.dtype.kind in "iuf" and np.isfinite(array).all() for array in (colors, counts, weights))
-    if not (fits and is_sane and 0 < len(counts) <= MOST_CELLS and counts.min() >= 0 and counts.sum() > 0):
-        raise DataError(
-            f"{path} has colors {colors.shape}, counts {counts.shape} and weights {weights.shape} of {name!r}, "
-            "which are no histogram.",
-            AGAIN,
-        )
-    return colors, counts, weights
 
 
 def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray) -> np.ndarray:

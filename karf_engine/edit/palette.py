@@ -78,18 +78,19 @@ def rgb_to_hex(color: np.ndarray) -> str:
     return "#" + to_bytes(color).tobytes().hex()
 
 
-def read_palettes(path: Path, which: str = "colors") -> tuple[Palette, ...]:
+def read_palettes(path: Path, which: str = "colors", objects: Sequence[str] | None = None) -> tuple[Palette, ...]:
     """Read palette.json; an example stands at `write_palettes`.
 
     Args:
         path: The file.
         which: `colors`, the palettes as learned, or `initial`, as extracted.
+        objects: Names of the segmented objects, whose palettes these must be, in this order; None to take what is there.
 
     Returns:
         One palette an object.
 
     Raises:
-        DataError: The file is missing, of another schema, or has a name or a color that cannot be.
+        DataError: The file is missing, of another schema, has a name or a color that cannot be, or is of other objects.
     """
     content = _read_schema(path, "palettes", PALETTE_SCHEMA)
     palettes = []
@@ -100,7 +101,12 @@ def read_palettes(path: Path, which: str = "colors") -> tuple[Palette, ...]:
         if colors[0].any():
             raise DataError(f"{where} does not begin with black.", "Entry 0 is black and frozen; put [0, 0, 0] there.")
         palettes.append(Palette(name, colors))
-    check_names([palette.name for palette in palettes], path, "an object")
+    names = check_names([palette.name for palette in palettes], path, "an object")
+    if objects is not None and names != list(objects):
+        raise DataError(
+            f"{path} holds palettes of {', '.join(names):.200}, the segmentation {', '.join(objects):.200}.",
+            "Run the palette stage again.",
+        )
     return tuple(palettes)
 
 

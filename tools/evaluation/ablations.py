@@ -8,9 +8,11 @@ import numpy as np
 from judging import score_palettes_of
 
 from karf_engine.edit.compositing import stack_palettes
+from karf_engine.edit.palette import read_palettes
+from karf_engine.heads.files import load_surface
 from karf_engine.kan.gated_block import count_parameters
 from karf_engine.metrics.scores import PaletteScore, score_palettes
-from karf_engine.stages.recoloring import initial_palettes, object_rays
+from karf_engine.stages.recoloring import rays_of
 
 from .bench import Bench
 from .recolors import true_masks_of, with_masks
@@ -131,9 +133,11 @@ def decomposition_table(bench: Bench) -> Table:
 
 def decomposition_row(bench: Bench, overrides: tuple[str, ...]) -> Row:
     learned = bench.ablation(overrides, 0)
-    palettes, field = initial_palettes(learned.job), learned.test.model.scene.field
+    job, project, field = learned.job, learned.job.project, learned.test.model.scene.field
+    palettes = read_palettes(project.checked(project.palette_file), "initial")
     start = time.monotonic()
-    rays = object_rays(learned.job, field, palettes)
+    surface, _ = load_surface(project.checked(project.surface_file), job.runtime.device)
+    rays = rays_of(job, field, surface, palettes)
     seconds = time.monotonic() - start
     weights, block, view = (values.cpu().numpy() for values in (rays.weights, rays.block, rays.view))
     colors = stack_palettes([p.name for p in palettes], {p.name: p.colors for p in palettes})

@@ -13,11 +13,13 @@ from scipy.cluster.vq import kmeans2
 from karf_engine.color import to_bytes
 from karf_engine.edit.becomes import match_becomes, match_pixels, reflection_target
 from karf_engine.edit.compositing import delta_composite, paper_composite
+from karf_engine.heads.files import load_surface
+from karf_engine.heads.object_surface import object_pixels
 from karf_engine.metrics.scores import hue_shifted
 from karf_engine.model import Frame, Model
-from karf_engine.palette.hull import color_cells, extract_palette
+from karf_engine.palette.cells import color_cells
+from karf_engine.palette.hull import extract_palette
 from karf_engine.palette.star_weights import palette_weights_of_image, star_weights
-from karf_engine.stages.palette import object_pixels
 
 from .bench import Bench, Learned
 
@@ -98,7 +100,9 @@ def masked_hue_shift(bench: Bench, masks: list[np.ndarray]) -> Recolor:
 def kmeans_recolor(bench: Bench) -> Recolor:
     """The centers of the objects' colors as palettes, in our masks; weights and compositing as ours."""
     test = bench.ours()
-    names, pixels = object_pixels(bench.job)
+    project = bench.job.project
+    surface, names = load_surface(project.checked(project.surface_file))
+    pixels = object_pixels(surface, names)
     colors = {name: np.concatenate(views) for name, views in zip(names, pixels, strict=True)}
     sizes = {palette.name: len(palette.colors) for palette in test.model.palettes}
     palettes = {name: kmeans_palette(colors[name], sizes[name]) for name in names}

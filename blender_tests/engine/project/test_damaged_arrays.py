@@ -9,8 +9,8 @@ from io import BytesIO
 import numpy as np
 import pytest
 
-from karf_engine.edit.becomes import read_object_colors
 from karf_engine.edit.compositing import Planes, read_planes, write_planes
+from karf_engine.edit.object_colors import read_object_colors
 from karf_engine.errors import DataError
 
 

@@ -124,8 +124,7 @@ def job_of(project):
 
 @pytest.mark.parametrize("file", ["segmentation.safetensors", "surface.safetensors"])
 def test_object_names_of_learned_files_never_leave_the_folder(learned, tmp_path, file):
-    from karf_engine.heads.files import load_segmentation
-    from karf_engine.stages.palette import object_pixels
+    from karf_engine.heads.files import load_segmentation, load_surface
 
     project = strangers_copy(learned, tmp_path)
     rewrite_facts(project / file, lambda facts: facts["objects"].__setitem__(0, "../../escaped"))
@@ -133,7 +132,7 @@ def test_object_names_of_learned_files_never_leave_the_folder(learned, tmp_path,
         "segmentation.safetensors": lambda job: load_segmentation(
             job.project.checked(job.project.segmentation_file), 6
         ),
-        "surface.safetensors": object_pixels,
+        "surface.safetensors": lambda job: load_surface(job.project.checked(job.project.surface_file)),
     }
     assert "cannot be the name of a file" in refusal(reads[file], job_of(project))
 
@@ -202,15 +201,14 @@ def test_palettes_of_other_objects_are_refused_in_a_sentence(learned, tmp_path):
 @pytest.mark.parametrize("name", ["positions", "viewdirs", "colors", "object", "sure", "view"])
 def test_rays_of_objects_that_nobody_wrote_are_refused_in_a_sentence(learned, tmp_path, name):
     from karf_engine.checkpoints import load_tensors, save_tensors
-    from karf_engine.heads.files import SURFACE_SCHEMA
-    from karf_engine.stages.palette import object_pixels
+    from karf_engine.heads.files import SURFACE_SCHEMA, load_surface
 
     project = strangers_copy(learned, tmp_path)
     path = project / "surface.safetensors"
     tensors, facts = load_tensors(path, SURFACE_SCHEMA)
     for wrong in (tensors | {name: tensors[name][:-1]}, {key: t for key, t in tensors.items() if key != name}):
         save_tensors(path, wrong, SURFACE_SCHEMA, facts)
-        assert "surface.safetensors is damaged" in refusal(object_pixels, job_of(project))
+        assert "surface.safetensors is damaged" in refusal(load_surface, path)
 
 
 def test_a_hostile_project_writes_nothing_beside_its_folders(learned, tmp_path):
@@ -303,11 +301,11 @@ def test_values_of_project_json_of_another_type_are_named(tmp_path, change):
 
 @pytest.mark.parametrize("report", [[], {"views": 5}, {"views": "ab"}, {"views": [5]}, {"views": ["../x"]}, {}])
 def test_values_of_segmentation_json_of_another_type_are_named(learned, tmp_path, report):
-    from karf_engine.stages.segmentation import view_names
+    from karf_engine.segmentation.report import SegmentationReport
 
     project = strangers_copy(learned, tmp_path)
     put_json(project / "segmentation.json", report)
-    assert "segmentation.json" in refusal(view_names, job_of(project), "views")
+    assert "segmentation.json" in refusal(SegmentationReport.read, project / "segmentation.json")
 
 
 @pytest.mark.parametrize("initial", [None, 5, [], [[0, 0, 0], [float("nan")] * 3], [[0, 0, 0]] * 10_000, "red"])

@@ -162,7 +162,7 @@ def test_a_nerf_of_another_program_becomes_the_geometry(adopted, checkpoint, sti
     geometry = adopted.finished("geometry")
     assert geometry["space"] == "scaled" and geometry["psnr"] > 20 and geometry["nerf"] == str(checkpoint)
     assert (adopted.folder / "preview.png").exists()
-    # the label solve is at home on it
+    # label propagation was made for it
     judge(rendered(adopted, tmp_path), still_life, 22, 0.75)
 
 

@@ -9,15 +9,9 @@ from numpy.testing import assert_allclose
 pytest.importorskip("scipy")
 
 from karf_engine.color import srgb_to_lab
-from karf_engine.segmentation.label_solve import (
-    PATTERN,
-    _conjugate_gradients,
-    _Solver,
-    has_seeds,
-    neighbor_graph,
-    solve_labels,
-)
+from karf_engine.segmentation.label_propagation import _Propagation, has_seeds, propagate_labels
 from karf_engine.segmentation.mixtures import class_log_densities
+from karf_engine.segmentation.neighbor_graph import PATTERN, conjugate_gradients, neighbor_graph
 
 VOXEL = 0.05
 RED, GREEN, BLUE, WHITE, GRAY = (0.8, 0.15, 0.1), (0.15, 0.6, 0.2), (0.15, 0.25, 0.8), (0.9, 0.9, 0.88), (0.5, 0.5, 0.5)
@@ -62,7 +56,7 @@ def two_balls(random):
     ground = (plane(-0.52, 2.0, 0.07), GRAY)
     positions, lab, normals = cloud(*parts, ground, random=random)
     truth = np.repeat([1, 2, 0], [2600, 2600, len(positions) - 5200])
-    # the marks are drawn from the front (y < 0) and shifted: they spill over the borders and lack a strip
+    # the masks are drawn from the front (y < 0) and shifted: they spill over the borders and lack a strip
     coarse = np.zeros(len(truth), int)
     shifted = positions - [0.08, 0, 0.03]
     coarse[np.linalg.norm(shifted - [-0.5, 0, 0], axis=1) < 0.56] = 1
@@ -76,7 +70,7 @@ def test_touching_balls_are_told_apart_in_spite_of_spill_and_a_missing_piece(two
     positions, lab, normals, truth, coarse, seen = two_balls
     targets, confidence = seeds_from(coarse, 3, seen)
     assert (coarse[seen] == truth[seen]).mean() < 0.93
-    labels = solve_labels(positions, lab, normals, VOXEL, targets, confidence, 4, random)
+    labels = propagate_labels(positions, lab, normals, VOXEL, targets, confidence, 4, random)
     assert (labels.classes == truth).mean() >= 0.97
     assert_allclose(labels.probabilities.sum(1), np.ones(len(truth)), atol=1e-6)
     assert (labels.precision > 0.5).all()
@@ -88,7 +82,7 @@ def test_points_far_from_every_object_are_background(two_balls, random):
     positions = np.concatenate([positions, [[9.0, 9.0, 9.0]]])
     lab, normals = np.concatenate([lab, lab[:1]]), np.concatenate([normals, normals[:1]])
     targets, confidence = np.concatenate([targets, [[0.0, 0.5, 0.5]]]), np.append(confidence, 0.0)
-    labels = solve_labels(positions, lab, normals, VOXEL, targets, confidence, 2, random)
+    labels = propagate_labels(positions, lab, normals, VOXEL, targets, confidence, 2, random)
     assert labels.probabilities[-1].tolist() == [1, 0, 0]
 
 
@@ -109,22 +103,22 @@ def test_a_patterned_object_is_not_eaten_by_the_background(ground_color, random)
     truth = np.repeat([1, 0], [4000, len(ground[0])])
     coarse = np.where(np.linalg.norm(positions - [0.08, 0, 0], axis=1) < 0.53, 1, 0)
     seen = (normals @ [0.6, -0.6, 0.5]) > 0.1
-    labels = solve_labels(positions, lab, normals, VOXEL, *seeds_from(coarse, 2, seen), 4, random)
+    labels = propagate_labels(positions, lab, normals, VOXEL, *seeds_from(coarse, 2, seen), 4, random)
     assert (labels.classes[truth == 1] == 1).mean() >= 0.97
     assert (labels.classes[truth == 0] == 0).mean() >= 0.97
 
 
-@pytest.mark.parametrize(("guards", "confidence"), [([1, 1], 1.6), ([0.5, 1], 0.8), ([1, 0.25], 0.4), ([0, 1], 0)])
-def test_color_moves_a_point_between_two_classes_only_as_far_as_both_are_trusted(guards, confidence):
-    says, stands = np.array([[0.9, 0.1]]), np.array([[0.2, 0.8]])
-    assert _Solver._color_confidence(None, says, stands, np.array(guards)) == pytest.approx([confidence])
+@pytest.mark.parametrize(("reliability", "confidence"), [([1, 1], 1.6), ([0.5, 1], 0.8), ([1, 0.25], 0.4), ([0, 1], 0)])
+def test_color_moves_a_point_between_two_classes_only_as_far_as_both_are_reliable(reliability, confidence):
+    labels, now = np.array([[0.9, 0.1]]), np.array([[0.2, 0.8]])
+    assert _Propagation._color_confidence(None, labels, now, np.array(reliability)) == pytest.approx([confidence])
 
 
-def test_color_that_favors_the_background_is_silent_where_the_runner_up_may_not_answer():
-    says, stands = np.array([[0.6, 0.4, 0.0]]), np.array([[0.9, 0.1, 0.0]])
-    for guard in (0, 0.5, 1):
-        given = _Solver._color_confidence(None, says, stands, np.array([1, guard, 1]))
-        assert given == pytest.approx([2 * guard * 0.2])
+def test_color_that_favors_the_background_has_no_influence_where_the_runner_up_is_unreliable():
+    labels, now = np.array([[0.6, 0.4, 0.0]]), np.array([[0.9, 0.1, 0.0]])
+    for reliability in (0, 0.5, 1):
+        given = _Propagation._color_confidence(None, labels, now, np.array([1, reliability, 1]))
+        assert given == pytest.approx([2 * reliability * 0.2])
 
 
 def test_surfaces_part_in_a_crease_sooner_than_at_an_edge():
@@ -141,25 +135,25 @@ def test_surfaces_part_in_a_crease_sooner_than_at_an_edge():
     assert across[0] < 0.05 * across[1]
 
 
-def test_a_look_alike_that_is_not_connected_to_the_marks_is_dropped(random):
-    marked, look_alike = sphere([0, 0, 0], 0.4, 2500), sphere([1.0, 0, 0], 0.3, 1500)
+def test_a_look_alike_that_is_not_connected_to_the_masks_is_dropped(random):
+    masked, look_alike = sphere([0, 0, 0], 0.4, 2500), sphere([1.0, 0, 0], 0.3, 1500)
     ground = plane(-0.45, 2.0, 0.06)
-    positions, lab, normals = cloud((marked, RED), (look_alike, RED), (ground, GRAY), random=random)
+    positions, lab, normals = cloud((masked, RED), (look_alike, RED), (ground, GRAY), random=random)
     truth = np.repeat([1, 0, 0], [2500, 1500, len(ground[0])])
     seen = (normals @ [0, -1, 0.2] > 0.1) & ((positions[:, 0] < 0.6) | (positions[:, 2] < -0.44))
-    labels = solve_labels(positions, lab, normals, VOXEL, *seeds_from(truth, 2, seen), 4, random)
+    labels = propagate_labels(positions, lab, normals, VOXEL, *seeds_from(truth, 2, seen), 4, random)
     assert (labels.classes[2500:4000] == 0).all()
     assert (labels.classes[:2500] == 1).mean() >= 0.97
 
 
-def test_a_color_that_no_mark_shows_says_nothing_and_the_neighbors_decide(random):
+def test_a_color_that_no_mask_shows_has_no_influence_and_the_neighbors_decide(random):
     ball = sphere([0, 0, 0], 0.5, 4000)
-    colors = np.where(ball[0][:, 1:2] > 0.25, BLUE, RED)  # the back, which no mark reaches, is blue
+    colors = np.where(ball[0][:, 1:2] > 0.25, BLUE, RED)  # the back, which no mask reaches, is blue
     ground = plane(-0.56, 2.0, 0.06)
     positions, lab, normals = cloud((ball, colors), (ground, GRAY), random=random)
     truth = np.repeat([1, 0], [4000, len(ground[0])])
     seen = (normals @ [0, -1, 0.3]) > 0.2
-    labels = solve_labels(positions, lab, normals, VOXEL, *seeds_from(truth, 2, seen), 4, random)
+    labels = propagate_labels(positions, lab, normals, VOXEL, *seeds_from(truth, 2, seen), 4, random)
     blue = np.flatnonzero(ball[0][:, 1] > 0.25)
     assert not (seen[blue] & (normals[blue, 1] > 0.5)).any()
     assert (labels.classes[blue] == 1).mean() >= 0.97
@@ -168,7 +162,7 @@ def test_a_color_that_no_mark_shows_says_nothing_and_the_neighbors_decide(random
 def test_same_seed_same_labels(two_balls):
     positions, lab, normals, _, coarse, seen = two_balls
     runs = [
-        solve_labels(positions, lab, normals, VOXEL, *seeds_from(coarse, 3, seen), 2, np.random.default_rng(7))
+        propagate_labels(positions, lab, normals, VOXEL, *seeds_from(coarse, 3, seen), 2, np.random.default_rng(7))
         for _ in range(2)
     ]
     assert np.array_equal(runs[0].probabilities, runs[1].probabilities)
@@ -195,7 +189,7 @@ def test_the_linear_solver_agrees_with_numpy(random):
     matrix = random.normal(size=(30, 30))
     matrix = matrix @ matrix.T + 30 * np.eye(30)
     right = random.normal(size=(30, 3))
-    found = _conjugate_gradients(lambda v: matrix @ v, matrix.diagonal().copy(), right, np.zeros((30, 3)))
+    found = conjugate_gradients(lambda v: matrix @ v, matrix.diagonal().copy(), right, np.zeros((30, 3)))
     assert_allclose(found, np.linalg.solve(matrix, right), atol=1e-4)
 
 
@@ -210,7 +204,7 @@ def test_a_class_is_dense_at_its_own_colors_only(random):
 def test_a_few_points_in_the_wrong_class_do_not_win_their_color(random):
     lab = np.concatenate([random.normal([40, 50, 30], 3, (500, 3)), random.normal([70, -20, 10], 3, (500, 3))])
     strengths = np.repeat(np.eye(2), 500, 0)
-    strengths[:50] = [0, 1]  # a tenth of the first color is marked as the second class
+    strengths[:50] = [0, 1]  # a tenth of the first color is labelled as the second class
     log_density = class_log_densities(lab, strengths, random)
     assert (log_density[:500, 0] > log_density[:500, 1]).mean() > 0.99
 
@@ -222,7 +216,7 @@ def test_one_seed_is_enough(two_balls, random):
         np.where(np.arange(len(positions)) == 100, 1, 0), 2, np.arange(len(positions)) % 7 < 3
     )
     assert confidence[100] == 1
-    labels = solve_labels(positions, lab, normals, VOXEL, targets, confidence, 2, random)
+    labels = propagate_labels(positions, lab, normals, VOXEL, targets, confidence, 2, random)
     assert np.isfinite(labels.probabilities).all() and labels.precision.shape == (1,)
 
 
@@ -230,7 +224,11 @@ def test_a_single_point_far_from_all_others_is_solved(random):
     positions = np.array([[0.0, 0, 0], [50.0, 0, 0], [50.0, 0.04, 0]])
     lab, normals = srgb_to_lab(np.array([RED, GRAY, GRAY])), np.tile([0.0, 0, 1], (3, 1))
     targets, confidence = seeds_from(np.array([1, 0, 0]), 2, np.ones(3, bool))
-    assert solve_labels(positions, lab, normals, VOXEL, targets, confidence, 2, random).classes.tolist() == [1, 0, 0]
+    assert propagate_labels(positions, lab, normals, VOXEL, targets, confidence, 2, random).classes.tolist() == [
+        1,
+        0,
+        0,
+    ]
 
 
 def test_an_object_has_seeds_where_votes_for_it_are_confident():
