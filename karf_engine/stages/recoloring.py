@@ -11,7 +11,8 @@ from torch import Tensor
 from ..edit.compositing import stack_palettes
 from ..edit.palette import Palette, read_palettes, write_palettes
 from ..errors import DataError
-from ..fields.scene import Field, Scene
+from ..fields.files import load_scene
+from ..fields.protocol import Field
 from ..heads.fields import RecoloringField
 from ..heads.files import load_segmentation, load_surface, save_recoloring
 from ..heads.fit import ObjectRays, fit_recoloring
@@ -32,7 +33,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     with run_stage(job, "recoloring", VERSION) as run:
         if run is None:
             return
-        scene = Scene.load(job.project.checked(job.project.geometry_file), job.runtime.device)
+        scene = load_scene(job.project.checked(job.project.geometry_file), job.runtime.device)
         path = job.project.checked(job.project.segmentation_file)
         segmentation, objects = load_segmentation(path, scene.field.n_features, job.runtime.device)
         initial = palettes_of(job, objects, "initial")

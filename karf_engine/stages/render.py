@@ -29,7 +29,8 @@ from ..color import to_bytes
 from ..edit.compositing import Planes, delta_composite, paper_composite, stack_palettes, write_planes
 from ..edit.palette import Edit, Palette, read_edit
 from ..errors import BadRequest, DataError
-from ..fields.scene import Picture, Scene
+from ..fields.files import load_scene
+from ..fields.scene import Picture
 from ..files import atomic_write
 from ..heads.fields import RecoloringField, SegmentationField
 from ..heads.files import load_recoloring, load_segmentation
@@ -69,7 +70,7 @@ class Renderer:
 
     def __init__(self, job: Job) -> None:
         self._job = job
-        self.scene = Scene.load(job.project.checked(job.project.geometry_file), job.runtime.device)
+        self.scene = load_scene(job.project.checked(job.project.geometry_file), job.runtime.device)
         self.objects: list[str] = []
         self.palettes: tuple[Palette, ...] = ()
         self.segmentation: SegmentationField | None = None

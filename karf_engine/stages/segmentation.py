@@ -20,6 +20,7 @@ from torch import Tensor
 from ..capture.capture import View
 from ..color import srgb_to_lab, to_bytes
 from ..errors import DataError
+from ..fields.files import load_scene
 from ..fields.scene import Scene
 from ..files import read_json, write_json
 from ..heads.fields import SegmentationField
@@ -62,7 +63,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     with run_stage(job, "segmentation", VERSION, digests) as run:
         if run is None:
             return
-        scene = Scene.load(job.project.checked(job.project.geometry_file), job.runtime.device)
+        scene = load_scene(job.project.checked(job.project.geometry_file), job.runtime.device)
         cached = cache_views(job, scene, masks, list(capture.split("train")))
         report = segment(job, scene, cached, run)
         run.facts["objects"] = report["objects"]

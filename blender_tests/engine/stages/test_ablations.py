@@ -10,7 +10,7 @@ torch = pytest.importorskip("torch")
 from karf_engine import settings as settings_module
 from karf_engine.checkpoints import load_tensors
 from karf_engine.edit.compositing import stack_palettes
-from karf_engine.fields.scene import Scene
+from karf_engine.fields.files import load_scene
 from karf_engine.files import read_json
 from karf_engine.heads.fields import RecoloringField
 from karf_engine.heads.files import SURFACE_SCHEMA, load_segmentation
@@ -53,7 +53,7 @@ def test_a_random_palette_is_as_large_as_the_hull_begins_with_black_and_follows_
 
 def test_reference_supervision_asks_only_rays_of_marked_views_for_their_weights(job):
     palettes = recoloring.initial_palettes(job)
-    field = Scene.load(job.project.geometry_file).field
+    field = load_scene(job.project.geometry_file).field
     everywhere = recoloring.object_rays(job, field, palettes)
     assert everywhere.supervised.all()
     changed = settings_module.with_overrides(job.settings, ["recoloring.supervision=reference"])
@@ -68,10 +68,10 @@ def test_reference_supervision_asks_only_rays_of_marked_views_for_their_weights(
 
 
 def test_weights_of_rays_that_are_not_asked_teach_nothing(job):
-    scene = Scene.load(job.project.geometry_file)
+    scene = load_scene(job.project.geometry_file)
     bounds = load_segmentation(job.project.segmentation_file, scene.field.n_features)[0].bounds
     palettes = recoloring.initial_palettes(job)
-    rays = recoloring.object_rays(job, Scene.load(job.project.geometry_file).field, palettes)
+    rays = recoloring.object_rays(job, load_scene(job.project.geometry_file).field, palettes)
     some = torch.arange(len(rays.colors)) % 3 == 0
     sizes = [len(palette.colors) for palette in palettes]
     stacked = torch.from_numpy(stack_palettes(["ball", "block"], {p.name: p.colors for p in palettes}))
@@ -99,7 +99,7 @@ def test_the_rate_is_constant_or_warms_up_and_falls(job, monkeypatch, schedule, 
         factors.extend(factor(i, course.iterations) for i in range(until + 1))
 
     monkeypatch.setattr("karf_engine.heads.fit.train", note)
-    palettes, scene = recoloring.initial_palettes(job), Scene.load(job.project.geometry_file)
+    palettes, scene = recoloring.initial_palettes(job), load_scene(job.project.geometry_file)
     rays = recoloring.object_rays(job, scene.field, palettes)
     settings = RecoloringSettings(iterations=60, schedule=schedule)
     karf = RecoloringField(
@@ -114,7 +114,7 @@ def test_the_rate_is_constant_or_warms_up_and_falls(job, monkeypatch, schedule, 
 
 
 def test_loco_targets_give_the_colors_back_but_depend_on_the_place(job):
-    palettes, field = recoloring.initial_palettes(job), Scene.load(job.project.geometry_file).field
+    palettes, field = recoloring.initial_palettes(job), load_scene(job.project.geometry_file).field
     star = recoloring.object_rays(job, field, palettes)
     changed = settings_module.with_overrides(job.settings, ["recoloring.targets=loco"])
     loco = recoloring.object_rays(replace(job, settings=changed), field, palettes)

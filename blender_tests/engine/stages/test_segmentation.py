@@ -5,7 +5,7 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
-from karf_engine.fields.scene import Scene
+from karf_engine.fields.files import load_scene
 from karf_engine.segmentation.coarse_masks import find_masks
 from karf_engine.stages import segmentation
 from karf_engine.stages.job import open_job
@@ -15,7 +15,7 @@ from karf_engine.wire import Request
 def test_the_surface_has_no_more_points_than_rays_can_fill(learned, monkeypatch):
     request = Request("segmentation", learned.project, {"threads": 1, "device": "cpu"})
     job = open_job(request, lambda *_, **__: None, lambda: False)
-    scene, capture = Scene.load(job.project.geometry_file), job.capture()
+    scene, capture = load_scene(job.project.geometry_file), job.capture()
     masks = find_masks(job.project.masks_folder, capture)
     cached = segmentation.cache_views(job, scene, masks, list(capture.split("train")))
     fine = segmentation._surface_points(cached, scene.field.voxel)
