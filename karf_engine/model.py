@@ -17,7 +17,8 @@ from .capture.capture import Capture, View
 from .color import to_bytes
 from .edit.compositing import delta_composite, paper_composite, stack_palettes
 from .edit.palette import Edit, Palette, read_palettes
-from .fields.scene import Picture, Scene
+from .fields.files import load_scene
+from .fields.scene import Picture
 from .heads.fields import RecoloringField, SegmentationField
 from .heads.files import load_recoloring, load_segmentation
 from .heads.rendering import ObjectSamples, object_samples, segment_cache, weigh_cache
@@ -91,7 +92,7 @@ class Model:
         project.require("geometry")
         self.project, self.device = project, torch.device(device)
         self.settings = settings_for(project, "render")
-        self.scene = Scene.load(project.checked(project.geometry_file), self.device)
+        self.scene = load_scene(project.checked(project.geometry_file), self.device)
         self.objects: list[str] = []
         self.palettes: tuple[Palette, ...] = ()
         self.segmentation: SegmentationField | None = None

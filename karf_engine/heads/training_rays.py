@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ..capture.camera import Camera
 from ..edit.palette import Palette
-from ..fields.scene import Field
+from ..fields.protocol import Field
 from ..palette.loco_weights import loco_weights
 from ..palette.star_weights import star_weights
 from ..progress import Progress

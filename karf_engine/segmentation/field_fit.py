@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..fields.scene import Field
+from ..fields.protocol import Field
 from ..heads.fields import SegmentationField
 from ..heads.fit import fit_on_points, fit_on_rays
 from ..progress import Progress

@@ -10,7 +10,7 @@ import torch
 from scipy.spatial import cKDTree
 
 from ..errors import DataError
-from ..fields.scene import Field
+from ..fields.protocol import Field
 from ..progress import Emit
 from .label_propagation import Labels, has_seeds, propagate_labels
 from .surface_points import SurfacePoints

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from ..errors import DataError
 from ..files import read_json, write_json
-from ..metrics.images import iou
+from ..metrics.masks import iou
 from ..names import check_names
 from .label_propagation import Labels
 from .views import CachedViews

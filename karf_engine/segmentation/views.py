@@ -12,7 +12,7 @@ import numpy as np
 
 from ..capture.capture import View
 from ..errors import DataError
-from ..fields.scene import Field
+from ..fields.protocol import Field
 from ..plates import Plate, load_views
 from ..progress import Progress
 from ..rendering.rays import camera_rays

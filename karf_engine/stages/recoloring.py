@@ -12,7 +12,8 @@ from ..edit.compositing import stack_palettes
 from ..edit.object_colors import write_object_colors
 from ..edit.palette import Palette, read_palettes, write_palettes
 from ..errors import DataError
-from ..fields.scene import Field, Scene
+from ..fields.files import load_scene
+from ..fields.protocol import Field
 from ..heads.fields import RecoloringField
 from ..heads.files import load_segmentation, load_surface, save_recoloring
 from ..heads.fit import ObjectRays, fit_recoloring
@@ -34,7 +35,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         if run is None:
             return
         project, device, settings = job.project, job.runtime.device, job.settings.recoloring
-        field = Scene.load(project.checked(project.geometry_file), device).field
+        field = load_scene(project.checked(project.geometry_file), device).field
         segmentation, objects = load_segmentation(project.checked(project.segmentation_file), field.n_features, device)
         initial = read_palettes(project.checked(project.palette_file), "initial", objects)
         blocks = initial[:1] if job.settings.palette.shared else initial

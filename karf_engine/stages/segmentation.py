@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..fields.scene import Field, Scene
+from ..fields.files import load_scene
+from ..fields.protocol import Field
 from ..heads.fields import SegmentationField
 from ..heads.files import save_segmentation, save_surface
 from ..heads.rendering import segment_cache
@@ -43,7 +44,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         if run is None:
             return
         long_side, settings = job.settings.geometry.long_side, job.settings.segmentation
-        field = Scene.load(job.project.checked(job.project.geometry_file), job.runtime.device).field
+        field = load_scene(job.project.checked(job.project.geometry_file), job.runtime.device).field
         views = load_masked_views(masks, capture.split("train"), long_side, settings)
         cached = cache_views(field, views, settings.samples_per_ray, job.progress("surface", views.n_pixels))
         votes = votes_of_rays(cached)

@@ -11,7 +11,7 @@ pytest.importorskip("scipy")
 
 from karf_engine.capture.capture import capture_from_json
 from karf_engine.errors import DataError
-from karf_engine.fields.scene import Scene
+from karf_engine.fields.files import load_scene
 from karf_engine.files import read_json
 from karf_engine.progress import Progress
 from karf_engine.project import Project
@@ -26,7 +26,7 @@ from karf_engine.settings import from_dict
 def test_the_surface_has_no_more_points_than_rays_can_fill(learned, monkeypatch):
     project = Project(learned.project)
     settings = from_dict(project.state()["settings"])
-    field = Scene.load(project.geometry_file).field
+    field = load_scene(project.geometry_file).field
     capture = capture_from_json(read_json(project.capture_file, "capture"), project.capture_file)
     masks = find_masks(project.masks_folder, capture)
     views = load_masked_views(masks, capture.split("train"), settings.geometry.long_side, settings.segmentation)

@@ -11,7 +11,7 @@ from karf_engine import settings as settings_module
 from karf_engine.checkpoints import load_tensors
 from karf_engine.edit.compositing import stack_palettes
 from karf_engine.edit.palette import read_palettes
-from karf_engine.fields.scene import Scene
+from karf_engine.fields.files import load_scene
 from karf_engine.heads.fields import RecoloringField
 from karf_engine.heads.files import SURFACE_SCHEMA, load_segmentation, load_surface
 from karf_engine.heads.fit import fit_recoloring
@@ -36,7 +36,7 @@ def job(learned):
 @pytest.fixture(scope="module")
 def field(job):
     """Its radiance field."""
-    return Scene.load(job.project.geometry_file).field
+    return load_scene(job.project.geometry_file).field
 
 
 @pytest.fixture(scope="module")

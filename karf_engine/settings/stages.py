@@ -1,18 +1,9 @@
-"""Settings of every stage as data: frozen dataclasses, presets, and what panels and `--help` say of each field.
-
-A preset is a whole `Settings` value. `with_overrides(settings, ["geometry.rays=4096"])` changes single fields, checks
-name, type and range, and raises BadRequest naming the field and the nearest known one.
-"""
+"""Settings of every stage as frozen dataclasses, with what panels and `--help` say of each field."""
 
 from __future__ import annotations
 
-import dataclasses
-import difflib
-import json
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field
 from typing import Any
-
-from .errors import BadRequest
 
 
 def option(default: Any, help: str, minimum: float | None = None, maximum: float | None = None, choices=()) -> Any:
@@ -20,9 +11,6 @@ def option(default: Any, help: str, minimum: float | None = None, maximum: float
     return field(
         default=default, metadata={"help": help, "minimum": minimum, "maximum": maximum, "choices": tuple(choices)}
     )
-
-
-MOST_LEVELS, MOST_VOXELS, MOST_ITERATIONS = 16, 2048, 10**7
 
 
 @dataclass(frozen=True)
@@ -36,7 +24,7 @@ class Level:
 
 @dataclass(frozen=True)
 class OpenSettings:
-    """How open space is learned: scenes that go on behind the object and the cameras (contraction or frustum)."""
+    """How open space is learned: scenes that extend behind the object and the cameras (contraction or frustum)."""
 
     levels: tuple[Level, ...] = option(
         (Level(64, 150, 1.0), Level(128, 250, 1.0), Level(192, 300, 1.0)), "Coarse-to-fine levels"
@@ -86,7 +74,9 @@ class NerfSettings:
 class GeometrySettings:
     """The radiance field: density and prior features. What is not under `open` or `nerf` is for voxels in a box."""
 
-    field: str = option("voxels", "voxels: a sparse grid; nerf: the paper's", choices=("voxels", "nerf"))
+    field: str = option(
+        "voxels", "Kind of field; voxels: a sparse grid; nerf: the paper's; or another that is registered"
+    )
     long_side: int = option(256, "Photos are reduced to this long side, pixels", 32, 4096)
     space: str = option(
         "auto",
@@ -207,175 +197,3 @@ class Settings:
     segmentation: SegmentationSettings = SegmentationSettings()
     palette: PaletteSettings = PaletteSettings()
     recoloring: RecoloringSettings = RecoloringSettings()
-
-
-PRESETS: dict[str, Settings] = {
-    # two processor cores, a few minutes on photos of 256 pixels
-    "demo": Settings(),
-    # a laptop, 400 pixels: more and finer cells, more samples an iteration
-    "fast": Settings(
-        preset="fast",
-        geometry=GeometrySettings(
-            long_side=400,
-            levels=(Level(48, 150, 1.0), Level(112, 300, 0.75), Level(240, 700, 0.6)),
-            samples=160_000,
-            open=OpenSettings(levels=(Level(64, 150, 1.0), Level(128, 300, 1.0), Level(224, 900, 1.0))),
-        ),
-        segmentation=SegmentationSettings(cache_long_side=200, iterations=300),
-        recoloring=RecoloringSettings(iterations=1000),
-    ),
-    # a graphics card, 800 pixels; heads as wide as the paper's
-    "quality": Settings(
-        preset="quality",
-        geometry=GeometrySettings(
-            long_side=800,
-            levels=(Level(64, 500, 1.0), Level(160, 1500, 0.75), Level(384, 6000, 0.5)),
-            samples=1_000_000,
-            max_rays=65536,
-            features=24,
-            open=OpenSettings(
-                levels=(Level(64, 500, 1.0), Level(160, 1500, 1.0), Level(448, 6000, 1.0)),
-                samples=1_000_000,
-                max_rays=65536,
-            ),
-        ),
-        segmentation=SegmentationSettings(width=256, iterations=1000, batch=4096, cache_views=48, cache_long_side=400),
-        recoloring=RecoloringSettings(width=256, frequencies=8, direction_frequencies=4, iterations=5000, batch=4096),
-    ),
-    # the paper's numbers to the letter, for a graphics card: NeRF, plain Eq. 12, one palette of LoCoPalettes' size and
-    # its weights in the marked views, the paper's compositing
-    "paper": Settings(
-        preset="paper",
-        compositing="paper",
-        geometry=GeometrySettings(field="nerf", long_side=800),
-        segmentation=SegmentationSettings(
-            labels="masks",
-            width=256,
-            frequencies=10,
-            iterations=2000,
-            rate=5e-4,
-            schedule="constant",
-            cache_views=32,
-            cache_long_side=256,
-            samples_per_ray=192,
-        ),
-        palette=PaletteSettings(shared=True, colors=6),
-        recoloring=RecoloringSettings(
-            width=256,
-            schedule="constant",
-            frequencies=10,
-            direction_frequencies=4,
-            iterations=5000,
-            batch=1024,
-            rate=5e-4,
-            targets="loco",
-            supervision="reference",
-        ),
-    ),
-}
-
-
-def preset(name: str) -> Settings:
-    """The preset with this name. Raises BadRequest listing the known ones."""
-    if name not in PRESETS:
-        raise BadRequest(f"Unknown preset {name!r}.", f"Use one of: {', '.join(PRESETS)}.")
-    return PRESETS[name]
-
-
-def to_dict(settings: Any) -> dict[str, Any]:
-    """Plain JSON values of a settings dataclass."""
-    return json.loads(json.dumps(dataclasses.asdict(settings)))
-
-
-def from_dict(content: dict[str, Any], kind: type = Settings, where: str = "") -> Any:
-    """Rebuild settings from plain values; unknown names, wrong types and values out of range raise BadRequest."""
-    if not isinstance(content, dict):
-        group = where.rstrip(".") or "A group of settings"
-        raise BadRequest(f"{group} = {content!r:.200} is no group of settings.", "Give an object.")
-    known = {item.name: item for item in fields(kind)}
-    values = {}
-    for name, value in content.items():
-        if name not in known:
-            nearest = difflib.get_close_matches(name, known, 1)
-            hint = f"Did you mean {where}{nearest[0]}?" if nearest else f"Known: {', '.join(known)}."
-            raise BadRequest(f"Unknown setting {where}{name:.200}.", hint)
-        values[name] = _checked(known[name], value, f"{where}{name}")
-    return kind(**values)
-
-
-def with_overrides(settings: Settings, overrides: list[str]) -> Settings:
-    """Apply `stage.field=value` texts; values are JSON, bare words are text."""
-    content = to_dict(settings)
-    for text in overrides:
-        path, equals, value = text.partition("=")
-        if not equals:
-            raise BadRequest(f"Override {text!r} has no '='.", "Write it as stage.field=value.")
-        *parents, last = path.strip().split(".")
-        node = content
-        for parent in parents:
-            if not isinstance(node.get(parent), dict):
-                raise BadRequest(f"Unknown setting {path!r}.", f"Stages: {', '.join(_stages())}.")
-            node = node[parent]
-        try:
-            node[last] = json.loads(value)
-        except (ValueError, RecursionError):  # a bare word; numbers or brackets without end are none of the types below
-            node[last] = value.strip()
-    return from_dict(content)
-
-
-def describe(kind: type = Settings, where: str = "") -> list[tuple[str, Any, str]]:
-    """(dotted name, default, help with range) of every field, for panels and `--help`."""
-    rows = []
-    for item in fields(kind):
-        if is_dataclass(item.default):
-            rows += describe(type(item.default), f"{where}{item.name}.")
-        elif item.metadata:
-            rows.append((f"{where}{item.name}", item.default, item.metadata["help"] + _range_text(item.metadata)))
-    return rows
-
-
-def _stages() -> list[str]:
-    return [item.name for item in fields(Settings) if is_dataclass(item.default)]
-
-
-def _range_text(metadata: Any) -> str:
-    if metadata["choices"]:
-        return f" ({' | '.join(metadata['choices'])})"
-    return f" [{metadata['minimum']} .. {metadata['maximum']}]" if metadata["minimum"] is not None else ""
-
-
-def _checked(item: dataclasses.Field, value: Any, name: str) -> Any:
-    default = item.default
-    if is_dataclass(default):
-        return from_dict(value, type(default), f"{name}.")
-    if isinstance(default, tuple):
-        return _checked_levels(value, name)
-    is_whole = isinstance(default, float) and type(value) is int
-    if type(value) is not type(default) and not is_whole:
-        raise BadRequest(f"{name} = {value!r:.200} is no {type(default).__name__}.", f"The default is {default!r}.")
-    metadata = item.metadata
-    if metadata and metadata["choices"] and value not in metadata["choices"]:
-        raise BadRequest(f"{name} = {value!r:.200} is not allowed.", f"Use one of: {', '.join(metadata['choices'])}.")
-    if metadata and metadata["minimum"] is not None and not metadata["minimum"] <= value <= metadata["maximum"]:
-        raise BadRequest(
-            f"{name} = {value!r:.200} is out of range.", f"Allowed: {metadata['minimum']} to {metadata['maximum']}."
-        )
-    return float(value) if is_whole else value  # whole numbers may be too large for it before the range is known
-
-
-def _checked_levels(value: Any, name: str) -> tuple[Level, ...]:
-    try:
-        levels = tuple(Level(int(entry["voxels"]), int(entry["iterations"]), float(entry["step"])) for entry in value)
-    except (TypeError, KeyError, ValueError, OverflowError) as error:
-        raise BadRequest(
-            f"{name} = {value!r:.200} is no list of levels.",
-            'Give [{"voxels": 40, "iterations": 150, "step": 1.0}, ..].',
-        ) from error
-    if not 0 < len(levels) <= MOST_LEVELS or not all(
-        4 <= v.voxels <= MOST_VOXELS and 1 <= v.iterations <= MOST_ITERATIONS and 0 < v.step <= 1 for v in levels
-    ):
-        raise BadRequest(
-            f"{name} holds an empty or impossible level, or too many.",
-            f"1 to {MOST_LEVELS} levels; voxels 4 to {MOST_VOXELS}, iterations 1 to {MOST_ITERATIONS}, 0 < step <= 1.",
-        )
-    return levels
