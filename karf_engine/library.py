@@ -87,10 +87,12 @@ def learn_geometry(
     **run: Unpack[Run],
 ) -> None:
     """Learn the radiance field of a capture into a project. Arguments and errors as for `learn`."""
-    options = {"capture": str(_source(capture)), "preset": preset, "overrides": list(overrides)}
+    is_open = not isinstance(capture, PathLike)
+    source = capture.source if is_open else capture
+    options = {"capture": str(source), "preset": preset, "overrides": list(overrides)}
     if nerf is not None:
         options["nerf"] = str(nerf)
-    _run("geometry", project, options, run)
+    _run("geometry", project, options, run, **({"capture": capture} if is_open else {}))
 
 
 def segment(project: PathLike, masks: PathLike | None = None, **run: Unpack[Run]) -> None:
@@ -173,14 +175,11 @@ def load(project: PathLike, device: str | None = None) -> Model:
     return Model.load(project, device)
 
 
-def _run(stage: str, project: PathLike, options: dict[str, Any], run: Run) -> None:
+def _run(stage: str, project: PathLike, options: dict[str, Any], run: Run, **in_memory: Any) -> None:
     emit = run.get("emit") or _events_to(run.get("progress"))
     options |= {name: run[name] for name in ("threads", "device") if run.get(name) is not None}
-    run_request(Request(stage, Path(project), options), emit, run.get("should_stop") or (lambda: False))
-
-
-def _source(capture: Capture | PathLike) -> Path:
-    return Path(getattr(capture, "source", capture))
+    should_stop = run.get("should_stop") or (lambda: False)
+    run_request(Request(stage, Path(project), options), emit, should_stop, **in_memory)
 
 
 class _Lines:

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import sysconfig
 import venv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -111,6 +112,14 @@ def test_a_model_of_a_learned_scene_alone_has_no_edits(still_life, tmp_path):
     assert model.objects == [] and model.render(model.capture.views[0].camera).palette_weights is None
     with pytest.raises(BadRequest, match="palette stage"):
         model.edit()
+
+
+def test_a_capture_that_was_changed_in_memory_is_learned_as_changed(still_life, tmp_path):
+    capture = karf.open_capture(still_life.capture)
+    fewer = replace(capture, views=tuple(view for view in capture.views if view.name != "train_r_1"))
+    project = tmp_path / "project"
+    karf.learn_geometry(fewer, project=project, overrides=QUICK, threads=1, device="cpu")
+    assert len(karf.load(project, device="cpu").capture.views) == len(capture.views) - 1
 
 
 def test_learning_can_be_stopped(still_life, tmp_path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from importlib import import_module
+from typing import Any
 
 from ..errors import missing_package
 from ..progress import Emit
@@ -12,13 +13,14 @@ from ..project import STAGE_ORDER
 from ..wire import Request
 
 
-def run_request(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
+def run_request(request: Request, emit: Emit, should_stop: Callable[[], bool], **in_memory: Any) -> None:
     """Run a request in this process; `all` is every stage that learns, in their order.
 
     Args:
         request: the stage, the project and the stage's options.
         emit: receives the events (see `wire`).
         should_stop: asked often; once it is true the stage ends with Cancelled.
+        **in_memory: what the stage takes beside its request, where the caller has read it already.
 
     Raises:
         KarfError: as the stage does; MissingDependency where a package is missing.
@@ -29,4 +31,4 @@ def run_request(request: Request, emit: Emit, should_stop: Callable[[], bool]) -
             module = import_module(f".{stage}", __package__)
         except ModuleNotFoundError as error:
             raise missing_package(error.name) from error
-        module.run(replace(request, stage=stage), emit, should_stop)
+        module.run(replace(request, stage=stage), emit, should_stop, **in_memory)

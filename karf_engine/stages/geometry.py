@@ -43,8 +43,11 @@ COMPARED_VIEWS, COMPARED_LONG_SIDE = 3, 200  # photos that a foreign NeRF must s
 WORSE = 0.5  # dB that held-out views may lose from level to level without a warning
 
 
-def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
-    """Learn the scene of `options["capture"]` into the project; a finished one of the same inputs is kept."""
+def run(request: Request, emit: Emit, should_stop: Callable[[], bool], capture: Capture | None = None) -> None:
+    """Learn the scene of `options["capture"]` into the project; a finished one of the same inputs is kept.
+
+    capture: what that path holds, for a caller who has it in memory.
+    """
     options = request.options
     if "capture" not in options:
         raise BadRequest("The geometry stage was given no capture.", "Name a folder or file with photos and poses.")
@@ -54,7 +57,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     field_kind(settings.geometry.field)  # refuses an unknown one before photos are read
     nerf = Path(options["nerf"]) if options.get("nerf") else None
     networks = None if nerf is None else read_nerf(nerf)
-    capture = open_capture(Path(options["capture"]))
+    capture = capture or open_capture(Path(options["capture"]))
     for remark in capture.remarks:
         emit("warning", code="capture", sentence=remark)
     project = opened(request.project)
