@@ -16,9 +16,15 @@ from .camera import Camera
 
 
 def distort(camera: Camera, pixels: np.ndarray) -> np.ndarray:
-    """Pixel positions in the photo of what the camera's pinhole shows at `pixels` [.., 2], [.., 2] float64.
+    """Where the photo, as stored, shows what the camera's pinhole shows.
 
-    The polynomials fold the picture over where radii no longer grow; positions are nan there.
+    Args:
+        camera: With its distortion.
+        pixels: Positions in the pinhole's picture, [.., 2].
+
+    Returns:
+        Positions in the photo, [.., 2] float64; nan where radii no longer grow, since the polynomials fold the picture
+        over there.
     """
     if camera.is_pinhole:
         return np.asarray(pixels, np.float64)
