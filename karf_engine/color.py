@@ -189,8 +189,9 @@ def hue_shift(image: np.ndarray, source: np.ndarray, target: np.ndarray) -> np.n
         sRGB [..., 3] in [0, 1].
 
     Examples:
-        >>> hue_shift(np.array([[0.5, 0, 0]]), source=np.array([1.0, 0, 0]), target=np.array([0, 0, 1.0])).round(4).tolist()
-        [[0.0, 0.0, 0.5]]
+        >>> red, blue = np.array([1.0, 0, 0]), np.array([0, 0, 1.0])
+        >>> hue_shift(red / 2, source=red, target=blue).round(4).tolist()
+        [0.0, 0.0, 0.5]
     """
     hsv = rgb_to_hsv(image)
     hsv[..., 0] = (hsv[..., 0] + rgb_to_hsv(target)[0] - rgb_to_hsv(source)[0]) % 1

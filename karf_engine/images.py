@@ -157,8 +157,8 @@ def write_png(path: Path, array: np.ndarray) -> None:
 
     Args:
         path: The file.
-        array: [H, W] or [H, W, 1, 3 or 4]. Float in [0, 1] is clipped and rounded to 8 bit, bool becomes 0 and 255, uint8
-            is kept, uint16 [H, W] (depth) becomes 16-bit gray.
+        array: [H, W] or [H, W, 1, 3 or 4]. Float in [0, 1] is clipped and rounded to 8 bit, bool becomes 0 and 255,
+            uint8 is kept, uint16 [H, W] (depth) becomes 16-bit gray.
 
     Raises:
         TypeError: The array is of another kind.

@@ -1,6 +1,6 @@
 """The pinhole camera, with the conventions stated once.
 
-Axes: OpenGL/Blender. The camera looks down its -z, x points right, y up; `camera_to_world` takes its points to the world.
+Axes: OpenGL/Blender. The camera looks down its -z, x points right, y up; `camera_to_world` maps them to the world.
 Pixels: (u right, v down), corners at integers, so the first pixel's center is (0.5, 0.5) and the image spans
 [0, width] x [0, height]. `depth` is the distance along the optical axis, in world units.
 """

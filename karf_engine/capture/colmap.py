@@ -183,8 +183,8 @@ def _at_photo(camera: Camera, photo: Path | None) -> tuple[Camera, list[str]]:
 def _find_photos(model: Path, names: list[str]) -> tuple[list[Path | None], list[str]]:
     """The photo of each name, which are sorted, and remarks on those left out.
 
-    All come from one folder, the one with the most of them nearest to the model: folders farther away may hold photos of
-    the same names before undistortion.
+    All come from one folder, the one with the most of them nearest to the model: folders farther away may have photos
+    of the same names before undistortion.
     """
     paths = [_relative(model, name) for name in names]
     for pair in (_by_name, _by_stem, _by_file_name, _by_order):

@@ -1,9 +1,9 @@
 """The three tables of a COLMAP sparse model, binary and text: cameras, images, points3D.
 
-Format: COLMAP's documentation, "Output Format", with the camera models of src/colmap/sensor/models.h (4.2). Pixel corners
-lie at integers. Files are checked against their length before memory is allocated; what newer versions write beside the
-three (rigs, frames) repeats the images' poses and is not needed. Own code, since Blender's Python reads models too, with
-numpy alone.
+Format: COLMAP's documentation, "Output Format", with the camera models of src/colmap/sensor/models.h (4.2). Pixel
+corners lie at integers. Files are checked against their length before memory is allocated; what newer versions write
+beside the three (rigs, frames) repeats the images' poses and is not needed. Own code, since Blender's Python reads
+models too, with numpy alone.
 """
 
 from __future__ import annotations

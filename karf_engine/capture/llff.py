@@ -1,9 +1,9 @@
 """LLFF captures: `poses_bounds.npy` beside the photos.
 
 Format (the LLFF repository's README, "Using your own poses without running COLMAP"): [n, 17] float64, for each photo in
-the order of the names a 3x5 matrix row by row, then the nearest and farthest depth. The matrix's columns are the camera's
-axes down, right, back in the world, its position, and (height, width, focal length) in pixels. NeX writes [n, 14]: 3x4,
-with (height, width, fx, fy, cx, cy) of all photos in `hwf_cxcy.npy`.
+the order of the names a 3x5 matrix row by row, then the nearest and farthest depth. The matrix's columns are the
+camera's axes down, right, back in the world, its position, and (height, width, focal length) in pixels. NeX writes
+[n, 14]: 3x4, with (height, width, fx, fy, cx, cy) of all photos in `hwf_cxcy.npy`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How well cameras, lenses and sparse points agree: where photos show the points, and where the cameras project them."""
+"""How well cameras, lenses and sparse points agree: where photos show points, and where cameras project them."""
 
 from __future__ import annotations
 

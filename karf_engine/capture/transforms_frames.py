@@ -150,7 +150,7 @@ def _focal_from_angle(frame: Frame, key: str, extent: int) -> float | None:
 
 
 def _pose(frame: Frame) -> tuple[np.ndarray, list[str]]:
-    """camera_to_world [4, 4] with a pure rotation, and a note on a uniform scale that was taken off it."""
+    """camera_to_world [4, 4] with a pure rotation, and a note on a uniform scale that was removed."""
     try:
         matrix = np.array(frame.fields.get("transform_matrix"), np.float64)
     except (TypeError, ValueError, OverflowError):

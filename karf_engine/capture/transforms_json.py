@@ -2,8 +2,8 @@
 
 Formats: the Blender script of NeRF (Mildenhall et al. 2020), instant-ngp's docs/nerf_dataset_tips.md and nerfstudio's
 data conventions. All use OpenGL axes and pixel corners at integers, as `Camera` does; k1..k6 p1 p2 are OpenCV's, and of
-its fisheye model where `camera_model` or `is_fisheye` asks for it. nerfstudio's `applied_transform` has been applied to the
-poses and to the points of `ply_file_path` alike, so it changes nothing here; nor do fields that only steer training.
+its fisheye model where `camera_model` or `is_fisheye` asks for it. nerfstudio's `applied_transform` has been applied to
+the poses and to the points of `ply_file_path` alike, so it changes nothing here; nor do fields that steer training.
 A `file_path` is relative to the JSON's folder; in the wild it also lacks its extension, is an absolute path of another
 machine, or leaves out the folder that the photos were moved to.
 """
@@ -145,7 +145,7 @@ def _views(found: list[tuple[Frame, Path | None]]) -> tuple[list[View], list[str
     return views, merge_notes(note for _, notes in cameras for note in notes)
 
 
-# ---------------------------------------------------------------------------------------------------------------- photos
+# --------------------------------------------------------------------------------------------------------------- photos
 def _stem(frame: Frame, image: Path | None) -> str:
     if image:
         return image.stem
@@ -154,8 +154,10 @@ def _stem(frame: Frame, image: Path | None) -> str:
 
 
 def _find_photos(frames: list[Frame]) -> list[Path | None]:
-    """The photo of each frame, all by the first rule that finds any: mixing rules could pair a camera with a photo of
-    the same name from another split."""
+    """The photo of each frame, all by the first rule that finds any.
+
+    Mixing rules could pair a camera with a photo of the same name from another split.
+    """
     folder = frames[0].file.parent
     longest = max(len(frame.parts) for frame in frames)
     for root, kept in _places(folder, longest):

@@ -1,4 +1,4 @@
-"""Photos as a plain pinhole would have taken them, with numpy alone: what Blender shows behind a camera."""
+"""Photos without their lens distortion, with numpy alone: what Blender shows behind a camera."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ ROWS = 16  # at a time: what is computed on the way stays in the processor's cac
 
 
 def undistorted(photo: np.ndarray, camera: Camera) -> np.ndarray:
-    """A photo as its camera's pinhole shows it, interpolated linearly: the pixels that `plates.undistort` gives the engine.
+    """A photo as its camera's pinhole shows it, interpolated linearly; the same pixels as of `plates.undistort`.
 
     Args:
         photo: As stored, float32 [H, W, C], of the camera's size.

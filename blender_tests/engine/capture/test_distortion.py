@@ -1,4 +1,4 @@
-"""Where lenses put things: the same as OpenCV and COLMAP say."""
+"""Where lenses project points: the same as by OpenCV and COLMAP."""
 
 import numpy as np
 import pytest

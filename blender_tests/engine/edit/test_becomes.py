@@ -1,4 +1,4 @@
-"""What "becomes" does: the solvers against their optimality conditions, the rules against a sphere whose paint is known."""
+"""Edits by "becomes": the solvers against their optimality conditions, the rules against a sphere of known paint."""
 
 from __future__ import annotations
 
