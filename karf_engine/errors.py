@@ -1,8 +1,4 @@
-"""The one exception family: what went wrong, in a sentence, and what the user can do about it.
-
-Every error carries a `code` (stable word for programs), a `sentence` (names the file and the value), a `hint` (the
-remedy) and the process exit code of its class.
-"""
+"""The one family of exceptions: what went wrong, in a sentence, and what the user can do about it."""
 
 from __future__ import annotations
 
@@ -13,7 +9,14 @@ LONGEST = 1500  # letters of a sentence: what it quotes of a file may be without
 
 
 class KarfError(Exception):
-    """Base of all errors that a user can act on."""
+    """Base of all errors that a user can act on.
+
+    Attributes:
+        code: A stable word for programs, of the class.
+        exit_code: Of a process that ends by it, of the class.
+        sentence: What went wrong; names the file and the value.
+        hint: The remedy.
+    """
 
     code = "internal"
     exit_code = 70
@@ -71,7 +74,12 @@ ERROR_CLASSES = (BadRequest, MissingDependency, DataError, OutOfMemory, Cancelle
 
 
 def error_from_code(code: str, sentence: str, hint: str = "") -> KarfError:
-    """The error class with this `code`, rebuilt on the other side of a process boundary."""
+    """The error of the class with this code, rebuilt on the other side of a process boundary.
+
+    Examples:
+        >>> error_from_code("data", "a.png is empty.", "Copy it again.")
+        DataError('a.png is empty. Copy it again.')
+    """
     for error_class in ERROR_CLASSES:
         if error_class.code == code:
             return error_class(sentence, hint)

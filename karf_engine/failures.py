@@ -1,6 +1,6 @@
-"""What the system's errors mean to the user: full disks, missing rights, memory that ran out. Without torch.
+"""The system's errors as sentences and remedies: full disks, missing permissions, memory that ran out. Without torch.
 
-Libraries report the same fault by many classes; here is the one place that knows them.
+Libraries report the same failure by many classes of exceptions; all of them are recognized here and nowhere else.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import re
 from .errors import DataError, KarfError, OutOfMemory
 
 # torch on the processor, OpenCV and C++ libraries have no error class of their own for it
-MEMORY_WORDS = (
+MEMORY_MESSAGES = (
     "out of memory",
     "allocate memory",
     "unable to allocate",
@@ -21,16 +21,16 @@ MEMORY_WORDS = (
     "storage size calculation overflowed",
     "larger than the maximum possible size",
 )
-DISK_FULL_WORDS = ("disk is full", "requested and")  # SQLite; numpy, which wrote less than was requested
-NUMBER_IN_TEXT = re.compile(r"\(os error (\d+)\)")  # safetensors tells the system's number in words
-ROOM = "Free some space, or choose a folder on another disk; what was finished is kept."
-RIGHTS = "Choose a folder of your own, or change its rights; on Windows another program may hold the file open."
+DISK_FULL_MESSAGES = ("disk is full", "requested and")  # SQLite; numpy, which wrote less than was requested
+NUMBER_IN_TEXT = re.compile(r"\(os error (\d+)\)")  # safetensors has the system's number in its message alone
+FREE_SPACE = "Free some space, or choose a folder on another disk; what was finished is kept."
+OTHER_FOLDER = "Choose a folder of your own, or change its rights; on Windows another program may hold the file open."
 SYSTEM_ERRORS = {  # by number: sentence and remedy
-    errno.ENOSPC: ("The disk is full: {file} cannot be written.", ROOM),
-    errno.EDQUOT: ("Your share of the disk is used up: {file} cannot be written.", ROOM),
-    errno.EFBIG: ("{file} is larger than this disk's file system allows.", ROOM),
-    errno.EACCES: ("{file} may not be read or written here.", RIGHTS),
-    errno.EPERM: ("{file} may not be read or written here.", RIGHTS),
+    errno.ENOSPC: ("The disk is full: {file} cannot be written.", FREE_SPACE),
+    errno.EDQUOT: ("Your share of the disk is used up: {file} cannot be written.", FREE_SPACE),
+    errno.EFBIG: ("{file} is larger than this disk's file system allows.", FREE_SPACE),
+    errno.EACCES: ("{file} may not be read or written here.", OTHER_FOLDER),
+    errno.EPERM: ("{file} may not be read or written here.", OTHER_FOLDER),
     errno.EROFS: ("{file} lies on a disk that can only be read.", "Choose a folder on another disk."),
     errno.ENOENT: ("{file} is not there, or no longer.", "Put it back, or check the path; then start again."),
     errno.ENOTDIR: ("{file} lies in a file instead of a folder.", "Check the path."),
@@ -43,16 +43,26 @@ SYSTEM_ERRORS = {  # by number: sentence and remedy
 
 
 def is_out_of_memory(error: BaseException) -> bool:
-    """True for a failed allocation, on an accelerator or in main memory, by whichever library it was made."""
+    """Whether this is a failed allocation, on an accelerator or in main memory, by any library.
+
+    Examples:
+        >>> is_out_of_memory(RuntimeError("CUDA out of memory.")), is_out_of_memory(ValueError("no"))
+        (True, False)
+    """
     if isinstance(error, KarfError):
         return isinstance(error, OutOfMemory)
     if isinstance(error, MemoryError) or type(error).__name__ == "OutOfMemoryError":
         return True
-    return getattr(error, "errno", None) == errno.ENOMEM or any(word in str(error).lower() for word in MEMORY_WORDS)
+    return getattr(error, "errno", None) == errno.ENOMEM or any(word in str(error).lower() for word in MEMORY_MESSAGES)
 
 
 def known_failure(error: BaseException) -> KarfError | None:
-    """The error as the user can act on it; None for one that only a fault of the program explains."""
+    """The error as one that a user can act on; None for one that only a bug explains.
+
+    Examples:
+        >>> str(known_failure(FileNotFoundError(2, "No such file", "/films/a.png")))
+        '/films/a.png is not there, or no longer. Put it back, or check the path; then start again.'
+    """
     if isinstance(error, KarfError):
         return error
     if is_out_of_memory(error):
@@ -70,10 +80,10 @@ def known_failure(error: BaseException) -> KarfError | None:
 
 
 def _system_number(error: BaseException) -> int | None:
-    """The system's number of a failed call, also where a library only tells it in words."""
+    """The system's number of a failed call, also where a library has it in its message alone."""
     if isinstance(error, OSError) and error.errno:
         return error.errno
-    if any(word in str(error) for word in DISK_FULL_WORDS):
+    if any(word in str(error) for word in DISK_FULL_MESSAGES):
         return errno.ENOSPC
-    told = NUMBER_IN_TEXT.search(str(error))
-    return int(told[1]) if told else None
+    found = NUMBER_IN_TEXT.search(str(error))
+    return int(found[1]) if found else None

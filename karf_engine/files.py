@@ -1,4 +1,4 @@
-"""Files written whole or not at all, JSON, and checksums: what every room that touches the disk stands on.
+"""Files written whole or not at all, JSON, and checksums: the base of every module that touches the disk.
 
 A file is written to a temporary name, flushed to disk and renamed, so that a killed process leaves the last good state.
 """
@@ -22,7 +22,21 @@ STALE_SECONDS = 3600.0  # after which nobody is writing a temporary file any mor
 
 
 def atomic_write(path: Path, write: Callable[[Path], None]) -> None:
-    """Call `write(temporary_path)`, flush it to disk and rename it to `path`; on any failure `path` stays as it was."""
+    """Write a file whole or not at all; on any failure `path` stays as it was.
+
+    Args:
+        path: The file; its folder is made.
+        write: Called with the path of a temporary file of the same suffix, which is then flushed to disk and renamed.
+
+    Raises:
+        OSError: The disk takes no more, or the folder cannot be written.
+
+    Examples:
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     atomic_write(Path(folder) / "note.txt", lambda temporary: temporary.write_text("done"))
+        ...     (Path(folder) / "note.txt").read_text()
+        'done'
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     # keep the suffix: image and npz writers choose the format by it. Nothing else of the name: it may be of full length
     handle, name = tempfile.mkstemp(prefix=TEMPORARY, suffix=path.suffix, dir=path.parent)
@@ -45,13 +59,25 @@ def _umask() -> int:
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write JSON atomically, indented so that a person can read it."""
+    """Write JSON atomically, indented so that a person can read it.
+
+    Raises:
+        ValueError: A number in it is not finite.
+    """
     text = json.dumps(content, indent=1, allow_nan=False)
     atomic_write(path, lambda temporary: temporary.write_text(text + "\n", encoding="utf-8"))
 
 
 def read_json(path: Path, what: str) -> Any:
-    """Read a JSON file that is called `what` in messages. Raises DataError naming file, line and reason."""
+    """Read a JSON file.
+
+    Args:
+        path: The file.
+        what: What messages call it.
+
+    Raises:
+        DataError: The file is missing, too large, or no JSON; names the line and the reason.
+    """
     check_file(path, MOST_JSON, f"{path} ({what})")
     try:
         return json.loads(path.read_text(encoding="utf-8-sig"))

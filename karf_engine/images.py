@@ -31,11 +31,20 @@ cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # what matter
 
 
 def read_photo(path: Path, upright: bool = True) -> np.ndarray:
-    """Read a picture as float32 [H, W, 3 or 4] in [0, 1], turned as its Exif orientation says if `upright`.
+    """Read a picture of any kind that Pillow, OpenCV or OpenEXR reads.
 
     Gray and palette pictures become RGB; 16-bit pictures keep their depth. EXR files hold linear light with
     premultiplied alpha: they become sRGB, clipped, with straight alpha, as large as their display window.
-    Raises DataError naming the file and the reason where it cannot be read.
+
+    Args:
+        path: The file.
+        upright: Whether to apply its Exif orientation.
+
+    Returns:
+        sRGB float32 [H, W, 3 or 4] in [0, 1]; alpha is straight.
+
+    Raises:
+        DataError: The file is missing, damaged, no picture, or claims more pixels than are read.
     """
     pixels, header = _read_pixels(path, upright)
     colors = _as_colors(pixels)
@@ -47,7 +56,7 @@ def read_photo(path: Path, upright: bool = True) -> np.ndarray:
 def _read_pixels(path: Path, upright: bool, of_small: int = MOST_PIXELS_OF_SMALL) -> tuple[np.ndarray, ImageHeader]:
     """Pixels [H, W] or [H, W, C] as deep as they are stored, and the file's header; of EXR display colors.
 
-    of_small: how many pixels are read of the smallest file. Raises DataError as `read_photo`.
+    of_small: how many pixels are read of the smallest file. Raises as `read_photo`.
     """
     try:
         header = find_header(path) or ImageHeader(0, 0)  # Pillow knows more kinds than `find_header`
@@ -60,10 +69,10 @@ def _read_pixels(path: Path, upright: bool, of_small: int = MOST_PIXELS_OF_SMALL
             raise
         raise unreadable(path, str(error) or type(error).__name__) from error
     if header.kind == "tiff":  # decoders always turn these
-        turn = 1 if upright else {6: 8, 8: 6}.get(header.orientation, header.orientation)
+        orientation = 1 if upright else {6: 8, 8: 6}.get(header.orientation, header.orientation)
     else:
-        turn = header.orientation if header.deep and upright else 1
-    return _turned(pixels, turn), header
+        orientation = header.orientation if header.deep and upright else 1
+    return _oriented(pixels, orientation), header
 
 
 def _read_plain(path: Path, upright: bool, of_small: int) -> np.ndarray:
@@ -78,7 +87,7 @@ def _read_deep(path: Path) -> np.ndarray:
     return iio.imread(path.read_bytes(), plugin="opencv", index=0, flags=cv2.IMREAD_UNCHANGED)
 
 
-def _turned(pixels: np.ndarray, orientation: int) -> np.ndarray:
+def _oriented(pixels: np.ndarray, orientation: int) -> np.ndarray:
     """Stored pixels as a viewer shows them (Exif 2.3, tag 0x0112)."""
     if orientation >= 5:
         pixels = pixels.swapaxes(0, 1)
@@ -144,8 +153,16 @@ def _full(pixels: np.ndarray) -> int:
 
 
 def write_png(path: Path, array: np.ndarray) -> None:
-    """Write [H, W] or [H, W, 1, 3 or 4] as PNG, atomically: float in [0, 1] is clipped and rounded to 8 bit, bool
-    becomes 0 and 255, uint8 is kept, uint16 [H, W] (depth) becomes 16-bit gray. Raises TypeError for other kinds."""
+    """Write a PNG, atomically.
+
+    Args:
+        path: The file.
+        array: [H, W] or [H, W, 1, 3 or 4]. Float in [0, 1] is clipped and rounded to 8 bit, bool becomes 0 and 255,
+            uint8 is kept, uint16 [H, W] (depth) becomes 16-bit gray.
+
+    Raises:
+        TypeError: The array is of another kind.
+    """
     if np.issubdtype(array.dtype, np.floating):
         array = to_bytes(array)
     elif array.dtype == bool:
@@ -158,9 +175,18 @@ def write_png(path: Path, array: np.ndarray) -> None:
 
 
 def read_mask(path: Path) -> np.ndarray:
-    """Read a mask as bool [H, W]: alpha where it tells inside from outside, else the brightest channel, over one half.
+    """Read a mask: what is over one half in alpha where that varies, else in the brightest channel.
 
-    A file whose only values are 0 and 1 (of 255) is read as a label image. Raises DataError naming the file.
+    A file whose only values are 0 and 1 (of 255) is read as a label image.
+
+    Args:
+        path: The file, of any kind that `read_photo` reads.
+
+    Returns:
+        bool [H, W], True inside.
+
+    Raises:
+        DataError: As `read_photo`.
     """
     pixels, _ = _read_pixels(path, True, MOST_PIXELS_OF_SMALL_MASK)  # no floats: masks of large photos are small files
     pixels = np.atleast_3d(pixels)
@@ -176,8 +202,20 @@ def read_mask(path: Path) -> np.ndarray:
 
 
 def resize(image: np.ndarray, width: int, height: int) -> np.ndarray:
-    """Resize float [H, W] or [H, W, C] to float32 [height, width, ...]: exact area averaging along an axis that shrinks,
-    linear interpolation along an axis that grows."""
+    """Resize by exact area averaging along an axis that shrinks, linear interpolation along an axis that grows.
+
+    Args:
+        image: Float [H, W] or [H, W, C].
+        width: Pixels.
+        height: Pixels.
+
+    Returns:
+        float32 [height, width] or [height, width, C].
+
+    Examples:
+        >>> resize(np.array([[0.0, 1.0, 3.0, 4.0]]), 2, 1).tolist()
+        [[0.5, 3.5]]
+    """
     resized = image.astype(np.float32, copy=False)
     smaller = (min(width, image.shape[1]), min(height, image.shape[0]))
     for size, method in ((smaller, cv2.INTER_AREA), ((width, height), cv2.INTER_LINEAR)):
@@ -187,7 +225,7 @@ def resize(image: np.ndarray, width: int, height: int) -> np.ndarray:
 
 
 def straight(photo: np.ndarray) -> np.ndarray:
-    """Premultiplied [H, W, 4] as straight colors [H, W, 3]."""
+    """Straight colors [H, W, 3] of premultiplied [H, W, 4], all in [0, 1]; black where alpha is 0."""
     alpha = photo[..., 3:]
     color = np.divide(photo[..., :3], alpha, out=np.zeros_like(photo[..., :3]), where=alpha > 0)
     return np.minimum(color, 1.0)  # the quotient may round to above one

@@ -1,4 +1,4 @@
-"""Files that somebody gave, looked at before they are opened: a pipe would be waited for, a device has no end."""
+"""Checks of files that others made, before they are opened: opening a pipe would wait, reading a device never ends."""
 
 from __future__ import annotations
 
@@ -14,8 +14,13 @@ MOST_BYTES = 8 << 30  # of a file that is read whole
 def check_file(path: Path, most: int = MOST_BYTES, label: str = "") -> int:
     """The size in bytes of a regular file, its links followed.
 
-    label: what messages call it, by default its path. Raises DataError where nothing lies there, where it is a folder,
-    a pipe or a device, and where it has more than `most` bytes.
+    Args:
+        path: The file.
+        most: Bytes that it may have.
+        label: What messages call it, by default its path.
+
+    Raises:
+        DataError: The file is missing, is a folder, a pipe or a device, or has more bytes.
     """
     label = label or str(path)
     try:

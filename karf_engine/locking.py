@@ -1,7 +1,7 @@
-"""Who may use a project now: one job that writes, and readers that never see half of a stage's outputs.
+"""Locks of a project: one job writes, and readers never see half of a stage's outputs.
 
 Both are locks of the operating system, which frees them when their process ends, however it ends. On network drives
-without such locks the library falls back to a file with the owner's process and host, and sees whether that one lives.
+without such locks the library falls back to a file with the owner's process and host, and checks whether it is alive.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ COMMIT_SECONDS = 60.0  # a commit renames a few files; on a slow network drive t
 def writing(project: Project) -> Iterator[None]:
     """Hold the project for one job that writes, cleared of what killed ones left.
 
-    Raises BadRequest where another job holds it.
+    Raises:
+        BadRequest: Another job holds it.
     """
     holder = project.folder / "lock.json"
     lock = FileLock(project.folder / "lock", timeout=0)
@@ -45,7 +46,11 @@ def writing(project: Project) -> Iterator[None]:
 
 
 def opened(folder: Path | str) -> Project:
-    """The project in a folder, after a commit that was interrupted is completed. Raises as `writing` where it has to be."""
+    """The project in a folder, after a commit that was interrupted is completed.
+
+    Raises:
+        BadRequest: There is one to complete, and another job holds the project.
+    """
     project = Project(folder)
     if project.is_interrupted:
         with writing(project), consistent(project):
@@ -55,9 +60,12 @@ def opened(folder: Path | str) -> Project:
 
 @contextmanager
 def consistent(project: Project) -> Iterator[None]:
-    """Keep a project's outputs as they are while several are read, or replaced. Raises BadRequest after a minute.
+    """Keep a project's outputs as they are while several are read, or replaced.
 
     Where no lock can be made, as on a read-only disk, nothing can be replaced either, and none is needed.
+
+    Raises:
+        BadRequest: Another job holds the lock for more than `COMMIT_SECONDS`.
     """
     lock = FileLock(project.folder / "commit.lock", timeout=COMMIT_SECONDS)
     with suppress(OSError):

@@ -1,4 +1,4 @@
-"""Names that become files: of views and of objects. What a file says must never lead out of a folder.
+"""Names of views and objects that become names of files. No name read from a file may lead out of a folder.
 
 The rules are those of all systems together, so that a project can be moved to any of them.
 """
@@ -19,7 +19,12 @@ RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)  #
 
 
 def file_name(text: str) -> str:
-    """A name that can be a file's on every system, as much like the text as may be."""
+    """A name that can be a file's on every system, as close to the text as possible.
+
+    Examples:
+        >>> file_name("IMG_0001"), file_name("a/b?"), file_name("NUL.png")
+        ('IMG_0001', 'a_b_', '_NUL.png')
+    """
     name = FORBIDDEN.sub("_", text)
     name = name.encode()[:LONGEST_MADE].decode(errors="ignore")
     if name.rstrip(". ") != name:  # Windows drops them
@@ -35,7 +40,16 @@ def is_file_name(value: Any) -> bool:
 
 
 def check_name(value: Any, path: Path, what: str) -> str:
-    """The value, found in `path` as the name of a `what`. Raises DataError where no file can have this name."""
+    """The value, once it can be the name of a file.
+
+    Args:
+        value: As read.
+        path: Where it was found, for messages.
+        what: What it names, for messages, such as `an object`.
+
+    Raises:
+        DataError: No file can have this name.
+    """
     if not is_file_name(value):
         shown = repr(value) if len(repr(value)) < LONGEST else f"{repr(value)[:LONGEST]}.."
         raise DataError(
@@ -46,7 +60,11 @@ def check_name(value: Any, path: Path, what: str) -> str:
 
 
 def check_names(values: Any, path: Path, what: str) -> list[str]:
-    """A list of such names, each there once. Raises DataError as `check_name`, and where it is no list or repeats."""
+    """The values as a list, once each can be the name of a file and none occurs twice; arguments as `check_name`.
+
+    Raises:
+        DataError: As `check_name`, and where the values are no list or repeat.
+    """
     if not isinstance(values, Iterable) or isinstance(values, str | dict):
         raise DataError(f"{path} has no list of names of {what}.", "Run the stage that writes it again.")
     names = [check_name(value, path, what) for value in values]

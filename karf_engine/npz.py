@@ -1,4 +1,4 @@
-"""Arrays of npz files, which their headers are asked for before memory is taken. Nothing is unpickled."""
+"""Arrays of npz files, whose headers are checked before memory is allocated. Nothing is unpickled."""
 
 from __future__ import annotations
 
@@ -19,9 +19,19 @@ MOST_PER_BYTE = 200
 
 
 def read_arrays(path: Path, names: Sequence[str], what: str, hint: str) -> list[np.ndarray]:
-    """The arrays of these names. what: the file in messages; hint: how it is made anew.
+    """Some arrays of an npz file.
 
-    Raises DataError where the file is missing, damaged, lacks one of them, or claims more than it can hold.
+    Args:
+        path: The file.
+        names: Of the arrays.
+        what: What messages call the file.
+        hint: What the user can do where it is damaged.
+
+    Returns:
+        The arrays, in the order of the names.
+
+    Raises:
+        DataError: The file is missing or damaged, lacks one of them, or claims more bytes than are read of its length.
     """
     label = f"{path} ({what})"
     most = max(MOST_OF_SMALL, MOST_PER_BYTE * check_file(path, label=label))

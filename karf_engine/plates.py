@@ -31,8 +31,12 @@ LENS_DETAIL = 3  # photos are undistorted at this multiple of the working size, 
 class Plate:
     """A captured view at the working size, without lens distortion.
 
-    camera: pinhole at the working size. color: float32 [H, W, 3], straight. alpha: float32 [H, W], or None where the
-    photo is opaque. valid: bool [H, W], False where undistortion looked outside the photo, or None where all is valid.
+    Attributes:
+        view: As captured.
+        camera: A pinhole at the working size.
+        color: sRGB float32 [H, W, 3] in [0, 1], straight.
+        alpha: float32 [H, W] in [0, 1]; None where the photo is opaque.
+        valid: bool [H, W], False where the pinhole sees beyond the photo; None where all is valid.
     """
 
     view: View
@@ -45,8 +49,14 @@ class Plate:
 def load_views(views: Sequence[View], long_side: int) -> list[Plate]:
     """Read the photos of the views, undistort them and shrink them so that no side exceeds `long_side` pixels.
 
-    Photos are never enlarged, and only one is in memory at its full size. Raises DataError naming the photo that is
-    missing, damaged or of another size.
+    Photos are never enlarged, and only one is in memory at its full size.
+
+    Args:
+        views: With photos.
+        long_side: Pixels.
+
+    Raises:
+        DataError: A photo is missing, damaged or of another size than its camera.
     """
     return [_load_view(view, long_side) for view in views]
 
@@ -96,10 +106,14 @@ def _photo_of(view: View) -> np.ndarray:
 
 
 def undistort(image: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera, np.ndarray]:
-    """Remove the lens distortion of `camera` from float [H, W, C]; focal lengths, center and size stay.
+    """Remove a lens distortion; focal lengths, center and size stay.
 
-    C is 1, 3 or 4: OpenCV interpolates these exactly. Returns the image (float32), its pinhole camera, and valid
-    bool [H, W]: where the photo was looked up inside its borders.
+    Args:
+        image: Float [H, W, C] with C of 1, 3 or 4, which OpenCV interpolates exactly.
+        camera: With its distortion.
+
+    Returns:
+        The image (float32), its pinhole camera, and where the pinhole sees inside the photo's borders, bool [H, W].
     """
     if camera.is_pinhole:
         return image, camera.without_distortion(), np.ones(image.shape[:2], bool)
@@ -115,8 +129,11 @@ def undistort(image: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera, np
 def lens_map(
     width: int, height: int, fx: float, fy: float, cx: float, cy: float, distortion: tuple[float, ...], fisheye: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Columns and rows (float32 [H, W], pixel centers at integers) where a lens shows what its pinhole shows in each
-    pixel, and where these lie inside the photo (bool [H, W])."""
+    """Where a lens shows what its pinhole shows in each pixel; arguments as the attributes of `Camera`.
+
+    Returns:
+        Columns and rows, float32 [H, W], pixel centers at integers; and whether they lie inside the photo, bool [H, W].
+    """
     lens = Camera(width, height, fx, fy, cx, cy, np.eye(4), distortion, fisheye)
     maps, valid = np.empty((2, height, width), np.float32), np.empty((height, width), bool)
     for top in range(0, height, LENS_ROWS):
@@ -129,9 +146,17 @@ def lens_map(
 
 
 def background_kind(photos: Sequence[np.ndarray]) -> str:
-    """What surrounds the object in float photos [H, W, 3 or 4]: `alpha` (a matte), `black`, `white`, or `opaque`
-    (a real background). An alpha channel that is 1 everywhere is no matte. Raises DataError where all photos are
-    transparent everywhere."""
+    """What surrounds the objects in a capture's photos.
+
+    Args:
+        photos: Float [H, W, 3 or 4] in [0, 1]. An alpha channel that is 1 everywhere is no matte.
+
+    Returns:
+        `alpha` (a matte), `black`, `white`, or `opaque` (a real background).
+
+    Raises:
+        DataError: All photos are transparent everywhere.
+    """
     if photos and all(photo.shape[-1] == 4 and not photo[..., 3].any() for photo in photos):
         raise DataError("All photos are transparent everywhere.", "Export them with their colors, or without alpha.")
     kinds = [_background_of(photo) for photo in photos]
@@ -153,9 +178,16 @@ def _background_of(photo: np.ndarray) -> str:
 
 
 def solid_pixels(color: np.ndarray, kind: str) -> np.ndarray:
-    """Pixels [H, W] that surely show something opaque before a `black` or `white` background; color [H, W, 3].
+    """Pixels that certainly show something opaque before a background of one color.
 
-    They differ from the background, and by more than half of what their neighbors do: a mixed pixel at an edge does not.
+    They differ from the background, and nearly as much as their neighbors do: a mixed pixel at an edge does not.
+
+    Args:
+        color: [H, W, 3] in [0, 1].
+        kind: `black` or `white`, the background.
+
+    Returns:
+        bool [H, W].
     """
     difference = color.max(-1) if kind == "black" else 1 - color.min(-1)
     return (difference > SOLID_DIFFERENCE) & (difference > 0.8 * maximum_filter(difference, 3))

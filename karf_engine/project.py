@@ -3,7 +3,7 @@
 All that is learned lives here, beside the .blend. Files are data (json, npz, safetensors, png), never pickles.
 A stage's outputs are gathered in a folder of their own until all are there, and take their places together (`commit`).
 
-    project.json                 schema, capture, settings, what each stage finished, checksums of its files (project_state)
+    project.json                 schema, capture, settings, each finished stage with checksums of its files
     capture.json                 the canonical capture (cameras, photo paths, split)
     masks/<object>/<view>.png    coarse masks, as given
     earlier_masks/               those that a segmentation with other masks replaced
@@ -46,18 +46,22 @@ class Project:
     # --- names -----------------------------------------------------------------------------------------------------
     @property
     def state_file(self) -> Path:
+        """Schema, capture, settings, and what each stage finished; see `project_state`."""
         return self.folder / "project.json"
 
     @property
     def capture_file(self) -> Path:
+        """The canonical capture; see `capture.capture`."""
         return self.folder / "capture.json"
 
     @property
     def masks_folder(self) -> Path:
+        """Coarse masks as given, `<object>/<view>.png`."""
         return self.folder / "masks"
 
     @property
     def geometry_file(self) -> Path:
+        """The radiance field."""
         return self.folder / "geometry.safetensors"
 
     def unfinished_file(self, stage: str) -> Path:
@@ -66,30 +70,37 @@ class Project:
 
     @property
     def segmentation_file(self) -> Path:
+        """The segmentation field F_s."""
         return self.folder / "segmentation.safetensors"
 
     @property
     def segmentation_report(self) -> Path:
+        """What the segmentation measured."""
         return self.folder / "segmentation.json"
 
     @property
     def surface_file(self) -> Path:
+        """Surface samples of the objects' rays."""
         return self.folder / "surface.safetensors"
 
     @property
     def palette_file(self) -> Path:
+        """Palettes as extracted, then as learned; see `edit.palette`."""
         return self.folder / "palette.json"
 
     @property
     def object_colors_file(self) -> Path:
+        """Each object's color histogram with its palette weights."""
         return self.folder / "object_colors.npz"
 
     @property
     def recoloring_file(self) -> Path:
+        """The recoloring field F_w."""
         return self.folder / "recoloring.safetensors"
 
     @property
     def planes_folder(self) -> Path:
+        """Edit planes of captured views; see `edit.compositing`."""
         return self.folder / "planes"
 
     def planes_file(self, view: str) -> Path:
@@ -98,6 +109,7 @@ class Project:
 
     @property
     def photos_folder(self) -> Path:
+        """Photos without lens distortion, as Blender shows them behind its cameras."""
         return self.folder / "photos"
 
     @property
@@ -179,9 +191,9 @@ class Project:
     def commit(self, stage: str, fingerprint: str, settings: dict[str, Any], **summary: Any) -> None:
         """Put the gathered outputs in their places and note the stage as finished, with all settings.
 
-        The new project.json is the last output. Once it is gathered the commit is decided: whoever is killed after that
-        leaves it to `recover`. Meanwhile neither this stage nor a later one counts as finished, so that old and new files
-        never seem to be of one run.
+        The new project.json is the last output. Once it is gathered the commit is decided: after a kill, `recover`
+        completes it. Meanwhile neither this stage nor a later one counts as finished, so that old and new files never
+        seem to be of one run.
 
         Args:
             stage: One of `STAGE_ORDER`.
@@ -214,7 +226,7 @@ class Project:
         return self._decided_file.exists()
 
     def recover(self) -> None:
-        """Complete a commit that was interrupted. Call it only while holding the project for writing."""
+        """Complete a commit that was interrupted. Call it only while holding the lock for writing."""
         if not self.is_interrupted:
             return
         for path in sorted(self.outputs_folder.iterdir()):
@@ -270,7 +282,7 @@ class Project:
         return None, ""
 
     def remove_leftovers(self) -> None:
-        """Delete what killed jobs left, except a commit to recover. Call it only while holding the project for writing."""
+        """Delete what killed jobs left, except a commit to recover. Call it only while holding the lock for writing."""
         if not self.is_interrupted:
             shutil.rmtree(self.outputs_folder, ignore_errors=True)
         for folder in (self.folder, self.planes_folder):  # only the engine writes here

@@ -6,7 +6,7 @@ A state is a dictionary as JSON holds it:
     capture     path of the capture that the project was made for
     settings    all settings, by stage
     stages      by stage that is finished: fingerprint, files (name -> SHA-256), settings, seconds, what it measured
-    checksum    of all this, to notice damage; taken off when it is read
+    checksum    of all this, to notice damage; removed when it is read
 """
 
 from __future__ import annotations

@@ -38,8 +38,8 @@ class Format:
         name: What `Capture.format` says, such as `colmap`.
         marker: The file or folder by which a person recognizes it, for messages.
         reason: Why it is read where later formats lie beside it; ends the sentence of a remark.
-        recognizes: Whether a path, a file or folder that exists, is of this format. Looks at names only, and is quick.
-        read: Reads such a path; its second argument is the `photos` of `open_capture`. Raises DataError naming the file.
+        recognizes: Whether a path, a file or folder that exists, is of this format; quick, by names alone.
+        read: Reads such a path; the second argument is the `photos` of `open_capture`. Raises DataError.
     """
 
     name: str
@@ -54,7 +54,7 @@ def open_capture(path: Path | str, photos: bool = True) -> Capture:
 
     Args:
         path: The capture's folder, or its camera file.
-        photos: Whether to look for the photos. Without them the cameras are bare, and picture sizes must be in the file.
+        photos: Whether to look for the photos; without them, picture sizes must be in the file.
 
     Returns:
         The capture. A remark says which formats in the same folder were not read.

@@ -1,6 +1,6 @@
 """The pinhole camera, with the conventions stated once.
 
-Axes: OpenGL/Blender. The camera looks down its -z, x points right, y up; `camera_to_world` takes its points to the world.
+Axes: OpenGL/Blender. The camera looks down its -z, x points right, y up; `camera_to_world` maps them to the world.
 Pixels: (u right, v down), corners at integers, so the first pixel's center is (0.5, 0.5) and the image spans
 [0, width] x [0, height]. `depth` is the distance along the optical axis, in world units.
 """
@@ -16,9 +16,25 @@ import numpy as np
 class Camera:
     """One photo's camera: size and intrinsics in pixels, pose, and the lens distortion of the photo as stored.
 
-    width, height: int pixels. fx, fy, cx, cy: pixels. camera_to_world: [4, 4] float64, rotation times a uniform scale of
-    one. distortion: OpenCV's (k1, k2, p1, p2[, k3[, k4, k5, k6]]), of its fisheye model (k1[, k2, k3, k4]) where
-    `fisheye` is set; empty for a plain pinhole. What they mean: see `distortion.py`.
+    Attributes:
+        width: Of the picture, pixels.
+        height: Of the picture, pixels.
+        fx: Focal length along u, pixels.
+        fy: Focal length along v, pixels.
+        cx: Principal point along u, pixels; width / 2 where it is centered.
+        cy: Principal point along v, pixels.
+        camera_to_world: [4, 4] float64, a rotation and the camera's position in world units.
+        distortion: OpenCV's (k1, k2, p1, p2[, k3[, k4, k5, k6]]), or (k1, k2, k3, k4) of its fisheye model; empty for a
+            plain pinhole. The formulas are those of `distortion`.
+        fisheye: Whether the lens is of OpenCV's fisheye model.
+
+    Examples:
+        A point straight ahead lies at the principal point:
+
+        >>> camera = Camera(640, 480, 500.0, 500.0, 320.0, 240.0, np.eye(4))
+        >>> pixels, depth = camera.project(np.array([[0.0, 0.0, -2.0]]))
+        >>> pixels.tolist(), depth.tolist()
+        ([[320.0, 240.0]], [2.0])
     """
 
     width: int
@@ -58,7 +74,14 @@ class Camera:
         )
 
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Project world points [n, 3] with the pinhole (distortion left out); returns pixels [n, 2] and depth [n]."""
+        """Project world points with the pinhole, without distortion.
+
+        Args:
+            points: [n, 3], world.
+
+        Returns:
+            Pixels [n, 2], and depth [n] in world units, negative behind the camera.
+        """
         world_to_camera = self.world_to_camera
         local = points @ world_to_camera[:3, :3].T + world_to_camera[:3, 3]
         depth = -local[:, 2]
@@ -66,9 +89,14 @@ class Camera:
         return pixels, depth
 
     def rays(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rays through pixel positions [n, 2]; returns origins [n, 3] and directions [n, 3] of unit depth (float64).
+        """Rays of the pinhole through pixel positions.
 
-        A point at `depth` d lies at origin + d * direction; divide by the norm for `viewdirs`.
+        Args:
+            pixels: [n, 2].
+
+        Returns:
+            Origins [n, 3], and directions [n, 3] of unit depth, float64, world: a point at `depth` d lies at
+            origin + d * direction. Divide by the norm for `viewdirs`.
         """
         local = np.stack(
             [

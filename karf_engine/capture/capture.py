@@ -23,10 +23,15 @@ SPLITS = ("train", "val", "test")
 
 @dataclass(frozen=True)
 class View:
-    """One captured picture. name: unique in the capture, usable as a file name. stem: the photo's stem, likewise.
+    """One captured picture.
 
-    image: absolute path of the photo, None for a bare camera. split: train, val or test. depth_bounds: nearest and
-    farthest depth of what it shows, world units, where the capture declares them.
+    Attributes:
+        name: Unique in the capture, and usable as a file name.
+        stem: The photo's stem, usable as a file name.
+        camera: As the photo is stored.
+        image: Absolute path of the photo; None for a bare camera.
+        split: `train`, `val` or `test`.
+        depth_bounds: Nearest and farthest depth of what it shows, world units; None where the capture declares none.
     """
 
     name: str
@@ -39,11 +44,15 @@ class View:
 
 @dataclass(frozen=True)
 class SparsePoints:
-    """Points of the scene that some photos were seen to share, as structure from motion finds them.
+    """Points of the scene, and where photos show them, as structure from motion finds them.
 
-    positions: [n, 3] float64, world. colors: [n, 3] uint8 sRGB. errors: [n] float32, mean reprojection error in pixels of
-    the photos as stored. view: [m] int32 and point: [m] int32, which view observed which point; pixels: [m, 2] float32,
-    where, in its photo as stored.
+    Attributes:
+        positions: [n, 3] float64, world.
+        colors: [n, 3] uint8 sRGB.
+        errors: [n] float32, mean reprojection error in pixels of the photos as stored; nan where it is unknown.
+        view: [m] int32, the number of the view of each observation.
+        point: [m] int32, the number of its point.
+        pixels: [m, 2] float32, its position in the photo as stored.
     """
 
     positions: np.ndarray
@@ -57,7 +66,11 @@ class SparsePoints:
         return len(self.positions)
 
     def seen_by(self, views: Sequence[int]) -> SparsePoints:
-        """All points with what the views of these numbers observed; the views are numbered anew in this order."""
+        """All points with the observations of some views.
+
+        Args:
+            views: Numbers of the views, which are numbered anew in this order.
+        """
         number = np.full(max([*views, *self.view, 0]) + 1, -1, np.int32)
         number[list(views)] = np.arange(len(views))
         kept = number[self.view] >= 0
@@ -66,9 +79,14 @@ class SparsePoints:
 
 @dataclass(frozen=True)
 class Capture:
-    """Views in file order, the format they came from, and remarks a user should see (skipped frames, guesses made).
+    """Cameras with their photos.
 
-    points: the sparse points where the format has them; the canonical JSON leaves them out.
+    Attributes:
+        source: Absolute path that was opened.
+        format: Name of its format (see `karf_engine.capture.Format`).
+        views: In file order.
+        remarks: Sentences that a user should see: what was skipped, or guessed.
+        points: The sparse points where the format has them; the canonical JSON leaves them out.
     """
 
     source: Path
@@ -82,7 +100,11 @@ class Capture:
         return self.views if name == "all" else tuple(view for view in self.views if view.split == name)
 
     def view(self, name: str) -> View:
-        """The view with this name. Raises DataError naming the capture where there is none."""
+        """The view with this name.
+
+        Raises:
+            DataError: There is none.
+        """
         for view in self.views:
             if view.name == name:
                 return view
@@ -100,6 +122,10 @@ def unique_names(stems: list[tuple[str, str]]) -> list[str]:
     """Names for (split, stem) pairs: the stem where it is unique in the capture, else split_stem, else numbered.
 
     NeRF-synthetic captures call the first photo of every split r_0.
+
+    Examples:
+        >>> unique_names([("train", "r_0"), ("test", "r_0"), ("train", "r_1")])
+        ['train_r_0', 'test_r_0', 'r_1']
     """
     count: dict[str, int] = {}
     for _, stem in stems:
@@ -141,8 +167,16 @@ def capture_to_json(capture: Capture) -> dict[str, Any]:
 
 
 def capture_from_json(content: Any, path: Path) -> Capture:
-    """Read the canonical JSON value found in `path`. Raises DataError where it is no capture of this schema, and naming
-    the view whose name cannot be a file's, or whose numbers cannot be."""
+    """Read the canonical JSON value of a capture.
+
+    Args:
+        content: The value.
+        path: The file that it was found in, for messages.
+
+    Raises:
+        DataError: It is no capture of this schema, or has a view whose name cannot be a file's or whose numbers are
+            impossible.
+    """
     schema = content.get("schema") if isinstance(content, dict) else None
     if schema != SCHEMA:
         raise DataError(f"{path} has schema {schema!r}, not {SCHEMA}.", "Import the capture again.")

@@ -15,15 +15,15 @@ import numpy as np
 from ..errors import DataError
 from .camera import Camera
 from .capture import Capture, SparsePoints, with_test_views
-from .colmap_model import Image, Lens, Points, count_images, read_cameras, read_images, read_points
+from .colmap_model import Image, Intrinsics, Points, count_images, read_cameras, read_images, read_points
 from .limits import LARGEST_POSITION, check_camera
-from .reading import PHOTO_SUFFIXES, at_size, counted, exists, lens, make_views, photo_size, photos_in
+from .reading import PHOTO_SUFFIXES, at_size, exists, make_views, merge_notes, opencv_distortion, photo_size, photos_in
 
 MODEL_FOLDERS = ("sparse", "colmap/sparse", "dense/sparse", ".", "colmap", "dense")
 PHOTO_FOLDERS = ("images", "input", "images_*", "rgb", "photos")
 TABLES = ("cameras", "images", "points3D")
 MODEL_FILES = {f"{table}{suffix}" for table in (*TABLES, "rigs", "frames") for suffix in (".bin", ".txt")}
-TELLING_FILES = ("cameras.bin", "images.bin", "cameras.txt")  # an images.txt alone may be any list of pictures
+IDENTIFYING_FILES = ("cameras.bin", "images.bin", "cameras.txt")  # an images.txt alone may be any list of pictures
 PINHOLES = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV")
 FISHEYES = ("SIMPLE_FISHEYE", "FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "OPENCV_FISHEYE")
 
@@ -37,14 +37,21 @@ def read_colmap(path: Path, photos: bool) -> Capture:
     """Read a sparse model with its points; views stand in the order of their photos' names, every 8th is a test view.
 
     Of several models the one with the most photos is read. Photos that are missing, or not in the model, are left out
-    with a remark. Raises DataError naming the file.
+    with a remark.
+
+    Args:
+        path: A folder that is or has a sparse model, or a file of one.
+        photos: Whether to look for the photos.
+
+    Raises:
+        DataError: A file is missing or damaged, or none of the photos is found; names the file.
     """
     model, remarks = _choose_model(path)
     suffix = _suffix(model)
-    lenses = read_cameras(model / f"cameras{suffix}")
+    intrinsics = read_cameras(model / f"cameras{suffix}")
     images = read_images(model / f"images{suffix}")
     points = read_points(model / f"points3D{suffix}") if (model / f"points3D{suffix}").exists() else None
-    _check(model, suffix, lenses, images, points)
+    _check(model, suffix, intrinsics, images, points)
     ids = sorted(images, key=lambda number: images[number].name)
     names = [images[number].name for number in ids]
     found: list[Path | None] = [None] * len(ids)
@@ -54,12 +61,12 @@ def read_colmap(path: Path, photos: bool) -> Capture:
         ids = [number for number, photo in zip(ids, found, strict=True) if photo]
         found = [photo for photo in found if photo]
 
-    declared = [_camera(images[number], lenses[images[number].camera], model / f"images{suffix}") for number in ids]
+    declared = [_camera(images[number], intrinsics[images[number].camera], model / f"images{suffix}") for number in ids]
     sized = [_at_photo(camera, photo) for camera, photo in zip(declared, found, strict=True)]
     cameras = [camera for camera, _ in sized]
     stems = [photo.stem if photo else _stem(images[n].name) for n, photo in zip(ids, found, strict=True)]
     views = with_test_views(make_views(cameras, found, stems, ["train"] * len(ids)))
-    remarks += counted(note for _, notes in sized for note in notes)
+    remarks += merge_notes(note for _, notes in sized for note in notes)
     if points is None:
         remarks.append(f"{model} has no points3D{suffix}, and so there are no sparse points.")
     scales = [(new.width / old.width, new.height / old.height) for new, old in zip(cameras, declared, strict=True)]
@@ -72,7 +79,7 @@ def _models(path: Path) -> Iterator[Path]:
     """Folders with a sparse model, those first that belong together."""
     for place in MODEL_FOLDERS:
         for folder in (path / place, *sorted((path / place).glob("[0-9]*"))):
-            if any((folder / name).exists() for name in TELLING_FILES):
+            if any((folder / name).exists() for name in IDENTIFYING_FILES):
                 yield folder
 
 
@@ -100,10 +107,12 @@ def _suffix(model: Path) -> str:
     )
 
 
-def _check(model: Path, suffix: str, lenses: dict[int, Lens], images: dict[int, Image], points: Points | None) -> None:
-    """The tables must know each other's entries, and features lie somewhere."""
+def _check(
+    model: Path, suffix: str, intrinsics: dict[int, Intrinsics], images: dict[int, Image], points: Points | None
+) -> None:
+    """Check that tables refer to entries that exist, and that features have finite positions."""
     for number, image in images.items():
-        if image.camera not in lenses:
+        if image.camera not in intrinsics:
             raise DataError(
                 f"{model / f'images{suffix}'}, image {number} ({image.name!r}) was taken by camera {image.camera}, "
                 f"which cameras{suffix} does not hold.",
@@ -114,16 +123,16 @@ def _check(model: Path, suffix: str, lenses: dict[int, Lens], images: dict[int, 
                 f"{model / f'images{suffix}'}, image {number} ({image.name!r}) has features that are not finite.",
                 "Export the model again.",
             )
-    strangers = np.setdiff1d(points.seen_by, list(images)) if points is not None else ()
-    if len(strangers):
+    unknown = np.setdiff1d(points.seen_by, list(images)) if points is not None else ()
+    if len(unknown):
         raise DataError(
-            f"{model / f'points3D{suffix}'} has points seen by image {strangers[0]}, which images{suffix} does not hold.",
+            f"{model / f'points3D{suffix}'} has points seen by image {unknown[0]}, which images{suffix} does not hold.",
             "Export all files of the model together.",
         )
 
 
 # -------------------------------------------------------------------------------------------------------------- cameras
-def _camera(image: Image, source: Lens, file: Path) -> Camera:
+def _camera(image: Image, source: Intrinsics, file: Path) -> Camera:
     """The camera of one image, at the declared size."""
     label = f"{file}, image {image.name!r}"
     if source.model not in PINHOLES + FISHEYES:
@@ -142,14 +151,14 @@ def _camera(image: Image, source: Lens, file: Path) -> Camera:
         cx=values["cx"],
         cy=values["cy"],
         camera_to_world=_camera_to_world(image.pose, label),
-        distortion=lens(values, fisheye),
+        distortion=opencv_distortion(values, fisheye),
         fisheye=fisheye,
     )
     return check_camera(camera, label, "Export the model again, or leave this image out.")
 
 
 def _camera_to_world(pose: np.ndarray, label: str) -> np.ndarray:
-    """The inverse of (quaternion w x y z, translation), with y and z of the camera turned round."""
+    """The inverse of (quaternion w x y z, translation), with y and z of the camera flipped."""
     if not np.abs(pose).max() <= LARGEST_POSITION or np.linalg.norm(pose[:4]) < 1e-9:
         raise DataError(f"{label} has a pose that is no rotation and position.", "Leave this image out.")
     w, x, y, z = pose[:4] / np.linalg.norm(pose[:4])
@@ -174,8 +183,8 @@ def _at_photo(camera: Camera, photo: Path | None) -> tuple[Camera, list[str]]:
 def _find_photos(model: Path, names: list[str]) -> tuple[list[Path | None], list[str]]:
     """The photo of each name, which are sorted, and remarks on those left out.
 
-    All come from one folder, the one with the most of them nearest to the model: folders farther away may hold photos of
-    the same names before undistortion.
+    All come from one folder, the one with the most of them nearest to the model: folders farther away may have photos
+    of the same names before undistortion.
     """
     paths = [_relative(model, name) for name in names]
     for pair in (_by_name, _by_stem, _by_file_name, _by_order):

@@ -1,13 +1,13 @@
 """The three tables of a COLMAP sparse model, binary and text: cameras, images, points3D.
 
-Format: COLMAP's documentation, "Output Format", with the camera models of src/colmap/sensor/models.h (4.2). Pixel corners
-lie at integers. Files are checked against their length before memory is taken; what newer versions write beside the three
-(rigs, frames) repeats the images' poses and is not needed. Hand-written because Blender reads captures too, with numpy alone.
+Format: COLMAP's documentation, "Output Format", with the camera models of src/colmap/sensor/models.h (4.2). Pixel
+corners lie at integers. Files are checked against their length before memory is allocated; what newer versions write
+beside the three (rigs, frames) repeats the images' poses and is not needed. Own code, since Blender's Python reads
+models too, with numpy alone.
 """
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,8 +18,9 @@ import numpy as np
 
 from ..errors import DataError
 from ..inputs import check_file
+from .binary import BinaryFile
 from .limits import LARGEST_POSITION
-from .reading import read_bytes, read_text
+from .reading import read_text
 
 AGAIN = "Copy the file again, or export the model again from COLMAP."
 MODELS = {  # by id; parameters in the order of the file
@@ -50,8 +51,15 @@ SMALLEST_IMAGE = 73  # bytes: pose and numbers, an empty name, no features
 
 
 @dataclass(frozen=True)
-class Lens:
-    """A camera of the model. width, height: pixels. parameters: by the names of `MODELS`."""
+class Intrinsics:
+    """What COLMAP calls a camera.
+
+    Attributes:
+        width: Pixels.
+        height: Pixels.
+        model: Its name in `MODELS`.
+        parameters: By the names in `MODELS`; pixels, and coefficients of the lens.
+    """
 
     width: int
     height: int
@@ -61,9 +69,14 @@ class Lens:
 
 @dataclass(frozen=True)
 class Image:
-    """A registered photo. pose: world to camera, quaternion (w, x, y, z) and translation, [7] float64.
+    """A registered photo.
 
-    pixels: [n, 2] float64, features; points: [n] int64, ids of their 3D points, negative where they have none.
+    Attributes:
+        name: Path below the folder of the photos.
+        camera: Id of its camera.
+        pose: World to camera, quaternion (w, x, y, z) and translation, [7] float64.
+        pixels: Features, [n, 2] float64.
+        points: Ids of their 3D points, [n] int64, negative where they have none.
     """
 
     name: str
@@ -75,9 +88,14 @@ class Image:
 
 @dataclass(frozen=True)
 class Points:
-    """The 3D points. ids: [n] int64. positions: [n, 3] float64. colors: [n, 3] uint8. errors: [n] float64, pixels.
+    """The 3D points.
 
-    seen_by: [m] int64, the image ids of all their tracks.
+    Attributes:
+        ids: [n] int64.
+        positions: [n, 3] float64, world.
+        colors: [n, 3] uint8.
+        errors: Mean reprojection errors, [n] float64, pixels.
+        seen_by: The image ids of all their tracks, [m] int64.
     """
 
     ids: np.ndarray
@@ -87,18 +105,30 @@ class Points:
     seen_by: np.ndarray
 
 
-def read_cameras(path: Path) -> dict[int, Lens]:
-    """The cameras of cameras.bin or cameras.txt by id. Raises DataError naming the file and what is wrong in it."""
+def read_cameras(path: Path) -> dict[int, Intrinsics]:
+    """The cameras of cameras.bin or cameras.txt by id.
+
+    Raises:
+        DataError: The file is missing, damaged or empty.
+    """
     return _unique(path, "camera", _cameras_binary(path) if path.suffix == ".bin" else _cameras_text(path))
 
 
 def read_images(path: Path) -> dict[int, Image]:
-    """The registered photos of images.bin or images.txt by id. Raises DataError naming the file."""
+    """The registered photos of images.bin or images.txt by id.
+
+    Raises:
+        DataError: The file is missing, damaged or empty.
+    """
     return _unique(path, "image", _images_binary(path) if path.suffix == ".bin" else _images_text(path))
 
 
 def read_points(path: Path) -> Points:
-    """The points of points3D.bin or points3D.txt. Raises DataError naming the file."""
+    """The points of points3D.bin or points3D.txt.
+
+    Raises:
+        DataError: The file is missing or damaged, or has a point twice or at no finite position.
+    """
     points = _points_binary(path) if path.suffix == ".bin" else _points_text(path)
     if len(np.unique(points.ids)) != len(points.ids):
         raise DataError(f"{path} has two points of one id.", AGAIN)
@@ -131,58 +161,19 @@ def _unique(path: Path, what: str, entries: Iterator[tuple[int, Any]]) -> dict[i
     return table
 
 
-def _lens(path: Path, number: int, model: str, width: int, height: int, values: tuple[float, ...]) -> Lens:
+def _intrinsics(path: Path, number: int, model: str, width: int, height: int, values: tuple[float, ...]) -> Intrinsics:
     names = PARAMETERS[model].split()
     if len(values) != len(names):
         raise DataError(
             f"{path}, camera {number} has {len(values)} parameters where {model} has {len(names)}: {', '.join(names)}.",
             AGAIN,
         )
-    return Lens(width, height, model, dict(zip(names, values, strict=True)))
+    return Intrinsics(width, height, model, dict(zip(names, values, strict=True)))
 
 
 # --------------------------------------------------------------------------------------------------------------- binary
-class _Binary:
-    """A binary file (little endian), taken front to back; whoever asks beyond its end gets a DataError."""
-
-    def __init__(self, path: Path) -> None:
-        self.path, self.data, self.at = path, read_bytes(path), 0
-
-    def entries(self, what: str) -> Iterator[str]:
-        """A label for each entry that the file's head announces; at the end nothing may be left over."""
-        (count,) = self.values("Q", f"the number of {what}s")
-        for number in range(count):
-            yield f"{what} {number + 1} of {count}"
-        if self.at != len(self.data):
-            raise DataError(f"{self.path} has {len(self.data) - self.at} bytes after its last {what}.", AGAIN)
-
-    def take(self, size: int, what: str) -> int:
-        """Where the next `size` bytes begin."""
-        start, self.at = self.at, self.at + size
-        if self.at > len(self.data):
-            raise self.cut_off(what)
-        return start
-
-    def cut_off(self, what: str) -> DataError:
-        return DataError(f"{self.path} is cut off at byte {len(self.data)}, within {what}.", AGAIN)
-
-    def values(self, layout: str, what: str) -> tuple:
-        return struct.unpack_from("<" + layout, self.data, self.take(struct.calcsize("<" + layout), what))
-
-    def table(self, dtype: np.dtype, count: int, what: str) -> np.ndarray:
-        return np.frombuffer(self.data, dtype, count, self.take(dtype.itemsize * count, what))
-
-    def text(self, what: str) -> str:
-        end = self.data.find(b"\0", self.at)
-        start = self.take((end if end >= 0 else len(self.data)) + 1 - self.at, what)
-        try:
-            return self.data[start : self.at - 1].decode("utf-8")
-        except UnicodeDecodeError as error:
-            raise DataError(f"{self.path} has a name that is no UTF-8 text in {what}.", AGAIN) from error
-
-
-def _cameras_binary(path: Path) -> Iterator[tuple[int, Lens]]:
-    file = _Binary(path)
+def _cameras_binary(path: Path) -> Iterator[tuple[int, Intrinsics]]:
+    file = BinaryFile(path, AGAIN)
     for what in file.entries("camera"):
         number, model, width, height = file.values("IiQQ", what)
         if model not in MODELS:
@@ -191,11 +182,11 @@ def _cameras_binary(path: Path) -> Iterator[tuple[int, Lens]]:
                 "Convert the model to OPENCV cameras, or undistort the photos with COLMAP.",
             )
         name, parameters = MODELS[model]
-        yield number, _lens(path, number, name, width, height, file.values(f"{len(parameters.split())}d", what))
+        yield number, _intrinsics(path, number, name, width, height, file.values(f"{len(parameters.split())}d", what))
 
 
 def _images_binary(path: Path) -> Iterator[tuple[int, Image]]:
-    file = _Binary(path)
+    file = BinaryFile(path, AGAIN)
     for what in file.entries("image"):
         number, *pose, camera = file.values("I7dI", what)
         name = file.text(what)
@@ -205,8 +196,8 @@ def _images_binary(path: Path) -> Iterator[tuple[int, Image]]:
 
 
 def _points_binary(path: Path) -> Points:
-    """Only the lengths of the tracks are read one by one, and without much ado: models have up to millions of points."""
-    file = _Binary(path)
+    """Only the lengths of the tracks are read one by one, in a bare loop: models have up to millions of points."""
+    file = BinaryFile(path, AGAIN)
     heads, tracks = [], []
     for what in file.entries("point"):
         track = file.at + POINT.itemsize
@@ -236,7 +227,7 @@ def _line(path: Path, number: int, what: str) -> Iterator[None]:
         raise DataError(f"{path}, line {number} does not hold {what}.", AGAIN) from error
 
 
-def _cameras_text(path: Path) -> Iterator[tuple[int, Lens]]:
+def _cameras_text(path: Path) -> Iterator[tuple[int, Intrinsics]]:
     for line, text in _rows(path):
         with _line(path, line, "CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]"):
             number, model, width, height, *values = text.split()
@@ -246,7 +237,7 @@ def _cameras_text(path: Path) -> Iterator[tuple[int, Lens]]:
                 f"{path}, camera {number} has the camera model {model}, which is unknown.",
                 "Convert the model to OPENCV cameras, or undistort the photos with COLMAP.",
             )
-        yield number, _lens(path, number, model, width, height, values)
+        yield number, _intrinsics(path, number, model, width, height, values)
 
 
 def _images_text(path: Path) -> Iterator[tuple[int, Image]]:

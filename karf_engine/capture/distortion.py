@@ -1,7 +1,7 @@
 """Where a photo's lens puts what a pinhole shows: OpenCV's two lens models in numpy.
 
-With x, y the pinhole's normalized coordinates (x right, y down, depth 1) and r^2 = x^2 + y^2 (OpenCV documentation, calib3d
-and fisheye):
+With x, y the pinhole's normalized coordinates (x right, y down, depth 1) and r^2 = x^2 + y^2 (OpenCV documentation,
+calib3d and fisheye):
 
     perspective   x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2)
                   y' = y (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6) + p1 (r^2 + 2 y^2) + 2 p2 x y
@@ -16,9 +16,15 @@ from .camera import Camera
 
 
 def distort(camera: Camera, pixels: np.ndarray) -> np.ndarray:
-    """Pixel positions in the photo of what the camera's pinhole shows at `pixels` [.., 2], [.., 2] float64.
+    """Where the photo, as stored, shows what the camera's pinhole shows.
 
-    The polynomials fold the picture over where radii no longer grow; positions are nan there.
+    Args:
+        camera: With its distortion.
+        pixels: Positions in the pinhole's picture, [.., 2].
+
+    Returns:
+        Positions in the photo, [.., 2] float64; nan where radii no longer grow, since the polynomials fold the picture
+        over there.
     """
     if camera.is_pinhole:
         return np.asarray(pixels, np.float64)

@@ -1,4 +1,4 @@
-"""Picture sizes from file headers, without a picture library.
+"""Picture sizes from file headers, without a picture library: Blender's Python has none, and headers are checked first.
 
 Follows the PNG specification (IHDR, eXIf), JPEG (ITU T.81, SOFn segments), Exif 2.3 (orientation tag 0x0112), the WebP
 container specification (VP8, VP8L and VP8X chunks), TIFF 6.0 (first directory), Windows bitmaps (BITMAPCOREHEADER and
@@ -34,8 +34,13 @@ KINDS = "PNG, JPEG, WebP, TIFF, BMP or EXR"
 class ImageHeader:
     """Size of the stored pixels and how they are to be shown and decoded.
 
-    orientation: 1..8 as in Exif. kind: png, jpeg, webp, tiff, bmp or exr. deep: colors have more than 8 bits a channel.
-    premultiplied: colors are multiplied by alpha.
+    Attributes:
+        width: Of the pixels as stored.
+        height: Of the pixels as stored.
+        orientation: 1..8 as in Exif.
+        kind: `png`, `jpeg`, `webp`, `tiff`, `bmp` or `exr`.
+        deep: Whether colors have more than 8 bits a channel.
+        premultiplied: Whether colors are multiplied by alpha.
     """
 
     width: int
@@ -46,7 +51,7 @@ class ImageHeader:
     premultiplied: bool = False
 
     @property
-    def turned(self) -> bool:
+    def swaps_sides(self) -> bool:
         """Whether the orientation swaps width and height for display."""
         return self.orientation >= 5
 
@@ -58,17 +63,24 @@ class ImageHeader:
     @property
     def shown(self) -> tuple[int, int]:
         """Width and height as a viewer shows the picture."""
-        return (self.height, self.width) if self.turned else self.stored
+        return (self.height, self.width) if self.swaps_sides else self.stored
 
 
 def image_size(path: Path) -> tuple[int, int]:
-    """Width and height of a picture file as shown. Raises DataError naming the file and its damage."""
+    """Width and height of a picture file as shown.
+
+    Raises:
+        DataError: As `image_header`.
+    """
     return image_header(path).shown
 
 
 def image_header(path: Path) -> ImageHeader:
-    """Read the header of a PNG, JPEG, WebP, TIFF, BMP or EXR file. Raises DataError naming the file and its damage, and
-    where it claims more pixels than are read."""
+    """Read the header of a PNG, JPEG, WebP, TIFF, BMP or EXR file.
+
+    Raises:
+        DataError: The file is missing, damaged or of another kind, or claims more pixels than are read.
+    """
     try:
         header = find_header(path)
     except OSError as error:
@@ -80,9 +92,16 @@ def image_header(path: Path) -> ImageHeader:
 
 
 def check_pixels(path: Path, width: int, height: int, of_small: int = MOST_PIXELS_OF_SMALL) -> None:
-    """Raise DataError where a picture file claims more pixels than are read of a file of its length.
+    """Refuse a picture file that claims more pixels than are read of a file of its length.
 
-    of_small: how many are read of the smallest file.
+    Args:
+        path: The file.
+        width: Claimed, pixels.
+        height: Claimed, pixels.
+        of_small: How many pixels are read of the smallest file.
+
+    Raises:
+        DataError: It claims more.
     """
     length = path.stat().st_size
     most = min(MOST_PIXELS, max(of_small, MOST_PIXELS_PER_BYTE * length))
@@ -96,7 +115,9 @@ def check_pixels(path: Path, width: int, height: int, of_small: int = MOST_PIXEL
 def find_header(path: Path) -> ImageHeader | None:
     """The header of a picture file; None where it is of no known kind or damaged.
 
-    Raises OSError, and DataError where it is no file.
+    Raises:
+        OSError: The file cannot be read.
+        DataError: It is missing, or no file.
     """
     check_file(path, MOST_PHOTO_BYTES)
     with path.open("rb") as stream:
@@ -185,7 +206,7 @@ def _jpeg_marker(stream: BinaryIO) -> int | None:
 
 
 def _exif_orientation(tiff: bytes) -> int:
-    """Orientation 1..8 of an Exif block; 1 where it says none or is damaged, as viewers do."""
+    """Orientation 1..8 of an Exif block; 1 where it has none or is damaged, as viewers do."""
     try:
         return _orientation(_tiff_fields(io.BytesIO(tiff)))
     except struct.error:

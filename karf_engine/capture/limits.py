@@ -1,4 +1,4 @@
-"""Which numbers of cameras can be: what lies beyond overflows single precision, or no memory holds its pixels."""
+"""Limits of cameras' numbers: what lies beyond overflows single precision, or no memory holds its pixels."""
 
 from __future__ import annotations
 
@@ -8,17 +8,24 @@ from ..errors import DataError
 from .camera import Camera
 from .image_size import MOST_PIXELS
 
-LARGEST_POSITION = (
-    1e12  # of cameras and points; its square, and a scene's size over its detail, must fit single precision
-)
-LARGEST_SIDE = 10**6  # pixels; no photo is larger, a damaged file may say so
+LARGEST_POSITION = 1e12  # of cameras and points: its square, and a scene's size over its detail, fit single precision
+LARGEST_SIDE = 10**6  # pixels; no photo is larger, a damaged file may claim so
 FOCAL_RANGE = (1e-3, 1e6)  # of the longer side: from beyond 179 degrees to a thousandth of one
 LARGEST_CENTER = 1e3  # of the longer side
 LARGEST_COEFFICIENT = 1e6  # of a lens polynomial
 
 
 def check_camera(camera: Camera, label: str, hint: str = "Export the cameras again.") -> Camera:
-    """The camera itself. Raises DataError "`label` has .." for a size, lens or position that cannot be."""
+    """The camera itself, once its numbers are found possible.
+
+    Args:
+        camera: The camera.
+        label: Whose it is, for the message, which reads "`label` has ..".
+        hint: What the user can do about it.
+
+    Raises:
+        DataError: Its size, lens or position is impossible.
+    """
     wrong = _wrong(camera)
     if wrong:
         raise DataError(f"{label} has {wrong}, which cannot be.", hint)
@@ -26,7 +33,7 @@ def check_camera(camera: Camera, label: str, hint: str = "Export the cameras aga
 
 
 def _wrong(camera: Camera) -> str:
-    """What of the camera cannot be, with its value; empty where all can. Not-a-number fails every comparison."""
+    """Which number is impossible, with its value; empty where all are possible. Not-a-number fails every comparison."""
     width, height, side = camera.width, camera.height, max(camera.width, camera.height)
     if not (1 <= width <= LARGEST_SIDE and 1 <= height <= LARGEST_SIDE):
         return f"a picture of {width}x{height} pixels"

@@ -1,9 +1,9 @@
 """LLFF captures: `poses_bounds.npy` beside the photos.
 
 Format (the LLFF repository's README, "Using your own poses without running COLMAP"): [n, 17] float64, for each photo in
-the order of the names a 3x5 matrix row by row, then the nearest and farthest depth. The matrix's columns are the camera's
-axes down, right, back in the world, its position, and (height, width, focal length) in pixels. NeX writes [n, 14]: 3x4,
-with (height, width, fx, fy, cx, cy) of all photos in `hwf_cxcy.npy`.
+the order of the names a 3x5 matrix row by row, then the nearest and farthest depth. The matrix's columns are the
+camera's axes down, right, back in the world, its position, and (height, width, focal length) in pixels. NeX writes
+[n, 14]: 3x4, with (height, width, fx, fy, cx, cy) of all photos in `hwf_cxcy.npy`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .camera import Camera
 from .capture import Capture, with_test_views
 from .image_size import image_size
 from .limits import LARGEST_POSITION, check_camera
-from .reading import at_size, counted, make_views, photo_size, photos_in, read_bytes, rigid_pose
+from .reading import at_size, make_views, merge_notes, photo_size, photos_in, read_bytes, rigid_pose
 
 POSES = "poses_bounds.npy"
 SHARED_INTRINSICS = "hwf_cxcy.npy"
@@ -34,7 +34,14 @@ def read_llff(path: Path, photos: bool) -> Capture:
     """Read an LLFF capture; every 8th view by name is a test view, depth bounds are in world units.
 
     Photos are those of the largest `images*` folder with as many as there are poses. Without photos the views are named
-    by their row. Raises DataError naming file and row.
+    by their row.
+
+    Args:
+        path: A poses_bounds.npy, or its folder.
+        photos: Whether to look for the photos.
+
+    Raises:
+        DataError: A file is missing or damaged; names the file and the row.
     """
     file = path if path.is_file() else path / POSES
     table = _table(file)
@@ -56,7 +63,7 @@ def read_llff(path: Path, photos: bool) -> Capture:
         for view, row, usable in zip(views, table, is_range, strict=True)
     ]
     notes += ["depth bounds that are no range of positive depths were left out."] * int((~is_range).sum())
-    return Capture(path.absolute(), "llff", tuple(with_test_views(views)), tuple(counted(notes)))
+    return Capture(path.absolute(), "llff", tuple(with_test_views(views)), tuple(merge_notes(notes)))
 
 
 def _table(file: Path) -> np.ndarray:
@@ -70,7 +77,7 @@ def _table(file: Path) -> np.ndarray:
 
 
 def _load(file: Path) -> np.ndarray:
-    """A float64 array of an .npy file; its header is checked against the file's length before memory is taken."""
+    """A float64 array of an .npy file; its header is checked against the file's length before memory is allocated."""
     length = len(read_bytes(file))
     try:
         stored = np.lib.format.open_memmap(file, mode="r")

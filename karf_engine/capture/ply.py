@@ -1,7 +1,7 @@
 """Sparse points in PLY files, as nerfstudio writes them beside its transforms.json.
 
 Format: G. Turk, "The PLY Polygon File Format": ASCII or binary; the first element must be `vertex` with x, y, z and,
-where the points are colored, red, green, blue. Hand-written because Blender reads captures too, with numpy alone.
+where the points are colored, red, green, blue. Own code, since Blender's Python reads these too, with numpy alone.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ UNCOLORED = 128
 def read_points(path: Path) -> SparsePoints:
     """The vertices of a PLY file, without observations; errors are nan, colors gray where the file has none.
 
-    Raises DataError naming the file where it is cut off, or has no vertices of x, y, z.
+    Raises:
+        DataError: The file is damaged or cut off, or has no vertices of x, y, z.
     """
     header, _, body = read_bytes(path).partition(b"end_header")
     encoding, dtype, count = _layout(path, header)

@@ -1,4 +1,4 @@
-"""What the readers of all formats share: files read whole, poses and lenses checked, photos found and measured."""
+"""What the readers of all formats share: whole files, checked poses and lenses, photos and their sizes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,11 @@ UNIT_TOLERANCE = 1e-5  # matrices written in single precision are this far from 
 
 # ---------------------------------------------------------------------------------------------------------------- files
 def read_bytes(path: Path) -> bytes:
-    """The content of a file. Raises DataError where it cannot be read, is empty, or is a Git-LFS pointer."""
+    """The content of a file.
+
+    Raises:
+        DataError: The file cannot be read, is empty, or is a Git-LFS pointer.
+    """
     check_file(path)
     try:
         data = path.read_bytes()
@@ -39,7 +43,11 @@ def read_bytes(path: Path) -> bytes:
 
 
 def read_text(path: Path) -> str:
-    """The content of a UTF-8 text file. Raises DataError as `read_bytes`, and where it is not UTF-8."""
+    """The content of a UTF-8 text file.
+
+    Raises:
+        DataError: As `read_bytes`, and where it is not UTF-8.
+    """
     try:
         return read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -48,9 +56,18 @@ def read_text(path: Path) -> str:
 
 # ---------------------------------------------------------------------------------------------------------------- poses
 def rigid_pose(matrix: np.ndarray, label: str, what: str) -> tuple[np.ndarray, list[str]]:
-    """camera_to_world [4, 4] with a pure rotation, of one whose rotation may have a uniform scale; notes say so.
+    """A pose with a pure rotation, of one whose rotation may have a uniform scale.
 
-    Raises DataError "`label` has a `what` that ..." where it is not finite or as good as infinite, or no rotation.
+    Args:
+        matrix: camera_to_world, [4, 4] float64.
+        label: Whose it is, for messages, which read "`label` has a `what` that ...".
+        what: What the file calls it.
+
+    Returns:
+        camera_to_world [4, 4] float64, and a note where a scale was removed.
+
+    Raises:
+        DataError: The matrix is not finite, is too large for single precision, or has no rotation.
     """
     if not np.abs(matrix).max() <= LARGEST_POSITION:
         raise DataError(f"{label} has a {what} that is not finite.", "Leave this photo out.")
@@ -71,8 +88,13 @@ def _is_rotation(matrix: np.ndarray) -> bool:
     return bool(np.abs(matrix.T @ matrix - np.eye(3)).max() <= POSE_TOLERANCE and np.linalg.det(matrix) > 0)
 
 
-def lens(coefficients: Mapping[str, float], fisheye: bool) -> tuple[float, ...]:
-    """`Camera.distortion` of coefficients by OpenCV's names, absent ones being zero; as short as they allow."""
+def opencv_distortion(coefficients: Mapping[str, float], fisheye: bool) -> tuple[float, ...]:
+    """`Camera.distortion` of coefficients by OpenCV's names, absent ones being zero; as short as they allow.
+
+    Examples:
+        >>> opencv_distortion({"k1": 0.1, "p2": -0.01}, fisheye=False)
+        (0.1, 0.0, 0.0, -0.01)
+    """
     values = [float(coefficients.get(key, 0.0)) for key in (FISHEYE_KEYS if fisheye else LENS_KEYS)]
     lengths = (0, 4) if fisheye else (0, 4, 5, 8)
     return tuple(values[: next(length for length in lengths if not any(values[length:]))])
@@ -88,7 +110,7 @@ def photos_in(folder: Path) -> list[Path]:
 
 
 def exists(path: Path) -> bool:
-    """Whether a file lies there; names that the file system cannot hold do not."""
+    """Whether this is a file; False for names that the file system cannot hold."""
     try:
         return path.is_file()
     except (OSError, ValueError):
@@ -96,15 +118,26 @@ def exists(path: Path) -> bool:
 
 
 def photo_size(image: Path, declared: tuple[int, int] | None) -> tuple[int, int]:
-    """Size of the photo as shown, or as stored where the camera was evidently made for the pixels as stored."""
+    """Width and height of a photo in the orientation that its camera was made for.
+
+    Args:
+        image: The photo.
+        declared: Width and height that the capture's file declares, if any.
+
+    Returns:
+        The size as shown; as stored where the declared sides are in the order of the stored ones.
+
+    Raises:
+        DataError: The photo is missing or damaged.
+    """
     header = image_header(image)
-    if declared and header.turned and (declared[0] > declared[1]) == (header.width > header.height):
+    if declared and header.swaps_sides and (declared[0] > declared[1]) == (header.width > header.height):
         return header.stored
     return header.shown
 
 
 def at_size(camera: Camera, size: tuple[int, int]) -> tuple[Camera, list[str]]:
-    """The camera with intrinsics for its photo's real size, and a note where they had to be scaled."""
+    """The camera with intrinsics for its photo's real size (width, height), and a note where they had to be scaled."""
     if size == (camera.width, camera.height):
         return camera, []
     note = f"photos are {size[0]}x{size[1]} where the file says {camera.width}x{camera.height}; "
@@ -115,7 +148,14 @@ def at_size(camera: Camera, size: tuple[int, int]) -> tuple[Camera, list[str]]:
 def make_views(
     cameras: Iterable[Camera], images: Iterable[Path | None], stems: Iterable[str], splits: Iterable[str]
 ) -> list[View]:
-    """Views of these cameras, in order, with names that are unique and can be files' names."""
+    """Views with names that are unique and can be files' names.
+
+    Args:
+        cameras: One a view.
+        images: Their photos; None for bare cameras.
+        stems: What to name them after.
+        splits: `train`, `val` or `test` of each.
+    """
     cameras, images, stems, splits = list(cameras), list(images), list(map(file_name, stems)), list(splits)
     names = unique_names(list(zip(splits, stems, strict=True)))
     return [
@@ -124,6 +164,6 @@ def make_views(
     ]
 
 
-def counted(notes: Iterable[str]) -> list[str]:
+def merge_notes(notes: Iterable[str]) -> list[str]:
     """Each different note about views once, with the number of views it holds for."""
     return [f"{'1 view' if n == 1 else f'{n} views'}: {note}" for note, n in Counter(notes).items()]

@@ -1,4 +1,4 @@
-"""How well cameras, lenses and sparse points agree: where photos show the points, and where the cameras put them."""
+"""How well cameras, lenses and sparse points agree: where photos show points, and where cameras project them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,13 @@ NEWTON_STEPS = 3
 
 @dataclass(frozen=True)
 class ErrorSummary:
-    """Of one view: how many points it observed, and the median and largest distance in pixels (inf: behind it)."""
+    """Reprojection errors of one view.
+
+    Attributes:
+        count: How many points it observed.
+        median: Distance in pixels of the photo as stored.
+        worst: The largest distance; infinite for a point behind the camera.
+    """
 
     count: int
     median: float
@@ -28,10 +34,18 @@ class ErrorSummary:
 
 
 def reprojection_errors(capture: Capture, view_number: int) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels at which a view's photo, as stored, shows sparse points, and at which its camera and lens put them.
+    """Pixels at which a view's photo, as stored, shows sparse points, and to which its camera and lens project them.
 
-    Returns observed [m, 2] and projected [m, 2] float64, in the order of `points.point`; projected is nan for points
-    behind the camera or beyond what its lens can show. Raises DataError where the capture has no points.
+    Args:
+        capture: With sparse points.
+        view_number: Which of its views.
+
+    Returns:
+        Observed [m, 2] and projected [m, 2] float64, in the order of `points.point`; projected is nan for points behind
+        the camera or beyond what its lens can show.
+
+    Raises:
+        DataError: The capture has no points.
     """
     camera = capture.views[view_number].camera
     pixels, depth = camera.project(observed_points(capture, view_number))
@@ -40,7 +54,11 @@ def reprojection_errors(capture: Capture, view_number: int) -> tuple[np.ndarray,
 
 
 def observed_points(capture: Capture, view_number: int) -> np.ndarray:
-    """World positions [m, 3] float64 of the sparse points that a view observed. Raises DataError where there are none."""
+    """World positions [m, 3] float64 of the sparse points that a view observed.
+
+    Raises:
+        DataError: The capture has no points.
+    """
     if capture.points is None:
         raise DataError(f"{capture.source} has no sparse points.", "Only captures with a COLMAP model have them.")
     return capture.points.positions[capture.points.point[capture.points.view == view_number]]
@@ -55,9 +73,15 @@ def summarize(observed: np.ndarray, projected: np.ndarray) -> ErrorSummary:
 
 
 def undistorted_near(camera: Camera, pixels: np.ndarray, near: np.ndarray) -> np.ndarray:
-    """Where the camera's pinhole shows what its photo, as stored, shows at `pixels` [m, 2]; [m, 2] float64.
+    """Where the camera's pinhole shows what its photo shows: the inverse of `distort`, by Newton steps.
 
-    near: [m, 2], pinhole pixels close to the answer, from which Newton steps on `distort` lead to it.
+    Args:
+        camera: With its distortion.
+        pixels: Positions in the photo as stored, [m, 2].
+        near: Pinhole pixels close to the answer, to start from, [m, 2].
+
+    Returns:
+        Positions in the pinhole's picture, [m, 2] float64.
     """
     if camera.is_pinhole:
         return np.asarray(pixels, np.float64)

@@ -16,7 +16,7 @@ from ..files import read_json
 from .camera import Camera
 from .capture import SPLITS
 from .limits import LARGEST_SIDE, check_camera
-from .reading import LENS_KEYS, at_size, lens, photo_size, rigid_pose
+from .reading import LENS_KEYS, at_size, opencv_distortion, photo_size, rigid_pose
 
 PERSPECTIVE = ("PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV")
 FISHEYE = ("OPENCV_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE")
@@ -108,7 +108,7 @@ def camera_of(frame: Frame, image: Path | None) -> tuple[Camera, list[str]]:
         cx=_number(frame, "cx", width / 2),
         cy=_number(frame, "cy", height / 2),
         camera_to_world=camera_to_world,
-        distortion=lens({key: _number(frame, key, 0.0) for key in LENS_KEYS}, fisheye),
+        distortion=opencv_distortion({key: _number(frame, key, 0.0) for key in LENS_KEYS}, fisheye),
         fisheye=fisheye,
     )
     camera, size_notes = at_size(camera, size)
@@ -150,7 +150,7 @@ def _focal_from_angle(frame: Frame, key: str, extent: int) -> float | None:
 
 
 def _pose(frame: Frame) -> tuple[np.ndarray, list[str]]:
-    """camera_to_world [4, 4] with a pure rotation, and a note on a uniform scale that was taken off it."""
+    """camera_to_world [4, 4] with a pure rotation, and a note on a uniform scale that was removed."""
     try:
         matrix = np.array(frame.fields.get("transform_matrix"), np.float64)
     except (TypeError, ValueError, OverflowError):

@@ -2,8 +2,8 @@
 
 Formats: the Blender script of NeRF (Mildenhall et al. 2020), instant-ngp's docs/nerf_dataset_tips.md and nerfstudio's
 data conventions. All use OpenGL axes and pixel corners at integers, as `Camera` does; k1..k6 p1 p2 are OpenCV's, and of
-its fisheye model where `camera_model` or `is_fisheye` asks for it. nerfstudio's `applied_transform` has been applied to the
-poses and to the points of `ply_file_path` alike, so it changes nothing here; nor do fields that only steer training.
+its fisheye model where `camera_model` or `is_fisheye` asks for it. nerfstudio's `applied_transform` has been applied to
+the poses and to the points of `ply_file_path` alike, so it changes nothing here; nor do fields that steer training.
 A `file_path` is relative to the JSON's folder; in the wild it also lacks its extension, is an absolute path of another
 machine, or leaves out the folder that the photos were moved to.
 """
@@ -18,7 +18,7 @@ from ..errors import DataError
 from ..files import write_json
 from .capture import SPLITS, Capture, SparsePoints, View, with_test_views
 from .ply import read_points
-from .reading import FISHEYE_KEYS, LENS_KEYS, PHOTO_SUFFIXES, counted, exists, make_views
+from .reading import FISHEYE_KEYS, LENS_KEYS, PHOTO_SUFFIXES, exists, make_views, merge_notes
 from .transforms_frames import Frame, camera_of, read_frames
 
 SYNTHETIC_FILES = {f"transforms_{split}.json": split for split in SPLITS}
@@ -40,7 +40,14 @@ def is_transforms(path: Path) -> bool:
 def read_nerf_synthetic(path: Path, photos: bool) -> Capture:
     """Read the splits of a NeRF-synthetic folder; without photos, one split's file is read alone.
 
-    Without transforms_test.json, every 8th training view becomes a test view. Raises DataError naming file and frame.
+    Without transforms_test.json, every 8th training view becomes a test view.
+
+    Args:
+        path: The folder, or one of its split files.
+        photos: Whether to look for the photos.
+
+    Raises:
+        DataError: A file is missing or damaged; names the file and the frame.
     """
     if path.is_file() and not photos:
         return read_transforms(path, photos)
@@ -50,10 +57,15 @@ def read_nerf_synthetic(path: Path, photos: bool) -> Capture:
 
 
 def read_transforms(path: Path, photos: bool) -> Capture:
-    """Read one transforms file (or the transforms.json of a folder). Raises DataError naming file and frame.
+    """Read one transforms file, or the transforms.json of a folder.
 
-    photos=True: frames without a photo are skipped with a remark, sizes are those of the photos, and every 8th view
-    becomes a test view where the file declares none. photos=False: bare cameras, whose sizes must be in the file.
+    Args:
+        path: The file, or its folder.
+        photos: With photos, frames without one are skipped with a remark, sizes are those of the photos, and every 8th
+            view becomes a test view where the file declares none. Without, sizes must be in the file.
+
+    Raises:
+        DataError: The file is damaged, or none of its photos is found; names the file and the frame.
     """
     file = path if path.is_file() else path / "transforms.json"
     return _read(path, "transforms", [(file, SYNTHETIC_FILES.get(file.name, ""))], photos)
@@ -130,10 +142,10 @@ def _views(found: list[tuple[Frame, Path | None]]) -> tuple[list[View], list[str
     stems = [_stem(frame, image) for frame, image in found]
     splits = [frame.split or "train" for frame, _ in found]
     views = make_views([camera for camera, _ in cameras], images, stems, splits)
-    return views, counted(note for _, notes in cameras for note in notes)
+    return views, merge_notes(note for _, notes in cameras for note in notes)
 
 
-# ---------------------------------------------------------------------------------------------------------------- photos
+# --------------------------------------------------------------------------------------------------------------- photos
 def _stem(frame: Frame, image: Path | None) -> str:
     if image:
         return image.stem
@@ -142,8 +154,10 @@ def _stem(frame: Frame, image: Path | None) -> str:
 
 
 def _find_photos(frames: list[Frame]) -> list[Path | None]:
-    """The photo of each frame, all by the first rule that finds any: mixing rules could pair a camera with a photo of
-    the same name from another split."""
+    """The photo of each frame, all by the first rule that finds any.
+
+    Mixing rules could pair a camera with a photo of the same name from another split.
+    """
     folder = frames[0].file.parent
     longest = max(len(frame.parts) for frame in frames)
     for root, kept in _places(folder, longest):

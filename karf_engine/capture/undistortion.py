@@ -1,4 +1,4 @@
-"""Photos as a plain pinhole would have taken them, with numpy alone: what Blender shows behind a camera."""
+"""Photos without their lens distortion, with numpy alone: what Blender shows behind a camera."""
 
 from __future__ import annotations
 
@@ -11,18 +11,23 @@ ROWS = 16  # at a time: what is computed on the way stays in the processor's cac
 
 
 def undistorted(photo: np.ndarray, camera: Camera) -> np.ndarray:
-    """The photo, float32 [H, W, C] as stored, as its camera's pinhole shows it; black where that sees beyond the photo.
+    """A photo as its camera's pinhole shows it, interpolated linearly; the same pixels as of `plates.undistort`.
 
-    Bilinear, the same pixels as `plates.undistort` gives the engine. photo must have the camera's size.
+    Args:
+        photo: As stored, float32 [H, W, C], of the camera's size.
+        camera: With its distortion.
+
+    Returns:
+        float32 [H, W, C]; black where the pinhole sees beyond the photo.
     """
     photo = np.ascontiguousarray(photo)
     result = np.empty_like(photo)
     columns = np.arange(camera.width) + 0.5
     for top in range(0, camera.height, ROWS):
         rows = np.arange(top, min(top + ROWS, camera.height)) + 0.5
-        lookup = distort(camera, np.stack(np.meshgrid(columns, rows), -1))
-        inside = ((lookup >= 0) & (lookup <= (camera.width, camera.height))).all(-1)  # nan is outside
-        result[top : top + ROWS] = _bilinear(photo, np.where(inside[..., None], lookup - 0.5, 0))
+        positions = distort(camera, np.stack(np.meshgrid(columns, rows), -1))
+        inside = ((positions >= 0) & (positions <= (camera.width, camera.height))).all(-1)  # nan is outside
+        result[top : top + ROWS] = _bilinear(photo, np.where(inside[..., None], positions - 0.5, 0))
         result[top : top + ROWS][~inside] = 0
     return result
 

@@ -106,7 +106,8 @@ def match_becomes(
     Examples:
         >>> palette = np.array([[0, 0, 0], [0.7, 0.1, 0.1]], np.float32)
         >>> weights = np.array([[0.0, 1.0], [0.5, 0.5]])  # a red object, lit and in the shade
-        >>> edited = match_becomes(weights @ palette, np.ones(2), weights, palette, palette[1], np.array([0.1, 0.2, 0.7]))
+        >>> blue = np.array([0.1, 0.2, 0.7])
+        >>> edited = match_becomes(weights @ palette, np.ones(2), weights, palette, palette[1], blue)
         >>> print(edited.round(2))
         [[0.  0.  0. ]
          [0.1 0.2 0.7]]

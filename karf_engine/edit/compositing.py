@@ -32,6 +32,17 @@ class Planes:
         palette_weights: [K, M, H, W] float16 in [0, 1], object probability included.
         probabilities: [K, H, W] float16 in [0, 1].
         base: The picture without the edit, [H, W, 3] uint8 sRGB.
+
+    Examples:
+        A picture of one white pot whose second swatch becomes red:
+
+        >>> weights, probabilities = np.zeros((1, 2, 4, 3), np.float16), np.ones((1, 4, 3), np.float16)
+        >>> weights[:, 1] = 1
+        >>> planes = Planes(("pot",), weights, probabilities, np.full((4, 3, 3), 255, np.uint8))
+        >>> learned, edited = np.array([[[0, 0, 0], [1, 1, 1]]]), np.array([[[0, 0, 0], [1, 0, 0]]])
+        >>> base = planes.base.astype(np.float32) / 255
+        >>> delta_composite(base, planes.palette_weights, learned, edited)[0, 0].tolist()
+        [1.0, 0.0, 0.0]
     """
 
     objects: tuple[str, ...]
@@ -48,9 +59,8 @@ def write_planes(path: Path, planes: Planes) -> None:
         >>> planes = Planes(("pot",), np.ones((1, 2, 4, 3)) / 2, np.ones((1, 4, 3)), np.zeros((4, 3, 3), np.uint8))
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     write_planes(Path(folder) / "view.npz", planes)
-        ...     again = read_planes(Path(folder) / "view.npz")
-        >>> again.objects, again.palette_weights.dtype, again.palette_weights.shape
-        (('pot',), dtype('float16'), (1, 2, 4, 3))
+        ...     sorted(np.load(Path(folder) / "view.npz"))
+        ['base', 'objects', 'palette_weights', 'probabilities']
     """
 
     def write(temporary: Path) -> None:
@@ -66,10 +76,19 @@ def write_planes(path: Path, planes: Planes) -> None:
 
 
 def read_planes(path: Path) -> Planes:
-    """Read planes that `write_planes` wrote; an example stands there.
+    """Read planes that `write_planes` wrote.
 
     Raises:
         DataError: The file is missing or damaged, or its arrays contradict each other.
+
+    Examples:
+        >>> import tempfile
+        >>> planes = Planes(("pot",), np.ones((1, 2, 4, 3)) / 2, np.ones((1, 4, 3)), np.zeros((4, 3, 3), np.uint8))
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_planes(Path(folder) / "view.npz", planes)
+        ...     again = read_planes(Path(folder) / "view.npz")
+        >>> again.objects, again.palette_weights.dtype, again.palette_weights.shape
+        (('pot',), dtype('float16'), (1, 2, 4, 3))
     """
     names = ("objects", "palette_weights", "probabilities", "base")
     objects, *arrays = read_arrays(path, names, "edit planes", AGAIN)

@@ -1,4 +1,4 @@
-"""Linear least squares within bounds, with numpy alone: Blender's own Python, in which palettes are edited, has no scipy."""
+"""Linear least squares within bounds, with numpy alone: palettes are edited in Blender's own Python, without scipy."""
 
 from __future__ import annotations
 

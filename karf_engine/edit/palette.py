@@ -33,6 +33,11 @@ class Palette:
     Attributes:
         name: The object's.
         colors: [M, 3] float32 sRGB in [0, 1]; entry 0 is black and frozen.
+
+    Examples:
+        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0]], np.float32))
+        >>> [rgb_to_hex(color) for color in pot.colors]
+        ['#000000', '#804000']
     """
 
     name: str
@@ -45,7 +50,12 @@ class Edit:
 
     Attributes:
         colors: The edited palette of every object by its name, [M, 3] sRGB in [0, BRIGHTEST].
-        compositing: How planes become the picture, `delta` or `paper` (see `compositing`).
+        compositing: How planes become the picture, `delta` or `paper` (see `edit.compositing`).
+
+    Examples:
+        >>> edit = Edit({"pot": np.stack([hex_to_rgb("#000000"), hex_to_rgb("#3059b8")])})
+        >>> edit.compositing, rgb_to_hex(edit.colors["pot"][1])
+        ('delta', '#3059b8')
     """
 
     colors: dict[str, np.ndarray]
@@ -79,7 +89,7 @@ def rgb_to_hex(color: np.ndarray) -> str:
 
 
 def read_palettes(path: Path, which: str = "colors", objects: Sequence[str] | None = None) -> tuple[Palette, ...]:
-    """Read palette.json; an example stands at `write_palettes`.
+    """Read palette.json.
 
     Args:
         path: The file.
@@ -91,6 +101,15 @@ def read_palettes(path: Path, which: str = "colors", objects: Sequence[str] | No
 
     Raises:
         DataError: The file is missing, of another schema, has a name or a color that cannot be, or is of other objects.
+
+    Examples:
+        >>> import tempfile
+        >>> extracted, learned = (Palette("pot", np.array([[0, 0, 0], [red, 0, 0]], np.float32)) for red in (1, 0.5))
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_palettes(Path(folder) / "palette.json", [learned], shared=False, initial=[extracted])
+        ...     found = [read_palettes(Path(folder) / "palette.json", which) for which in ("colors", "initial")]
+        >>> [rgb_to_hex(palette.colors[1]) for (palette,) in found]
+        ['#800000', '#ff0000']
     """
     content = _read_schema(path, "palettes", PALETTE_SCHEMA)
     palettes = []

@@ -142,7 +142,7 @@ def test_the_model_with_the_most_photos_is_read(tmp_path, cameras):
     put_photos(tmp_path / "images", NAMES, cameras)
     ColmapModel(cameras, NAMES).write(tmp_path / "sparse" / "1")
     put(tmp_path / "sparse" / "2" / "cameras.bin", b"")
-    put(tmp_path / "sparse" / "2" / "images.bin", b"\xff" * 80)  # says that it has more than fit
+    put(tmp_path / "sparse" / "2" / "images.bin", b"\xff" * 80)  # claims more images than fit
     capture = open_capture(tmp_path)
     assert len(capture.views) == 9
     assert capture.remarks == (

@@ -1,4 +1,4 @@
-"""Where lenses put things: the same as OpenCV and COLMAP say."""
+"""Where lenses project points: the same as by OpenCV and COLMAP."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from karf_engine.capture.camera import Camera
 from karf_engine.capture.colmap import FISHEYES, PINHOLES
 from karf_engine.capture.colmap_model import PARAMETERS
 from karf_engine.capture.distortion import distort
-from karf_engine.capture.reading import lens
+from karf_engine.capture.reading import opencv_distortion
 
 COEFFICIENTS = {"k1": 0.06, "k2": -0.02, "p1": 0.004, "p2": -0.003, "k3": 0.005, "k4": 0.03, "k5": -0.01, "k6": 0.002}
 FOCAL_AND_CENTER = {"f": 510.0, "fx": 500.0, "fy": 520.0, "cx": 330.0, "cy": 235.0}
@@ -46,6 +46,8 @@ def test_lenses_are_colmaps(model):
     theirs = pycolmap.Camera(model=model, width=640, height=480, params=list(values.values()))
     fx, fy = values.get("fx", values.get("f")), values.get("fy", values.get("f"))
     fisheye = model in FISHEYES
-    camera = Camera(640, 480, fx, fy, values["cx"], values["cy"], np.eye(4), lens(values, fisheye), fisheye)
+    camera = Camera(
+        640, 480, fx, fy, values["cx"], values["cy"], np.eye(4), opencv_distortion(values, fisheye), fisheye
+    )
     expected = theirs.img_from_cam(np.insert(PLANE, 2, 1.0, 1))
     assert_allclose(photo_positions(camera), expected, atol=1e-9)

@@ -1,4 +1,4 @@
-"""What "becomes" does: the solvers against their optimality conditions, the rules against a sphere whose paint is known."""
+"""Edits by "becomes": the solvers against their optimality conditions, the rules against a sphere of known paint."""
 
 from __future__ import annotations
 
@@ -186,7 +186,7 @@ def test_least_squares_meets_its_optimality_conditions() -> None:
         n, entries = random.integers(1, 30), random.integers(1, 9)
         matrix, values = random.random((n, entries)), random.normal(size=(n, 2))
         if trial % 3 == 0:
-            matrix[:, -1] = matrix[:, 0]  # two entries that no pixel tells apart
+            matrix[:, -1] = matrix[:, 0]  # two entries that every pixel uses alike
         lower, upper = -random.random((entries, 2)), random.random((entries, 2))
         lower[0] = upper[0] = 0
         counts = random.random(n)

@@ -18,7 +18,8 @@ from karf_engine.errors import BadRequest, Cancelled, DataError
 from karf_engine.fields.files import SCHEMA, load_scene
 from karf_engine.fields.registry import FieldKind, field_kind, field_kinds, register_field
 from karf_engine.images import read_mask, read_photo
-from karf_engine.metrics.masks import iou, psnr
+from karf_engine.metrics.images import psnr
+from karf_engine.metrics.masks import iou
 from karf_engine.project import Project
 
 LOAD_ELSEWHERE = """

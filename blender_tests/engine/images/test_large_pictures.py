@@ -1,4 +1,4 @@
-"""Pictures that claim more than they hold are refused by their size before memory is taken; large photos are read."""
+"""Pictures that claim more than they hold are refused before memory is allocated; large photos are read."""
 
 import io
 import os

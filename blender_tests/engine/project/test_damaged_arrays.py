@@ -1,4 +1,4 @@
-"""Damaged and hostile npz files: one sentence that names the file, whatever the damage, and no memory taken for claims."""
+"""Damaged and hostile npz files: one sentence that names the file, and no memory allocated for claims."""
 
 import random
 import struct

@@ -1,4 +1,4 @@
-"""A project received from somebody: no name in it leads out of its folder, and no value of another type ends in a trace."""
+"""A project received from somebody: no name leads out of its folder, and no value ends in a traceback."""
 
 import json
 import os
