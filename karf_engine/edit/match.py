@@ -130,7 +130,7 @@ def match_fewest(
 ) -> np.ndarray:
     """The palette that gives one pixel the target color and touches as few swatches as it can.
 
-    Minimises the sum of the swatches' moves |dP_j| (an L2,1 norm; the rule of LoCoPalettes) by iteratively reweighted
+    Minimises the sum of the swatches' moves `|dP_j|` (an L2,1 norm; the rule of LoCoPalettes) by iteratively reweighted
     least squares, each step solved exactly within 0 <= P + dP <= 1. A target out of reach is met as closely as the box
     lets it, channel by channel.
 
@@ -164,7 +164,7 @@ def bounded_least_squares(
     counts: np.ndarray | None = None,
     ridge: float = 0.0,
 ) -> np.ndarray:
-    """Minimise sum_i counts_i |matrix_i x - values_i|^2 + ridge sum(counts) |x|^2 with lower <= x <= upper, exactly.
+    """Minimise `sum_i counts_i |matrix_i x - values_i|^2 + ridge sum(counts) |x|^2`, lower <= x <= upper, exactly.
 
     matrix: [n, M]. values: [n, C]; the columns are solved apart. lower, upper: [M, C] with lower <= 0 <= upper; equal
     bounds pin an entry. counts: [n] >= 0, default 1 each. Returns x [M, C].

@@ -7,6 +7,7 @@ Seeds: what the masks say of a point, `seed_targets` y [p, K+1] with `seed_confi
 
 Then, a few rounds: color mixtures of the classes as they stand -> a color label for every point -> solve again with it.
 What keeps that from running away:
+
 - an object whose look-alikes among the seeds are mostly not marked as it has no say (guard), and color decides between
   two classes only as far as both guards allow; the background's guard is always open;
 - a seed whose color clearly contradicts it has no say; where that color is the background's, neither has it;
