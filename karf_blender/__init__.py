@@ -1,9 +1,26 @@
 """The Blender side: cameras, swatches and pictures. It runs the engine in its own process and never imports torch."""
 
-from . import disk, job_watch, operators, ownership, panels, preferences, properties, recolor, rendering, reprojection
+from . import operators, panels, preferences, properties
+from .host import rendering
+from .project import disk, saving
+from .rig import reprojection
+from .swatches import recolor
+from .tasks import ownership, runner
 
 # later ones use earlier ones: taken down in reverse
-MODULES = (properties, preferences, rendering, recolor, reprojection, disk, ownership, job_watch, operators, panels)
+MODULES = (
+    properties,
+    preferences,
+    rendering,
+    recolor,
+    saving,
+    reprojection,
+    disk,
+    ownership,
+    runner,
+    operators,
+    panels,
+)
 
 
 def register():

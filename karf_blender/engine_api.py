@@ -17,8 +17,9 @@ from ..karf_engine.capture.reprojection import (
 )
 from ..karf_engine.capture.undistortion import undistorted
 from ..karf_engine.color import linear_to_srgb, srgb_to_lab
+from ..karf_engine.edit.becomes import match_becomes, match_fewest, nearest_weights
 from ..karf_engine.edit.compositing import Planes, delta_composite, paper_composite, read_planes, stack_palettes
-from ..karf_engine.edit.match import match_becomes, match_fewest, nearest_weights, read_object_colors
+from ..karf_engine.edit.object_colors import read_object_colors
 from ..karf_engine.edit.palette import (
     BRIGHTEST,
     COMPOSITING_MODES,
@@ -37,7 +38,7 @@ from ..karf_engine.settings import PRESETS
 from ..karf_engine.wire import LOG_FILE, REQUEST_FILE, Event, EventReader, Request
 
 # the file or folder by which each known kind of capture is recognized
-CAPTURE_MARKS = tuple(known.mark for known in FORMATS)
+CAPTURE_MARKS = tuple(known.marker for known in FORMATS)
 # the folder that the engine's own Python executes
 ENGINE_FOLDER = Path(karf_engine.__file__).parent
 VERSION = karf_engine.__version__

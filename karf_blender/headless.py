@@ -12,8 +12,12 @@ from typing import Any
 
 import bpy
 
-from . import captures, folders, job_watch, rig, steps, swatches
+from . import steps
 from .engine_api import Capture, Edit, ErrorSummary, Palette, hex_to_rgb
+from .project import captures, folders
+from .rig.cameras import Options
+from .swatches import edits
+from .tasks import runner
 
 Color = str | Sequence[float]
 
@@ -21,21 +25,47 @@ Color = str | Sequence[float]
 def import_capture(
     path: str | Path, project: str | Path | None = None, scene: bpy.types.Scene | None = None, **options: Any
 ) -> Capture:
-    """Build the cameras of a capture (its folder or camera file) in the scene; options are those of `rig.Options`."""
+    """Build the cameras of a capture in the scene.
+
+    Args:
+        path: The capture's folder or camera file.
+        project: Folder of all that is learned; default: beside the .blend.
+        scene: Default: the context's.
+        options: Those of `rig.cameras.Options`.
+
+    Returns:
+        The capture; its `remarks` say what could not be had.
+    """
     folder = Path(project).absolute() if project else None
-    return steps.import_capture(_scene(scene), Path(path).absolute(), folder, rig.Options(**options))
+    return steps.import_capture(_scene(scene), Path(path).absolute(), folder, Options(**options))
 
 
 def find_poses(photos: str | Path, scene: bpy.types.Scene | None = None, **options: Any) -> Capture:
-    """Find the camera poses of a folder of photos, or of a video, and import the capture that they make."""
+    """Find the camera poses of a folder of photos, or of a video, and import the capture that they make.
+
+    Args:
+        photos: The folder or the video.
+        scene: Default: the context's.
+        options: Those of `rig.cameras.Options`.
+
+    Returns:
+        The capture, kept in a new project folder.
+    """
     scene = _scene(scene)
-    job_watch.wait(steps.find_poses(scene, Path(photos).absolute(), rig.Options(**options)))
+    runner.wait(steps.find_poses(scene, Path(photos).absolute(), Options(**options)))
     return captures.of(scene)
 
 
 def reprojection_error(view: str = "", scene: bpy.types.Scene | None = None) -> ErrorSummary:
-    """Count, median and worst distance in pixels between the sparse points and where a view (default: the active one)
-    shows them in its photo."""
+    """Measure how far the sparse points are from where a view shows them in its photo.
+
+    Args:
+        view: Name of a captured view; default: the active one.
+        scene: Default: the context's.
+
+    Returns:
+        Count of points, and median and worst distance in pixels.
+    """
     return steps.reprojection_error(_scene(scene), view)
 
 
@@ -45,42 +75,78 @@ def learn_scene(
     scene: bpy.types.Scene | None = None,
     nerf: str | Path | None = None,
 ) -> dict[str, Any]:
-    """Learn the geometry; overrides are `stage.field=value`. nerf: checkpoint of a NeRF that is taken instead. Returns
-    what the stage noted (seconds, figures)."""
+    """Learn the geometry.
+
+    Args:
+        preset: Name of the settings; default: the panel's.
+        overrides: Single settings as `stage.field=value`.
+        scene: Default: the context's.
+        nerf: Checkpoint of a NeRF of another program, which is imported instead.
+
+    Returns:
+        The stage's entry in the project (seconds, metrics).
+    """
     if nerf is not None:
         _scene(scene).karf.nerf = folders.stored(Path(nerf).absolute())
-    job_watch.wait(steps.learn_scene(_scene(scene), preset, overrides))
+    runner.wait(steps.learn_scene(_scene(scene), preset, overrides))
     return folders.project_of(_scene(scene)).finished("geometry")
 
 
 def segment(masks: str | Path | None = None, scene: bpy.types.Scene | None = None) -> dict[str, Any]:
-    """Segment the objects marked by the masks `masks/<object>/<photo name>.png`. Returns what the stage noted."""
-    job_watch.wait(steps.segment(_scene(scene), Path(masks).absolute() if masks else None))
+    """Segment the objects.
+
+    Args:
+        masks: Folder of coarse masks, `<object>/<photo name>.png`; default: the panel's.
+        scene: Default: the context's.
+
+    Returns:
+        The stage's entry in the project.
+    """
+    runner.wait(steps.segment(_scene(scene), Path(masks).absolute() if masks else None))
     return folders.project_of(_scene(scene)).finished("segmentation")
 
 
 def extract_palette(scene: bpy.types.Scene | None = None) -> tuple[Palette, ...]:
-    """Extract and learn the palettes, prepare the active view and show it. Returns the palettes."""
-    job_watch.wait(steps.extract_palette(_scene(scene)))
-    return swatches.learned(_scene(scene))
+    """Extract and learn the palettes, prepare the active view and show it.
+
+    Returns:
+        The palettes as learned, one an object.
+    """
+    runner.wait(steps.extract_palette(_scene(scene)))
+    return edits.learned(_scene(scene))
 
 
 def set_swatch(object_name: str, index: int, color: Color, scene: bpy.types.Scene | None = None) -> None:
-    """Give a swatch a color; index counts from 1 (swatch 0 is black and frozen)."""
-    swatches.set_color(_scene(scene), object_name, index, _color(color))
+    """Give a swatch a color.
+
+    Args:
+        object_name: Name of the object.
+        index: Number of the swatch, from 1: swatch 0 is black and frozen.
+        color: sRGB in [0, 2], or "#rrggbb".
+        scene: Default: the context's.
+    """
+    edits.set_color(_scene(scene), object_name, index, _color(color))
 
 
 def becomes(
     object_name: str, source: Color, target: Color, rule: str = "becomes", scene: bpy.types.Scene | None = None
 ) -> None:
-    """Set an object's swatches so that its color `source` becomes `target`; rule `becomes` or `fewest`."""
+    """Set an object's swatches so that one color of it becomes another.
+
+    Args:
+        object_name: Name of the object.
+        source: A color of the object as it is in the photos: sRGB in [0, 1], or "#rrggbb".
+        target: What it shall become.
+        rule: `becomes` (the whole object gets a new paint) or `fewest` (as few changed swatches as possible).
+        scene: Default: the context's.
+    """
     steps.becomes(_scene(scene), object_name, _color(source), _color(target), rule)
 
 
 def apply_edit(edit: str | Path | Edit, scene: bpy.types.Scene | None = None) -> None:
     """Set the swatches to an edit, or to that in an edit file."""
     if isinstance(edit, Edit):
-        swatches.apply_edit(_scene(scene), edit)
+        edits.apply_edit(_scene(scene), edit)
     else:
         steps.load_edit(_scene(scene), Path(edit))
 
@@ -91,27 +157,48 @@ def save_edit(path: str | Path, scene: bpy.types.Scene | None = None) -> None:
 
 
 def show_view(view: str = "", scene: bpy.types.Scene | None = None) -> bpy.types.Image:
-    """Show a captured view (default: the active one) recolored, preparing it where needed. Returns the result image."""
+    """Show a captured view recolored, preparing it where needed.
+
+    Args:
+        view: Name of the view; default: the active one.
+        scene: Default: the context's.
+
+    Returns:
+        The result image.
+    """
     task = steps.show_view(_scene(scene), view)
     if task is not None:
-        job_watch.wait(task)
+        runner.wait(task)
     return _scene(scene).karf.result
 
 
 def prepare_views(views: str = "all", scene: bpy.types.Scene | None = None) -> None:
     """Prepare captured views (`all`, `train`, `test` or names), so that they show without the engine."""
-    job_watch.wait(steps.prepare_views(_scene(scene), views))
+    runner.wait(steps.prepare_views(_scene(scene), views))
 
 
 def render_view(scene: bpy.types.Scene | None = None) -> Path:
-    """Write the active view as shown. Returns the PNG's path."""
+    """Write the active view as shown.
+
+    Returns:
+        The PNG's path.
+    """
     return steps.render_view(_scene(scene))
 
 
 def render_captured(views: str = "all", out: str | Path | None = None, scene: bpy.types.Scene | None = None) -> Path:
-    """Write captured views recolored. Returns the folder of the PNGs."""
+    """Write captured views recolored.
+
+    Args:
+        views: `all`, `train`, `test` or names with commas.
+        out: Output folder; default: the panel's.
+        scene: Default: the context's.
+
+    Returns:
+        The folder of the PNGs.
+    """
     _set_out(_scene(scene), out)
-    job_watch.wait(steps.render_captured(_scene(scene), views))
+    runner.wait(steps.render_captured(_scene(scene), views))
     return folders.out_folder(_scene(scene)) / "recolor"
 
 
@@ -121,13 +208,20 @@ def render_sequence(
     out: str | Path | None = None,
     scene: bpy.types.Scene | None = None,
 ) -> Path:
-    """Write what a Blender camera (default: the scene's) sees in these frames (default: the scene's range).
+    """Write what a Blender camera sees, recolored, with the swatches of each frame.
 
-    Returns the folder of the PNGs, frame_0001.png and so on.
+    Args:
+        camera: Default: the scene's.
+        frames: Numbers of the frames; default: the scene's range.
+        out: Output folder; default: the panel's.
+        scene: Default: the context's.
+
+    Returns:
+        The folder of the PNGs, frame_0001.png and so on.
     """
     scene = _scene(scene)
     _set_out(scene, out)
-    job_watch.wait(steps.render_camera(scene, camera, steps.frame_range(scene) if frames is None else frames))
+    runner.wait(steps.render_camera(scene, camera, steps.frame_range(scene) if frames is None else frames))
     return steps.camera_folder(scene, camera) / "recolor"
 
 
@@ -137,14 +231,28 @@ def export_cameras(
     frames: Iterable[int] | None = None,
     scene: bpy.types.Scene | None = None,
 ) -> Path:
-    """Write a Blender camera (default: the scene's) in these frames (default: the scene's range) as a transforms.json."""
+    """Write a Blender camera as a transforms.json, with poses relative to the rig.
+
+    Args:
+        path: The file.
+        camera: Default: the scene's.
+        frames: Numbers of the frames; default: the scene's range.
+        scene: Default: the context's.
+
+    Returns:
+        The file's path.
+    """
     scene, path = _scene(scene), Path(path).absolute()
     steps.export_cameras(scene, path, camera, steps.frame_range(scene) if frames is None else frames)
     return path
 
 
 def import_cameras(path: str | Path, scene: bpy.types.Scene | None = None) -> bpy.types.Object:
-    """Make one animated camera of the cameras in a transforms.json, below the rig; returns it."""
+    """Make one animated camera of the cameras in a transforms.json, below the rig; it becomes the scene's.
+
+    Returns:
+        The camera.
+    """
     return steps.import_cameras(_scene(scene), Path(path).absolute())
 
 

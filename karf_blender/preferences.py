@@ -7,17 +7,17 @@ import bpy
 from bpy.props import IntProperty, StringProperty
 
 from .. import __package__ as extension
-from . import engine_test, environment
+from .engine import environment, probing
+from .engine.probing import Verdict
 from .engine_api import MissingDependency
-from .engine_test import Verdict
 
 
 def _verdict() -> Verdict | None:
     """What the last test has found of the chosen Python; a path that is refused needs no test."""
     try:
-        return engine_test.verdict_on(chosen_python())
+        return probing.verdict_on(chosen_python())
     except MissingDependency as error:
-        return engine_test.unfavorable(Path(), error)
+        return probing.unfavorable(Path(), error)
 
 
 def _command(_) -> str:
@@ -49,7 +49,7 @@ class KARF_AP_preferences(bpy.types.AddonPreferences):
         layout.prop(self, "engine_python")
         layout.prop(self, "threads")
         row = layout.row(align=True)
-        is_running = engine_test.is_running()
+        is_running = probing.is_running()
         row.operator("karf.examine_engine", text="Testing ..." if is_running else "Test Engine", icon="CHECKMARK")
         if is_running:
             row.operator("karf.cancel_examination", text="", icon="CANCEL")
@@ -66,12 +66,20 @@ def current() -> bpy.types.AddonPreferences:
 
 
 def chosen_python() -> Path:
-    """The Python that runs the engine, there or not. Raises MissingDependency where its path is not absolute."""
+    """The Python that runs the engine, there or not.
+
+    Raises:
+        MissingDependency: Its path is not absolute.
+    """
     return environment.chosen_python(current().engine_python, os.environ)
 
 
 def engine_python() -> Path:
-    """The Python that runs the engine. Raises MissingDependency where none is known."""
+    """The Python that runs the engine.
+
+    Raises:
+        MissingDependency: None is known.
+    """
     return environment.find_python(current().engine_python, os.environ)
 
 
@@ -82,5 +90,5 @@ def register():
 
 def unregister():
     """Called when the extension is disabled."""
-    engine_test.cancel()
+    probing.cancel()
     bpy.utils.unregister_class(KARF_AP_preferences)

@@ -1,4 +1,4 @@
-"""What the .blend remembers (Scene.karf: saved, undone, keyframed) and what it does not (WindowManager.karf_progress)."""
+"""What the .blend keeps (Scene.karf: saved, undone, keyframed) and what it does not (WindowManager.karf_progress)."""
 
 import bpy
 from bpy.props import (
@@ -12,9 +12,11 @@ from bpy.props import (
     StringProperty,
 )
 
-from . import disk, folders, recolor, reprojection, swatches
-from .compat import PATH_OPTIONS
 from .engine_api import BRIGHTEST, COMPOSITING_MODES, PRESETS
+from .host.compat import PATH_OPTIONS
+from .project import disk, folders
+from .rig import reprojection
+from .swatches import palettes, recolor
 
 PRESET_ITEMS = [
     (name, name.capitalize(), f"Learn from pictures of at most {settings.geometry.long_side} pixels")
@@ -33,31 +35,31 @@ RULE_ITEMS = [
 
 
 def _edit_changed(self, context):
-    recolor.follow(self.id_data)
+    recolor.refresh(self.id_data)
 
 
 def _view_chosen(self, context):
-    recolor.follow(self.id_data)
-    disk.look()
+    recolor.refresh(self.id_data)
+    disk.refresh()
 
 
 def _masks_chosen(self, context):
-    disk.look()
+    disk.refresh()
 
 
 def _overlay_switched(self, context):
-    reprojection.follow(self.id_data)
+    reprojection.refresh(self.id_data)
 
 
 def _project_chosen(self, context):
     # while a file is saved elsewhere, its new paths lead from the new place: here they lead anywhere
     if not folders.is_rebasing():
-        swatches.take_over(self.id_data)
-        disk.look()
+        palettes.import_learned(self.id_data)
+        disk.refresh()
 
 
 def srgb(name: str, default: float = 0.0, highest: float = 1.0, **options):
-    """A color property of sRGB numbers, as palettes are learned; the picker's bar ends at white, whatever is highest."""
+    """A color property of sRGB numbers, as palettes are learned; the picker's bar ends at white."""
     limits = {"min": 0.0, "max": highest, "soft_max": 1.0}
     return FloatVectorProperty(name=name, subtype="COLOR_GAMMA", size=3, default=(default,) * 3, **limits, **options)
 
@@ -76,7 +78,7 @@ class KARF_PG_swatch(bpy.types.PropertyGroup):
 
 
 class KARF_PG_object(bpy.types.PropertyGroup):
-    """One marked object. Its first swatch is black and stays black."""
+    """One object of the masks. Its first swatch is black and stays black."""
 
     swatches: CollectionProperty(type=KARF_PG_swatch)
     source: srgb(

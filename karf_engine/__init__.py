@@ -1,3 +1,85 @@
-"""KaRF: weakly supervised Kolmogorov-Arnold radiance fields for local color editing. Importing this imports nothing."""
+"""KaRF: segment objects in a captured scene from rough masks, and recolor them by small palettes.
 
-__version__ = "0.1.0"
+    import karf_engine as karf
+
+    model = karf.learn("garden", masks="masks", preset="fast", project="garden_karf", progress=print)
+    edit = model.edit().becomes("pot", "#b5302c", "#3059b8")
+    picture = model.recolor(model.capture.view("r_003"), edit)
+
+Importing this imports nothing else: each name is loaded when it is first used, and only what learns or renders needs
+torch. The functions are documented in `library`, the rest where it is defined.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from .version import __version__
+
+if TYPE_CHECKING:
+    from .capture import open_capture
+    from .capture.camera import Camera
+    from .capture.capture import Capture, View
+    from .edit.palette import Edit, Palette, read_edit, write_edit
+    from .errors import KarfError
+    from .library import extract_palettes, find_poses, learn, learn_geometry, learn_recoloring, load, render, segment
+    from .model import Frame, Model
+    from .settings import PRESETS, Settings
+
+_HOME = {  # name -> the module that defines it
+    "Camera": "capture.camera",
+    "Capture": "capture.capture",
+    "Edit": "edit.palette",
+    "Frame": "model",
+    "KarfError": "errors",
+    "Model": "model",
+    "PRESETS": "settings",
+    "Palette": "edit.palette",
+    "Settings": "settings",
+    "View": "capture.capture",
+    "extract_palettes": "library",
+    "find_poses": "library",
+    "learn": "library",
+    "learn_geometry": "library",
+    "learn_recoloring": "library",
+    "load": "library",
+    "open_capture": "capture",
+    "read_edit": "edit.palette",
+    "render": "library",
+    "segment": "library",
+    "write_edit": "edit.palette",
+}
+
+__all__ = [
+    "PRESETS",
+    "Camera",
+    "Capture",
+    "Edit",
+    "Frame",
+    "KarfError",
+    "Model",
+    "Palette",
+    "Settings",
+    "View",
+    "__version__",
+    "extract_palettes",
+    "find_poses",
+    "learn",
+    "learn_geometry",
+    "learn_recoloring",
+    "load",
+    "open_capture",
+    "read_edit",
+    "render",
+    "segment",
+    "write_edit",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f".{_HOME[name]}", __name__), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

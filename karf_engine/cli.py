@@ -1,4 +1,4 @@
-"""The command line: one verb a stage, one for all, and `run` for a job folder (see wire)."""
+"""The command line: one verb a function of the library, and `run` for a job folder (see wire)."""
 
 from __future__ import annotations
 
@@ -10,20 +10,19 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from importlib import import_module, metadata
+from importlib import metadata
 from pathlib import Path
 
-from . import __version__
-from .errors import Cancelled, DataError, KarfError, MissingDependency, missing_package
+from . import library
+from .errors import Cancelled, DataError, KarfError, MissingDependency
 from .failures import known_failure
 from .files import read_json
 from .progress import Emit, TerminalEmit
-from .project import Project
+from .project import STAGE_ORDER, Project
 from .settings import PRESETS, describe
+from .stages.dispatch import run_request
+from .version import __version__
 from .wire import PROTOCOL, EventWriter, Request
-
-LEARNING = ("geometry", "segmentation", "palette", "recoloring")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -72,37 +71,31 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"karf_engine {__version__}")
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
 
-    verb = _verb(verbs, "poses", "make a capture of photos without camera poses, or of a video", _poses)
+    verb = _verb(verbs, "poses", "make a capture of photos without camera poses, or of a video", _find_poses)
     verb.add_argument("photos", metavar="PHOTOS", help="folder of photos, or a video file")
     verb.add_argument("--out", required=True, metavar="DIR", help="the new capture's folder")
     verb.add_argument("--matching", default="auto", choices=("auto", "exhaustive", "sequential"), help="which pairs of "
                       "photos are compared: all, or neighbors by name (default: all of up to 250)")  # fmt: skip
 
-    verb = _verb(verbs, "all", "learn everything: geometry, segmentation, palette, recoloring", _learn)
+    verb = _verb(verbs, "all", "learn everything: geometry, segmentation, palette, recoloring", _learn_all)
     _add_geometry_options(verb)
     verb.add_argument("--masks", required=True, metavar="DIR", help="coarse masks: DIR/<object>/<photo stem>.png")
     verb.add_argument("--project", required=True, metavar="DIR", help="project folder, made if needed")
-    verb.set_defaults(stages=LEARNING)
 
-    verb = _verb(verbs, "geometry", "learn the scene from photos with poses", _learn)
+    verb = _verb(verbs, "geometry", "learn the scene from photos with poses", _learn_geometry)
     _add_geometry_options(verb)
     verb.add_argument("--project", required=True, metavar="DIR", help="project folder, made if needed")
-    verb.set_defaults(stages=("geometry",))
 
-    verb = _verb(verbs, "segmentation", "turn coarse masks into objects in all views", _learn)
+    verb = _verb(verbs, "segmentation", "turn coarse masks into objects in all views", _segment)
     verb.add_argument("project", metavar="DIR", help="project folder")
     verb.add_argument("--masks", required=True, metavar="DIR", help="coarse masks: DIR/<object>/<photo stem>.png")
-    verb.set_defaults(stages=("segmentation",))
 
-    for name, text in (
-        ("palette", "extract palettes; with --json only print the learned ones"),
-        ("recoloring", "learn palette weights"),
-    ):
-        verb = _verb(verbs, name, text, _learn)
-        verb.add_argument("project", metavar="DIR", help="project folder")
-        verb.set_defaults(stages=(name,))
-        if name == "palette":
-            verb.add_argument("--json", action="store_true", help="print the palettes as JSON; nothing is computed")
+    verb = _verb(verbs, "palette", "extract palettes; with --json only print the learned ones", _extract_palettes)
+    verb.add_argument("project", metavar="DIR", help="project folder")
+    verb.add_argument("--json", action="store_true", help="print the palettes as JSON; nothing is computed")
+
+    verb = _verb(verbs, "recoloring", "learn palette weights", _learn_recoloring)
+    verb.add_argument("project", metavar="DIR", help="project folder")
 
     verb = _verb(verbs, "match", "write the edit with which one color of an object becomes another", _match)
     verb.add_argument("project", metavar="DIR", help="project folder")
@@ -156,53 +149,66 @@ def _add_geometry_options(verb: argparse.ArgumentParser) -> None:
                       "nerf-pytorch .tar, krrish94 .ckpt, bmild model_*.npy")  # fmt: skip
 
 
-def _learn(options: argparse.Namespace) -> int:
-    if getattr(options, "json", False):
+def _learn_all(options: argparse.Namespace) -> int:
+    _learn_geometry(options)
+    _segment(options)
+    library.extract_palettes(options.project, **_run_of(options))
+    library.learn_recoloring(options.project, **_run_of(options))
+    return 0
+
+
+def _learn_geometry(options: argparse.Namespace) -> int:
+    library.learn_geometry(
+        options.capture,
+        project=options.project,
+        preset=options.preset,
+        overrides=options.overrides,
+        nerf=options.nerf,
+        **_run_of(options),
+    )
+    return 0
+
+
+def _segment(options: argparse.Namespace) -> int:
+    library.segment(options.project, options.masks, **_run_of(options))
+    return 0
+
+
+def _extract_palettes(options: argparse.Namespace) -> int:
+    if options.json:
         project = Project(options.project)
         project.require("palette")
         print(json.dumps(read_json(project.palette_file, "palettes"), indent=1))
         return 0
-    values = {
-        name: value
-        for name in ("capture", "preset", "overrides", "nerf", "masks")
-        if (value := getattr(options, name, None)) is not None
-    }
-    for stage in options.stages:
-        _run_here(stage, options, values)
+    library.extract_palettes(options.project, **_run_of(options))
     return 0
 
 
-def _poses(options: argparse.Namespace) -> int:
-    options.project = options.out  # a request names a folder to work in
-    _run_here("poses", options, {n: getattr(options, n) for n in ("photos", "out", "matching")})
+def _learn_recoloring(options: argparse.Namespace) -> int:
+    library.learn_recoloring(options.project, **_run_of(options))
+    return 0
+
+
+def _find_poses(options: argparse.Namespace) -> int:
+    library.find_poses(options.photos, options.out, matching=options.matching, **_run_of(options))
     return 0
 
 
 def _match(options: argparse.Namespace) -> int:
-    _run_here("match", options, {n: getattr(options, n) for n in ("object", "source", "target", "rule", "edit", "out")})
+    values = {name: getattr(options, name) for name in ("object", "source", "target", "rule", "edit", "out")}
+    run_request(Request("match", Path(options.project), values), TerminalEmit(), lambda: False)
     return 0
 
 
 def _render(options: argparse.Namespace) -> int:
-    _run_here("render", options, {n: getattr(options, n) for n in ("views", "edit", "out", "base", "depth", "planes")})
+    chosen = {name: getattr(options, name) for name in ("views", "edit", "base", "depth", "planes")}
+    library.render(options.project, options.out, **chosen, **_run_of(options))
     return 0
 
 
-def _run_here(stage: str, options: argparse.Namespace, values: dict) -> None:
-    common = {name: value for name in ("threads", "device") if (value := getattr(options, name)) is not None}
-    run_stage(Request(stage, Path(options.project), values | common), TerminalEmit(), lambda: False)
-
-
-def run_stage(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
-    """Run a request in this process. Raises KarfError; a missing package becomes MissingDependency."""
-    request.check_options()
-    stages = LEARNING if request.stage == "all" else (request.stage,)
-    for stage in stages:
-        try:
-            module = import_module(f".stages.{stage}", __package__)
-        except ModuleNotFoundError as error:
-            raise missing_package(error.name) from error
-        module.run(replace(request, stage=stage), emit, should_stop)
+def _run_of(options: argparse.Namespace) -> library.Run:
+    """How the command line runs a stage: events go to the terminal."""
+    return {"threads": options.threads, "device": options.device, "emit": TerminalEmit()}
 
 
 def _list_settings(_: argparse.Namespace) -> int:
@@ -234,7 +240,7 @@ def run_job(job: Path) -> int:
         emit("hello", protocol=PROTOCOL, engine=__version__, python=platform.python_version(), torch=_version("torch"),
              pid=os.getpid())  # fmt: skip
         request = Request.read(job)
-        run_stage(request, emit, cancelled.is_set)
+        run_request(request, emit, cancelled.is_set)
         emit("done", summary=_summary(request))
     except Exception as raised:
         error = _as_karf_error(raised)
@@ -267,7 +273,7 @@ def _summary(request: Request) -> dict:
     project = Project(request.project)
     if not project.state_file.exists():  # poses need no project
         return {}
-    return {stage: facts for stage in LEARNING if (facts := project.finished(stage))}
+    return {stage: facts for stage in STAGE_ORDER if (facts := project.finished(stage))}
 
 
 def _watch_input(cancelled: threading.Event) -> None:

@@ -23,24 +23,45 @@ _WHITE = _LINEAR_TO_XYZ.sum(axis=1)
 
 
 def to_bytes(color: np.ndarray) -> np.ndarray:
-    """8-bit values of sRGB colors in [0, 1], clipped and rounded (cutting would darken by half a level), uint8."""
+    """8-bit values of sRGB colors in [0, 1], clipped and rounded (cutting would darken by half a level), uint8.
+
+    Examples:
+        >>> to_bytes(np.array([-0.1, 0.5, 0.999, 1.2])).tolist()
+        [0, 128, 255, 255]
+    """
     return np.rint(np.clip(color, 0, 1) * 255).astype(np.uint8)
 
 
 def srgb_to_linear(color: np.ndarray) -> np.ndarray:
-    """Scene-linear values of sRGB [..., 3]; 0..1 maps to 0..1 (IEC 61966-2-1). Negative values go through linearly."""
+    """Scene-linear values of sRGB [..., 3]; 0..1 maps to 0..1 (IEC 61966-2-1). Negative values are scaled linearly.
+
+    Examples:
+        >>> srgb_to_linear(np.array([0.0, 0.5, 1.0])).round(4).tolist()
+        [0.0, 0.214, 1.0]
+    """
     color = np.asarray(color, np.float64)
     return np.where(color <= 0.04045, color / 12.92, ((np.maximum(color, 0) + 0.055) / 1.055) ** 2.4)
 
 
 def linear_to_srgb(color: np.ndarray) -> np.ndarray:
-    """sRGB of scene-linear values [..., 3]; the inverse of `srgb_to_linear`, not clipped."""
+    """sRGB of scene-linear values [..., 3]; the inverse of `srgb_to_linear`, not clipped.
+
+    Examples:
+        >>> linear_to_srgb(np.array([0.0, 0.18, 1.0])).round(4).tolist()
+        [0.0, 0.4614, 1.0]
+    """
     color = np.asarray(color, np.float64)
     return np.where(color <= 0.0031308, 12.92 * color, 1.055 * np.maximum(color, 0.0031308) ** (1 / 2.4) - 0.055)
 
 
 def srgb_to_lab(color: np.ndarray) -> np.ndarray:
-    """CIE L*a*b* (white D65) of sRGB [..., 3] in [0, 1]."""
+    """CIE L*a*b* (white D65) of sRGB [..., 3] in [0, 1].
+
+    Examples:
+        >>> print(srgb_to_lab(np.array([[1.0, 1, 1], [1, 0, 0]])).round(2) + 0.0)
+        [[100.     0.     0.  ]
+         [ 53.24  80.09  67.2 ]]
+    """
     ratio = srgb_to_linear(color) @ _LINEAR_TO_XYZ.T / _WHITE
     f = np.where(ratio > (6 / 29) ** 3, np.cbrt(ratio), ratio / (3 * (6 / 29) ** 2) + 4 / 29)
     x, y, z = f[..., 0], f[..., 1], f[..., 2]
@@ -48,10 +69,20 @@ def srgb_to_lab(color: np.ndarray) -> np.ndarray:
 
 
 def lab_hue(lab: np.ndarray) -> np.ndarray:
-    """Hue angle of Lab colors [..., 3] in radians, -pi..pi; 0 for exact greys."""
+    """Hue angle of Lab colors [..., 3] in radians, -pi..pi; 0 for exact greys.
+
+    Examples:
+        >>> np.degrees(lab_hue(np.array([[50.0, 10, 0], [50, 0, 10]]))).tolist()
+        [0.0, 90.0]
+    """
     return np.arctan2(lab[..., 2], lab[..., 1])
 
 
 def lab_chroma(lab: np.ndarray) -> np.ndarray:
-    """Chroma of Lab colors [..., 3]: distance from the grey axis, 0..134 inside the sRGB cube."""
+    """Chroma of Lab colors [..., 3]: distance from the grey axis, 0..134 inside the sRGB cube.
+
+    Examples:
+        >>> float(lab_chroma(np.array([50.0, 3, 4])))
+        5.0
+    """
     return np.hypot(lab[..., 1], lab[..., 2])

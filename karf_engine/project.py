@@ -3,19 +3,19 @@
 All that is learned lives here, beside the .blend. Files are data (json, npz, safetensors, png), never pickles.
 A stage's outputs are gathered in a folder of their own until all are there, and take their places together (`commit`).
 
-    project.json                 schema, capture, settings, what each stage finished, checksums of its files
+    project.json                 schema, capture, settings, what each stage finished, checksums of its files (project_state)
     capture.json                 the canonical capture (cameras, photo paths, split)
     masks/<object>/<view>.png    coarse masks, as given
     earlier_masks/               those that a segmentation with other masks replaced
     geometry.safetensors         the radiance field
-    unfinished_<stage>.safetensors   learning that was interrupted, to resume with
+    unfinished_<stage>.safetensors   training that was interrupted, to resume from
     segmentation.safetensors     the segmentation field F_s        segmentation.json   its report
     surface.safetensors          surface samples of the objects' rays
     palette.json                 palettes as extracted, then as learned
-    object_colors.npz            each object's color histogram with its palette weights (see edit.match)
+    object_colors.npz            each object's color histogram with its palette weights (see edit.object_colors)
     recoloring.safetensors       the recoloring field F_w
     planes/<view>.npz            edit planes of a captured view (see edit.compositing)
-    photos/<view>-<mark>.png     photos without lens distortion, as Blender shows them behind its cameras
+    photos/<view>-<digest>.png   photos without lens distortion, as Blender shows them behind its cameras
     jobs/<time>-<stage>/         request, events and log of each job
     .outputs/                    outputs of a stage at work
     lock, lock.json, commit.lock who may write now (see locking)
@@ -23,22 +23,22 @@ A stage's outputs are gathered in a folder of their own until all are there, and
 
 from __future__ import annotations
 
-import hashlib
-import json
 import shutil
 import time
 from pathlib import Path
 from typing import Any
 
 from .errors import BadRequest, DataError
-from .files import checksum, read_json, remove_temporaries, write_json
-
-SCHEMA = "karf-project/1"
-STAGE_ORDER = ("geometry", "segmentation", "palette", "recoloring")
+from .files import checksum, remove_temporaries
+from .project_state import STAGE_ORDER, new_state, read_state, without_stage, write_state
 
 
 class Project:
-    """A project folder and the names of the files in it."""
+    """A project folder: the names of its files, and which of them are finished and belong together.
+
+    Attributes:
+        folder: Absolute path; it need not exist before `create`.
+    """
 
     def __init__(self, folder: Path | str) -> None:
         self.folder = Path(folder).absolute()
@@ -61,7 +61,7 @@ class Project:
         return self.folder / "geometry.safetensors"
 
     def unfinished_file(self, stage: str) -> Path:
-        """Where the stage's learning stood when it was last saved."""
+        """The training state of a stage that was interrupted."""
         return self.folder / f"unfinished_{stage}.safetensors"
 
     @property
@@ -106,7 +106,7 @@ class Project:
         return self.folder / ".outputs"
 
     def new_job(self, stage: str) -> Path:
-        """A fresh, empty job folder for a stage."""
+        """A fresh, empty job folder for a stage: `jobs/<time>-<number>-<stage>`."""
         stamp = time.strftime("%Y%m%d-%H%M%S")
         for attempt in range(1000):
             job = self.folder / "jobs" / f"{stamp}-{attempt:03d}-{stage}"
@@ -119,7 +119,11 @@ class Project:
 
     # --- state -----------------------------------------------------------------------------------------------------
     def create(self, capture: str) -> None:
-        """Make the folder a project for the capture at this path; an existing project of the same capture is kept."""
+        """Make the folder a project for the capture at this path; an existing project of the same capture is kept.
+
+        Raises:
+            BadRequest: The folder holds a project of another capture.
+        """
         if self.state_file.exists():
             known = self.state()["capture"]
             if known != capture:
@@ -128,71 +132,73 @@ class Project:
                 )
             return
         self.folder.mkdir(parents=True, exist_ok=True)
-        self._write_state({"schema": SCHEMA, "capture": capture, "stages": {}})
+        write_state(self.state_file, new_state(capture))
 
     def state(self) -> dict[str, Any]:
-        """The content of project.json. Raises DataError where the folder is no project or a newer one."""
-        if not self.state_file.exists():
-            raise DataError(
-                f"{self.folder} is no KaRF project (project.json is missing).",
-                "Give the folder that the geometry stage wrote.",
-            )
-        state = read_json(self.state_file, "project state")
-        schema = state.get("schema") if isinstance(state, dict) else None
-        if schema != SCHEMA:
-            raise DataError(
-                f"{self.state_file} has schema {schema!r:.200}, not {SCHEMA}.", "Update KaRF, or start anew."
-            )
-        if not isinstance(state.get("capture"), str) or not isinstance(state.get("stages"), dict):
-            raise DataError(f"{self.state_file} lacks its capture or its stages.", "Start anew in an empty folder.")
-        if state.pop("checksum", None) not in (None, _digest(state)):
-            raise DataError(
-                f"{self.state_file} is damaged, or was changed by hand: its checksum differs.",
-                "Restore it from a backup; after a change that was meant, remove its entry 'checksum'.",
-            )
-        if not isinstance(state.get("settings", {}), dict):
-            raise DataError(f"{self.state_file} has the settings {state['settings']!r:.200}.", "Start anew.")
-        for stage, facts in state["stages"].items():
-            if not _is_note(facts):
-                raise DataError(
-                    f"{self.state_file} has no fingerprint, or no list of files, of its {stage!r:.200} stage, "
-                    f"but {facts!r:.200}.",
-                    f"Remove {stage!r:.200} from its stages, and run that stage again.",
-                )
-        return state
+        """The content of project.json (see `project_state`).
 
-    def _write_state(self, state: dict[str, Any], path: Path | None = None) -> None:
-        write_json(path or self.state_file, state | {"checksum": _digest(state)})
+        Raises:
+            DataError: The folder is no project, a newer one, or its project.json is damaged.
+        """
+        return read_state(self.state_file)
 
     def finished(self, stage: str) -> dict[str, Any] | None:
-        """What the stage noted when it finished (fingerprint, seconds, figures), or None."""
+        """The summary that the stage noted when it finished (fingerprint, seconds, metrics); None where it has not."""
         return self.state()["stages"].get(stage)
 
-    def finish(self, stage: str, fingerprint: str, **facts: Any) -> None:
-        """Note that the stage is done with inputs of this fingerprint; later stages of other inputs are forgotten.
+    def require(self, stage: str) -> dict[str, Any]:
+        """The summary of a finished stage.
 
-        facts: `files`, the checksums of its outputs; `settings`, its own ones; and its figures.
+        Raises:
+            BadRequest: The stage is not finished.
         """
-        state = self.state()
-        _forget(state, stage)
-        state["stages"][stage] = {"fingerprint": fingerprint, **facts}
-        self._write_state(state)
+        summary = self.finished(stage)
+        if summary is None:
+            raise BadRequest(f"{self.folder} has no finished {stage} stage.", f"Run the {stage} stage first.")
+        return summary
 
-    def commit(self, stage: str, fingerprint: str, settings: dict[str, Any], **facts: Any) -> None:
+    def finish(self, stage: str, fingerprint: str, **summary: Any) -> None:
+        """Note that the stage is finished; later stages no longer are.
+
+        Args:
+            stage: One of `STAGE_ORDER`.
+            fingerprint: Of the stage's inputs and settings.
+            **summary: `files`, the checksums of its outputs; `settings`, its own ones; and what it measured.
+        """
+        state = without_stage(self.state(), stage)
+        state["stages"][stage] = {"fingerprint": fingerprint, **summary}
+        write_state(self.state_file, state)
+
+    def set_settings(self, settings: dict[str, Any]) -> None:
+        """Note the settings of stages that are still to run; finished ones keep those that they were run with."""
+        state = self.state()
+        if state.get("settings") != settings:
+            write_state(self.state_file, state | {"settings": settings})
+
+    # --- commits ---------------------------------------------------------------------------------------------------
+    def commit(self, stage: str, fingerprint: str, settings: dict[str, Any], **summary: Any) -> None:
         """Put the gathered outputs in their places and note the stage as finished, with all settings.
 
         The new project.json is the last output. Once it is gathered the commit is decided: whoever is killed after that
         leaves it to `recover`. Meanwhile neither this stage nor a later one counts as finished, so that old and new files
-        never seem to be of one run. Raises OSError where the disk takes no more; the project is then as it was.
+        never seem to be of one run.
+
+        Args:
+            stage: One of `STAGE_ORDER`.
+            fingerprint: Of the stage's inputs and settings.
+            settings: Of all stages, by stage.
+            **summary: What the stage measured, for `finished`.
+
+        Raises:
+            OSError: The disk takes no more; the project is then as it was.
         """
         files = {path.name: checksum(path) for path in sorted(self.outputs_folder.iterdir()) if path.is_file()}
-        state = self.state()
-        _forget(state, stage)
-        own = {"fingerprint": fingerprint, "files": files, "settings": settings[stage], **facts}
+        state = without_stage(self.state(), stage)
+        own = {"fingerprint": fingerprint, "files": files, "settings": settings[stage], **summary}
         stages = state["stages"] | {stage: own}
-        self._write_state(state | {"settings": settings, "stages": stages}, self._decided_file)
+        write_state(self._decided_file, state | {"settings": settings, "stages": stages})
         try:
-            self._write_state(state)
+            write_state(self.state_file, state)
         except BaseException:
             self._decided_file.unlink()
             raise
@@ -228,17 +234,14 @@ class Project:
         shutil.rmtree(earlier, ignore_errors=True)
         folder.replace(earlier)
 
-    def set_settings(self, settings: dict[str, Any]) -> None:
-        """Note the settings of stages that are still to run; finished ones keep those that they were run with."""
-        state = self.state()
-        if state.get("settings") != settings:
-            self._write_state(state | {"settings": settings})
-
+    # --- checks ----------------------------------------------------------------------------------------------------
     def checked(self, path: Path) -> Path:
-        """The path of a stage's output, after a look whether it is what the stage wrote.
+        """The path of a stage's output, once its checksum is that of what the stage wrote.
 
-        Raises DataError where it differs. A file of no finished stage, or of a project made before there were checksums,
-        is left unchecked.
+        A file of no finished stage, or of a project made before there were checksums, is left unchecked.
+
+        Raises:
+            DataError: The file is damaged or missing.
         """
         stage, expected = self._written_by(path.name)
         if stage is None or (path.exists() and checksum(path) == expected):
@@ -267,7 +270,7 @@ class Project:
         return None, ""
 
     def remove_leftovers(self) -> None:
-        """Delete what killed jobs left, but a commit to recover. Call it only while holding the project for writing."""
+        """Delete what killed jobs left, except a commit to recover. Call it only while holding the project for writing."""
         if not self.is_interrupted:
             shutil.rmtree(self.outputs_folder, ignore_errors=True)
         for folder in (self.folder, self.planes_folder):  # only the engine writes here
@@ -275,32 +278,7 @@ class Project:
         for folder in (self.photos_folder, *self.masks_folder.glob("*/")):
             remove_temporaries(folder)
 
-    def require(self, stage: str) -> dict[str, Any]:
-        """What the stage noted; raises BadRequest naming the stage to run first where it is not done."""
-        done = self.finished(stage)
-        if done is None:
-            raise BadRequest(f"{self.folder} has no finished {stage} stage.", f"Run the {stage} stage first.")
-        return done
-
 
 def _contents(folder: Path) -> dict[str, str]:
     """Checksums of all files in a folder."""
     return {str(path.relative_to(folder)): checksum(path) for path in folder.rglob("*") if path.is_file()}
-
-
-def _is_note(facts: Any) -> bool:
-    """Whether a stage's entry in project.json is as `commit` writes it."""
-    if not isinstance(facts, dict) or not isinstance(facts.get("fingerprint"), str):
-        return False
-    return isinstance(facts.get("files", {}), dict)
-
-
-def _forget(state: dict[str, Any], stage: str) -> None:
-    """Let the stage, and those that build on it, count as not finished."""
-    for name in STAGE_ORDER[STAGE_ORDER.index(stage) :]:
-        state["stages"].pop(name, None)
-
-
-def _digest(state: dict[str, Any]) -> str:
-    """Checksum of project.json's content."""
-    return hashlib.sha256(json.dumps(state, sort_keys=True).encode()).hexdigest()[:16]

@@ -30,16 +30,16 @@ from judging import (
     stage_facts,
 )
 
-from karf_engine.cli import run_stage
 from karf_engine.edit.palette import Edit
 from karf_engine.files import write_json
 from karf_engine.images import write_png
 from karf_engine.metrics.images import mse_outside
 from karf_engine.progress import TerminalEmit
 from karf_engine.project import Project
+from karf_engine.project_edit import solve
 from karf_engine.settings import PRESETS
+from karf_engine.stages.dispatch import run_request
 from karf_engine.stages.job import Job
-from karf_engine.stages.match import solve
 from karf_engine.wire import Request
 
 # figure -> (title, target, whether it shall be as high or as low)
@@ -84,7 +84,7 @@ def judge(capture: Path, out: Path, options: argparse.Namespace) -> dict:
     """Learn one scene, recolor its test views and write what they are worth; returns the summary."""
     masks = capture / "coarse_masks" / "one"
     values = {"capture": str(capture), "masks": str(masks), "preset": options.preset, "overrides": options.overrides}
-    run_stage(Request("all", out / "project", values | {"threads": options.threads}), TerminalEmit(), lambda: False)
+    run_request(Request("all", out / "project", values | {"threads": options.threads}), TerminalEmit(), lambda: False)
     job = open_project(out / "project", options.threads)
     truth = Truth(capture)
     test = render_test_views(job)
@@ -100,15 +100,15 @@ def judge(capture: Path, out: Path, options: argparse.Namespace) -> dict:
 
 def recolor(project: Project, test: TestViews, truth: Truth, out: Path) -> None:
     """Write each edit's frames of the test views, as the render stage would: OUT/frames/<edit>/recolor/<view>.png."""
-    renderer = test.renderer
-    frames = [renderer.frame(plate.view, plate, "photo") for plate in test.plates]
-    palettes = {palette.name: palette for palette in renderer.palettes}
+    model = test.model
+    frames = [model.render_plate(plate) for plate in test.plates]
+    palettes = {palette.name: palette for palette in model.palettes}
     for name, edit in truth.edits.items():
         colors = {key: palette.colors for key, palette in palettes.items()}
         for key in edit["objects"]:
             colors[key] = solve(project, palettes[key], *truth.color_pair(name, key), "becomes")
         for plate, frame in zip(test.plates, frames, strict=True):
-            picture = renderer.recolor(frame, Edit(colors, "delta"))
+            picture = model.composite(frame, Edit(colors, "delta"))
             write_png(out / "frames" / name / "recolor" / f"{plate.view.name}.png", picture)
 
 

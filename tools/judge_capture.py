@@ -39,14 +39,15 @@ from judging import (
 
 from karf_engine.capture import open_capture
 from karf_engine.capture.capture import Capture, View
-from karf_engine.cli import run_stage
-from karf_engine.files import read_json, write_json
+from karf_engine.files import write_json
 from karf_engine.images import read_mask, resize, write_png
 from karf_engine.metrics.masks import iou
 from karf_engine.plates import Plate, undistort
 from karf_engine.progress import TerminalEmit
+from karf_engine.segmentation.report import SegmentationReport
+from karf_engine.segmentation.views import farthest_point_views
 from karf_engine.settings import PRESETS
-from karf_engine.stages.segmentation import spread_views
+from karf_engine.stages.dispatch import run_request
 from karf_engine.wire import Request
 
 KINDS = ("blob", "chunk", "spill")
@@ -63,10 +64,10 @@ def main() -> None:
     learn(options, "all")
     job = open_project(options.out / "project", options.threads)
     test = render_test_views(job)
-    truth = {name: [true_mask(options.truth, name, plate) for plate in test.plates] for name in test.renderer.objects}
+    truth = {name: [true_mask(options.truth, name, plate) for plate in test.plates] for name in test.model.objects}
     summary = {"capture": str(options.capture), "seed": options.seed, "coarse_masks": drawn}
     summary |= stage_facts(job.project) | score_renders(test)
-    summary["precision"] = read_json(job.project.segmentation_report, "report")["precision"]
+    summary["precision"] = SegmentationReport.read(job.project.segmentation_report).precision
     summary |= score_objects(test, truth) | {"views": iou_of_views(test, truth)}
     true_masks = gather_training_masks(capture, options.truth, options.out / "scratch" / "true_masks")
     overrides = ["segmentation.labels=votes"]
@@ -112,7 +113,7 @@ def learn(options: argparse.Namespace, stage: str) -> None:
         "overrides": options.overrides,
         "threads": options.threads,
     }
-    run_stage(Request(stage, options.out / "project", values), TerminalEmit(), lambda: False)
+    run_request(Request(stage, options.out / "project", values), TerminalEmit(), lambda: False)
 
 
 # ---------------------------------------------------------------------------------------------------------- coarse masks
@@ -139,7 +140,7 @@ def choose_views(capture: Capture, masks: Path, random: np.random.Generator, cou
     areas = np.array([read_mask(mask_file(masks, view)).sum() for view in views])
     large = [view for view, area in zip(views, areas, strict=True) if area > np.median(areas)]
     first = large[random.integers(len(large))]
-    return spread_views(large, [first.name], count)
+    return farthest_point_views(large, [first.name], count)
 
 
 def mask_file(masks: Path, view: View) -> Path:
@@ -197,7 +198,7 @@ def iou_of_views(test: TestViews, truth: dict[str, list[np.ndarray]]) -> dict[st
             for view, own, true in zip(views, test.masks(name), truth[name], strict=True)
             if true.any()
         }
-        for name in test.renderer.objects
+        for name in test.model.objects
     }
 
 
@@ -206,9 +207,9 @@ def contact_sheet(path: Path, test: TestViews, truth: dict[str, list[np.ndarray]
     rows = []
     for number in sheet_numbers(len(test.frames)):
         frame = test.frames[number]
-        exact = np.stack([truth[name][number] for name in test.renderer.objects])
+        exact = np.stack([truth[name][number] for name in test.model.objects])
         masks = [tinted(frame.base, frame.masks), difference(frame.base, frame.masks, exact)]
-        rows.append([frame.base, frame.picture.color.cpu().numpy(), *masks])
+        rows.append([frame.base, frame.color, *masks])
     write_sheet(path, rows)
 
 

@@ -74,9 +74,9 @@ def main() -> None:
 
 def score_scene(test: TestViews, truth: Truth) -> dict:
     """The render, the palettes' own picture of the objects, and the edit that changes nothing."""
-    renderer, identity = test.renderer, 0
+    model, identity = test.model, 0
     for frame, plate in zip(test.frames, test.plates, strict=True):
-        unchanged = delta_composite(frame.base, frame.palette_weights, renderer.learned, renderer.learned)
+        unchanged = delta_composite(frame.base, frame.palette_weights, model.learned_colors, model.learned_colors)
         identity = max(identity, int(np.abs(to_bytes(unchanged).astype(int) - to_bytes(plate.color)).max()))
     palettes = score_palettes_of(test, truth.masks("test"))
     return score_renders(test) | {"psnr_object": palettes.psnr_object, "identity_max_abs": identity}
@@ -105,7 +105,7 @@ def contact_sheet(out: Path, test: TestViews, truth: Truth) -> None:
     rows = []
     for number in sheet_numbers(len(test.frames)):
         plate, frame = test.plates[number], test.frames[number]
-        row = [plate.color, frame.picture.color.cpu().numpy(), tinted(plate.color, frame.masks)]
+        row = [plate.color, frame.color, tinted(plate.color, frame.masks)]
         for name in truth.edits:
             row += [recolored_frame(out, name, plate), truth.recolored(name)[number]]
         rows.append(row)

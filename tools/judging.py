@@ -14,15 +14,15 @@ from pathlib import Path
 import numpy as np
 
 from karf_engine import settings as settings_module
-from karf_engine.cli import run_stage
 from karf_engine.files import write_json
 from karf_engine.images import write_png
 from karf_engine.metrics.scores import PaletteScore, score_masks, score_palettes, score_pictures
+from karf_engine.model import Frame, Model
 from karf_engine.plates import Plate
 from karf_engine.progress import TerminalEmit
 from karf_engine.project import STAGE_ORDER, Project
+from karf_engine.stages.dispatch import run_request
 from karf_engine.stages.job import Job, open_job
-from karf_engine.stages.render import Frame, Renderer
 from karf_engine.wire import Request
 
 SHEET_ROWS = 4
@@ -39,13 +39,13 @@ TOO_MUCH, MISSED = np.array([1.0, 0.2, 0.1]), np.array([0.2, 0.5, 1.0])
 class TestViews:
     """The test views of a project, and what it shows there. frames: one for each plate."""
 
-    renderer: Renderer
+    model: Model
     plates: list[Plate]
     frames: list[Frame]
 
     def masks(self, object_name: str) -> list[np.ndarray]:
         """The masks of one object, view by view."""
-        number = self.renderer.objects.index(object_name)
+        number = self.model.objects.index(object_name)
         return [frame.masks[number] for frame in self.frames]
 
 
@@ -56,15 +56,15 @@ def open_project(folder: Path, threads: int | None) -> Job:
 
 def render_test_views(job: Job) -> TestViews:
     """Render every test view as learned; a frame's base is its photo, of a matte capture over white."""
-    renderer = Renderer(job)
+    model = Model(job.project, job.runtime.device)
     views = job.capture().split("test")
     plates = job.plates(views)
     progress = job.progress("judge", len(views))
     frames = []
-    for view, plate in zip(views, plates, strict=True):
-        frames.append(renderer.frame(view, plate, "field"))
+    for plate in plates:
+        frames.append(model.render_plate(plate, "field"))
         progress.step()
-    return TestViews(renderer, plates, frames)
+    return TestViews(model, plates, frames)
 
 
 def learn_again(job: Job, folder: Path, overrides: list[str], stages: Sequence[str], masks: Path | None = None) -> Job:
@@ -88,15 +88,15 @@ def learn_again(job: Job, folder: Path, overrides: list[str], stages: Sequence[s
     write_json(scratch.state_file, state)
     options = {"masks": masks and str(masks), "threads": job.options.get("threads")}
     for stage in stages:
-        run_stage(Request(stage, folder, options), job.emit, job.should_stop)
+        run_request(Request(stage, folder, options), job.emit, job.should_stop)
     return open_project(folder, options["threads"])
 
 
 def look_again(test: TestViews, job: Job, weights_from: str = "field") -> TestViews:
     """The same pictures of the same geometry, as the fields of another project see them."""
-    renderer = Renderer(job)
-    frames = [renderer.dressed(frame.picture, frame.base, weights_from == "field") for frame in test.frames]
-    return TestViews(renderer, test.plates, frames)
+    model = Model(job.project, job.runtime.device)
+    frames = [model.frame_of(frame.picture, frame.base, weights_from == "field") for frame in test.frames]
+    return TestViews(model, test.plates, frames)
 
 
 # --------------------------------------------------------------------------------------------------------------- figures
@@ -111,13 +111,13 @@ def stage_facts(project: Project) -> dict:
 
 def score_renders(test: TestViews) -> dict[str, float]:
     """How near the learned scene is to the photos."""
-    scores = score_pictures([frame.picture.color.cpu().numpy() for frame in test.frames], [f.base for f in test.frames])
+    scores = score_pictures([frame.color for frame in test.frames], [f.base for f in test.frames])
     return {"psnr_full": scores["psnr"], "psnr_full_worst": scores["worst"], "ssim_full": scores["ssim"]}
 
 
 def score_objects(test: TestViews, truth: dict[str, list[np.ndarray]], suffix: str = "") -> dict[str, dict[str, float]]:
     """All of `MaskScore` for each object, and its means; suffix ends the keys."""
-    scores = {name: asdict(score_masks(test.masks(name), truth[name])) for name in test.renderer.objects}
+    scores = {name: asdict(score_masks(test.masks(name), truth[name])) for name in test.model.objects}
     table = {}
     for key, title in (
         ("iou", "iou"),
@@ -133,10 +133,10 @@ def score_objects(test: TestViews, truth: dict[str, list[np.ndarray]], suffix: s
 
 def score_palettes_of(test: TestViews, truth: dict[str, list[np.ndarray]]) -> PaletteScore:
     """How well the learned palettes with the frames' weights show the objects; truth: masks, object by object."""
-    masks = [np.stack(views) for views in zip(*(truth[name] for name in test.renderer.objects), strict=True)]
+    masks = [np.stack(views) for views in zip(*(truth[name] for name in test.model.objects), strict=True)]
     weights = [frame.palette_weights for frame in test.frames]
     probabilities = [frame.probabilities for frame in test.frames]
-    return score_palettes(weights, probabilities, test.renderer.learned, [f.base for f in test.frames], masks)
+    return score_palettes(weights, probabilities, test.model.learned_colors, [f.base for f in test.frames], masks)
 
 
 def rounded(value):

@@ -14,9 +14,18 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 MODULE = "bl_ext.karf_test.karf"
 FAKE_ENGINE = Path(__file__).parent / "fake_engine"
-MODULES = """camera_paths captures compat disk engine_api engine_test environment folders headless job_watch jobs lens
- masks panels.sidebar photos pictures placement points preferences recolor rendering report reprojection rig steps
- swatches""".split()
+# the modules that tests use, by their room ("" is karf_blender itself); the fixture `addon` has each by its own name
+MODULES = {
+    "": "engine_api headless preferences progress steps",
+    "host": "compat rendering",
+    "engine": "environment jobs probing report",
+    "project": "captures contents disk folders saving",
+    "pictures": "editors images masks photos",
+    "rig": "camera_paths cameras frames lens placement points reprojection",
+    "swatches": "edits palettes planes recolor",
+    "tasks": "ownership runner task",
+    "panels": "chips sidebar",
+}
 _exit_code = None
 _has_blender = False
 
@@ -38,14 +47,16 @@ def bpy(tmp_path_factory):
 def addon(bpy, monkeypatch):
     """The add-on's modules by name, in an empty file, with the fake engine behind them."""
     bpy.ops.wm.read_homefile(use_empty=True)
-    modules = SimpleNamespace(
-        **{name.rpartition(".")[2]: importlib.import_module(f"{MODULE}.karf_blender.{name}") for name in MODULES}
-    )
+    modules = SimpleNamespace()
+    for room, names in MODULES.items():
+        package = f"{MODULE}.karf_blender.{room}".rstrip(".")
+        for name in names.split():
+            setattr(modules, name, importlib.import_module(f"{package}.{name}"))
     monkeypatch.setattr(modules.engine_api, "ENGINE_FOLDER", FAKE_ENGINE)
     monkeypatch.setenv("KARF_ENGINE_PYTHON", sys.executable)
     modules.recolor.forget()
     yield modules
-    assert not modules.job_watch.is_running()
+    assert not modules.runner.is_running()
 
 
 @pytest.fixture
@@ -54,7 +65,7 @@ def chosen(addon):
     preferences = addon.preferences.current()
     yield preferences
     preferences.engine_python = ""
-    addon.engine_test.cancel()
+    addon.probing.cancel()
 
 
 @pytest.fixture
@@ -80,10 +91,17 @@ def make_capture(addon, folder, count, width, height):
         name = f"photo_{number}"
         rows, columns = np.mgrid[0:height, 0:width]
         photo = np.stack([rows / height, columns / width, np.full((height, width), number / count)], -1)
-        addon.pictures.write_png(folder / "images" / f"{name}.png", photo)
+        addon.images.write_png(folder / "images" / f"{name}.png", photo)
         views.append(api.View(f"images/{name}.png", name, camera, None, "train"))
     api.write_cameras(folder / "transforms.json", views)
     return folder
+
+
+@pytest.fixture
+def project_scene(addon, scene, capture_folder, tmp_path):
+    """The scene with the capture imported, and nothing learned yet."""
+    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    return scene
 
 
 @pytest.fixture
@@ -119,7 +137,7 @@ def learned(bpy, addon, capture_folder, learned_files, tmp_path):
         shutil.copytree(project, kept)
     else:
         palettes = addon.engine_api.read_palettes(addon.folders.project_of(bpy.context.scene).palette_file)
-        addon.swatches.load_palettes(bpy.context.scene, palettes)
+        addon.palettes.load_palettes(bpy.context.scene, palettes)
         karf.show_view()
     return bpy.context.scene
 

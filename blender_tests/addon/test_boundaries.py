@@ -1,4 +1,5 @@
-"""The walls between the rooms: no torch in Blender, no bpy in the engine, one door between them, no threads."""
+"""The walls between the rooms: no torch in Blender, no bpy in the engine, one door between them, no threads, no import
+upwards."""
 
 import ast
 import subprocess
@@ -7,8 +8,36 @@ from pathlib import Path
 
 import pytest
 
+from ..layering import violations
+
 ROOT = Path(__file__).resolve().parents[2]
-SHARED = ["errors", "settings", "wire", "project", "capture", "edit"]
+SHARED = [
+    "errors",
+    "failures",
+    "inputs",
+    "names",
+    "files",
+    "color",
+    "npz",
+    "settings",
+    "wire",
+    "project",
+    "capture",
+    "edit",
+]
+# the rooms of karf_blender from the ground up: each may import those on lower floors, and no others
+FLOORS = (
+    ("engine_api",),
+    ("host", "progress"),
+    ("engine",),
+    ("preferences",),
+    ("project",),
+    ("pictures",),
+    ("rig", "swatches", "tasks"),
+    ("properties", "steps"),
+    ("headless", "operators", "panels"),
+    ("__init__",),
+)
 THREADS = {"threading", "_thread", "concurrent", "multiprocessing", "asyncio"}
 ENGINE_PACKAGES = {"torch", "scipy", "PIL", "imageio", "safetensors", "filelock", "cv2", "OpenEXR", "pycolmap"}
 
@@ -69,7 +98,10 @@ def test_only_compat_asks_for_blenders_version():
     assert asking == ["compat.py"]
 
 
-@pytest.mark.parametrize("name", ["jobs", "environment", "lens", "processes", "report"])
+@pytest.mark.parametrize(
+    "name",
+    ["engine/environment", "engine/jobs", "engine/processes", "engine/report", "rig/lens", "rig/placement"],
+)
 def test_files_that_claim_to_need_no_blender_import_none(name):
     assert "bpy" not in [module for _, module in imports(ROOT / "karf_blender" / f"{name}.py")]
 
@@ -90,3 +122,46 @@ for name in {modules}:
 """
     done = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+# --- layering ------------------------------------------------------------------------------------------------------
+def test_imports_in_the_blender_side_run_down_from_floor_to_floor():
+    assert violations(ROOT / "karf_blender", FLOORS) == []
+
+
+def made_up(folder, sources):
+    """A package of one-line modules, by their paths without `.py`."""
+    for name, source in sources.items():
+        path = (folder / name).with_suffix(".py")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(source)
+    return folder
+
+
+@pytest.mark.parametrize(
+    "source", ["from ..tools import drill", "import house.tools.drill", "def f(): from .. import tools"]
+)
+def test_an_import_upwards_is_reported_however_it_is_written(tmp_path, source):
+    house = made_up(tmp_path / "house", {"ground/wood": source, "tools/drill": "", "tools/__init__": ""})
+    (sentence,) = violations(house, (("ground",), ("tools",)))
+    assert sentence.startswith("ground.wood imports tools.") and sentence.endswith("but tools is on a higher floor.")
+
+
+def test_an_import_from_one_room_to_another_of_its_floor_is_reported(tmp_path):
+    house = made_up(tmp_path / "house", {"saw": "from . import drill", "drill": ""})
+    assert violations(house, (("drill", "saw"),)) == ["saw imports drill, but drill is on the same floor."]
+    assert violations(house, (("drill",), ("saw",))) == []
+
+
+def test_a_circle_within_a_room_is_reported(tmp_path):
+    sources = {"tools/a": "from .b import x", "tools/b": "from . import c", "tools/c": "from .a import y"}
+    (sentence,) = violations(made_up(tmp_path / "house", sources), (("tools",),))
+    assert sentence.count("imports") == 3 and "tools.a imports tools.b imports tools.c" in f"{sentence} {sentence}"
+
+
+def test_a_room_that_is_new_or_gone_is_reported(tmp_path):
+    house = made_up(tmp_path / "house", {"attic": ""})
+    assert violations(house, (("cellar",),)) == [
+        "The room attic is on no floor of the table.",
+        "The room cellar of the table is not in the package.",
+    ]

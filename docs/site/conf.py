@@ -40,9 +40,12 @@ apidoc_modules = [
     }
 ]
 autodoc_member_order = "bysource"
+autodoc_inherit_docstrings = False  # those of torch refer to torch's own pages
 autodoc_typehints = "signature"
+autodoc_default_options = {"ignore-module-all": True}  # what a package exports is described where it is defined
 default_role = "code"  # docstrings write `name`, as Markdown does
 napoleon_numpy_docstring = False
+napoleon_use_ivar = True  # attributes of a dataclass are described once
 myst_heading_anchors = 3
 
 html_theme = "furo"

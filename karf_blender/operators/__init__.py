@@ -1,10 +1,10 @@
-"""The operators, one file per step of the panel."""
+"""The operators: a file for each step of the panel, for the test of the engine, and for how a job ends."""
 
 import bpy
 
-from . import cameras, cancel, edit, failure, import_capture, mark, render, stages
+from . import cameras, cancel, capture, edit, failure, learn, masks, probing, render
 
-FILES = (import_capture, mark, stages, edit, render, cameras, cancel, failure)
+FILES = (capture, masks, learn, probing, edit, render, cameras, cancel, failure)
 CLASSES = tuple(each for file in FILES for each in file.CLASSES)
 
 

@@ -6,7 +6,7 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from .. import steps
-from .import_capture import look_from_camera
+from .capture import view_from_camera
 from .reporting import reports_errors
 
 
@@ -56,7 +56,7 @@ class KARF_OT_import_cameras(bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         camera = steps.import_cameras(context.scene, Path(bpy.path.abspath(self.filepath)))
-        look_from_camera(context.area)
+        view_from_camera(context.area)
         self.report({"INFO"}, f"{camera.name!r} is the scene's camera")
         return {"FINISHED"}
 

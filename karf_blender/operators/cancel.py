@@ -2,7 +2,8 @@
 
 import bpy
 
-from .. import job_watch
+from .. import progress
+from ..tasks import runner
 from .reporting import reports_errors
 
 
@@ -14,14 +15,14 @@ class KARF_OT_cancel(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not job_watch.is_running():
+        if not runner.is_running():
             cls.poll_message_set("No job is running")
             return False
         return True
 
     @reports_errors
     def execute(self, context):
-        job_watch.cancel()
+        runner.cancel()
         return {"FINISHED"}
 
 
@@ -32,7 +33,7 @@ class KARF_OT_dismiss(bpy.types.Operator):
     bl_label = "Dismiss"
 
     def execute(self, context):
-        job_watch.dismiss()
+        progress.dismiss()
         return {"FINISHED"}
 
 

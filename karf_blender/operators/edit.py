@@ -5,7 +5,8 @@ from pathlib import Path
 import bpy
 from bpy.props import IntProperty, StringProperty
 
-from .. import steps, swatches
+from .. import steps
+from ..swatches import edits
 from .reporting import ProjectSwatchStep, SwatchStep, reports_errors
 
 
@@ -21,7 +22,7 @@ class KARF_OT_reset_swatch(SwatchStep, bpy.types.Operator):
 
     @reports_errors
     def execute(self, context):
-        swatches.reset(context.scene, self.object_name, self.index or None)
+        edits.reset(context.scene, self.object_name, self.index or None)
         return {"FINISHED"}
 
 
@@ -36,7 +37,7 @@ class KARF_OT_becomes(ProjectSwatchStep, bpy.types.Operator):
 
     @reports_errors
     def execute(self, context):
-        item = swatches.object_named(context.scene, self.object_name)
+        item = edits.object_named(context.scene, self.object_name)
         steps.becomes(context.scene, item.name, item.source, item.target, item.rule)
         return {"FINISHED"}
 

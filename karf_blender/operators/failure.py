@@ -4,8 +4,10 @@ from pathlib import Path
 
 import bpy
 
-from .. import compat, jobs, preferences, report, windows
+from .. import preferences
+from ..engine import jobs, report
 from ..engine_api import VERSION, DataError, MissingDependency
+from ..host import compat, windows
 from .reporting import reports_errors
 
 LOG_NAME = "KaRF log"

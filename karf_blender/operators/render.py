@@ -3,7 +3,9 @@
 import bpy
 from bpy.props import StringProperty
 
-from .. import folders, job_watch, steps
+from .. import steps
+from ..project import folders
+from ..tasks import runner
 from .reporting import PaletteStep, ProjectSwatchStep, reports_errors
 
 
@@ -29,7 +31,7 @@ class KARF_OT_render_capture(PaletteStep, bpy.types.Operator):
 
     @reports_errors
     def execute(self, context):
-        job_watch.launch(steps.render_captured(context.scene, self.views))
+        runner.launch(steps.render_captured(context.scene, self.views))
         self.report({"INFO"}, f"Pictures go to {folders.out_folder(context.scene) / 'recolor'}")
         return {"FINISHED"}
 
@@ -43,7 +45,7 @@ class KARF_OT_render_camera(PaletteStep, bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         scene = context.scene
-        job_watch.launch(steps.render_camera(scene, scene.camera, steps.frame_range(scene)))
+        runner.launch(steps.render_camera(scene, scene.camera, steps.frame_range(scene)))
         self.report({"INFO"}, f"Pictures go to {steps.camera_folder(scene) / 'recolor'}")
         return {"FINISHED"}
 

@@ -3,8 +3,10 @@
 from collections.abc import Callable
 from functools import wraps
 
-from .. import disk, job_watch, jobs
+from ..engine import jobs
 from ..engine_api import KarfError
+from ..project import disk
+from ..tasks import runner
 
 MISSING = {
     "geometry": "Learn the scene first",
@@ -66,7 +68,7 @@ class PaletteStep(EngineStep):
 
 def is_free(cls: type) -> bool:
     """For `poll`: whether no job is running; if one is, the operator says so."""
-    if job_watch.is_running():
+    if runner.is_running():
         cls.poll_message_set("KaRF is busy: wait for the running job, or cancel it")
         return False
     return True
@@ -77,7 +79,7 @@ def has_project(cls: type, context) -> bool:
     if not context.scene.karf.project:
         cls.poll_message_set("Import a capture first")
         return False
-    missing = disk.seen(context.scene).missing
+    missing = disk.contents_of(context.scene).missing
     if missing is not None:
         cls.poll_message_set(f"The project folder {missing} is missing: bring it back, or choose it in step 1")
         return False
@@ -86,7 +88,7 @@ def has_project(cls: type, context) -> bool:
 
 def has_stage(cls: type, context, stage: str) -> bool:
     """For `poll`: whether the engine's stage is finished (none: always); if not, the operator says so."""
-    if stage and stage not in disk.seen(context.scene).stages:
+    if stage and stage not in disk.contents_of(context.scene).stages:
         cls.poll_message_set(MISSING[stage])
         return False
     return True

@@ -9,23 +9,24 @@ import textwrap
 import bpy
 
 from ... import __package__ as extension
-from .. import disk, reprojection
+from ..project import disk
+from ..rig import reprojection
 from . import chips
 
 LINE = 34  # characters of a message that fit the sidebar's usual width
 
 
 # --- the running job -----------------------------------------------------------------------------------------------
-def has_news(context):
-    """Whether there is anything for the status to say."""
+def has_status(context):
+    """Whether there is anything to show in the status."""
     progress = context.window_manager.karf_progress
-    is_told = progress.running or progress.text or progress.warnings or progress.error
-    return bool(is_told or disk.seen(context.scene).missing)
+    has_message = progress.running or progress.text or progress.warnings or progress.error
+    return bool(has_message or disk.contents_of(context.scene).missing)
 
 
 def draw_status(layout, context):
     """A project that is gone; the running job, or how the last one ended."""
-    missing = disk.seen(context.scene).missing
+    missing = disk.contents_of(context.scene).missing
     if missing is not None:
         box = layout.box()
         box.label(text="The project folder is missing", icon="ERROR")
@@ -112,7 +113,7 @@ def draw_view(layout, karf):
 def draw_learn(layout, context):
     """Step 2."""
     layout.prop(context.scene.karf, "preset")
-    layout.prop(context.scene.karf, "nerf", text="NeRF")  # the whole name has no room
+    layout.prop(context.scene.karf, "nerf", text="NeRF")  # the whole name does not fit
     problem = disk.engine_problem()
     if problem:
         draw_text(layout, problem, "INFO")
@@ -120,7 +121,7 @@ def draw_learn(layout, context):
     layout.operator("karf.learn_scene", icon="OUTLINER_OB_VOLUME")
 
 
-def draw_mark(layout, context):
+def draw_masks(layout, context):
     """Step 3."""
     karf = context.scene.karf
     layout.prop(karf, "mask_object")
@@ -131,10 +132,10 @@ def draw_mark(layout, context):
     if karf.mask_image:
         layout.label(text=f"Painting {karf.mask_object} on {karf.mask_view}", icon="IMAGE_DATA")
     layout.prop(karf, "masks")
-    marked = disk.seen(context.scene).masks
-    if marked:
+    counts = disk.contents_of(context.scene).masks
+    if counts:
         # a space that does not break keeps a name and its number of masks together
-        draw_text(layout, ", ".join(f"{name}\u00a0({count})" for name, count in marked.items()), "CHECKMARK")
+        draw_text(layout, ", ".join(f"{name}\u00a0({count})" for name, count in counts.items()), "CHECKMARK")
 
 
 def draw_segment(layout, context):
@@ -156,7 +157,7 @@ def draw_edit(layout, context):
         return
     row = layout.row(align=True)
     draw_view(row, karf)
-    is_prepared = disk.seen(context.scene).is_prepared
+    is_prepared = disk.contents_of(context.scene).is_prepared
     row.operator("karf.show_view", text="Show" if is_prepared else "Prepare", icon="IMAGE_DATA")
     if not is_prepared:
         draw_text(layout, f"{karf.active_view} is not prepared: Prepare shows it recolored", "INFO")
@@ -225,7 +226,7 @@ def draw_render(layout, context):
 # --- the panels ----------------------------------------------------------------------------------------------------
 def has_stage(stage):
     """Whether the engine's stage is done, as a question to a scene."""
-    return lambda scene: stage in disk.seen(scene).stages
+    return lambda scene: stage in disk.contents_of(scene).stages
 
 
 def never(scene):
@@ -238,7 +239,7 @@ SECTIONS = (
     ("status", "Status", draw_status, never),
     ("import", "1  Import", draw_import, lambda scene: bool(scene.karf.project)),
     ("learn", "2  Learn Scene", draw_learn, has_stage("geometry")),
-    ("mark", "3  Mark Objects", draw_mark, lambda scene: bool(disk.seen(scene).masks)),
+    ("mark", "3  Mark Objects", draw_masks, lambda scene: bool(disk.contents_of(scene).masks)),
     ("segment", "4  Segment", draw_segment, has_stage("segmentation")),
     ("palette", "5  Palette", draw_palette, lambda scene: bool(scene.karf.objects)),
     ("edit", "6  Edit", draw_edit, never),
@@ -252,13 +253,13 @@ def make_panel(space: str, editor: str, order: int, name: str, title: str, draw_
 
     def poll(cls, context):
         # without a header it would need no question, but such panels pull their tab before Item, Tool and View
-        return name != "status" or has_news(context)
+        return name != "status" or has_status(context)
 
     def draw(self, context):
         draw_section(self.layout, context)
 
     def draw_header_preset(self, context):
-        if is_done(context.scene) and not disk.seen(context.scene).missing:
+        if is_done(context.scene) and not disk.contents_of(context.scene).missing:
             self.layout.label(text="", icon="CHECKMARK")
 
     return type(

@@ -1,6 +1,7 @@
 """Captures of any known format: `open_capture` finds out which one it is; `write_cameras` writes bare cameras.
 
-A folder may hold several, made from one another. The one that says most wins, in the order of `FORMATS`.
+A folder may hold several formats, some of them made from others. The first of `FORMATS` that recognizes it reads it;
+`register_format` adds one.
 """
 
 from __future__ import annotations
@@ -10,50 +11,90 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..errors import DataError
-from .capture import Capture
+from .camera import Camera
+from .capture import Capture, SparsePoints, View
 from .colmap import is_colmap, read_colmap
 from .llff import is_llff, read_llff
 from .transforms_json import is_nerf_synthetic, is_transforms, read_nerf_synthetic, read_transforms, write_cameras
 
-__all__ = ["open_capture", "write_cameras"]
+__all__ = [
+    "FORMATS",
+    "Camera",
+    "Capture",
+    "Format",
+    "SparsePoints",
+    "View",
+    "open_capture",
+    "register_format",
+    "write_cameras",
+]
 
 
 @dataclass(frozen=True)
 class Format:
-    """A capture format: what it looks like, the test for it, its reader (path, photos), and why it comes before those
-    after it."""
+    """A capture format.
+
+    Attributes:
+        name: What `Capture.format` says, such as `colmap`.
+        marker: The file or folder by which a person recognizes it, for messages.
+        reason: Why it is read where later formats lie beside it; ends the sentence of a remark.
+        recognizes: Whether a path, a file or folder that exists, is of this format. Looks at names only, and is quick.
+        read: Reads such a path; its second argument is the `photos` of `open_capture`. Raises DataError naming the file.
+    """
 
     name: str
-    mark: str
+    marker: str
     reason: str
     recognizes: Callable[[Path], bool]
     read: Callable[[Path, bool], Capture]
 
 
 def open_capture(path: Path | str, photos: bool = True) -> Capture:
-    """Read the capture at a file or folder, whatever its format. Raises DataError naming the file and the remedy.
+    """Read a capture, whatever its format.
 
-    photos=False reads bare cameras: no photo is looked for, and picture sizes must be in the file.
+    Args:
+        path: The capture's folder, or its camera file.
+        photos: Whether to look for the photos. Without them the cameras are bare, and picture sizes must be in the file.
+
+    Returns:
+        The capture. A remark says which formats in the same folder were not read.
+
+    Raises:
+        DataError: The path does not exist, is of no known format, or is damaged.
     """
     path = Path(path)
     if not path.exists():
         raise DataError(f"{path} does not exist.", "Give the capture's folder or its camera file.")
     found = [known for known in FORMATS if known.recognizes(path)]
     if not found:
-        marks = ", ".join(known.mark for known in FORMATS)
-        raise DataError(f"{path} is no capture of a known format.", f"A capture has one of these: {marks}.")
+        markers = ", ".join(known.marker for known in FORMATS)
+        raise DataError(f"{path} is no capture of a known format.", f"A capture has one of these: {markers}.")
     best, *others = found
     capture = best.read(path, photos)
     if path.is_file() or not others:
         return capture
-    left = " or ".join(known.mark for known in others)
-    return replace(capture, remarks=(*capture.remarks, f"{best.mark} was read, not {left}: {best.reason}."))
+    left = " or ".join(known.marker for known in others)
+    return replace(capture, remarks=(*capture.remarks, f"{best.marker} was read, not {left}: {best.reason}."))
+
+
+def register_format(added: Format) -> None:
+    """Let `open_capture` read another format; it is asked before all that are known so far.
+
+    Args:
+        added: The format. Its `recognizes` must not be true of captures that it cannot read.
+
+    Raises:
+        ValueError: There is a format of this name.
+    """
+    if added.name in {known.name for known in FORMATS}:
+        raise ValueError(f"there is a capture format {added.name!r} already")
+    FORMATS.insert(0, added)
 
 
 # the first that recognizes a path reads it
-FORMATS = (
+FORMATS = [
     Format("nerf-synthetic", "transforms_train.json", "it declares the splits", is_nerf_synthetic, read_nerf_synthetic),
     Format("transforms", "transforms.json", "it is made from such files", is_transforms, read_transforms),
     Format("colmap", "sparse/", "it has the lenses and points that others leave out", is_colmap, read_colmap),
     Format("llff", "poses_bounds.npy", "", is_llff, read_llff),
-)
+]

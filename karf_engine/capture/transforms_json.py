@@ -2,7 +2,7 @@
 
 Formats: the Blender script of NeRF (Mildenhall et al. 2020), instant-ngp's docs/nerf_dataset_tips.md and nerfstudio's
 data conventions. All use OpenGL axes and pixel corners at integers, as `Camera` does; k1..k6 p1 p2 are OpenCV's, and of
-its fisheye model where `camera_model` or `is_fisheye` says so. nerfstudio's `applied_transform` has been applied to the
+its fisheye model where `camera_model` or `is_fisheye` asks for it. nerfstudio's `applied_transform` has been applied to the
 poses and to the points of `ply_file_path` alike, so it changes nothing here; nor do fields that only steer training.
 A `file_path` is relative to the JSON's folder; in the wild it also lacks its extension, is an absolute path of another
 machine, or leaves out the folder that the photos were moved to.
@@ -10,56 +10,22 @@ machine, or leaves out the folder that the photos were moved to.
 
 from __future__ import annotations
 
-import math
-from collections import ChainMap
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-import numpy as np
-
 from ..errors import DataError
-from ..files import read_json, write_json
-from .camera import Camera
+from ..files import write_json
 from .capture import SPLITS, Capture, SparsePoints, View, with_test_views
-from .limits import LARGEST_SIDE, check_camera
 from .ply import read_points
-from .reading import (
-    FISHEYE_KEYS,
-    LENS_KEYS,
-    PHOTO_SUFFIXES,
-    at_size,
-    counted,
-    exists,
-    lens,
-    make_views,
-    photo_size,
-    rigid_pose,
-)
+from .reading import FISHEYE_KEYS, LENS_KEYS, PHOTO_SUFFIXES, counted, exists, make_views
+from .transforms_frames import Frame, camera_of, read_frames
 
 SYNTHETIC_FILES = {f"transforms_{split}.json": split for split in SPLITS}
-PERSPECTIVE = ("PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV")
-MOST_PARTS = 32  # of a photo's path that are looked for elsewhere
-FISHEYE = ("OPENCV_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE")
+MOST_PARTS = 32  # of a photo's path that are searched for elsewhere
 
 
-@dataclass(frozen=True)
-class _Frame:
-    """One entry of `frames`: global fields overlaid by its own. split is empty where the file declares none."""
-
-    file: Path
-    index: int
-    parts: tuple[str, ...]
-    fields: Mapping[str, Any]
-    split: str
-
-    @property
-    def label(self) -> str:
-        return f"{self.file}, frame {self.index} ({self.fields['file_path']!r:.200})"
-
-
-# ------------------------------------------------------------------------------------------------------------ entrances
+# -------------------------------------------------------------------------------------------------------------- readers
 def is_nerf_synthetic(path: Path) -> bool:
     """Whether `path` is a folder with transforms_train.json, or one of the split files beside it."""
     folder = path if path.is_dir() else path.parent if path.name in SYNTHETIC_FILES else None
@@ -121,7 +87,7 @@ def _frame_to_json(view: View) -> dict[str, Any]:
 
 
 def _read(source: Path, format_name: str, files: list[tuple[Path, str]], photos: bool) -> Capture:
-    per_file = [_frames(file, split) for file, split in files]
+    per_file = [read_frames(file, split) for file, split in files]
     frames = [frame for group in per_file for frame in group]
     if not photos:
         return Capture(source.absolute(), format_name, tuple(_views([(frame, None) for frame in frames])[0]))
@@ -145,7 +111,7 @@ def _read(source: Path, format_name: str, files: list[tuple[Path, str]], photos:
     return Capture(source.absolute(), format_name, tuple(views), tuple(remarks + remarks_of_points), points)
 
 
-def _points(frame: _Frame) -> tuple[SparsePoints | None, list[str]]:
+def _points(frame: Frame) -> tuple[SparsePoints | None, list[str]]:
     """The points of nerfstudio's `ply_file_path`, and a remark where the file is missing."""
     name = frame.fields.get("ply_file_path")
     if not isinstance(name, str) or not name:
@@ -157,9 +123,9 @@ def _points(frame: _Frame) -> tuple[SparsePoints | None, list[str]]:
     return points if len(points) else None, []
 
 
-def _views(found: list[tuple[_Frame, Path | None]]) -> tuple[list[View], list[str]]:
+def _views(found: list[tuple[Frame, Path | None]]) -> tuple[list[View], list[str]]:
     """Views in frame order, and what was noted about their cameras with the number of views it holds for."""
-    cameras = [_camera(frame, image) for frame, image in found]
+    cameras = [camera_of(frame, image) for frame, image in found]
     images = [image for _, image in found]
     stems = [_stem(frame, image) for frame, image in found]
     splits = [frame.split or "train" for frame, _ in found]
@@ -167,41 +133,15 @@ def _views(found: list[tuple[_Frame, Path | None]]) -> tuple[list[View], list[st
     return views, counted(note for _, notes in cameras for note in notes)
 
 
-# --------------------------------------------------------------------------------------------------------------- frames
-def _frames(file: Path, split: str) -> list[_Frame]:
-    content = read_json(file, "cameras")
-    if not isinstance(content, dict):
-        raise DataError(f"{file} holds a JSON {type(content).__name__}, not an object.", "Give a transforms.json file.")
-    entries = content.get("frames")
-    if not isinstance(entries, list) or not entries:
-        raise DataError(f"{file} has no list of frames.", "Give a transforms.json file with at least one frame.")
-    shared = {key: value for key, value in content.items() if key != "frames"}
-    declared = _declared_splits(shared)
-    return [_frame(file, index, entry, shared, split, declared) for index, entry in enumerate(entries)]
-
-
-def _declared_splits(shared: dict[str, Any]) -> dict[str, str]:
-    """File path -> split, of nerfstudio's train_filenames, val_filenames and test_filenames."""
-    lists = {split: shared.get(f"{split}_filenames") for split in SPLITS}
-    return {str(name): split for split, names in lists.items() if isinstance(names, list) for name in names}
-
-
-def _frame(file: Path, index: int, entry: Any, shared: dict[str, Any], split: str, declared: dict[str, str]) -> _Frame:
-    file_path = entry.get("file_path") if isinstance(entry, dict) else None
-    path = PurePosixPath(file_path.replace("\\", "/")) if isinstance(file_path, str) else PurePosixPath()
-    if not path.name:
-        raise DataError(f"{file}, frame {index} has no file_path.", "Write the photo's path into the frame.")
-    return _Frame(file, index, path.parts, ChainMap(entry, shared), split or declared.get(file_path, ""))
-
-
-def _stem(frame: _Frame, image: Path | None) -> str:
+# ---------------------------------------------------------------------------------------------------------------- photos
+def _stem(frame: Frame, image: Path | None) -> str:
     if image:
         return image.stem
     name = PurePosixPath(frame.parts[-1])
     return name.stem if name.suffix.lower() in PHOTO_SUFFIXES else name.name
 
 
-def _find_photos(frames: list[_Frame]) -> list[Path | None]:
+def _find_photos(frames: list[Frame]) -> list[Path | None]:
     """The photo of each frame, all by the first rule that finds any: mixing rules could pair a camera with a photo of
     the same name from another split."""
     folder = frames[0].file.parent
@@ -226,92 +166,3 @@ def _places(folder: Path, longest: int) -> Iterator[tuple[Path, int]]:
 def _existing(path: Path) -> Path | None:
     candidates = (Path(f"{path}{suffix}") for suffix in ("", *PHOTO_SUFFIXES))
     return next((candidate for candidate in candidates if exists(candidate)), None)
-
-
-# -------------------------------------------------------------------------------------------------------------- cameras
-def _camera(frame: _Frame, image: Path | None) -> tuple[Camera, list[str]]:
-    """The camera at the photo's size, and notes on what had to be changed."""
-    fisheye = _is_fisheye(frame)
-    declared = _declared_size(frame)
-    size = photo_size(image, declared) if image else declared
-    if size is None:
-        raise DataError(f"{frame.label} declares no picture size.", "Write w and h into the file.")
-    width, height = declared or size
-    fx, fy = _focal_lengths(frame, width, height)
-    camera_to_world, pose_notes = _pose(frame)
-    camera = Camera(
-        width=width,
-        height=height,
-        fx=fx,
-        fy=fy,
-        cx=_number(frame, "cx", width / 2),
-        cy=_number(frame, "cy", height / 2),
-        camera_to_world=camera_to_world,
-        distortion=lens({key: _number(frame, key, 0.0) for key in LENS_KEYS}, fisheye),
-        fisheye=fisheye,
-    )
-    camera, size_notes = at_size(camera, size)
-    return check_camera(camera, frame.label, "Correct it in the file."), size_notes + pose_notes
-
-
-def _is_fisheye(frame: _Frame) -> bool:
-    model = frame.fields.get("camera_model") or ("OPENCV_FISHEYE" if frame.fields.get("is_fisheye") else "OPENCV")
-    if model not in PERSPECTIVE + FISHEYE:
-        raise DataError(f"{frame.label} has a {model!s:.200} camera, which cannot be read.", "Undistort the photos.")
-    return model in FISHEYE or bool(frame.fields.get("is_fisheye"))
-
-
-def _declared_size(frame: _Frame) -> tuple[int, int] | None:
-    width, height = _positive(frame, "w"), _positive(frame, "h")
-    if not (width and height):
-        return None
-    if max(width, height) > LARGEST_SIDE:
-        raise DataError(f"{frame.label} declares {width:g}x{height:g} pixels.", "Correct w and h in the file.")
-    return max(1, round(width)), max(1, round(height))
-
-
-def _focal_lengths(frame: _Frame, width: int, height: int) -> tuple[float, float]:
-    fx = _positive(frame, "fl_x") or _focal_from_angle(frame, "camera_angle_x", width)
-    fy = _positive(frame, "fl_y") or _focal_from_angle(frame, "camera_angle_y", height)
-    if fx is None and fy is None:
-        raise DataError(f"{frame.label} has neither fl_x nor camera_angle_x.", "Write the focal length into the file.")
-    return fx or fy, fy or fx
-
-
-def _focal_from_angle(frame: _Frame, key: str, extent: int) -> float | None:
-    """Focal length in pixels of a full field of view in radians: f = extent / 2 / tan(angle / 2)."""
-    angle = _positive(frame, key)
-    if angle is None:
-        return None
-    if angle >= math.pi:
-        raise DataError(f"{frame.label} has {key} = {angle:g}, beyond pi.", "Field of view is given in radians.")
-    return extent / 2 / math.tan(angle / 2)
-
-
-def _pose(frame: _Frame) -> tuple[np.ndarray, list[str]]:
-    """camera_to_world [4, 4] with a pure rotation, and a note on a uniform scale that was taken off it."""
-    try:
-        matrix = np.array(frame.fields.get("transform_matrix"), np.float64)
-    except (TypeError, ValueError, OverflowError):
-        matrix = np.empty(0)
-    if matrix.shape == (3, 4):
-        matrix = np.vstack([matrix, [0.0, 0.0, 0.0, 1.0]])
-    if matrix.shape != (4, 4):
-        raise DataError(f"{frame.label} has no 4x4 transform_matrix of numbers.", "Export the cameras again.")
-    return rigid_pose(matrix, frame.label, "transform_matrix")
-
-
-def _number(frame: _Frame, key: str, default: float | None = None) -> float | None:
-    value = frame.fields.get(key)
-    if value is None:
-        return default
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e300:
-        raise DataError(f"{frame.label} has {key} = {value!r:.200}, which is not a number.", "Correct it in the file.")
-    return float(value)
-
-
-def _positive(frame: _Frame, key: str) -> float | None:
-    value = _number(frame, key)
-    if value is not None and value <= 0:
-        raise DataError(f"{frame.label} has {key} = {value:g}, which must be positive.", "Correct it in the file.")
-    return value

@@ -1,1 +1,1 @@
-"""Editing learned palettes: files, compositing, color science, metrics and color matching; stdlib and numpy only."""
+"""Editing learned palettes: their files, compositing of edited pictures, and "becomes"; stdlib and numpy only."""

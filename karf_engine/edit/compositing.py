@@ -27,8 +27,11 @@ AGAIN = "Run the render stage again, with planes."
 class Planes:
     """Edit planes of one picture, as stored.
 
-    objects: names of the K objects. palette_weights: [K, M, H, W] float16, object probability included.
-    probabilities: [K, H, W] float16. base: [H, W, 3] uint8 sRGB.
+    Attributes:
+        objects: Names of the K objects.
+        palette_weights: [K, M, H, W] float16 in [0, 1], object probability included.
+        probabilities: [K, H, W] float16 in [0, 1].
+        base: The picture without the edit, [H, W, 3] uint8 sRGB.
     """
 
     objects: tuple[str, ...]
@@ -38,7 +41,17 @@ class Planes:
 
 
 def write_planes(path: Path, planes: Planes) -> None:
-    """Write planes as a compressed npz, atomically."""
+    """Write planes as a compressed npz, atomically.
+
+    Examples:
+        >>> import tempfile
+        >>> planes = Planes(("pot",), np.ones((1, 2, 4, 3)) / 2, np.ones((1, 4, 3)), np.zeros((4, 3, 3), np.uint8))
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_planes(Path(folder) / "view.npz", planes)
+        ...     again = read_planes(Path(folder) / "view.npz")
+        >>> again.objects, again.palette_weights.dtype, again.palette_weights.shape
+        (('pot',), dtype('float16'), (1, 2, 4, 3))
+    """
 
     def write(temporary: Path) -> None:
         np.savez_compressed(
@@ -53,7 +66,11 @@ def write_planes(path: Path, planes: Planes) -> None:
 
 
 def read_planes(path: Path) -> Planes:
-    """Read planes that `write_planes` wrote. Raises DataError where the file is missing, damaged or contradictory."""
+    """Read planes that `write_planes` wrote; an example stands there.
+
+    Raises:
+        DataError: The file is missing or damaged, or its arrays contradict each other.
+    """
     names = ("objects", "palette_weights", "probabilities", "base")
     objects, *arrays = read_arrays(path, names, "edit planes", AGAIN)
     planes = Planes(tuple(check_names(np.atleast_1d(objects).tolist(), path, "an object")), *arrays)
@@ -75,7 +92,22 @@ def _check(path: Path, planes: Planes) -> None:
 
 
 def stack_palettes(objects: Sequence[str], colors: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Palettes of these objects as one array [K, M, 3] float32, zero padded to the largest. KeyError if one lacks."""
+    """Palettes of several objects as one array, zero padded to the largest.
+
+    Args:
+        objects: Names of the K objects.
+        colors: Palette [m, 3] of each object, by its name.
+
+    Returns:
+        [K, M, 3] float32.
+
+    Raises:
+        KeyError: An object has no palette.
+
+    Examples:
+        >>> stack_palettes(["pot", "mug"], {"pot": np.ones((3, 3)), "mug": np.ones((2, 3))}).sum(axis=-1).tolist()
+        [[3.0, 3.0, 3.0], [3.0, 3.0, 0.0]]
+    """
     stacked = np.zeros((len(objects), max((len(colors[name]) for name in objects), default=0), 3), np.float32)
     for row, name in zip(stacked, objects, strict=True):
         row[: len(colors[name])] = colors[name]
@@ -94,9 +126,24 @@ def delta_composite(
     Pixels that no changed swatch reaches keep the base bit by bit. Linear in the edit, so soft edges and highlights
     stay.
 
-    base: float32 [H, W, 3] in [0, 1]. palette_weights: [K, M, H, W] >= 0; float32 is fast, float16 right but slow.
-    learned, edited: [K, M, 3]. out: float32 [H, W, 3] to write to, also a view such as rgba[..., :3]; not the base.
-    Returns float32 [H, W, 3] in [0, 1].
+    Args:
+        base: float32 [H, W, 3] in [0, 1].
+        palette_weights: [K, M, H, W], >= 0; float32 is fast, float16 right but slow.
+        learned: Palettes [K, M, 3].
+        edited: Palettes [K, M, 3].
+        out: float32 [H, W, 3] to write to, also a view such as rgba[..., :3]; not the base.
+
+    Returns:
+        float32 [H, W, 3] in [0, 1].
+
+    Examples:
+        A grey pixel, half of it paint of the swatch that becomes green:
+
+        >>> base, weights = np.full((1, 1, 3), 0.5, np.float32), np.full((1, 2, 1, 1), 0.5, np.float32)
+        >>> learned, edited = np.zeros((1, 2, 3)), np.zeros((1, 2, 3))
+        >>> learned[0, 1], edited[0, 1] = [0.5, 0.5, 0.5], [0, 1, 0]
+        >>> delta_composite(base, weights, learned, edited).tolist()
+        [[[0.25, 0.75, 0.25]]]
     """
     changes = np.asarray(edited, np.float32) - np.asarray(learned, np.float32)
     changed = np.argwhere(changes.any(axis=-1))
@@ -145,8 +192,22 @@ def paper_composite(
     The mask of an object: pixels where it is more probable than every other object and than the background. Keeps the
     decomposition error of the palette even where nothing is edited; `delta_composite` does not.
 
-    base: [H, W, 3] in [0, 1]. palette_weights: [K, M, H, W]. probabilities: [K, H, W]. edited: [K, M, 3].
-    Returns float32 [H, W, 3] in [0, 1].
+    Args:
+        base: [H, W, 3] in [0, 1].
+        palette_weights: [K, M, H, W], >= 0.
+        probabilities: [K, H, W] in [0, 1], of the objects; what is left of 1 is the background's.
+        edited: Palettes [K, M, 3].
+
+    Returns:
+        float32 [H, W, 3] in [0, 1].
+
+    Examples:
+        Two pixels, of which the first is the object's:
+
+        >>> probabilities = np.array([[[0.75, 0.25]]])
+        >>> weights = np.stack([0 * probabilities, probabilities], axis=1)  # all of it paint of the second swatch
+        >>> paper_composite(np.ones((1, 2, 3)), weights, probabilities, np.array([[[0, 0, 0], [0, 0.5, 0]]])).tolist()
+        [[[0.0, 0.5, 0.0], [1.0, 1.0, 1.0]]]
     """
     result = np.array(base, np.float32)
     background = 1 - probabilities.sum(axis=0, dtype=np.float32)

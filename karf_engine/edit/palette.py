@@ -28,7 +28,12 @@ BRIGHTEST = 2.0  # of an edited color: a swatch may be brighter than white, its 
 
 @dataclass(frozen=True)
 class Palette:
-    """One object's swatches. name: the object's. colors: [M, 3] float32 sRGB in [0, 1]; entry 0 is black, frozen."""
+    """One object's swatches.
+
+    Attributes:
+        name: The object's.
+        colors: [M, 3] float32 sRGB in [0, 1]; entry 0 is black and frozen.
+    """
 
     name: str
     colors: np.ndarray
@@ -36,15 +41,27 @@ class Palette:
 
 @dataclass(frozen=True)
 class Edit:
-    """What the artist wants. colors: edited palette [M, 3] in [0, BRIGHTEST] of every object. compositing: `delta` or
-    `paper`."""
+    """What the artist wants.
+
+    Attributes:
+        colors: The edited palette of every object by its name, [M, 3] sRGB in [0, BRIGHTEST].
+        compositing: How planes become the picture, `delta` or `paper` (see `compositing`).
+    """
 
     colors: dict[str, np.ndarray]
     compositing: str = "delta"
 
 
 def hex_to_rgb(text: str) -> np.ndarray:
-    """sRGB [3] float32 in [0, 1] of `#rrggbb` (the # may be left out). Raises DataError where it is no such color."""
+    """sRGB [3] float32 in [0, 1] of `#rrggbb` (the # may be left out).
+
+    Raises:
+        DataError: The text is no such color.
+
+    Examples:
+        >>> print(hex_to_rgb("#ff0033"))
+        [1.  0.  0.2]
+    """
     match = re.fullmatch(r"#?([0-9a-fA-F]{6})", text.strip())
     if match is None:
         raise DataError(f"{text!r:.200} is no color.", "Write it as #rrggbb, for example #aa2211.")
@@ -52,14 +69,28 @@ def hex_to_rgb(text: str) -> np.ndarray:
 
 
 def rgb_to_hex(color: np.ndarray) -> str:
-    """`#rrggbb` of an sRGB color [3]; values are clipped to [0, 1] and rounded."""
+    """`#rrggbb` of an sRGB color [3]; values are clipped to [0, 1] and rounded.
+
+    Examples:
+        >>> rgb_to_hex(np.array([1.5, 0.0, 0.2]))
+        '#ff0033'
+    """
     return "#" + to_bytes(color).tobytes().hex()
 
 
-def read_palettes(path: Path, which: str = "colors") -> tuple[Palette, ...]:
-    """Read palette.json, one palette an object: `colors`, as learned, or `initial`, as extracted.
+def read_palettes(path: Path, which: str = "colors", objects: Sequence[str] | None = None) -> tuple[Palette, ...]:
+    """Read palette.json; an example stands at `write_palettes`.
 
-    Raises DataError naming what is wrong.
+    Args:
+        path: The file.
+        which: `colors`, the palettes as learned, or `initial`, as extracted.
+        objects: Names of the segmented objects, whose palettes these must be, in this order; None to take what is there.
+
+    Returns:
+        One palette an object.
+
+    Raises:
+        DataError: The file is missing, of another schema, has a name or a color that cannot be, or is of other objects.
     """
     content = _read_schema(path, "palettes", PALETTE_SCHEMA)
     palettes = []
@@ -70,14 +101,35 @@ def read_palettes(path: Path, which: str = "colors") -> tuple[Palette, ...]:
         if colors[0].any():
             raise DataError(f"{where} does not begin with black.", "Entry 0 is black and frozen; put [0, 0, 0] there.")
         palettes.append(Palette(name, colors))
-    check_names([palette.name for palette in palettes], path, "an object")
+    names = check_names([palette.name for palette in palettes], path, "an object")
+    if objects is not None and names != list(objects):
+        raise DataError(
+            f"{path} holds palettes of {', '.join(names):.200}, the segmentation {', '.join(objects):.200}.",
+            "Run the palette stage again.",
+        )
     return tuple(palettes)
 
 
 def write_palettes(
     path: Path, palettes: Sequence[Palette], shared: bool, initial: Sequence[Palette] | None = None
 ) -> None:
-    """Write palette.json atomically. shared: all objects use one hull. initial: as extracted (default: the same)."""
+    """Write palette.json atomically.
+
+    Args:
+        path: The file.
+        palettes: As learned, one an object.
+        shared: Whether all objects use one hull.
+        initial: As extracted, in the same order; by default the same.
+
+    Examples:
+        >>> import tempfile
+        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0]], np.float32))
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_palettes(Path(folder) / "palette.json", [pot], shared=False)
+        ...     (again,) = read_palettes(Path(folder) / "palette.json")
+        >>> again.name, again.colors.tolist()
+        ('pot', [[0.0, 0.0, 0.0], [0.5, 0.25, 0.0]])
+    """
     initial = palettes if initial is None else initial
     objects = [
         {"name": palette.name, "colors": _rows(palette.colors), "initial": _rows(first.colors)}
@@ -89,8 +141,25 @@ def write_palettes(
 def read_edit(path: Path, palettes: Sequence[Palette], compositing: str = "delta") -> Edit:
     """Read edit.json over the learned palettes: null entries and objects left out stay as learned.
 
-    compositing: what a file that names none means.
-    Raises DataError for an unknown object, a wrong number of colors, a bad color or a changed black.
+    Args:
+        path: The file.
+        palettes: As learned, one an object.
+        compositing: What a file that names none means, `delta` or `paper`.
+
+    Raises:
+        DataError: The file is missing or of another schema, or has an unknown object, a wrong number of colors, a bad
+            color or a changed black.
+
+    Examples:
+        >>> import tempfile
+        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0], [1, 1, 1]], np.float32))
+        >>> text = '{"schema": "karf-edit/1", "objects": {"pot": {"colors": [null, "#0000ff", null]}}}'
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = Path(folder) / "edit.json"
+        ...     _ = path.write_text(text)
+        ...     edit = read_edit(path, [pot])
+        >>> edit.compositing, edit.colors["pot"].tolist()
+        ('delta', [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0, 1.0, 1.0]])
     """
     content = _read_schema(path, "edit", EDIT_SCHEMA)
     compositing = content.get("compositing", compositing)
@@ -119,7 +188,17 @@ def read_edit(path: Path, palettes: Sequence[Palette], compositing: str = "delta
 
 
 def write_edit(path: Path, edit: Edit) -> None:
-    """Write edit.json atomically, colors as sRGB triples (hex would round them)."""
+    """Write edit.json atomically, colors as sRGB triples (hex would round them).
+
+    Examples:
+        >>> import tempfile
+        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0]], np.float32))
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_edit(Path(folder) / "edit.json", Edit({"pot": np.array([[0, 0, 0], [0, 0.1, 1.5]])}, "paper"))
+        ...     again = read_edit(Path(folder) / "edit.json", [pot])
+        >>> again.compositing, rgb_to_hex(again.colors["pot"][1])
+        ('paper', '#001aff')
+    """
     objects = {name: {"colors": _rows(colors)} for name, colors in edit.colors.items()}
     write_json(path, {"schema": EDIT_SCHEMA, "compositing": edit.compositing, "objects": objects})
 

@@ -1,44 +1,35 @@
-"""A learned scene: frozen field, background, and how to look at it.
-
-The protocol of a frozen field, which is all that the later stages know of it:
-- `trace(rays, step)`: where rays end; `density(x)`, `features(x)` [n, n_features], `color(x, d, f)`, `normals(x)`;
-- `space` of its coordinates, `bounds` [2, 3] of what there is, `voxel`, the length below which nothing is told apart;
-- `figures()` for reports; `facts()` and `restored(facts, tensors, device)` for files.
-"""
+"""A learned scene: frozen field, background, and how to look at it."""
 
 from __future__ import annotations
 
 import itertools
 import math
 from dataclasses import dataclass
-from pathlib import Path
 
 import torch
 from torch import Tensor
 
 from ..capture.camera import Camera
-from ..checkpoints import load_tensors, restoring, save_tensors
 from ..rendering.rays import PixelBank, Rays, camera_rays, depth_per_distance
 from ..rendering.surface_cache import SurfaceCache, join_caches, quantile_samples
 from ..rendering.volume import VISIBLE_WEIGHT, accumulate
-from .nerf.field import NerfField
-from .voxels.field import Background, VoxelField
+from .background import Background
+from .protocol import Field
 
-SCHEMA = "karf-geometry/1"
-Field = VoxelField | NerfField
-FIELDS = {"voxels": VoxelField, "nerf": NerfField}
 CPU_RAYS_PER_CHUNK = 2048  # a chunk's samples stay near the processor's cache; accelerators want more at once
 ACCELERATOR_RAYS_PER_CHUNK = 65536
-WATCHED_PIXELS = 1500
-BACKGROUNDS = ("alpha", "black", "white", "opaque")
-STEPS = 0.01, 10.0  # voxels: finer ones never end, coarser ones miss what there is
+VALIDATION_PIXELS = 1500
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A rendered view. color [H, W, 3] sRGB in [0, 1], opacity [H, W], depth [H, W] along the axis (0 where empty).
+    """A rendered view.
 
-    cache: the surface samples of its rays, for the fields on top.
+    Attributes:
+        color: [H, W, 3] sRGB in [0, 1].
+        opacity: [H, W] in [0, 1].
+        depth: [H, W] along the optical axis, world units; 0 where empty.
+        cache: Surface samples of its rays, for the fields on top.
     """
 
     color: Tensor
@@ -49,8 +40,14 @@ class Picture:
 
 @dataclass(frozen=True)
 class Scene:
-    """field and background as learned. background_kind: alpha, black, white or opaque. step: stride in voxels, of a
-    field that has some."""
+    """A field and what is behind it, as learned.
+
+    Attributes:
+        field: Frozen.
+        background: Learned color of each direction; None where a plain color is behind the field.
+        background_kind: alpha, black, white or opaque: what the photos showed there.
+        step: Stride in voxels, of a field that marches.
+    """
 
     field: Field
     background: Background | None
@@ -65,7 +62,12 @@ class Scene:
 
     @torch.no_grad()
     def render(self, camera: Camera, n_quantiles: int) -> Picture:
-        """Render all pixels of a pinhole camera."""
+        """Render all pixels of a pinhole camera. Not differentiable.
+
+        Args:
+            camera: In world units.
+            n_quantiles: Surface samples a ray, >= 1.
+        """
         device = self.field.bounds.device
         colors, opacities, distances, caches = self._render_rays(camera_rays(camera, device), n_quantiles)
         shape = (camera.height, camera.width)
@@ -79,7 +81,7 @@ class Scene:
 
     @torch.no_grad()
     def colors(self, rays: Rays) -> Tensor:
-        """sRGB colors of single rays, [R, 3] in [0, 1]."""
+        """sRGB colors of single rays, [R, 3] in [0, 1]. Not differentiable."""
         return torch.cat(self._render_rays(rays, 1)[0]).clamp(0, 1)
 
     def _render_rays(self, rays: Rays, n_quantiles: int) -> tuple[tuple, ...]:
@@ -104,33 +106,13 @@ class Scene:
         distance = sums[:, 3] / opacity.clamp_min(torch.finfo(opacity.dtype).tiny)
         return color, opacity, distance, quantile_samples(rays, samples, ray_weights, n_quantiles, first)
 
-    def save(self, path: Path) -> None:
-        """Write the scene as data."""
-        tensors = {f"field.{name}": value for name, value in self.field.state_dict().items()}
-        if self.background is not None:
-            tensors |= {f"background.{name}": value for name, value in self.background.state_dict().items()}
-        kind = next(name for name, field_class in FIELDS.items() if type(self.field) is field_class)
-        own = {"kind": kind, "background_kind": self.background_kind, "step": self.step}
-        save_tensors(path, tensors, SCHEMA, self.field.facts() | own)
 
-    @classmethod
-    def load(cls, path: Path, device: torch.device | str = "cpu") -> Scene:
-        """Read a scene. Raises DataError where the file is missing or damaged."""
-        tensors, facts = load_tensors(path, SCHEMA, device)
-        with restoring(path):
-            field = FIELDS[facts.get("kind", "voxels")].restored(facts, _part(tensors, "field."), device)
-            background = None
-            if learned := _part(tensors, "background."):
-                background = Background().to(device)
-                background.load_state_dict(learned)
-            kind, step = facts["background_kind"], facts["step"]
-            if kind not in BACKGROUNDS or not STEPS[0] <= step <= STEPS[1]:
-                raise ValueError(f"background {kind!r}, step {step!r}")
-        return cls(field.requires_grad_(False), background, kind, step)
+def psnr_of_views(scene: Scene, bank: PixelBank, n_pixels: int = VALIDATION_PIXELS) -> list[float]:
+    """PSNR of each plate of the bank, over random pixels of it (always the same ones).
 
-
-def psnr_of_views(scene: Scene, bank: PixelBank, n_pixels: int = WATCHED_PIXELS) -> list[float]:
-    """PSNR in dB of each plate of the bank, over random pixels of it (always the same ones)."""
+    Returns:
+        Values in dB, at most 100.
+    """
     random = torch.Generator().manual_seed(0)
     values = []
     for first, last in itertools.pairwise(bank.first.tolist()):
@@ -138,7 +120,3 @@ def psnr_of_views(scene: Scene, bank: PixelBank, n_pixels: int = WATCHED_PIXELS)
         error = ((scene.colors(bank.rays(index)) - bank.color[index].float() / 255) ** 2).mean()
         values.append(-10 * math.log10(float(error) + 1e-10))
     return values
-
-
-def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
-    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import torch
@@ -14,17 +13,18 @@ from ..edit.palette import Palette
 from ..names import check_names
 from ..settings import RecoloringSettings, SegmentationSettings, from_dict, to_dict
 from .fields import RecoloringField, SegmentationField
+from .object_surface import ObjectSurface
 
 SEGMENTATION_SCHEMA = "karf-segmentation/1"
 SURFACE_SCHEMA = "karf-surface/1"
 RECOLORING_SCHEMA = "karf-recoloring/1"
-SURFACE = {  # type and dimensions, the last of several being x, y, z or red, green, blue
-    "positions": (torch.float32, 3),
-    "viewdirs": (torch.float32, 2),
-    "colors": (torch.uint8, 2),
-    "object": (torch.uint8, 1),
-    "sure": (torch.bool, 1),
-    "view": (torch.int16, 1),
+SURFACE = {  # name in the file, type and dimensions, the last of several being x, y, z or red, green, blue
+    "positions": ("positions", torch.float32, 3),
+    "viewdirs": ("viewdirs", torch.float32, 2),
+    "colors": ("colors", torch.uint8, 2),
+    "object": ("object", torch.uint8, 1),
+    "interior": ("sure", torch.bool, 1),
+    "view": ("view", torch.int16, 1),
 }
 
 
@@ -88,26 +88,10 @@ def load_recoloring(
     return karf.requires_grad_(False)
 
 
-@dataclass(frozen=True)
-class ObjectSurface:
-    """Surface samples of the rays that end on an object in the cached views; n rays, each with K samples.
-
-    positions: [n, K, 3] float32, grid coordinates. viewdirs: [n, 3] float32. colors: [n, 3] uint8 of the photo.
-    object: [n] uint8 from 0, into the objects' names. sure: [n] bool, well inside the object. view: [n] int16, into the
-    names of the cached views.
-    """
-
-    positions: Tensor
-    viewdirs: Tensor
-    colors: Tensor
-    object: Tensor
-    sure: Tensor
-    view: Tensor
-
-
 def save_surface(path: Path, surface: ObjectSurface, objects: list[str], settings: SegmentationSettings) -> None:
     """Write the objects' rays with the objects' names and the settings of the segmentation that found them."""
-    save_tensors(path, dict(vars(surface)), SURFACE_SCHEMA, {"objects": objects, "settings": to_dict(settings)})
+    tensors = {name: getattr(surface, attribute) for attribute, (name, _, _) in SURFACE.items()}
+    save_tensors(path, tensors, SURFACE_SCHEMA, {"objects": objects, "settings": to_dict(settings)})
 
 
 def load_surface(path: Path, device: torch.device | str = "cpu") -> tuple[ObjectSurface, list[str]]:
@@ -116,7 +100,7 @@ def load_surface(path: Path, device: torch.device | str = "cpu") -> tuple[Object
     with restoring(path):
         objects = check_names(facts["objects"], path, "an object")
         n_rays = len(tensors["object"])
-        for name, (kind, n_dimensions) in SURFACE.items():
+        for name, kind, n_dimensions in SURFACE.values():
             tensor = tensors[name]
             columns = tensor.shape[-1] if n_dimensions > 1 else 3
             if (tensor.dtype, tensor.ndim, len(tensor), columns) != (kind, n_dimensions, n_rays, 3):
@@ -124,5 +108,5 @@ def load_surface(path: Path, device: torch.device | str = "cpu") -> tuple[Object
         owners, views = tensors["object"].tolist(), tensors["view"].tolist()
         if max(owners, default=0) >= len(objects) or min(views, default=0) < 0 or 0 in tensors["positions"].shape[1:]:
             raise ValueError("rays of no object, of no view or without samples")
-        surface = ObjectSurface(**{name: tensors[name] for name in SURFACE})
+        surface = ObjectSurface(**{attribute: tensors[name] for attribute, (name, _, _) in SURFACE.items()})
     return surface, objects

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from ..fields.scene import Field
+from ..fields.protocol import Field
 from ..progress import Progress
 from ..rendering.surface_cache import SurfaceCache
 from ..runtime import Runtime
 from ..settings import HeadSettings, RecoloringSettings, SegmentationSettings
 from ..training.course import Course
-from ..training.loop import Schedule, Step, constant, train, warm_cosine
+from ..training.loop import Schedule, Step, constant, cosine_with_warmup, train
 from ..training.unfinished import Unfinished
 from .fields import RecoloringField, SegmentationField
 from .rendering import features_of, render_classes, render_weights
@@ -168,7 +168,7 @@ def _learn(course: Course, step: Step, schedule: Schedule, progress: Progress, u
 
 def _schedule(settings: HeadSettings, floor: float) -> Schedule:
     """The learning rate's factor over time; floor: of the cosine."""
-    return constant if settings.schedule == "constant" else warm_cosine(WARMUP, floor)
+    return constant if settings.schedule == "constant" else cosine_with_warmup(WARMUP, floor)
 
 
 def _pool(chance: Tensor) -> Tensor:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from ..fields.scene import Field
+from ..fields.protocol import Field
 from ..rendering.surface_cache import SurfaceCache
 from .fields import RecoloringField, SegmentationField
 

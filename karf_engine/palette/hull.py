@@ -28,31 +28,6 @@ COARSE_VERTICES = 48  # round clouds would keep hundreds of vertices
 TOUCH = 1e-9
 
 
-def color_cells(pixels: np.ndarray, bits: int = 5, drop: float = 0.0005) -> tuple[np.ndarray, np.ndarray]:
-    """Mean color [c, 3] and number of pixels [c] of each occupied cell of a histogram with 2^bits bins a channel.
-
-    pixels: [n, 3] sRGB in [0, 1]. The rarest cells that together hold at most the share `drop` of the pixels are left
-    out. Order: by position in the histogram.
-    """
-    pixels = np.asarray(pixels)
-    index = _cell_index(pixels, bits)
-    occupied, inverse, counts = np.unique(index, return_inverse=True, return_counts=True)
-    means = np.stack([np.bincount(inverse, pixels[:, c], len(occupied)) for c in range(3)], axis=1) / counts[:, None]
-    rarest_first = np.argsort(counts, kind="stable")
-    dropped = rarest_first[: np.searchsorted(counts[rarest_first].cumsum(), drop * len(pixels), side="right")]
-    keep = np.ones(len(occupied), bool)
-    keep[dropped] = False
-    return means[keep], counts[keep]
-
-
-def cell_support(cells: np.ndarray, views: Sequence[np.ndarray], bits: int = 5) -> np.ndarray:
-    """In how many views each cell [c, 3] occurs, [c]; views: each one's object pixels [n, 3] sRGB in [0, 1]."""
-    support = np.zeros(2 ** (3 * bits), np.int64)
-    for pixels in views:
-        support[np.unique(_cell_index(pixels, bits))] += 1
-    return support[_cell_index(cells, bits)]
-
-
 def extract_palette(
     cells: np.ndarray,
     counts: np.ndarray,
@@ -87,12 +62,6 @@ def extract_palette(
     # clipping may have pulled a vertex into the hull: no color uses it then
     order = [0] + [j for j in np.argsort(-use, kind="stable") if j > 0 and use[j] > 0]
     return palette[order].astype(np.float32)
-
-
-def _cell_index(pixels: np.ndarray, bits: int) -> np.ndarray:
-    bins = 2**bits
-    red, green, blue = np.clip((np.asarray(pixels) * bins).astype(np.int64), 0, bins - 1).T
-    return (red * bins + green) * bins + blue
 
 
 def _trusted(cells: np.ndarray, counts: np.ndarray, support: np.ndarray | None) -> np.ndarray:

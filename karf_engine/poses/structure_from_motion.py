@@ -23,12 +23,12 @@ MOST_FEATURES = 4096  # of a photo; matching takes the square of it
 SEQUENTIAL_OVERLAP = 12  # neighbors on each side, then 2, 4, 8 .. times as far away
 PAIR_BLOCK = 10  # photos whose features are matched between two reports
 FEWEST_PHOTOS = 3
-AGREES = 4.0  # pixels from its epipolar line within which a match agrees with the poses
+EPIPOLAR_TOLERANCE = 4.0  # pixels; a match this near to its epipolar line agrees with the poses
 
 
 @dataclass(frozen=True)
-class Plan:
-    """What is to be solved: `names` in the folder `photos`; work files go to the existing folder `work`, the best model
+class SfmTask:
+    """Structure from motion to be run: of the photos `names` in the folder `photos`; work files go to the existing folder `work`, the best model
     (COLMAP's binary tables) to the existing folder `model`.
 
     one_lens: all photos share one lens. sequential: only neighbors in the order of the names are matched. threads: -1
@@ -58,31 +58,37 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Placement:
-    """placed: how many photos were; 0 where no model is written. agreement: share of the matches between placed photos,
-    each verified for its pair alone, that also fit the poses: of a wrong model, made of look-alikes, much less than 1.
+class SfmResult:
+    """What came of it.
+
+    Attributes:
+        registered: Number of photos whose pose was found; 0 where no model is written.
+        agreement: Share in [0, 1] of the matches between registered photos, each verified for its pair alone, that also
+            fit the poses. Of a wrong model, made of places that look alike, it is much less than 1.
     """
 
-    placed: int = 0
+    registered: int = 0
     agreement: float = 0.0
 
 
-def solve(plan: Plan, emit: Emit, should_stop: Callable[[], bool]) -> Placement:
-    """Place the photos and write the model.
+def reconstruct(task: SfmTask, emit: Emit, should_stop: Callable[[], bool]) -> SfmResult:
+    """Find the photos' poses and write the model.
 
-    Raises Cancelled, and KarfError where pycolmap fails.
+    Raises:
+        Cancelled: `should_stop` said so.
+        KarfError: pycolmap fails.
     """
-    with child_messages("pycolmap", _place, plan) as messages:
-        return _follow(messages, plan, emit, should_stop)
+    with child_messages("pycolmap", _reconstruct, task) as messages:
+        return _follow(messages, task, emit, should_stop)
 
 
-def _follow(messages: Iterator[Message], plan: Plan, emit: Emit, should_stop: Callable[[], bool]) -> Placement:
+def _follow(messages: Iterator[Message], task: SfmTask, emit: Emit, should_stop: Callable[[], bool]) -> SfmResult:
     """Tell of the child's progress until it has a result."""
-    count = len(plan.names)
-    totals = {"start": 0, "features": count, "matching": plan.pairs, "mapping": count}
+    count = len(task.names)
+    totals = {"start": 0, "features": count, "matching": task.pairs, "mapping": count}
     part, done, progress = "start", 0, Progress(emit, should_stop, "poses", count)
     for kind, value in messages:
-        reached = totals[part] if kind in ("part", "result") else _reached(plan.database, part, kind, value)
+        reached = totals[part] if kind in ("part", "result") else _reached(task.database, part, kind, value)
         if reached > done or should_stop():
             progress.step(min(reached, totals[part]) - done)
             done = min(reached, totals[part])
@@ -95,7 +101,7 @@ def _follow(messages: Iterator[Message], plan: Plan, emit: Emit, should_stop: Ca
 
 def _reached(database: Path, part: str, kind: str, value: Any) -> int:
     """How many steps of this part are done, as far as can be told now."""
-    if kind == "placed":
+    if kind == "registered":
         return value
     table = {"features": "keypoints", "matching": "two_view_geometries"}.get(part)
     if table is None or not database.exists():
@@ -108,92 +114,92 @@ def _reached(database: Path, part: str, kind: str, value: Any) -> int:
 
 
 # ---------------------------------------------------------------------------------------------------------- the child
-def _place(send: Callable[..., None], plan: Plan) -> Placement:
+def _reconstruct(send: Callable[..., None], task: SfmTask) -> SfmResult:
     import pycolmap
 
     pycolmap.logging.minloglevel = pycolmap.logging.FATAL.value
     pycolmap.set_random_seed(0)
     send("part", "features")
-    _find_features(pycolmap, plan)
+    _find_features(pycolmap, task)
     send("part", "matching")
-    _match(pycolmap, plan)
+    _match_features(pycolmap, task)
     send("part", "mapping")
-    return _map(pycolmap, plan, lambda placed: send("placed", placed))
+    return _map(pycolmap, task, lambda registered: send("registered", registered))
 
 
-def _find_features(pycolmap: Any, plan: Plan) -> None:
+def _find_features(pycolmap: Any, task: SfmTask) -> None:
     reading, finding = pycolmap.ImageReaderOptions(), pycolmap.FeatureExtractionOptions()
-    reading.camera_model = "SIMPLE_PINHOLE" if plan.sensitive else "SIMPLE_RADIAL"
-    finding.num_threads, finding.use_gpu, finding.max_image_size = plan.threads, False, LONG_SIDE
+    reading.camera_model = "SIMPLE_PINHOLE" if task.sensitive else "SIMPLE_RADIAL"
+    finding.num_threads, finding.use_gpu, finding.max_image_size = task.threads, False, LONG_SIDE
     finding.sift.max_num_features = MOST_FEATURES
-    if plan.sensitive:
+    if task.sensitive:
         finding.sift.peak_threshold = 0.001
         finding.sift.estimate_affine_shape = finding.sift.domain_size_pooling = True
     pycolmap.extract_features(
-        plan.database,
-        plan.photos,
-        image_names=list(plan.names),
-        camera_mode=pycolmap.CameraMode.SINGLE if plan.one_lens else pycolmap.CameraMode.AUTO,
+        task.database,
+        task.photos,
+        image_names=list(task.names),
+        camera_mode=pycolmap.CameraMode.SINGLE if task.one_lens else pycolmap.CameraMode.AUTO,
         reader_options=reading,
         extraction_options=finding,
         device=pycolmap.Device.cpu,
     )
 
 
-def _match(pycolmap: Any, plan: Plan) -> None:
+def _match_features(pycolmap: Any, task: SfmTask) -> None:
     matching = pycolmap.FeatureMatchingOptions()
-    matching.num_threads, matching.use_gpu = plan.threads, False
-    if plan.sensitive:
+    matching.num_threads, matching.use_gpu = task.threads, False
+    if task.sensitive:
         matching.sift.max_ratio = 0.9
-    if plan.sequential:
+    if task.sequential:
         pairing, match = pycolmap.SequentialPairingOptions(), pycolmap.match_sequential
         pairing.overlap = SEQUENTIAL_OVERLAP
     else:
         pairing, match = pycolmap.ExhaustivePairingOptions(), pycolmap.match_exhaustive
         pairing.block_size = PAIR_BLOCK
-    match(plan.database, matching_options=matching, pairing_options=pairing, device=pycolmap.Device.cpu)
+    match(task.database, matching_options=matching, pairing_options=pairing, device=pycolmap.Device.cpu)
 
 
-def _map(pycolmap: Any, plan: Plan, report: Callable[[int], None]) -> Placement:
+def _map(pycolmap: Any, task: SfmTask, report: Callable[[int], None]) -> SfmResult:
     options = pycolmap.IncrementalPipelineOptions()
-    options.num_threads = options.mapper.num_threads = plan.threads
+    options.num_threads = options.mapper.num_threads = task.threads
     options.random_seed = 0
-    options.min_model_size = min(10, max(FEWEST_PHOTOS, len(plan.names) // 2))  # a smaller one is tried again
-    if plan.sensitive:
+    options.min_model_size = min(10, max(FEWEST_PHOTOS, len(task.names) // 2))  # a smaller one is tried again
+    if task.sensitive:
         options.min_num_matches = 8
         options.mapper.init_min_num_inliers, options.mapper.abs_pose_min_num_inliers = 30, 12
-    placed = 0
+    registered = 0
 
     def count() -> None:
-        nonlocal placed
-        placed += 1
-        report(placed)
+        nonlocal registered
+        registered += 1
+        report(registered)
 
-    models = pycolmap.incremental_mapping(plan.database, plan.photos, plan.work, options, next_image_callback=count)
+    models = pycolmap.incremental_mapping(task.database, task.photos, task.work, options, next_image_callback=count)
     sane = [model for model in models.values() if not _is_bogus(model)]
     if not sane:
-        return Placement()
+        return SfmResult()
     best = max(sane, key=lambda model: model.num_reg_images())
-    best.write_binary(plan.model)
-    return Placement(best.num_reg_images(), _agreement(pycolmap, plan.database, best))
+    best.write_binary(task.model)
+    return SfmResult(best.num_reg_images(), _agreement(pycolmap, task.database, best))
 
 
 def _agreement(pycolmap: Any, database: Path, model: Any) -> float:
-    """Share of the verified matches between placed photos that lie near their epipolar lines."""
-    placed = {image.image_id: image for image in model.images.values() if image.has_pose}
+    """Share of the verified matches between registered photos that lie near their epipolar lines."""
+    registered = {image.image_id: image for image in model.images.values() if image.has_pose}
     with pycolmap.Database.open(database) as content:
-        rays = {number: _rays(model, image, content.read_keypoints(number)) for number, image in placed.items()}
+        rays = {number: _rays(model, image, content.read_keypoints(number)) for number, image in registered.items()}
         pairs = zip(*content.read_two_view_geometries(), strict=True)
         count = agreeing = 0
         for pair_id, geometry in pairs:
             first, second = pycolmap.pair_id_to_image_pair(pair_id)
-            if first in placed and second in placed:
+            if first in registered and second in registered:
                 matches = geometry.inlier_matches
-                turn = placed[second].cam_from_world() * placed[first].cam_from_world().inverse()
+                turn = registered[second].cam_from_world() * registered[first].cam_from_world().inverse()
                 errors = _epipolar_errors(turn.matrix(), rays[first][matches[:, 0]], rays[second][matches[:, 1]])
-                focal = model.cameras[placed[first].camera_id].mean_focal_length()
+                focal = model.cameras[registered[first].camera_id].mean_focal_length()
                 count += len(matches)
-                agreeing += int((errors * focal < AGREES).sum())
+                agreeing += int((errors * focal < EPIPOLAR_TOLERANCE).sum())
     return agreeing / max(count, 1)
 
 

@@ -23,7 +23,7 @@ from .work_folder import work_folder
 
 MAX_FEATURES = 2500  # a photo
 NEIGHBORS = 10  # photos that each photo is matched with
-TURN = 2.0  # how much a turned view counts as far, against a camera at the rig's typical distance
+TURN = 2.0  # how much a rotated view counts as far, against a camera at the rig's typical distance
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def _find(send: Callable[..., None], task: _Task) -> SparsePoints:
         _extract(pycolmap, task, name)
         send("photo")
     _set_cameras(pycolmap, task)
-    _match(pycolmap, task)
+    _match_features(pycolmap, task)
     options = pycolmap.IncrementalPipelineOptions(num_threads=task.threads)
     out = task.folder / "points"
     out.mkdir()
@@ -95,7 +95,7 @@ def _set_cameras(pycolmap: Any, task: _Task) -> None:
             content.update_camera(stored)
 
 
-def _match(pycolmap: Any, task: _Task) -> None:
+def _match_features(pycolmap: Any, task: _Task) -> None:
     pairs = task.folder / "pairs.txt"
     pairs.write_text("\n".join(f"{task.names[a]} {task.names[b]}" for a, b in neighbor_pairs(task.cameras)))
     pycolmap.match_image_pairs(

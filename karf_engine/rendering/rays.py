@@ -18,7 +18,12 @@ from ..runtime import Runtime
 
 @dataclass(frozen=True)
 class Rays:
-    """origins [R, 3] and unit viewdirs [R, 3], float32, on one device."""
+    """Rays, float32, on one device; indexing takes some of them.
+
+    Attributes:
+        origins: [R, 3], world units.
+        viewdirs: [R, 3], of unit length.
+    """
 
     origins: Tensor
     viewdirs: Tensor
@@ -31,14 +36,38 @@ class Rays:
 
 
 def camera_rays(camera: Camera, device: torch.device | str = "cpu") -> Rays:
-    """Rays through all pixel centers of a pinhole camera, row by row."""
+    """Rays through all pixel centers of a pinhole camera.
+
+    Args:
+        camera: Its lens distortion must have been taken out of the photo.
+        device: Where the rays' tensors live.
+
+    Returns:
+        width * height rays, row by row from the top left.
+
+    Example:
+        >>> rays = camera_rays(Camera(1, 1, 2.0, 2.0, 0.5, 0.5, np.eye(4)))
+        >>> rays.viewdirs.tolist()  # cameras look down -z
+        [[0.0, 0.0, -1.0]]
+    """
     origins, directions = camera.rays(camera.pixel_centers())
     viewdirs = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     return Rays(_tensor(origins, device), _tensor(viewdirs, device))
 
 
 def depth_per_distance(camera: Camera) -> np.ndarray:
-    """Factor from distance along the ray to depth along the optical axis, for all pixels, [height * width] in (0, 1]."""
+    """Factor from distance along the ray to depth along the optical axis, for all pixels.
+
+    Args:
+        camera: A pinhole camera.
+
+    Returns:
+        Factors [height * width] in (0, 1], float64, row by row from the top left.
+
+    Example:
+        >>> depth_per_distance(Camera(1, 1, 1.0, 1.0, 0.5, 0.5, np.eye(4))).tolist()
+        [1.0]
+    """
     _, directions = camera.rays(camera.pixel_centers())
     return 1.0 / np.linalg.norm(directions, axis=1)
 
@@ -50,8 +79,18 @@ def _tensor(array: np.ndarray, device: torch.device | str) -> Tensor:
 class PixelBank:
     """All pixels of some plates: their colors, mattes and rays, addressed by one running index.
 
-    color: [N, 3] uint8 sRGB. alpha: [N] uint8 or None. solid: [N] bool or None, pixels known to show something opaque.
-    valid: masks of the pixels that `draw` may hand out. The pixels of plate v are first[v] .. first[v + 1] - 1.
+    Attributes:
+        cameras: Of the plates.
+        color: [N, 3] uint8 sRGB.
+        alpha: Mattes [N] uint8, or None.
+        solid: [N] bool, pixels known to show something opaque, or None.
+        first: [V + 1]; the pixels of plate v are first[v] .. first[v + 1] - 1.
+
+    Example:
+        >>> camera = Camera(2, 1, 2.0, 2.0, 1.0, 0.5, np.eye(4))
+        >>> bank = PixelBank([camera], [np.array([[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]])], None)
+        >>> bank.color.tolist(), len(bank.rays(torch.tensor([1])))
+        ([[255, 0, 0], [0, 0, 255]], 1)
     """
 
     def __init__(
@@ -63,6 +102,16 @@ class PixelBank:
         valid: list[np.ndarray] | None = None,
         device: torch.device | str = "cpu",
     ) -> None:
+        """Gather the plates' pixels.
+
+        Args:
+            cameras: One a plate.
+            colors: [H, W, 3] in [0, 1], one a plate.
+            alphas: Mattes [H, W] in [0, 1], one a plate; or None.
+            solids: [H, W] bool, one a plate; or None.
+            valid: [H, W] bool, the pixels that `draw` may hand out, one a plate; None for all.
+            device: Where the pixels are kept.
+        """
         self.cameras = cameras
         self.color = torch.from_numpy(np.concatenate([to_bytes(c).reshape(-1, 3) for c in colors])).to(device)
         self.alpha = (

@@ -18,8 +18,14 @@ BLOCK = 4
 
 @dataclass(frozen=True)
 class Samples:
-    """Packed samples: ray_indices [S] sorted, distances [S] of the interval centers from where the ray enters the grid,
-    positions [S, 3], step: length of the intervals, one for all or [S]; all in grid coordinates (see space.py)."""
+    """Packed samples of some rays, in grid coordinates (see space.py).
+
+    Attributes:
+        ray_indices: [S], sorted: which ray each sample is of.
+        distances: [S], of the intervals' centers from where the ray enters the grid.
+        positions: [S, 3].
+        step: Length of the intervals, one for all or [S].
+    """
 
     ray_indices: Tensor
     distances: Tensor
@@ -31,7 +37,20 @@ class Samples:
 
 
 def coarse_occupancy(occupied: Tensor) -> Tensor:
-    """Blocks of BLOCK^3 cells that hold an occupied cell or touch one within two cells, bool."""
+    """Blocks of BLOCK^3 cells that hold an occupied cell or touch one within two cells.
+
+    Args:
+        occupied: Cells [X, Y, Z] bool.
+
+    Returns:
+        Blocks [ceil(X / BLOCK), ceil(Y / BLOCK), ceil(Z / BLOCK)] bool.
+
+    Example:
+        >>> occupied = torch.zeros(12, 4, 4, dtype=torch.bool)
+        >>> occupied[0, 0, 0] = True
+        >>> coarse_occupancy(occupied).flatten()
+        tensor([ True, False, False])
+    """
     grid = occupied[None, None].float()
     # a fine sample may lie up to half a coarse stride from the point where the block is looked up
     grid = torch.nn.functional.max_pool3d(grid, BLOCK + 1, stride=1, padding=BLOCK // 2)
@@ -39,7 +58,21 @@ def coarse_occupancy(occupied: Tensor) -> Tensor:
 
 
 def cell_indices(positions: Tensor, minimum: Tensor, voxel: float, shape: tuple[int, ...]) -> Tensor:
-    """Flat index of the cell that holds each position [.., 3]; positions outside take the nearest border cell."""
+    """Flat index of the cell that holds each position. Not differentiable.
+
+    Args:
+        positions: [.., 3], grid coordinates; those outside take the nearest border cell.
+        minimum: [3], lowest corner of the grid.
+        voxel: Edge of a cell.
+        shape: Number of cells along each axis, (X, Y, Z).
+
+    Returns:
+        Indices [..] in [0, X * Y * Z), those of a flattened [X, Y, Z].
+
+    Example:
+        >>> cell_indices(torch.tensor([[0.5, 0.5, 1.5], [9.0, 9.0, 9.0]]), torch.zeros(3), 1.0, (2, 2, 2))
+        tensor([1, 7])
+    """
     cells = ((positions - minimum) / voxel).long()
     x = cells[..., 0].clamp_(0, shape[0] - 1)
     y = cells[..., 1].clamp_(0, shape[1] - 1)
@@ -56,9 +89,27 @@ def march(
     step_in_voxels: float,
     jitter: Tensor | None = None,
 ) -> Samples:
-    """Samples at equal steps inside occupied cells, along polylines of knots `paths` [R, K, 3].
+    """Samples at equal steps inside occupied cells, along polylines. Not differentiable.
 
-    coarse: `coarse_occupancy(occupied)`. jitter: [R] in [0, 1), each ray's offset in steps (0.5 for None).
+    Args:
+        paths: Knots [R, K, 3] of each ray's polyline, grid coordinates.
+        minimum: [3], lowest corner of the grid.
+        voxel: Edge of a cell.
+        occupied: Cells [X, Y, Z] bool.
+        coarse: `coarse_occupancy(occupied)`.
+        step_in_voxels: Distance from sample to sample.
+        jitter: [R] in [0, 1), each ray's offset in steps; 0.5 for None.
+
+    Returns:
+        The samples of all rays, packed.
+
+    Example:
+        >>> occupied = torch.zeros(4, 1, 1, dtype=torch.bool)
+        >>> occupied[2] = True
+        >>> path = torch.tensor([[[0.0, 0.5, 0.5], [4.0, 0.5, 0.5]]])
+        >>> samples = march(path, torch.zeros(3), 1.0, occupied, coarse_occupancy(occupied), 0.5)
+        >>> samples.distances
+        tensor([2.2500, 2.7500])
     """
     shape = tuple(occupied.shape)
     step = step_in_voxels * voxel
@@ -89,9 +140,20 @@ def march(
 
 
 class Polylines:
-    """Paths [R, K, 3] by the distance travelled along them; lengths [R]."""
+    """Polylines by the distance travelled along them.
+
+    Attributes:
+        lengths: [R], of the whole polylines.
+
+    Example:
+        >>> bent = Polylines(torch.tensor([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 2.0, 0.0]]]))
+        >>> bent.points(torch.tensor([0]), torch.tensor([[0.5, 2.0]]))
+        tensor([[[0.5000, 0.0000, 0.0000],
+                 [1.0000, 1.0000, 0.0000]]])
+    """
 
     def __init__(self, paths: Tensor) -> None:
+        """Measure polylines of knots `paths` [R, K, 3]."""
         pieces = paths[:, 1:] - paths[:, :-1]
         lengths = torch.linalg.norm(pieces, dim=2)
         self._knots = paths

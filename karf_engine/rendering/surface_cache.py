@@ -22,9 +22,14 @@ MIN_OPACITY = 0.02
 
 @dataclass(frozen=True)
 class SurfaceCache:
-    """Quantile samples of n rays. positions: [n, K, 3] and distances: [n, K], grid coordinates; viewdirs: [n, 3]; opacity: [n] in [0, 1].
+    """Quantile samples of n rays; rays of less opacity than MIN_OPACITY are left out.
 
-    index: [n] which of the given rays each one is; rays of less opacity than MIN_OPACITY are left out.
+    Attributes:
+        positions: [n, K, 3], grid coordinates.
+        distances: [n, K], grid coordinates, from where the ray enters the grid.
+        viewdirs: [n, 3], of unit length, in the world's axes.
+        opacity: [n] in [0, 1].
+        index: [n], which of the given rays each one is.
     """
 
     positions: Tensor
@@ -52,9 +57,25 @@ class SurfaceCache:
 
 @torch.no_grad()
 def cache_surface(field, rays: Rays, n_samples: int, step: float, progress: Progress | None = None) -> SurfaceCache:
-    """Quantile samples of rays through a frozen field.
+    """Quantile samples of rays through a frozen field. Not differentiable.
 
-    field: has `trace(rays, step)`. n_samples: K >= 1. step: stride in voxels, of a field that has some.
+    Args:
+        field: Has `trace(rays, step)` (see `fields.protocol.Field`).
+        rays: In world units.
+        n_samples: K >= 1, samples a ray.
+        step: Stride in voxels, of a field that has some.
+        progress: Told of each finished ray; may cancel.
+
+    Returns:
+        The cache of all rays that are opaque enough.
+
+    Example:
+        >>> from types import SimpleNamespace
+        >>> samples = Samples(torch.tensor([0]), torch.tensor([2.0]), torch.tensor([[0.0, 0.0, 2.0]]), 1.0)
+        >>> field = SimpleNamespace(trace=lambda rays, step: SimpleNamespace(samples=samples, ray_weights=torch.ones(1)))
+        >>> cache = cache_surface(field, Rays(torch.zeros(1, 3), torch.tensor([[0.0, 0.0, 1.0]])), 3, 1.0)
+        >>> cache.distances
+        tensor([[2., 2., 2.]])
     """
     parts = []
     for start in range(0, len(rays), RAYS_PER_CHUNK):
@@ -67,13 +88,43 @@ def cache_surface(field, rays: Rays, n_samples: int, step: float, progress: Prog
 
 
 def join_caches(parts: list[SurfaceCache]) -> SurfaceCache:
-    """One cache of the rays of all."""
+    """One cache of the rays of all.
+
+    Args:
+        parts: At least one, with as many samples a ray.
+
+    Returns:
+        Their rays one after the other; `index` stays as it is.
+
+    Example:
+        >>> part = SurfaceCache(torch.zeros(2, 3, 3), torch.zeros(2, 3), torch.zeros(2, 3), torch.ones(2), torch.arange(2))
+        >>> len(join_caches([part, part]))
+        4
+    """
     return SurfaceCache(*[torch.cat([getattr(part, item.name) for part in parts]) for item in fields(SurfaceCache)])
 
 
 @torch.no_grad()
 def quantile_samples(rays: Rays, samples: Samples, ray_weights: Tensor, n_samples: int, first: int = 0) -> SurfaceCache:
-    """The quantile samples of marched rays; `first` is added to their index."""
+    """Of each ray, the samples at the middles of K equal shares of its opacity. Not differentiable.
+
+    Args:
+        rays: R rays.
+        samples: Their packed samples.
+        ray_weights: [S], of these samples.
+        n_samples: K >= 1, samples a ray.
+        first: Added to the rays' index.
+
+    Returns:
+        The cache of those rays that are opaque enough.
+
+    Example:
+        >>> samples = Samples(torch.tensor([0, 0]), torch.tensor([1.0, 2.0]), torch.zeros(2, 3), 1.0)
+        >>> rays = Rays(torch.zeros(2, 3), torch.zeros(2, 3))
+        >>> cache = quantile_samples(rays, samples, torch.tensor([0.6, 0.2]), 2)
+        >>> cache.index, cache.distances  # the second ray meets nothing; 1/4 and 3/4 of the first's 0.8 are 0.2 and 0.6
+        (tensor([0]), tensor([[1., 1.]]))
+    """
     n_rays = len(rays)
     mass = torch.cumsum(ray_weights.double(), 0)
     counts = torch.bincount(samples.ray_indices, minlength=n_rays)

@@ -20,9 +20,21 @@ VISIBLE_WEIGHT = 1e-4  # a sample of less weight needs no color: it cannot chang
 
 
 def transmittance_from_optical_depths(optical_depths: Tensor, ray_indices: Tensor) -> Tensor:
-    """exp(-sum of the optical depths before each sample of its ray), [S] in (0, 1].
+    """Light that reaches each sample: exp(-sum of the optical depths before it on its ray).
 
-    The sum runs over all rays at once: float32 would lose up to 1e-3 of transmittance there, float64 does not.
+    Differentiable in the optical depths up to 100, behind which it is dark. The sum runs over all rays at once: float32
+    would lose up to 1e-3 of transmittance there, float64 does not.
+
+    Args:
+        optical_depths: [S] >= 0, sigma times delta.
+        ray_indices: [S], sorted.
+
+    Returns:
+        Transmittances [S] in (0, 1].
+
+    Example:
+        >>> transmittance_from_optical_depths(torch.tensor([0.6931, 1.0, 5.0]), torch.tensor([0, 0, 1]))
+        tensor([1.0000, 0.5000, 1.0000])
     """
     # behind an optical depth of 100 it is dark in float32; one huge summand would take the digits of all rays after it
     limited = optical_depths.double().clamp_max(100)
@@ -31,9 +43,21 @@ def transmittance_from_optical_depths(optical_depths: Tensor, ray_indices: Tenso
 
 
 def ray_weights_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_indices: Tensor) -> Tensor:
-    """T_i (1 - exp(-sigma_i delta_i)) of each sample (paper Eq. 8), [S] in [0, 1].
+    """Ray weights T_i (1 - exp(-sigma_i delta_i)) of packed samples (paper, Eq. 8).
 
-    sigmas: [S] >= 0, per world unit. deltas: [S] or one number, world units. ray_indices: [S], sorted.
+    Differentiable in `sigmas` and `deltas`.
+
+    Args:
+        sigmas: Densities [S] >= 0, per unit of length.
+        deltas: Interval lengths [S], or one for all, in that unit.
+        ray_indices: [S], sorted.
+
+    Returns:
+        Weights [S] in [0, 1]; a ray's sum and its remainder are one.
+
+    Example:
+        >>> ray_weights_from_sigmas(torch.tensor([0.0, 0.6931, 0.6931]), 1.0, torch.tensor([0, 0, 0]))
+        tensor([0.0000, 0.5000, 0.2500])
     """
     optical_depths = sigmas * deltas
     # expm1 keeps thin samples exact: 1 - exp(-x) is 40 % off at x = 1e-7 in float32
@@ -42,9 +66,23 @@ def ray_weights_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_indices:
 
 
 def distortion(ray_weights: Tensor, distances: Tensor, step: float, ray_indices: Tensor) -> Tensor:
-    """Sum over all rays of Mip-NeRF 360's distortion (Eq. 15): how far a ray's weight is spread, [] >= 0.
+    """Sum over all rays of Mip-NeRF 360's distortion (Eq. 15): how far apart a ray's weight lies.
 
-    distances: [S] of the samples along their rays. step: length of each sample's interval, in the same units.
+    Differentiable in `ray_weights`.
+
+    Args:
+        ray_weights: [S] in [0, 1].
+        distances: [S], of the samples along their rays.
+        step: Length of the samples' intervals, in the unit of the distances.
+        ray_indices: [S], sorted.
+
+    Returns:
+        The sum [] >= 0.
+
+    Example:
+        >>> halves, one_ray = torch.tensor([0.5, 0.5]), torch.tensor([0, 0])
+        >>> distortion(halves, torch.tensor([1.0, 3.0]), 0.0, one_ray)  # 2 * 0.5 * 0.5 * |1 - 3|
+        tensor(1.)
     """
     weights, moments = ray_weights.double(), ray_weights.double() * distances.double()
     before = torch.cumsum(weights, 0) - weights
@@ -67,14 +105,45 @@ def _of_ray_start(values: Tensor, ray_indices: Tensor) -> Tensor:
 
 
 def accumulate(ray_weights: Tensor, values: Tensor | None, ray_indices: Tensor, n_rays: int) -> Tensor:
-    """Sum of ray_weights * values over each ray; [R, C] for values [S, C], or [R, 1] (opacity) for None."""
+    """Sum of ray_weights * values over each ray. Differentiable in both.
+
+    Args:
+        ray_weights: [S].
+        values: [S, C]; None for ones, whose sum is the ray's opacity.
+        ray_indices: [S].
+        n_rays: R.
+
+    Returns:
+        Sums [R, C], or [R, 1] without values; 0 for rays without samples.
+
+    Example:
+        >>> accumulate(torch.tensor([0.5, 0.25]), torch.tensor([[1.0], [2.0]]), torch.tensor([0, 0]), 2)
+        tensor([[1.],
+                [0.]])
+    """
     weighted = ray_weights[:, None] if values is None else ray_weights[:, None] * values
     result = torch.zeros(n_rays, weighted.shape[1], dtype=weighted.dtype, device=weighted.device)
     return result.index_add(0, ray_indices, weighted)
 
 
 def remainder_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_indices: Tensor, n_rays: int) -> Tensor:
-    """exp(-total optical depth) of each ray, [R] in [0, 1]; never negative, as 1 - sum(ray_weights) can be."""
+    """Light that leaves each ray behind its last sample: exp(-its total optical depth).
+
+    Differentiable in `sigmas` and `deltas`. Never negative, as 1 - sum(ray_weights) can be.
+
+    Args:
+        sigmas: Densities [S] >= 0, per unit of length.
+        deltas: Interval lengths [S], or one for all, in that unit.
+        ray_indices: [S].
+        n_rays: R.
+
+    Returns:
+        Remainders [R] in [0, 1]; 1 for rays without samples.
+
+    Example:
+        >>> remainder_from_sigmas(torch.tensor([0.6931, 0.6931]), 1.0, torch.tensor([0, 0]), 2)
+        tensor([0.2500, 1.0000])
+    """
     optical_depths = sigmas * deltas
     total = torch.zeros(n_rays, dtype=optical_depths.dtype, device=optical_depths.device)
     return torch.exp(-total.index_add(0, ray_indices, optical_depths))
@@ -82,7 +151,13 @@ def remainder_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_indices: T
 
 @dataclass(frozen=True)
 class Trace:
-    """Where rays end in a frozen field. samples: packed; ray_weights: [S] of them; remainder: [R]."""
+    """Where rays end in a frozen field.
+
+    Attributes:
+        samples: Packed, of all rays.
+        ray_weights: [S] in [0, 1], of the samples.
+        remainder: [R] in [0, 1], what the rays do not end on.
+    """
 
     samples: Samples
     ray_weights: Tensor
@@ -90,7 +165,21 @@ class Trace:
 
 
 def trace_of(samples: Samples, sigmas: Tensor, n_rays: int) -> Trace:
-    """The trace of samples whose densities [S], per grid unit, are known."""
+    """The trace of samples whose densities are known.
+
+    Args:
+        samples: Packed, of R rays.
+        sigmas: Densities [S] >= 0, per grid unit.
+        n_rays: R.
+
+    Returns:
+        Samples, their weights, and the remainders of the rays.
+
+    Example:
+        >>> samples = Samples(torch.tensor([0]), torch.tensor([2.0]), torch.tensor([[0.0, 0.0, 2.0]]), 0.5)
+        >>> trace_of(samples, torch.tensor([1.3863]), 1).remainder
+        tensor([0.5000])
+    """
     return Trace(
         samples,
         ray_weights_from_sigmas(sigmas, samples.step, samples.ray_indices),
@@ -99,7 +188,20 @@ def trace_of(samples: Samples, sigmas: Tensor, n_rays: int) -> Trace:
 
 
 def outward_normals(density: Callable[[Tensor], Tensor], positions: Tensor, reach: float) -> Tensor:
-    """Minus the density's gradient at positions [n, 3] by central differences over `reach`, [n, 3] of length 1 or 0."""
+    """Surface normals: minus the density's gradient, by central differences. Not differentiable in the positions.
+
+    Args:
+        density: Gives densities [n] at positions [n, 3].
+        positions: [n, 3], grid coordinates.
+        reach: Half the distance over which densities are compared, grid coordinates.
+
+    Returns:
+        Normals [n, 3] of unit length; 0 where the density is the same all round.
+
+    Example:
+        >>> outward_normals(lambda x: -x[:, 2], torch.zeros(1, 3), 0.1).abs()  # denser below
+        tensor([[0., 0., 1.]])
+    """
     gradient = torch.zeros_like(positions)
     for axis in range(3):
         offset = torch.zeros(3, device=positions.device)

@@ -1,23 +1,30 @@
-"""Surface points: the samples of many rays merged into cells a little larger than a grain, mostly a voxel.
-
-A point knows its mean position and mean photo color in CIE Lab. `point_of_sample` [n, K]
-says into which point each cached sample went.
-"""
+"""Surface points: the samples of many rays merged into cells a little larger than a grain, mostly a voxel."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+import torch
+
+from ..color import srgb_to_lab
+from .views import CachedViews
 
 CELL_IN_GRAINS = 1.4
+MOST_POINTS = 60_000  # about: finer ones have few votes each, and colors outvote their neighbors
+LABEL_SAMPLES = 3  # a ray: labels are of the surface, and the first and last of many samples lie off it
 
 
 @dataclass(frozen=True)
 class SurfacePoints:
-    """positions [p, 3] grid coordinates; lab [p, 3] (L in [0, 100]); point_of_sample [n, K] int.
+    """Points on the surface, p of them, with mean positions and photo colors of the samples of n rays.
 
-    grain: how fine the points are, grid coordinates; lengths of the label solve are multiples of it.
+    Attributes:
+        positions: [p, 3] grid coordinates.
+        lab: [p, 3] CIE Lab, L in [0, 100].
+        point_of_sample: [n, K] int, into which point each sample of each ray went.
+        grain: how fine the points are, grid coordinates; lengths of the label propagation are multiples of it.
     """
 
     positions: np.ndarray
@@ -29,10 +36,36 @@ class SurfacePoints:
         return len(self.positions)
 
 
-def merge_samples(positions: np.ndarray, lab: np.ndarray, ray_confidence: np.ndarray, grain: float) -> SurfacePoints:
-    """Merge samples [n, K, 3] of rays with photo colors lab [n, 3] and confidences [n] in [0, 1] in cells of 1.4 grains.
+def surface_points(cached: CachedViews, voxel: float) -> SurfacePoints:
+    """The surface in points as fine as the voxels, or coarser where these are so fine that few rays meet in one.
 
-    A ray whose samples lie far apart (a silhouette) should come with low confidence: its color is a mixture.
+    Args:
+        cached: views and where their rays end.
+        voxel: size of the field's voxels, grid coordinates.
+    """
+    points = _points_of_grain(cached, voxel)
+    if len(points) <= MOST_POINTS:
+        return points
+    return _points_of_grain(cached, voxel * math.sqrt(len(points) / MOST_POINTS))
+
+
+def _points_of_grain(cached: CachedViews, grain: float) -> SurfacePoints:
+    cache = cached.cache.thinned(LABEL_SAMPLES)
+    lab = srgb_to_lab(cached.views.colors()[cache.index.cpu().numpy()])
+    # samples of a silhouette ray lie far apart, and its color is a mixture
+    confidence = torch.exp(-cache.spread / (4 * grain)) * cache.opacity
+    return merge_samples(cache.positions.cpu().numpy(), lab, confidence.cpu().numpy(), grain)
+
+
+def merge_samples(positions: np.ndarray, lab: np.ndarray, ray_confidence: np.ndarray, grain: float) -> SurfacePoints:
+    """Merge the samples of rays in cells of 1.4 grains.
+
+    Args:
+        positions: [n, K, 3] samples, grid coordinates.
+        lab: [n, 3] photo colors of the rays.
+        ray_confidence: [n] in [0, 1], weight in the means. A ray whose samples lie far apart (a silhouette) should have
+            a low one: its color is a mixture.
+        grain: grid coordinates.
     """
     n_rays, n_samples = positions.shape[:2]
     flat = positions.reshape(-1, 3)

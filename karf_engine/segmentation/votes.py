@@ -1,36 +1,87 @@
-"""What coarse masks say about surface points.
+"""What coarse masks say about pixels and surface points.
 
-A labelled view holds masks of some of the objects. A pixel in a mask votes for that object. A pixel outside all of them
+A masked view holds masks of some of the objects. A pixel in a mask votes for that object. A pixel outside all of them
 votes evenly for the background and for the objects that have no mask in this view: it may well be one of those.
 Confidence grows from 0 at a mask's border, where hands are least exact, to 1 a few pixels away.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
+from .views import CachedViews, MaskedViews
+
 BAND_PIXELS = 6.0  # at 200 pixels of height
 BAND_OF_RADIUS = 0.35
+LEAST_OPACITY = 0.3  # of a ray that votes
+
+
+@dataclass(frozen=True)
+class RayVotes:
+    """What the masks say of n cached rays.
+
+    Attributes:
+        targets: [n, K+1] shares of the classes; rows sum to 1.
+        confidence: [n] in [0, 1]; 0 in views without masks.
+        opacity: [n] in [0, 1], of the rays.
+    """
+
+    targets: np.ndarray
+    confidence: np.ndarray
+    opacity: np.ndarray
+
+
+def votes_of_rays(cached: CachedViews) -> RayVotes:
+    """The votes of the cached rays. Rays of low opacity hardly end on anything: their confidence is 0."""
+    targets, confidence = votes_of_pixels(cached.views)
+    index, opacity = cached.cache.index.cpu().numpy(), cached.cache.opacity.cpu().numpy()
+    return RayVotes(targets[index], confidence[index] * (opacity > LEAST_OPACITY), opacity)
+
+
+def votes_of_pixels(views: MaskedViews) -> tuple[np.ndarray, np.ndarray]:
+    """Targets [N, K+1] and confidence [N] of the pixels of all views; see `mask_targets` and `mask_confidence`."""
+    n_classes, offsets = len(views.objects) + 1, views.offsets
+    targets, confidence = np.full((offsets[-1], n_classes), 1.0 / n_classes), np.zeros(offsets[-1])
+    for number, masks in enumerate(views.masks):
+        if masks:
+            pixels = slice(offsets[number], offsets[number + 1])
+            targets[pixels] = mask_targets(masks, n_classes).reshape(-1, n_classes)
+            confidence[pixels] = mask_confidence(masks).ravel()
+    return targets, confidence
 
 
 def mask_targets(masks: dict[int, np.ndarray], n_classes: int) -> np.ndarray:
-    """Class votes [H, W, n_classes] of one view's masks {class number: bool [H, W]}; rows sum to 1.
+    """Which classes the pixels of one view may have.
 
-    Where masks overlap they share the pixel.
+    Args:
+        masks: {class number: bool [H, W]}, at least one. Where masks overlap they share the pixel.
+        n_classes: K + 1, background included.
+
+    Returns:
+        [H, W, n_classes] float64; rows sum to 1.
     """
     height, width = next(iter(masks.values())).shape
     targets = np.zeros((height, width, n_classes))
     for number, mask in masks.items():
         targets[mask, number] = 1
-    unmarked = [k for k in range(n_classes) if k not in masks]
+    without_mask = [k for k in range(n_classes) if k not in masks]
     outside = targets.sum(2) == 0
-    targets[np.ix_(np.arange(height), np.arange(width), unmarked)] += outside[..., None]
+    targets[np.ix_(np.arange(height), np.arange(width), without_mask)] += outside[..., None]
     return targets / targets.sum(2, keepdims=True)
 
 
 def mask_confidence(masks: dict[int, np.ndarray]) -> np.ndarray:
-    """How far each pixel lies from the masks' borders, [H, W] in [0, 1]."""
+    """How far each pixel lies from the masks' borders: 0 on one, 1 a few pixels away.
+
+    Args:
+        masks: {class number: bool [H, W]}, at least one.
+
+    Returns:
+        [H, W] float64 in [0, 1].
+    """
     height, width = next(iter(masks.values())).shape
     confidence = np.ones((height, width))
     for mask in masks.values():
@@ -45,10 +96,17 @@ def mask_confidence(masks: dict[int, np.ndarray]) -> np.ndarray:
 def vote_on_points(
     point_of_sample: np.ndarray, targets: np.ndarray, confidence: np.ndarray, n_points: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Sum the votes of rays on the points their samples belong to.
+    """Sum the votes of rays on the surface points that their samples belong to.
 
-    point_of_sample: [n, K]; targets: [n, C]; confidence: [n]. Returns targets [p, C], whose rows sum to 1, and
-    confidence [p]; a point without votes has confidence 0 and an even target.
+    Args:
+        point_of_sample: [n, K] int, point of each sample of each ray.
+        targets: [n, C] votes of the rays; rows sum to 1.
+        confidence: [n] >= 0.
+        n_points: p.
+
+    Returns:
+        Targets [p, C], whose rows sum to 1, and confidence [p]: the sum over a point's samples, 0 and an even target
+        where there are none.
     """
     n_samples = point_of_sample.shape[1]
     point = point_of_sample.ravel()

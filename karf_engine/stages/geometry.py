@@ -19,11 +19,14 @@ from .. import settings as settings_module
 from ..capture import open_capture
 from ..capture.capture import Capture, SparsePoints, capture_to_json
 from ..errors import BadRequest, Cancelled, DataError, KarfError
+from ..fields.files import save_scene
+from ..fields.fit import FitInputs
 from ..fields.nerf.field import NerfNetwork
 from ..fields.nerf.files import read_nerf
-from ..fields.nerf.importing import adopt
+from ..fields.nerf.importing import import_nerf
+from ..fields.registry import field_kind, start_fit
 from ..fields.scene import Scene, psnr_of_views
-from ..fields.start import choose_space, start_fit
+from ..fields.spaces import choose_space
 from ..files import write_json
 from ..images import write_png
 from ..locking import opened
@@ -35,7 +38,7 @@ from ..wire import Request
 from .job import Job, StageRun, file_mark, make_job, run_stage
 
 VERSION = 1
-WATCHED_VIEWS = 8
+VALIDATION_VIEWS = 8
 COMPARED_VIEWS, COMPARED_LONG_SIDE = 3, 200  # photos that a foreign NeRF must show
 WORSE = 0.5  # dB that held-out views may lose from level to level without a warning
 
@@ -48,6 +51,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     settings = settings_module.with_overrides(
         settings_module.preset(options.get("preset", "demo")), options.get("overrides", [])
     )
+    field_kind(settings.geometry.field)  # refuses an unknown one before photos are read
     nerf = Path(options["nerf"]) if options.get("nerf") else None
     networks = None if nerf is None else read_nerf(nerf)
     capture = open_capture(Path(options["capture"]))
@@ -66,9 +70,9 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         if nerf is None:
             scene = learn(job, capture, run)
         else:
-            scene = take_over(job, capture, nerf, networks, run.facts)
+            scene = import_scene(job, capture, nerf, networks, run.facts)
         write_json(run.output(project.capture_file), capture_to_json(capture))
-        scene.save(run.output(project.geometry_file))
+        save_scene(scene, run.output(project.geometry_file))
     job.artifact("geometry", project.geometry_file)
 
 
@@ -88,36 +92,39 @@ def learn(job: Job, capture: Capture, run: StageRun) -> Scene:
     views = capture.split("train")
     plates = job.plates(views)
     kind = background_kind([_with_alpha(plate) for plate in plates])
-    cameras = [replace(view, camera=plate.camera) for view, plate in zip(views, plates, strict=True)]
+    views = [replace(view, camera=plate.camera) for view, plate in zip(views, plates, strict=True)]
     points = training_points(job, capture, plates, kind)
-    space = choose_space(kind, cameras, points, settings)
+    space = choose_space(kind, views, points, settings)
     job.emit("stage", name="geometry", text=f"{space}, {0 if points is None else len(points)} sparse points")
-    fit = start_fit(make_bank(plates, kind, job), kind, space, cameras, points, settings, job.runtime)
+    bank = make_bank(plates, kind, job)
+    fit = start_fit(FitInputs(bank, kind, space, views, points, settings, job.runtime))
     progress = job.progress("geometry", fit.iterations)
     run.unfinished.follow(fit, progress)
-    watched, scores = watched_views(job, capture), run.unfinished.notes.setdefault("held_out", [])
+    held_out, scores = validation_bank(job, capture), run.unfinished.notes.setdefault("held_out", [])
     for scene in fit.scenes(progress, run.unfinished):
         preview(job, scene, plates[0])
-        if watched is not None:
-            look(job, scene, watched, scores)
-    run.facts.update(background=kind, space=space, **scene.field.figures(), held_out=scores)
+        if held_out is not None:
+            validate(job, scene, held_out, scores)
+    run.facts.update(background=kind, space=space, **scene.field.summary(), held_out=scores)
     return scene
 
 
-def take_over(job: Job, capture: Capture, path: Path, networks: tuple[NerfNetwork, NerfNetwork], facts: dict) -> Scene:
+def import_scene(
+    job: Job, capture: Capture, path: Path, networks: tuple[NerfNetwork, NerfNetwork], facts: dict
+) -> Scene:
     """The scene of a NeRF that another program has trained, once it has been seen to show some training photos."""
     views = capture.split("train")
     plates = job.plates(views[:: max(1, len(views) // COMPARED_VIEWS)][:COMPARED_VIEWS], COMPARED_LONG_SIDE)
     kind = background_kind([_with_alpha(plate) for plate in plates])
-    grounds = {"alpha": 1.0, "black": 0.0} if kind == "alpha" else {kind: 0.0}
-    banks = {name: make_bank([_on_ground(p, value) for p in plates], "opaque", job) for name, value in grounds.items()}
+    grays = {"alpha": 1.0, "black": 0.0} if kind == "alpha" else {kind: 0.0}
+    banks = {name: make_bank([_over_gray(p, value) for p in plates], "opaque", job) for name, value in grays.items()}
     job.emit("stage", name="geometry", text=f"comparing {path.name} with {len(plates)} photos")
-    scene, placement, psnr = adopt(
+    scene, alignment, psnr = import_nerf(
         networks, list(capture.views), banks, job.settings.geometry.nerf, str(path), job.runtime.device
     )
-    job.emit("stage", name="geometry", text=f"{path.name} is placed {placement!r} and shows them at {psnr:.1f} dB")
+    job.emit("stage", name="geometry", text=f"{path.name} is placed {alignment!r} and shows them at {psnr:.1f} dB")
     preview(job, scene, plates[0])
-    facts |= {"background": scene.background_kind, "space": placement, **scene.field.figures()}
+    facts |= {"background": scene.background_kind, "space": alignment, **scene.field.summary()}
     facts |= {"nerf": str(path), "psnr": round(psnr, 2)}
     return scene
 
@@ -129,16 +136,16 @@ def preview(job: Job, scene: Scene, plate: Plate) -> None:
     job.emit("preview", path=str(path))
 
 
-def watched_views(job: Job, capture: Capture) -> PixelBank | None:
-    """Some test views, spread over all; None where there are none, or none without a matte."""
+def validation_bank(job: Job, capture: Capture) -> PixelBank | None:
+    """Pixels of some test views, evenly chosen; None where there are none, or one has a matte."""
     views = capture.split("test")
-    plates = job.plates(views[:: max(1, len(views) // WATCHED_VIEWS)])
+    plates = job.plates(views[:: max(1, len(views) // VALIDATION_VIEWS)])
     return make_bank(plates, "opaque", job) if plates and all(plate.alpha is None for plate in plates) else None
 
 
-def look(job: Job, scene: Scene, watched: PixelBank, scores: list[list[float]]) -> None:
-    """Note how well the watched views are rendered, mean and worst in dB, and warn where that has become worse."""
-    values = psnr_of_views(scene, watched)
+def validate(job: Job, scene: Scene, held_out: PixelBank, scores: list[list[float]]) -> None:
+    """Append how well held-out views are rendered, mean and worst in dB, and warn where that has become worse."""
+    values = psnr_of_views(scene, held_out)
     mean, worst = round(sum(values) / len(values), 2), round(min(values), 2)
     job.emit("stage", name="geometry", text=f"held-out views {mean} dB, the worst {worst} dB")
     if scores and mean < scores[-1][0] - WORSE:
@@ -154,7 +161,7 @@ def look(job: Job, scene: Scene, watched: PixelBank, scores: list[list[float]]) 
 def training_points(job: Job, capture: Capture, plates: list[Plate], kind: str) -> SparsePoints | None:
     """Sparse points as the training photos observe them: the capture's, or found in the photos; None without need.
 
-    Test photos have no say, though their features helped to find a capture's own points.
+    Test photos are left out, though their features helped to find a capture's own points.
     """
     if kind != "opaque" or job.settings.geometry.space == "box":
         return None
@@ -178,7 +185,7 @@ def training_points(job: Job, capture: Capture, plates: list[Plate], kind: str) 
 
 
 def make_bank(plates: list[Plate], kind: str, job: Job) -> PixelBank:
-    """All pixels of the plates, with what the background's kind tells of their opacity."""
+    """All pixels of the plates, with what the kind of background says of their opacity."""
     alphas = solids = None
     if kind == "alpha":
         alphas = [np.ones(plate.color.shape[:2]) if plate.alpha is None else plate.alpha for plate in plates]
@@ -190,12 +197,12 @@ def make_bank(plates: list[Plate], kind: str, job: Job) -> PixelBank:
     return PixelBank([p.camera for p in plates], [p.color for p in plates], alphas, solids, valid, job.runtime.device)
 
 
-def _on_ground(plate: Plate, ground: float) -> Plate:
-    """The plate without its matte, before a gray."""
+def _over_gray(plate: Plate, gray: float) -> Plate:
+    """The plate composited over a gray, without its matte."""
     if plate.alpha is None:
         return plate
     matte = plate.alpha[..., None]
-    return replace(plate, color=plate.color * matte + ground * (1 - matte), alpha=None)
+    return replace(plate, color=plate.color * matte + gray * (1 - matte), alpha=None)
 
 
 def _with_alpha(plate: Plate) -> np.ndarray:

@@ -7,18 +7,18 @@ import json
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from .. import settings as settings_module
-from ..capture.capture import Capture, View, capture_from_json
-from ..errors import BadRequest, Diverged
-from ..files import read_json
+from ..capture.capture import Capture, View
+from ..errors import Diverged
 from ..locking import consistent, opened, writing
 from ..plates import Plate, load_views
 from ..progress import Emit, Progress, peak_memory_bytes
 from ..project import STAGE_ORDER, Project
+from ..project_contents import capture_of, settings_for
 from ..runtime import Runtime, start_runtime
 from ..settings import Settings
 from ..training.unfinished import Unfinished
@@ -44,8 +44,7 @@ class Job:
 
     def capture(self) -> Capture:
         """The project's capture. Raises DataError where it is damaged."""
-        path = self.project.checked(self.project.capture_file)
-        return capture_from_json(read_json(path, "capture"), path)
+        return capture_of(self.project)
 
     def plates(self, views: Sequence[View], long_side: int | None = None) -> list[Plate]:
         """Photos of these views at the working size, or smaller."""
@@ -74,24 +73,6 @@ def open_job(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> J
     """Open the project of a request whose geometry stage is finished, with the settings that its stage builds on."""
     project = opened(request.project)
     return make_job(project, request.options, settings_for(project, request.stage), emit, should_stop)
-
-
-def settings_for(project: Project, stage: str) -> Settings:
-    """The project's settings for a stage: of those before it the ones that they were run with, for others as last set.
-
-    So what is finished is rendered as it was learned, whatever has been asked for since.
-    """
-    state = project.state()
-    if state.get("settings") is None:
-        raise BadRequest(f"{project.folder} has no settings yet.", "Run the geometry stage first.")
-    settings = settings_module.from_dict(state["settings"])
-    before = STAGE_ORDER[: STAGE_ORDER.index(stage)] if stage in STAGE_ORDER else STAGE_ORDER
-    for name in before:
-        used = state["stages"].get(name, {}).get("settings")
-        if used is not None:
-            own = settings_module.from_dict(used, type(getattr(settings, name)))
-            settings = replace(settings, **{name: own})
-    return settings
 
 
 def make_job(

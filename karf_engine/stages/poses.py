@@ -23,7 +23,7 @@ from ..capture.image_size import image_header
 from ..capture.reading import photos_in
 from ..errors import BadRequest, DataError, missing_package
 from ..images import read_photo, write_png
-from ..poses.structure_from_motion import FEWEST_PHOTOS, Placement, Plan, solve
+from ..poses.structure_from_motion import FEWEST_PHOTOS, SfmResult, SfmTask, reconstruct
 from ..poses.video import write_sharpest_frames
 from ..poses.work_folder import work_folder
 from ..progress import Emit, Progress
@@ -31,9 +31,11 @@ from ..wire import Request
 
 MATCHING = ("auto", "exhaustive", "sequential")
 MOST_EXHAUSTIVE = 250  # photos; all pairs of more take hours
-ENOUGH = 0.9  # share of placed photos below which a second, more sensitive try is made, and the user warned
-TOO_FEW = 0.3  # share of placed photos that is no result
-SURE = 0.8  # agreement of matches and poses below which the poses may be wrong; right ones keep 0.88 amid look-alikes
+ENOUGH = 0.9  # share of registered photos below which a second, more sensitive try is made, and the user warned
+TOO_FEW = 0.3  # share of registered photos that is no result
+MIN_AGREEMENT = (
+    0.8  # agreement of matches and poses below which the poses may be wrong; right ones keep 0.88 amid look-alikes
+)
 
 
 def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
@@ -44,7 +46,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         capture = work / "capture"
         (capture / "images").mkdir(parents=True)
         names = _gather(source, capture / "images", emit, should_stop)
-        plan = Plan(
+        task = SfmTask(
             photos=capture / "images",
             names=names,
             work=work,
@@ -53,8 +55,8 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
             sequential=matching == "sequential" or (matching == "auto" and len(names) > MOST_EXHAUSTIVE),
             threads=request.options.get("threads") or -1,
         )
-        placement = _solve_twice(plan, emit, should_stop)
-        _judge(source, placement, len(names), emit)
+        result = _reconstruct_twice(task, emit, should_stop)
+        _judge(source, result, len(names), emit)
         if out.exists():
             out.rmdir()  # it is empty
         capture.replace(out)
@@ -119,42 +121,44 @@ def _take(photo: Path, folder: Path) -> str:
 
 
 # ---------------------------------------------------------------------------------------------------------------- poses
-def _solve_twice(plan: Plan, emit: Emit, should_stop: Callable[[], bool]) -> Placement:
-    """Solve; where that leaves many photos out, try more sensitive features too. The better model is kept."""
-    best = Placement()
+def _reconstruct_twice(task: SfmTask, emit: Emit, should_stop: Callable[[], bool]) -> SfmResult:
+    """Reconstruct; where that leaves many photos out, try more sensitive features too. The better model is kept."""
+    best = SfmResult()
     for sensitive, text in ((False, "finding poses"), (True, "finding poses with more sensitive features")):
         emit("stage", name="poses", text=text)
-        attempt = plan.work / ("second" if sensitive else "first")
+        attempt = task.work / ("second" if sensitive else "first")
         (attempt / "model").mkdir(parents=True)
-        found = solve(replace(plan, work=attempt, model=attempt / "model", sensitive=sensitive), emit, should_stop)
-        if found.placed > best.placed:
+        found = reconstruct(
+            replace(task, work=attempt, model=attempt / "model", sensitive=sensitive), emit, should_stop
+        )
+        if found.registered > best.registered:
             best = found
-            shutil.rmtree(plan.model, ignore_errors=True)
-            shutil.copytree(attempt / "model", plan.model)
-        if best.placed >= ENOUGH * len(plan.names):
+            shutil.rmtree(task.model, ignore_errors=True)
+            shutil.copytree(attempt / "model", task.model)
+        if best.registered >= ENOUGH * len(task.names):
             break
     return best
 
 
-def _judge(source: Path, placement: Placement, count: int, emit: Emit) -> None:
-    placed = placement.placed
-    if placed < max(FEWEST_PHOTOS, TOO_FEW * count):
+def _judge(source: Path, result: SfmResult, count: int, emit: Emit) -> None:
+    registered = result.registered
+    if registered < max(FEWEST_PHOTOS, TOO_FEW * count):
         raise DataError(
-            f"Only {placed} of the {count} photos of {source} could be placed.",
+            f"Only {registered} of the {count} photos of {source} could be placed.",
             "Take more photos with more overlap (everything in at least three of them), of a scene that has texture "
             "and stands still, sharp and without zooming.",
         )
-    if placed < ENOUGH * count:
+    if registered < ENOUGH * count:
         emit(
             "warning",
             code="poses",
-            sentence=f"{placed} of the {count} photos were placed; the others are left out. More photos between them "
+            sentence=f"{registered} of the {count} photos were placed; the others are left out. More photos between them "
             "and their neighbors would help.",
         )
-    if placement.agreement < SURE:
+    if result.agreement < MIN_AGREEMENT:
         emit(
             "warning",
             code="poses",
-            sentence=f"Only {placement.agreement:.0%} of the matches between the photos agree with the poses: places "
+            sentence=f"Only {result.agreement:.0%} of the matches between the photos agree with the poses: places "
             "that look alike may be confused. Look at the cameras; more photos between neighbors would help.",
         )

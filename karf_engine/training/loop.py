@@ -19,7 +19,7 @@ Step = Callable[[int, float], tuple[Tensor, dict[str, float]]]  # iteration, bat
 Schedule = Callable[[int, int], float]  # iteration, iterations -> factor of the learning rate
 
 
-def warm_cosine(warmup: int, floor: float) -> Schedule:
+def cosine_with_warmup(warmup: int, floor: float) -> Schedule:
     """Learning-rate factor: linear warm-up over `warmup` iterations, then a cosine from 1 down to `floor`."""
 
     def factor(iteration: int, total: int) -> float:
@@ -29,7 +29,7 @@ def warm_cosine(warmup: int, floor: float) -> Schedule:
     return factor
 
 
-def warm_exponential(warmup: int, hold: float, floor: float) -> Schedule:
+def exponential_with_warmup(warmup: int, hold: float, floor: float) -> Schedule:
     """Linear warm-up, 1 until the share `hold` of the run, then an exponential decay to `floor`."""
 
     def factor(iteration: int, total: int) -> float:

@@ -77,10 +77,11 @@ def show(project: Path, options: argparse.Namespace) -> bpy.types.Scene:
     ramp = np.linspace(0, 0.9, colors, dtype=np.float32)[:, None].repeat(3, axis=1)
     scene = bpy.context.scene
     scene.karf.project = str(project)
+    scene.karf.views.add().name = "view"
     scene.karf.active_view = "view"
-    swatches = importlib.import_module(f"{MODULE}.karf_blender.swatches")
-    swatches.load_palettes(scene, [palette.Palette(name, ramp) for name in names])
-    importlib.import_module(f"{MODULE}.karf_blender.recolor").show(scene)
+    palettes = importlib.import_module(f"{MODULE}.karf_blender.swatches.palettes")
+    palettes.load_palettes(scene, [palette.Palette(name, ramp) for name in names])
+    importlib.import_module(f"{MODULE}.karf_blender.swatches.recolor").show(scene)
     return scene
 
 

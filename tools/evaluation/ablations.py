@@ -8,9 +8,11 @@ import numpy as np
 from judging import score_palettes_of
 
 from karf_engine.edit.compositing import stack_palettes
+from karf_engine.edit.palette import read_palettes
+from karf_engine.heads.files import load_surface
 from karf_engine.kan.gated_block import count_parameters
 from karf_engine.metrics.scores import PaletteScore, score_palettes
-from karf_engine.stages.recoloring import initial_palettes, object_rays
+from karf_engine.stages.recoloring import rays_of
 
 from .bench import Bench
 from .recolors import true_masks_of, with_masks
@@ -82,7 +84,7 @@ def ablation_row(bench: Bench, label: str, overrides: tuple[str, ...]) -> Row:
         seconds.append(learned.job.project.finished("recoloring")["seconds"])
     mean = {key: float(np.mean([score[key] for score in scores])) for key in scores[0]}
     spread = float(np.std([score["psnr_object"] for score in scores])) if bench.seeds > 1 else None
-    size = count_parameters(learned.test.renderer.recoloring.head)
+    size = count_parameters(learned.test.model.recoloring.head)
     return [label, *palette_cells(PaletteScore(**mean), spread), size, float(np.mean(seconds))]
 
 
@@ -93,10 +95,10 @@ def palette_cells(score: PaletteScore, spread: float | None) -> Row:
 def bound_row(bench: Bench) -> Row:
     """What the palettes allow: star weights of the test photos themselves, in the true masks."""
     test = bench.ours()
-    masks = true_masks_of(bench, test.renderer)
-    frames = [with_masks(test.renderer, frame, mask) for frame, mask in zip(test.frames, masks, strict=True)]
+    masks = true_masks_of(bench, test.model)
+    frames = [with_masks(test.model, frame, mask) for frame, mask in zip(test.frames, masks, strict=True)]
     weights, probabilities = [f.palette_weights for f in frames], [f.probabilities for f in frames]
-    score = score_palettes(weights, probabilities, test.renderer.learned, bench.photos(), masks)
+    score = score_palettes(weights, probabilities, test.model.learned_colors, bench.photos(), masks)
     return ["bound: star weights of the test photos, true masks", *palette_cells(score, None), None, None]
 
 
@@ -131,9 +133,11 @@ def decomposition_table(bench: Bench) -> Table:
 
 def decomposition_row(bench: Bench, overrides: tuple[str, ...]) -> Row:
     learned = bench.ablation(overrides, 0)
-    palettes, field = initial_palettes(learned.job), learned.test.renderer.scene.field
+    job, project, field = learned.job, learned.job.project, learned.test.model.scene.field
+    palettes = read_palettes(project.checked(project.palette_file), "initial")
     start = time.monotonic()
-    rays = object_rays(learned.job, field, palettes)
+    surface, _ = load_surface(project.checked(project.surface_file), job.runtime.device)
+    rays = rays_of(job, field, surface, palettes)
     seconds = time.monotonic() - start
     weights, block, view = (values.cpu().numpy() for values in (rays.weights, rays.block, rays.view))
     colors = stack_palettes([p.name for p in palettes], {p.name: p.colors for p in palettes})

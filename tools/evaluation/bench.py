@@ -18,13 +18,13 @@ from judging import (
     render_test_views,
 )
 
-from karf_engine.cli import run_stage
 from karf_engine.edit.compositing import stack_palettes
 from karf_engine.heads.rendering import ObjectSamples, object_samples
+from karf_engine.model import Model
 from karf_engine.progress import TerminalEmit
+from karf_engine.project_edit import solve
+from karf_engine.stages.dispatch import run_request
 from karf_engine.stages.job import Job
-from karf_engine.stages.match import solve
-from karf_engine.stages.render import Renderer
 from karf_engine.wire import Request
 
 ONE, THREE = DEMO / "coarse_masks" / "one", DEMO / "coarse_masks" / "three"
@@ -56,7 +56,7 @@ class Bench:
             "overrides": options.overrides,
             "threads": options.threads,
         }
-        run_stage(Request("all", self._out / "project", values), TerminalEmit(), lambda: False)
+        run_request(Request("all", self._out / "project", values), TerminalEmit(), lambda: False)
         self.job = open_project(self._out / "project", options.threads)
 
     def folder(self, name: str) -> Path:
@@ -84,18 +84,18 @@ class Bench:
     @cache  # noqa: B019
     def samples(self) -> list[ObjectSamples]:
         """Where F_w is asked in each test view: the same for all that share our geometry and segmentation."""
-        renderer = self.ours().renderer
+        model = self.ours().model
         frames = self.ours().frames
-        return [object_samples(renderer.segmentation, renderer.scene.field, frame.picture.cache) for frame in frames]
+        return [object_samples(model.segmentation, model.scene.field, frame.picture.cache) for frame in frames]
 
     def ablation(self, overrides: tuple[str, ...], seed: int) -> Learned:
         """Palette and weights, learned in another way on the same segmentation."""
         stages = LEARNED[1:] if any(text.startswith("palette.") for text in overrides) else LEARNED[2:]
         job = learn_again(self.job, self._out / "ablation", [*overrides, f"seed={seed}"], stages)
-        renderer, frames = Renderer(job), []
+        model, frames = Model(job.project, job.runtime.device), []
         for frame, samples in zip(self.ours().frames, self.samples(), strict=True):
-            frames.append(replace(frame, palette_weights=renderer.weights_of_field(frame.picture, samples)))
-        return Learned(job, TestViews(renderer, self.ours().plates, frames))
+            frames.append(replace(frame, palette_weights=model.weights_of_field(frame.picture, samples)))
+        return Learned(job, TestViews(model, self.ours().plates, frames))
 
     def photos(self) -> list[np.ndarray]:
         """The test photos."""
@@ -105,12 +105,12 @@ class Bench:
         """The color pair of each object of an edit, as an eyedropper reads it in the reference view."""
         return {name: self.truth.color_pair(edit, name) for name in self.truth.edits[edit]["objects"]}
 
-    def edited(self, job: Job, renderer: Renderer, edit: str) -> np.ndarray:
+    def edited(self, job: Job, model: Model, edit: str) -> np.ndarray:
         """The palettes [K, M, 3] of a project with which the edit's color pairs come true."""
-        colors = {palette.name: palette.colors for palette in renderer.palettes}
-        for palette in renderer.palettes:
+        colors = {palette.name: palette.colors for palette in model.palettes}
+        for palette in model.palettes:
             if palette.name in self.truth.edits[edit]["objects"]:
                 colors[palette.name] = solve(
                     job.project, palette, *self.truth.color_pair(edit, palette.name), "becomes"
                 )
-        return stack_palettes(renderer.objects, colors)
+        return stack_palettes(model.objects, colors)

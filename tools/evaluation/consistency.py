@@ -6,7 +6,7 @@ import numpy as np
 
 from karf_engine.capture.capture import View
 from karf_engine.metrics.consistency import Sight, correspond, flow_rmse, mean_of_pairs
-from karf_engine.stages.render import Frame, Renderer
+from karf_engine.model import Frame, Model
 
 from .bench import Bench
 from .laenerf import laenerf_error
@@ -20,9 +20,9 @@ SHORT, LONG = 1, 7
 
 def consistency_table(bench: Bench) -> Table:
     """How alike views of a camera path show the edited objects."""
-    renderer = bench.ours().renderer
-    frames = path_frames(bench, renderer)
-    per_frame = [on_photo(renderer, frame) for frame in frames]
+    model = bench.ours().model
+    frames = path_frames(bench, model)
+    per_frame = [on_photo(model, frame) for frame in frames]
     ways = {
         "not edited": None,
         "delta, weights from F_w": (frames, "delta"),
@@ -33,11 +33,11 @@ def consistency_table(bench: Bench) -> Table:
     plain = [frame.base for frame in frames]
     figures: dict[str, list[list[float]]] = {label: [] for label in ways}
     for edit in bench.truth.edits:
-        numbers = [renderer.objects.index(name) for name in bench.truth.edits[edit]["objects"]]
+        numbers = [model.objects.index(name) for name in bench.truth.edits[edit]["objects"]]
         sights = [sight_of(view, frame, numbers) for view, frame in zip(path_views(bench), frames, strict=True)]
-        edited = bench.edited(bench.job, renderer, edit)
+        edited = bench.edited(bench.job, model, edit)
         for label, way in ways.items():
-            shown = plain if way is None else [composed(renderer, frame, edited, way[1]) for frame in way[0]]
+            shown = plain if way is None else [composed(model, frame, edited, way[1]) for frame in way[0]]
             figures[label].append(consistency_figures(sights, plain, shown))
     mean = {label: np.mean(values, 0) for label, values in figures.items()}
     still = mean["not edited"]
@@ -104,12 +104,12 @@ def path_views(bench: Bench) -> list[View]:
     return views
 
 
-def path_frames(bench: Bench, renderer: Renderer) -> list[Frame]:
+def path_frames(bench: Bench, model: Model) -> list[Frame]:
     """The path as learned, without photos."""
     progress = bench.job.progress("path", PATH_VIEWS)
     frames = []
     for view in path_views(bench):
-        frames.append(renderer.frame(view, None, "field"))
+        frames.append(model.render(view.camera))
         progress.step()
     return frames
 

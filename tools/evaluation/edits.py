@@ -7,7 +7,7 @@ from judging import TestViews
 
 from karf_engine.metrics.images import hue_shift, mse_outside
 from karf_engine.metrics.scores import score_recolor
-from karf_engine.stages.render import Frame
+from karf_engine.model import Frame
 
 from .bench import MLP_HEADS, PLAIN, Bench, Learned
 from .recolors import (
@@ -30,7 +30,7 @@ def outside_table(bench: Bench) -> Table:
     """What edits change outside their objects' true masks."""
     test = bench.ours()
     ways = {
-        "delta, on the photo, weights from the photo": (lambda f: on_photo(test.renderer, f), "delta"),
+        "delta, on the photo, weights from the photo": (lambda f: on_photo(test.model, f), "delta"),
         "delta, on the photo, weights from F_w": (lambda f: f, "delta"),
         "delta, on the render, weights from F_w": (on_render, "delta"),
         "paper (Eq. 9), on the photo, weights from F_w": (lambda f: f, "paper"),
@@ -61,9 +61,9 @@ def outside_table(bench: Bench) -> Table:
 def outside_row(bench: Bench, test: TestViews, frames: list[Frame], compositing: str) -> Row:
     base, photo = [], []
     for edit in bench.truth.edits:
-        edited = bench.edited(bench.job, test.renderer, edit)
+        edited = bench.edited(bench.job, test.model, edit)
         for frame, shown, inside in zip(frames, bench.photos(), bench.truth.inside(edit), strict=True):
-            result = composed(test.renderer, frame, edited, compositing)
+            result = composed(test.model, frame, edited, compositing)
             base.append(mse_outside(result, frame.base, inside))
             photo.append(mse_outside(result, shown, inside))
     return [float(np.mean(base)), float(np.mean(photo)), float(np.max(base))]
@@ -72,7 +72,7 @@ def outside_row(bench: Bench, test: TestViews, frames: list[Frame], compositing:
 def edits_table(bench: Bench) -> Table:
     """Recolors of the test photos against the true ones."""
     ours, photos = Learned(bench.job, bench.ours()), bench.photos()
-    true_masks = true_masks_of(bench, ours.test.renderer)
+    true_masks = true_masks_of(bench, ours.test.model)
     own = [frame.masks for frame in ours.test.frames]
     plain = bench.learned((PLAIN,), weights_from="field")
     mlp = bench.learned(MLP_HEADS, weights_from="field")
@@ -100,7 +100,7 @@ def edits_table(bench: Bench) -> Table:
     return Table(
         "Edits against the true recolor",
         "The test views with the objects painted anew in the scene itself are the truth. Each edit is defined by one "
-        "color pair an object, read in one training view, and solved by `edit/match.py` wherever a palette is edited. "
+        "color pair an object, read in one training view, and solved by `edit/becomes.py` wherever a palette is edited. "
         "CIEDE2000: mean inside the edited objects' true masks; PSNR: whole picture; outside: MSE to the photo outside "
         "the true masks. The hue shift of the whole picture knows the first object's pair only. k-means: as many "
         "colors as ours, black among them, weights by the same star rule. One palette of whole pictures: hull of all "
@@ -127,22 +127,22 @@ def recolor_cells(bench: Bench, recolor: Recolor) -> Row:
 
 def marked_photo_table(bench: Bench) -> Table:
     """The one photo that is marked and whose true recolor is known: rough masks as they are, against ours."""
-    renderer, rows = bench.ours().renderer, {}
+    model, rows = bench.ours().model, {}
     for edit, facts in bench.truth.edits.items():
         photo, recolored = bench.truth.reference(edit)
         view = next(v for v in bench.job.capture().split("train") if v.stem == facts["reference_view"])
-        frame = renderer.frame(view, bench.job.plates([view])[0], "photo")
+        frame = model.render_plate(bench.job.plates([view])[0])
         number = int(np.flatnonzero([v.stem == view.stem for v in bench.job.capture().split("train")])[0])
-        exact = [bench.truth.labels("train")[number] == bench.truth.names[name] for name in renderer.objects]
-        rough = [bench.truth.coarse_mask(edit, name) for name in renderer.objects]
-        edited = bench.edited(bench.job, renderer, edit)
-        inside = np.any([exact[renderer.objects.index(name)] for name in facts["objects"]], 0)
+        exact = [bench.truth.labels("train")[number] == bench.truth.names[name] for name in model.objects]
+        rough = [bench.truth.coarse_mask(edit, name) for name in model.objects]
+        edited = bench.edited(bench.job, model, edit)
+        inside = np.any([exact[model.objects.index(name)] for name in facts["objects"]], 0)
         ways = {
             "**ours**": frame,
-            "rough 2-D masks as they are": with_masks(renderer, frame, np.stack(rough)),
-            "true masks": with_masks(renderer, frame, np.stack(exact)),
+            "rough 2-D masks as they are": with_masks(model, frame, np.stack(rough)),
+            "true masks": with_masks(model, frame, np.stack(exact)),
         }
-        pictures = {label: composed(renderer, way, edited, "delta") for label, way in ways.items()} | {"no edit": photo}
+        pictures = {label: composed(model, way, edited, "delta") for label, way in ways.items()} | {"no edit": photo}
         for label, picture in pictures.items():
             score = score_recolor([picture], [recolored], [photo], [inside])
             rows.setdefault(label, []).append([score.ciede2000, score.psnr, score.mse_outside])

@@ -40,7 +40,7 @@ class View:
     """The test view that shows the least visible object best."""
 
     def __init__(self, bench: Bench) -> None:
-        masks = true_masks_of(bench, bench.ours().renderer)
+        masks = true_masks_of(bench, bench.ours().model)
         self.number = int(np.argmax([mask.sum((1, 2)).min() for mask in masks]))
         self.masks = masks[self.number]
         self.photo = bench.photos()[self.number]
@@ -93,7 +93,7 @@ def ablations_strip(bench: Bench) -> Strip:
 def mixture(learned: Learned, view: View) -> np.ndarray:
     """Each object as its palette mixes it, in the true masks, [H, W, 3]."""
     frame = learned.test.frames[view.number]
-    mixed = palette_picture(frame.palette_weights, frame.probabilities, learned.test.renderer.learned)
+    mixed = palette_picture(frame.palette_weights, frame.probabilities, learned.test.model.learned_colors)
     return (mixed * view.masks[..., None]).sum(0)
 
 

@@ -11,13 +11,15 @@ import numpy as np
 from scipy.cluster.vq import kmeans2
 
 from karf_engine.color import to_bytes
+from karf_engine.edit.becomes import match_becomes, match_pixels, reflection_target
 from karf_engine.edit.compositing import delta_composite, paper_composite
-from karf_engine.edit.match import match_becomes, match_pixels, reflection_target
+from karf_engine.heads.files import load_surface
+from karf_engine.heads.object_surface import object_pixels
 from karf_engine.metrics.scores import hue_shifted
-from karf_engine.palette.hull import color_cells, extract_palette
+from karf_engine.model import Frame, Model
+from karf_engine.palette.cells import color_cells
+from karf_engine.palette.hull import extract_palette
 from karf_engine.palette.star_weights import palette_weights_of_image, star_weights
-from karf_engine.stages.palette import object_pixels
-from karf_engine.stages.render import Frame, Renderer
 
 from .bench import Bench, Learned
 
@@ -26,49 +28,49 @@ KMEANS_PIXELS = 20_000
 Recolor = Callable[[str], list[np.ndarray]]  # from an edit's name to the recolored test views
 
 
-def on_photo(renderer: Renderer, frame: Frame) -> Frame:
+def on_photo(model: Model, frame: Frame) -> Frame:
     """The frame with palette weights from its base's own colors, as captured views are recolored."""
-    weights = renderer.weights_of_colors(frame.base, frame.probabilities)
+    weights = model.weights_of_colors(frame.base, frame.probabilities)
     return Frame(frame.picture, frame.probabilities, weights, frame.base)
 
 
 def on_render(frame: Frame) -> Frame:
     """The frame with its rendering as base, as new cameras are recolored."""
-    return Frame(frame.picture, frame.probabilities, frame.palette_weights, frame.picture.color.cpu().numpy())
+    return Frame(frame.picture, frame.probabilities, frame.palette_weights, frame.color)
 
 
-def with_masks(renderer: Renderer, frame: Frame, masks: np.ndarray) -> Frame:
+def with_masks(model: Model, frame: Frame, masks: np.ndarray) -> Frame:
     """The frame with these masks [K, H, W] in the place of its probabilities, and weights from its base's colors."""
     probabilities = masks.astype(np.float32)
-    weights = renderer.weights_of_colors(frame.base, probabilities)
+    weights = model.weights_of_colors(frame.base, probabilities)
     return Frame(frame.picture, probabilities, weights, frame.base)
 
 
-def composed(renderer: Renderer, frame: Frame, edited: np.ndarray, compositing: str) -> np.ndarray:
+def composed(model: Model, frame: Frame, edited: np.ndarray, compositing: str) -> np.ndarray:
     """The frame's base with edited palettes, by `delta` or `paper` compositing; the latter only where one is edited."""
     if compositing == "delta":
-        return delta_composite(frame.base, frame.palette_weights, renderer.learned, edited)
+        return delta_composite(frame.base, frame.palette_weights, model.learned_colors, edited)
     replaced = paper_composite(frame.base, frame.palette_weights, frame.probabilities, edited)
-    changed = (edited != renderer.learned).any((1, 2))
+    changed = (edited != model.learned_colors).any((1, 2))
     return np.where(frame.masks[changed].any(0)[..., None], replaced, frame.base)
 
 
 def projected(bench: Bench, learned: Learned, source: str, compositing: str = "delta") -> Recolor:
     """Recolors by a project. source: weights of the photo, of F_w (`field`), or both base and weights rendered."""
     test = learned.test
-    prepare = {"photo": lambda f: on_photo(test.renderer, f), "field": lambda f: f, "render": on_render}[source]
+    prepare = {"photo": lambda f: on_photo(test.model, f), "field": lambda f: f, "render": on_render}[source]
 
     def recolor(edit: str) -> list[np.ndarray]:
-        edited = bench.edited(learned.job, test.renderer, edit)
-        return [composed(test.renderer, prepare(frame), edited, compositing) for frame in test.frames]
+        edited = bench.edited(learned.job, test.model, edit)
+        return [composed(test.model, prepare(frame), edited, compositing) for frame in test.frames]
 
     return recolor
 
 
-def true_masks_of(bench: Bench, renderer: Renderer) -> list[np.ndarray]:
+def true_masks_of(bench: Bench, model: Model) -> list[np.ndarray]:
     """The true masks of each test view, [K, H, W]."""
     truth = bench.truth.masks("test")
-    return [np.stack(views) for views in zip(*(truth[name] for name in renderer.objects), strict=True)]
+    return [np.stack(views) for views in zip(*(truth[name] for name in model.objects), strict=True)]
 
 
 def masked_recolor(bench: Bench, masks: list[np.ndarray]) -> Recolor:
@@ -76,16 +78,16 @@ def masked_recolor(bench: Bench, masks: list[np.ndarray]) -> Recolor:
     test = bench.ours()
 
     def recolor(edit: str) -> list[np.ndarray]:
-        edited = bench.edited(bench.job, test.renderer, edit)
-        frames = [with_masks(test.renderer, frame, mask) for frame, mask in zip(test.frames, masks, strict=True)]
-        return [composed(test.renderer, frame, edited, "delta") for frame in frames]
+        edited = bench.edited(bench.job, test.model, edit)
+        frames = [with_masks(test.model, frame, mask) for frame, mask in zip(test.frames, masks, strict=True)]
+        return [composed(test.model, frame, edited, "delta") for frame in frames]
 
     return recolor
 
 
 def masked_hue_shift(bench: Bench, masks: list[np.ndarray]) -> Recolor:
     """Each object's own hue shift inside masks [K, H, W] of each view."""
-    objects = bench.ours().renderer.objects
+    objects = bench.ours().model.objects
 
     def recolor(edit: str) -> list[np.ndarray]:
         pairs = bench.pairs(edit)
@@ -98,9 +100,11 @@ def masked_hue_shift(bench: Bench, masks: list[np.ndarray]) -> Recolor:
 def kmeans_recolor(bench: Bench) -> Recolor:
     """The centers of the objects' colors as palettes, in our masks; weights and compositing as ours."""
     test = bench.ours()
-    names, pixels = object_pixels(bench.job)
+    project = bench.job.project
+    surface, names = load_surface(project.checked(project.surface_file))
+    pixels = object_pixels(surface, names)
     colors = {name: np.concatenate(views) for name, views in zip(names, pixels, strict=True)}
-    sizes = {palette.name: len(palette.colors) for palette in test.renderer.palettes}
+    sizes = {palette.name: len(palette.colors) for palette in test.model.palettes}
     palettes = {name: kmeans_palette(colors[name], sizes[name]) for name in names}
 
     def edited_palette(edit: str, name: str) -> np.ndarray:
@@ -111,7 +115,7 @@ def kmeans_recolor(bench: Bench) -> Recolor:
     def recolor(edit: str) -> list[np.ndarray]:
         pictures = bench.photos()
         for name in bench.truth.edits[edit]["objects"]:
-            number, edited = test.renderer.objects.index(name), edited_palette(edit, name)
+            number, edited = test.model.objects.index(name), edited_palette(edit, name)
             chances = [frame.probabilities[number] for frame in test.frames]
             weights = [
                 image_planes(photo, palettes[name]) * p for photo, p in zip(bench.photos(), chances, strict=True)

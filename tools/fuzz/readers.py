@@ -19,16 +19,18 @@ from karf_engine.capture.capture import capture_to_json
 from karf_engine.capture.image_size import image_header
 from karf_engine.capture.ply import read_points
 from karf_engine.edit.compositing import read_planes
-from karf_engine.edit.match import read_object_colors
+from karf_engine.edit.object_colors import read_object_colors
 from karf_engine.edit.palette import read_edit, read_palettes
 from karf_engine.errors import KarfError
 from karf_engine.fields.nerf.files import read_nerf
+from karf_engine.heads.files import load_surface
+from karf_engine.heads.object_surface import object_pixels
 from karf_engine.images import read_mask, read_photo
+from karf_engine.model import Model
 from karf_engine.project import STAGE_ORDER, Project
 from karf_engine.stages import match, render
 from karf_engine.stages.job import Job, open_job
-from karf_engine.stages.palette import object_pixels
-from karf_engine.stages.recoloring import initial_palettes, object_rays
+from karf_engine.stages.recoloring import rays_of
 from karf_engine.wire import EventReader, Request
 
 from ..faults.checksums import renew_checksum
@@ -138,20 +140,24 @@ def learned(path: Path) -> None:
     """Load all that a render needs."""
     job = job_of(path)
     render.select_views(job, "test")
-    renderer = render.Renderer(job)
-    if renderer.palettes:
-        renderer.learned  # noqa: B018 a property that computes
+    model = Model(job.project, job.runtime.device)
+    if model.palettes:
+        model.learned_colors  # noqa: B018 a property that computes
 
 
 def surface(path: Path) -> None:
-    object_pixels(job_of(path))
+    project = job_of(path).project
+    object_pixels(*load_surface(project.checked(project.surface_file)))
 
 
-def marked_views(path: Path) -> None:
-    """What the recoloring stage learns from in the views that are marked, which the report names."""
+def masked_views(path: Path) -> None:
+    """What the recoloring stage learns from in the views that have a mask, which the report names."""
     job = job_of(path)
+    project = job.project
     settings = replace(job.settings, recoloring=replace(job.settings.recoloring, supervision="reference"))
-    object_rays(replace(job, settings=settings), None, initial_palettes(job))
+    surface, _ = load_surface(project.checked(project.surface_file))
+    blocks = read_palettes(project.checked(project.palette_file), "initial")
+    rays_of(replace(job, settings=settings), None, surface, blocks)
 
 
 def object_colors(path: Path) -> None:
@@ -258,7 +264,7 @@ def _project_readers(project: Path | None) -> list[Reader]:
     kinds = [
         ("project.json", mutate.mutate_json, state),
         ("capture.json", mutate.mutate_json, learned),
-        ("segmentation.json", mutate.mutate_json, marked_views),
+        ("segmentation.json", mutate.mutate_json, masked_views),
         ("palette.json", mutate.mutate_json, learned),
         ("edit.json", mutate.mutate_json, edit),
         ("geometry.safetensors", mutate.mutate_safetensors, learned),

@@ -16,8 +16,8 @@ from PIL import Image
 
 from blender_tests.engine.reference import capture_files
 from blender_tests.engine.reference.still_life import cameras, write_capture, write_masks
-from karf_engine.cli import run_stage
 from karf_engine.fields.nerf.field import NerfNetwork, NerfShape
+from karf_engine.stages.dispatch import run_request
 from karf_engine.wire import Event, Request
 
 from ..faults.bench import MARKED, N_PHOTOS, SETTINGS, SIZE
@@ -38,7 +38,7 @@ def learned_project(folder: Path) -> Path:
         ("match", colors),
         ("render", {"views": RENDERED, "planes": True}),
     ):
-        run_stage(Request(stage, project, options | threads), lambda kind, /, **values: None, lambda: False)
+        run_request(Request(stage, project, options | threads), lambda kind, /, **values: None, lambda: False)
     return project
 
 

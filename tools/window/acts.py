@@ -66,7 +66,7 @@ def until(condition: Callable[[], bool], what: str, seconds: float) -> Wait:
 def job_end(story: Story, expected: str = "done") -> Wait:
     """Wait for the running job; Broken where it ends otherwise than expected."""
     progress = bpy.data.window_managers[0].karf_progress
-    yield from until(lambda: not desk.module("job_watch").is_running(), "the job's end", JOB_SECONDS)
+    yield from until(lambda: not desk.module("tasks.runner").is_running(), "the job's end", JOB_SECONDS)
     if progress.warnings:
         story.note(f"warning: {progress.warnings}")
     check(not progress.error, f"{progress.stage} failed: {progress.error}")
@@ -77,7 +77,7 @@ def job_end(story: Story, expected: str = "done") -> Wait:
 def button_job(story: Story, operator: str) -> Wait:
     """Click a button that starts a job, and wait for its end."""
     yield from hands.press_button(SIDEBAR, operator)
-    yield from until(lambda: desk.module("job_watch").is_running(), f"{operator}'s job", 10)
+    yield from until(lambda: desk.module("tasks.runner").is_running(), f"{operator}'s job", 10)
     yield from job_end(story)
 
 

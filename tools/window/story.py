@@ -61,9 +61,9 @@ def install(story: Story) -> Wait:
     preferences = desk.module("preferences").current()
     preferences.engine_python, preferences.threads = story.job["engine_python"], story.job["threads"]
     bpy.ops.karf.examine_engine()
-    engine_test, python = desk.module("engine_test"), Path(preferences.engine_python)
-    yield from until(lambda: engine_test.verdict_on(python) is not None, "Test Engine's verdict", 120)
-    verdict = engine_test.verdict_on(python)
+    probing, python = desk.module("engine.probing"), Path(preferences.engine_python)
+    yield from until(lambda: probing.verdict_on(python) is not None, "Test Engine's verdict", 120)
+    verdict = probing.verdict_on(python)
     story.note(verdict.sentence)
     check(verdict.is_ready, f"Test Engine says {verdict.sentence!r}")
     bpy.ops.wm.save_userpref()
@@ -106,14 +106,17 @@ def learn_cancel(story: Story) -> Wait:
     yield from story.shoot("learning")
     yield from hands.press_button(SIDEBAR, r"karf\.cancel", hands.RIGHT)
     yield from acts.job_end(story, "cancelled")
-    check("geometry" not in desk.module("folders").finished_stages(desk.scene()), "a cancelled stage counts as done")
+    check(
+        "geometry" not in desk.module("project.contents").finished_stages(desk.scene()),
+        "a cancelled stage counts as done",
+    )
 
 
 @step("learn (tiny)", "script: the panel's job with smaller settings, which the panel has not")
 def learn(story: Story) -> Wait:
-    desk.module("job_watch").launch(desk.module("steps").learn_scene(desk.scene(), "demo", story.job["tiny"]))
+    desk.module("tasks.runner").launch(desk.module("steps").learn_scene(desk.scene(), "demo", story.job["tiny"]))
     yield from acts.job_end(story)
-    check("geometry" in desk.module("folders").finished_stages(desk.scene()), "the scene is not learned")
+    check("geometry" in desk.module("project.contents").finished_stages(desk.scene()), "the scene is not learned")
     yield from story.shoot("learned")
     yield from acts.save_file()
 
@@ -124,7 +127,7 @@ def mark(story: Story) -> Wait:
     karf.active_view = story.job["marked_view"]
     for name in ("mug", "pot"):
         yield from acts.paint(story, name)
-    counts = desk.module("masks").marked(desk.scene())
+    counts = desk.module("project.contents").mask_counts(desk.scene())
     check(counts == {"mug": 1, "pot": 1}, f"marked are {counts}")
     yield from acts.save_file()
 
@@ -132,7 +135,7 @@ def mark(story: Story) -> Wait:
 @step("segment", "mouse: Segment")
 def segment(story: Story) -> Wait:
     yield from acts.button_job(story, r"karf\.segment\(")
-    check("segmentation" in desk.module("folders").finished_stages(desk.scene()), "nothing is segmented")
+    check("segmentation" in desk.module("project.contents").finished_stages(desk.scene()), "nothing is segmented")
 
 
 @step("palette", "mouse: Extract Palette")
@@ -209,7 +212,9 @@ def camera_frames(story: Story) -> Wait:
         yield from acts.button_job(story, r"karf\.render_camera")
     finally:
         scene.frame_end = FILM_FRAMES
-    written = sorted(each.name for each in desk.module("folders").out_folder(scene).rglob("recolor/frame_*.png"))
+    written = sorted(
+        each.name for each in desk.module("project.folders").out_folder(scene).rglob("recolor/frame_*.png")
+    )
     story.note(f"wrote {', '.join(written)}")
     check(len(written) == 3, f"{len(written)} frames were written, not 3")
 
@@ -244,7 +249,7 @@ for _number in (1, 2, 3):
 
 @step("save elsewhere", "keys: Ctrl Shift S into a folder beside another project of the same name; path by script")
 def save_elsewhere(story: Story) -> Wait:
-    folders, place = desk.module("folders"), story.home / "sub"
+    folders, place = desk.module("project.folders"), story.home / "sub"
     # one where the new .blend would look for a project of this name, one where its new path leads from the old folder
     for decoy in (place / "pots_karf", story.desk / "pots_karf"):
         shutil.copytree(story.job["decoy"], decoy, dirs_exist_ok=True)
@@ -284,7 +289,7 @@ def extract_again(story: Story) -> Wait:
     yield 0.5
     yield from story.shoot("asked")
     yield from hands.press("RET", hands.middle_of(PICTURE))  # there are edits, and Blender asks first
-    yield from until(lambda: desk.module("job_watch").is_running(), "the job", 10)
+    yield from until(lambda: desk.module("tasks.runner").is_running(), "the job", 10)
     yield from acts.job_end(story)
     yield from story.shoot("extracted-again")
     check(set(desk.swatches()) == {"apple", "mug", "pot"}, f"the objects are {list(desk.swatches())}")

@@ -30,7 +30,7 @@ LENSES = {
     "rational": ((0.1, -0.02, 0.003, -0.004, 0.005, 0.03, -0.01, 0.002), False),
     "fisheye": ((0.1, -0.02, 0.003, -0.004), True),
 }
-FORMATS = {  # writer, and what the format can say of a camera
+FORMATS = {  # writer, and what the format can hold of a camera
     "nerf-synthetic": (lambda folder, cameras: write_nerf_synthetic(folder, cameras), centered),
     "transforms": (lambda folder, cameras: write_transforms(folder, cameras, NAMES), lambda camera: camera),
     "colmap binary": (lambda folder, cameras: write_colmap(folder, cameras, NAMES), lambda camera: camera),
@@ -88,7 +88,7 @@ def write_all(folder, *formats):
 
 
 @pytest.mark.parametrize(
-    ("formats", "mark", "left"),
+    ("formats", "marker", "left"),
     [
         (["colmap binary", "llff"], "sparse/", "poses_bounds.npy"),
         (["transforms", "colmap binary"], "transforms.json", "sparse/"),
@@ -96,11 +96,11 @@ def write_all(folder, *formats):
         (["nerf-synthetic", "transforms"], "transforms_train.json", "transforms.json"),
     ],
 )
-def test_of_several_formats_the_one_that_says_most_is_read_with_a_remark(tmp_path, formats, mark, left):
+def test_of_several_formats_the_first_in_order_is_read_with_a_remark(tmp_path, formats, marker, left):
     write_all(tmp_path, *formats)
     capture = open_capture(tmp_path)
     assert capture.format == formats[0].split()[0]
-    assert len(capture.remarks) == 1 and capture.remarks[0].startswith(f"{mark} was read, not {left}: ")
+    assert len(capture.remarks) == 1 and capture.remarks[0].startswith(f"{marker} was read, not {left}: ")
 
 
 @pytest.mark.parametrize(

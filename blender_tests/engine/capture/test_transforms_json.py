@@ -350,11 +350,11 @@ def test_bare_cameras_without_a_size_are_refused(tmp_path):
         open_capture(tmp_path / "CAMERAS.json", photos=False)
 
 
-def test_folders_of_no_known_format_list_what_was_looked_for(tmp_path):
+def test_folders_of_no_known_format_list_what_was_searched_for(tmp_path):
     with pytest.raises(DataError) as caught:
         open_capture(tmp_path)
-    for mark in ("transforms_train.json", "transforms.json", "poses_bounds.npy", "sparse/"):
-        assert mark in caught.value.hint
+    for marker in ("transforms_train.json", "transforms.json", "poses_bounds.npy", "sparse/"):
+        assert marker in caught.value.hint
     with pytest.raises(DataError, match="does not exist"):
         open_capture(tmp_path / "nothing")
 

@@ -32,7 +32,7 @@ def end(capsys, monkeypatch, error):
     def raising(*_):
         raise error
 
-    monkeypatch.setattr(cli, "run_stage", raising)
+    monkeypatch.setattr("karf_engine.library.run_request", raising)
     code = cli.main(["palette", "project"])
     return code, capsys.readouterr().err
 
@@ -122,7 +122,7 @@ def test_a_job_whose_events_cannot_be_written_keeps_its_exit_code_and_says_why(
 
     Request("palette", tmp_path).write(tmp_path / "job")
     monkeypatch.setattr(cli, "EventWriter", lambda job: FullDisk())
-    monkeypatch.setattr(cli, "run_stage", raising)
+    monkeypatch.setattr(cli, "run_request", raising)
     assert cli.run_job(tmp_path / "job") == code
     assert error.sentence in capsys.readouterr().err
 

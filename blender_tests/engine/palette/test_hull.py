@@ -12,7 +12,8 @@ pytest.importorskip("scipy")
 from scipy.spatial import ConvexHull
 
 from karf_engine.errors import DataError
-from karf_engine.palette.hull import _least_vertex, cell_support, color_cells, extract_palette
+from karf_engine.palette.cells import cell_support, color_cells
+from karf_engine.palette.hull import _least_vertex, extract_palette
 from karf_engine.palette.star_weights import outside_distance, star_weights
 
 BLACK = np.zeros(3)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from karf_engine.edit.compositing import Planes, read_planes, write_planes
-from karf_engine.edit.match import read_object_colors
+from karf_engine.edit.object_colors import read_object_colors
 from karf_engine.errors import DataError
 
 

@@ -56,12 +56,21 @@ def refusal(read, *arguments):
 def strangers_copy(learned, tmp_path):
     """A copy of a learned project without checksums: a stranger's would fit what is hostile in it."""
     project = shutil.copytree(learned.project, tmp_path / "project")
-    state = json.loads((project / "project.json").read_text())
-    del state["checksum"]
-    for facts in state["stages"].values():
-        del facts["files"]
-    (project / "project.json").write_text(json.dumps(state))
+
+    def without_checksums(state):
+        del state["checksum"]
+        for summary in state["stages"].values():
+            del summary["files"]
+
+    rewrite_state(project, without_checksums)
     return project
+
+
+def rewrite_state(project, change):
+    """The content of project.json, changed in place."""
+    state = json.loads((project / "project.json").read_text())
+    change(state)
+    (project / "project.json").write_text(json.dumps(state))
 
 
 # ---------------------------------------------------------------------------------------------------------------- names
@@ -115,8 +124,7 @@ def job_of(project):
 
 @pytest.mark.parametrize("file", ["segmentation.safetensors", "surface.safetensors"])
 def test_object_names_of_learned_files_never_leave_the_folder(learned, tmp_path, file):
-    from karf_engine.heads.files import load_segmentation
-    from karf_engine.stages.palette import object_pixels
+    from karf_engine.heads.files import load_segmentation, load_surface
 
     project = strangers_copy(learned, tmp_path)
     rewrite_facts(project / file, lambda facts: facts["objects"].__setitem__(0, "../../escaped"))
@@ -124,96 +132,83 @@ def test_object_names_of_learned_files_never_leave_the_folder(learned, tmp_path,
         "segmentation.safetensors": lambda job: load_segmentation(
             job.project.checked(job.project.segmentation_file), 6
         ),
-        "surface.safetensors": object_pixels,
+        "surface.safetensors": lambda job: load_surface(job.project.checked(job.project.surface_file)),
     }
     assert "cannot be the name of a file" in refusal(reads[file], job_of(project))
 
 
 @pytest.mark.parametrize(
-    ("file", "facts"),
+    ("file", "change"),
     [
-        ("geometry", {"kind": "cloud"}),
-        ("geometry", {"kind": ["voxels"]}),
-        ("geometry", {"kind": "nerf"}),
-        ("geometry", {"voxel": "wide"}),
-        ("geometry", {"voxel": 0.0}),
-        ("geometry", {"voxel": float("nan")}),
-        ("geometry", {"width": 10**9}),
-        ("geometry", {"n_features": 10**9}),
-        ("geometry", {"density_bias": None}),
-        ("geometry", {"step": 1e-320}),
-        ("geometry", {"step": "1"}),
-        ("geometry", {"background_kind": 3}),
-        ("geometry", {"space": {}}),
-        ("geometry", {"space": {"kind": "contraction", "center": [0, 0], "radius": 1, "room": 1, "near": 1}}),
-        ("segmentation", {"settings": 5}),
-        ("segmentation", {"objects": ["ball"]}),
-        ("segmentation", {"objects": None}),
-        ("segmentation", {"objects": ["block", "ball"]}),
-        ("recoloring", {"settings": {"width": 9}}),
-        ("recoloring", {"settings": None}),
-        ("recoloring", {"sizes": [10**9]}),
-        ("recoloring", {"sizes": "many"}),
-        ("recoloring", {"sizes": []}),
-        ("recoloring", {"sizes": [2, 2, 2]}),
+        ("geometry.safetensors", {"kind": "cloud"}),
+        ("geometry.safetensors", {"kind": ["voxels"]}),
+        ("geometry.safetensors", {"kind": "nerf"}),
+        ("geometry.safetensors", {"voxel": "wide"}),
+        ("geometry.safetensors", {"voxel": 0.0}),
+        ("geometry.safetensors", {"voxel": float("nan")}),
+        ("geometry.safetensors", {"width": 10**9}),
+        ("geometry.safetensors", {"n_features": 10**9}),
+        ("geometry.safetensors", {"density_bias": None}),
+        ("geometry.safetensors", {"step": 1e-320}),
+        ("geometry.safetensors", {"step": "1"}),
+        ("geometry.safetensors", {"background_kind": 3}),
+        ("geometry.safetensors", {"space": {}}),
+        (
+            "geometry.safetensors",
+            {"space": {"kind": "contraction", "center": [0, 0], "radius": 1, "room": 1, "near": 1}},
+        ),
+        ("segmentation.safetensors", {"settings": 5}),
+        ("segmentation.safetensors", {"objects": ["ball"]}),
+        ("segmentation.safetensors", {"objects": None}),
+        ("segmentation.safetensors", {"objects": ["block", "ball"]}),
+        ("recoloring.safetensors", {"settings": {"width": 9}}),
+        ("recoloring.safetensors", {"settings": None}),
+        ("recoloring.safetensors", {"sizes": [10**9]}),
+        ("recoloring.safetensors", {"sizes": "many"}),
+        ("recoloring.safetensors", {"sizes": []}),
+        ("recoloring.safetensors", {"sizes": [2, 2, 2]}),
+        ("project.json", lambda state: state["stages"]["geometry"].update(files=3.5)),
+        ("project.json", lambda state: state["stages"]["geometry"].update(settings=7)),
+        ("project.json", lambda state: state.update(schema="x" * 5000)),
+        ("project.json", lambda state: state["settings"].update({"x" * 5000: 1})),
+        ("project.json", lambda state: state["settings"]["geometry"].update(table_rate=10**400)),
     ],
 )
-def test_facts_that_nobody_wrote_are_refused_in_a_sentence(learned, tmp_path, file, facts):
+def test_values_that_nobody_wrote_are_refused_in_a_sentence(learned, tmp_path, file, change):
     from karf_engine.errors import KarfError
-    from karf_engine.stages.render import Renderer
+    from karf_engine.model import Model
 
     project = strangers_copy(learned, tmp_path)
-    rewrite_facts(project / f"{file}.safetensors", lambda known: known.update(facts))
+    if file == "project.json":
+        rewrite_state(project, change)
+    else:
+        rewrite_facts(project / file, lambda facts: facts.update(change))
     with pytest.raises(KarfError) as caught:
-        Renderer(job_of(project))
+        Model(Project(project))
     assert caught.value.hint and len(caught.value.sentence) < 1000
 
 
 def test_palettes_of_other_objects_are_refused_in_a_sentence(learned, tmp_path):
-    from karf_engine.stages.render import Renderer
+    from karf_engine.model import Model
 
     project = strangers_copy(learned, tmp_path)
     palettes = json.loads((project / "palette.json").read_text())
     palettes["objects"][0]["name"] = "pot"
     (project / "palette.json").write_text(json.dumps(palettes))
-    assert "palette.json holds palettes of pot" in refusal(Renderer, job_of(project))
+    assert "palette.json holds palettes of pot" in refusal(Model, Project(project))
 
 
 @pytest.mark.parametrize("name", ["positions", "viewdirs", "colors", "object", "sure", "view"])
 def test_rays_of_objects_that_nobody_wrote_are_refused_in_a_sentence(learned, tmp_path, name):
     from karf_engine.checkpoints import load_tensors, save_tensors
-    from karf_engine.heads.files import SURFACE_SCHEMA
-    from karf_engine.stages.palette import object_pixels
+    from karf_engine.heads.files import SURFACE_SCHEMA, load_surface
 
     project = strangers_copy(learned, tmp_path)
     path = project / "surface.safetensors"
     tensors, facts = load_tensors(path, SURFACE_SCHEMA)
     for wrong in (tensors | {name: tensors[name][:-1]}, {key: t for key, t in tensors.items() if key != name}):
         save_tensors(path, wrong, SURFACE_SCHEMA, facts)
-        assert "surface.safetensors is damaged" in refusal(object_pixels, job_of(project))
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda state: state["stages"]["geometry"].update(files=3.5),
-        lambda state: state["stages"]["geometry"].update(settings=7),
-        lambda state: state.update(schema="x" * 5000),
-        lambda state: state["settings"].update({"x" * 5000: 1}),
-        lambda state: state["settings"]["geometry"].update(table_rate=10**400),
-    ],
-)
-def test_a_state_of_other_types_is_refused_in_a_sentence(learned, tmp_path, change):
-    from karf_engine.errors import KarfError
-    from karf_engine.stages.render import Renderer
-
-    project = strangers_copy(learned, tmp_path)
-    state = json.loads((project / "project.json").read_text())
-    change(state)
-    (project / "project.json").write_text(json.dumps(state))
-    with pytest.raises(KarfError) as caught:
-        Renderer(job_of(project))
-    assert caught.value.hint and len(caught.value.sentence) < 1000
+        assert "surface.safetensors is damaged" in refusal(load_surface, path)
 
 
 def test_a_hostile_project_writes_nothing_beside_its_folders(learned, tmp_path):
@@ -306,11 +301,11 @@ def test_values_of_project_json_of_another_type_are_named(tmp_path, change):
 
 @pytest.mark.parametrize("report", [[], {"views": 5}, {"views": "ab"}, {"views": [5]}, {"views": ["../x"]}, {}])
 def test_values_of_segmentation_json_of_another_type_are_named(learned, tmp_path, report):
-    from karf_engine.stages.segmentation import view_names
+    from karf_engine.segmentation.report import SegmentationReport
 
     project = strangers_copy(learned, tmp_path)
     put_json(project / "segmentation.json", report)
-    assert "segmentation.json" in refusal(view_names, job_of(project), "views")
+    assert "segmentation.json" in refusal(SegmentationReport.read, project / "segmentation.json")
 
 
 @pytest.mark.parametrize("initial", [None, 5, [], [[0, 0, 0], [float("nan")] * 3], [[0, 0, 0]] * 10_000, "red"])

@@ -100,12 +100,12 @@ def test_a_broken_project_file_is_named(project):
         project.finished("geometry")
 
 
-def test_finishing_a_stage_forgets_the_later_ones_and_keeps_the_earlier(project):
+def test_finishing_a_stage_outdates_the_later_ones_and_keeps_the_earlier(project):
     for stage in STAGE_ORDER:
-        project.finish(stage, f"mark of {stage}", seconds=1.5)
+        project.finish(stage, f"fingerprint of {stage}", seconds=1.5)
     project.finish("segmentation", "new")
     assert [project.finished(stage) is not None for stage in STAGE_ORDER] == [True, True, False, False]
-    assert project.finished("geometry") == {"fingerprint": "mark of geometry", "seconds": 1.5}
+    assert project.finished("geometry") == {"fingerprint": "fingerprint of geometry", "seconds": 1.5}
     with pytest.raises(BadRequest, match="no finished palette stage") as caught:
         project.require("palette")
     assert "palette" in caught.value.hint
@@ -126,7 +126,7 @@ def commit(project, stage, **files):
         path = project.outputs_folder / name.replace("_", ".")
         path.parent.mkdir(exist_ok=True)
         path.write_text(words)
-    project.commit(stage, f"mark of {stage}", SETTINGS)
+    project.commit(stage, f"fingerprint of {stage}", SETTINGS)
 
 
 def test_outputs_take_their_places_with_their_checksums_and_settings(project):
@@ -194,7 +194,7 @@ def test_a_disk_that_fills_up_in_a_commit_leaves_the_project_as_it_was(project, 
         path.write_text(json.dumps(content))
 
     with monkeypatch.context() as patch, pytest.raises(OSError, match="No space"):
-        patch.setattr("karf_engine.project.write_json", full)
+        patch.setattr("karf_engine.project_state.write_json", full)
         commit(project, "geometry", geometry_safetensors="new")
     project.recover()
     assert project.state() == before and project.is_intact("geometry")
@@ -204,7 +204,7 @@ def test_a_folder_that_is_replaced_is_set_aside(project):
     for words in ("first", "second"):
         (project.outputs_folder / "masks").mkdir(parents=True)
         (project.outputs_folder / "masks" / words).write_text(words)
-        project.commit("segmentation", "mark", SETTINGS)
+        project.commit("segmentation", "fingerprint", SETTINGS)
     assert [path.name for path in project.masks_folder.iterdir()] == ["second"]
     assert [path.name for path in (project.folder / "earlier_masks").iterdir()] == ["first"]
 
@@ -212,18 +212,18 @@ def test_a_folder_that_is_replaced_is_set_aside(project):
 def test_a_damaged_project_file_is_refused_and_one_without_a_checksum_is_believed(project):
     commit(project, "geometry", geometry_safetensors="field")
     text = project.state_file.read_text()
-    project.state_file.write_text(text.replace("mark of geometry", "mark of geometrz"))
+    project.state_file.write_text(text.replace("fingerprint of geometry", "fingerprint of geometrz"))
     with pytest.raises(DataError, match=r"project\.json is damaged, or was changed by hand") as caught:
         project.state()
     assert "remove its entry 'checksum'" in caught.value.hint
     content = json.loads(project.state_file.read_text())
     del content["checksum"]
     write_json(project.state_file, content)
-    assert project.finished("geometry")["fingerprint"] == "mark of geometrz"
+    assert project.finished("geometry")["fingerprint"] == "fingerprint of geometrz"
 
 
 def test_a_project_made_before_there_were_checksums_is_believed(project):
-    project.finish("geometry", "mark")
+    project.finish("geometry", "fingerprint")
     project.geometry_file.write_text("any")
     assert project.checked(project.geometry_file) == project.geometry_file and project.is_intact("geometry")
 

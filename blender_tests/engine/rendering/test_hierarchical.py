@@ -6,7 +6,13 @@ from numpy.testing import assert_allclose
 
 torch = pytest.importorskip("torch")
 
-from karf_engine.rendering.hierarchical import dense_ray_weights, interval_lengths, refine, sample_pdf, spread
+from karf_engine.rendering.hierarchical import (
+    dense_ray_weights,
+    interval_lengths,
+    refine,
+    sample_pdf,
+    stratified_samples,
+)
 from karf_engine.rendering.volume import ray_weights_from_sigmas
 
 EVEN = torch.zeros(1, 0)
@@ -17,16 +23,16 @@ def random(*shape, seed=0):
 
 
 def test_without_jitter_samples_are_even_in_t_or_in_disparity():
-    assert_allclose(spread(2, 6, 5, False, EVEN), [[2, 3, 4, 5, 6]], rtol=1e-6)
-    assert_allclose(1 / spread(0.5, 4, 8, True, EVEN), [np.linspace(2, 0.25, 8)], rtol=1e-6)
+    assert_allclose(stratified_samples(2, 6, 5, False, EVEN), [[2, 3, 4, 5, 6]], rtol=1e-6)
+    assert_allclose(1 / stratified_samples(0.5, 4, 8, True, EVEN), [np.linspace(2, 0.25, 8)], rtol=1e-6)
 
 
 @pytest.mark.parametrize("in_disparity", [False, True])
 def test_jitter_fills_the_range_with_one_sample_a_stretch(in_disparity):
-    t = spread(2, 6, 16, in_disparity, random(4000, 16))
+    t = stratified_samples(2, 6, 16, in_disparity, random(4000, 16))
     assert t.shape == (4000, 16) and t.min() >= 2 and t.max() <= 6
     assert (t.diff(dim=1) >= 0).all()
-    even = spread(2, 6, 16, in_disparity, EVEN)[0]
+    even = stratified_samples(2, 6, 16, in_disparity, EVEN)[0]
     middles = (even[1:] + even[:-1]) / 2
     assert (t[:, :-1] <= middles).all() and (t[:, 1:] >= middles).all()
     assert_allclose(t[:, 1:-1].mean(0), (middles[1:] + middles[:-1]) / 2, atol=0.02)
@@ -58,7 +64,7 @@ def test_rays_that_meet_nothing_are_sampled_evenly():
 
 
 def test_the_union_is_sorted_holds_the_coarse_samples_and_gathers_where_the_weight_is():
-    t = spread(2, 6, 32, False, torch.zeros(3, 0))
+    t = stratified_samples(2, 6, 32, False, torch.zeros(3, 0))
     weights = torch.zeros(3, 32)
     weights[:, 20] = 1
     union = refine(t, weights, torch.linspace(0, 1, 64).expand(3, -1))

@@ -10,7 +10,8 @@ torch = pytest.importorskip("torch")
 
 from karf_engine.rendering.rays import Rays
 from karf_engine.rendering.sampling import Polylines
-from karf_engine.rendering.space import Box, Contraction, Frustum, Similarity, space_from_json, space_to_json
+from karf_engine.rendering.space import Box, Contraction, Frustum, Similarity
+from karf_engine.rendering.space_values import space_from_json, space_to_json
 
 CENTER = torch.tensor([0.5, -1.0, 2.0])
 
@@ -99,10 +100,10 @@ def test_a_space_comes_back_from_plain_values(space):
 def test_lines_are_the_grid_coordinates_of_a_rays_points(space):
     rays = Rays(torch.tensor([[1.2, 1.9, 3.1]]).repeat(40, 1), random_points(40, 0.3) + torch.tensor([0.0, 1.0, 0.0]))
     rays = Rays(rays.origins, torch.nn.functional.normalize(rays.viewdirs, dim=1))
-    origins, directions = space.lines(rays)
+    origins, directions = space.to_grid_rays(rays)
     at = space.to_grid(rays.origins + 4.0 * rays.viewdirs) - origins
     assert_allclose(torch.linalg.cross(at, directions), np.zeros((40, 3)), atol=2e-4)
     if not isinstance(space, Frustum):  # there t is the distance
         assert_allclose(at, 4 * directions, atol=1e-5)
         step = space.to_grid(rays.origins + rays.viewdirs) - space.to_grid(rays.origins)
-        assert_allclose(space.turned(rays.viewdirs), torch.nn.functional.normalize(step, dim=1), atol=1e-5)
+        assert_allclose(space.rotate_directions(rays.viewdirs), torch.nn.functional.normalize(step, dim=1), atol=1e-5)

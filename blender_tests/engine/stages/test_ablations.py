@@ -10,18 +10,19 @@ torch = pytest.importorskip("torch")
 from karf_engine import settings as settings_module
 from karf_engine.checkpoints import load_tensors
 from karf_engine.edit.compositing import stack_palettes
-from karf_engine.fields.scene import Scene
-from karf_engine.files import read_json
+from karf_engine.edit.palette import read_palettes
+from karf_engine.fields.files import load_scene
 from karf_engine.heads.fields import RecoloringField
-from karf_engine.heads.files import SURFACE_SCHEMA, load_segmentation
+from karf_engine.heads.files import SURFACE_SCHEMA, load_segmentation, load_surface
 from karf_engine.heads.fit import fit_recoloring
+from karf_engine.palette.extraction import extract_palettes
 from karf_engine.progress import Progress
 from karf_engine.project import Project
 from karf_engine.runtime import start_runtime
+from karf_engine.segmentation.report import SegmentationReport
 from karf_engine.settings import PaletteSettings, RecoloringSettings
-from karf_engine.stages import recoloring
 from karf_engine.stages.job import make_job
-from karf_engine.stages.palette import extract_palettes
+from karf_engine.stages.recoloring import rays_of
 
 
 @pytest.fixture(scope="module")
@@ -30,6 +31,25 @@ def job(learned):
     project = Project(learned.project)
     settings = settings_module.from_dict(project.state()["settings"])
     return make_job(project, {"threads": 1, "device": "cpu"}, settings, lambda *_, **__: None, lambda: False)
+
+
+@pytest.fixture(scope="module")
+def field(job):
+    """Its radiance field."""
+    return load_scene(job.project.geometry_file).field
+
+
+@pytest.fixture(scope="module")
+def palettes(job):
+    """Its palettes as extracted."""
+    return read_palettes(job.project.palette_file, "initial")
+
+
+def rays_with(job, field, palettes, *overrides):
+    """What F_w learns from with changed settings."""
+    changed = replace(job, settings=settings_module.with_overrides(job.settings, list(overrides)))
+    surface, _ = load_surface(job.project.surface_file)
+    return rays_of(changed, field, surface, palettes)
 
 
 def reddish(seed):
@@ -51,27 +71,22 @@ def test_a_random_palette_is_as_large_as_the_hull_begins_with_black_and_follows_
     assert not np.array_equal(first[0].colors[1:3], first[1].colors[1:3])
 
 
-def test_reference_supervision_asks_only_rays_of_marked_views_for_their_weights(job):
-    palettes = recoloring.initial_palettes(job)
-    field = Scene.load(job.project.geometry_file).field
-    everywhere = recoloring.object_rays(job, field, palettes)
+def test_reference_supervision_asks_only_rays_of_masked_views_for_their_weights(job, field, palettes):
+    everywhere = rays_with(job, field, palettes)
     assert everywhere.supervised.all()
-    changed = settings_module.with_overrides(job.settings, ["recoloring.supervision=reference"])
-    marked = recoloring.object_rays(replace(job, settings=changed), field, palettes)
-    views = read_json(job.project.segmentation_report, "report")["views"]
+    masked = rays_with(job, field, palettes, "recoloring.supervision=reference")
+    views = SegmentationReport.read(job.project.segmentation_report).views
     tensors, _ = load_tensors(job.project.surface_file, SURFACE_SCHEMA)
     names = [views[number] for number in tensors["view"][tensors["sure"]].tolist()]
-    assert marked.supervised.tolist() == [name in ("r_8", "train_r_0") for name in names]
-    assert 0 < marked.supervised.sum() < len(marked.supervised)
-    assert torch.equal(marked.weights[marked.supervised], everywhere.weights[marked.supervised])
-    assert not marked.weights[~marked.supervised].any()
+    assert masked.supervised.tolist() == [name in ("r_8", "train_r_0") for name in names]
+    assert 0 < masked.supervised.sum() < len(masked.supervised)
+    assert torch.equal(masked.weights[masked.supervised], everywhere.weights[masked.supervised])
+    assert not masked.weights[~masked.supervised].any()
 
 
-def test_weights_of_rays_that_are_not_asked_teach_nothing(job):
-    scene = Scene.load(job.project.geometry_file)
-    bounds = load_segmentation(job.project.segmentation_file, scene.field.n_features)[0].bounds
-    palettes = recoloring.initial_palettes(job)
-    rays = recoloring.object_rays(job, Scene.load(job.project.geometry_file).field, palettes)
+def test_weights_of_rays_that_are_not_asked_teach_nothing(job, field, palettes):
+    bounds = load_segmentation(job.project.segmentation_file, field.n_features)[0].bounds
+    rays = rays_with(job, field, palettes)
     some = torch.arange(len(rays.colors)) % 3 == 0
     sizes = [len(palette.colors) for palette in palettes]
     stacked = torch.from_numpy(stack_palettes(["ball", "block"], {p.name: p.colors for p in palettes}))
@@ -79,10 +94,10 @@ def test_weights_of_rays_that_are_not_asked_teach_nothing(job):
 
     def learned_with(weights):
         torch.manual_seed(0)
-        karf = RecoloringField(bounds, scene.field.n_features, sizes, settings)
+        karf = RecoloringField(bounds, field.n_features, sizes, settings)
         progress = Progress(lambda *_, **__: None, lambda: False, "recoloring", settings.iterations)
         given = replace(rays, weights=weights, supervised=some)
-        fit_recoloring(karf, scene.field, given, stacked, settings, start_runtime(0, 1, "cpu"), progress)
+        fit_recoloring(karf, field, given, stacked, settings, start_runtime(0, 1, "cpu"), progress)
         return torch.cat([parameter.detach().ravel() for parameter in karf.parameters()])
 
     reversed_weights = rays.weights.flip(1)
@@ -92,32 +107,29 @@ def test_weights_of_rays_that_are_not_asked_teach_nothing(job):
 
 
 @pytest.mark.parametrize(("schedule", "highest", "lowest"), [("constant", 1.0, 1.0), ("cosine", 0.7, 0.02)])
-def test_the_rate_is_constant_or_warms_up_and_falls(job, monkeypatch, schedule, highest, lowest):
+def test_the_rate_is_constant_or_warms_up_and_falls(job, field, palettes, monkeypatch, schedule, highest, lowest):
     factors = []
 
     def note(course, until, step, factor, progress, unfinished):
         factors.extend(factor(i, course.iterations) for i in range(until + 1))
 
     monkeypatch.setattr("karf_engine.heads.fit.train", note)
-    palettes, scene = recoloring.initial_palettes(job), Scene.load(job.project.geometry_file)
-    rays = recoloring.object_rays(job, scene.field, palettes)
+    rays = rays_with(job, field, palettes)
     settings = RecoloringSettings(iterations=60, schedule=schedule)
     karf = RecoloringField(
-        load_segmentation(job.project.segmentation_file, scene.field.n_features)[0].bounds,
-        scene.field.n_features,
+        load_segmentation(job.project.segmentation_file, field.n_features)[0].bounds,
+        field.n_features,
         [4, 4],
         settings,
     )
-    fit_recoloring(karf, scene.field, rays, torch.zeros(2, 4, 3), settings, job.runtime, job.progress("test", 1))
+    fit_recoloring(karf, field, rays, torch.zeros(2, 4, 3), settings, job.runtime, job.progress("test", 1))
     assert max(factors) == pytest.approx(highest, abs=0.1) and min(factors[20:]) == pytest.approx(lowest)
     assert (factors[0] < 0.1) == (schedule == "cosine")
 
 
-def test_loco_targets_give_the_colors_back_but_depend_on_the_place(job):
-    palettes, field = recoloring.initial_palettes(job), Scene.load(job.project.geometry_file).field
-    star = recoloring.object_rays(job, field, palettes)
-    changed = settings_module.with_overrides(job.settings, ["recoloring.targets=loco"])
-    loco = recoloring.object_rays(replace(job, settings=changed), field, palettes)
+def test_loco_targets_give_the_colors_back_but_depend_on_the_place(job, field, palettes):
+    star = rays_with(job, field, palettes)
+    loco = rays_with(job, field, palettes, "recoloring.targets=loco")
     stacked = torch.from_numpy(stack_palettes([p.name for p in palettes], {p.name: p.colors for p in palettes}))
     mixed = torch.einsum("nm,nmc->nc", loco.weights, stacked[loco.block])
     assert float((mixed - loco.colors).square().sum(1).mean().sqrt()) < 5 / 255

@@ -8,10 +8,11 @@ import pytest
 pytest.importorskip("torch")
 
 from blender_tests.engine.conftest import QUICK
-from karf_engine.cli import main, run_stage
+from karf_engine.cli import main
 from karf_engine.errors import Cancelled
 from karf_engine.project import STAGE_ORDER, Project
 from karf_engine.stages import geometry
+from karf_engine.stages.dispatch import run_request
 from karf_engine.wire import Request
 
 
@@ -50,7 +51,7 @@ def test_a_cancelled_job_leaves_the_project_as_it_was(still_life, copy, tmp_path
         return len(steps) > 5
 
     with pytest.raises(Cancelled):
-        run_stage(Request("all", copy.folder, options), lambda *_, **__: None, stop_after_some)
+        run_request(Request("all", copy.folder, options), lambda *_, **__: None, stop_after_some)
     after = contents(copy.folder)
     if change.startswith(("segmentation", "recoloring")):  # it knows what was asked for of stages to come
         assert after.pop("project.json") != before.pop("project.json")
@@ -69,7 +70,7 @@ def test_masks_of_a_cancelled_segmentation_are_not_kept(still_life, copy, tmp_pa
 
     with pytest.raises(Cancelled):
         options = {"masks": str(masks), "threads": 1}
-        run_stage(Request("segmentation", copy.folder, options), listen, lambda: bool(fitting))
+        run_request(Request("segmentation", copy.folder, options), listen, lambda: bool(fitting))
     assert contents(copy.folder) == before
 
 

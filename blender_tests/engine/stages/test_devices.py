@@ -18,16 +18,18 @@ from blender_tests.engine.reference.still_life import camera_at
 from karf_engine import runtime
 from karf_engine.capture.capture import SparsePoints
 from karf_engine.cli import main
-from karf_engine.fields.nerf import importing as adopt
-from karf_engine.fields.scene import Scene, psnr_of_views
-from karf_engine.fields.start import start_fit
+from karf_engine.fields.files import load_scene, save_scene
+from karf_engine.fields.fit import FitInputs
+from karf_engine.fields.nerf import importing
+from karf_engine.fields.registry import start_fit
+from karf_engine.fields.scene import psnr_of_views
+from karf_engine.model import Model
 from karf_engine.progress import Progress
 from karf_engine.project import STAGE_ORDER, Project
 from karf_engine.rendering.rays import PixelBank
 from karf_engine.rendering.surface_cache import cache_surface
 from karf_engine.settings import GeometrySettings, Level, NerfSettings, OpenSettings
 from karf_engine.stages.job import open_job
-from karf_engine.stages.render import Renderer
 from karf_engine.wire import Request
 
 LEVELS = (Level(12, 8, 1.0), Level(16, 8, 1.0))
@@ -69,7 +71,7 @@ def started(kind, space, field, device):
     bank = PixelBank([view.camera for view in views], colors, alphas, solids, device=device)
     settings = replace(SETTINGS, field=field)
     where = runtime.start_runtime(0, threads=1, device=str(device))
-    return start_fit(bank, kind, space, views, points_in_the_middle(views), settings, where), bank
+    return start_fit(FitInputs(bank, kind, space, views, points_in_the_middle(views), settings, where)), bank
 
 
 def points_in_the_middle(views):
@@ -101,9 +103,9 @@ GEOMETRIES = {
 def test_a_scene_is_learned_stored_and_looked_at_away_from_the_cpu(geometry, elsewhere, tmp_path):
     fit, bank = started(*geometry, elsewhere)
     *_, scene = fit.scenes(SILENT)
-    scene.save(tmp_path / "scene.safetensors")
+    save_scene(scene, tmp_path / "scene.safetensors")
     camera = camera_at(0.3, 0.5, 12)
-    views = [Scene.load(tmp_path / "scene.safetensors", where).render(camera, 3) for where in (elsewhere, "cpu")]
+    views = [load_scene(tmp_path / "scene.safetensors", where).render(camera, 3) for where in (elsewhere, "cpu")]
     assert views[0].color.device.type == elsewhere.type
     assert torch.allclose(views[0].color.cpu(), views[1].color, atol=1e-3)
     assert all(np.isfinite(psnr_of_views(scene, bank, 20)))
@@ -113,7 +115,7 @@ def test_a_scene_is_learned_stored_and_looked_at_away_from_the_cpu(geometry, els
         assert values.device.type == elsewhere.type and len(values) == len(positions)
 
 
-def test_an_interrupted_nerf_goes_on_away_from_the_cpu(elsewhere):
+def test_an_interrupted_nerf_resumes_away_from_the_cpu(elsewhere):
     fit, _ = started("alpha", "box", "nerf", elsewhere)
     scenes = fit.scenes(SILENT)
     next(scenes)
@@ -125,12 +127,12 @@ def test_an_interrupted_nerf_goes_on_away_from_the_cpu(elsewhere):
     assert all(torch.equal(a, b) for a, b in zip(fit.field.parameters(), other.field.parameters(), strict=True))
 
 
-def test_a_foreign_nerf_is_adopted_away_from_the_cpu(elsewhere, monkeypatch):
-    monkeypatch.setattr(adopt, "MIN_PSNR", 0.0)
+def test_a_foreign_nerf_is_imported_away_from_the_cpu(elsewhere, monkeypatch):
+    monkeypatch.setattr(importing, "MIN_PSNR", 0.0)
     fit, bank = started("opaque", "frustum", "nerf", elsewhere)
     views = [replace(view, depth_bounds=(2.2, 9.0)) for view in views_and_photos(sky=True)[0]]
     networks = (fit.field.coarse.cpu(), fit.field.fine.cpu())
-    scene, _, _ = adopt.adopt(networks, views, {"opaque": bank}, SETTINGS.nerf, "a file", elsewhere)
+    scene, _, _ = importing.import_nerf(networks, views, {"opaque": bank}, SETTINGS.nerf, "a file", elsewhere)
     assert scene.field.bounds.device.type == elsewhere.type
 
 
@@ -185,6 +187,6 @@ def test_the_comparison_of_weights_runs_away_from_the_cpu(learned, elsewhere, mo
     monkeypatch.setattr(ablations, "score_palettes_of", lambda test, masks: SimpleNamespace(psnr_object=30.0))
     request = Request("recoloring", learned.project, {"threads": 1, "device": str(elsewhere)})
     job = open_job(request, lambda *_, **__: None, lambda: False)
-    done = SimpleNamespace(job=job, test=SimpleNamespace(renderer=Renderer(job)))
+    done = SimpleNamespace(job=job, test=SimpleNamespace(model=Model(job.project, job.runtime.device)))
     bench = SimpleNamespace(ablation=lambda overrides, seed: done, truth=SimpleNamespace(masks=lambda split: None))
     assert np.isfinite(ablations.decomposition_row(bench, ())).all()

@@ -124,6 +124,6 @@ def test_held_out_views_that_become_worse_are_warned_of(monkeypatch, tmp_path, e
     job, scores = job_on(tmp_path, events), []
     for values in ([22.0, 24.0], [21.8, 24.0], [20.0, 23.0]):
         monkeypatch.setattr(geometry, "psnr_of_views", lambda scene, bank, values=values: values)
-        geometry.look(job, None, None, scores)
+        geometry.validate(job, None, None, scores)
     assert scores == [[23.0, 22.0], [22.9, 21.8], [21.5, 20.0]]
     assert warnings(events) == ["held_out"]

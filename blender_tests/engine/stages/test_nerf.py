@@ -14,7 +14,7 @@ from karf_engine.checkpoints import load_tensors, save_tensors
 from karf_engine.cli import main
 from karf_engine.edit.palette import read_palettes
 from karf_engine.errors import Cancelled
-from karf_engine.fields.scene import SCHEMA
+from karf_engine.fields.files import SCHEMA
 from karf_engine.images import read_mask, read_photo, resize
 from karf_engine.metrics.images import psnr
 from karf_engine.metrics.masks import iou
@@ -59,9 +59,9 @@ def checkpoint(project, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def adopted(still_life, checkpoint, tmp_path_factory):
+def imported(still_life, checkpoint, tmp_path_factory):
     """A project with every stage done on the checkpoint, by the default preset."""
-    folder = tmp_path_factory.mktemp("adopted") / "project"
+    folder = tmp_path_factory.mktemp("imported") / "project"
     command = still_life.command(folder, *SMALL)
     assert main([*command, "--nerf", str(checkpoint)]) == 0
     return Project(folder)
@@ -158,16 +158,16 @@ def test_an_edit_that_does_not_say_is_composited_as_the_paper_does(project, tmp_
     assert 0 < np.abs(frames["paper"] - renders).mean() < 0.1
 
 
-def test_a_nerf_of_another_program_becomes_the_geometry(adopted, checkpoint, still_life, tmp_path):
-    geometry = adopted.finished("geometry")
+def test_a_nerf_of_another_program_becomes_the_geometry(imported, checkpoint, still_life, tmp_path):
+    geometry = imported.finished("geometry")
     assert geometry["space"] == "scaled" and geometry["psnr"] > 20 and geometry["nerf"] == str(checkpoint)
-    assert (adopted.folder / "preview.png").exists()
-    # the label solve is at home on it
-    judge(rendered(adopted, tmp_path), still_life, 22, 0.75)
+    assert (imported.folder / "preview.png").exists()
+    # label propagation was made for it
+    judge(rendered(imported, tmp_path), still_life, 22, 0.75)
 
 
-def test_the_same_checkpoint_is_not_taken_over_twice_and_another_one_is(adopted, checkpoint, still_life, tmp_path):
-    folder = shutil.copytree(adopted.folder, tmp_path / "project")
+def test_the_same_checkpoint_is_not_taken_over_twice_and_another_one_is(imported, checkpoint, still_life, tmp_path):
+    folder = shutil.copytree(imported.folder, tmp_path / "project")
     command = [*still_life.command(folder, *SMALL), "--nerf"]
     command[0:4] = ["geometry", command[1]]
     before = Project(folder).finished("geometry")

@@ -18,12 +18,12 @@ import cv2
 from blender_tests.engine.conftest import ROOT, run_engine
 from karf_engine.capture import open_capture
 from karf_engine.capture.image_size import image_header
-from karf_engine.cli import run_stage
 from karf_engine.errors import BadRequest, Cancelled, DataError, MissingDependency
 from karf_engine.images import read_photo, write_png
-from karf_engine.poses.structure_from_motion import Placement, _epipolar_errors
+from karf_engine.poses.structure_from_motion import SfmResult, _epipolar_errors
 from karf_engine.poses.video import write_sharpest_frames
 from karf_engine.stages import poses
+from karf_engine.stages.dispatch import run_request
 from karf_engine.wire import EventReader, Request
 
 
@@ -31,7 +31,7 @@ def run(photos, out, should_stop=lambda: False, **options):
     """Run the stage with one thread; returns its events as (kind, values)."""
     events = []
     request = Request("poses", out, {"photos": str(photos), "out": str(out), "threads": 1} | options)
-    run_stage(request, lambda kind, /, **values: events.append((kind, values)), should_stop)
+    run_request(request, lambda kind, /, **values: events.append((kind, values)), should_stop)
     return events
 
 
@@ -50,9 +50,9 @@ def errors_of(found, truth):
     here = np.array([view.camera.position for view in found.views])
     there = np.array([camera.position for camera in true])
     here, there = here - here.mean(0), there - there.mean(0)
-    u, spread, vt = np.linalg.svd(there.T @ here)
+    u, singular, vt = np.linalg.svd(there.T @ here)
     signs = np.array([1, 1, np.sign(np.linalg.det(u @ vt))])
-    rotation, scale = u * signs @ vt, (spread * signs).sum() / (here**2).sum()
+    rotation, scale = u * signs @ vt, (singular * signs).sum() / (here**2).sum()
     cosines = [
         (np.trace(camera.camera_to_world[:3, :3].T @ rotation @ view.camera.camera_to_world[:3, :3]) - 1) / 2
         for view, camera in zip(found.views, true, strict=True)
@@ -155,17 +155,17 @@ def test_how_many_photos_must_be_placed(placed, outcome):
     events = []
     if outcome is DataError:
         with pytest.raises(DataError, match="Only 29 of the 100 photos of p could be placed"):
-            poses._judge(Path("p"), Placement(placed, 1.0), 100, events.append)
+            poses._judge(Path("p"), SfmResult(placed, 1.0), 100, events.append)
         return
     emit = lambda kind, /, **values: events.append((kind, values["sentence"]))  # noqa: E731
-    poses._judge(Path("p"), Placement(placed, 1.0), 100, emit)
+    poses._judge(Path("p"), SfmResult(placed, 1.0), 100, emit)
     assert [kind for kind, _ in events] == ([outcome] if outcome else [])
     assert all(f"{placed} of the 100 photos" in sentence for _, sentence in events)
 
 
 def test_poses_that_the_matches_contradict_come_with_a_warning():
     sentences = []
-    poses._judge(Path("p"), Placement(100, 0.63), 100, lambda kind, /, **values: sentences.append(values["sentence"]))
+    poses._judge(Path("p"), SfmResult(100, 0.63), 100, lambda kind, /, **values: sentences.append(values["sentence"]))
     assert len(sentences) == 1 and "Only 63% of the matches" in sentences[0]
 
 
@@ -198,7 +198,7 @@ def test_wrong_requests_are_named_before_anything_is_made(tmp_path):
     with pytest.raises(BadRequest, match="Unknown matching 'all'"):
         run(photos, tmp_path / "capture", matching="all")
     with pytest.raises(BadRequest, match="was given no out"):
-        run_stage(Request("poses", tmp_path, {"photos": str(photos)}), lambda *_, **__: None, lambda: False)
+        run_request(Request("poses", tmp_path, {"photos": str(photos)}), lambda *_, **__: None, lambda: False)
     assert [path.name for path in tmp_path.iterdir()] == ["photos"]
 
 

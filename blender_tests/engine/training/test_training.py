@@ -10,7 +10,7 @@ from karf_engine.errors import Cancelled, Diverged, OutOfMemory
 from karf_engine.progress import Progress
 from karf_engine.runtime import start_runtime
 from karf_engine.training.course import Course
-from karf_engine.training.loop import train, warm_cosine, warm_exponential
+from karf_engine.training.loop import cosine_with_warmup, exponential_with_warmup, train
 
 
 class Recorder:
@@ -37,7 +37,7 @@ class Recorder:
 
 
 def test_the_cosine_warms_up_and_falls_to_its_floor_by_hand():
-    factor = warm_cosine(4, 0.1)
+    factor = cosine_with_warmup(4, 0.1)
     assert factor(0, 100) == pytest.approx(0.25)
     assert factor(1, 100) == pytest.approx(0.5 * (0.1 + 0.9 * 0.5 * (1 + math.cos(math.pi / 100))))
     assert factor(50, 100) == pytest.approx(0.55)
@@ -45,7 +45,7 @@ def test_the_cosine_warms_up_and_falls_to_its_floor_by_hand():
 
 
 def test_the_exponential_holds_and_then_decays_to_its_floor_by_hand():
-    factor = warm_exponential(10, 0.5, 0.01)
+    factor = exponential_with_warmup(10, 0.5, 0.01)
     assert [factor(i, 100) for i in (0, 4, 9, 50)] == pytest.approx([0.1, 0.5, 1, 1])
     assert factor(75, 100) == pytest.approx(0.1)
     assert factor(100, 100) == pytest.approx(0.01)

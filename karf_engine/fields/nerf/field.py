@@ -15,10 +15,11 @@ import torch
 from torch import Tensor, nn
 
 from ...kan.encoding import positional_encoding
-from ...rendering.hierarchical import dense_ray_weights, interval_lengths, refine, spread
+from ...rendering.hierarchical import dense_ray_weights, interval_lengths, refine, stratified_samples
 from ...rendering.rays import Rays
 from ...rendering.sampling import Samples
-from ...rendering.space import Space, space_from_json, space_to_json
+from ...rendering.space import StraightSpace
+from ...rendering.space_values import space_from_json, space_to_json
 from ...rendering.volume import Trace, outward_normals, trace_of
 
 DETAIL = 128  # a "voxel", the length scale of the later stages, is this share of the field's longest side
@@ -90,7 +91,7 @@ class NerfNetwork(nn.Module):
 
 @dataclass(frozen=True)
 class NerfSampling:
-    """Rays are sampled from t = near to far of their line (see space.py), `coarse` times evenly (in_disparity: in 1 / t)
+    """Rays are sampled from t = near to far (see `StraightSpace.to_grid_rays`), `coarse` times evenly (in_disparity: in 1 / t)
     and `fine` times where the coarse network saw something."""
 
     near: float
@@ -101,13 +102,15 @@ class NerfSampling:
 
 
 class NerfField(nn.Module):
-    """Two networks behind the field protocol (see scene.py). Frozen use only; `fit_nerf` trains the networks.
+    """Two networks, a `Field` (see fields/protocol.py). Frozen use only; `NerfFit` trains the networks.
 
     bounds: [2, 3] round what there is to see, grid coordinates.
     """
 
+    kind = "nerf"
+
     def __init__(
-        self, coarse: NerfNetwork, fine: NerfNetwork, sampling: NerfSampling, space: Space, bounds: Tensor
+        self, coarse: NerfNetwork, fine: NerfNetwork, sampling: NerfSampling, space: StraightSpace, bounds: Tensor
     ) -> None:
         super().__init__()
         self.coarse, self.fine = coarse, fine
@@ -129,7 +132,7 @@ class NerfField(nn.Module):
         """Where these rays end, on the sorted union of coarse and fine samples; there is no stride to choose."""
         del step_in_voxels
         sampling = self.sampling
-        origins, directions = self.space.lines(rays)
+        origins, directions = self.space.to_grid_rays(rays)
         t = self.coarse_t(origins.new_zeros(len(rays), 0))
         if sampling.fine:
             positions = origins[:, None] + t[..., None] * directions[:, None]
@@ -141,9 +144,9 @@ class NerfField(nn.Module):
         return trace_of(samples, self.density(samples.positions), len(rays))
 
     def coarse_t(self, jitter: Tensor) -> Tensor:
-        """Parameters of the coarse samples (see hierarchical.spread)."""
+        """Parameters of the coarse samples (see hierarchical.stratified_samples)."""
         sampling = self.sampling
-        return spread(sampling.near, sampling.far, sampling.coarse, sampling.in_disparity, jitter)
+        return stratified_samples(sampling.near, sampling.far, sampling.coarse, sampling.in_disparity, jitter)
 
     def density(self, positions: Tensor) -> Tensor:
         """Volume density at positions [n, 3], [n] >= 0 per grid unit."""
@@ -156,18 +159,18 @@ class NerfField(nn.Module):
     def color(self, positions: Tensor, viewdirs: Tensor, features: Tensor) -> Tensor:
         """sRGB color [n, 3] in (0, 1) seen along the world's viewdirs [n, 3]."""
         del positions  # the features hold all that depends on the place
-        return self._in_chunks(self.fine.color, features, self.space.turned(viewdirs))
+        return self._in_chunks(self.fine.color, features, self.space.rotate_directions(viewdirs))
 
     @torch.no_grad()
     def normals(self, positions: Tensor) -> Tensor:
         """Outward surface normals, [n, 3]."""
         return outward_normals(self.density, positions, self.voxel)
 
-    def figures(self) -> dict[str, Any]:
-        """What a report says of the field."""
+    def summary(self) -> dict[str, Any]:
+        """Length of a "voxel" in grid coordinates, and number of parameters."""
         return {"voxel": self.voxel, "parameters": sum(p.numel() for p in self.parameters())}
 
-    def facts(self) -> dict[str, Any]:
+    def config(self) -> dict[str, Any]:
         """JSON values that, beside the tensors, restore the field."""
         return {
             "coarse": asdict(self.coarse.shape),
@@ -177,15 +180,15 @@ class NerfField(nn.Module):
         }
 
     @classmethod
-    def restored(cls, facts: dict[str, Any], tensors: dict[str, Tensor], device: torch.device | str) -> NerfField:
-        """The field that had these facts and tensors; in `checkpoints.restoring`, as others may have changed them."""
-        if not all(1 <= facts["sampling"][name] <= MOST_SAMPLES for name in ("coarse", "fine")):
-            raise ValueError(f"sampling {facts['sampling']}")
+    def restore(cls, config: dict[str, Any], tensors: dict[str, Tensor], device: torch.device | str) -> NerfField:
+        """The field of this config and these tensors; in `checkpoints.restoring`, as others may have changed them."""
+        if not all(1 <= config["sampling"][name] <= MOST_SAMPLES for name in ("coarse", "fine")):
+            raise ValueError(f"sampling {config['sampling']}")
         # without numbers until the file's are there: no shape takes more memory than the file fills
         with torch.device("meta"):
-            networks = [NerfNetwork(_shape(facts[name], tensors, name)) for name in ("coarse", "fine")]
-        space = space_from_json(facts["space"], device)
-        field = cls(*networks, NerfSampling(**facts["sampling"]), space, tensors["bounds"])
+            networks = [NerfNetwork(_shape(config[name], tensors, name)) for name in ("coarse", "fine")]
+        space = space_from_json(config["space"], device)
+        field = cls(*networks, NerfSampling(**config["sampling"]), space, tensors["bounds"])
         field.load_state_dict(tensors, assign=True)
         return field.float().to(device)
 

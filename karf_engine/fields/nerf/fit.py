@@ -14,7 +14,6 @@ from torch import Tensor
 from ...progress import Progress
 from ...rendering.hierarchical import dense_ray_weights, interval_lengths, refine
 from ...rendering.rays import PixelBank, Rays
-from ...rendering.space import Frustum, Space
 from ...rendering.surface_cache import cache_surface
 from ...runtime import Runtime
 from ...settings import NerfSettings
@@ -22,7 +21,7 @@ from ...training.course import Course, below, check_alike, number, prefixed, who
 from ...training.loop import train
 from ...training.unfinished import Unfinished
 from ..scene import Scene
-from .field import NerfField, NerfNetwork, NerfSampling, NerfShape
+from .field import NerfField, NerfNetwork
 
 CROP_SHARE = 0.5  # of the pictures' sides: where rays are drawn at first, so that not all of them are background
 MEASURED_RAYS = 2048
@@ -31,15 +30,15 @@ BOUNDS_MARGIN = 0.05
 
 
 class NerfFit:
-    """State of one fit: `scenes` runs it and yields the scene from time to time."""
+    """A `Fit` (see fields/fit.py) of both networks."""
 
     def __init__(self, bank: PixelBank, kind: str, settings: NerfSettings, runtime: Runtime, field: NerfField) -> None:
         self.bank, self.kind, self.settings, self.runtime, self.field = bank, kind, settings, runtime, field
         self._white = kind in ("alpha", "white")
-        self._noise = settings.density_noise if isinstance(field.space, Frustum) else 0.0
+        self._noise = settings.density_noise if field.space.is_forward_facing else 0.0
         self._crop = 0 if kind == "opaque" else settings.crop_iterations
         self._loss_average = 0.1
-        self._looked = 0  # iterations of which the scene has been yielded
+        self._yielded = 0  # iterations of which the scene has been yielded
         optimizer = torch.optim.Adam(field.parameters(), lr=settings.rate)
         self._course = Course(settings.iterations, optimizer, field.state_dict, runtime)
 
@@ -56,11 +55,11 @@ class NerfFit:
     def scenes(self, progress: Progress, unfinished: Unfinished | None = None) -> Iterator[Scene]:
         """Run what is left of the fit; the scene as it stands after every `look_every` iterations, and at the end."""
         field = self.field
-        while self._looked < self.iterations:
-            until = min(self._looked + self.settings.look_every, self.iterations)
+        while self._yielded < self.iterations:
+            until = min(self._yielded + self.settings.look_every, self.iterations)
             train(self._course, until, self._step, self._decay, progress, unfinished)
             field.bounds = surface_bounds(field, self.bank.rays(self.bank.draw(MEASURED_RAYS, self.runtime)))
-            self._looked = until
+            self._yielded = until
             yield Scene(field, None, self.kind, 1.0)
 
     def state(self) -> dict[str, Tensor]:
@@ -68,19 +67,20 @@ class NerfFit:
         return self._position() | prefixed("course", self._course.state())
 
     def resume(self, state: dict[str, Tensor]) -> None:
-        """Let this fresh fit go on from a state, on the processor, of a fit of the same photos and settings.
+        """Let this fresh fit resume a state, on the processor, of a fit of the same photos and settings.
 
-        Raises DataError, and changes nothing, where the state is of another one.
+        Raises:
+            DataError: The state is of another fit; nothing is changed then.
         """
         course_state = below("course", state)
         check_alike({n: t for n, t in state.items() if not n.startswith("course.")}, self._position())
-        looked = whole_number(state, "looked", self.iterations - 1)
+        yielded = whole_number(state, "looked", self.iterations - 1)
         self._course.resume(course_state)
-        self._looked, self._loss_average = looked, float(state["loss_average"])
+        self._yielded, self._loss_average = yielded, float(state["loss_average"])
 
     def _position(self) -> dict[str, Tensor]:
         """The numbers of a state."""
-        return {"looked": number(self._looked), "loss_average": number(self._loss_average)}
+        return {"looked": number(self._yielded), "loss_average": number(self._loss_average)}
 
     def _decay(self, iteration: int, _: int) -> float:
         steps = self.settings.decay_steps
@@ -105,17 +105,17 @@ class NerfFit:
     def _render(self, rays: Rays) -> tuple[Tensor, Tensor]:
         """Differentiable colors of rays by the coarse and by the fine network, [R, 3] each."""
         field, sampling, runtime = self.field, self.field.sampling, self.runtime
-        lines = field.space.lines(rays)
-        viewdirs = field.space.turned(rays.viewdirs)
+        grid_rays = field.space.to_grid_rays(rays)
+        viewdirs = field.space.rotate_directions(rays.viewdirs)
         t = field.coarse_t(runtime.rand(len(rays), sampling.coarse))
-        coarse, ray_weights = self._pass(field.coarse, lines, viewdirs, t)
+        coarse, ray_weights = self._pass(field.coarse, grid_rays, viewdirs, t)
         t = refine(t, ray_weights.detach(), runtime.rand(len(rays), sampling.fine))
-        return coarse, self._pass(field.fine, lines, viewdirs, t)[0]
+        return coarse, self._pass(field.fine, grid_rays, viewdirs, t)[0]
 
     def _pass(
-        self, network: NerfNetwork, lines: tuple[Tensor, Tensor], viewdirs: Tensor, t: Tensor
+        self, network: NerfNetwork, grid_rays: tuple[Tensor, Tensor], viewdirs: Tensor, t: Tensor
     ) -> tuple[Tensor, Tensor]:
-        origins, directions = lines
+        origins, directions = grid_rays
         positions = (origins[:, None] + t[..., None] * directions[:, None]).view(-1, 3)
         hidden = network.hidden(positions)
         raw = network.raw_density(hidden).view(t.shape)
@@ -128,22 +128,6 @@ class NerfFit:
         if self._white:
             color = color + 1 - ray_weights.sum(1, keepdim=True)
         return color, ray_weights
-
-
-def start_nerf_fit(
-    bank: PixelBank, kind: str, space: Space, sampling: NerfSampling, settings: NerfSettings, runtime: Runtime
-) -> NerfFit:
-    """Fresh networks in a space."""
-    shape = NerfShape(
-        depth=settings.depth,
-        width=settings.width,
-        view_width=settings.width // 2,
-        position_frequencies=settings.position_frequencies,
-        direction_frequencies=settings.direction_frequencies,
-    )
-    nothing = torch.tensor([[-1.0] * 3, [1.0] * 3])
-    field = NerfField(NerfNetwork(shape), NerfNetwork(shape), sampling, space, nothing).to(runtime.device)
-    return NerfFit(bank, kind, settings, runtime, field)
 
 
 def surface_bounds(field: NerfField, rays: Rays) -> Tensor:

@@ -1,7 +1,7 @@
-"""Taking over a NeRF that another program has trained: where does its world lie in the capture's?
+"""Importing a NeRF that another program has trained: where does its world lie in the capture's?
 
 A checkpoint does not say. Programs move and scale poses before they learn, each in its own way, so the known ways are
-tried, and the one is taken with which the NeRF shows the photos. Nothing is adopted that does not show them.
+tried, and the one is taken with which the NeRF shows the photos. A NeRF that does not show them is refused.
 """
 
 from __future__ import annotations
@@ -16,13 +16,15 @@ from ...capture.camera import Camera
 from ...capture.capture import View
 from ...errors import DataError
 from ...rendering.rays import PixelBank
-from ...rendering.space import Box, Space, space_on
+from ...rendering.space import Box, StraightSpace
+from ...rendering.space_values import space_on
 from ...settings import NerfSettings
+from ..extent import focus_point, middle_pose
 from ..scene import Scene, psnr_of_views
-from ..start import OBJECT_DISTANCE, middle_frustum, middle_pose, ndc, similarity
-from ..voxels.fit_box import focus_point
+from ..spaces import middle_frustum, ndc, similarity
 from .field import NerfField, NerfNetwork, NerfSampling
 from .fit import MEASURED_RAYS, surface_bounds
+from .start import OBJECT_DISTANCE
 
 SYNTHETIC_RANGE = (2.0, 6.0)  # of NeRF-synthetic captures, whose cameras stand 4 from the object
 LLFF_NEAR = 0.9  # of the nearest depth, where LLFF's rays begin outside NDC
@@ -31,44 +33,44 @@ TRIED_PIXELS = 600
 
 
 @dataclass(frozen=True)
-class Placement:
-    """One way from the capture's world to a NeRF's. near, far: see NerfSampling."""
+class Alignment:
+    """A candidate for the way from the capture's world to a NeRF's. near, far, in_disparity: see NerfSampling."""
 
     name: str
-    space: Space
+    space: StraightSpace
     near: float
     far: float
     in_disparity: bool = False
 
 
-def placements(views: list[View], settings: NerfSettings) -> list[Placement]:
+def candidate_alignments(views: list[View], settings: NerfSettings) -> list[Alignment]:
     """The known ways, for all views of a capture; those of LLFF where depth bounds are declared."""
     found = []
     if settings.near and settings.far:
-        found.append(Placement("as it is, near and far as set", Box(), settings.near, settings.far))
-    found.append(Placement("as it is, near 2 and far 6", Box(), *SYNTHETIC_RANGE))
+        found.append(Alignment("as it is, near and far as set", Box(), settings.near, settings.far))
+    found.append(Alignment("as it is, near 2 and far 6", Box(), *SYNTHETIC_RANGE))
     cameras = [view.camera for view in views]
     center = focus_point(cameras).numpy()
     distance = float(np.mean([np.linalg.norm(camera.position - center) for camera in cameras]))
     scale = OBJECT_DISTANCE / distance
     near, far = (value / scale for value in SYNTHETIC_RANGE)
-    found.append(Placement("scaled", similarity(scale, np.eye(3), center), near, far))
+    found.append(Alignment("scaled", similarity(scale, np.eye(3), center), near, far))
     bounds = [view.depth_bounds for view in views if view.depth_bounds]
     if not bounds:
         return found
     near, far = LLFF_NEAR * min(low for low, _ in bounds), max(high for _, high in bounds)
-    found.append(Placement("as it is, LLFF's bounds", Box(), near, far))
+    found.append(Alignment("as it is, LLFF's bounds", Box(), near, far))
     frustum = middle_frustum(views, None)
-    found.append(Placement("LLFF in NDC", ndc(frustum, views), 0.0, 1.0))
+    found.append(Alignment("LLFF in NDC", ndc(frustum, views), 0.0, 1.0))
     middle = middle_pose(cameras)
     scale = 1 / frustum.near  # the nearest depth becomes 1 / 0.75
-    found.append(Placement("LLFF recentered", similarity(scale, middle[:3, :3].T, middle[:3, 3]), near, far))
-    found.append(Placement("LLFF spherified", spherified(cameras), near, far, in_disparity=True))
+    found.append(Alignment("LLFF recentered", similarity(scale, middle[:3, :3].T, middle[:3, 3]), near, far))
+    found.append(Alignment("LLFF spherified", spherified(cameras), near, far, in_disparity=True))
     return found
 
 
-def spherified(cameras: list[Camera]) -> Space:
-    """LLFF's own placement of cameras that stand all round: on a unit sphere, up away from the focus point."""
+def spherified(cameras: list[Camera]) -> StraightSpace:
+    """LLFF's own alignment of cameras that stand all round: on a unit sphere, up away from the focus point."""
     middle = middle_pose(cameras)
     # its axes hang on the recentered poses' own, by a constant vector
     to_middle = middle[:3, :3].T
@@ -84,7 +86,7 @@ def spherified(cameras: list[Camera]) -> Space:
     return similarity(1 / radius, to_sphere, center)
 
 
-def adopt(
+def import_nerf(
     networks: tuple[NerfNetwork, NerfNetwork],
     views: list[View],
     banks: dict[str, PixelBank],
@@ -92,19 +94,30 @@ def adopt(
     source: str,
     device: torch.device,
 ) -> tuple[Scene, str, float]:
-    """The scene of these networks, the placement's name, and the PSNR in dB with which it shows the photos.
+    """The scene of these networks, aligned with the capture.
 
-    views: all of the capture. banks: some training photos as each kind of background shows them. Raises DataError where
-    no placement shows them.
+    Args:
+        networks: Coarse and fine.
+        views: All of the capture.
+        banks: Some training photos as each kind of background shows them.
+        settings: Samples a ray, and near and far where they are set.
+        source: Where the networks are from, for errors.
+        device: Where the scene shall live.
+
+    Returns:
+        The scene, the alignment's name, and the PSNR in dB with which it shows the photos.
+
+    Raises:
+        DataError: With no alignment the networks show the photos at MIN_PSNR.
     """
     tried = []
-    for placement in placements(views, settings):
-        field = _field(networks, placement, settings, device)
+    for alignment in candidate_alignments(views, settings):
+        field = _field(networks, alignment, settings, device)
         for kind, bank in banks.items():
             scene = Scene(field, None, kind, 1.0)
             psnr = float(np.mean(psnr_of_views(scene, bank, TRIED_PIXELS)))
-            # a placement that does not suit the cameras may lead nowhere
-            tried.append((psnr if np.isfinite(psnr) else 0.0, placement.name, scene))
+            # an alignment that does not suit the cameras may lead nowhere
+            tried.append((psnr if np.isfinite(psnr) else 0.0, alignment.name, scene))
     psnr, name, scene = max(tried, key=lambda entry: entry[0])
     if psnr < MIN_PSNR:
         names = ", ".join(dict.fromkeys(f"{entry[1]!r}" for entry in tried))
@@ -118,11 +131,11 @@ def adopt(
 
 
 def _field(
-    networks: tuple[NerfNetwork, NerfNetwork], placement: Placement, settings: NerfSettings, device: torch.device
+    networks: tuple[NerfNetwork, NerfNetwork], alignment: Alignment, settings: NerfSettings, device: torch.device
 ) -> NerfField:
     counts = {"coarse": settings.coarse_samples, "fine": settings.fine_samples}
-    sampling = NerfSampling(placement.near, placement.far, placement.in_disparity, **counts)
-    space = space_on(placement.space, device)
+    sampling = NerfSampling(alignment.near, alignment.far, alignment.in_disparity, **counts)
+    space = space_on(alignment.space, device)
     return NerfField(*networks, sampling, space, torch.zeros(2, 3)).to(device).requires_grad_(False)
 
 

@@ -1,4 +1,4 @@
-"""A radiance field on a sparse grid of voxels: the default geometry stage.
+"""A radiance field on a sparse grid of voxels: the default geometry.
 
 Vertices of occupied cells carry one raw density and F prior features; everything between is trilinear. Density is
 interpolated raw and activated after, so that a surface can be sharper than a voxel. Color is a sigmoid of the first
@@ -14,44 +14,28 @@ from typing import Any
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import max_pool3d, softplus
+from torch.nn.functional import softplus
 
 from ...rendering.rays import Rays
 from ...rendering.sampling import Samples, cell_indices, coarse_occupancy, march
-from ...rendering.space import Box, Space, space_from_json, space_to_json
+from ...rendering.space import Box, Space
+from ...rendering.space_values import space_from_json, space_to_json
+from ...rendering.spherical_harmonics import spherical_harmonics
 from ...rendering.volume import Trace, outward_normals, trace_of
+from .tables import WeightedGather, dilate, rescaled_raw, vertex_rows
 
 CORNERS = torch.tensor([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
 
 
-class _Gather(torch.autograd.Function):
-    """sum_k weights[:, k] * table[rows[:, k]]; the gradient goes to the table alone (positions are data here)."""
-
-    @staticmethod
-    def forward(context, table: Tensor, rows: Tensor, weights: Tensor) -> Tensor:
-        context.save_for_backward(rows, weights)
-        context.n_rows = len(table)
-        return nn.functional.embedding_bag(rows, table, per_sample_weights=weights, mode="sum")
-
-    @staticmethod
-    def backward(context, gradient: Tensor) -> tuple[Tensor, None, None]:
-        rows, weights = context.saved_tensors
-        table_gradient = torch.zeros(context.n_rows, gradient.shape[1], dtype=gradient.dtype, device=gradient.device)
-        if gradient.shape[1] == 1:  # one long scatter is fastest for scalars
-            table_gradient[:, 0].index_add_(0, rows.view(-1), (gradient * weights).view(-1))
-        else:  # eight short ones need no [n, 8, F] copy
-            for k in range(8):
-                table_gradient.index_add_(0, rows[:, k], gradient * weights[:, k : k + 1])
-        return table_gradient, None, None
-
-
 class VoxelField(nn.Module):
-    """Sparse voxels behind the field protocol (see scene.py).
+    """Sparse voxels, a `Field` (see fields/protocol.py).
 
     minimum: [3] corner of the grid and voxel: cell edge, in grid coordinates, as are all positions below; `space` says
     where they lie in the world (a box, whose coordinates are the world's, for None). occupied: [X, Y, Z] bool.
     density_bias: raw density that stands for empty space; alpha of one voxel starts at softplus(bias).
     """
+
+    kind = "voxels"
 
     def __init__(
         self,
@@ -71,7 +55,7 @@ class VoxelField(nn.Module):
         self.density_bias = density_bias
         self.register_buffer("minimum", minimum.float())
         self.register_buffer("occupied", occupied)
-        self.register_buffer("vertex_rows", _vertex_rows(occupied), persistent=False)
+        self.register_buffer("vertex_rows", vertex_rows(occupied), persistent=False)
         self.register_buffer("coarse", coarse_occupancy(occupied), persistent=False)
         n_rows = int(self.vertex_rows.max()) + 1
         self.raw_density = nn.Parameter(torch.zeros(n_rows, 1, device=minimum.device))
@@ -127,7 +111,7 @@ class VoxelField(nn.Module):
 
     def density_at(self, rows: Tensor, weights: Tensor) -> Tensor:
         """Density from `corners`, [n]."""
-        raw = _Gather.apply(self.raw_density, rows, weights)[:, 0]
+        raw = WeightedGather.apply(self.raw_density, rows, weights)[:, 0]
         return softplus(raw + self.density_bias) / self.voxel
 
     def features(self, positions: Tensor) -> Tensor:
@@ -137,7 +121,7 @@ class VoxelField(nn.Module):
     def features_at(self, rows: Tensor, weights: Tensor, diffuse: bool = False) -> Tensor:
         """Prior features from `corners`, [n, F]; only the first three, which hold the diffuse color, for `diffuse`."""
         table = self.feature_table[:, :3].contiguous() if diffuse else self.feature_table
-        return _Gather.apply(table, rows, weights)
+        return WeightedGather.apply(table, rows, weights)
 
     def color(self, positions: Tensor, viewdirs: Tensor, features: Tensor, diffuse: bool = False) -> Tensor:
         """sRGB color [n, 3] in (0, 1) seen along viewdirs [n, 3]; `diffuse` leaves the direction out."""
@@ -167,11 +151,11 @@ class VoxelField(nn.Module):
         """Outward surface normals: minus the density's gradient by central differences over one voxel, [n, 3]."""
         return outward_normals(self.density, positions, self.voxel)
 
-    def figures(self) -> dict[str, Any]:
-        """What a report says of the field."""
+    def summary(self) -> dict[str, Any]:
+        """Edge of a voxel in grid coordinates, and number of occupied cells."""
         return {"voxel": self.voxel, "cells": int(self.occupied.sum())}
 
-    def facts(self) -> dict[str, Any]:
+    def config(self) -> dict[str, Any]:
         """JSON values that, beside the tensors, restore the field."""
         return {
             "voxel": self.voxel,
@@ -182,13 +166,13 @@ class VoxelField(nn.Module):
         }
 
     @classmethod
-    def restored(cls, facts: dict[str, Any], tensors: dict[str, Tensor], device: torch.device | str) -> VoxelField:
-        """The field that had these facts and tensors; in `checkpoints.restoring`, as others may have changed them."""
+    def restore(cls, config: dict[str, Any], tensors: dict[str, Tensor], device: torch.device | str) -> VoxelField:
+        """The field of this config and these tensors; in `checkpoints.restoring`, as others may have changed them."""
         # these two as the tensors say, so that no file takes more memory than it fills
         n_features, width = tensors["feature_table"].shape[1], tensors["color_network.0.weight"].shape[0]
-        space = space_from_json(facts.get("space", {"kind": "box"}), device)
-        voxel, density_bias = float(facts["voxel"]), float(facts["density_bias"])
-        if (n_features, width) != (facts["n_features"], facts["width"]) or voxel <= 0:
+        space = space_from_json(config.get("space", {"kind": "box"}), device)
+        voxel, density_bias = float(config["voxel"]), float(config["density_bias"])
+        if (n_features, width) != (config["n_features"], config["width"]) or voxel <= 0:
             raise ValueError(f"voxels of {voxel}, {n_features} features, width {width}")
         if tensors["occupied"].dtype != torch.bool or tensors["minimum"].shape != (3,):
             raise ValueError("no cells")
@@ -246,58 +230,7 @@ class VoxelField(nn.Module):
         for part, target in zip(vertices.split(1 << 18), rows.split(1 << 18), strict=True):
             corner_rows, weights = self.corners(field.minimum + part * field.voxel)
             weights = weights / weights.sum(1, keepdim=True).clamp_min(1e-6)
-            raw = _Gather.apply(self.raw_density, corner_rows, weights)
+            raw = WeightedGather.apply(self.raw_density, corner_rows, weights)
             field.raw_density.data[target] = rescaled_raw(raw, field.voxel / self.voxel, self.density_bias)
-            field.feature_table.data[target] = _Gather.apply(self.feature_table, corner_rows, weights)
+            field.feature_table.data[target] = WeightedGather.apply(self.feature_table, corner_rows, weights)
         return field
-
-
-def rescaled_raw(raw: Tensor, ratio: float, bias: float) -> Tensor:
-    """Raw density that keeps softplus(raw + bias) / voxel when the voxel changes by `ratio`."""
-    optical_depth = softplus(raw + bias) * ratio
-    # the inverse of softplus; log(expm1(x)) = x + log(-expm1(-x)) neither overflows nor cancels
-    return optical_depth + torch.log(-torch.expm1(-optical_depth)) - bias
-
-
-def dilate(occupied: Tensor, cells: int = 1) -> Tensor:
-    """Occupied cells and all within `cells` of them, [X, Y, Z] bool."""
-    return max_pool3d(occupied[None, None].float(), 2 * cells + 1, stride=1, padding=cells)[0, 0] > 0
-
-
-def _vertex_rows(occupied: Tensor) -> Tensor:
-    """Row number of each vertex that touches an occupied cell, else -1; [X+1, Y+1, Z+1] int32."""
-    padded = nn.functional.pad(occupied[None, None].float(), (1, 1, 1, 1, 1, 1))
-    touches = max_pool3d(padded, 2, stride=1)[0, 0] > 0
-    rows = torch.cumsum(touches.view(-1), 0, dtype=torch.int32).view(touches.shape) - 1
-    return torch.where(touches, rows, torch.full_like(rows, -1))
-
-
-def spherical_harmonics(viewdirs: Tensor) -> Tensor:
-    """Real spherical harmonics up to degree 2 of unit directions [n, 3], [n, 9]."""
-    x, y, z = viewdirs.unbind(1)
-    return torch.stack(
-        [
-            torch.full_like(x, 0.282095),
-            0.488603 * y,
-            0.488603 * z,
-            0.488603 * x,
-            1.092548 * x * y,
-            1.092548 * y * z,
-            0.315392 * (3 * z * z - 1),
-            1.092548 * x * z,
-            0.546274 * (x * x - y * y),
-        ],
-        1,
-    )
-
-
-class Background(nn.Module):
-    """What rays see behind the box, a function of direction alone: [n, 3] sRGB in (0, 1)."""
-
-    def __init__(self, width: int = 32) -> None:
-        super().__init__()
-        self.network = nn.Sequential(nn.Linear(9 + 18, width), nn.ReLU(), nn.Linear(width, 3))
-
-    def forward(self, viewdirs: Tensor) -> Tensor:
-        waves = [f(k * viewdirs) for k in (2.0, 4.0, 8.0) for f in (torch.sin, torch.cos)]
-        return torch.sigmoid(self.network(torch.cat([spherical_harmonics(viewdirs), *waves], 1)))

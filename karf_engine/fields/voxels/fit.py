@@ -21,10 +21,11 @@ from ...rendering.volume import ray_weights_from_sigmas
 from ...runtime import Runtime
 from ...settings import GeometrySettings, Level, OpenSettings
 from ...training.course import Course, below, check_alike, number, prefixed, whole_number
-from ...training.loop import train, warm_exponential
+from ...training.loop import exponential_with_warmup, train
 from ...training.unfinished import Unfinished
+from ..background import Background
 from ..scene import Scene
-from .field import Background, VoxelField
+from .field import VoxelField
 
 
 @dataclass(frozen=True)
@@ -45,8 +46,8 @@ class Part:
     iterations: int
 
 
-class Fit:
-    """State of one fit: the field, what is behind it, and what they learn from. Subclasses say what the loss is.
+class VoxelFit:
+    """A `Fit` (see fields/fit.py): the field, what is behind it, and what they learn from. Subclasses say what the loss is.
 
     recipe: the levels with their rates and limits. cuts: shares of a level's iterations after which it is pruned again.
     first_share: of the samples that the first level takes: in its fog each of them is seen. kind: of background.
@@ -100,9 +101,10 @@ class Fit:
         return self._position() | prefixed("own", self._own_tensors()) | prefixed("course", self._course.state())
 
     def resume(self, state: dict[str, Tensor]) -> None:
-        """Let this fresh fit go on from a state, on the processor, of a fit of the same photos and settings.
+        """Let this fresh fit resume a state, on the processor, of a fit of the same photos and settings.
 
-        Raises DataError, and changes nothing, where the state is of another one.
+        Raises:
+            DataError: The state is of another fit; nothing is changed then.
         """
         course_state = below("course", state)
         own = {name: tensor for name, tensor in state.items() if not name.startswith("course.")}
@@ -179,10 +181,10 @@ class Fit:
 
     def _train(self, part: Part, progress: Progress, unfinished: Unfinished | None) -> None:
         level = self.recipe.levels[part.level]
-        whole = warm_exponential(10, 0.35, 0.1)
+        whole = exponential_with_warmup(10, 0.35, 0.1)
 
         def schedule(iteration: int, _: int) -> float:
-            # a part after pruning warms up again, and goes on where the level's decay stood
+            # a part after pruning warms up again, and resumes the level's decay where it stood
             return min(1.0, (iteration + 1) / 10) * whole(max(part.before + iteration, 10), level.iterations)
 
         def step(_: int, batch_scale: float) -> tuple[Tensor, dict[str, float]]:
@@ -224,5 +226,5 @@ class Fit:
     def _parts_of(self, level: int) -> list[Part]:
         """The stretches between the cuts of a level; the first level has none."""
         iterations = self.recipe.levels[level].iterations
-        marks = [0, *[int(iterations * cut) for cut in (self.cuts if level else ())], iterations]
-        return [Part(level, a, b - a) for a, b in itertools.pairwise(marks) if b > a]
+        cuts = [0, *[int(iterations * cut) for cut in (self.cuts if level else ())], iterations]
+        return [Part(level, a, b - a) for a, b in itertools.pairwise(cuts) if b > a]

@@ -21,11 +21,13 @@ from ...rendering.rays import PixelBank, Rays
 from ...rendering.volume import VISIBLE_WEIGHT, accumulate, ray_weights_from_sigmas, remainder_from_sigmas
 from ...runtime import Runtime
 from ...settings import GeometrySettings, Level
-from .field import Background, VoxelField
-from .fit import Batch, Fit
+from ..background import Background
+from ..extent import box_round_focus
+from ..spaces import OPAQUE_REACH
+from .field import VoxelField
+from .fit import Batch, VoxelFit
 
 AZIMUTH_BINS, ELEVATION_BINS = 36, 36
-OPAQUE_REACH = 1.2  # half-width of the box before a real background, in units of what a camera sees at the focus point
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ class BackgroundSupport:
         return self.seen[self._bins(viewdirs)]
 
 
-class BoxFit(Fit):
+class BoxFit(VoxelFit):
     """The fit of what lies in a box round the cameras' focus point."""
 
     cuts = (1 / 6, 1 / 2)
@@ -175,28 +177,6 @@ class BoxFit(Fit):
             self._support.note(rays.viewdirs[free])
 
 
-def focus_point(cameras) -> Tensor:
-    """The point nearest to all optical axes in the least-squares sense, [3] float64."""
-    poses = torch.stack([torch.from_numpy(c.camera_to_world) for c in cameras])
-    axes = -poses[:, :3, 2]
-    axes = nn.functional.normalize(axes, dim=1)
-    projectors = torch.eye(3, dtype=axes.dtype) - axes[:, :, None] * axes[:, None, :]
-    # parallel axes have no nearest point: a little pull to the cameras' middle keeps the system solvable
-    pull = 1e-6 * torch.eye(3, dtype=axes.dtype) * len(cameras)
-    right = (projectors @ poses[:, :3, 3, None]).sum(0)[:, 0] + pull @ poses[:, :3, 3].mean(0)
-    return torch.linalg.solve(projectors.sum(0) + pull, right)
-
-
-def start_box(cameras, reach: float) -> tuple[Tensor, float]:
-    """Center [3] and half-width of the first grid: `reach` times what a typical camera sees at the focus point."""
-    center = focus_point(cameras)
-    half_widths = [
-        float(torch.linalg.norm(torch.from_numpy(c.position) - center)) * max(c.width / c.fx, c.height / c.fy) / 2
-        for c in cameras
-    ]
-    return center, reach * sorted(half_widths)[len(half_widths) // 2]
-
-
 def visual_hull(bank: PixelBank, points: Tensor, margin: float) -> Tensor:
     """True for points [n, 3] that at least half the views see, each with something within `margin` (world units)."""
     possible = torch.ones(len(points), dtype=torch.bool, device=points.device)
@@ -219,7 +199,7 @@ def visual_hull(bank: PixelBank, points: Tensor, margin: float) -> Tensor:
 
 def start_box_fit(bank: PixelBank, background_kind: str, settings: GeometrySettings, runtime: Runtime) -> BoxFit:
     """A fresh field in a box round the cameras' focus point, with everything in it possible."""
-    center, half_width = start_box(bank.cameras, OPAQUE_REACH if background_kind == "opaque" else 0.75)
+    center, half_width = box_round_focus(bank.cameras, OPAQUE_REACH if background_kind == "opaque" else 0.75)
     n = settings.levels[0].voxels
     if bank.alpha is not None:  # the mattes tell a tighter box
         center, half_width = _matte_box(bank, center, half_width)

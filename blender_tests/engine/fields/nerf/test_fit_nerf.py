@@ -13,9 +13,10 @@ from blender_tests.engine.reference.nerf import still_life
 from blender_tests.engine.reference.still_life import camera_at, take_photo
 from karf_engine.capture.capture import SparsePoints
 from karf_engine.errors import Cancelled, Diverged
+from karf_engine.fields.fit import FitInputs
 from karf_engine.fields.nerf.field import NerfSampling
-from karf_engine.fields.nerf.fit import start_nerf_fit
-from karf_engine.fields.start import nerf_place, start_fit
+from karf_engine.fields.nerf.start import fresh_fit, place_nerf
+from karf_engine.fields.registry import start_fit
 from karf_engine.metrics.images import psnr
 from karf_engine.progress import Progress
 from karf_engine.rendering.rays import PixelBank, camera_rays
@@ -49,7 +50,7 @@ def start(kind, settings=TINY, space="box", seed=0, device="cpu"):
     views, photos = still_life(sky=kind == "opaque")
     runtime = start_runtime(seed, threads=1, device=str(device))
     geometry = GeometrySettings(field="nerf", nerf=settings)
-    return start_fit(bank_of(photos, kind, device), kind, space, views, None, geometry, runtime)
+    return start_fit(FitInputs(bank_of(photos, kind, device), kind, space, views, None, geometry, runtime))
 
 
 def silent(should_stop=lambda: False):
@@ -91,7 +92,7 @@ def test_the_field_can_be_asked_as_later_stages_ask(learned):
     assert ((middle > field.bounds[0]) & (middle < field.bounds[1])).all(1).float().mean() > 0.95
     normals = field.normals(middle)
     assert_allclose(torch.linalg.norm(normals, dim=1), np.ones(len(middle)), atol=1e-4)
-    toward_camera = -(normals * field.space.turned(solid.viewdirs)).sum(1)
+    toward_camera = -(normals * field.space.rotate_directions(solid.viewdirs)).sum(1)
     assert toward_camera.median() > 0.2
     assert field.features(middle).shape == (len(middle), 32)
 
@@ -151,7 +152,7 @@ def test_cancelling_and_diverging_end_the_fit():
 # ------------------------------------------------------------------------------------------------------------- placing
 def test_objects_are_sampled_between_half_and_one_and_a_half_camera_distances_at_a_scale_of_four():
     views, _ = still_life()
-    space, sampling = nerf_place("alpha", "box", views, None, preset("paper").geometry.nerf)
+    space, sampling = place_nerf("alpha", "box", views, None, preset("paper").geometry.nerf)
     assert (sampling.near, sampling.far) == pytest.approx((1.8, 5.4), rel=1e-4)
     assert (sampling.coarse, sampling.fine, sampling.in_disparity) == (64, 128, False)
     positions = space.to_grid(torch.tensor(np.stack([v.camera.position for v in views])).float())
@@ -166,40 +167,42 @@ def test_open_scenes_are_sampled_in_disparity_up_to_their_farthest_point():
     pixels = np.zeros((len(point), 2), np.float32)
     errors, colors = np.zeros(len(positions), np.float32), np.zeros((len(positions), 3), np.uint8)
     points = SparsePoints(positions, colors, errors, view, point, pixels)
-    _, sampling = nerf_place("opaque", "contraction", views, points, TINY)
+    _, sampling = place_nerf("opaque", "contraction", views, points, TINY)
     depths = np.stack([v.camera.project(positions)[1] for v in views])
     assert sampling.in_disparity
     assert sampling.near == pytest.approx(0.9 * depths.min(), rel=0.05)
     assert sampling.far == pytest.approx(1.1 * depths.max(), rel=0.05)
     settings = replace(TINY, near=0.25, far=80.0)
-    _, sampling = nerf_place("opaque", "contraction", views, points, settings)
+    _, sampling = place_nerf("opaque", "contraction", views, points, settings)
     assert (sampling.near, sampling.far) == (0.25, 80.0)
 
 
 def test_forward_facing_captures_are_learned_in_ndc_with_noise_on_their_densities():
     views, photos = still_life(1)
     views = [replace(view, depth_bounds=(2.0, 40.0)) for view in views]
-    space, sampling = nerf_place("opaque", "frustum", views, None, TINY)
+    space, sampling = place_nerf("opaque", "frustum", views, None, TINY)
     assert isinstance(space, Frustum) and space.near == pytest.approx(1.5)
     assert (sampling.near, sampling.far, sampling.in_disparity) == (0.0, 1.0, False)
     # the picture's corners lie at +-1 on the near plane and at infinity
     corners = camera_rays(views[0].camera)[torch.tensor([0, 31, 32 * 31, 32 * 32 - 1])]
-    first, directions = space.lines(corners)
+    first, directions = space.to_grid_rays(corners)
     assert_allclose(first[:, 2], -np.ones(4), atol=1e-5)
     assert_allclose((first + directions)[:, 2], np.ones(4), atol=1e-5)
     assert_allclose(first[:, :2].abs(), np.full((4, 2), 31 / 32), atol=1e-4)
     geometry = GeometrySettings(field="nerf", nerf=replace(TINY, iterations=2))
     runtime = start_runtime(0, 1, "cpu")
-    fit = start_fit(bank_of(photos, "opaque"), "opaque", "frustum", views, None, geometry, runtime)
+    fit = start_fit(FitInputs(bank_of(photos, "opaque"), "opaque", "frustum", views, None, geometry, runtime))
     before = runtime.generator.get_state()
-    noisy = fit._pass(fit.field.fine, space.lines(corners), corners.viewdirs, fit.field.coarse_t(torch.zeros(4, 0)))
+    noisy = fit._pass(
+        fit.field.fine, space.to_grid_rays(corners), corners.viewdirs, fit.field.coarse_t(torch.zeros(4, 0))
+    )
     assert not torch.equal(before, runtime.generator.get_state()) and torch.isfinite(noisy[0]).all()
 
 
 def test_what_is_white_stays_white_where_nothing_is():
     _, photos = still_life(2)
     sampling = NerfSampling(2.0, 5.0, coarse=8, fine=8)
-    fit = start_nerf_fit(bank_of(photos, "alpha"), "alpha", Box(), sampling, TINY, start_runtime(0, 1, "cpu"))
+    fit = fresh_fit(bank_of(photos, "alpha"), "alpha", Box(), sampling, TINY, start_runtime(0, 1, "cpu"))
     for network in (fit.field.coarse, fit.field.fine):
         network.alpha_linear.bias.data[:] = -100.0
     coarse, fine = fit._render(fit.bank.rays(torch.arange(5)))

@@ -1,4 +1,4 @@
-"""Where a foreign NeRF's world lies: the placements are those that LLFF's and NeRF's own loaders make."""
+"""Where a foreign NeRF's world lies: the candidate alignments are those that LLFF's and NeRF's own loaders make."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ pytest.importorskip("scipy")
 
 from blender_tests.engine.reference.nerf import still_life
 from karf_engine.capture.capture import View
-from karf_engine.fields.nerf.importing import placements
+from karf_engine.fields.nerf.importing import candidate_alignments
 from karf_engine.rendering.rays import camera_rays
 from karf_engine.settings import NerfSettings
 
@@ -29,8 +29,8 @@ def views():
     return found
 
 
-def placed(name, of=None, settings=None):
-    return {p.name: p for p in placements(of or views(), settings or NerfSettings())}[name]
+def aligned(name, of=None, settings=None):
+    return {p.name: p for p in candidate_alignments(of or views(), settings or NerfSettings())}[name]
 
 
 def unit(v):
@@ -66,22 +66,22 @@ def spherified(poses):
 def test_cameras_lie_where_llffs_loader_puts_them(name, reference):
     poses = np.stack([view.camera.camera_to_world for view in views()])
     expected = reference(recentered(poses) if reference is spherified else poses)
-    space = placed(name).space
+    space = aligned(name).space
     for view, pose in zip(views(), expected, strict=True):
         rays = camera_rays(view.camera)[CORNERS]
-        origins, directions = space.lines(rays)
+        origins, directions = space.to_grid_rays(rays)
         assert_allclose(origins, np.tile(pose[:3, 3], (4, 1)), atol=1e-4)
         moved = replace(view.camera, camera_to_world=pose)
-        assert_allclose(space.turned(rays.viewdirs), camera_rays(moved)[CORNERS].viewdirs, atol=1e-5)
+        assert_allclose(space.rotate_directions(rays.viewdirs), camera_rays(moved)[CORNERS].viewdirs, atol=1e-5)
         lengths = torch.linalg.norm(directions, dim=1)
         assert_allclose(lengths, lengths.mean().expand(4), rtol=1e-5)
 
 
 def test_depths_are_scaled_with_the_world():
     for name in ("LLFF recentered", "LLFF spherified", "as it is, LLFF's bounds"):
-        assert (placed(name).near, placed(name).far) == pytest.approx((0.9 * BOUNDS[0], BOUNDS[1]))
-    scaled = placed("scaled")
-    _, directions = scaled.space.lines(camera_rays(views()[0].camera)[CORNERS])
+        assert (aligned(name).near, aligned(name).far) == pytest.approx((0.9 * BOUNDS[0], BOUNDS[1]))
+    scaled = aligned("scaled")
+    _, directions = scaled.space.to_grid_rays(camera_rays(views()[0].camera)[CORNERS])
     length = float(torch.linalg.norm(directions[0]))
     assert (scaled.near * length, scaled.far * length) == pytest.approx((2, 6), rel=1e-5)
 
@@ -89,10 +89,10 @@ def test_depths_are_scaled_with_the_world():
 def test_ndc_is_that_of_the_recentered_poses():
     """NeRF, appendix C, with the near plane at 1 after scaling."""
     poses = recentered(np.stack([view.camera.camera_to_world for view in front()]))
-    space = placed("LLFF in NDC", front()).space
+    space = aligned("LLFF in NDC", front()).space
     for view, pose in zip(front(), poses, strict=True):
         camera = view.camera
-        first, step = space.lines(camera_rays(camera)[CORNERS])
+        first, step = space.to_grid_rays(camera_rays(camera)[CORNERS])
         rays = camera_rays(replace(camera, camera_to_world=pose))[CORNERS]
         origins, directions = rays.origins.double().numpy(), rays.viewdirs.double().numpy()
         origins = origins - ((1 + origins[:, 2]) / directions[:, 2])[:, None] * directions
@@ -121,6 +121,6 @@ def front():
 
 def test_without_depth_bounds_the_ways_of_llff_are_not_tried_and_a_range_can_be_set():
     plain = [replace(view, depth_bounds=None) for view in views()]
-    names = [p.name for p in placements(plain, NerfSettings(near=0.5, far=3.0))]
+    names = [p.name for p in candidate_alignments(plain, NerfSettings(near=0.5, far=3.0))]
     assert names == ["as it is, near and far as set", "as it is, near 2 and far 6", "scaled"]
-    assert placed("as it is, near and far as set", plain, NerfSettings(near=0.5, far=3.0)).far == 3.0
+    assert aligned("as it is, near and far as set", plain, NerfSettings(near=0.5, far=3.0)).far == 3.0

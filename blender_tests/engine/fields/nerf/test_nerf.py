@@ -11,8 +11,9 @@ torch = pytest.importorskip("torch")
 from blender_tests.engine.reference.nerf import composited, encoded, fine_t, vanilla
 from karf_engine.checkpoints import load_tensors, save_tensors
 from karf_engine.errors import DataError
+from karf_engine.fields.files import SCHEMA, load_scene, save_scene
 from karf_engine.fields.nerf.field import NerfField, NerfNetwork, NerfSampling, NerfShape
-from karf_engine.fields.scene import SCHEMA, Scene
+from karf_engine.fields.scene import Scene
 from karf_engine.kan.encoding import positional_encoding
 from karf_engine.rendering.rays import Rays
 from karf_engine.rendering.space import Box, Similarity
@@ -122,8 +123,8 @@ def test_a_saved_scene_comes_back_bit_for_bit(tmp_path, shape):
     matrix[0, 3] = 0.5
     sampling = NerfSampling(0.5, 9.0, True, 8, 12)
     made = NerfField(network(shape, 1), network(SMALL, 2), sampling, Similarity(matrix), torch.randn(2, 3))
-    Scene(made, None, "opaque", 1.0).save(tmp_path / "scene.safetensors")
-    loaded = Scene.load(tmp_path / "scene.safetensors")
+    save_scene(Scene(made, None, "opaque", 1.0), tmp_path / "scene.safetensors")
+    loaded = load_scene(tmp_path / "scene.safetensors")
     assert loaded.field.coarse.shape == shape and loaded.field.sampling == sampling
     assert loaded.background is None and loaded.background_kind == "opaque"
     assert torch.equal(loaded.field.bounds, made.bounds)
@@ -144,12 +145,12 @@ def test_a_saved_scene_comes_back_bit_for_bit(tmp_path, shape):
 def test_a_scene_whose_facts_contradict_its_networks_is_refused(tmp_path, change):
     path = tmp_path / "scene.safetensors"
     made = field(Similarity(torch.eye(4)))
-    Scene(made, None, "opaque", 1.0).save(path)
+    save_scene(Scene(made, None, "opaque", 1.0), path)
     tensors, facts = load_tensors(path, SCHEMA)
     change(facts)
     save_tensors(path, tensors, SCHEMA, facts)
     with pytest.raises(DataError, match="is damaged"):
-        Scene.load(path)
+        load_scene(path)
 
 
 def test_its_length_scale_follows_what_there_is_to_see():

@@ -11,7 +11,8 @@ maximum_filter = pytest.importorskip("scipy.ndimage").maximum_filter
 
 from blender_tests.engine.reference.still_life import camera_at, cameras, take_photo
 from karf_engine.errors import Diverged
-from karf_engine.fields.voxels.fit_box import focus_point, start_box_fit, visual_hull
+from karf_engine.fields.extent import focus_point
+from karf_engine.fields.voxels.fit_box import start_box_fit, visual_hull
 from karf_engine.metrics.images import psnr
 from karf_engine.plates import solid_pixels
 from karf_engine.progress import Progress

@@ -10,10 +10,13 @@ torch = pytest.importorskip("torch")
 from blender_tests.engine.reference.still_life import BALL_CENTER, BALL_RADIUS, camera_at, cameras, take_photo
 from karf_engine.capture.capture import SparsePoints, View
 from karf_engine.errors import BadRequest
-from karf_engine.fields.scene import Scene
-from karf_engine.fields.start import choose_space, looks_one_way, nearest_depth, sightings_of, start_fit
+from karf_engine.fields.extent import looks_one_way, nearest_depth
+from karf_engine.fields.files import load_scene, save_scene
+from karf_engine.fields.fit import FitInputs
+from karf_engine.fields.registry import start_fit
+from karf_engine.fields.spaces import choose_space
 from karf_engine.fields.voxels.field import VoxelField
-from karf_engine.fields.voxels.fit_open import grid_corners, seen_cells
+from karf_engine.fields.voxels.observations import observations_of
 from karf_engine.metrics.images import psnr
 from karf_engine.progress import Progress
 from karf_engine.rendering.rays import PixelBank
@@ -79,7 +82,7 @@ def start(cameras, space, with_points, settings=SETTINGS, device="cpu"):
     if space == "frustum":
         views = [replace(view, depth_bounds=(2.2, 9.0)) for view in views]
     runtime = start_runtime(0, threads=1, device=str(device))
-    return start_fit(bank, "opaque", space, views, points, settings, runtime)
+    return start_fit(FitInputs(bank, "opaque", space, views, points, settings, runtime))
 
 
 def silent():
@@ -114,8 +117,8 @@ def test_a_view_that_was_held_out_is_rendered_well(space, rig, angles, tmp_path,
     assert psnr(picture.color.cpu().numpy()[thing], truth.color[thing]) >= 18
     assert picture.opacity.cpu().numpy()[thing].mean() > 0.95
     assert ball_depth_error(scene, angles) < 0.24  # two voxels
-    scene.save(tmp_path / "scene.safetensors")
-    again = Scene.load(tmp_path / "scene.safetensors", device).render(camera, 3)
+    save_scene(scene, tmp_path / "scene.safetensors")
+    again = load_scene(tmp_path / "scene.safetensors", device).render(camera, 3)
     assert torch.equal(again.color, picture.color) and torch.equal(again.depth, picture.depth)
 
 
@@ -187,20 +190,20 @@ def test_the_nearest_depth_is_declared_or_that_of_the_points():
 def test_a_frustum_without_any_depth_is_refused():
     bank = PixelBank(front(), [take_photo(camera).color for camera in front()], None)
     with pytest.raises(BadRequest, match="how near"):
-        start_fit(bank, "opaque", "frustum", views_of(front()), None, SETTINGS, start_runtime(0, 1, "cpu"))
+        start_fit(FitInputs(bank, "opaque", "frustum", views_of(front()), None, SETTINGS, start_runtime(0, 1, "cpu")))
 
 
-def test_each_sighting_is_the_pixel_that_shows_its_point():
+def test_each_observation_is_the_pixel_that_shows_its_point():
     photos = [take_photo(camera) for camera in ring()]
     points = points_on_the_still_life(ring(), photos)
     bank = PixelBank(ring(), [photo.color for photo in photos], None)
-    sightings = sightings_of(bank, Box(), points)
-    assert len(sightings) == len(points.view)
-    rays = bank.rays(sightings.index)
-    toward = torch.nn.functional.normalize(sightings.positions - rays.origins, dim=1)
+    observations = observations_of(bank, Box(), points)
+    assert len(observations) == len(points.view)
+    rays = bank.rays(observations.index)
+    toward = torch.nn.functional.normalize(observations.positions - rays.origins, dim=1)
     assert (toward * rays.viewdirs).sum(1).min() > np.cos(1.0 / ring()[0].fx)  # within a pixel
     bad = replace(points, errors=np.where(np.arange(300) < 150, 9.0, 0.3).astype(np.float32))
-    assert len(sightings_of(bank, Box(), bad)) == (points.point >= 150).sum()
+    assert len(observations_of(bank, Box(), bad)) == (points.point >= 150).sum()
 
 
 def test_only_what_two_cameras_see_is_looked_for():
@@ -208,6 +211,6 @@ def test_only_what_two_cameras_see_is_looked_for():
     pair = [camera_at(0.0, 0.3), camera_at(0.4, 0.3)]
     behind_both = pair[0].position + pair[1].position
     world = torch.tensor(np.stack([np.zeros(3), behind_both, [0.0, 0, 30]])).float()
-    assert seen_cells(space, space.to_grid(world), pair).tolist() == [True, False, False]
-    low, high = grid_corners(space, pair)
+    assert space.is_seen(space.to_grid(world), pair).tolist() == [True, False, False]
+    low, high = space.grid_bounds(pair)
     assert low.tolist() == [-2, -2, -2] and high.tolist() == [2, 2, 2]

@@ -7,8 +7,11 @@ from numpy.testing import assert_allclose
 torch = pytest.importorskip("torch")
 ndimage = pytest.importorskip("scipy.ndimage")
 
+from karf_engine.fields.background import Background
+from karf_engine.fields.files import load_scene, save_scene
 from karf_engine.fields.scene import Scene
-from karf_engine.fields.voxels.field import Background, VoxelField, _Gather, dilate, rescaled_raw, spherical_harmonics
+from karf_engine.fields.voxels.field import VoxelField
+from karf_engine.fields.voxels.tables import WeightedGather, dilate, rescaled_raw
 
 MINIMUM, VOXEL = torch.tensor([-1.0, 0.5, 2.0]), 0.25
 
@@ -64,8 +67,8 @@ def test_the_gather_has_the_gradient_of_its_formula():
     for width in (1, 3):
         table = torch.randn(6, width, generator=random, dtype=torch.float64, requires_grad=True)
         expected = (weights[..., None] * table[rows]).sum(1)
-        assert_allclose(_Gather.apply(table, rows, weights).detach(), expected.detach(), atol=1e-12)
-        assert torch.autograd.gradcheck(lambda t: _Gather.apply(t, rows, weights), table)
+        assert_allclose(WeightedGather.apply(table, rows, weights).detach(), expected.detach(), atol=1e-12)
+        assert torch.autograd.gradcheck(lambda t: WeightedGather.apply(t, rows, weights), table)
 
 
 def test_a_grid_twice_as_fine_has_the_same_density_at_the_old_vertices():
@@ -145,20 +148,12 @@ def test_normals_point_out_of_a_ball():
     assert ((normals * directions).sum(1) > 0.9).all()
 
 
-def test_spherical_harmonics_are_orthonormal_over_the_sphere():
-    directions = torch.nn.functional.normalize(
-        torch.randn(200_000, 3, generator=torch.Generator().manual_seed(0)), dim=1
-    )
-    basis = spherical_harmonics(directions)
-    assert_allclose(4 * np.pi * (basis.T @ basis) / len(basis), np.eye(9), atol=0.02)
-
-
 @pytest.mark.parametrize("kind", ["alpha", "opaque"])
 def test_a_saved_scene_comes_back_bit_for_bit(tmp_path, kind):
     field = random_field(random_occupancy((6, 5, 7), 0.3))
     scene = Scene(field, Background() if kind == "opaque" else None, kind, 0.6)
-    scene.save(tmp_path / "scene.safetensors")
-    loaded = Scene.load(tmp_path / "scene.safetensors")
+    save_scene(scene, tmp_path / "scene.safetensors")
+    loaded = load_scene(tmp_path / "scene.safetensors")
     assert (loaded.background_kind, loaded.step, loaded.field.voxel) == (kind, 0.6, VOXEL)
     for name, value in field.state_dict().items():
         assert torch.equal(loaded.field.state_dict()[name], value)

@@ -1,0 +1,116 @@
+"""The panels draw in every state of a project, name only what exists, and write nothing."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from ..layout import Layout
+
+
+@pytest.fixture
+def draw(bpy, addon):
+    def draw_all():
+        drawn = []
+        context = SimpleNamespace(
+            scene=bpy.context.scene, window_manager=bpy.context.window_manager, screen=SimpleNamespace(areas=[])
+        )
+        for _, _, section, _ in addon.sidebar.SECTIONS:
+            section(Layout(bpy, drawn), context)
+        return drawn
+
+    return draw_all
+
+
+def test_an_empty_file_offers_the_import(draw):
+    drawn = draw()
+    assert "karf.import_capture" in drawn
+    assert "color" not in drawn and "karf.cancel" not in drawn
+
+
+def test_a_learned_scene_shows_its_swatches_without_the_frozen_black(addon, learned, draw):
+    drawn = draw()
+    assert drawn.count("color") == 4  # two objects of two colors
+    assert drawn.count("karf.reset_swatch") == 6  # one a swatch, in its learned color, and one an object
+    assert "karf.becomes" not in drawn and "locked" not in drawn
+    learned.karf.objects["pot"].show_becomes = True
+    drawn = draw()
+    assert drawn.count("karf.becomes") == 1 and drawn.count("locked") == 2
+
+
+def test_a_view_without_planes_says_so(learned, draw):
+    assert "Show" in draw() and "Prepare" not in draw()
+    learned.karf.active_view = "photo_2"
+    assert "Prepare" in draw() and "Show" not in draw()
+
+
+def test_errors_of_sparse_points_are_shown_where_there_are_points(
+    bpy, addon, capture_folder, tmp_path, draw, monkeypatch
+):
+    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    assert "No sparse points to check cameras by" in draw()
+    bpy.context.scene.karf.n_points = 7
+    assert {"show_reprojection", "Look through a view to see its errors"} <= set(draw())
+    known = SimpleNamespace(summary=addon.engine_api.ErrorSummary(7, 0.5, 2.25))
+    monkeypatch.setattr(addon.reprojection, "of_camera", lambda scene, camera: known)
+    assert {"7 points, median error 0.50 px,", "worst 2.25 px"} <= set(draw())
+
+
+def test_a_running_job_and_a_failed_one_are_shown(bpy, draw):
+    progress = bpy.context.window_manager.karf_progress
+    progress.running, progress.stage, progress.fraction, progress.text = True, "Learn Scene", 0.5, "50%"
+    progress.figures = "geometry 1/2"
+    assert {"Learn Scene", "50%", "geometry 1/2", "karf.cancel"} <= set(draw())
+    progress.running, progress.error, progress.hint = False, "photo_7.png is missing.", "Find it."
+    progress.warnings = "The lid is dark."
+    assert {"Learn Scene failed", "photo_7.png is missing.", "Find it.", "The lid is dark."} <= set(draw())
+    bpy.ops.karf.dismiss()
+    assert not {"Learn Scene failed", "The lid is dark.", "karf.dismiss"} & set(draw())
+
+
+def test_every_section_is_in_both_editors(bpy, addon):
+    spaces = [panel.bl_space_type for panel in addon.sidebar.CLASSES]
+    assert spaces.count("VIEW_3D") == spaces.count("IMAGE_EDITOR") == len(addon.sidebar.SECTIONS)
+    assert all(hasattr(bpy.types, panel.__name__) for panel in addon.sidebar.CLASSES)
+
+
+def test_no_panel_pulls_its_tab_before_those_of_blender(addon):
+    """Blender puts panels without a header before all others, and tabs stand in the order of their first panels."""
+    assert not [panel for panel in addon.sidebar.CLASSES if "HIDE_HEADER" in getattr(panel, "bl_options", ())]
+
+
+def test_the_status_is_there_while_it_has_something_to_say(bpy, addon):
+    (status, _) = [panel for panel in addon.sidebar.CLASSES if panel.__name__.endswith("_status")]
+    assert not status.poll(bpy.context)
+    bpy.context.window_manager.karf_progress.running = True
+    assert status.poll(bpy.context)
+
+
+def test_a_greyed_out_step_says_why(bpy, addon, scene):
+    for name in ("learn_scene", "segment", "extract_palette", "show_view", "render_view", "becomes", "cancel"):
+        with pytest.raises(RuntimeError, match=r"Import a capture|Extract the palettes|No job"):
+            getattr(bpy.ops.karf, name)()
+
+
+def test_a_step_waits_for_the_one_before_it(bpy, addon, capture_folder, tmp_path):
+    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    for name, reason in (("segment", "Learn the scene first"), ("extract_palette", "Segment the objects first")):
+        with pytest.raises(RuntimeError, match=reason):
+            getattr(bpy.ops.karf, name)()
+    addon.headless.learn_scene()
+    with pytest.raises(RuntimeError, match="Mark an object first"):
+        bpy.ops.karf.segment()
+    bpy.context.scene.karf.masks = str(tmp_path)
+    assert bpy.ops.karf.segment.poll()
+
+
+def test_a_done_step_is_known_as_done(bpy, learned, addon):
+    done = {name: is_done(learned) for name, _, _, is_done in addon.sidebar.SECTIONS}
+    assert [name for name in done if done[name]] == ["import", "learn", "palette"]
+
+
+def test_a_learned_color_is_drawn_as_an_icon_of_it(addon):
+    chips = addon.chips
+    chips.icon((1.0, 0.25, 0.0))
+    pixels = chips._Chips.icons["#ff4000"].icon_pixels_float[:]
+    np.testing.assert_allclose(np.reshape(pixels, (-1, 4)), [[1, 0.25, 0, 1]] * chips.SIDE**2, atol=1 / 255)

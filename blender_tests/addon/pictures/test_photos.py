@@ -1,0 +1,117 @@
+"""Photos behind cameras: what is looked through lines up with the pinhole, and masks stay on the photo as stored."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+WIDTH, HEIGHT = 120, 90
+LENS = (-0.3, 0.08, 0.002, -0.003)
+
+
+@pytest.fixture
+def bent(addon, tmp_path):
+    """A capture with one distorted photo: white dots where its lens puts a pinhole's pixels, and those pixels."""
+    api = addon.engine_api
+    camera = api.Camera(WIDTH, HEIGHT, 80.0, 84.0, 57.0, 48.0, np.eye(4), LENS)
+    pixels = np.array([[15.5, 12.5], [60.5, 45.5], [104.5, 20.5], [100.5, 80.5]])
+    v, u = np.mgrid[0:HEIGHT, 0:WIDTH] + 0.5
+    photo = np.zeros((HEIGHT, WIDTH, 3))
+    for spot in api.distort(camera, pixels):
+        photo += np.exp(-((u - spot[0]) ** 2 + (v - spot[1]) ** 2) / 2)[..., None]
+    addon.images.write_png(tmp_path / "bent" / "images" / "a.png", np.minimum(photo, 1))
+    api.write_cameras(tmp_path / "bent" / "transforms.json", [api.View("images/a.png", "a", camera, None, "train")])
+    return tmp_path / "bent", pixels
+
+
+def background(bpy, scene):
+    (only,) = scene.camera.data.background_images
+    return bpy.path.abspath(only.image.filepath)
+
+
+def test_a_distorted_photo_is_shown_as_the_pinhole_sees_it(bpy, addon, scene, bent, tmp_path):
+    folder, pixels = bent
+    addon.headless.import_capture(folder, tmp_path / "project")
+    shown = addon.images.read_picture(background(bpy, scene))
+    assert shown.shape == (HEIGHT, WIDTH, 3)
+    for u, v in pixels:
+        column, row = int(u), int(v)
+        around = shown[row - 3 : row + 4, column - 3 : column + 4, 0]
+        assert np.unravel_index(around.argmax(), around.shape) == (3, 3)
+
+
+def test_a_large_photo_is_shown_small_and_painted_whole(bpy, addon, scene, bent, tmp_path, monkeypatch):
+    monkeypatch.setattr(addon.photos, "SHOWN_PIXELS", WIDTH * HEIGHT // 4, raising=False)
+    folder, pixels = bent
+    addon.headless.import_capture(folder, tmp_path / "project")
+    shown = addon.images.read_picture(background(bpy, scene))
+    assert shown.shape == (HEIGHT // 2, WIDTH // 2, 3)
+    for u, v in pixels / 2:
+        column, row = int(u), int(v)
+        around = shown[row - 2 : row + 3, column - 2 : column + 3, 0]
+        assert np.abs(np.subtract(np.unravel_index(around.argmax(), around.shape), 2)).max() <= 1
+    assert tuple(addon.steps.paint_mask(scene, "pot").size) == (WIDTH, HEIGHT)
+
+
+def test_it_is_made_once_and_kept_in_the_project(bpy, addon, scene, bent, tmp_path):
+    addon.headless.import_capture(bent[0], tmp_path / "project")
+    path = addon.folders.project_of(scene).photos_folder
+    (made,) = path.iterdir()
+    written = made.stat().st_mtime_ns
+    addon.steps.look_through(scene)
+    addon.headless.import_capture(bent[0], tmp_path / "project")
+    assert background(bpy, scene) == str(made) and made.stat().st_mtime_ns == written
+    assert len(scene.camera.data.background_images) == 1
+
+
+def test_without_photos_looking_through_adds_none(addon, scene, bent, tmp_path):
+    addon.headless.import_capture(bent[0], tmp_path / "project", photos=False)
+    assert not scene.camera.data.background_images
+
+
+def test_masks_are_painted_on_the_photo_as_stored(addon, scene, bent, tmp_path):
+    addon.headless.import_capture(bent[0], tmp_path / "project")
+    stored = addon.images.read_picture(bent[0] / "images" / "a.png")
+    image = addon.steps.paint_mask(scene, "pot")
+    np.testing.assert_array_equal(addon.images.pixels(image)[..., :3], stored)
+
+
+def test_a_damaged_photo_leaves_the_rig_and_is_remarked(addon, scene, bent, tmp_path):
+    photo = bent[0] / "images" / "a.png"
+    photo.write_bytes(photo.read_bytes()[:60])
+    capture = addon.headless.import_capture(bent[0], tmp_path / "project")
+    assert "a.png" in capture.remarks[-1] and len(scene.karf.rig.children) == 1
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_a_turned_photo_stands_as_its_camera_was_made_for(addon, orientation, monkeypatch, tmp_path):
+    """The letter F, which looks different in all eight orientations (Exif 2.3, table of tag 0x0112)."""
+    upright = np.array([[1, 1, 1], [1, 0, 0], [1, 1, 0], [1, 0, 0]], float)[..., None].repeat(3, axis=2)
+    stored = {
+        1: upright,
+        2: upright[:, ::-1],
+        3: upright[::-1, ::-1],
+        4: upright[::-1],
+        5: upright.swapaxes(0, 1),
+        6: np.rot90(upright, 1),  # shown by a quarter turn to the right
+        7: np.rot90(upright, 2).swapaxes(0, 1),
+        8: np.rot90(upright, -1),
+    }[orientation]
+    addon.images.write_png(tmp_path / "f.png", stored)
+    api = addon.engine_api
+    camera = api.Camera(3, 4, 5.0, 5.0, 1.5, 2.0, np.eye(4))
+    view = api.View("f", "f", camera, tmp_path / "f.png", "train")
+    header = replace(api.find_header(view.image), orientation=orientation)
+    monkeypatch.setattr(addon.photos, "find_header", lambda path: header)
+    np.testing.assert_array_equal(addon.photos.read(view), upright)
+    assert addon.photos.is_shown_as_stored(view) == (orientation == 1)
+
+
+def test_linear_light_is_painted_on_as_srgb(addon, monkeypatch, tmp_path):
+    linear = np.linspace(0, 1, 12).reshape(2, 2, 3)
+    addon.images.write_png(tmp_path / "light.png", linear)
+    api = addon.engine_api
+    view = api.View("a", "a", api.Camera(2, 2, 5.0, 5.0, 1.0, 1.0, np.eye(4)), tmp_path / "light.png", "train")
+    header = replace(api.find_header(view.image), kind="exr")
+    monkeypatch.setattr(addon.photos, "find_header", lambda path: header)
+    np.testing.assert_allclose(addon.photos.read(view), api.linear_to_srgb(linear), atol=0.03)

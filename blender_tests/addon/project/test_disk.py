@@ -1,0 +1,157 @@
+"""Drawing and polls never touch the disk; what they say follows it, also where the project is gone and comes back."""
+
+import builtins
+import os
+import shutil
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from ..layout import Layout
+
+DISK = [(os, name) for name in ("stat", "lstat", "scandir", "listdir", "open", "access")]
+DISK += [(os.path, name) for name in ("exists", "isfile", "isdir", "getmtime")]
+DISK += [(Path, name) for name in ("exists", "is_file", "is_dir", "stat", "iterdir", "glob", "open")]
+
+
+@pytest.fixture
+def timed(addon, monkeypatch):
+    """The extension as in a window, where a timer reads the disk; the tests are this timer."""
+    monkeypatch.setattr(addon.disk, "HAS_TIMER", True)
+    addon.disk.refresh()
+
+
+def context_of(bpy):
+    return SimpleNamespace(
+        scene=bpy.context.scene,
+        window_manager=bpy.context.window_manager,
+        screen=SimpleNamespace(areas=[]),
+        area=None,
+    )
+
+
+def draw_all(bpy, addon):
+    """Every panel that shows itself, and every check mark; returns what was drawn and the titles of marked ones."""
+    drawn, marked, context = [], [], context_of(bpy)
+    for panel in addon.sidebar.CLASSES:
+        if panel.poll(context):
+            head = []
+            panel.draw(SimpleNamespace(layout=Layout(bpy, drawn)), context)
+            panel.draw_header_preset(SimpleNamespace(layout=Layout(bpy, head)), context)
+            marked += [panel.bl_label] if head else []
+    return drawn, marked
+
+
+def poll_all(bpy):
+    for name in dir(bpy.ops.karf):
+        getattr(bpy.ops.karf, name).poll()
+
+
+def test_drawing_and_polls_never_touch_the_disk(bpy, addon, learned, timed, monkeypatch, tmp_path):
+    addon.steps.paint_mask(learned, "pot")
+    learned.karf.masks = str(tmp_path)
+    learned.karf.out = str(tmp_path / "out")
+    draw_all(bpy, addon)  # makes the icons
+
+    def touched(*arguments, **_):
+        raise AssertionError(f"the disk was touched: {arguments}")
+
+    for owner, name in [*DISK, (builtins, "open")]:
+        monkeypatch.setattr(owner, name, touched)
+    try:
+        drawn, marked = draw_all(bpy, addon)
+        poll_all(bpy)
+        preferences = addon.preferences.current()
+        drawing = SimpleNamespace(layout=Layout(bpy, []), bl_rna=preferences.bl_rna)
+        type(preferences).draw(drawing, context_of(bpy))
+    finally:
+        monkeypatch.undo()
+    assert "Show" in drawn and "1  Import" in marked
+
+
+def test_what_is_drawn_follows_jobs_masks_and_the_chosen_view(bpy, addon, timed, capture_folder, tmp_path):
+    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    assert not bpy.ops.karf.segment.poll()
+    addon.headless.learn_scene()
+    assert "2  Learn Scene" in draw_all(bpy, addon)[1]
+    scene = bpy.context.scene
+    addon.steps.paint_mask(scene, "pot")
+    pixels = addon.images.pixels(scene.karf.mask_image)
+    pixels[:5] = addon.masks.BRUSH_COLOR + (1,)
+    addon.images.upload(scene.karf.mask_image, pixels[::-1].copy())
+    assert bpy.ops.karf.save_mask() == {"FINISHED"}
+    assert "pot\u00a0(1)" in draw_all(bpy, addon)[0] and bpy.ops.karf.segment.poll()
+    addon.headless.extract_palette()
+    assert "Show" in draw_all(bpy, addon)[0]
+    scene.karf.active_view = "photo_2"
+    assert "Prepare" in draw_all(bpy, addon)[0]
+
+
+def test_the_timer_notices_what_others_do_to_the_disk(bpy, addon, learned, timed):
+    assert not addon.disk.refresh()
+    addon.folders.project_of(learned).planes_file("photo_0").unlink()
+    assert addon.disk.refresh() and "Prepare" in draw_all(bpy, addon)[0]
+
+
+def test_a_missing_project_is_named_and_nothing_waits_on_it(bpy, addon, learned, timed, tmp_path):
+    project = addon.folders.project_of(learned).folder
+    shutil.move(project, tmp_path / "elsewhere")
+    assert addon.disk._tick() == addon.disk.REFRESH_SECONDS
+    drawn, marked = draw_all(bpy, addon)
+    assert "The project folder is missing" in drawn and marked == []
+    assert str(project) in "".join(text for text in drawn if isinstance(text, str))
+    for name in (
+        "learn_scene",
+        "extract_palette",
+        "show_view",
+        "render_view",
+        "render_capture",
+        "paint_mask",
+        "becomes",
+    ):
+        with pytest.raises(RuntimeError, match="is missing: bring it back"):
+            getattr(bpy.ops.karf, name)()
+    assert bpy.ops.karf.import_capture.poll() and bpy.ops.karf.save_edit.poll()
+    shutil.move(tmp_path / "elsewhere", project)
+    addon.disk._tick()
+    drawn, marked = draw_all(bpy, addon)
+    assert "The project folder is missing" not in drawn and "2  Learn Scene" in marked
+    assert bpy.ops.karf.learn_scene.poll()
+
+
+def test_importing_again_makes_a_missing_project_again(bpy, addon, learned, timed, capture_folder):
+    project = addon.folders.project_of(learned).folder
+    shutil.rmtree(project)
+    addon.headless.import_capture(capture_folder, project)
+    assert bpy.ops.karf.learn_scene.poll() and not bpy.ops.karf.segment.poll()
+
+
+def test_a_place_that_cannot_be_written_is_remarked_and_the_cameras_come(addon, scene, capture_folder, tmp_path):
+    (tmp_path / "file").touch()
+    capture = addon.headless.import_capture(capture_folder, tmp_path / "file" / "project")
+    assert "cannot be made" in capture.remarks[-1] and len(scene.karf.rig.children) == 3
+
+
+def test_reading_the_disk_never_raises(addon, learned, timed, monkeypatch):
+    def refused(*_):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(addon.contents, "mask_counts", refused)
+    addon.disk._tick()
+    assert addon.disk.contents_of(learned) == addon.disk.Contents()
+
+
+def test_in_background_mode_every_question_reads_the_disk(bpy, addon, learned):
+    """Scripts change files between two lines; no timer fires there."""
+    addon.folders.project_of(learned).planes_file("photo_0").unlink()
+    assert not addon.disk.contents_of(learned).is_prepared
+
+
+def test_disabling_the_extension_leaves_no_timer_and_no_handler(bpy, addon):
+    bpy.app.timers.register(addon.disk._tick, first_interval=60, persistent=True)
+    before = [len(getattr(bpy.app.handlers, name)) for name, _ in addon.disk.HANDLERS]
+    addon.disk.unregister()
+    assert not bpy.app.timers.is_registered(addon.disk._tick)
+    assert [len(getattr(bpy.app.handlers, name)) for name, _ in addon.disk.HANDLERS] == [n - 1 for n in before]
+    addon.disk.register()

@@ -1,0 +1,147 @@
+"""Sparse points in the viewport, and how far photos show them from where cameras put them."""
+
+import numpy as np
+import pytest
+
+SIZE = (200, 150)
+LENS = (-0.2, 0.05, 0.001, -0.002)  # COLMAP's OPENCV model: k1 k2 p1 p2
+
+
+@pytest.fixture
+def colmap_folder(addon, tmp_path):
+    """A COLMAP text model of two photos that each observe 40 points, 3 pixels off in the first, exactly in the second."""
+    api, random = addon.engine_api, np.random.default_rng(0)
+    positions = random.uniform([-1, -1, 4], [1, 1, 6], (40, 3))
+    colors = random.integers(0, 256, (40, 3))
+    model = tmp_path / "shelf" / "sparse" / "0"
+    model.mkdir(parents=True)
+    lens = " ".join(map(str, (180.0, 185.0, 98.0, 77.0, *LENS)))
+    (model / "cameras.txt").write_text(f"1 OPENCV {SIZE[0]} {SIZE[1]} {lens}\n")
+    images = []
+    for number, shift in ((1, 3.0), (2, 0.0)):
+        pose = np.diag([1.0, -1.0, -1.0, 1.0])  # COLMAP's camera looks along +z, y down
+        pose[0, 3] = 0.2 * number
+        camera = api.Camera(*SIZE, 180.0, 185.0, 98.0, 77.0, pose, LENS)
+        seen = api.distort(camera, camera.project(positions)[0]) + [shift, 0]
+        row = " ".join(f"{u:.6f} {v:.6f} {i + 1}" for i, (u, v) in enumerate(seen))
+        images.append(f"{number} 1 0 0 0 {-0.2 * number} 0 0 1 p{number}.png\n{row}\n")
+        addon.images.write_png(tmp_path / "shelf" / "images" / f"p{number}.png", np.zeros((SIZE[1], SIZE[0], 3)))
+    (model / "images.txt").write_text("".join(images))
+    (model / "points3D.txt").write_text(
+        "".join(
+            f"{i + 1} {x} {y} {z} {r} {g} {b} {0.5 * i} 1 {i} 2 {i}\n"
+            for i, ((x, y, z), (r, g, b)) in enumerate(zip(positions, colors, strict=True))
+        )
+    )
+    return tmp_path / "shelf"
+
+
+@pytest.fixture
+def imported(addon, scene, colmap_folder, tmp_path):
+    addon.headless.import_capture(colmap_folder, tmp_path / "project")
+    return scene
+
+
+def points_of(scene):
+    return next(child for child in scene.karf.rig.children if child.type == "MESH")
+
+
+def column(attribute, name, width):
+    values = np.empty(len(attribute.data) * width, np.float32)
+    attribute.data.foreach_get(name, values)
+    return values.reshape(-1, width)
+
+
+def test_points_are_vertices_with_their_color_and_error(addon, imported):
+    points, item = addon.captures.of(imported).points, points_of(imported)
+    assert len(item.data.vertices) == imported.karf.n_points == 40 and not item.data.edges
+    coordinates = np.empty(120, np.float32)
+    item.data.vertices.foreach_get("co", coordinates)
+    np.testing.assert_allclose(coordinates.reshape(-1, 3), points.positions, atol=1e-6)
+    color, error = item.data.attributes["color"], item.data.attributes["error"]
+    assert color.data_type == "BYTE_COLOR" and color.domain == "POINT"
+    np.testing.assert_allclose(column(color, "color_srgb", 4)[:, :3] * 255, points.colors, atol=1e-3)
+    np.testing.assert_allclose(column(error, "value", 1)[:, 0], points.errors)
+    assert item.hide_render and not item.hide_select
+
+
+def test_points_are_shown_as_balls_whose_active_color_is_theirs(bpy, imported):
+    imported.view_layers[0].update()
+    shown = points_of(imported).evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    assert len(shown.polygons) == 40 * 8 and len(shown.vertices) == 40 * 6
+    assert shown.color_attributes.active_color_name == "color"
+    assert shown.materials[shown.polygons[0].material_index].name.startswith("KaRF points")
+
+
+def test_a_hundred_thousand_points_keep_their_places(bpy, addon, scene):
+    api, n = addon.engine_api, 100_000
+    places = np.random.default_rng(0).normal(size=(n, 3))
+    none = np.empty(0, np.int32)
+    points = api.SparsePoints(
+        places, np.full((n, 3), 7, np.uint8), np.zeros(n, np.float32), none, none, np.empty((0, 2), np.float32)
+    )
+    item = addon.points.build(points, bpy.data.objects.new("rig", None), 0.01)
+    assert len(item.data.vertices) == n
+    np.testing.assert_allclose(item.data.vertices[n - 1].co, places[-1], atol=1e-5)
+
+
+def test_points_can_be_left_out(addon, scene, colmap_folder, tmp_path):
+    addon.headless.import_capture(colmap_folder, tmp_path / "project", points=False)
+    assert all(child.type == "CAMERA" for child in scene.karf.rig.children)
+    assert addon.headless.reprojection_error("p2").count == 40
+
+
+def test_errors_are_those_of_the_photo_as_stored(addon, imported):
+    first, second = (addon.headless.reprojection_error(name) for name in ("p1", "p2"))
+    assert (first.count, second.count) == (40, 40)
+    assert first.median == pytest.approx(3, abs=1e-3) and first.worst == pytest.approx(3, abs=1e-3)
+    assert second.worst < 1e-3
+
+
+def test_the_overlay_puts_marks_where_the_pinhole_shows_them(addon, imported):
+    addon.steps.look_through(imported, "p1")
+    known = addon.reprojection.of_camera(imported, imported.camera)
+    assert known.view == "p1" and known.summary.count == 40
+    camera = addon.captures.view_of(imported, "p1").camera
+    projected, seen = (camera.project(places)[0] for places in (known.places[::2], known.places[1::2]))
+    off = addon.engine_api.distort(camera, seen) - addon.engine_api.distort(camera, projected)
+    np.testing.assert_allclose(off, np.broadcast_to([3.0, 0.0], (40, 2)), atol=0.01)
+    assert (known.colors[:, 0] > known.colors[:, 1]).all()  # 3 of 4 pixels: nearer to red than to green
+
+
+def test_another_camera_has_no_errors_until_it_is_looked_through(bpy, addon, imported):
+    addon.steps.look_through(imported, "p1")
+    imported.camera = addon.cameras.camera_of(imported, "p2")
+    assert addon.reprojection.of_camera(imported, imported.camera) is None
+    imported.karf.show_reprojection = True
+    assert addon.reprojection.of_camera(imported, imported.camera).view == "p2"
+    imported.camera = bpy.data.objects.new("film", bpy.data.cameras.new("film"))
+    assert addon.reprojection.of_camera(imported, imported.camera) is None
+
+
+def test_the_overlay_is_off_in_a_loaded_file(bpy, addon, imported, tmp_path):
+    imported.karf.show_reprojection = True
+    addon.headless.save(tmp_path / "shot.blend")
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
+    scene = bpy.context.scene
+    assert not scene.karf.show_reprojection
+    assert addon.reprojection.of_camera(scene, scene.camera) is None
+
+
+def test_a_capture_without_points_says_so(addon, scene, capture_folder, tmp_path):
+    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    with pytest.raises(addon.engine_api.DataError, match="no sparse points"):
+        addon.headless.reprojection_error()
+    assert addon.reprojection.of_camera(scene, scene.camera) is None
+
+
+def test_a_model_chosen_by_a_file_in_it_is_the_capture_of_its_folder(addon, scene, colmap_folder, tmp_path):
+    addon.headless.import_capture(colmap_folder / "sparse" / "0" / "images.txt", tmp_path / "project")
+    assert addon.folders.absolute(scene.karf.capture) == colmap_folder
+
+
+def test_drawing_goes_and_comes_with_the_extension(addon):
+    added = addon.reprojection._Memory.handlers
+    addon.reprojection.unregister()
+    assert len(added) == 2 and addon.reprojection._Memory.handlers == ()
+    addon.reprojection.register()

@@ -1,0 +1,204 @@
+"""Importing a capture: the rig, what the scene remembers, and refusals."""
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def imported(bpy, addon, scene, capture_folder, tmp_path):
+    assert bpy.ops.karf.import_capture(filepath=str(capture_folder), project=str(tmp_path / "project")) == {"FINISHED"}
+    return scene
+
+
+def test_there_is_a_camera_with_its_photo_for_every_view(bpy, addon, imported, capture_folder):
+    cameras = imported.karf.rig.children
+    assert sorted(camera.karf_view for camera in cameras) == ["photo_0", "photo_1", "photo_2"]
+    for camera in cameras:
+        image = camera.data.background_images[0].image
+        assert bpy.path.abspath(image.filepath) == str(capture_folder / "images" / f"{camera.karf_view}.png")
+
+
+def test_cameras_stand_where_the_capture_has_them(addon, imported):
+    for view in addon.captures.of(imported).views:
+        matrix = addon.cameras.camera_of(imported, view.name).matrix_world
+        np.testing.assert_allclose(np.array(matrix), view.camera.camera_to_world, atol=1e-6)
+
+
+def test_the_scene_looks_through_the_first_view_at_its_size(imported):
+    assert imported.camera.karf_view == imported.karf.active_view == "photo_0"
+    assert (imported.render.resolution_x, imported.render.resolution_y) == (24, 16)
+    aspect = imported.render.pixel_aspect_x / imported.render.pixel_aspect_y
+    assert aspect == pytest.approx(28 / 30)  # fx 30, fy 28: pixels are higher than wide
+
+
+def test_looking_through_another_view_changes_the_camera(bpy, imported):
+    bpy.ops.karf.look_through(view="photo_2")
+    assert imported.camera.karf_view == "photo_2"
+
+
+def test_a_missing_capture_is_refused_in_a_sentence_and_leaves_nothing_behind(bpy, scene, tmp_path):
+    with pytest.raises(RuntimeError, match="nowhere does not exist"):
+        bpy.ops.karf.import_capture(filepath=str(tmp_path / "nowhere"))
+    assert not bpy.data.cameras and scene.karf.rig is None and scene.karf.project == ""
+
+
+def test_a_rig_that_cannot_be_built_leaves_nothing_behind(bpy, addon, scene, capture_folder, monkeypatch):
+    def fail(data, photo):
+        raise RuntimeError("disk gone")
+
+    monkeypatch.setattr(addon.cameras, "_set_background", fail)
+    with pytest.raises(RuntimeError, match="disk gone"):
+        addon.headless.import_capture(capture_folder, "project")
+    assert not bpy.data.objects and not bpy.data.collections
+
+
+def test_undo_takes_the_import_back(bpy, addon, capture_folder, tmp_path):
+    bpy.ops.ed.undo_push(message="before")
+    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    bpy.ops.ed.undo_push(message="import")
+    bpy.ops.ed.undo()
+    assert not bpy.context.scene.karf.project and not bpy.data.cameras
+
+
+def test_without_a_project_a_saved_file_gets_one_beside_it(bpy, addon, scene, capture_folder, tmp_path):
+    (tmp_path / "film").mkdir()
+    addon.headless.save(tmp_path / "film" / "shot.blend")
+    addon.headless.import_capture(capture_folder)
+    assert scene.karf.project == "//pots_karf"
+    assert addon.folders.project_of(scene).folder == tmp_path / "film" / "pots_karf"
+
+
+def test_an_unsaved_file_gets_a_project_in_the_extensions_own_folder(
+    bpy, addon, scene, capture_folder, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(
+        bpy.utils,
+        "extension_path_user",
+        lambda package, path, create: str(tmp_path / package.rpartition(".")[2] / path),
+    )
+    addon.headless.import_capture(capture_folder)
+    assert addon.folders.project_of(scene).folder == tmp_path / "karf" / "projects" / "pots"
+
+
+def test_importing_again_keeps_the_project_that_was_chosen(addon, imported, capture_folder, tmp_path):
+    addon.headless.import_capture(capture_folder)
+    assert addon.folders.project_of(imported).folder == tmp_path / "project"
+
+
+def test_a_capture_chosen_by_its_file_is_the_one_chosen_by_its_folder(addon, learned, capture_folder):
+    addon.headless.set_swatch("pot", 1, (0.25, 0.5, 0.75))
+    project = addon.folders.project_of(learned).folder
+    addon.headless.import_capture(capture_folder / "transforms.json")
+    assert addon.folders.project_of(learned).folder == project
+    assert learned.karf.objects["pot"].swatches[1].color[:] == (0.25, 0.5, 0.75)
+
+
+def test_saving_makes_paths_relative_and_saving_elsewhere_keeps_them_right(bpy, addon, imported, tmp_path):
+    first, second = tmp_path / "a" / "shot.blend", tmp_path / "b" / "c" / "shot.blend"
+    first.parent.mkdir()
+    second.parent.mkdir(parents=True)
+    addon.headless.save(first)
+    assert imported.karf.project == "//../project"
+    addon.headless.save(second)
+    assert imported.karf.project == "//../../project"
+    bpy.ops.wm.open_mainfile(filepath=str(second))
+    assert addon.folders.project_of(bpy.context.scene).folder == tmp_path / "project"
+
+
+def test_saving_a_copy_leaves_the_open_file_right_and_the_copy_too(bpy, addon, imported, tmp_path):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b" / "c").mkdir(parents=True)
+    addon.headless.save(tmp_path / "a" / "shot.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "b" / "c" / "copy.blend"), copy=True)
+    assert addon.folders.project_of(imported).folder == tmp_path / "project"
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "b" / "c" / "copy.blend"))
+    assert addon.folders.project_of(bpy.context.scene).folder == tmp_path / "project"
+
+
+def test_a_learned_project_brings_its_swatches_and_masks(bpy, addon, learned, capture_folder):
+    project = addon.folders.project_of(learned)
+    (project.masks_folder / "pot").mkdir(parents=True)
+    bpy.ops.wm.read_homefile(use_empty=True)
+    addon.headless.import_capture(capture_folder, project.folder)
+    karf = bpy.context.scene.karf
+    assert karf.objects.keys() == ["lid", "pot"]
+    assert addon.folders.absolute(karf.masks) == project.masks_folder
+
+
+def test_choosing_the_same_project_again_keeps_the_edits(addon, learned):
+    addon.headless.set_swatch("pot", 1, (0.25, 0.5, 0.75))
+    learned.karf.project = learned.karf.project + "/../project"
+    assert learned.karf.objects["pot"].swatches[1].color[:] == (0.25, 0.5, 0.75)
+
+
+def test_a_dropped_camera_file_is_imported_at_once(bpy, addon, scene, capture_folder, tmp_path):
+    handler = bpy.types.KARF_FH_capture
+    assert handler.bl_import_operator == "karf.import_capture"
+    assert set(handler.bl_file_extensions.split(";")) == {".json", ".npy", ".bin", ".txt"}
+    file = str(capture_folder / "transforms.json")
+    assert bpy.ops.karf.import_capture("INVOKE_DEFAULT", filepath=file, project=str(tmp_path / "p")) == {"FINISHED"}
+    assert len(scene.karf.views) == 3
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "weights.bin", "table.npy", "settings.json"])
+def test_a_dropped_file_of_another_kind_is_refused_in_a_sentence(bpy, scene, tmp_path, name):
+    file = tmp_path / name
+    file.write_text('{"nothing": "here"}')
+    with pytest.raises(RuntimeError, match=rf"{name}.*\."):
+        bpy.ops.karf.import_capture("INVOKE_DEFAULT", filepath=str(file))
+    assert not bpy.data.cameras and scene.karf.project == ""
+
+
+def test_the_import_can_be_a_preset_without_its_paths(bpy, addon):
+    properties = bpy.ops.karf.import_capture.get_rna_type().properties
+    kept = {each.identifier for each in properties if not (each.is_hidden or each.is_skip_save)} - {"rna_type"}
+    assert kept == {"orientation", "size", "points", "photos", "camera_size"}
+
+
+def test_options_change_the_rig_and_never_the_pinholes(bpy, addon, scene, capture_folder, tmp_path):
+    options = {"orientation": "UPRIGHT", "size": 10.0, "photos": False, "camera_size": 5.0}
+    bpy.ops.karf.import_capture(filepath=str(capture_folder), project=str(tmp_path / "project"), **options)
+    capture, cameras = addon.captures.of(scene), scene.karf.rig.children
+    positions = np.array([camera.matrix_world.translation for camera in cameras])
+    assert np.linalg.norm(np.ptp(positions, axis=0)) > 7  # the box was turned with the rig
+    assert scene.karf.rig.scale.x == pytest.approx(10 / addon.placement.extent(capture))
+    for camera in cameras:
+        assert not camera.data.background_images and camera.data.display_size == pytest.approx(0.5)
+        found = addon.frames.pinhole(scene, camera)
+        np.testing.assert_allclose(
+            found.camera_to_world, capture.view(camera.karf_view).camera.camera_to_world, atol=1e-5
+        )
+
+
+def test_photos_without_poses_become_an_imported_capture(bpy, addon, scene, capture_folder, tmp_path):
+    addon.headless.save(tmp_path / "shot.blend")
+    assert bpy.ops.karf.find_poses(filepath=str(capture_folder / "images")) == {"FINISHED"}
+    assert addon.folders.absolute(scene.karf.project) == tmp_path / "images_karf"
+    assert addon.folders.absolute(scene.karf.capture) == tmp_path / "images_karf" / "capture"
+    assert scene.karf.views.keys() == ["photo_0", "photo_1", "photo_2"]
+
+
+def test_poses_found_anew_leave_the_earlier_project_alone(addon, scene, capture_folder, tmp_path):
+    addon.headless.save(tmp_path / "shot.blend")
+    addon.headless.find_poses(capture_folder / "images")
+    addon.headless.find_poses(capture_folder / "images")
+    assert addon.folders.absolute(scene.karf.capture) == tmp_path / "images_karf_2" / "capture"
+
+
+def test_finished_stages_are_those_of_the_project_as_it_is_now(addon, imported):
+    assert addon.contents.finished_stages(imported) == frozenset()
+    addon.headless.learn_scene()
+    assert addon.contents.finished_stages(imported) == {"geometry"}
+    addon.headless.extract_palette()
+    assert addon.contents.finished_stages(imported) == {"geometry", "palette", "recoloring"}
+
+
+def test_a_photo_that_cannot_be_opened_leaves_the_cameras_standing(bpy, addon, scene, capture_folder):
+    capture = addon.engine_api.open_capture(capture_folder)
+    capture.views[1].image.unlink()
+    capture.views[1].image.mkdir()
+    rig = addon.cameras.build(capture, "pots", scene)
+    shown = {
+        camera.karf_view: bool(camera.data.background_images) for camera in rig.children if camera.type == "CAMERA"
+    }
+    assert shown == {"photo_0": True, "photo_1": False, "photo_2": True}

@@ -1,0 +1,87 @@
+"""A job's end belongs to the file, the scene and the project that began it."""
+
+import pytest
+
+
+@pytest.fixture
+def poses(addon, scene, capture_folder):
+    """The task that finds the poses of the capture's photos for the scene."""
+    return addon.steps.find_poses(scene, capture_folder / "images")
+
+
+def warnings(bpy):
+    return bpy.context.window_manager.karf_progress.warnings
+
+
+def rigs(bpy):
+    return [item.name for item in bpy.data.objects if item.type == "EMPTY"]
+
+
+def test_poses_found_after_another_file_was_opened_stay_on_disk(bpy, addon, poses):
+    bpy.ops.wm.read_homefile(use_empty=True)
+    addon.runner.wait(poses)
+    out = poses.requests[0].options["out"]
+    assert not rigs(bpy) and not bpy.context.scene.karf.project
+    assert out in warnings(bpy) and addon.engine_api.open_capture(out).views
+
+
+def test_poses_go_to_their_scene_under_its_new_name(bpy, addon, scene, poses):
+    scene.name = "renamed"
+    other = bpy.data.scenes.new("Scene")
+    bpy.ops.ed.undo_push(message="renamed")
+    bpy.context.window.scene = other
+    addon.runner.wait(poses)
+    assert bpy.data.scenes["renamed"].karf.project and not other.karf.project
+
+
+def test_poses_of_a_deleted_scene_go_to_no_other(bpy, addon, scene, poses):
+    other = bpy.data.scenes.new("other")
+    bpy.data.scenes.remove(scene)
+    addon.runner.wait(poses)
+    assert not other.karf.project and not rigs(bpy)
+    assert "import" in warnings(bpy)
+
+
+def test_poses_do_not_displace_a_project_chosen_meanwhile(bpy, addon, scene, poses, capture_folder, tmp_path):
+    addon.headless.import_capture(capture_folder, tmp_path / "chosen")
+    addon.runner.wait(poses)
+    assert addon.folders.project_of(scene).folder == tmp_path / "chosen"
+    assert len(rigs(bpy)) == 1
+
+
+def test_palettes_go_to_no_file_that_was_opened_meanwhile(bpy, addon, learned, tmp_path):
+    project = addon.folders.project_of(learned).folder
+    task = addon.steps.extract_palette(learned)
+    bpy.ops.wm.read_homefile(use_empty=True)
+    scene = bpy.context.scene
+    scene.karf.project = str(project)
+    scene.karf.objects.clear()
+    addon.runner.wait(task)
+    assert not scene.karf.objects and scene.karf.result is None
+    assert warnings(bpy).count(str(project)) == 1
+
+
+def test_palettes_leave_a_scene_alone_that_has_chosen_another_project(bpy, addon, learned, tmp_path):
+    task = addon.steps.extract_palette(learned)
+    addon.headless.set_swatch("pot", 1, "#102030")
+    learned.karf.project = str(tmp_path / "elsewhere")
+    before = [tuple(swatch.color) for swatch in learned.karf.objects["pot"].swatches]
+    addon.runner.wait(task)
+    assert [tuple(swatch.color) for swatch in learned.karf.objects["pot"].swatches] == before
+    assert "result is in" in warnings(bpy)
+
+
+def test_the_panel_says_whose_job_runs(bpy, addon, scene, poses):
+    assert poses.label == "Find Camera Poses"
+    bpy.data.scenes.new("other")
+    assert poses.label == f"Find Camera Poses ({scene.name})"
+    bpy.ops.wm.read_homefile(use_empty=True)
+    assert poses.label == "Find Camera Poses (of another file)"
+
+
+def test_an_owner_is_found_again_after_undo(bpy, addon, scene, poses):
+    bpy.ops.ed.undo_push(message="before")
+    scene.karf.mask_object = "mug"
+    bpy.ops.ed.undo_push(message="mask")
+    bpy.ops.ed.undo()
+    assert poses.owner.find() == bpy.context.scene

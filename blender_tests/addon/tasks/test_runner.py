@@ -1,0 +1,93 @@
+"""Tasks: beside the interface by a timer, blocking in a script; one at a time, and none outlives the extension."""
+
+import time
+
+import pytest
+
+from ..timers import run_to_end
+
+
+def failing(addon, scene, behave):
+    request = addon.engine_api.Request("geometry", addon.folders.project_of(scene).folder, {"behave": behave})
+    return addon.task.Task("Trial", (request,), lambda request: None)
+
+
+def test_in_background_mode_an_operator_blocks_and_raises_the_engines_sentence(bpy, addon, project_scene, capfd):
+    assert bpy.ops.karf.learn_scene() == {"FINISHED"}
+    assert "KaRF geometry: geometry" in capfd.readouterr().out
+    project = addon.folders.project_of(project_scene)
+    assert project.geometry_file.exists()
+    project.capture_file.unlink()
+    project_scene.karf.capture = "/nowhere"
+    with pytest.raises(RuntimeError, match="crashed"):
+        bpy.ops.karf.learn_scene()
+    assert bpy.context.window_manager.karf_progress.error.startswith("The engine crashed")
+
+
+def test_the_timer_runs_a_task_to_its_end_without_blocking(bpy, addon, project_scene):
+    runner = addon.runner
+    task = addon.steps.learn_scene(project_scene)
+    runner._begin(task)
+    progress = bpy.context.window_manager.karf_progress
+    assert progress.running and progress.stage == "Learn Scene"
+    fractions, deadline = set(), time.monotonic() + 20
+    while runner._tick() is not None:
+        fractions.add(progress.fraction)
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    assert not progress.running and progress.text == "done" and progress.error == ""
+    assert 0.5 in fractions
+    assert progress.warnings == "This is no real engine."
+
+
+def test_the_timer_shows_a_failed_job_and_ends(bpy, addon, project_scene):
+    runner = addon.runner
+    runner._begin(failing(addon, project_scene, "error"))
+    run_to_end(runner._tick)
+    progress = bpy.context.window_manager.karf_progress
+    assert (progress.error, progress.hint) == ("photo_7.png is missing.", "Find it.")
+    assert not runner.is_running()
+
+
+def test_a_fault_after_the_job_ends_the_task_and_is_not_hidden(bpy, addon, project_scene):
+    def fault(request):
+        raise ZeroDivisionError("ours")
+
+    task = addon.task.Task("Trial", addon.steps.learn_scene(project_scene).requests, fault)
+    addon.runner._begin(task)
+    with pytest.raises(ZeroDivisionError):
+        run_to_end(addon.runner._tick)
+    progress = bpy.context.window_manager.karf_progress
+    assert not progress.running and "ours" in progress.error
+
+
+def test_a_second_task_is_refused_while_one_runs_and_cancel_ends_it(bpy, addon, project_scene):
+    runner = addon.runner
+    runner._begin(failing(addon, project_scene, "wait for cancel"))
+    with pytest.raises(addon.engine_api.BadRequest, match="busy: Trial"):
+        runner.wait(addon.steps.learn_scene(project_scene))
+    assert not bpy.ops.karf.learn_scene.poll()
+    assert bpy.ops.karf.cancel() == {"FINISHED"}
+    run_to_end(runner._tick)
+    progress = bpy.context.window_manager.karf_progress
+    # what the user asked for is no error
+    assert progress.text.startswith("cancelled") and progress.error == ""
+
+
+def test_a_file_saved_during_a_job_does_not_show_it_when_loaded(bpy, addon, scene, tmp_path):
+    progress = bpy.context.window_manager.karf_progress
+    progress.running, progress.error = True, "old"
+    addon.headless.save(tmp_path / "shot.blend")
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
+    progress = bpy.context.window_manager.karf_progress
+    assert not progress.running and progress.error == ""
+
+
+def test_disabling_the_extension_ends_the_job_and_its_timer(bpy, addon, project_scene):
+    runner = addon.runner
+    runner._begin(failing(addon, project_scene, "deaf"))
+    job = runner._running[0].job
+    bpy.app.timers.register(runner._tick, first_interval=60, persistent=True)
+    runner.unregister()
+    runner.register()
+    assert job.ended and not bpy.app.timers.is_registered(runner._tick)

@@ -1,0 +1,53 @@
+"""A capture format in one file: `cameras.csv`, a row a photo, beside the photos.
+
+Its columns: photo (a path from the file's folder), width and height (pixels), focal (pixels), and camera_to_world
+(the 16 numbers of the matrix row by row, with spaces between; x right, y up, the camera looks down -z).
+"""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from karf_engine.capture import Camera, Capture, Format
+from karf_engine.capture.capture import with_test_views
+from karf_engine.capture.limits import check_camera
+from karf_engine.capture.reading import at_size, counted, make_views, photo_size, read_text, rigid_pose
+from karf_engine.errors import DataError
+
+NAME = "cameras.csv"
+
+
+def is_csv(path: Path) -> bool:
+    """Whether `path` is a cameras.csv, or a folder with one."""
+    return path.name == NAME if path.is_file() else (path / NAME).is_file()
+
+
+def read_csv(path: Path, photos: bool) -> Capture:
+    """Read the cameras; every 8th view is a test view. Raises DataError naming the file and the row."""
+    file = path if path.is_file() else path / NAME
+    rows = list(csv.DictReader(read_text(file).splitlines()))
+    images = [file.parent / row["photo"] if photos else None for row in rows]
+    read = [_camera(row, image, f"{file}, row {n}") for n, (row, image) in enumerate(zip(rows, images, strict=True), 1)]
+    cameras = [camera for camera, _ in read]
+    views = make_views(cameras, images, [Path(row["photo"]).stem for row in rows], ["train"] * len(rows))
+    remarks = counted(note for _, notes in read for note in notes)
+    return Capture(path.absolute(), "csv", tuple(with_test_views(views)), tuple(remarks))
+
+
+def _camera(row: dict[str, str], image: Path | None, label: str) -> tuple[Camera, list[str]]:
+    """The camera of a row at its photo's size, and notes on what had to be changed."""
+    try:
+        width, height, focal = int(row["width"]), int(row["height"]), float(row["focal"])
+        matrix = np.array(row["camera_to_world"].split(), np.float64).reshape(4, 4)
+    except (KeyError, TypeError, ValueError) as error:
+        raise DataError(f"{label} cannot be read: {error}.", "Correct it in the file.") from error
+    pose, notes = rigid_pose(matrix, label, "camera_to_world")
+    camera = check_camera(Camera(width, height, focal, focal, width / 2, height / 2, pose), label)
+    if image is None:
+        return camera, notes
+    camera, resized = at_size(camera, photo_size(image, (width, height)))
+    return camera, notes + resized
+
+
+CSV = Format("csv", NAME, "it was written by hand", is_csv, read_csv)

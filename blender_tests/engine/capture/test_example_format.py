@@ -1,0 +1,87 @@
+"""A format that is not the engine's own: registered once, it is opened like any other."""
+
+import csv
+
+import pytest
+from numpy.testing import assert_allclose
+
+from blender_tests.engine.capture.example_format import CSV
+from blender_tests.engine.reference.capture_files import centered, put_photos, random_rig, write_llff
+from karf_engine import capture as captures
+from karf_engine.capture import open_capture, register_format
+from karf_engine.errors import DataError
+
+NAMES = [f"{number:03d}.png" for number in range(9)]
+
+
+@pytest.fixture(autouse=True)
+def registered(monkeypatch):
+    monkeypatch.setattr(captures, "FORMATS", list(captures.FORMATS))
+    register_format(CSV)
+
+
+@pytest.fixture
+def rig():
+    return [centered(camera) for camera in random_rig(3)]
+
+
+def write_csv(folder, cameras, **changes):
+    put_photos(folder / "images", NAMES, (cameras[0].width, cameras[0].height))
+    with (folder / "cameras.csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["photo", "width", "height", "focal", "camera_to_world"])
+        for name, camera in zip(NAMES, cameras, strict=True):
+            pose = " ".join(map(repr, camera.camera_to_world.ravel().tolist()))
+            row = {"photo": f"images/{name}", "width": camera.width, "height": camera.height, "focal": camera.fx}
+            writer.writerow((row | {"pose": pose} | changes).values())
+
+
+@pytest.mark.parametrize("place", [".", "cameras.csv"])
+def test_a_registered_format_is_opened_by_its_folder_or_its_file(tmp_path, rig, place):
+    write_csv(tmp_path, rig)
+    capture = open_capture(tmp_path / place)
+    assert (capture.format, capture.remarks) == ("csv", ())
+    assert [view.split for view in capture.views] == ["test", *["train"] * 7, "test"]
+    for view, camera, name in zip(capture.views, rig, NAMES, strict=True):
+        assert view.image == (tmp_path / "images" / name).absolute()
+        assert (view.camera.width, view.camera.height, view.camera.fx) == (camera.width, camera.height, camera.fx)
+        assert_allclose(view.camera.camera_to_world, camera.camera_to_world, rtol=1e-12)
+
+
+def test_bare_cameras_need_no_photos(tmp_path, rig):
+    write_csv(tmp_path, rig)
+    for photo in (tmp_path / "images").iterdir():
+        photo.unlink()
+    assert [view.image for view in open_capture(tmp_path, photos=False).views] == [None] * 9
+
+
+def test_it_is_read_before_the_formats_that_were_known(tmp_path, rig):
+    write_llff(tmp_path, rig, NAMES)
+    write_csv(tmp_path, rig)
+    assert open_capture(tmp_path).remarks == ("cameras.csv was read, not poses_bounds.npy: it was written by hand.",)
+
+
+def test_its_marker_is_named_where_no_format_is_found(tmp_path):
+    with pytest.raises(DataError) as caught:
+        open_capture(tmp_path)
+    assert caught.value.hint.startswith("A capture has one of these: cameras.csv, transforms_train.json")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"focal": "long"}, "row 1 cannot be read"),
+        ({"focal": "-5"}, "row 1 has the focal length fx -5"),
+        ({"pose": "1 2 3"}, "row 1 cannot be read"),
+        ({"photo": "images/none.png"}, "none.png does not exist"),
+    ],
+)
+def test_what_is_wrong_in_its_file_is_named(tmp_path, rig, changes, words):
+    write_csv(tmp_path, rig, **changes)
+    with pytest.raises(DataError, match=words):
+        open_capture(tmp_path)
+
+
+def test_a_name_is_registered_once():
+    with pytest.raises(ValueError, match="'csv' already"):
+        register_format(CSV)

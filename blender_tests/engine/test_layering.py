@@ -1,0 +1,29 @@
+"""The engine's rooms from the ground up: each may import those on lower floors, and no others."""
+
+from blender_tests.engine.conftest import ROOT
+from blender_tests.layering import violations
+
+FLOORS = (
+    ("version", "errors"),
+    ("inputs", "names", "failures", "color"),
+    ("files", "npz", "settings"),
+    ("wire", "capture", "progress", "runtime"),
+    ("images", "project_state"),
+    ("project", "edit", "plates", "checkpoints"),
+    ("locking",),
+    ("project_contents", "kan", "palette"),
+    ("training", "rendering", "project_edit", "poses", "metrics"),
+    ("fields",),
+    ("heads",),
+    ("segmentation",),
+    ("model",),
+    ("stages",),
+    ("library",),
+    ("doctor",),
+    ("cli",),
+    ("__init__", "__main__"),
+)
+
+
+def test_imports_run_down_and_never_in_a_circle():
+    assert violations(ROOT / "karf_engine", FLOORS) == []

@@ -1,0 +1,169 @@
+"""The door: what a researcher imports, with plain values and no command line, job or Blender."""
+
+import re
+import subprocess
+import sys
+import sysconfig
+import venv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import karf_engine as karf
+from blender_tests.engine.conftest import QUICK, ROOT
+from karf_engine.errors import BadRequest, Cancelled, DataError
+
+pytest.importorskip("torch")
+
+
+@pytest.fixture(scope="module")
+def model(learned):
+    return karf.load(learned.project, device="cpu")
+
+
+def test_every_name_of_the_door_is_there_and_documented():
+    assert set(karf.__all__) == set(karf._HOME) | {"__version__"}
+    for name in karf._HOME:
+        assert getattr(karf, name).__doc__ or name == "PRESETS", name
+
+
+def test_the_door_opens_without_torch():
+    code = "import sys, karf_engine as karf; karf.open_capture; karf.learn; karf.read_edit; assert 'torch' not in sys.modules"
+    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT).returncode == 0
+
+
+def test_a_scene_is_learned_and_told_of_in_lines(still_life, tmp_path):
+    lines = []
+    project = tmp_path / "project"
+    capture = karf.open_capture(still_life.capture)
+    model = karf.learn(
+        capture, still_life.masks, project=project, overrides=QUICK, threads=1, device="cpu", progress=lines.append
+    )
+    assert model.objects == ["ball", "block"] and len(model.palettes) == 2
+    assert any(line.startswith("segmentation ") for line in lines)
+
+
+def test_a_frame_is_arrays(model):
+    camera = model.capture.views[0].camera
+    frame = model.render(camera)
+    n_objects, n_colors = model.learned_colors.shape[:2]
+    shape = camera.height, camera.width
+    assert frame.color.shape == (*shape, 3) and frame.depth.shape == frame.opacity.shape == shape
+    assert frame.masks.shape == frame.probabilities.shape == (n_objects, *shape) and frame.masks.dtype == bool
+    assert frame.palette_weights.shape == (n_objects, n_colors, *shape)
+    assert frame.color.min() >= 0 and frame.color.max() <= 1
+
+
+def test_the_model_renders_what_the_command_line_writes(model, learned, tmp_path):
+    karf.render(learned.project, tmp_path, views="test", threads=1, device="cpu", depth=True)
+    view = model.capture.split("test")[0]
+    depth = np.load(tmp_path / "depth" / f"{view.name}.npy")
+    np.testing.assert_array_equal(model.render_view(view).depth, depth)
+
+
+def test_an_edit_changes_its_object_and_nothing_else(model):
+    view = model.capture.split("test")[0]
+    before = model.recolor(view, model.edit())
+    edit = model.edit().becomes("ball", "#d92619", "#1f5fbf")
+    after = model.recolor(view, edit)
+    ball = model.render_view(view).masks[model.objects.index("ball")]
+    assert after[ball][:, 2].mean() > before[ball][:, 2].mean() + 0.2
+    far = model.render_view(view).probabilities[model.objects.index("ball")] == 0
+    np.testing.assert_array_equal(after[far], before[far])
+
+
+def test_an_edit_is_saved_and_read_back(model, tmp_path):
+    edit = model.edit().swatch("block", 1, "#2060a0").swatch("ball", 1, (0.1, 1.5, 0.2))
+    edit.save(tmp_path / "edit.json")
+    again = karf.read_edit(tmp_path / "edit.json", model.palettes)
+    assert again.colors.keys() == edit.colors.keys()
+    for name in edit.colors:
+        np.testing.assert_array_equal(again.colors[name], edit.colors[name])
+        np.testing.assert_array_equal(model.edit(tmp_path / "edit.json").colors[name], edit.colors[name])
+
+
+def test_an_edit_is_a_value(model):
+    edit = model.edit()
+    edit.swatch("block", 1, "#2060a0")
+    np.testing.assert_array_equal(edit.colors["block"], model.edit().colors["block"])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda edit: edit.becomes("cup", "#000000", "#ffffff"), "no object 'cup'"),
+        (lambda edit: edit.becomes("ball", "#d92619", "#1f5fbf", rule="most"), "Unknown rule 'most'"),
+        (lambda edit: edit.swatch("ball", 0, "#ffffff"), "no swatch 0"),
+        (lambda edit: edit.swatch("ball", 99, "#ffffff"), "no swatch 99"),
+        (lambda edit: edit.swatch("ball", 1, "blue"), "'blue' is no color"),
+        (lambda edit: edit.swatch("ball", 1, (0.1, 0.2)), "is no color"),
+    ],
+)
+def test_an_impossible_edit_is_refused(model, change, words):
+    with pytest.raises((BadRequest, DataError), match=re.escape(words)):
+        change(model.edit())
+
+
+def test_a_model_of_a_learned_scene_alone_has_no_edits(still_life, tmp_path):
+    karf.learn_geometry(still_life.capture, project=tmp_path / "project", overrides=QUICK, threads=1, device="cpu")
+    model = karf.load(tmp_path / "project", device="cpu")
+    assert model.objects == [] and model.render(model.capture.views[0].camera).palette_weights is None
+    with pytest.raises(BadRequest, match="palette stage"):
+        model.edit()
+
+
+def test_learning_can_be_stopped(still_life, tmp_path):
+    with pytest.raises(Cancelled):
+        karf.learn_geometry(still_life.capture, project=tmp_path / "project", overrides=QUICK, should_stop=lambda: True)
+
+
+def test_nothing_learned_is_a_sentence(tmp_path):
+    with pytest.raises(karf.KarfError, match=r"project\.json is missing"):
+        karf.load(tmp_path)
+
+
+def library_block() -> str:
+    """The Python block of README.md's library section."""
+    section = (ROOT / "README.md").read_text(encoding="utf-8").partition("## The library\n")[2]
+    return section.partition("```python\n")[2].partition("```")[0]
+
+
+def test_the_readme_runs_as_printed_from_the_wheel_alone(wheel, tmp_path):
+    home = tmp_path / "home"
+    venv.create(home, with_pip=False, symlinks=True)
+    place = Path(sysconfig.get_path("purelib", vars={"base": str(home), "platbase": str(home)}))
+    install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(place), str(wheel)]
+    subprocess.run(install, check=True)
+    # torch and the rest come from this environment, which has no karf_engine of its own
+    (place / "packages.pth").write_text(sysconfig.get_path("purelib"))
+    work = tmp_path / "work"
+    work.mkdir()
+    lay_out_garden(work)
+    # the preset is made small, the block is as printed
+    script = SMALL_FAST + library_block()
+    done = subprocess.run(
+        [str(home / "bin" / "python"), "-c", script], cwd=work, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1].startswith("(32, 32, 3)")
+    assert (work / "blue_pot.json").exists() and (work / "garden_karf" / "recoloring.safetensors").exists()
+
+
+SMALL_FAST = f"""
+import karf_engine.settings as settings
+assert "site-packages" in settings.__file__
+settings.PRESETS["fast"] = settings.with_overrides(settings.preset("demo"), {list(QUICK)!r})
+"""
+
+
+def lay_out_garden(work: Path) -> None:
+    """The still life under the names that the README has."""
+    from blender_tests.engine.reference.still_life import write_capture, write_masks
+
+    photos = write_capture(work / "garden")
+    (work / "garden" / "train" / "r_3.png").rename(work / "garden" / "train" / "r_003.png")
+    frames = work / "garden" / "transforms_train.json"
+    frames.write_text(frames.read_text().replace('/r_3"', '/r_003"'))
+    write_masks(work / "masks", photos)
+    (work / "masks" / "ball").rename(work / "masks" / "pot")

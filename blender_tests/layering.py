@@ -1,0 +1,95 @@
+"""Whether a package's imports run one way: down from floor to floor, never up, aside or in a circle.
+
+A room is what lies directly in the package's folder: a folder, or a file without its `.py`. A table lists the rooms of
+each floor, from the ground up; the package's own `__init__.py` is the room `__init__`. What a room may import follows
+from the table alone: itself, and every room on a lower floor.
+"""
+
+import ast
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+
+def violations(package: Path, floors: Sequence[Sequence[str]]) -> list[str]:
+    """Check every import within a package, wherever in a file it stands.
+
+    Args:
+        package: The package's folder.
+        floors: The rooms of each floor, from the ground up.
+
+    Returns:
+        A sentence for each import that runs up or aside, each circle of modules, and each room that the table or the
+        folder lacks; empty where all is well.
+    """
+    files = modules(package)
+    imports = {name: set(_imported(name, path, package.name, files)) for name, path in files.items()}
+    floor_of = {room: floor for floor, rooms in enumerate(floors) for room in rooms}
+    rooms = {_room_of(name) for name in files}
+    found = [f"The room {room} is on no floor of the table." for room in sorted(rooms - set(floor_of))]
+    found += [f"The room {room} of the table is not in the package." for room in sorted(set(floor_of) - rooms)]
+    for name, targets in imports.items():
+        found += [sentence for target in sorted(targets) if (sentence := _misplaced(name, target, floor_of))]
+    return found + [f"A circle: {' imports '.join(circle)}." for circle in circles(imports)]
+
+
+def modules(package: Path) -> dict[str, Path]:
+    """All files of a package by dotted name within it: `rig.lens`; a folder's own file is `rig.__init__`."""
+    paths = sorted(package.rglob("*.py"))
+    return {".".join(path.relative_to(package).with_suffix("").parts): path for path in paths}
+
+
+def circles(imports: Mapping[str, Collection[str]]) -> Iterator[list[str]]:
+    """Circles of imports, each from a module back to itself; at least one where there are any."""
+    graph = {name: set(targets) for name, targets in imports.items()}
+    while True:
+        try:
+            TopologicalSorter(graph).prepare()
+            return
+        except CycleError as error:
+            circle = error.args[1][::-1]  # given with each module after the one that it imports
+            yield circle
+            graph[circle[0]].discard(circle[1])
+
+
+def _room_of(module: str) -> str:
+    return module.partition(".")[0]
+
+
+def _misplaced(name: str, target: str, floor_of: Mapping[str, int]) -> str:
+    """Why a module may not import another; empty where it may, or where the table lacks a room."""
+    room, other = _room_of(name), _room_of(target)
+    if room == other or not {room, other} <= set(floor_of) or floor_of[other] < floor_of[room]:
+        return ""
+    where = "the same floor" if floor_of[other] == floor_of[room] else "a higher floor"
+    return f"{name} imports {target}, but {other} is on {where}."
+
+
+def _imported(name: str, path: Path, package: str, files: Collection[str]) -> Iterator[str]:
+    """The files of the package that one of them imports, relatively or by the package's name."""
+    folder = [package, *name.split(".")[:-1]]
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for parts in _dotted(node, folder):
+            target = _file_of(parts[1:], files) if parts[0] == package else ""
+            if target and target != name:
+                yield target
+
+
+def _dotted(node: ast.AST, folder: Sequence[str]) -> list[list[str]]:
+    """The dotted names that a node imports, relative ones completed; what is outside the package is left out."""
+    if isinstance(node, ast.Import):
+        return [alias.name.split(".") for alias in node.names]
+    if not isinstance(node, ast.ImportFrom) or node.level > len(folder):
+        return []
+    start = folder[: len(folder) - node.level + 1] if node.level else []
+    return [[*start, *(node.module or "").split("."), alias.name] for alias in node.names]
+
+
+def _file_of(parts: Sequence[str], files: Collection[str]) -> str:
+    """The file that dotted parts lead to, the last of which may be a name in it; empty where there is none."""
+    parts = [part for part in parts if part]
+    for end in (len(parts), len(parts) - 1):
+        for name in (".".join(parts[:end]), ".".join([*parts[:end], "__init__"])):
+            if name in files:
+                return name
+    return ""

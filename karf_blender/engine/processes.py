@@ -1,0 +1,62 @@
+"""Child processes of another Python, each leading a group of its own: what they start ends with them. No bpy."""
+
+import contextlib
+import os
+import signal
+import subprocess
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+TERMINATE_SECONDS = 5.0
+LEAKS = ("PYTHON", "LD_LIBRARY_PATH", "LD_PRELOAD", "DYLD_", "OCIO", "BLENDER_")
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+# Windows has no SIGKILL: there both steps end the process at once
+KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
+SIGNAL_NAMES = {each.value: each.name for each in signal.Signals}
+
+
+def child_environment(variables: Mapping[str, str], threads: int = 0) -> dict[str, str]:
+    """The environment without what would lead another Python to Blender's libraries; threads 0: as it is."""
+    kept = {name: value for name, value in variables.items() if not name.startswith(LEAKS)}
+    if threads:
+        kept.update(dict.fromkeys(THREAD_VARIABLES, str(threads)))
+    return kept
+
+
+def start(command: Sequence[str], threads: int = 0, **options: Any) -> subprocess.Popen:
+    """Start a command in a group of its own, without Blender's environment; options are those of Popen.
+
+    Raises:
+        OSError: The command cannot be started.
+    """
+    if os.name == "nt":
+        own_group = {"creationflags": subprocess.CREATE_NO_WINDOW | subprocess.CREATE_NEW_PROCESS_GROUP}
+    else:
+        own_group = {"start_new_session": True}
+    return subprocess.Popen(command, env=child_environment(os.environ, threads), **own_group, **options)
+
+
+def send(process: subprocess.Popen, number: int) -> None:
+    """Send a signal to a process and to all it has started; on Windows these are ended whatever the signal."""
+    with contextlib.suppress(OSError):  # they may be gone
+        if os.name == "nt":
+            tree = ["taskkill", "/F", "/T", "/PID", str(process.pid)]
+            subprocess.run(tree, capture_output=True, creationflags=subprocess.CREATE_NO_WINDOW)
+            process.terminate()
+        else:  # the child leads its own group
+            os.killpg(process.pid, number)
+
+
+def end(process: subprocess.Popen) -> None:
+    """End a process now; waits for it a few seconds at most."""
+    for number in (signal.SIGTERM, KILL):
+        if process.poll() is None:
+            send(process, number)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(TERMINATE_SECONDS)
+
+
+def ending(process: subprocess.Popen) -> str:
+    """How an ended process ended: the signal's name, or its exit code."""
+    code = process.returncode or 0
+    return SIGNAL_NAMES.get(-code) or f"exit code {code if -256 < code < 256 else hex(code)}"

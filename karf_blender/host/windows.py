@@ -1,0 +1,19 @@
+"""The areas of all open windows."""
+
+from collections.abc import Iterator
+
+import bpy
+
+PANEL_AREAS = ("VIEW_3D", "IMAGE_EDITOR")  # those with the KaRF tab
+
+
+def areas(*kinds: str) -> Iterator[bpy.types.Area]:
+    """The areas of these types, in all windows."""
+    for window in bpy.data.window_managers[0].windows:
+        yield from (area for area in window.screen.areas if area.type in kinds)
+
+
+def redraw(*kinds: str) -> None:
+    """Draw the areas of these types again."""
+    for area in areas(*kinds):
+        area.tag_redraw()

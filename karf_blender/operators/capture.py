@@ -1,0 +1,171 @@
+"""Step 1: a capture becomes cameras."""
+
+from pathlib import Path
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
+
+from .. import steps
+from ..engine_api import CAPTURE_MARKS
+from ..rig.cameras import Options
+from ..tasks import runner
+from .reporting import has_project, is_free, reports_errors
+
+ORIENTATION_ITEMS = [
+    ("AUTO", "Automatic", "Upright where the capture's world is arbitrary (COLMAP, LLFF), else as in the file"),
+    ("FILE", "As in File", "Keep the capture's own axes"),
+    ("UPRIGHT", "Upright", "Turn what the cameras have above them upwards"),
+]
+VIDEOS = "*.mp4;*.mov;*.m4v;*.avi;*.mkv;*.webm"
+
+
+def view_from_camera(area, colored_points: bool = False) -> None:
+    """Let a 3D View look through the scene's camera; other areas (or none) are left alone."""
+    if area is not None and area.type == "VIEW_3D":
+        view = area.spaces.active
+        view.region_3d.view_perspective = "CAMERA"
+        # the lines from all cameras to their Empty would cover the photo
+        view.overlay.show_relationship_lines = False
+        if colored_points:
+            view.shading.color_type = "VERTEX"
+
+
+class RigOptions:
+    """Mix-in of operators that build a rig: how it is shown. What is learned stays in the capture's own world."""
+
+    orientation: EnumProperty(name="Orientation", items=ORIENTATION_ITEMS)
+    size: FloatProperty(
+        name="Size",
+        min=0.0,
+        subtype="DISTANCE",
+        description="Scale the rig so that its cameras are spread over this length; 0: as in the file",
+    )
+    points: BoolProperty(name="Sparse Points", default=True, description="Show the points that the photos share")
+    photos: BoolProperty(name="Photos", default=True, description="Show the photos behind the cameras")
+    camera_size: FloatProperty(
+        name="Camera Size",
+        default=2.5,
+        min=0.01,
+        soft_max=20.0,
+        subtype="PERCENTAGE",
+        description="Drawn size of the cameras, of the length that they are spread over",
+    )
+
+    def draw_options(self) -> None:
+        """The options as a column, in the file browser and in the panel of the last operation."""
+        self.layout.use_property_split = True
+        self.layout.use_property_decorate = False
+        for name in ("orientation", "size", "points", "photos", "camera_size"):
+            self.layout.prop(self, name)
+
+    def rig_options(self) -> Options:
+        """The options as the rig takes them."""
+        return Options(
+            self.orientation.lower(), self.size, self.points, self.photos, camera_size=self.camera_size / 100
+        )
+
+
+class KARF_OT_import_capture(RigOptions, bpy.types.Operator):
+    """Make a camera for every photo of a capture (its folder or camera file): transforms.json, COLMAP or LLFF"""
+
+    bl_idname = "karf.import_capture"
+    bl_label = "Import Capture"
+    bl_options = {"REGISTER", "UNDO", "PRESET"}
+
+    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
+    project: StringProperty(
+        name="Project", subtype="DIR_PATH", description="Empty: beside the .blend", options={"SKIP_SAVE"}
+    )
+    filter_glob: StringProperty(default="*.json;*.npy;*.bin;*.txt", options={"HIDDEN"})
+
+    def invoke(self, context, event):
+        if self.filepath:  # a file was dropped
+            return self.execute(context)
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def draw(self, context):
+        if context.area is not None and context.area.type == "FILE_BROWSER":
+            column = self.layout.column(align=True)
+            for line in ("Choose the folder that has", "one of these, or the file:", *CAPTURE_MARKS):
+                column.label(text=line)
+        self.draw_options()
+        self.layout.prop(self, "project")
+
+    @reports_errors
+    def execute(self, context):
+        project = Path(bpy.path.abspath(self.project)) if self.project else None
+        path = Path(bpy.path.abspath(self.filepath))
+        capture = steps.import_capture(context.scene, path, project, self.rig_options())
+        for remark in capture.remarks:
+            self.report({"WARNING"}, remark)
+        view_from_camera(context.area, colored_points=self.points and capture.points is not None)
+        self.report({"INFO"}, f"{len(capture.views)} cameras from {capture.source}")
+        return {"FINISHED"}
+
+
+class KARF_OT_find_poses(RigOptions, bpy.types.Operator):
+    """Find the camera poses of a folder of photos, or of a video, and import the capture that they make"""
+
+    bl_idname = "karf.find_poses"
+    bl_label = "Find Camera Poses"
+    bl_options = {"REGISTER", "PRESET"}
+
+    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
+    filter_glob: StringProperty(default=VIDEOS, options={"HIDDEN"})
+
+    @classmethod
+    def poll(cls, context):
+        return is_free(cls)
+
+    def invoke(self, context, event):
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def draw(self, context):
+        column = self.layout.column(align=True)
+        for line in ("Choose a folder of photos,", "or a video"):
+            column.label(text=line)
+        self.draw_options()
+
+    @reports_errors
+    def execute(self, context):
+        path = Path(bpy.path.abspath(self.filepath))
+        runner.launch(steps.find_poses(context.scene, path, self.rig_options()))
+        return {"FINISHED"}
+
+
+class KARF_OT_look_through(bpy.types.Operator):
+    """Look through the active view's camera, with its photo's size"""
+
+    bl_idname = "karf.look_through"
+    bl_label = "Look Through"
+    bl_options = {"REGISTER", "UNDO"}
+
+    view: StringProperty(name="View", description="Empty: the active view", options={"SKIP_SAVE"})
+
+    @classmethod
+    def poll(cls, context):
+        return has_project(cls, context)
+
+    @reports_errors
+    def execute(self, context):
+        steps.look_through(context.scene, self.view)
+        view_from_camera(context.area)
+        return {"FINISHED"}
+
+
+class KARF_FH_capture(bpy.types.FileHandler):
+    """Camera files may be dropped on the 3D View; what else ends so is refused with a sentence when it is read."""
+
+    bl_idname = "KARF_FH_capture"
+    bl_label = "KaRF capture"
+    bl_import_operator = KARF_OT_import_capture.bl_idname
+    bl_file_extensions = ".json;.npy;.bin;.txt"
+
+    @classmethod
+    def poll_drop(cls, context):
+        return context.area is not None and context.area.type == "VIEW_3D"
+
+
+CLASSES = (KARF_OT_import_capture, KARF_OT_find_poses, KARF_OT_look_through, KARF_FH_capture)

@@ -1,0 +1,105 @@
+"""Steps 2, 4 and 5: what the engine learns, and showing a view of it."""
+
+import bpy
+from bpy.props import StringProperty
+
+from .. import steps
+from ..swatches import palettes
+from ..tasks import runner
+from .reporting import EngineStep, ProjectSwatchStep, reports_errors
+
+
+class KARF_OT_learn_scene(EngineStep, bpy.types.Operator):
+    """Learn the scene's geometry from the photos"""
+
+    bl_idname = "karf.learn_scene"
+    bl_label = "Learn Scene"
+
+    @reports_errors
+    def execute(self, context):
+        runner.launch(steps.learn_scene(context.scene))
+        return {"FINISHED"}
+
+
+class KARF_OT_segment(EngineStep, bpy.types.Operator):
+    """Turn the coarse masks into clean ones in every view"""
+
+    bl_idname = "karf.segment"
+    bl_label = "Segment"
+    after = "geometry"
+
+    @classmethod
+    def poll(cls, context):
+        if not super().poll(context):
+            return False
+        if not context.scene.karf.masks:
+            cls.poll_message_set("Mark an object first: paint a mask, or choose a folder of masks")
+            return False
+        return True
+
+    @reports_errors
+    def execute(self, context):
+        runner.launch(steps.segment(context.scene))
+        return {"FINISHED"}
+
+
+class KARF_OT_extract_palette(EngineStep, bpy.types.Operator):
+    """Find the swatches of every object and learn what each pixel takes from them. Edits, locks and keyframes stay with their object and color; edits whose color is no longer there are kept in the project's folder edits"""
+
+    bl_idname = "karf.extract_palette"
+    bl_label = "Extract Palette"
+    after = "segmentation"
+
+    def invoke(self, context, event):
+        if not palettes.has_edits(context.scene):
+            return self.execute(context)
+        message = "Edits follow their object and color; those that find none are kept in the project"
+        return context.window_manager.invoke_confirm(self, event, title="Extract anew?", message=message)
+
+    @reports_errors
+    def execute(self, context):
+        runner.launch(steps.extract_palette(context.scene))
+        return {"FINISHED"}
+
+
+class KARF_OT_show_view(ProjectSwatchStep, bpy.types.Operator):
+    """Show a captured view with the swatches as they stand; the engine prepares it the first time"""
+
+    bl_idname = "karf.show_view"
+    bl_label = "Show View"
+    bl_options = {"REGISTER", "UNDO"}
+
+    view: StringProperty(name="View", description="Empty: the active view", options={"SKIP_SAVE"})
+
+    @reports_errors
+    def execute(self, context):
+        task = steps.show_view(context.scene, self.view)
+        if task is not None:
+            runner.launch(task)
+        if context.area and context.area.type == "IMAGE_EDITOR":
+            context.space_data.image = context.scene.karf.result or context.space_data.image
+        return {"FINISHED"}
+
+
+class KARF_OT_prepare_views(EngineStep, bpy.types.Operator):
+    """Prepare all captured views, so that each shows at once"""
+
+    bl_idname = "karf.prepare_views"
+    bl_label = "Prepare All Views"
+    after = "recoloring"
+
+    views: StringProperty(name="Views", default="all", description="all, train, test or names with commas")
+
+    @reports_errors
+    def execute(self, context):
+        runner.launch(steps.prepare_views(context.scene, self.views))
+        return {"FINISHED"}
+
+
+CLASSES = (
+    KARF_OT_learn_scene,
+    KARF_OT_segment,
+    KARF_OT_extract_palette,
+    KARF_OT_show_view,
+    KARF_OT_prepare_views,
+)

@@ -1,0 +1,132 @@
+"""Pixels between numpy and Blender's Image datablocks; nowhere else are pixels touched.
+
+numpy: [H, W, channels] float32 sRGB in [0, 1], first row at the top. Blender: rows from the bottom, RGBA. Pictures are
+opaque byte images labelled sRGB: their numbers go through unchanged in every Blender version, and are saved unchanged.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..engine_api import DataError, atomic_write
+from ..host import rendering
+
+
+def new_image(name: str, width: int, height: int) -> bpy.types.Image:
+    """A black, opaque byte image labelled sRGB.
+
+    Raises:
+        BadRequest: Blender renders.
+    """
+    rendering.refuse()
+    image = bpy.data.images.new(name, width, height, alpha=False)
+    image.colorspace_settings.name = "sRGB"
+    image.alpha_mode = "NONE"
+    return image
+
+
+def fit(image: bpy.types.Image, width: int, height: int) -> None:
+    """Give an image this size; editors that show it keep it."""
+    if tuple(image.size) != (width, height):
+        image.scale(width, height)
+
+
+def blank(width: int, height: int) -> np.ndarray:
+    """An opaque black RGBA buffer [H, W, 4] in Blender's row order; `upright` shows its colors in numpy's."""
+    buffer = np.zeros((height, width, 4), np.float32)
+    buffer[..., 3] = 1
+    return buffer
+
+
+def upright(buffer: np.ndarray) -> np.ndarray:
+    """The colors [H, W, 3] of an RGBA buffer, first row at the top; writing to them writes to the buffer."""
+    return buffer[::-1, :, :3]
+
+
+def upload(image: bpy.types.Image, buffer: np.ndarray) -> None:
+    """Show an RGBA buffer [H, W, 4] in an image of the same size."""
+    image.pixels.foreach_set(buffer.ravel())
+    image.update()
+
+
+def pixels(image: bpy.types.Image) -> np.ndarray:
+    """The image's pixels [H, W, 4] float32, first row at the top."""
+    width, height = image.size
+    buffer = np.empty(width * height * 4, np.float32)
+    image.pixels.foreach_get(buffer)
+    return buffer.reshape(height, width, 4)[::-1]
+
+
+def read_picture(path: Path, long_side: int | None = None) -> np.ndarray:
+    """A picture file's own numbers, transparency put on white.
+
+    Args:
+        path: The file.
+        long_side: Reduce the picture to at most so many pixels.
+
+    Returns:
+        [H, W, 3] float32 in [0, 1], first row at the top.
+
+    Raises:
+        DataError: The file is unreadable.
+        BadRequest: Blender renders.
+    """
+    with opened(path) as image:
+        if long_side and max(image.size) > long_side:
+            image.scale(*(max(1, round(side * long_side / max(image.size))) for side in image.size))
+        return colors_of(image)
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[bpy.types.Image]:
+    """A picture file as an image that is gone after this block.
+
+    Raises:
+        DataError: The file is unreadable.
+        BadRequest: Blender renders.
+    """
+    rendering.refuse()
+    try:
+        image = bpy.data.images.load(str(path))
+    except RuntimeError as error:
+        raise DataError(f"{path} cannot be read as a picture.", "Check the path.") from error
+    try:
+        image.colorspace_settings.name = "Non-Color"  # else 16 bit pictures would be made linear
+        image.alpha_mode = "CHANNEL_PACKED"  # else colors would be multiplied by the transparency
+        if not image.size[0]:
+            raise DataError(f"{path} cannot be read as a picture.", "Use PNG or JPEG.")
+        yield image
+    finally:
+        bpy.data.images.remove(image)
+
+
+def colors_of(image: bpy.types.Image) -> np.ndarray:
+    """The image's colors [H, W, 3] float32, transparency put on white."""
+    rgba = pixels(image)
+    colors, alpha = rgba[..., :3], rgba[..., 3:]
+    return colors if alpha.min() == 1 else colors * alpha + (1 - alpha)
+
+
+def write_png(path: Path, colors: np.ndarray) -> None:
+    """Write [H, W, 3] in [0, 1] as an 8 bit PNG, atomically; the numbers are rounded, no view transform."""
+    height, width = colors.shape[:2]
+    buffer = blank(width, height)
+    upright(buffer)[:] = colors
+    image = new_image(path.stem, width, height)
+    try:
+        upload(image, buffer)
+        image.file_format = "PNG"
+        atomic_write(path, lambda temporary: _save(image, temporary))
+    finally:
+        bpy.data.images.remove(image)
+
+
+def _save(image: bpy.types.Image, path: Path) -> None:
+    image.filepath_raw = str(path)
+    try:
+        image.save()
+    except RuntimeError as error:  # a full disk, mostly
+        raise DataError(f"{path.parent} cannot be written to.", "Free some space, or choose another folder.") from error

@@ -1,0 +1,79 @@
+"""What the panel and the console say of the running task and of how the last one ended."""
+
+import bpy
+
+from .engine_api import Event
+
+
+def state() -> bpy.types.PropertyGroup:
+    """The session's `WindowManager.karf_progress`, which the panel shows."""
+    return bpy.data.window_managers[0].karf_progress
+
+
+def begin(label: str) -> None:
+    """A task starts: nothing is said of the last one any more."""
+    progress = state()
+    progress.running = True
+    progress.stage = label
+    progress.fraction = 0.0
+    dismiss()
+    progress.text = "Starting"
+
+
+def warn(sentence: str) -> None:
+    """Tell the user something, in the panel and on the console."""
+    print(f"KaRF: {sentence}", flush=True)
+    _add_warning(sentence)
+
+
+def _add_warning(sentence: str) -> None:
+    progress = state()
+    if sentence not in progress.warnings.splitlines():
+        progress.warnings = f"{progress.warnings}\n{sentence}".strip()
+
+
+def dismiss() -> None:
+    """Clear what the panel says of the last task."""
+    progress = state()
+    progress.text = progress.figures = progress.warnings = progress.error = progress.hint = progress.job = ""
+
+
+def show_event(label: str, event: Event) -> None:
+    """Show an engine's event in the panel, under the running task's label."""
+    progress = state()
+    progress.running, progress.stage = True, label
+    if event.kind == "progress":
+        progress.fraction = event["step"] / max(event["total"], 1)
+        progress.text = f"{progress.fraction:.0%}{_time_left(event)}"
+        progress.figures = f"{event['stage']} {event['step']}/{event['total']}{_metrics(event)}"
+    elif event.kind == "stage":
+        progress.figures = _line(event)
+    elif event.kind == "warning":
+        _add_warning(event["sentence"])
+
+
+def print_event(stage: str, event: Event) -> None:
+    """Print an engine's event, where it says something to a person."""
+    line = _line(event)
+    if line:
+        print(f"KaRF {stage}: {line}", flush=True)
+
+
+def _line(event: Event) -> str:
+    """An event as a person reads it; empty for events that are not for people."""
+    if event.kind == "progress":
+        return f"{event['step']}/{event['total']}{_time_left(event)}{_metrics(event)}"
+    if event.kind == "stage":
+        return f"{event['name']} {event.get('text', '')}".strip()
+    return {"warning": event.get("sentence"), "done": "done"}.get(event.kind) or ""
+
+
+def _time_left(event: Event) -> str:
+    left = event.get("eta_s")
+    if not left:
+        return ""
+    return f", {left / 60:.0f} min left" if left > 90 else f", {left:.0f} s left"
+
+
+def _metrics(event: Event) -> str:
+    return "".join(f", {name} {value:.4g}" for name, value in (event.get("metrics") or {}).items())

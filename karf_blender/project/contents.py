@@ -1,0 +1,64 @@
+"""What a scene's project and folder of masks hold: finished stages, edit planes, masks.
+
+Every function reads the disk; drawing asks `disk.contents_of`.
+"""
+
+from functools import lru_cache
+from pathlib import Path
+
+import bpy
+
+from ..engine_api import BadRequest, KarfError, Project
+from . import folders
+
+
+def finished_stages(scene: bpy.types.Scene) -> frozenset[str]:
+    """The engine's stages that the scene's project has finished."""
+    if not scene.karf.project:
+        return frozenset()
+    folder = folders.absolute(scene.karf.project)
+    try:
+        return _finished(folder, Project(folder).state_file.stat().st_mtime_ns)
+    except (OSError, KarfError):  # nothing was learned yet
+        return frozenset()
+
+
+@lru_cache(maxsize=4)
+def _finished(folder: Path, written: int) -> frozenset[str]:
+    return frozenset(Project(folder).state()["stages"])
+
+
+def planes_file(scene: bpy.types.Scene) -> Path:
+    """The planes of the scene's active view.
+
+    Raises:
+        BadRequest: No view of the capture is chosen.
+    """
+    if scene.karf.active_view not in scene.karf.views:
+        raise BadRequest(f"The scene {scene.name!r} has no active view.", "Choose one in the KaRF panel.")
+    return folders.project_of(scene).planes_file(scene.karf.active_view)
+
+
+def is_prepared(scene: bpy.types.Scene) -> bool:
+    """True if the active view can be shown recolored: it has planes, made of what was learned last."""
+    is_chosen = scene.karf.project and scene.karf.active_view in scene.karf.views
+    return bool(is_chosen) and is_current(folders.project_of(scene), scene.karf.active_view)
+
+
+def is_current(project: Project, view: str) -> bool:
+    """True if the view's planes exist and are no older than what they were made from."""
+    sources = (project.palette_file, project.recoloring_file)
+    try:
+        made = project.planes_file(view).stat().st_mtime_ns
+        return all(source.stat().st_mtime_ns <= made for source in sources if source.exists())
+    except OSError:
+        return False
+
+
+def mask_counts(scene: bpy.types.Scene) -> dict[str, int]:
+    """The objects in the chosen folder of masks, each with its number of masks; empty where there is no folder."""
+    folder = folders.absolute(scene.karf.masks) if scene.karf.masks else None
+    if folder is None or not folder.is_dir():
+        return {}
+    counts = {each.name: len(list(each.rglob("*.png"))) for each in sorted(folder.iterdir()) if each.is_dir()}
+    return {name: count for name, count in counts.items() if count}

@@ -1,0 +1,123 @@
+"""What the disk held when it was read last: drawing and polls, which run at every redraw, ask only this.
+
+A slow timer reads it again, and so do the events that change something: a job's end, a folder chosen, a mask saved,
+undo, load and save. In background mode nothing is drawn and timers never fire: there every question reads the disk.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import bpy
+from bpy.app.handlers import persistent
+
+from .. import preferences
+from ..engine_api import KarfError, MissingDependency
+from ..host import handlers, windows
+from . import contents, folders
+
+HAS_TIMER = not bpy.app.background
+REFRESH_SECONDS = 2.0
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What there is of one scene's files.
+
+    Attributes:
+        missing: The scene's project folder where it is gone, else None.
+        stages: The finished ones.
+        is_prepared: Whether the active view has edit planes.
+        masks: The number of masks of each object that has some.
+    """
+
+    missing: Path | None = None
+    stages: frozenset[str] = frozenset()
+    is_prepared: bool = False
+    masks: Mapping[str, int] = field(default_factory=dict)
+
+
+class _Memory:
+    """What was read last: each scene's under what it depends on, and why there is no engine."""
+
+    scenes: Mapping[tuple[str, ...], Contents] = {}
+    engine_problem: str = ""
+
+
+def contents_of(scene: bpy.types.Scene) -> Contents:
+    """What there was of the scene when the disk was read last; nothing where that has not happened yet."""
+    _refresh_if_untimed()
+    return _Memory.scenes.get(_key(scene), Contents())
+
+
+def engine_problem() -> str:
+    """Why there is no Python for the engine, with the remedy; empty where there is one."""
+    _refresh_if_untimed()
+    return _Memory.engine_problem
+
+
+def refresh() -> bool:
+    """Read the disk for all scenes of the open file; True where something has changed. Never raises."""
+    before = _Memory.scenes, _Memory.engine_problem
+    _Memory.scenes = {_key(scene): _read(scene) for scene in bpy.data.scenes}
+    _Memory.engine_problem = _find_engine()
+    return before != (_Memory.scenes, _Memory.engine_problem)
+
+
+def _refresh_if_untimed() -> None:
+    if not HAS_TIMER:
+        refresh()
+
+
+def _key(scene: bpy.types.Scene) -> tuple[str, ...]:
+    karf = scene.karf
+    return bpy.data.filepath, karf.project, karf.masks, karf.active_view
+
+
+def _read(scene: bpy.types.Scene) -> Contents:
+    try:
+        if scene.karf.project and not (folder := folders.project_of(scene).folder).is_dir():
+            return Contents(missing=folder)
+        stages, masks = contents.finished_stages(scene), contents.mask_counts(scene)
+        return Contents(None, stages, contents.is_prepared(scene), masks)
+    except (OSError, KarfError):  # unreadable, or gone while it was read
+        return Contents()
+
+
+def _find_engine() -> str:
+    try:
+        preferences.engine_python()
+    except MissingDependency as error:
+        return f"{error.sentence} {error.hint}"
+    return ""
+
+
+# --- timer and handlers --------------------------------------------------------------------------------------------
+def _tick() -> float:
+    if refresh():
+        windows.redraw(*windows.PANEL_AREAS)
+    return REFRESH_SECONDS
+
+
+@persistent
+def _after_change(*_):
+    refresh()
+
+
+HANDLERS = tuple((name, _after_change) for name in ("load_post", "save_post", "undo_post", "redo_post"))
+
+
+def register():
+    """Called when the extension is enabled."""
+    handlers.add(HANDLERS)
+    if HAS_TIMER:
+        bpy.app.timers.register(_tick, persistent=True)
+
+
+def unregister():
+    """Called when the extension is disabled."""
+    # a timer left behind hangs or crashes some Blender versions at exit
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+    handlers.remove(HANDLERS)
+    _Memory.scenes, _Memory.engine_problem = {}, ""

@@ -1,0 +1,82 @@
+"""Where files lie: paths as the .blend stores them (relative to it once it is saved) and as the disk knows them."""
+
+import os
+from pathlib import Path
+
+import bpy
+
+from ... import __package__ as extension
+from ..engine_api import BadRequest, Project
+
+PATH_PROPERTIES = ("project", "capture", "masks", "out", "nerf")
+
+
+def absolute(stored: str, blend: str | None = None) -> Path:
+    """The path on disk of one stored in the .blend (default: the open one); one place has one path, without `..`."""
+    start = str(Path(blend).parent) if blend else None
+    return Path(os.path.normpath(bpy.path.abspath(stored, start=start)))
+
+
+def stored(path: Path, blend: str | None = None) -> str:
+    """The path as the .blend stores it: `//...` beside a saved file, else absolute."""
+    blend = bpy.data.filepath if blend is None else blend
+    if not blend:
+        return str(path)
+    try:
+        return bpy.path.relpath(str(path), start=str(Path(blend).parent))
+    except ValueError:  # another drive
+        return str(path)
+
+
+def project_of(scene: bpy.types.Scene) -> Project:
+    """The scene's project folder.
+
+    Raises:
+        BadRequest: None is chosen.
+    """
+    if not scene.karf.project:
+        raise BadRequest(f"The scene {scene.name!r} has no KaRF project.", "Import a capture first.")
+    return Project(absolute(scene.karf.project))
+
+
+def out_folder(scene: bpy.types.Scene) -> Path:
+    """Where pictures are written: the chosen folder, else `out` in the project."""
+    return absolute(scene.karf.out) if scene.karf.out else project_of(scene).folder / "out"
+
+
+def default_project(capture: Path) -> Path:
+    """A project folder for this capture: beside the saved .blend, else in the extension's own folder."""
+    name = (capture.parent if capture.is_file() else capture).name
+    if bpy.data.filepath:
+        return Path(bpy.data.filepath).parent / f"{name}_karf"
+    return Path(bpy.utils.extension_path_user(extension, path=f"projects/{name}", create=True))
+
+
+class _Memory:
+    """Whether paths are being rewritten."""
+
+    is_rebasing: bool = False
+
+
+def is_rebasing() -> bool:
+    """True while paths are rewritten: they name the same places as before."""
+    return _Memory.is_rebasing
+
+
+def rebase(source: str, target: str) -> None:
+    """Rewrite the relative paths of all scenes from one .blend's place to another's; an empty place: absolute."""
+    _Memory.is_rebasing = True
+    try:
+        _rebase(source, target)
+    finally:
+        _Memory.is_rebasing = False
+
+
+def _rebase(source: str, target: str) -> None:
+    for scene in bpy.data.scenes:
+        for name in PATH_PROPERTIES:
+            path = getattr(scene.karf, name)
+            if path:
+                moved = stored(absolute(path, source), target)
+                if moved != path:
+                    setattr(scene.karf, name, moved)

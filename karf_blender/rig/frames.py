@@ -1,0 +1,76 @@
+"""Blender cameras as cameras of the engine: pinholes in the capture's world, frame by frame."""
+
+import hashlib
+from collections.abc import Iterable, Iterator
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ..engine_api import BadRequest, Camera, View
+from ..host import rendering
+from . import lens
+
+
+def frames_of(scene: bpy.types.Scene, camera: bpy.types.Object, numbers: Iterable[int]) -> Iterator[View]:
+    """The camera as the engine sees it, frame by frame.
+
+    Args:
+        scene: It is at the frame when that is yielded; its current frame is restored at the end.
+        camera: A perspective camera.
+        numbers: The frames.
+
+    Yields:
+        Views without photos, named frame_0001 and so on.
+
+    Raises:
+        BadRequest: The camera is no perspective camera, or Blender renders.
+    """
+    rendering.refuse()
+    current = scene.frame_current
+    try:
+        for number in numbers:
+            scene.frame_set(number)
+            name = f"frame_{number:04d}"
+            yield View(name, name, pinhole(scene, camera), None, "test")
+    finally:
+        scene.frame_set(current)
+
+
+def file_name(camera: bpy.types.Object) -> str:
+    """A camera's name as the name of a file or folder, another one for every camera of the file.
+
+    It is the camera's own where that may be one; a camera that differs from another by such signs or by case alone, or
+    that has a name no system takes, has a hash added.
+    """
+    clean = bpy.path.clean_name(camera.name)
+    others = [other for other in bpy.data.objects if other.type == "CAMERA" and other != camera]
+    taken = {bpy.path.clean_name(other.name).casefold() for other in others}
+    if clean == camera.name and clean.casefold() not in taken:
+        return clean
+    return f"{clean}-{hashlib.sha256(camera.name.encode()).hexdigest()[:8]}"
+
+
+def pinhole(scene: bpy.types.Scene, camera: bpy.types.Object) -> Camera:
+    """The pinhole, in the capture's world, of a Blender camera with the scene's render size at its current frame.
+
+    Raises:
+        BadRequest: The camera is no perspective camera, or it is mirrored or unevenly scaled.
+    """
+    if camera.type != "CAMERA" or camera.data.type != "PERSP":
+        raise BadRequest(f"{camera.name!r} is no perspective camera.", "Set the camera's type to Perspective.")
+    render = scene.render
+    scale = render.resolution_percentage / 100
+    width, height = int(render.resolution_x * scale), int(render.resolution_y * scale)
+    # the context's graph may be another scene's
+    layer = scene.view_layers[0]
+    layer.update()
+    depsgraph = layer.depsgraph
+    evaluated = camera.evaluated_get(depsgraph)
+    projection = evaluated.calc_matrix_camera(
+        depsgraph, x=width, y=height, scale_x=render.pixel_aspect_x, scale_y=render.pixel_aspect_y
+    )
+    rig = scene.karf.rig
+    to_capture = rig.evaluated_get(depsgraph).matrix_world.inverted() if rig else Matrix.Identity(4)
+    pose = lens.rigid(np.array(to_capture @ evaluated.matrix_world), camera.name)
+    return lens.pinhole_of(np.array(projection), width, height, pose)

@@ -1,0 +1,87 @@
+"""The sparse points of a capture as a mesh of vertices, shown as small colored balls by Geometry Nodes.
+
+Vertices alone have no color in the viewport; balls have, in Solid mode (Color: Attribute) and with their material.
+"""
+
+import bpy
+import numpy as np
+
+from ..engine_api import SparsePoints
+from ..host import compat
+
+NAME = "KaRF points"
+
+
+def build(points: SparsePoints, parent: bpy.types.Object, radius: float) -> bpy.types.Object:
+    """The points as an object below `parent`, with the attributes `color` (sRGB bytes) and `error` (pixels).
+
+    It is not rendered.
+
+    Args:
+        points: The capture's.
+        parent: The rig's Empty.
+        radius: Of the balls, in the parent's units.
+    """
+    mesh = bpy.data.meshes.new(NAME)
+    mesh.vertices.add(len(points))
+    mesh.vertices.foreach_set("co", points.positions.astype(np.float32).ravel())
+    colors = np.ones((len(points), 4), np.float32)
+    colors[:, :3] = points.colors / np.float32(255)
+    mesh.attributes.new("color", "BYTE_COLOR", "POINT").data.foreach_set("color_srgb", colors.ravel())
+    mesh.attributes.new("error", "FLOAT", "POINT").data.foreach_set("value", points.errors.astype(np.float32))
+    mesh.update()
+    item = bpy.data.objects.new(NAME, mesh)
+    item.modifiers.new("Balls", "NODES").node_group = _balls(radius)
+    item.parent = parent
+    item.hide_render = True
+    return item
+
+
+def _balls(radius: float) -> bpy.types.NodeTree:
+    """A node group that puts an octahedron on every vertex."""
+    group = bpy.data.node_groups.new(NAME, "GeometryNodeTree")
+    group.is_modifier = True
+    group.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+    group.interface.new_socket("Radius", in_out="INPUT", socket_type="NodeSocketFloat").default_value = radius
+    group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    add, link = group.nodes.new, group.links.new
+    entry, ball, instances = add("NodeGroupInput"), add("GeometryNodeMeshUVSphere"), add("GeometryNodeInstanceOnPoints")
+    realized, joined = add("GeometryNodeRealizeInstances"), add("GeometryNodeJoinGeometry")
+    neighbors, is_bare = add("GeometryNodeInputMeshVertexNeighbors"), add("FunctionNodeBooleanMath")
+    cleared, painted = add("GeometryNodeDeleteGeometry"), add("GeometryNodeSetMaterial")
+    is_bare.operation = "NOT"
+    ball.inputs["Segments"].default_value, ball.inputs["Rings"].default_value = 4, 2
+    painted.inputs["Material"].default_value = _material()
+    link(entry.outputs["Radius"], ball.inputs["Radius"])
+    link(entry.outputs["Geometry"], instances.inputs["Points"])
+    link(ball.outputs["Mesh"], instances.inputs["Instance"])
+    link(instances.outputs["Instances"], realized.inputs["Geometry"])
+    link(realized.outputs["Geometry"], joined.inputs["Geometry"])
+    # only the vertices themselves know which attribute is the active color; then they go, for they are drawn black
+    link(entry.outputs["Geometry"], joined.inputs["Geometry"])
+    link(joined.outputs["Geometry"], cleared.inputs["Geometry"])
+    link(neighbors.outputs["Face Count"], is_bare.inputs[0])
+    link(is_bare.outputs["Boolean"], cleared.inputs["Selection"])
+    link(cleared.outputs["Geometry"], painted.inputs["Geometry"])
+    link(painted.outputs["Geometry"], add("NodeGroupOutput").inputs["Geometry"])
+    for column, node in enumerate(group.nodes):
+        node.location.x = 180 * column
+    return group
+
+
+def _material() -> bpy.types.Material:
+    """A material that shows the attribute `color` as it is."""
+    material = bpy.data.materials.get(NAME)
+    if material is not None:
+        return material
+    material = bpy.data.materials.new(NAME)
+    compat.give_nodes(material)
+    tree = material.node_tree
+    tree.nodes.clear()
+    attribute, light, output = (
+        tree.nodes.new(f"ShaderNode{name}") for name in ("Attribute", "Emission", "OutputMaterial")
+    )
+    attribute.attribute_name = "color"
+    tree.links.new(attribute.outputs["Color"], light.inputs["Color"])
+    tree.links.new(light.outputs["Emission"], output.inputs["Surface"])
+    return material

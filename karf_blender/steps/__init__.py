@@ -1,0 +1,37 @@
+"""The steps from capture to picture as plain functions; operators and scripts call these.
+
+A step that needs the engine returns a `Task`: launch it beside the interface or wait for it (see `tasks.runner`). The
+others are done when they return. All raise KarfError for what a user can mend.
+"""
+
+from .cameras import export_cameras, frame_range, import_cameras
+from .capture import find_poses, import_capture
+from .edit import becomes, load_edit, save_edit
+from .learn import extract_palette, learn_scene, prepare_views, segment, show_view
+from .masks import paint_mask, save_mask
+from .render import camera_folder, render_camera, render_captured, render_view
+from .view import look_through, reprojection_error
+
+__all__ = [
+    "becomes",
+    "camera_folder",
+    "export_cameras",
+    "extract_palette",
+    "find_poses",
+    "frame_range",
+    "import_cameras",
+    "import_capture",
+    "learn_scene",
+    "load_edit",
+    "look_through",
+    "paint_mask",
+    "prepare_views",
+    "render_camera",
+    "render_captured",
+    "render_view",
+    "reprojection_error",
+    "save_edit",
+    "save_mask",
+    "segment",
+    "show_view",
+]

@@ -1,0 +1,53 @@
+"""Blender cameras as files for other programs, and back."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import bpy
+
+from ..engine_api import BadRequest, open_capture, write_cameras
+from ..rig import camera_paths, frames
+
+
+def export_cameras(scene: bpy.types.Scene, path: Path, camera: bpy.types.Object | None, numbers: Iterable[int]) -> int:
+    """Write what a camera is in these frames as a transforms.json, with poses relative to the rig where there is one.
+
+    Args:
+        scene: The scene.
+        path: The file.
+        camera: None: the scene's.
+        numbers: The frames.
+
+    Returns:
+        The number of cameras.
+
+    Raises:
+        BadRequest: There is no camera or no frame, or the camera is no pinhole.
+    """
+    views = list(frames.frames_of(scene, camera_of(scene, camera), numbers))
+    if not views:
+        raise BadRequest("There are no frames to export.", "Give at least one frame.")
+    write_cameras(path, views)
+    return len(views)
+
+
+def import_cameras(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
+    """One animated camera, below the rig where there is one, of the cameras in a file; it becomes the scene's."""
+    return camera_paths.build(open_capture(path, photos=False).views, path.stem, scene)
+
+
+def camera_of(scene: bpy.types.Scene, camera: bpy.types.Object | None) -> bpy.types.Object:
+    """A camera, or the scene's.
+
+    Raises:
+        BadRequest: There is none.
+    """
+    camera = camera or scene.camera
+    if camera is None:
+        raise BadRequest(f"The scene {scene.name!r} has no camera.", "Add one, or choose a camera of the capture.")
+    return camera
+
+
+def frame_range(scene: bpy.types.Scene) -> range:
+    """The scene's own frames."""
+    return range(scene.frame_start, scene.frame_end + 1, scene.frame_step)

@@ -1,0 +1,111 @@
+"""Step 1: a capture becomes the scene's rig and project; poses are found for photos that have none."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import bpy
+
+from .. import progress
+from ..engine_api import Capture, DataError, KarfError, Request, open_capture
+from ..project import captures, folders
+from ..rig import cameras
+from ..swatches import palettes, recolor
+from ..tasks.ownership import Owner
+from ..tasks.task import Task
+from . import requests, view
+
+
+def import_capture(
+    scene: bpy.types.Scene, path: Path, project: Path | None = None, options: cameras.Options | None = None
+) -> Capture:
+    """Build the rig of a capture and make it the scene's.
+
+    Palettes of another capture leave the scene; their edits are kept in the project that they were made in.
+
+    Args:
+        scene: The scene.
+        path: The capture's folder or camera file.
+        project: Default: the one the scene has of this capture, else a folder beside the .blend.
+        options: How the rig is shown.
+
+    Returns:
+        The capture; its remarks say what could not be had.
+    """
+    captures.forget()
+    capture = open_capture(path)
+    path = _place_of(path, capture)
+    karf = scene.karf
+    is_known = bool(karf.project) and karf.capture == folders.stored(path)
+    if project is None:
+        project = folders.project_of(scene).folder if is_known else folders.default_project(path)
+    try:  # from here on a project that is not there is missing
+        project.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        capture = replace(capture, remarks=(*capture.remarks, f"{project} cannot be made: {error.strerror}."))
+    karf.rig = cameras.build(capture, f"KaRF {project.name}", scene, options)
+    with recolor.batched(scene):
+        if not is_known:
+            palettes.load_palettes(scene, ())
+        karf.capture = folders.stored(path)
+        karf.project = folders.stored(project)
+        karf.n_points = 0 if capture.points is None else len(capture.points)
+        karf.views.clear()
+        for each in capture.views:
+            item = karf.views.add()
+            item.name, item.split = each.name, each.split
+        # a view that learns: masks are painted on it
+        first = next(iter(capture.split("train")), capture.views[0])
+        karf.active_view = first.name
+    try:
+        view.show_camera(scene, capture, first)
+    except DataError as error:  # the rig stands; one photo is no reason to take it away
+        capture = replace(capture, remarks=(*capture.remarks, error.sentence))
+    return capture
+
+
+def _place_of(path: Path, capture: Capture) -> Path:
+    """The folder of the camera file, or that of camera file and photos, where it is the same capture.
+
+    Chosen in whichever way, a capture has one path and one project.
+    """
+    photos = [each.image for each in capture.views]
+    start = path.parent if path.is_file() else path
+    for folder in (_common_folder([start, *(photo.parent for photo in photos if photo)]), start):
+        if folder == path:
+            break
+        try:
+            found = open_capture(folder)
+        except KarfError:
+            continue
+        if found.format == capture.format and [each.image for each in found.views] == photos:
+            return folder
+    return path
+
+
+def _common_folder(places: list[Path]) -> Path:
+    try:
+        return Path(os.path.commonpath(places))
+    except ValueError:  # several drives
+        return places[0]
+
+
+def find_poses(scene: bpy.types.Scene, photos: Path, options: cameras.Options | None = None) -> Task:
+    """Camera poses of a folder of photos, or of a video, in a new project folder; then their capture is imported."""
+    wanted = project = folders.default_project(photos.with_suffix("") if photos.is_file() else photos)
+    number = 2
+    while (project / "capture").exists():  # found before: what was learned of it stays
+        project, number = wanted.with_name(f"{wanted.name}_{number}"), number + 1
+    out, owner = project / "capture", Owner.of(scene)
+
+    def import_found(request: Request) -> None:
+        found = owner.find()
+        if found is None:
+            progress.warn(
+                f"The scene that asked for camera poses is gone or has another project: import {out} yourself."
+            )
+        else:
+            import_capture(found, out, project, options)
+
+    request = Request("poses", project, {"photos": str(photos), "out": str(out)} | requests.threads())
+    return Task("Find Camera Poses", (request,), import_found, owner)

@@ -1,0 +1,57 @@
+"""What steps ask of the engine, and what becomes of the results."""
+
+from functools import partial
+from pathlib import Path
+
+import bpy
+
+from .. import preferences, progress
+from ..engine_api import Project, Request, read_palettes
+from ..pictures import editors
+from ..project import contents, folders
+from ..swatches import palettes, recolor
+from ..tasks.ownership import Owner
+from ..tasks.task import Task
+
+
+def task(scene: bpy.types.Scene, title: str, *jobs: tuple[str, dict]) -> Task:
+    """A task of the scene's project: pairs of a stage and its options, run in a row."""
+    project, owner = folders.project_of(scene).folder, Owner.of(scene)
+    requests = tuple(Request(stage, project, options | threads()) for stage, options in jobs)
+    return Task(title, requests, partial(import_results, owner), owner)
+
+
+def threads() -> dict[str, int]:
+    """The option that limits the engine's threads, where the preferences do."""
+    chosen = preferences.current().threads
+    return {"threads": chosen} if chosen else {}
+
+
+def planes(views: str) -> tuple[str, dict]:
+    """The job that makes edit planes of captured views: a view's name, `train`, `test` or `all`."""
+    return "render", {"views": views, "edit": None, "out": None, "planes": True, "depth": False, "base": "photo"}
+
+
+def pictures(views: str, edit: str | list[str], out: Path, base: str) -> tuple[str, dict]:
+    """The job that recolors views, on their photos (base `photo`) or on what the engine renders (`render`)."""
+    options = {"views": views, "edit": edit, "out": str(out), "planes": False, "depth": False, "base": base}
+    return "render", options
+
+
+def import_results(owner: Owner, request: Request) -> None:
+    """Import what a job has learned into the scenes of its project in the file that began it; else say where it is."""
+    brings_planes = request.stage == "render" and request.options["planes"]
+    if request.stage != "recoloring" and not brings_planes:
+        return
+    scenes = list(owner.scenes())
+    if not scenes:
+        progress.warn(
+            f"The scene that asked for this is gone or has another project. The result is in {request.project}; choose "
+            "that as the project to bring it in."
+        )
+    for scene in scenes:
+        if request.stage == "recoloring":
+            recolor.forget()
+            palettes.load_palettes(scene, read_palettes(Project(request.project).palette_file))
+        elif contents.is_prepared(scene):
+            editors.reveal(recolor.show(scene))

@@ -1,0 +1,37 @@
+"""Looking through a captured view's camera, and how far its photo is from the sparse points."""
+
+import bpy
+
+from ..engine_api import Capture, ErrorSummary, View
+from ..project import captures, folders
+from ..rig import cameras, reprojection
+
+
+def look_through(scene: bpy.types.Scene, name: str = "") -> None:
+    """Look through a captured view's camera, with its picture size and its photo free of lens distortion.
+
+    Raises:
+        KarfError: There is no such view, or its photo cannot be read.
+    """
+    show_camera(scene, captures.of(scene), captures.view_of(scene, name))
+
+
+def show_camera(scene: bpy.types.Scene, capture: Capture, view: View) -> None:
+    """The same for a view of the scene's capture.
+
+    Raises:
+        DataError: Its photo cannot be read.
+    """
+    cameras.look_through(scene, view)
+    reprojection.remember(scene, capture, view.name)
+    cameras.straighten_background(scene, view, folders.project_of(scene).photos_folder)
+
+
+def reprojection_error(scene: bpy.types.Scene, name: str = "") -> ErrorSummary:
+    """How far the sparse points are from where a view's photo shows them.
+
+    Raises:
+        DataError: The capture has no sparse points.
+    """
+    name = captures.view_of(scene, name).name
+    return reprojection.check(captures.path_of(scene), captures.of(scene), name).summary

@@ -1,0 +1,1 @@
+"""Swatches: learned palettes in the scene, edits of them, their keyframes, and the picture that they make."""

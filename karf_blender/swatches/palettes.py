@@ -1,0 +1,182 @@
+"""Learned palettes become a scene's objects and swatches, also where it has others already.
+
+Edits, locks and keyframes belong to an object's name and to a swatch's learned color: where palettes are replaced they
+go to the swatch that has this color now, and what has no such swatch is kept in a file.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from .. import progress
+from ..engine_api import DataError, KarfError, Palette, hex_to_rgb, read_palettes, rgb_to_hex, srgb_to_lab, write_edit
+from ..project import folders
+from . import colors, edits, keyframes, recolor
+
+NEAR = 20.0  # a learned color this far from another in CIE L*a*b* may still be the same swatch's
+
+
+@dataclass(frozen=True)
+class _ObjectEdits:
+    """What the artist has done to an object: swatches by number, and the object's own values by name."""
+
+    learned: np.ndarray
+    colors: np.ndarray
+    locked: tuple[bool, ...]
+    own: dict
+
+    @classmethod
+    def of(cls, item: bpy.types.PropertyGroup) -> "_ObjectEdits":
+        own = {name: getattr(item, name) for name in ("rule", "show_becomes")}
+        own |= {name: tuple(getattr(item, name)) for name in ("source", "target")}
+        locked = tuple(swatch.locked for swatch in item.swatches)
+        return cls(colors.learned(item), colors.edited(item), locked, own)
+
+    @property
+    def touched(self) -> set[int]:
+        """The swatches that are edited or locked."""
+        edited = (self.colors != self.learned).any(axis=-1)
+        return {index for index in range(1, len(edited)) if edited[index] or self.locked[index]}
+
+
+def load_palettes(scene: bpy.types.Scene, palettes: Sequence[Palette]) -> None:
+    """Replace the scene's objects and swatches by these learned palettes. Edits, locks and keyframes go along.
+
+    What cannot go along is kept as an edit file in the project, and a warning names it.
+
+    Raises:
+        DataError: That file cannot be written; then all stays as it was.
+    """
+    before = {item.name: _ObjectEdits.of(item) for item in scene.karf.objects}
+    after = {palette.name: palette.colors for palette in palettes}
+    matches = {name: _match_swatches(each.learned, after.get(name)) for name, each in before.items()}
+    lost = [name for name, each in before.items() if each.touched - set(matches[name])]
+    if lost:
+        _keep(scene, lost)
+    keyframes.copy_shared_action(scene)
+    curves = keyframes.of(scene)
+    with recolor.batched(scene):
+        scene.karf.objects.clear()
+        for palette in palettes:
+            _add(scene, palette, before.get(palette.name), matches.get(palette.name, {}))
+        numbers = {name: number for number, name in enumerate(scene.karf.objects.keys())}
+        for curve in curves:
+            keyframes.move(curve, numbers, _swatch_of(curve, before, matches, after))
+
+
+def _add(scene: bpy.types.Scene, palette: Palette, before: _ObjectEdits | None, matches: dict[int, int]) -> None:
+    """Add an object.
+
+    Args:
+        scene: The scene.
+        palette: The object's palette as learned.
+        before: What the artist had done to it, if it was there.
+        matches: The new number of each of its former swatches that is still there.
+    """
+    item = scene.karf.objects.add()
+    item.name = palette.name
+    for index, color in enumerate(palette.colors):
+        swatch = item.swatches.add()
+        swatch.name = f"Color {index}" if index else "Black"
+        swatch.learned = swatch.color = color
+        swatch.locked = index == 0
+    item.source = item.target = palette.colors[min(1, len(palette.colors) - 1)]
+    if before is None:
+        return
+    for name, value in before.own.items():
+        setattr(item, name, value)
+    for old in before.touched & set(matches):
+        swatch = item.swatches[matches[old]]
+        swatch.locked = before.locked[old]
+        if (before.colors[old] != before.learned[old]).any():
+            swatch.color = before.colors[old]
+
+
+def _match_swatches(old: np.ndarray, new: np.ndarray | None) -> dict[int, int]:
+    """Where the swatches of a palette [n, 3] are in another [m, 3]: nearest pairs first, each swatch in one pair."""
+    if new is None:
+        return {}
+    distances = np.linalg.norm(srgb_to_lab(old)[:, None] - srgb_to_lab(new)[None], axis=-1)
+    distances[0], distances[:, 0] = np.inf, np.inf  # black is black
+    matches = {0: 0}
+    for flat in distances.argsort(axis=None, kind="stable"):
+        source, target = divmod(int(flat), len(new))
+        if distances[source, target] > NEAR:
+            break
+        if source not in matches and target not in matches.values():
+            matches[source] = target
+    return matches
+
+
+def _swatch_of(
+    curve: keyframes.Curve,
+    before: dict[str, _ObjectEdits],
+    matches: dict[str, dict[int, int]],
+    after: dict[str, np.ndarray],
+) -> int | str | None:
+    """The number of a curve's swatch in the new palettes, or its learned color where there is no such swatch."""
+    name, swatch = curve.object_name, curve.swatch
+    if isinstance(swatch, int):
+        learned = before[name].learned if name in before else ()
+        return matches[name].get(swatch, rgb_to_hex(learned[swatch])) if swatch < len(learned) else swatch
+    if swatch is None or name not in after:
+        return swatch
+    # a curve that waited takes a swatch that no other has
+    black_and_waiting = np.stack([np.zeros(3), hex_to_rgb(swatch)])
+    found = _match_swatches(black_and_waiting, after[name]).get(1)
+    return swatch if found is None or found in matches.get(name, {}).values() else found
+
+
+def _keep(scene: bpy.types.Scene, lost: Sequence[str]) -> None:
+    """Write the swatches as they stand to a new edit file, and say so. Raises DataError where it cannot be written."""
+    folder = folders.project_of(scene).folder / "edits"
+    stamp, number = time.strftime("%Y%m%d-%H%M%S"), 2
+    file = folder / f"kept-{stamp}.json"
+    while file.exists():
+        file, number = folder / f"kept-{stamp}-{number}.json", number + 1
+    try:
+        write_edit(file, edits.current_edit(scene))
+    except OSError as error:
+        raise DataError(
+            f"The edits could not be kept in {file} ({error}), so the palettes stay as they were.",
+            "Make room there, then choose the project again.",
+        ) from error
+    progress.warn(
+        f"Edited swatches of {', '.join(lost)} are no longer in the palettes. All edits as they were are in {file}; "
+        "keyframes wait in the scene's action."
+    )
+
+
+def has_edits(scene: bpy.types.Scene) -> bool:
+    """True if a swatch of the scene is edited, locked or animated."""
+    return any(_ObjectEdits.of(item).touched for item in scene.karf.objects) or bool(keyframes.of(scene))
+
+
+def import_learned(scene: bpy.types.Scene) -> None:
+    """Import what the scene's project has learned: masks, and palettes where the scene has others; never raises.
+
+    Edits of the same palettes are kept, for those of others see `load_palettes`.
+    """
+    if not scene.karf.project:
+        return
+    project = folders.project_of(scene)
+    try:
+        if not scene.karf.masks and project.masks_folder.is_dir():
+            scene.karf.masks = folders.stored(project.masks_folder)
+        if not project.palette_file.exists():  # nothing was learned yet
+            return
+        palettes = read_palettes(project.checked(project.palette_file))
+        if [_key(palette) for palette in palettes] != [_key(palette) for palette in edits.learned(scene)]:
+            recolor.forget()
+            load_palettes(scene, palettes)
+    except KarfError as error:
+        progress.warn(f"{error.sentence} {error.hint}")
+    except OSError as error:
+        progress.warn(f"{project.folder} cannot be read: {error}.")
+
+
+def _key(palette: Palette) -> tuple[str, bytes]:
+    return palette.name, palette.colors.astype(np.float32).tobytes()

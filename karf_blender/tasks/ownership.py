@@ -1,0 +1,66 @@
+"""Who began a job. Its end belongs to that file, scene and project, whatever is open and named how when it comes."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ..project import folders
+
+
+class _Session:
+    """Counts the files that were opened; a path does not distinguish a file from itself opened again, nor new files."""
+
+    file: int = 0
+
+
+@dataclass(frozen=True)
+class Owner:
+    """A scene, by `session_uid`, of the file that was open, and the project folder that it worked on, if any."""
+
+    file: int
+    scene: int
+    project: Path | None
+
+    @classmethod
+    def of(cls, scene: bpy.types.Scene) -> "Owner":
+        return cls(_Session.file, scene.session_uid, _project_of(scene))
+
+    @property
+    def is_file_open(self) -> bool:
+        """True while no other file was opened."""
+        return self.file == _Session.file
+
+    def find(self) -> bpy.types.Scene | None:
+        """The scene, if it is still there and works on the same project."""
+        for scene in bpy.data.scenes if self.is_file_open else ():
+            if scene.session_uid == self.scene and _project_of(scene) == self.project:
+                return scene
+        return None
+
+    def scenes(self) -> Iterator[bpy.types.Scene]:
+        """All scenes of the file that work on the same project; none where another file was opened."""
+        for scene in bpy.data.scenes if self.is_file_open else ():
+            if self.project is not None and _project_of(scene) == self.project:
+                yield scene
+
+
+def _project_of(scene: bpy.types.Scene) -> Path | None:
+    return folders.project_of(scene).folder if scene.karf.project else None
+
+
+@persistent
+def _after_load(*_):
+    _Session.file += 1
+
+
+def register():
+    """Called when the extension is enabled."""
+    bpy.app.handlers.load_post.append(_after_load)
+
+
+def unregister():
+    """Called when the extension is disabled."""
+    bpy.app.handlers.load_post.remove(_after_load)

@@ -1,0 +1,227 @@
+"""Runs tasks (one engine job, or several in a row): beside the user interface, or blocking in a script.
+
+Beside the interface one persistent timer polls the running task; a modal operator would hold back auto-save for as long
+as it runs. In background mode timers never fire, so there a task blocks, prints its progress and raises its error.
+One task runs at a time: the engine uses all the cores it is given.
+"""
+
+import time
+from pathlib import Path
+
+import bpy
+from bpy.app.handlers import persistent
+
+from .. import engine_api, preferences, progress
+from ..engine import jobs
+from ..engine_api import BadRequest, Cancelled, Event, KarfError, Project
+from ..host import compat, rendering, windows
+from ..pictures import editors
+from ..project import disk
+from .task import Task
+
+POLL_SECONDS = 0.2
+PRINT_SECONDS = 5.0
+REPORTED = ("internal", "dependency")  # codes of errors that the log explains
+
+
+class _Running:
+    """A task at work: the job it is at, how many are done, and whether it was asked to stop."""
+
+    is_stopping = False
+
+    def __init__(self, task: Task, python: Path, threads: int) -> None:
+        self.task = task
+        self._done = 0
+        self._python = python
+        self._threads = threads
+        self.job = self._start()
+
+    def _start(self) -> jobs.Job:
+        request = self.task.requests[self._done]
+        with jobs.disk_errors():
+            folder = Project(request.project).new_job(request.stage)
+        return jobs.start(self._python, engine_api.ENGINE_FOLDER, request, folder, self._threads)
+
+    def advance(self) -> bool:
+        """Let Blender do what follows an ended job, and start the next.
+
+        Returns:
+            True when the last is done.
+
+        Raises:
+            KarfError: The job failed, or what follows it.
+        """
+        if not self.job.ended:
+            return False
+        self.job.check()
+        with jobs.disk_errors():
+            self.task.after(self.job.request)
+        self._done += 1
+        if self._done == len(self.task.requests):
+            return True
+        self.job = self._start()
+        return False
+
+
+_running: list[_Running] = []
+
+
+def is_running() -> bool:
+    """True while a task is at work."""
+    return bool(_running)
+
+
+def launch(task: Task) -> None:
+    """Run a task beside the interface and return at once; in background mode, block until it is done.
+
+    Raises:
+        KarfError: It cannot start; in background mode also: it fails.
+    """
+    if bpy.app.background:
+        wait(task)
+        return
+    _begin(task)
+    if not bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.register(_tick, first_interval=POLL_SECONDS, persistent=True)
+
+
+def wait(task: Task) -> None:
+    """Run a task and block until it is done, printing its progress.
+
+    Raises:
+        KarfError: It cannot start, or it fails.
+    """
+    running = _begin(task)
+    quiet_until = 0.0
+    try:
+        done = False
+        while not done:
+            stage = running.job.request.stage
+            for event in running.job.poll():
+                _show(task, event)
+                if event.kind != "progress" or time.monotonic() > quiet_until:
+                    quiet_until = time.monotonic() + PRINT_SECONDS
+                    progress.print_event(stage, event)
+            done = running.advance()
+            time.sleep(POLL_SECONDS / 2)
+        _finish(None)
+    except KarfError as error:
+        _finish(error)
+        raise
+    finally:
+        # also where the user interrupts with Ctrl-C
+        _end()
+
+
+def cancel() -> None:
+    """Ask the running task to stop.
+
+    Raises:
+        BadRequest: None runs.
+    """
+    if not _running:
+        raise BadRequest("No KaRF job is running.", "")
+    _running[0].job.cancel()
+    _running[0].is_stopping = True
+    progress.state().text = "Stopping"
+
+
+def _begin(task: Task) -> _Running:
+    if _running:
+        raise BadRequest(f"KaRF is busy: {_running[0].task.title}.", "Wait for it, or cancel it.")
+    running = _Running(task, preferences.engine_python(), preferences.current().threads)
+    _running.append(running)
+    progress.begin(task.label)
+    return running
+
+
+def _end() -> None:
+    """Forget the running task; its child is ended where it still lives."""
+    while _running:
+        running = _running.pop()
+        if not running.job.ended:
+            running.job.terminate()
+        progress.state().running = False
+
+
+def _finish(error: KarfError | None) -> None:
+    state = progress.state()
+    if isinstance(error, Cancelled):
+        state.text = "cancelled"
+    elif error is not None:
+        state.text, state.error, state.hint = "", error.sentence, error.hint
+        if error.code in REPORTED:
+            job = _running[0].job
+            state.job = str(job.folder)
+            print(f"The end of {job.folder / engine_api.LOG_FILE}:\n{job.log_tail()}", flush=True)
+    else:
+        state.text = "done"
+    disk.refresh()
+
+
+def _tick() -> float | None:
+    """The timer: shows what the running task has reported, and stops itself when there is none."""
+    if not _running:
+        return None
+    running = _running[0]
+    try:
+        events = running.job.poll()
+        for event in events:
+            if not running.is_stopping:
+                _show(running.task, event)
+        # what follows a job touches pixels and data
+        done = rendering.is_over() and running.advance()
+    except Exception as failure:
+        is_ours = isinstance(failure, KarfError)
+        _finish(failure if is_ours else KarfError(f"Internal error: {failure!r}.", "The console shows where."))
+        _end()
+        windows.redraw(*windows.PANEL_AREAS)
+        if not is_ours:
+            raise
+        return None
+    if done:
+        _finish(None)
+        _end()
+        # what the task brought into the scene is a step of its own to undo
+        if running.task.is_file_open and bpy.ops.ed.undo_push.poll():
+            bpy.ops.ed.undo_push(message=running.task.title)
+    if events or done:
+        windows.redraw(*windows.PANEL_AREAS)
+    return None if done else POLL_SECONDS
+
+
+def _show(task: Task, event: Event) -> None:
+    """Show an event in the panel, a preview in an Image Editor."""
+    progress.show_event(task.label, event)
+    if event.kind == "preview" and task.is_file_open and not rendering.is_running():
+        editors.show_preview(Path(event["path"]))
+
+
+@persistent
+def _before_exit(*_):
+    _end()
+
+
+@persistent
+def _after_load(*_):
+    # a file saved during a job remembers its progress; the job is not in the file
+    progress.state().running = is_running()
+    progress.dismiss()
+
+
+def register():
+    """Called when the extension is enabled."""
+    bpy.app.handlers.load_post.append(_after_load)
+    if compat.exit_handlers() is not None:
+        compat.exit_handlers().append(_before_exit)
+
+
+def unregister():
+    """Called when the extension is disabled."""
+    if compat.exit_handlers() is not None:
+        compat.exit_handlers().remove(_before_exit)
+    bpy.app.handlers.load_post.remove(_after_load)
+    # a timer left behind hangs or crashes some Blender versions at exit
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+    _end()

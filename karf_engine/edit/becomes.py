@@ -1,0 +1,241 @@
+"""Swatches that make one color become another: a target for every color of the object, then a bounded fit.
+
+Naming: n colors of an object (histogram cells or pixels), [n, 3] sRGB in [0, 1], with counts [n]. palette_weights
+[n, M]: each color's share of the M palette entries; a palette change dP [M, 3] moves the colors by
+palette_weights @ dP. Entry 0 is black and never moves; `locked` lists further entries that stay. To match is to find
+the palette whose change moves colors to their targets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from ..color import lab_chroma, lab_hue, linear_to_srgb, srgb_to_lab, srgb_to_linear
+from ..errors import BadRequest
+from .least_squares import bounded_least_squares
+from .palette import BRIGHTEST
+
+HUE_GATE = 0.65  # radians of Lab hue at which a color counts as another pigment
+GREY_CHROMA, CHROMA_GATE = 6.0, 25.0  # Lab chroma below which a source has no hue; and the gate that then stands in
+STILL = 1e-4  # a move of a swatch under this, 1/40 of a step of 8 bits, is rounding
+RIDGE = 1e-3  # per unit of counts: what keeps swatches still that hardly any pixel uses
+
+
+def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """What each color becomes when the paint that looks like `source` is changed to look like `target`.
+
+    Linear light c = a r + s (1, 1, 1) + rest with the source r; shading a and gloss s are not negative, found by least
+    squares. The paint's part follows: c + gate a (t - r); gate = exp(-(dh / 0.65)^4) of the Lab hue difference dh to
+    the source leaves other pigments alone. A grey source has no hue: there the chroma difference gates. This is the
+    dichromatic model of Shafer (1985), "Using color to separate reflection components", with one light.
+
+    Args:
+        colors: sRGB [n, 3] in [0, 1].
+        source: sRGB [3] in [0, 1], what an eyedropper shows before.
+        target: sRGB [3] in [0, 1], what it is to show after.
+
+    Returns:
+        sRGB [n, 3] float64 in [0, 1].
+
+    Raises:
+        BadRequest: The source is black, and so the shading is unknown.
+
+    Examples:
+        The source becomes the target, a green beside it stays:
+
+        >>> red, blue, green = np.array([0.7, 0.1, 0.1]), np.array([0.1, 0.2, 0.7]), np.array([0.1, 0.6, 0.2])
+        >>> reflection_target(np.stack([red, green]), red, blue).round(3).tolist()
+        [[0.1, 0.2, 0.7], [0.1, 0.6, 0.2]]
+    """
+    source = np.asarray(source, np.float64)
+    light, r, t = srgb_to_linear(colors), srgb_to_linear(source), srgb_to_linear(target)
+    if r @ r < 1e-6:
+        raise BadRequest("The source color is black, so its shading cannot be told.", "Pick a lit spot of the object.")
+    shading = _shading(light, r)
+    gate = _pigment_gate(srgb_to_lab(colors), srgb_to_lab(source))
+    return np.clip(linear_to_srgb(light + (gate * shading)[:, None] * (t - r)), 0, 1)
+
+
+def _shading(light: np.ndarray, r: np.ndarray) -> np.ndarray:
+    """The factor a >= 0 [n] of light = a r + s (1, 1, 1) + rest, s >= 0, by least squares."""
+    rr, r1, cr, c1 = r @ r, r.sum(), light @ r, light.sum(axis=1)
+    paint_only = np.maximum(cr / rr, 0)
+    determinant = 3 * rr - r1 * r1
+    if determinant < 1e-3 * rr:  # gloss and paint are both grey, and cannot be separated
+        return paint_only
+    paint, gloss = (3 * cr - r1 * c1) / determinant, (rr * c1 - r1 * cr) / determinant
+    return np.where(gloss < 0, paint_only, np.maximum(paint, 0))
+
+
+def _pigment_gate(lab: np.ndarray, source: np.ndarray) -> np.ndarray:
+    """1 for colors of the source's pigment, 0 for others, [n]."""
+    if lab_chroma(source) < GREY_CHROMA:
+        return np.exp(-(((lab_chroma(lab) - lab_chroma(source)) / CHROMA_GATE) ** 4))
+    turn = (lab_hue(lab) - lab_hue(source) + np.pi) % (2 * np.pi) - np.pi
+    return np.exp(-((turn / HUE_GATE) ** 4))
+
+
+def match_becomes(
+    colors: np.ndarray,
+    counts: np.ndarray,
+    palette_weights: np.ndarray,
+    palette: np.ndarray,
+    source: np.ndarray,
+    target: np.ndarray,
+    locked: Iterable[int] = (),
+) -> np.ndarray:
+    """The palette with which the source's paint becomes the target's, on the whole object, shading and gloss kept.
+
+    Args:
+        colors: The object's color histogram, sRGB [n, 3] in [0, 1].
+        counts: How often each color occurs, [n], >= 0.
+        palette_weights: Of each color, [n, M].
+        palette: As learned, sRGB [M, 3] in [0, 1].
+        source: sRGB [3] in [0, 1], a color of the object now.
+        target: sRGB [3] in [0, 1], what it is to become.
+        locked: Entries that stay as they are.
+
+    Returns:
+        The edited palette [M, 3] float32 in [0, BRIGHTEST].
+
+    Raises:
+        BadRequest: The source is black.
+
+    Examples:
+        >>> palette = np.array([[0, 0, 0], [0.7, 0.1, 0.1]], np.float32)
+        >>> weights = np.array([[0.0, 1.0], [0.5, 0.5]])  # a red object, lit and in the shade
+        >>> edited = match_becomes(weights @ palette, np.ones(2), weights, palette, palette[1], np.array([0.1, 0.2, 0.7]))
+        >>> print(edited.round(2))
+        [[0.  0.  0. ]
+         [0.1 0.2 0.7]]
+    """
+    targets = reflection_target(colors, source, target)
+    return match_pixels(palette_weights, colors, targets, palette, counts, locked)
+
+
+def match_pixels(
+    palette_weights: np.ndarray,
+    colors: np.ndarray,
+    targets: np.ndarray,
+    palette: np.ndarray,
+    counts: np.ndarray | None = None,
+    locked: Iterable[int] = (),
+) -> np.ndarray:
+    """The palette that moves n colors closest to n targets, by bounded least squares in sRGB.
+
+    It matches a painted view, or any targets. A hull encloses the colors, so its entries lie near the rim of [0, 1] and
+    brighter paint needs some beyond white; the pixels themselves are clipped when they are composed.
+
+    Args:
+        palette_weights: Of each color, [n, M].
+        colors: sRGB [n, 3] in [0, 1].
+        targets: What each is to become, sRGB [n, 3] in [0, 1].
+        palette: As learned, sRGB [M, 3] in [0, 1].
+        counts: Importance of each color, [n], >= 0; by default 1 each.
+        locked: Entries that stay as they are.
+
+    Returns:
+        The edited palette [M, 3] float32 in [0, BRIGHTEST]; entry 0 and locked ones are the palette's own.
+
+    Examples:
+        >>> palette = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+        >>> weights = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+        >>> match_pixels(weights, weights @ palette, [[0.5, 0, 0], [0, 1, 0]], palette).round(2).tolist()
+        [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 1.0, 0.0]]
+    """
+    lower, upper = _room(palette, locked, BRIGHTEST)
+    change = bounded_least_squares(palette_weights, np.subtract(targets, colors), lower, upper, counts, RIDGE)
+    return _moved(palette, change)
+
+
+def match_fewest(
+    palette_weights_of_pixel: np.ndarray,
+    palette: np.ndarray,
+    target: np.ndarray,
+    locked: Iterable[int] = (),
+    shown: np.ndarray | None = None,
+) -> np.ndarray:
+    """The palette that gives one pixel the target color and touches as few swatches as it can.
+
+    Minimises the sum of the swatches' moves `|dP_j|` (an L2,1 norm; the rule of LoCoPalettes) by iteratively reweighted
+    least squares, each step solved exactly within 0 <= P + dP <= 1. A target out of reach is met as closely as the box
+    lets it, channel by channel.
+
+    Args:
+        palette_weights_of_pixel: [M].
+        palette: As learned, sRGB [M, 3] in [0, 1].
+        target: sRGB [3] in [0, 1].
+        locked: Entries that stay as they are.
+        shown: The pixel's color now, sRGB [3]; by default what the palette gives.
+
+    Returns:
+        The edited palette [M, 3] float32 in [0, 1].
+
+    Examples:
+        Of two swatches that make up a pixel, the one with the larger share moves:
+
+        >>> palette = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+        >>> match_fewest(np.array([0, 0.8, 0.2]), palette, np.array([0.4, 0.2, 0])).round(2).tolist()
+        [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 1.0, 0.0]]
+    """
+    weights = np.asarray(palette_weights_of_pixel, np.float64)
+    lower, upper = _room(palette, locked, 1.0)
+    shown = weights @ np.asarray(palette, np.float64) if shown is None else shown
+    wanted = np.clip(np.subtract(target, shown), weights @ lower, weights @ upper)
+    stiffness = np.ones(len(weights))
+    for _ in range(40):
+        pull = weights / stiffness
+        change = np.stack([_shared_pull(weights, pull, wanted[c], lower[:, c], upper[:, c]) for c in range(3)], axis=1)
+        # the floor keeps a still swatch movable; 1e-6 is far under a step of 8 bits
+        stiffness = 1 / np.maximum(np.linalg.norm(change, axis=1), 1e-6)
+    return _moved(palette, change)
+
+
+def nearest_weights(colors: np.ndarray, palette_weights: np.ndarray, color: np.ndarray) -> np.ndarray:
+    """Palette weights of the histogram color nearest in Lab to a color.
+
+    Args:
+        colors: The histogram, sRGB [n, 3] in [0, 1].
+        palette_weights: Of each of its colors, [n, M].
+        color: What an eyedropper shows, sRGB [3] in [0, 1].
+
+    Returns:
+        [M].
+
+    Examples:
+        >>> nearest_weights(np.array([[1.0, 0, 0], [0, 0, 1.0]]), np.eye(2), np.array([0.1, 0.2, 0.8])).tolist()
+        [0.0, 1.0]
+    """
+    distance = np.linalg.norm(srgb_to_lab(colors) - srgb_to_lab(color), axis=1)
+    return palette_weights[int(distance.argmin())]
+
+
+def _shared_pull(
+    weights: np.ndarray, pull: np.ndarray, wanted: float, lower: np.ndarray, upper: np.ndarray
+) -> np.ndarray:
+    """x = clip(m pull, lower, upper) [M] with the multiplier m for which weights @ x = wanted."""
+    # weights @ x grows with m and is linear between the breaks where an entry meets its bound
+    movable = pull > 0
+    breaks = np.concatenate([lower[movable] / pull[movable], upper[movable] / pull[movable], [0.0]])
+    breaks = np.unique(breaks)
+    reached = np.clip(breaks[:, None] * pull, lower, upper) @ weights
+    multiplier = np.interp(wanted, reached, breaks)
+    return np.clip(multiplier * pull, lower, upper)
+
+
+def _room(palette: np.ndarray, locked: Iterable[int], brightest: float) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds [M, 3] of a palette change: 0 <= palette + change <= brightest; entry 0 and locked ones stay."""
+    palette = np.asarray(palette, np.float64)
+    lower, upper = -palette, brightest - palette
+    pinned = [0, *locked]
+    lower[pinned] = upper[pinned] = 0
+    return lower, upper
+
+
+def _moved(palette: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """The palette after the change; swatches that nobody could see moving keep their bits."""
+    palette = np.asarray(palette, np.float32)
+    still = np.abs(change).max(axis=1, keepdims=True) < STILL
+    return np.where(still, palette, np.clip(palette + change, 0, BRIGHTEST)).astype(np.float32)

@@ -1,0 +1,78 @@
+"""Where in the world a scene lies, as far as cameras and sparse points tell."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from ..capture.camera import Camera
+from ..capture.capture import SparsePoints, View
+
+SAME_WAY = 30.0  # degrees between any camera's axis and their mean: then they look one way
+NEAREST = 0.01  # of a camera's sparse points may be nearer than its nearest depth: mistakes
+FARTHEST = 0.99  # of a camera's sparse points may not be farther than its farthest depth: mistakes
+
+
+def looks_one_way(cameras: list[Camera]) -> bool:
+    """Whether all optical axes are within SAME_WAY of their mean."""
+    axes = np.stack([-camera.camera_to_world[:3, 2] for camera in cameras])
+    mean = axes.mean(0)
+    return bool((axes @ mean >= np.cos(np.radians(SAME_WAY)) * np.linalg.norm(mean)).all())
+
+
+def focus_point(cameras: list[Camera]) -> Tensor:
+    """The point nearest to all optical axes in the least-squares sense, [3] float64."""
+    poses = torch.stack([torch.from_numpy(c.camera_to_world) for c in cameras])
+    axes = -poses[:, :3, 2]
+    axes = nn.functional.normalize(axes, dim=1)
+    projectors = torch.eye(3, dtype=axes.dtype) - axes[:, :, None] * axes[:, None, :]
+    # parallel axes have no nearest point: a little pull to the cameras' middle keeps the system solvable
+    pull = 1e-6 * torch.eye(3, dtype=axes.dtype) * len(cameras)
+    right = (projectors @ poses[:, :3, 3, None]).sum(0)[:, 0] + pull @ poses[:, :3, 3].mean(0)
+    return torch.linalg.solve(projectors.sum(0) + pull, right)
+
+
+def box_round_focus(cameras: list[Camera], reach: float) -> tuple[Tensor, float]:
+    """Center [3] and half-width of the first grid: `reach` times what a typical camera sees at the focus point."""
+    center = focus_point(cameras)
+    half_widths = [
+        float(torch.linalg.norm(torch.from_numpy(c.position) - center)) * max(c.width / c.fx, c.height / c.fy) / 2
+        for c in cameras
+    ]
+    return center, reach * sorted(half_widths)[len(half_widths) // 2]
+
+
+def middle_pose(cameras: list[Camera]) -> np.ndarray:
+    """Camera to world [4, 4] of a camera amid all, turned as they are on average (LLFF's recentering)."""
+    poses = np.stack([camera.camera_to_world for camera in cameras])
+    back = poses[:, :3, 2].mean(0)
+    right = np.cross(poses[:, :3, 1].mean(0), back)
+    middle = np.eye(4)
+    middle[:3, 2] = back / np.linalg.norm(back)
+    middle[:3, 0] = right / np.linalg.norm(right)
+    middle[:3, 1] = np.cross(middle[:3, 2], middle[:3, 0])
+    middle[:3, 3] = poses[:, :3, 3].mean(0)
+    return middle
+
+
+def nearest_depth(views: list[View], points: SparsePoints | None) -> float | None:
+    """Depth of the nearest thing before any camera, world units: as declared, else of its sparse points, else None."""
+    declared = [view.depth_bounds[0] for view in views if view.depth_bounds]
+    return min(declared or _point_depths(views, points, NEAREST), default=None)
+
+
+def farthest_depth(views: list[View], points: SparsePoints | None) -> float | None:
+    """Depth of the farthest thing before any camera, world units, likewise."""
+    declared = [view.depth_bounds[1] for view in views if view.depth_bounds]
+    return max(declared or _point_depths(views, points, FARTHEST), default=None)
+
+
+def _point_depths(views: list[View], points: SparsePoints | None, quantile: float) -> list[float]:
+    """This quantile of the depths of each camera's sparse points, where it sees some."""
+    found = []
+    for number, view in enumerate(views if points is not None else ()):
+        _, depth = view.camera.project(points.positions[points.point[points.view == number]])
+        if (depth > 0).any():
+            found.append(float(np.quantile(depth[depth > 0], quantile)))
+    return found

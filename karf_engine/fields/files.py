@@ -1,0 +1,60 @@
+"""A learned scene on disk: `geometry.safetensors`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from ..checkpoints import load_tensors, restoring, save_tensors
+from ..errors import DataError
+from .background import Background
+from .registry import field_kinds
+from .scene import Scene
+
+SCHEMA = "karf-geometry/1"
+BACKGROUNDS = ("alpha", "black", "white", "opaque")
+STEPS = 0.01, 10.0  # voxels: finer ones never end, coarser ones miss what there is
+
+
+def save_scene(scene: Scene, path: Path) -> None:
+    """Write a scene as data: tensors, and JSON values in the header."""
+    tensors = {f"field.{name}": value for name, value in scene.field.state_dict().items()}
+    if scene.background is not None:
+        tensors |= {f"background.{name}": value for name, value in scene.background.state_dict().items()}
+    own = {"kind": scene.field.kind, "background_kind": scene.background_kind, "step": scene.step}
+    save_tensors(path, tensors, SCHEMA, scene.field.config() | own)
+
+
+def load_scene(path: Path, device: torch.device | str = "cpu") -> Scene:
+    """Read a scene; its field is frozen.
+
+    Args:
+        path: As written by `save_scene`.
+        device: Where its tensors shall live.
+
+    Raises:
+        DataError: The file is missing or damaged, or its kind of field is not registered.
+    """
+    tensors, config = load_tensors(path, SCHEMA, device)
+    with restoring(path):
+        kind = field_kinds().get(config.get("kind", "voxels"))
+        if kind is None:
+            raise DataError(
+                f"{path} holds a field of the unknown kind {config['kind']!r:.200}.",
+                f"Known are {', '.join(field_kinds())}; import the module that registers this one.",
+            )
+        field = kind.restore(config, _part(tensors, "field."), device)
+        background = None
+        if learned := _part(tensors, "background."):
+            background = Background().to(device)
+            background.load_state_dict(learned)
+        background_kind, step = config["background_kind"], config["step"]
+        if background_kind not in BACKGROUNDS or not STEPS[0] <= step <= STEPS[1]:
+            raise ValueError(f"background {background_kind!r}, step {step!r}")
+    return Scene(field.requires_grad_(False), background, background_kind, step)
+
+
+def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}

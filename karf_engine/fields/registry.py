@@ -1,0 +1,75 @@
+"""The kinds of radiance fields. A new one is one file: a `Field`, a `Fit` of it, and a call of `register_field`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from ..errors import BadRequest
+from .fit import Fit, FitInputs
+from .nerf.field import NerfField
+from .nerf.start import start_nerf_fit
+from .protocol import Field
+from .voxels.field import VoxelField
+from .voxels.start import start_voxel_fit
+
+
+@dataclass(frozen=True)
+class FieldKind:
+    """One kind of field.
+
+    Attributes:
+        name: That `geometry.field` and files give it.
+        start: A fresh fit from photos.
+        restore: The field of a config and tensors (see `Field.restore`).
+    """
+
+    name: str
+    start: Callable[[FitInputs], Fit]
+    restore: Callable[[dict[str, Any], dict[str, Tensor], torch.device | str], Field]
+
+
+_KINDS: dict[str, FieldKind] = {}
+
+
+def register_field(kind: FieldKind) -> None:
+    """Make a kind of field known: to the setting `geometry.field` and to `load_scene`.
+
+    Raises:
+        ValueError: Another kind has this name.
+    """
+    if _KINDS.setdefault(kind.name, kind) != kind:
+        raise ValueError(f"There is another kind of field {kind.name!r}.")
+
+
+def field_kinds() -> dict[str, FieldKind]:
+    """All registered kinds by name."""
+    return dict(_KINDS)
+
+
+def field_kind(name: str) -> FieldKind:
+    """The kind that `geometry.field` names.
+
+    Raises:
+        BadRequest: It is not registered; the hint lists those that are.
+    """
+    if name not in _KINDS:
+        raise BadRequest(f"geometry.field = {name!r:.200} is not allowed.", f"Use one of: {', '.join(_KINDS)}.")
+    return _KINDS[name]
+
+
+def start_fit(inputs: FitInputs) -> Fit:
+    """A fresh fit of the kind of field that the settings name.
+
+    Raises:
+        BadRequest: That kind is not registered, or the capture does not suit the space asked for.
+    """
+    return field_kind(inputs.settings.field).start(inputs)
+
+
+register_field(FieldKind(VoxelField.kind, start_voxel_fit, VoxelField.restore))
+register_field(FieldKind(NerfField.kind, start_nerf_fit, NerfField.restore))

@@ -1,0 +1,38 @@
+"""A fresh fit of voxels: in a box, or in open space."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ...rendering.space_values import space_on
+from ...settings import Level
+from ..fit import FitInputs
+from ..spaces import contraction_round_focus, middle_frustum
+from .fit import VoxelFit
+from .fit_box import start_box_fit
+from .fit_open import start_open_fit
+from .observations import observations_of
+
+
+def start_voxel_fit(inputs: FitInputs) -> VoxelFit:
+    """A fresh fit of voxels in the space that the inputs name.
+
+    Raises:
+        BadRequest: A frustum was asked for, and how near the scene is is not known.
+    """
+    bank, settings, runtime = inputs.bank, inputs.settings, inputs.runtime
+    if inputs.space == "box":
+        return start_box_fit(bank, inputs.background_kind, settings, runtime)
+    recipe = settings.open
+    if inputs.space == "frustum":
+        space = middle_frustum(inputs.views, inputs.points)
+        recipe = replace(recipe, levels=tuple(_finer(level, recipe.frustum_detail) for level in recipe.levels))
+    else:
+        space = contraction_round_focus(bank.cameras, recipe)
+    space = space_on(space, runtime.device)
+    observations = observations_of(bank, space, inputs.points)
+    return start_open_fit(bank, space, recipe, settings.features, observations, runtime)
+
+
+def _finer(level: Level, factor: float) -> Level:
+    return replace(level, voxels=round(factor * level.voxels))

@@ -1,0 +1,48 @@
+"""What a sparse grid of voxels is made of: tables of its vertices' values, and which vertices have a row there."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import max_pool3d, softplus
+
+
+class WeightedGather(torch.autograd.Function):
+    """sum_k weights[:, k] * table[rows[:, k]]; the gradient goes to the table alone (positions are data here)."""
+
+    @staticmethod
+    def forward(context, table: Tensor, rows: Tensor, weights: Tensor) -> Tensor:
+        context.save_for_backward(rows, weights)
+        context.n_rows = len(table)
+        return nn.functional.embedding_bag(rows, table, per_sample_weights=weights, mode="sum")
+
+    @staticmethod
+    def backward(context, gradient: Tensor) -> tuple[Tensor, None, None]:
+        rows, weights = context.saved_tensors
+        table_gradient = torch.zeros(context.n_rows, gradient.shape[1], dtype=gradient.dtype, device=gradient.device)
+        if gradient.shape[1] == 1:  # one long scatter is fastest for scalars
+            table_gradient[:, 0].index_add_(0, rows.view(-1), (gradient * weights).view(-1))
+        else:  # eight short ones need no [n, 8, F] copy
+            for k in range(8):
+                table_gradient.index_add_(0, rows[:, k], gradient * weights[:, k : k + 1])
+        return table_gradient, None, None
+
+
+def rescaled_raw(raw: Tensor, ratio: float, bias: float) -> Tensor:
+    """Raw density that keeps softplus(raw + bias) / voxel when the voxel changes by `ratio`."""
+    optical_depth = softplus(raw + bias) * ratio
+    # the inverse of softplus; log(expm1(x)) = x + log(-expm1(-x)) neither overflows nor cancels
+    return optical_depth + torch.log(-torch.expm1(-optical_depth)) - bias
+
+
+def dilate(occupied: Tensor, cells: int = 1) -> Tensor:
+    """Occupied cells and all within `cells` of them, [X, Y, Z] bool."""
+    return max_pool3d(occupied[None, None].float(), 2 * cells + 1, stride=1, padding=cells)[0, 0] > 0
+
+
+def vertex_rows(occupied: Tensor) -> Tensor:
+    """Row number of each vertex that touches an occupied cell, else -1; [X+1, Y+1, Z+1] int32."""
+    padded = nn.functional.pad(occupied[None, None].float(), (1, 1, 1, 1, 1, 1))
+    touches = max_pool3d(padded, 2, stride=1)[0, 0] > 0
+    rows = torch.cumsum(touches.view(-1), 0, dtype=torch.int32).view(touches.shape) - 1
+    return torch.where(touches, rows, torch.full_like(rows, -1))

@@ -1,0 +1,54 @@
+"""The rays that end on objects: what palettes and F_w are learned from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from torch import Tensor
+
+from ..errors import DataError
+
+MIN_INTERIOR_PIXELS = 50  # of an object in all views together: fewer do not make a palette
+
+
+@dataclass(frozen=True)
+class ObjectSurface:
+    """Surface samples of the n rays that end on an object in the cached views, S samples each.
+
+    Attributes:
+        positions: [n, S, 3] float32, grid coordinates.
+        viewdirs: [n, 3] float32, unit length.
+        colors: [n, 3] uint8 sRGB of the photo.
+        object: [n] uint8 from 0, into the objects' names.
+        interior: [n] bool, well inside the object.
+        view: [n] int16, into the names of the cached views.
+    """
+
+    positions: Tensor
+    viewdirs: Tensor
+    colors: Tensor
+    object: Tensor
+    interior: Tensor
+    view: Tensor
+
+
+def object_pixels(surface: ObjectSurface, objects: list[str]) -> list[list[np.ndarray]]:
+    """Photo colors well inside each object: for each object one array [n, 3] float32 sRGB in [0, 1] a view.
+
+    Args:
+        surface: rays of these objects.
+        objects: their names.
+
+    Raises:
+        DataError: an object shows too few pixels to make a palette of.
+    """
+    colors = surface.colors.cpu().numpy().astype(np.float32) / 255
+    owner, view, interior = (values.cpu().numpy() for values in (surface.object, surface.view, surface.interior))
+    pixels = []
+    for k, name in enumerate(objects):
+        chosen = (owner == k) & interior
+        if chosen.sum() < MIN_INTERIOR_PIXELS:
+            raise DataError(f"{name!r} shows only {int(chosen.sum())} pixels in all views.", "Mark it more generously.")
+        pixels.append([colors[chosen & (view == v)] for v in np.unique(view[chosen])])
+    return pixels

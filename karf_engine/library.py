@@ -1,0 +1,205 @@
+"""The library's functions: each stage of KaRF with plain values, in this process. Importing this needs no torch.
+
+What is learned lies in a project, a folder that any later call, the command line and Blender can open. A stage that is
+finished with the same inputs is not run again, and one that was interrupted resumes where it stood.
+
+Every function that learns or renders also takes:
+
+- `threads`: processor threads; by default all cores, at most 4.
+- `device`: `cpu`, `cuda` or `cuda:<number>`; by default CUDA where there is one.
+- `progress`: called with a line of text now and then, for example `print`.
+- `emit`: instead of `progress`, called with the events themselves, `emit(kind, **values)`; see `wire`.
+- `should_stop`: asked often; once it returns true, the call raises Cancelled, and what is learned so far is kept.
+
+They raise `KarfError`: its subclasses (see `errors`) say whose fault it is, its `sentence` what is wrong and its `hint`
+what to do about it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+
+from .errors import missing_package
+from .progress import Emit, TerminalEmit
+from .stages.dispatch import run_request
+from .wire import Request
+
+if TYPE_CHECKING:
+    from .capture.capture import Capture
+    from .model import Model
+
+PathLike = Path | str
+
+
+class Run(TypedDict, total=False):
+    """How a stage is run, see the module's docstring."""
+
+    threads: int | None
+    device: str | None
+    progress: Callable[[str], None] | None
+    emit: Emit | None
+    should_stop: Callable[[], bool] | None
+
+
+def learn(
+    capture: Capture | PathLike,
+    masks: PathLike,
+    *,
+    project: PathLike,
+    preset: str = "demo",
+    overrides: Sequence[str] = (),
+    nerf: PathLike | None = None,
+    **run: Unpack[Run],
+) -> Model:
+    """Learn everything: geometry, segmentation, palettes and their weights.
+
+    Args:
+        capture: what `open_capture` gave, or the path of a capture of any known format.
+        masks: a folder of rough masks, MASKS/<object>/<photo stem>.png.
+        project: the project's folder, made if needed.
+        preset: `demo`, `fast`, `quality` or `paper` (see `PRESETS`).
+        overrides: single settings, each as `stage.field=value`.
+        nerf: checkpoint of a NeRF that another program has trained on this capture, to take as geometry.
+        **run: see the module's docstring.
+
+    Returns:
+        The learned model.
+
+    Raises:
+        KarfError: an input is missing, damaged or contradicts another, or the computer ran out of memory.
+    """
+    learn_geometry(capture, project=project, preset=preset, overrides=overrides, nerf=nerf, **run)
+    segment(project, masks, **run)
+    extract_palettes(project, **run)
+    learn_recoloring(project, **run)
+    return load(project, device=run.get("device"))
+
+
+def learn_geometry(
+    capture: Capture | PathLike,
+    *,
+    project: PathLike,
+    preset: str = "demo",
+    overrides: Sequence[str] = (),
+    nerf: PathLike | None = None,
+    **run: Unpack[Run],
+) -> None:
+    """Learn the radiance field of a capture into a project. Arguments and errors as for `learn`."""
+    options = {"capture": str(_source(capture)), "preset": preset, "overrides": list(overrides)}
+    if nerf is not None:
+        options["nerf"] = str(nerf)
+    _run("geometry", project, options, run)
+
+
+def segment(project: PathLike, masks: PathLike | None = None, **run: Unpack[Run]) -> None:
+    """Learn F_s: which part of the scene is which object.
+
+    Args:
+        project: one whose geometry is learned.
+        masks: a folder of rough masks, MASKS/<object>/<photo stem>.png; by default the project's own.
+        **run: see the module's docstring.
+
+    Raises:
+        KarfError: a mask fits no training photo, marks nothing, or the project's geometry is missing or damaged.
+    """
+    _run("segmentation", project, {} if masks is None else {"masks": str(masks)}, run)
+
+
+def extract_palettes(project: PathLike, **run: Unpack[Run]) -> None:
+    """Extract a palette from the colors of every segmented object. Raises KarfError where none is segmented."""
+    _run("palette", project, {}, run)
+
+
+def learn_recoloring(project: PathLike, **run: Unpack[Run]) -> None:
+    """Learn F_w, the palette weights of every point, and adapt the palettes. Raises KarfError where none is extracted."""
+    _run("recoloring", project, {}, run)
+
+
+def render(
+    project: PathLike,
+    out: PathLike,
+    *,
+    views: str = "test",
+    edit: PathLike | None = None,
+    base: str | None = None,
+    depth: bool = False,
+    planes: bool = False,
+    **run: Unpack[Run],
+) -> None:
+    """Write frames of many views as files: OUT/render, OUT/masks/<object>, and with an edit OUT/recolor.
+
+    Args:
+        project: one whose geometry is learned.
+        out: the folder to write to.
+        views: `train`, `test`, `val`, `all`, names with commas, or the path of a CAMERAS.json (transforms.json with sizes).
+        edit: file of an edit (`ProjectEdit.save`).
+        base: what an edit of a captured view changes, `photo` or `render`; by default the photo, with the paper's
+            compositing the rendering.
+        depth: write OUT/depth too, float32 .npy along the optical axis, world units.
+        planes: write OUT/planes too, what Blender recolors from.
+        **run: see the module's docstring.
+
+    Raises:
+        KarfError: a view or an object of the edit is unknown, or what they need is not learned.
+    """
+    options = {"out": str(out), "views": views, "depth": depth, "planes": planes}
+    options |= {name: str(value) for name, value in (("edit", edit), ("base", base)) if value is not None}
+    _run("render", project, options, run)
+
+
+def find_poses(photos: PathLike, out: PathLike, *, matching: str = "auto", **run: Unpack[Run]) -> None:
+    """Make a capture of photos without camera poses, or of a video; needs the extra `photos`.
+
+    Args:
+        photos: a folder of photos, or a video file.
+        out: the new capture's folder.
+        matching: which pairs are compared, `exhaustive`, `sequential` (neighbors by name) or `auto` (all of up to 250).
+        **run: see the module's docstring.
+
+    Raises:
+        KarfError: too few photos could be placed, or a photo is damaged.
+    """
+    _run("poses", out, {"photos": str(photos), "out": str(out), "matching": matching}, run)
+
+
+def load(project: PathLike, device: str | None = None) -> Model:
+    """The model in a project's folder, see `Model.load`."""
+    try:
+        from .model import Model
+    except ModuleNotFoundError as error:
+        raise missing_package(error.name) from error
+    return Model.load(project, device)
+
+
+def _run(stage: str, project: PathLike, options: dict[str, Any], run: Run) -> None:
+    emit = run.get("emit") or _events_to(run.get("progress"))
+    options |= {name: run[name] for name in ("threads", "device") if run.get(name) is not None}
+    run_request(Request(stage, Path(project), options), emit, run.get("should_stop") or (lambda: False))
+
+
+def _source(capture: Capture | PathLike) -> Path:
+    return Path(getattr(capture, "source", capture))
+
+
+class _Lines:
+    """A text stream whose lines go to a function."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._say = say
+
+    def isatty(self) -> bool:
+        return False
+
+    def write(self, text: str) -> None:
+        if text.strip():
+            self._say(text.rstrip("\n"))
+
+    def flush(self) -> None:
+        pass
+
+
+def _events_to(progress: Callable[[str], None] | None) -> Emit:
+    """Events for a function of lines; without one they are dropped."""
+    return TerminalEmit(_Lines(progress)) if progress else lambda kind, /, **values: None

@@ -1,0 +1,234 @@
+"""A learned model: the scene, its objects and their palettes, loaded from a project's folder and used without jobs.
+
+Where do the palette weights come from? In a captured view from the photo's own colors times the object's probability:
+they are sharp and hold the highlights. For any other camera from F_w, which is what view-consistent means.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from .capture.camera import Camera
+from .capture.capture import Capture, View
+from .color import to_bytes
+from .edit.compositing import delta_composite, paper_composite, stack_palettes
+from .edit.palette import Edit, Palette, read_palettes
+from .fields.files import load_scene
+from .fields.scene import Picture
+from .heads.fields import RecoloringField, SegmentationField
+from .heads.files import load_recoloring, load_segmentation
+from .heads.rendering import ObjectSamples, object_samples, segment_cache, weigh_cache
+from .locking import consistent, opened
+from .palette.star_weights import palette_weights_of_image
+from .plates import Plate, load_views
+from .project import Project
+from .project_contents import capture_of, settings_for
+from .project_edit import ProjectEdit, edit_of
+from .runtime import find_device
+
+BASES = {"delta": "photo", "paper": "render"}  # what an edit of a captured view changes, where nothing is said
+MASK_SAMPLES, WEIGHT_SAMPLES = 3, 8  # quantile samples a ray: colors need more of them than classes
+NEGLIGIBLE = 1 / 512  # probability of an object: less cannot change an 8-bit pixel
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One rendered view of a model with K objects, whose palettes have up to M colors. Arrays are numpy, row 0 on top.
+
+    Attributes:
+        picture: the scene as learned, as tensors on the model's device.
+        probabilities: [K, H, W] float32, of each object in each pixel (Eq. 8).
+        palette_weights: [K, M, H, W] float32, probabilities times weights (Eq. 9); None before palettes are learned.
+        base: [H, W, 3] float32 sRGB in [0, 1], the picture that an edit changes: the photo, or the rendering.
+    """
+
+    picture: Picture
+    probabilities: np.ndarray
+    palette_weights: np.ndarray | None
+    base: np.ndarray
+
+    @property
+    def color(self) -> np.ndarray:
+        """The scene as learned, [H, W, 3] float32 sRGB in [0, 1]."""
+        return self.picture.color.cpu().numpy()
+
+    @property
+    def depth(self) -> np.ndarray:
+        """Depth along the optical axis, [H, W] float32, world units; 0 where nothing is."""
+        return self.picture.depth.cpu().numpy().astype(np.float32)
+
+    @property
+    def opacity(self) -> np.ndarray:
+        """How much of each pixel's ray ends in the scene, [H, W] float32 in [0, 1]."""
+        return self.picture.opacity.cpu().numpy()
+
+    @property
+    def masks(self) -> np.ndarray:
+        """The likeliest class of each pixel as masks, [K, H, W] bool (argmax of Eq. 8)."""
+        background = 1 - self.probabilities.sum(0)
+        return (self.probabilities > background) & (self.probabilities == self.probabilities.max(0, initial=0))
+
+
+class Model:
+    """All that is learned of a project.
+
+    Attributes:
+        project: the project's folder and its files.
+        settings: those that its stages were run with.
+        capture: the photos and cameras that it was learned from.
+        scene: the radiance field, frozen.
+        objects: names of the segmented objects, K of them; empty before segmentation.
+        segmentation: F_s, or None before segmentation.
+        palettes: of the objects, in their order; empty before palettes are learned.
+        recoloring: F_w, or None before palettes are learned.
+    """
+
+    def __init__(self, project: Project, device: torch.device | str = "cpu") -> None:
+        """Load what is finished of a project. Raises BadRequest where nothing is, DataError where a file is damaged."""
+        project.require("geometry")
+        self.project, self.device = project, torch.device(device)
+        self.settings = settings_for(project, "render")
+        self.scene = load_scene(project.checked(project.geometry_file), self.device)
+        self.objects: list[str] = []
+        self.palettes: tuple[Palette, ...] = ()
+        self.segmentation: SegmentationField | None = None
+        self.recoloring: RecoloringField | None = None
+        n_features = self.scene.field.n_features
+        if project.finished("segmentation"):
+            path = project.checked(project.segmentation_file)
+            self.segmentation, self.objects = load_segmentation(path, n_features, self.device)
+        if project.finished("recoloring"):
+            self.palettes = read_palettes(project.checked(project.palette_file), objects=self.objects)
+            path, bounds = project.checked(project.recoloring_file), self.segmentation.bounds
+            self.recoloring = load_recoloring(path, bounds, n_features, self.palettes, self.device)
+
+    @classmethod
+    def load(cls, folder: Path | str, device: str | None = None) -> Model:
+        """What is learned in a project's folder.
+
+        Args:
+            folder: the project.
+            device: `cpu`, `cuda` or `cuda:<number>`; None for CUDA where there is one.
+
+        Raises:
+            BadRequest: nothing is learned there, or there is no such device.
+            DataError: it is no project, or a file is damaged.
+        """
+        project = opened(folder)
+        with consistent(project):
+            return cls(project, find_device(device))
+
+    @property
+    def capture(self) -> Capture:
+        """The photos and cameras that the model was learned from. Raises DataError where their file is damaged."""
+        return capture_of(self.project)
+
+    @property
+    def learned_colors(self) -> np.ndarray:
+        """Palettes as learned, [K, M, 3] float32 sRGB; missing entries of smaller palettes are 0."""
+        return stack_palettes(self.objects, {palette.name: palette.colors for palette in self.palettes})
+
+    # --- rendering -------------------------------------------------------------------------------------------------
+    def render(self, camera: Camera) -> Frame:
+        """The scene from any camera, whose lens distortion is left out; palette weights are those of F_w.
+
+        Not differentiable. Its base is the rendering itself.
+        """
+        from_field = self.recoloring is not None
+        picture = self.scene.render(camera.without_distortion(), WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
+        return self.frame_of(picture, picture.color.cpu().numpy(), from_field)
+
+    def render_view(self, view: View, base: str | None = None) -> Frame:
+        """A captured view at the working size (`settings.geometry.long_side`).
+
+        Args:
+            view: of the capture.
+            base: `photo` or `render`; by default the photo, or with the paper's compositing the rendering, as there.
+
+        Raises:
+            DataError: the photo is missing or damaged.
+        """
+        if (base or BASES[self.settings.compositing]) == "photo":
+            return self.render_plate(self.plate(view))
+        camera = view.camera
+        factor = min(1.0, self.settings.geometry.long_side / max(camera.width, camera.height))
+        return self.render(camera.scaled(max(1, round(camera.width * factor)), max(1, round(camera.height * factor))))
+
+    def render_plate(self, plate: Plate, weights_from: str = "photo") -> Frame:
+        """A loaded photo's view, with the photo as base. weights_from: palette weights of its colors (`photo`), or of
+        F_w (`field`)."""
+        from_field = self.recoloring is not None and weights_from == "field"
+        picture = self.scene.render(plate.camera, WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
+        return self.frame_of(picture, _on_white(plate), from_field)
+
+    def frame_of(self, picture: Picture, base: np.ndarray, from_field: bool) -> Frame:
+        """The frame of a picture that this scene has rendered: what F_s and the palettes add to it.
+
+        from_field: palette weights of F_w, else of the colors of the base [H, W, 3].
+        """
+        probabilities = self._probabilities(picture)
+        weights = None
+        if self.recoloring is not None:
+            weights = self.weights_of_field(picture) if from_field else self.weights_of_colors(base, probabilities)
+        return Frame(picture, probabilities, weights, base)
+
+    def plate(self, view: View) -> Plate:
+        """The photo of a view at the working size. Raises DataError where it is missing or damaged."""
+        return load_views([view], self.settings.geometry.long_side)[0]
+
+    def _probabilities(self, picture: Picture) -> np.ndarray:
+        height, width = picture.opacity.shape
+        result = np.zeros((len(self.objects), height * width), np.float32)
+        if self.segmentation is not None:
+            classes = segment_cache(self.segmentation, self.scene.field, picture.cache)
+            result[:, picture.cache.index.cpu().numpy()] = classes[:, 1:].T.cpu().numpy()
+        return result.reshape(-1, height, width)
+
+    def weights_of_colors(self, base: np.ndarray, probabilities: np.ndarray) -> np.ndarray:
+        """Palette weights [K, M, H, W] of the colors of a picture [H, W, 3] and probabilities [K, H, W]."""
+        n_colors = self.learned_colors.shape[1]
+        weights = np.zeros((len(self.objects), n_colors, *base.shape[:2]), np.float32)
+        pixels = to_bytes(base)
+        for k, palette in enumerate(self.palettes):
+            inside = probabilities[k] > NEGLIGIBLE
+            own = palette_weights_of_image(pixels[inside][None], palette.colors)[0]
+            weights[k, : len(palette.colors), inside] = own * probabilities[k][inside, None]
+        return weights
+
+    def weights_of_field(self, picture: Picture, samples: ObjectSamples | None = None) -> np.ndarray:
+        """Palette weights [K, M, H, W] of F_w (Eq. 9 on top of Eq. 8). samples: the picture's, where they are known."""
+        height, width = picture.opacity.shape
+        cache = picture.cache
+        samples = object_samples(self.segmentation, self.scene.field, cache) if samples is None else samples
+        planes = weigh_cache(self.recoloring, samples, cache)
+        weights = np.zeros((*planes.shape[1:], height * width), np.float32)
+        weights[..., cache.index.cpu().numpy()] = planes.permute(1, 2, 0).cpu().numpy()
+        return weights.reshape(*planes.shape[1:], height, width)
+
+    # --- editing ---------------------------------------------------------------------------------------------------
+    def edit(self, path: Path | str | None = None) -> ProjectEdit:
+        """An edit that changes nothing yet, or what a file says. Raises BadRequest before palettes are learned."""
+        return edit_of(self.project, path)
+
+    def recolor(self, view: View, edit: Edit) -> np.ndarray:
+        """A captured view with an edit, [H, W, 3] float32 sRGB; see `render_view` for its size and base."""
+        return self.composite(self.render_view(view), edit)
+
+    def composite(self, frame: Frame, edit: Edit) -> np.ndarray:
+        """The base of a frame with an edit, [H, W, 3] float32 sRGB. Raises BadRequest before palettes are learned."""
+        self.project.require("recoloring")
+        edited = stack_palettes(self.objects, edit.colors)
+        if edit.compositing == "paper":
+            return paper_composite(frame.base, frame.palette_weights, frame.probabilities, edited)
+        return delta_composite(frame.base, frame.palette_weights, self.learned_colors, edited)
+
+
+def _on_white(plate: Plate) -> np.ndarray:
+    """The photo's colors [H, W, 3]; of a matte capture on the same ground as its rendering."""
+    if plate.alpha is None:
+        return plate.color
+    return plate.color * plate.alpha[..., None] + (1 - plate.alpha[..., None])

@@ -1,0 +1,43 @@
+"""What a project knows beside tensors: its capture, and the settings that its stages were run with. Without torch."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from . import settings as settings_module
+from .capture.capture import Capture, capture_from_json
+from .errors import BadRequest
+from .files import read_json
+from .project import STAGE_ORDER, Project
+from .settings import Settings
+
+
+def capture_of(project: Project) -> Capture:
+    """The capture that the project was learned from. Raises DataError where its file is damaged."""
+    path = project.checked(project.capture_file)
+    return capture_from_json(read_json(path, "capture"), path)
+
+
+def settings_for(project: Project, stage: str) -> Settings:
+    """The settings a stage builds on: of the stages before it those that they were run with, of others as last set.
+
+    So what is finished is rendered as it was learned, whatever has been asked for since.
+
+    Args:
+        project: one whose geometry stage is finished.
+        stage: one of `project.STAGE_ORDER`, or any other word for what comes after them all.
+
+    Raises:
+        BadRequest: nothing has been learned yet.
+    """
+    state = project.state()
+    if state.get("settings") is None:
+        raise BadRequest(f"{project.folder} has no settings yet.", "Run the geometry stage first.")
+    settings = settings_module.from_dict(state["settings"])
+    before = STAGE_ORDER[: STAGE_ORDER.index(stage)] if stage in STAGE_ORDER else STAGE_ORDER
+    for name in before:
+        used = state["stages"].get(name, {}).get("settings")
+        if used is not None:
+            own = settings_module.from_dict(used, type(getattr(settings, name)))
+            settings = replace(settings, **{name: own})
+    return settings

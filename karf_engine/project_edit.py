@@ -1,0 +1,117 @@
+"""An edit of a learned project: which swatches change, and "this color becomes that color". Without torch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from .edit.becomes import match_becomes, match_fewest, nearest_weights
+from .edit.object_colors import read_object_colors
+from .edit.palette import BRIGHTEST, Edit, Palette, hex_to_rgb, read_edit, read_palettes, write_edit
+from .errors import BadRequest
+from .project import Project
+from .settings import from_dict
+
+RULES = ("becomes", "fewest")
+Color = str | Sequence[float] | np.ndarray  # #rrggbb, or three sRGB numbers from 0 to 1
+
+
+@dataclass(frozen=True)
+class ProjectEdit(Edit):
+    """An edit that knows the project it is for. Each method gives a new edit; nothing is changed in place.
+
+    Attributes:
+        colors: edited palette of every object by its name, [M, 3] float32 sRGB; entry 0 is black.
+        compositing: `delta` adds the palette's change to the picture, `paper` replaces it by the palette's mixture.
+        project: the learned project.
+        palettes: its palettes as learned.
+    """
+
+    project: Project = field(kw_only=True, repr=False, compare=False)
+    palettes: tuple[Palette, ...] = field(kw_only=True, repr=False, compare=False)
+
+    def becomes(self, name: str, source: Color, target: Color, rule: str = "becomes") -> ProjectEdit:
+        """Let one color that an object shows become another.
+
+        Args:
+            name: the object.
+            source: a color that it shows.
+            target: the color that this one shall become.
+            rule: `becomes` carries the whole material along; `fewest` changes as few swatches as possible.
+
+        Raises:
+            BadRequest: there is no such object or rule.
+            DataError: a color is none, or the project's histogram of the object's colors is damaged.
+        """
+        colors = solve(self.project, self._palette(name), as_color(source), as_color(target), rule)
+        return replace(self, colors=self.colors | {name: colors})
+
+    def swatch(self, name: str, index: int, color: Color) -> ProjectEdit:
+        """Set one swatch of an object.
+
+        Args:
+            name: the object.
+            index: which of its swatches, from 1; swatch 0 is black and frozen.
+            color: the new color; numbers may go up to 2, brighter than white.
+
+        Raises:
+            BadRequest: there is no such object or swatch.
+            DataError: the color is none.
+        """
+        colors = self.colors[self._palette(name).name].copy()
+        if not 1 <= index < len(colors):
+            raise BadRequest(f"{name!r} has no swatch {index}.", f"Its swatches are 1 to {len(colors) - 1}.")
+        colors[index] = as_color(color, BRIGHTEST)
+        return replace(self, colors=self.colors | {name: colors})
+
+    def save(self, path: Path | str) -> None:
+        """Write the edit as JSON, atomically; `read_edit` and the command line read it."""
+        write_edit(Path(path), self)
+
+    def _palette(self, name: str) -> Palette:
+        for palette in self.palettes:
+            if palette.name == name:
+                return palette
+        raise BadRequest(f"There is no object {name!r}.", f"Objects are: {', '.join(p.name for p in self.palettes)}.")
+
+
+def edit_of(project: Project, path: Path | str | None = None) -> ProjectEdit:
+    """An edit of a project that changes nothing yet, or what a file says.
+
+    Raises:
+        BadRequest: the project has no palettes.
+        DataError: the palettes' file is damaged, or the edit's file is no edit of them.
+    """
+    project.require("palette")
+    palettes = read_palettes(project.checked(project.palette_file))
+    compositing = from_dict(project.state()["settings"]).compositing
+    edit = Edit({palette.name: palette.colors for palette in palettes}, compositing)
+    if path is not None:
+        edit = read_edit(Path(path), palettes, compositing)
+    return ProjectEdit(edit.colors, edit.compositing, project=project, palettes=palettes)
+
+
+def solve(project: Project, palette: Palette, source: np.ndarray, target: np.ndarray, rule: str) -> np.ndarray:
+    """The edited palette [M, 3] with which the color `source` [3] of the palette's object becomes `target` [3], sRGB.
+
+    Raises BadRequest for an unknown rule (see `RULES`), DataError where the histogram of the object's colors is damaged.
+    """
+    if rule not in RULES:
+        raise BadRequest(f"Unknown rule {rule!r}.", f"Use one of: {', '.join(RULES)}.")
+    colors, counts, weights = read_object_colors(project.checked(project.object_colors_file), palette.name)
+    if rule == "becomes":
+        return match_becomes(colors, counts, weights, palette.colors, source, target)
+    return match_fewest(nearest_weights(colors, weights, source), palette.colors, target, shown=source)
+
+
+def as_color(value: Color, highest: float = 1.0) -> np.ndarray:
+    """sRGB [3] float32 of `#rrggbb` or of three numbers from 0 to `highest`. Raises BadRequest or DataError for others."""
+    if isinstance(value, str):
+        return hex_to_rgb(value)
+    color = np.asarray(value, np.float32)
+    if color.shape != (3,) or not ((color >= 0) & (color <= highest)).all():
+        raise BadRequest(f"{value!r:.200} is no color.", f"Give #rrggbb, or three sRGB numbers from 0 to {highest:g}.")
+    return color

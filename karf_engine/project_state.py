@@ -1,0 +1,83 @@
+"""project.json: which capture a project is of, its settings, and what its finished stages wrote.
+
+A state is a dictionary as JSON holds it:
+
+    schema      `SCHEMA`
+    capture     path of the capture that the project was made for
+    settings    all settings, by stage
+    stages      by stage that is finished: fingerprint, files (name -> SHA-256), settings, seconds, what it measured
+    checksum    of all this, to notice damage; taken off when it is read
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from .errors import DataError
+from .files import read_json, write_json
+
+SCHEMA = "karf-project/1"
+STAGE_ORDER = ("geometry", "segmentation", "palette", "recoloring")
+
+
+def new_state(capture: str) -> dict[str, Any]:
+    """The state of a project for the capture at this path, in which nothing is finished."""
+    return {"schema": SCHEMA, "capture": capture, "stages": {}}
+
+
+def read_state(path: Path) -> dict[str, Any]:
+    """The content of a project.json without its checksum.
+
+    Raises:
+        DataError: The file is missing, of another schema, damaged, or has values of wrong types.
+    """
+    if not path.exists():
+        raise DataError(
+            f"{path.parent} is no KaRF project (project.json is missing).",
+            "Give the folder that the geometry stage wrote.",
+        )
+    state = read_json(path, "project state")
+    schema = state.get("schema") if isinstance(state, dict) else None
+    if schema != SCHEMA:
+        raise DataError(f"{path} has schema {schema!r:.200}, not {SCHEMA}.", "Update KaRF, or start anew.")
+    if not isinstance(state.get("capture"), str) or not isinstance(state.get("stages"), dict):
+        raise DataError(f"{path} lacks its capture or its stages.", "Start anew in an empty folder.")
+    if state.pop("checksum", None) not in (None, _digest(state)):
+        raise DataError(
+            f"{path} is damaged, or was changed by hand: its checksum differs.",
+            "Restore it from a backup; after a change that was meant, remove its entry 'checksum'.",
+        )
+    if not isinstance(state.get("settings", {}), dict):
+        raise DataError(f"{path} has the settings {state['settings']!r:.200}.", "Start anew.")
+    for stage, summary in state["stages"].items():
+        if not _is_summary(summary):
+            raise DataError(
+                f"{path} has no fingerprint, or no list of files, of its {stage!r:.200} stage, but {summary!r:.200}.",
+                f"Remove {stage!r:.200} from its stages, and run that stage again.",
+            )
+    return state
+
+
+def write_state(path: Path, state: dict[str, Any]) -> None:
+    """Write a state atomically, with its checksum."""
+    write_json(path, state | {"checksum": _digest(state)})
+
+
+def without_stage(state: dict[str, Any], stage: str) -> dict[str, Any]:
+    """The state with this stage, and those that build on it, not finished."""
+    outdated = STAGE_ORDER[STAGE_ORDER.index(stage) :]
+    return state | {"stages": {name: summary for name, summary in state["stages"].items() if name not in outdated}}
+
+
+def _is_summary(summary: Any) -> bool:
+    """Whether a stage's entry is as `Project.commit` writes it."""
+    if not isinstance(summary, dict) or not isinstance(summary.get("fingerprint"), str):
+        return False
+    return isinstance(summary.get("files", {}), dict)
+
+
+def _digest(state: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(state, sort_keys=True).encode()).hexdigest()[:16]

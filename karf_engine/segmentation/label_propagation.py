@@ -1,0 +1,253 @@
+"""Label propagation: coarse labels of some surface points become clean labels of all, by neighbors and colors.
+
+Classes: 0 is the background, 1..K the objects. Points [p], probabilities `x` [p, K+1] that sum to one.
+Seeds are points that the masks say something of: `seed_targets` y [p, K+1] with `seed_confidence` c [p].
+The probabilities minimize a sum of unary terms (be as the seeds say; a weak prior for no class in particular) and of
+pairwise terms (be as your neighbors are), which is one linear system:
+
+    (D + C + eps) x - lambda W x = C y + eps / (K+1)         W: neighbor weights, D: lambda times their row sums
+
+A few rounds follow. In each, mixtures of Gaussians in Lab are fitted to the colors of the classes as they are, each
+point gets a color label from them, and the system is solved again with these labels as a second unary term. This is
+kept from running away:
+
+- The color of an object has no influence where most of the seeds that look like the object were not drawn as it: its
+  reliability is 0. Color decides between two classes only as far as both are reliable. The background always is.
+- A seed that its color clearly contradicts is ignored; where that color is the background's, so is the color.
+- Mixtures are drawn anew in each round, and the mean of their labels so far counts.
+- A color that no class has gives even labels.
+- An object's colors fade with the distance to its seeds, and in the end only parts connected to its seeds remain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from .mixtures import class_log_densities
+from .neighbor_graph import conjugate_gradients, neighbor_graph
+
+SMOOTHNESS = 20.0  # lambda: weight of the pairwise terms
+PRIOR = 1e-4  # eps
+UNKNOWN_LOG_DENSITY = -15.5  # of a color that belongs to no class
+RARE_BACKGROUND = 0.25  # the background's density falls with this power of its mass, where it has less than the objects
+DECIDED = 0.6  # a seed's largest vote; with less its class is open
+FADE_RADII = 2.0  # an object's colors fade beyond this many seed radii
+REACH_RADII = 4.0  # points farther than this many seed radii from every object are background without being solved for
+
+
+@dataclass(frozen=True)
+class Labels:
+    """Labels of p surface points.
+
+    Attributes:
+        probabilities: [p, K+1]; rows sum to 1.
+        precision: [K] in [0, 1], of the seeds whose color looks like an object, the share that the masks call so.
+    """
+
+    probabilities: np.ndarray
+    precision: np.ndarray
+
+    @property
+    def classes(self) -> np.ndarray:
+        """Most likely class of each point, [p] int."""
+        return self.probabilities.argmax(1)
+
+    @property
+    def margin(self) -> np.ndarray:
+        """How much more likely each point's class is than the next, [p] in [0, 1]."""
+        top_two = np.sort(self.probabilities, 1)[:, -2:]
+        return top_two[:, 1] - top_two[:, 0]
+
+
+def propagate_labels(
+    positions: np.ndarray,
+    lab: np.ndarray,
+    normals: np.ndarray,
+    grain: float,
+    seed_targets: np.ndarray,
+    seed_confidence: np.ndarray,
+    rounds: int,
+    random: np.random.Generator,
+) -> Labels:
+    """Label all points from the seeds among them. Each object must have seeds (see `has_seeds`).
+
+    Args:
+        positions: [p, 3] grid coordinates.
+        lab: [p, 3] CIE Lab.
+        normals: [p, 3] of unit length, outward.
+        grain: how fine the points are, see `SurfacePoints`.
+        seed_targets: [p, K+1]; rows sum to 1.
+        seed_confidence: [p] >= 0; 0 where there is no seed.
+        rounds: in which colors are learned, at least 1.
+        random: draws the colors that mixtures are fitted to.
+    """
+    n_classes = seed_targets.shape[1]
+    trees, radii = _seed_regions(positions, grain, seed_targets, seed_confidence)
+    distance = np.stack([tree.query(positions)[0] for tree in trees], 1)  # [p, K]
+    near = (distance < REACH_RADII * radii).any(1)
+    propagation = _Propagation(
+        lab[near],
+        neighbor_graph(positions[near], lab[near], normals[near], grain),
+        seed_targets[near],
+        seed_confidence[near],
+        4.5 * np.maximum(0, distance[near] / (FADE_RADII * radii) - 1) ** 2,
+        random,
+    )
+    near_probabilities, precision = propagation.run(rounds)
+    probabilities = np.zeros((len(positions), n_classes))
+    probabilities[:, 0] = 1
+    probabilities[near] = near_probabilities
+    return Labels(probabilities, precision)
+
+
+def has_seeds(seed_targets: np.ndarray, seed_confidence: np.ndarray) -> np.ndarray:
+    """Whether each object has a confident seed, [K] bool; arguments as for `propagate_labels`."""
+    objects = range(1, seed_targets.shape[1])
+    return np.array([_seeds_of(k, seed_targets, seed_confidence).any() for k in objects])
+
+
+def _seeds_of(k: int, seed_targets: np.ndarray, seed_confidence: np.ndarray) -> np.ndarray:
+    """True for the confident seeds of class k, [p]."""
+    strength = seed_confidence * seed_targets[:, k]
+    firm = np.maximum(0.25 * strength.max(initial=0), np.finfo(float).tiny)  # no confidence is no seed
+    return (seed_targets[:, k] > 0.5) & (strength >= firm)
+
+
+def _seed_regions(
+    positions: np.ndarray, grain: float, seed_targets: np.ndarray, seed_confidence: np.ndarray
+) -> tuple[list[cKDTree], np.ndarray]:
+    """For each object a search tree of its confident seeds, and their RMS radius, at least a grain: one may be all."""
+    trees, radii = [], []
+    for k in range(1, seed_targets.shape[1]):
+        seeds = positions[_seeds_of(k, seed_targets, seed_confidence)]
+        trees.append(cKDTree(seeds, balanced_tree=False, compact_nodes=False))
+        radii.append(np.sqrt(((seeds - seeds.mean(0)) ** 2).sum(1).mean()) + 1e-9)
+    return trees, np.maximum(radii, grain)
+
+
+@dataclass(frozen=True)
+class _Propagation:
+    """The points near the objects, and what is known of them before the first round.
+
+    lab [p, 3]; graph [p, p] of neighbor weights; seed_targets [p, K+1]; seed_confidence [p]; distance_penalty [p, K], taken
+    off the objects' log densities.
+    """
+
+    lab: np.ndarray
+    graph: sparse.csr_matrix
+    seed_targets: np.ndarray
+    seed_confidence: np.ndarray
+    distance_penalty: np.ndarray
+    random: np.random.Generator
+
+    def run(self, rounds: int) -> tuple[np.ndarray, np.ndarray]:
+        """Probabilities [p, K+1] and the objects' precision [K]."""
+        targets, confidence = self.seed_targets, self.seed_confidence
+        x = self._smooth(targets, confidence, None)
+        mixture_weight = confidence
+        precision = np.ones(targets.shape[1] - 1)
+        color_labels = np.zeros_like(x)
+        for number in range(rounds):
+            # the mean: single rounds sway with the mixtures' draw
+            color_labels = (number * color_labels + self._color_labels(x, mixture_weight)) / (number + 1)
+            reliability, precision = self._color_reliability(color_labels)
+            seed_reliability = self._seed_reliability(color_labels, reliability)
+            reliable = confidence * seed_reliability
+            # the background's colors count as reliable untested: where they contradict a seed they are ignored as well
+            untested = np.where(color_labels.argmax(1) == 0, seed_reliability, 1)
+            color_confidence = self._color_confidence(color_labels, x, reliability) * untested
+            together = reliable + color_confidence
+            shared = _share_open_votes(targets, color_labels)
+            unary = reliable[:, None] * shared + color_confidence[:, None] * color_labels
+            x = self._smooth(unary / np.maximum(together, 1e-12)[:, None], together, x)
+            mixture_weight = np.maximum(reliable, 0.1 * color_confidence)
+        return self._connected(x), precision
+
+    def _smooth(self, targets: np.ndarray, confidence: np.ndarray, start: np.ndarray | None) -> np.ndarray:
+        """Solve the linear system for all classes; they sum to one by themselves."""
+        n_classes = targets.shape[1]
+        row_sums = np.asarray(self.graph.sum(1)).ravel()
+        diagonal = SMOOTHNESS * row_sums + confidence + PRIOR
+        right = confidence[:, None] * targets + PRIOR / n_classes
+        x = np.full_like(targets, 1 / n_classes) if start is None else start
+        x = conjugate_gradients(lambda v: diagonal[:, None] * v - SMOOTHNESS * (self.graph @ v), diagonal, right, x)
+        x = np.clip(x, 0, None)
+        return x / np.maximum(x.sum(1, keepdims=True), 1e-12)
+
+    def _color_labels(self, x: np.ndarray, weight: np.ndarray) -> np.ndarray:
+        """Class probabilities by each point's color and its distance to the objects, [p, K+1]."""
+        top_two = np.sort(x, 1)[:, -2:]
+        weight = weight * (top_two[:, 1] - top_two[:, 0])
+        strengths = weight[:, None] * np.eye(x.shape[1])[x.argmax(1)]
+        log_density = class_log_densities(self.lab, strengths, self.random)
+        mass = strengths.sum(0)
+        # before an empty background most of its seeds are what the masks left out of the objects
+        log_density[:, 0] += RARE_BACKGROUND * np.log(np.clip(mass[0] / max(mass[1:].sum(), 1e-12), 1e-12, 1))
+        log_density[:, 1:] -= self.distance_penalty
+        density = np.exp(np.maximum(log_density, -700))
+        unknown = np.exp(UNKNOWN_LOG_DENSITY)
+        return (density + unknown / x.shape[1]) / (density.sum(1, keepdims=True) + unknown)
+
+    def _color_reliability(self, color_labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """How reliable the color labels of each class are, [K+1] in [0, 1], and the objects' precision, [K].
+
+        The background's are always: a mask that spills over much of it must not take away its influence.
+        """
+        predicted = color_labels.argmax(1)
+        decided = self.seed_confidence * (self.seed_targets.max(1) > DECIDED)
+        share = np.ones(color_labels.shape[1])
+        for k in range(1, color_labels.shape[1]):
+            weight = decided * (predicted == k)
+            share[k] = (weight * self.seed_targets[:, k]).sum() / max(weight.sum(), 1e-12)
+        return np.clip((share - 0.5) / 0.2, 0, 1), share[1:]
+
+    def _color_confidence(self, color_labels: np.ndarray, x: np.ndarray, reliability: np.ndarray) -> np.ndarray:
+        """Confidence of the color labels, [p]: their margin, times the least reliability of three classes.
+
+        These are the two likeliest by color and the one that the point has now. Were it the likeliest alone, the
+        background would gain ground on an object whose own colors have no influence.
+        """
+        second, first = np.argsort(color_labels, 1)[:, -2:].T
+        rows = np.arange(len(color_labels))
+        least = np.minimum.reduce([reliability[first], reliability[second], reliability[x.argmax(1)]])
+        return 2 * least * (color_labels[rows, first] - color_labels[rows, second])
+
+    def _seed_reliability(self, color_labels: np.ndarray, reliability: np.ndarray) -> np.ndarray:
+        """Factor on the seeds' confidence, [p] in [0, 1]: low where the color clearly contradicts it; 1 without a seed."""
+        label = self.seed_targets.argmax(1)
+        agreement = (self.seed_targets * color_labels).sum(1) / np.maximum(self.seed_targets.max(1), 1e-12)
+        least = np.minimum(reliability[label], reliability[color_labels.argmax(1)])
+        contradiction = least * np.clip(2 * (1 - agreement) - 1, 0, 1)
+        return np.where(self.seed_confidence > 0, (1 - contradiction) ** 2, 1)
+
+    def _connected(self, x: np.ndarray) -> np.ndarray:
+        """Move parts of an object that are not connected to its seeds to the next likely class."""
+        x = x.copy()
+        edges = self.graph.tocoo()
+        strong = edges.data > 1e-5
+        rows, columns = edges.row[strong], edges.col[strong]
+        for _ in range(x.shape[1]):
+            label = x.argmax(1)
+            same = label[rows] == label[columns]
+            part_graph = sparse.coo_matrix((np.ones(same.sum()), (rows[same], columns[same])), shape=self.graph.shape)
+            _, part = connected_components(part_graph, directed=False)
+            strength = self.seed_confidence * self.seed_targets[np.arange(len(label)), label]
+            anchored = np.bincount(part, strength * (strength > 0.1), part.max() + 1) > 0
+            loose = ~anchored[part] & (label > 0)
+            if not loose.any():
+                break
+            x[loose, label[loose]] = 0
+            x[loose, 0] += 1e-6
+            x /= x.sum(1, keepdims=True)
+        return x
+
+
+def _share_open_votes(targets: np.ndarray, color_labels: np.ndarray) -> np.ndarray:
+    """Votes that leave several classes open ("not this object" is no more), shared out by color, [p, K+1]."""
+    shared = targets * np.maximum(color_labels, 1e-3)
+    return shared / shared.sum(1, keepdims=True)

@@ -1,0 +1,110 @@
+"""segmentation.json: which views segmentation used, and how well its result agrees with the coarse masks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from torch import Tensor
+
+from ..errors import DataError
+from ..files import read_json, write_json
+from ..metrics.masks import iou
+from ..names import check_names
+from .label_propagation import Labels
+from .views import CachedViews
+
+
+@dataclass(frozen=True)
+class SegmentationReport:
+    """What the segmentation stage tells the user and the stages after it.
+
+    Attributes:
+        objects: names of the objects.
+        precision: of each object in [0, 1], see `Labels.precision`.
+        iou_with_masks: of each object, in each view that masks it, of the rendered mask with the coarse one, in [0, 1].
+        views: names of the views used, in the order by which the objects' rays number them.
+        masked_views: names of those that have a coarse mask.
+        surface_points: number of labelled points.
+    """
+
+    objects: list[str]
+    precision: dict[str, float]
+    iou_with_masks: dict[str, list[float]]
+    views: list[str]
+    masked_views: list[str]
+    surface_points: int
+
+    def write(self, path: Path) -> None:
+        """Write the report as JSON, atomically."""
+        content = {
+            "objects": self.objects,
+            "precision": self.precision,
+            "iou_with_marks": self.iou_with_masks,
+            "views": self.views,
+            "marked": self.masked_views,
+            "surface_points": self.surface_points,
+        }
+        write_json(path, content)
+
+    @classmethod
+    def read(cls, path: Path) -> SegmentationReport:
+        """Read a report. Raises DataError where the file is damaged or holds other values than `write` writes."""
+        content = read_json(path, "report")
+        if not isinstance(content, dict):
+            raise _damaged(path, "no table of values")
+        views = check_names(content.get("views"), path, "a view")
+        masked_views = check_names(content.get("marked"), path, "a view")
+        objects = check_names(content.get("objects"), path, "an object")
+        precision, agreement = content.get("precision"), content.get("iou_with_marks")
+        if not _is_table(precision, objects) or not all(map(_is_share, precision.values())):
+            raise _damaged(path, "no precision of each object")
+        if not _is_table(agreement, objects) or not all(map(_are_shares, agreement.values())):
+            raise _damaged(path, "no agreement of each object with its masks")
+        surface_points = content.get("surface_points")
+        if type(surface_points) is not int or surface_points < 0:
+            raise _damaged(path, "no number of surface points")
+        return cls(objects, precision, agreement, views, masked_views, surface_points)
+
+
+def report_of(cached: CachedViews, labels: Labels, probabilities: Tensor) -> SegmentationReport:
+    """Compare a segmentation with the masks that it came from.
+
+    Args:
+        cached: views, masks, and n cached rays.
+        labels: of the surface points.
+        probabilities: [n, K+1], classes of the cached rays as F_s renders them.
+    """
+    views = cached.views
+    pictures = cached.pictures(probabilities.argmax(1).cpu().numpy())
+    agreement: dict[str, list[float]] = {name: [] for name in views.objects}
+    for picture, masks in zip(pictures, views.masks, strict=True):
+        for k, mask in masks.items():
+            agreement[views.objects[k - 1]].append(round(iou(picture == k, mask), 4))
+    precision = np.asarray(labels.precision)
+    return SegmentationReport(
+        objects=views.objects,
+        precision={name: round(float(p), 4) for name, p in zip(views.objects, precision, strict=True)},
+        iou_with_masks=agreement,
+        views=views.names,
+        masked_views=views.masked_names,
+        surface_points=len(labels.probabilities),
+    )
+
+
+def _damaged(path: Path, reason: str) -> DataError:
+    return DataError(f"{path} (report) holds {reason}.", "Run the segmentation stage again.")
+
+
+def _is_table(value: Any, names: list[str]) -> bool:
+    return isinstance(value, dict) and set(value) == set(names)
+
+
+def _is_share(value: Any) -> bool:
+    return isinstance(value, int | float) and 0 <= value <= 1
+
+
+def _are_shares(values: Any) -> bool:
+    return isinstance(values, list) and all(map(_is_share, values))

@@ -1,0 +1,155 @@
+"""Views that segmentation learns from: their photos, the coarse masks drawn on some of them, and their surface samples.
+
+Pixels are numbered through all photos in one row: those of photo v are `offsets[v]` to `offsets[v + 1]`, row by row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..capture.capture import View
+from ..errors import DataError
+from ..fields.protocol import Field
+from ..plates import Plate, load_views
+from ..progress import Progress
+from ..rendering.rays import camera_rays
+from ..rendering.surface_cache import SurfaceCache, cache_surface, join_caches
+from ..settings import SegmentationSettings
+from .coarse_masks import CoarseMask, load_mask
+
+CACHE_STEP = 1.0  # voxels; the later stages need where a ray ends, not the last digit of its color
+
+
+@dataclass(frozen=True)
+class MaskedViews:
+    """Photos at the working size, and the coarse masks that were drawn on some of them.
+
+    Attributes:
+        objects: names of the K objects, sorted; class k is `objects[k - 1]`, class 0 the background.
+        plates: the V photos.
+        masks: of each photo {class number: bool [H, W]}; empty where nothing was drawn.
+    """
+
+    objects: list[str]
+    plates: list[Plate]
+    masks: list[dict[int, np.ndarray]]
+
+    @property
+    def offsets(self) -> list[int]:
+        """Number of each photo's first pixel, and behind them the number of all pixels, V + 1."""
+        sizes = [plate.camera.width * plate.camera.height for plate in self.plates]
+        return [0, *np.cumsum(sizes).tolist()]
+
+    @property
+    def n_pixels(self) -> int:
+        """Number of pixels of all photos."""
+        return self.offsets[-1]
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the views."""
+        return [plate.view.name for plate in self.plates]
+
+    @property
+    def masked_names(self) -> list[str]:
+        """Names of the views that have a mask."""
+        return [plate.view.name for plate, masks in zip(self.plates, self.masks, strict=True) if masks]
+
+    def colors(self) -> np.ndarray:
+        """Photo colors of all pixels, [N, 3] float32 sRGB in [0, 1]."""
+        return np.concatenate([plate.color.reshape(-1, 3) for plate in self.plates])
+
+
+@dataclass(frozen=True)
+class CachedViews:
+    """Views and where their rays end in the frozen scene.
+
+    Attributes:
+        views: photos and masks.
+        cache: surface samples of the n rays that end on something; its `index` numbers the pixels of all photos.
+    """
+
+    views: MaskedViews
+    cache: SurfaceCache
+
+    def pictures(self, values: np.ndarray) -> list[np.ndarray]:
+        """Integers of the cached rays, [n], as one picture [H, W] a view; 0 where no ray ends on anything."""
+        pixels = np.zeros(self.views.n_pixels, np.int64)
+        pixels[self.cache.index.cpu().numpy()] = values
+        offsets, plates = self.views.offsets, self.views.plates
+        return [
+            pixels[start:end].reshape(plate.camera.height, plate.camera.width)
+            for start, end, plate in zip(offsets[:-1], offsets[1:], plates, strict=True)
+        ]
+
+
+def load_masked_views(
+    masks: Sequence[CoarseMask], views: Sequence[View], long_side: int, settings: SegmentationSettings
+) -> MaskedViews:
+    """Choose views spread round the scene, all masked ones among them, and load their photos and masks.
+
+    Args:
+        masks: the coarse masks, at least one.
+        views: the training views.
+        long_side: working size of masked views, pixels; the others only have to show colors and may be smaller.
+        settings: how many views, and how small (`cache_views`, `cache_long_side`).
+
+    Raises:
+        DataError: a photo or a mask is missing, damaged or of another size.
+    """
+    objects = sorted({mask.object_name for mask in masks})
+    masked = list(dict.fromkeys(mask.view.name for mask in masks))
+    chosen = farthest_point_views(views, masked, settings.cache_views)
+    small = min(long_side, settings.cache_long_side)
+    plates = [load_views([view], long_side if view.name in masked else small)[0] for view in chosen]
+    per_view: list[dict[int, np.ndarray]] = [{} for _ in chosen]
+    names = [view.name for view in chosen]
+    for mask in masks:
+        number = names.index(mask.view.name)
+        per_view[number][objects.index(mask.object_name) + 1] = load_mask(mask, plates[number])
+    return MaskedViews(objects, plates, per_view)
+
+
+def farthest_point_views(views: Sequence[View], first: Sequence[str], count: int) -> list[View]:
+    """Farthest point sampling of views by their cameras' positions.
+
+    Args:
+        views: to choose from, at least one.
+        first: names of views that are chosen in any case; where it names none, the first view is.
+        count: how many views, at most all; those of `first` may be more.
+
+    Returns:
+        The chosen views, those of `first` in the order of `views`, then always the one that is farthest from all chosen.
+    """
+    positions = np.stack([view.camera.position for view in views])
+    chosen = [number for number, view in enumerate(views) if view.name in first] or [0]
+    while len(chosen) < min(count, len(views)):
+        distance = np.linalg.norm(positions[:, None] - positions[chosen], axis=2).min(1)
+        chosen.append(int(distance.argmax()))
+    return [views[number] for number in chosen]
+
+
+def cache_views(scene_field: Field, views: MaskedViews, samples_per_ray: int, progress: Progress) -> CachedViews:
+    """Surface samples of all pixels of the views.
+
+    Args:
+        scene_field: the frozen radiance field.
+        views: their cameras are looked through.
+        samples_per_ray: quantile samples a ray, at least 1.
+        progress: counts pixels, `views.n_pixels` of them.
+
+    Raises:
+        DataError: no ray ends on anything.
+    """
+    parts = []
+    for plate, start in zip(views.plates, views.offsets[:-1], strict=True):
+        rays = camera_rays(plate.camera, scene_field.bounds.device)
+        part = cache_surface(scene_field, rays, samples_per_ray, CACHE_STEP, progress)
+        parts.append(replace(part, index=part.index + start))
+    cache = join_caches(parts)
+    if not len(cache):
+        raise DataError("The learned scene shows nothing solid in any photo.", "Learn it again, with other settings.")
+    return CachedViews(views, cache)

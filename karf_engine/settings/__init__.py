@@ -1,0 +1,37 @@
+"""Settings of every stage as data: frozen dataclasses, presets, and what panels and `--help` say of each field.
+
+A preset is a whole `Settings` value. `with_overrides(settings, ["geometry.rays=4096"])` changes single fields, checks
+name, type and range, and raises BadRequest naming the field and the nearest known one.
+"""
+
+from .presets import PRESETS, preset
+from .stages import (
+    GeometrySettings,
+    HeadSettings,
+    Level,
+    NerfSettings,
+    OpenSettings,
+    PaletteSettings,
+    RecoloringSettings,
+    SegmentationSettings,
+    Settings,
+)
+from .values import describe, from_dict, to_dict, with_overrides
+
+__all__ = [
+    "PRESETS",
+    "GeometrySettings",
+    "HeadSettings",
+    "Level",
+    "NerfSettings",
+    "OpenSettings",
+    "PaletteSettings",
+    "RecoloringSettings",
+    "SegmentationSettings",
+    "Settings",
+    "describe",
+    "from_dict",
+    "preset",
+    "to_dict",
+    "with_overrides",
+]

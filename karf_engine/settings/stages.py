@@ -1,0 +1,199 @@
+"""Settings of every stage as frozen dataclasses, with what panels and `--help` say of each field."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+
+def option(default: Any, help: str, minimum: float | None = None, maximum: float | None = None, choices=()) -> Any:
+    """A dataclass field with its help text, range or choices."""
+    return field(
+        default=default, metadata={"help": help, "minimum": minimum, "maximum": maximum, "choices": tuple(choices)}
+    )
+
+
+@dataclass(frozen=True)
+class Level:
+    """One resolution of the coarse-to-fine geometry: cells along the longest side, iterations, step in voxels."""
+
+    voxels: int
+    iterations: int
+    step: float
+
+
+@dataclass(frozen=True)
+class OpenSettings:
+    """How open space is learned: scenes that extend behind the object and the cameras (contraction or frustum)."""
+
+    levels: tuple[Level, ...] = option(
+        (Level(64, 150, 1.0), Level(128, 250, 1.0), Level(192, 300, 1.0)), "Coarse-to-fine levels"
+    )
+    samples: int = option(110_000, "Samples an iteration; the number of rays follows", 1000, 10_000_000)
+    max_rays: int = option(8192, "Rays an iteration at most", 64, 1_000_000)
+    table_rate: float = option(0.3, "Learning rate of the voxel tables", 1e-5, 1.0)
+    network_rate: float = option(9e-3, "Learning rate of the color network", 1e-6, 0.1)
+    total_variation: float = option(3e-3, "Weight of the difference between neighboring vertices", 0.0, 1.0)
+    distortion: float = option(1e-2, "Weight of the spread of a ray's samples (Mip-NeRF 360)", 0.0, 1.0)
+    transparency: float = option(1e-3, "Weight of what rays do not end on", 0.0, 1.0)
+    point_depth: float = option(
+        0.06, "Weight of the sparse points: a ray to a point ends there; a quarter of it in the last level", 0.0, 10.0
+    )
+    point_share: float = option(0.2, "Share of the rays that go to sparse points", 0.0, 0.9)
+    prune_alpha: float = option(0.0, "Cells below this opacity are dropped", 0.0, 0.5)
+    prune_visibility: float = option(0.015, "Cells that no training ray sees by this weight are dropped", 0.0, 0.5)
+    radius: float = option(0.6, "Radius that the contraction keeps, in mean camera distances", 0.05, 10.0)
+    frustum_detail: float = option(1.4, "How much finer the cells of a frustum are: it holds less space", 0.5, 4.0)
+    room: float = option(1.0, "Grid for what lies outside that radius, in radii", 0.1, 4.0)
+
+
+@dataclass(frozen=True)
+class NerfSettings:
+    """The paper's radiance field, a vanilla NeRF: networks, samples and training."""
+
+    depth: int = option(8, "Layers before density and features", 2, 32)
+    width: int = option(256, "Width of the layers, and number of prior features", 4, 1024)
+    position_frequencies: int = option(10, "Octaves of the positional encoding", 1, 16)
+    direction_frequencies: int = option(4, "Octaves of the direction's encoding", 1, 8)
+    coarse_samples: int = option(64, "Samples a ray, spread evenly", 4, 1024)
+    fine_samples: int = option(128, "Samples a ray where the coarse network saw something", 1, 1024)
+    near: float = option(0.0, "Where rays begin, world units, but for NDC; 0: as cameras and points say", 0.0, 1e9)
+    far: float = option(0.0, "Where rays end, world units, but for NDC; 0: as cameras and points say", 0.0, 1e9)
+    iterations: int = option(120_000, "Training iterations", 1, 10_000_000)
+    rays: int = option(2048, "Rays an iteration", 16, 1_000_000)
+    rate: float = option(5e-5, "Learning rate", 1e-6, 0.1)
+    decay_steps: int = option(0, "Iterations in which the rate falls to a tenth; 0 keeps it", 0, 100_000_000)
+    density_noise: float = option(1.0, "Noise on raw densities while learning, forward-facing captures", 0.0, 10.0)
+    crop_iterations: int = option(
+        500, "First iterations, in which rays go through the photos' middle (object captures)", 0, 1_000_000
+    )
+    look_every: int = option(5000, "Iterations from one preview to the next", 1, 10_000_000)
+
+
+@dataclass(frozen=True)
+class GeometrySettings:
+    """The radiance field: density and prior features. What is not under `open` or `nerf` is for voxels in a box."""
+
+    field: str = option(
+        "voxels", "Kind of field; voxels: a sparse grid; nerf: the paper's; or another that is registered"
+    )
+    long_side: int = option(256, "Photos are reduced to this long side, pixels", 32, 4096)
+    space: str = option(
+        "auto",
+        "box: an object or a table top; contraction: all round; frustum: cameras that look one way",
+        choices=("auto", "box", "contraction", "frustum"),
+    )
+    levels: tuple[Level, ...] = option(
+        (Level(40, 120, 1.0), Level(80, 250, 0.75), Level(136, 450, 0.75)), "Coarse-to-fine levels"
+    )
+    samples: int = option(110_000, "Samples an iteration; the number of rays follows", 1000, 10_000_000)
+    max_rays: int = option(8192, "Rays an iteration at most", 64, 1_000_000)
+    features: int = option(12, "Prior features of the field", 3, 256)
+    table_rate: float = option(0.1, "Learning rate of the voxel tables", 1e-5, 1.0)
+    network_rate: float = option(3e-3, "Learning rate of the color and background networks", 1e-6, 0.1)
+    depth_variance: float = option(1e-4, "Weight of the spread of a ray's samples (opaque captures)", 0.0, 1.0)
+    total_variation: float = option(1e-5, "Weight of the difference between neighboring vertices", 0.0, 1.0)
+    sparsity: float = option(2e-3, "Weight of the mean sample alpha in the first level", 0.0, 1.0)
+    opacity_entropy: float = option(1e-3, "Weight of half-transparent rays (captures without background)", 0.0, 1.0)
+    prune_alpha: float = option(0.02, "Cells below this opacity are dropped", 0.0, 0.5)
+    prune_visibility: float = option(0.04, "Cells that no training ray sees by this weight are dropped", 0.0, 0.5)
+    open: OpenSettings = OpenSettings()
+    nerf: NerfSettings = NerfSettings()
+
+
+@dataclass(frozen=True)
+class HeadSettings:
+    """The network on top of the frozen scene: of both fields alike."""
+
+    head: str = option("kan", "kan: gated KAN block (Eq. 6); mlp: two hidden layers", choices=("kan", "mlp"))
+    layer: str = option("grbf", "Layer of the KAN block", choices=("grbf", "bspline", "mlp"))
+    variant: str = option("all", "Parts of Eq. 6", choices=("all", "no_residual", "gate", "none"))
+    width: int = option(64, "Width of the head", 4, 1024)
+    match: str = option(
+        "width",
+        "width: as wide as `width` says; parameters: with as many parameters as the full block of Gaussian layers",
+        choices=("width", "parameters"),
+    )
+    centers: int = option(8, "N of Eq. 5, Gaussian centers on [-2, 2]", 2, 8)
+    bandwidth: str = option(
+        "eq5",
+        "h of Eq. 5 at the start; eq5: the centers' spacing; fastkan: spacing / sqrt 2; xkanerf: 1 / sqrt 2",
+        choices=("eq5", "fastkan", "xkanerf"),
+    )
+    learn_bandwidth: bool = option(True, "Whether h is learned, one for each layer")
+    schedule: str = option(
+        "cosine", "Learning rate; cosine: warmed up, then falling; constant: as given", choices=("cosine", "constant")
+    )
+
+
+@dataclass(frozen=True)
+class SegmentationSettings(HeadSettings):
+    """From coarse masks to the segmentation field F_s (stage 1)."""
+
+    labels: str = option(
+        "surface",
+        "surface: clean the masks on the surface; masks: plain Eq. 12; votes: take them as exact",
+        choices=("surface", "masks", "votes"),
+    )
+    frequencies: int = option(5, "Octaves of the positional encoding", 0, 16)
+    iterations: int = option(150, "Training iterations", 1, 1_000_000)
+    batch: int = option(1024, "Surface points (or rays) an iteration", 16, 1_000_000)
+    rate: float = option(3e-3, "Learning rate", 1e-6, 0.1)
+    cache_views: int = option(24, "Training views whose surface is cached", 1, 1000)
+    cache_long_side: int = option(128, "Long side at which unmarked views are cached, pixels", 32, 4096)
+    samples_per_ray: int = option(3, "Quantile samples a ray in the cache", 1, 256)
+    rounds: int = option(3, "Rounds of the label solve", 1, 50)
+
+
+@dataclass(frozen=True)
+class PaletteSettings:
+    """Palettes from the colors of the segmented objects."""
+
+    start: str = option(
+        "hull", "hull: of the object's colors; random: as many colors, drawn at random", choices=("hull", "random")
+    )
+    colors: int = option(0, "Colors of a palette, black included; 0 finds the smallest faithful number", 0, 16)
+    tolerance: float = option(3.0 / 255, "RMS distance of colors outside the palette's hull", 0.0, 0.2)
+    shared: bool = option(False, "One palette for all objects, as in the paper")
+
+
+@dataclass(frozen=True)
+class RecoloringSettings(HeadSettings):
+    """The recoloring field F_w and the learnable palette (stage 2)."""
+
+    frequencies: int = option(6, "Octaves of the positional encoding", 0, 16)
+    direction_frequencies: int = option(2, "Octaves of the direction's encoding", 0, 8)
+    iterations: int = option(250, "Training iterations", 1, 1_000_000)
+    batch: int = option(512, "Rays an iteration", 16, 1_000_000)
+    rate: float = option(3e-3, "Learning rate", 1e-6, 0.1)
+    weight_loss: float = option(0.1, "lambda_w of Eq. 14", 0.0, 100.0)
+    targets: str = option(
+        "star",
+        "Weights that Eq. 13 asks for; star: functions of the photo's color; loco: LoCoPalettes', of color and place",
+        choices=("star", "loco"),
+    )
+    supervision: str = option(
+        "all",
+        "Views whose weights Eq. 13 asks for; all: that were cached; reference: that are marked, as in the paper",
+        choices=("all", "reference"),
+    )
+    palette_loss: float = option(1.0, "lambda_p of Eq. 14", 0.0, 100.0)
+    palette_share: float = option(0.4, "Last share of the iterations in which the palette is learned too", 0.0, 1.0)
+    palette_rate: float = option(5e-4, "Learning rate of the palette", 0.0, 0.1)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """All stages, the seed, and the name of the preset they came from."""
+
+    preset: str = "demo"
+    seed: int = option(0, "Seed of every random number", 0, 2**31 - 1)
+    compositing: str = option(
+        "delta",
+        "What an edit means that does not say: delta: add the palette's change; paper: replace by the palette's mixture",
+        choices=("delta", "paper"),
+    )
+    geometry: GeometrySettings = GeometrySettings()
+    segmentation: SegmentationSettings = SegmentationSettings()
+    palette: PaletteSettings = PaletteSettings()
+    recoloring: RecoloringSettings = RecoloringSettings()
