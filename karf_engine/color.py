@@ -57,10 +57,6 @@ def linear_to_srgb(color: np.ndarray) -> np.ndarray:
 def srgb_to_lab(color: np.ndarray) -> np.ndarray:
     """CIE L*a*b* (white D65) of sRGB [..., 3] in [0, 1].
 
-    | domain      | range                                    |
-    |-------------|------------------------------------------|
-    | sRGB 0..1   | L* 0..100, a* -86.2..98.2, b* -107.9..94.5 |
-
     Examples:
         >>> print(srgb_to_lab(np.array([[1.0, 1, 1], [1, 0, 0]])).round(2) + 0.0)
         [[100.     0.     0.  ]

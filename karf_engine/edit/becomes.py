@@ -160,7 +160,7 @@ def match_fewest(
 ) -> np.ndarray:
     """The palette that gives one pixel the target color and touches as few swatches as it can.
 
-    Minimises the sum of the swatches' moves |dP_j| (an L2,1 norm; the rule of LoCoPalettes) by iteratively reweighted
+    Minimises the sum of the swatches' moves `|dP_j|` (an L2,1 norm; the rule of LoCoPalettes) by iteratively reweighted
     least squares, each step solved exactly within 0 <= P + dP <= 1. A target out of reach is met as closely as the box
     lets it, channel by channel.
 

@@ -13,7 +13,7 @@ def bounded_least_squares(
     counts: np.ndarray | None = None,
     ridge: float = 0.0,
 ) -> np.ndarray:
-    """Minimise sum_i counts_i |matrix_i x - values_i|^2 + ridge sum(counts) |x|^2 with lower <= x <= upper, exactly.
+    """Minimise `sum_i counts_i |matrix_i x - values_i|^2 + ridge sum(counts) |x|^2`, lower <= x <= upper, exactly.
 
     A primal active-set method (Nocedal and Wright, "Numerical Optimization", 2006, 16.5): finite, and at its end the
     gradient vanishes on free entries and presses bound ones outward.

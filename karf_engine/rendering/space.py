@@ -5,8 +5,8 @@ distances between points, boxes and normals are theirs too. Rays become polyline
 
 - Box: grid coordinates are the world's.
 - Similarity: the world rotated, scaled and moved, as an MLP wants it, whose encoding has a scale of its own.
-- Contraction (Mip-NeRF 360, Eq. 10): with y = (x - center) / radius, y where |y| <= 1, else (1 + b - b / |y|) y / |y|. All of
-  space becomes a ball of radius 1 + b; b = `room` is the share of it that what lies outside gets.
+- Contraction (Mip-NeRF 360, Eq. 10): with y = (x - center) / radius, `y where |y| <= 1, else (1 + b - b / |y|) y / |y|`. All
+  of space becomes a ball of radius 1 + b; b = `room` is the share of it that what lies outside gets.
 - Frustum (NDC of NeRF, appendix C): for cameras that look about the same way. The near plane and infinity are the
   planes z = -1 and z = +1 (times `depth_scale`); a pixel is as wide anywhere. Straight lines stay straight.
 

@@ -10,6 +10,7 @@ pairwise terms (be as your neighbors are), which is one linear system:
 A few rounds follow. In each, mixtures of Gaussians in Lab are fitted to the colors of the classes as they are, each
 point gets a color label from them, and the system is solved again with these labels as a second unary term. This is
 kept from running away:
+
 - The color of an object has no influence where most of the seeds that look like the object were not drawn as it: its
   reliability is 0. Color decides between two classes only as far as both are reliable. The background always is.
 - A seed that its color clearly contradicts is ignored; where that color is the background's, so is the color.

@@ -1,10 +1,8 @@
 """NeRFs that other programs have trained. Nothing in their files is ever run: they are read as data or refused.
 
-| program | file | what it holds |
-|---|---|---|
-| nerf-pytorch | `*.tar` | torch.save of `network_fn_state_dict`, `network_fine_state_dict` |
-| krrish94/nerf-pytorch | `*.ckpt` | torch.save of `model_coarse_state_dict`, `model_fine_state_dict` (FlexibleNeRFModel) |
-| bmild/nerf | `model_*.npy` and `model_fine_*.npy` beside it | a pickled list of kernels [in, out] and biases |
+- nerf-pytorch, `*.tar`: torch.save of `network_fn_state_dict`, `network_fine_state_dict`
+- krrish94/nerf-pytorch, `*.ckpt`: torch.save of `model_coarse_state_dict`, `model_fine_state_dict` (FlexibleNeRFModel)
+- bmild/nerf, `model_*.npy` and `model_fine_*.npy` beside it: a pickled list of kernels [in, out] and biases
 
 Widths, encodings and skips follow from the sizes of the weights.
 """

@@ -1,6 +1,7 @@
 """Fitting what lies in a box: an object alone, or on a table before a background far away.
 
 What makes it clean, by kind of background:
+
 - alpha: the matte supervises opacity over random backgrounds, and the first grid is the mattes' visual hull;
 - black, white: rays end at that color, and at a random one where the photo shows something else, which must then be
   opaque: otherwise opacity and brightness trade off; half-transparent rays are punished;
