@@ -18,20 +18,21 @@ from .failures import is_out_of_memory
 from .files import atomic_write
 
 AGAIN = "Run the stage that writes it again."
-DAMAGE = (
-    ArithmeticError,
-    AttributeError,
-    LookupError,
-    RuntimeError,
-    TypeError,
-    ValueError,
-)  # by facts or tensors of it
+# what code raises that makes something of a damaged file's tensors and metadata
+DAMAGE = (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
 
 
-def save_tensors(path: Path, tensors: dict[str, Tensor], schema: str, facts: dict[str, Any]) -> None:
-    """Write tensors and JSON facts atomically; `schema` names what the file is and its version."""
+def save_tensors(path: Path, tensors: dict[str, Tensor], schema: str, metadata: dict[str, Any]) -> None:
+    """Write tensors and metadata atomically. Equal ones become equal bytes.
+
+    Args:
+        path: Of the file.
+        tensors: By name, on any device.
+        schema: What the file is, and its version.
+        metadata: JSON values.
+    """
     # one entry: safetensors writes several in any order, and equal results shall be equal bytes
-    header = {"karf": json.dumps({"schema": schema, "facts": facts})}
+    header = {"karf": json.dumps({"schema": schema, "facts": metadata})}
     stored = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
     atomic_write(path, lambda temporary: save_file(stored, temporary, header))
 
@@ -39,7 +40,11 @@ def save_tensors(path: Path, tensors: dict[str, Tensor], schema: str, facts: dic
 def load_tensors(
     path: Path, schema: str, device: torch.device | str = "cpu"
 ) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    """Read tensors and facts. Raises DataError where the file is missing, damaged, of another schema, or not finite."""
+    """Read tensors and metadata.
+
+    Raises:
+        DataError: The file is missing, damaged, of another schema, or holds numbers that are not finite.
+    """
     try:
         with safe_open(path, "pt") as stored:
             header = _header(stored.metadata() or {})
@@ -47,7 +52,7 @@ def load_tensors(
             if found != schema:
                 raise DataError(f"{path} holds {found!r:.200}, not {schema!r}.", AGAIN)
             tensors = {name: stored.get_tensor(name) for name in stored.keys()}
-            facts = header["facts"]
+            metadata = header["facts"]
     except FileNotFoundError as error:
         raise DataError(f"{path} does not exist.", "Run the stage that writes it.") from error
     except (SafetensorError, OSError, RecursionError, *DAMAGE) as error:
@@ -55,14 +60,17 @@ def load_tensors(
     for name, tensor in tensors.items():
         if tensor.is_floating_point() and not torch.isfinite(tensor).all():
             raise DataError(f"{path} holds values in {name!r:.200} that are not finite.", AGAIN)
-    return {name: tensor.to(device) for name, tensor in tensors.items()}, facts
+    return {name: tensor.to(device) for name, tensor in tensors.items()}, metadata
 
 
 @contextmanager
 def restoring(path: Path) -> Iterator[None]:
-    """While something is made of the file's tensors and facts: where they do not allow it, they are not as written.
+    """While something is made of the file's tensors and metadata: an error is theirs, as they are not as written.
 
-    Raises DataError for that; errors of memory and those that are sentences already pass.
+    Errors of memory and those that are sentences already pass.
+
+    Raises:
+        DataError: The file is damaged.
     """
     try:
         yield
@@ -76,13 +84,13 @@ def _damaged(path: Path, error: Exception) -> DataError:
     return DataError(f"{path} is damaged ({type(error).__name__}: {error!s:.200}).", AGAIN)
 
 
-def _header(metadata: dict[str, str]) -> dict[str, Any]:
-    """Schema and facts of a file; the first versions wrote them as two entries."""
-    if "karf" in metadata:
-        return json.loads(metadata["karf"], parse_constant=_refuse)
-    facts = json.loads(metadata.get("facts", "{}"), parse_constant=_refuse)
-    return {"schema": metadata.get("schema"), "facts": facts}
+def _header(entries: dict[str, str]) -> dict[str, Any]:
+    """Schema and metadata ("facts") of a file; the first versions wrote them as two entries."""
+    if "karf" in entries:
+        return json.loads(entries["karf"], parse_constant=_refuse)
+    metadata = json.loads(entries.get("facts", "{}"), parse_constant=_refuse)
+    return {"schema": entries.get("schema"), "facts": metadata}
 
 
 def _refuse(constant: str) -> None:
-    raise ValueError(f"{constant} among the facts")
+    raise ValueError(f"{constant} among the metadata")

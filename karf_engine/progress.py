@@ -27,12 +27,20 @@ class Progress:
         self._last_emit = 0.0
 
     def resume_at(self, done: int) -> None:
-        """Count on from the steps that an earlier job has done; rate and time left are those of this job."""
+        """Resume the count at the steps that an earlier job has done; rate and time left are those of this job."""
         self._done = self._first = done
         self._start = time.monotonic()
 
     def step(self, count: int = 1, **metrics: float) -> None:
-        """Note `count` finished steps with current figures (loss, psnr); 0 only asks whether to stop."""
+        """Count finished steps.
+
+        Args:
+            count: How many; 0 only asks whether to stop.
+            **metrics: Current loss, psnr or the like.
+
+        Raises:
+            Cancelled: The job was asked to stop.
+        """
         if self._should_stop():
             raise Cancelled(
                 f"The {self._stage} stage was cancelled.",
@@ -78,10 +86,10 @@ class TerminalEmit:
             self._line(f"wrote {values['path']}")
 
     def _progress(self, values: dict[str, Any]) -> None:
-        figures = "".join(f"  {name} {value:g}" for name, value in values["metrics"].items())
+        metrics = "".join(f"  {name} {value:g}" for name, value in values["metrics"].items())
         text = (
             f"{values['stage']:<13} {values['step']:>5}/{values['total']}  {values['rate']:7.1f}/s  "
-            f"{values['eta_s']:5.0f} s left{figures}"
+            f"{values['eta_s']:5.0f} s left{metrics}"
         )
         finished = values["step"] >= values["total"]
         if self._live:
@@ -102,7 +110,7 @@ class TerminalEmit:
 
 
 def peak_memory_bytes() -> int:
-    """Largest resident memory of this process so far, bytes; 0 where the system does not tell."""
+    """Largest resident memory of this process so far, bytes; 0 where the system does not say."""
     status = Path("/proc/self/status")
     if status.exists():
         for line in status.read_text().splitlines():

@@ -12,7 +12,12 @@ from .errors import BadRequest
 
 @dataclass(frozen=True)
 class Runtime:
-    """device: where tensors live. generator: the source of every random number of a stage."""
+    """Where a stage computes.
+
+    Attributes:
+        device: Where tensors live.
+        generator: The source of every random number of the stage, on that device.
+    """
 
     device: torch.device
     generator: torch.Generator
@@ -37,9 +42,13 @@ def default_threads() -> int:
 
 
 def find_device(name: str | None) -> torch.device:
-    """The device of this name, `cpu`, `cuda` or `cuda:<number>`; for None CUDA where there is one, else the CPU.
+    """The device of this name.
 
-    Raises BadRequest for any other name, and for a device that is not there or does not answer.
+    Args:
+        name: `cpu`, `cuda` or `cuda:<number>`; None for CUDA where there is one, else the CPU.
+
+    Raises:
+        BadRequest: The name is another, or the device is not there or does not answer.
     """
     there = ["cpu"]
     if torch.cuda.is_available():
@@ -60,9 +69,15 @@ def find_device(name: str | None) -> torch.device:
 
 
 def start_runtime(seed: int = 0, threads: int | None = None, device: str | None = None) -> Runtime:
-    """Set torch up for this process and seed it. Raises BadRequest where the device is not there.
+    """Set torch up for this process and seed it.
 
-    device: see `find_device`.
+    Args:
+        seed: Of every random number.
+        threads: Processor cores to use; None for `default_threads`.
+        device: See `find_device`.
+
+    Raises:
+        BadRequest: The device is not there.
     """
     chosen = find_device(device)
     torch.set_num_threads(threads or default_threads())

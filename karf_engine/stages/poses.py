@@ -33,9 +33,8 @@ MATCHING = ("auto", "exhaustive", "sequential")
 MOST_EXHAUSTIVE = 250  # photos; all pairs of more take hours
 ENOUGH = 0.9  # share of registered photos below which a second, more sensitive try is made, and the user warned
 TOO_FEW = 0.3  # share of registered photos that is no result
-MIN_AGREEMENT = (
-    0.8  # agreement of matches and poses below which the poses may be wrong; right ones keep 0.88 amid look-alikes
-)
+# agreement of matches and poses below which the poses may be wrong; right ones keep 0.88 amid look-alikes
+MIN_AGREEMENT = 0.8
 
 
 def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:

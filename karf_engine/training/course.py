@@ -14,7 +14,10 @@ from ..runtime import Runtime
 class Course:
     """One training and where it stands: what it learns, the optimizer's moments, random numbers, how far it has come.
 
-    iterations: of the whole; done: of those, so far. learned: gives the tensors that make up what is learned, by name.
+    Attributes:
+        iterations: Of the whole training.
+        done: Of those, so far; the training loop counts.
+        optimizer: Adam.
     """
 
     def __init__(
@@ -24,6 +27,14 @@ class Course:
         learned: Callable[[], dict[str, Tensor]],
         runtime: Runtime,
     ) -> None:
+        """A fresh training.
+
+        Args:
+            iterations: Of the whole.
+            optimizer: Adam over what is learned.
+            learned: Gives the tensors that make up what is learned, by name.
+            runtime: The source of the training's random numbers.
+        """
         self.iterations, self.optimizer = iterations, optimizer
         self.done = 0
         self._learned, self._random = learned, runtime.generator
@@ -35,10 +46,12 @@ class Course:
         return own | prefixed("learned", self._learned()) | prefixed("adam", moments)
 
     def resume(self, state: dict[str, Tensor]) -> None:
-        """Go on from a state, on the processor, of a fresh training's like.
+        """Resume a state, on the processor, of a training like this fresh one.
 
-        Raises DataError, before anything is taken over, where names, shapes or types are others. Random numbers of
-        another kind of device are left: then the rest is learned from other ones.
+        Random numbers of another kind of device are ignored: then the rest is learned from other ones.
+
+        Raises:
+            DataError: Names, shapes or types are others; nothing is changed then.
         """
         moments = self._checked_moments(below("adam", state))
         rest = {name: tensor for name, tensor in state.items() if not name.startswith("adam.")}
@@ -81,7 +94,11 @@ def number(value: float) -> Tensor:
 
 
 def whole_number(state: dict[str, Tensor], name: str, most: int) -> int:
-    """The number of this name. Raises DataError where it is not a whole one from 0 to `most`."""
+    """The number of this name.
+
+    Raises:
+        DataError: It is not a whole one from 0 to `most`.
+    """
     value = float(state[name])
     if not (value.is_integer() and 0 <= value <= most):
         raise DataError(f"{name!r} of what was learned is {value}, not a whole number up to {most}.")
@@ -100,7 +117,11 @@ def below(prefix: str, state: dict[str, Tensor]) -> dict[str, Tensor]:
 
 
 def check_alike(state: dict[str, Tensor], like: dict[str, Tensor]) -> None:
-    """Raise DataError unless both hold the same names with the same shapes and types."""
+    """Check that both hold the same names with the same shapes and types.
+
+    Raises:
+        DataError: They do not; the sentence names the first difference.
+    """
     found, expected = ({n: (tuple(t.shape), t.dtype) for n, t in tensors.items()} for tensors in (state, like))
     for name in sorted(found.keys() | expected.keys()):
         if found.get(name) != expected.get(name):

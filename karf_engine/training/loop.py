@@ -20,7 +20,15 @@ Schedule = Callable[[int, int], float]  # iteration, iterations -> factor of the
 
 
 def cosine_with_warmup(warmup: int, floor: float) -> Schedule:
-    """Learning-rate factor: linear warm-up over `warmup` iterations, then a cosine from 1 down to `floor`."""
+    """Learning-rate schedule: linear warm-up times a cosine (Loshchilov and Hutter 2017).
+
+    Args:
+        warmup: Iterations of the warm-up.
+        floor: Factor at the end of the run, in [0, 1].
+
+    Returns:
+        The factor of each iteration, in (0, 1].
+    """
 
     def factor(iteration: int, total: int) -> float:
         cosine = 0.5 * (1 + math.cos(math.pi * iteration / total))
@@ -30,7 +38,16 @@ def cosine_with_warmup(warmup: int, floor: float) -> Schedule:
 
 
 def exponential_with_warmup(warmup: int, hold: float, floor: float) -> Schedule:
-    """Linear warm-up, 1 until the share `hold` of the run, then an exponential decay to `floor`."""
+    """Learning-rate schedule: linear warm-up, then 1, then an exponential decay.
+
+    Args:
+        warmup: Iterations of the warm-up.
+        hold: Share of the run, in [0, 1), at which the decay begins.
+        floor: Factor at the end of the run, in (0, 1].
+
+    Returns:
+        The factor of each iteration, in (0, 1].
+    """
 
     def factor(iteration: int, total: int) -> float:
         late = max(0.0, (iteration / total - hold) / (1 - hold))
@@ -40,7 +57,7 @@ def exponential_with_warmup(warmup: int, hold: float, floor: float) -> Schedule:
 
 
 def constant(iteration: int, total: int) -> float:
-    """Learning-rate factor that leaves the rate as it is."""
+    """Learning-rate schedule that leaves the rate as it is."""
     del iteration, total
     return 1.0
 
@@ -53,12 +70,22 @@ def train(
     progress: Progress,
     unfinished: Unfinished | None = None,
 ) -> None:
-    """Run the course's `loss, metrics = step(iteration, batch_scale)` and its optimizer until so many are done.
+    """Run a course's step and optimizer until so many iterations are done.
 
-    schedule(iteration, course.iterations) multiplies every group's learning rate. When memory runs out, the iteration is
-    tried again with the batch in twice as many parts, each a step of batch_scale = 1 / parts, whose losses are averaged.
-    unfinished: told after each iteration, and at a cancel, so that what is learned is kept. Raises Diverged at a loss
-    that is not finite, OutOfMemory when smaller parts no longer help, and what progress.step raises on cancel.
+    When memory runs out, the iteration is tried again with the batch in twice as many parts, whose losses are averaged.
+
+    Args:
+        course: What is learned, and how far it has come.
+        until: Iterations after which to stop, at most `course.iterations`.
+        step: Gives loss [] and metrics of an iteration; batch_scale = 1 / parts is the share of a batch to take.
+        schedule: `schedule(iteration, course.iterations)` multiplies the learning rate of every group.
+        progress: Told of each iteration and its metrics; may cancel.
+        unfinished: Told after each iteration, and at a cancel, so that what is learned is kept.
+
+    Raises:
+        Diverged: The loss is not finite.
+        OutOfMemory: Smaller parts no longer help.
+        Cancelled: `progress` was asked to stop.
     """
     optimizer = course.optimizer
     rates = [group["lr"] for group in optimizer.param_groups]
@@ -87,7 +114,7 @@ def train(
             )
         optimizer.step()
         course.done += 1
-        _tell(metrics, progress, unfinished)
+        _report(metrics, progress, unfinished)
     for group, rate in zip(optimizer.param_groups, rates, strict=True):
         group["lr"] = rate
 
@@ -103,7 +130,7 @@ def _gradients(step: Step, iteration: int, parts: int) -> tuple[Tensor, dict[str
     return mean, metrics
 
 
-def _tell(metrics: dict[str, float], progress: Progress, unfinished: Unfinished | None) -> None:
+def _report(metrics: dict[str, float], progress: Progress, unfinished: Unfinished | None) -> None:
     try:
         progress.step(**metrics)
     except Cancelled:

@@ -20,30 +20,47 @@ INTERVAL = 30.0  # seconds between two savings: what a killed job loses at most
 
 
 class Resumable(Protocol):
-    """What can be interrupted. iterations: of the whole; done: of those, so far.
+    """What can be interrupted.
 
-    state: all that resuming takes, in tensors. resume(state): a fresh fit of the same inputs goes on from there and ends
-    bit by bit where an uninterrupted one would on the same device; raises DataError, and changes nothing, where the
-    state does not fit.
+    Attributes:
+        iterations: Of the whole.
+        done: Of those, so far.
     """
 
     iterations: int
     done: int
 
-    def state(self) -> dict[str, Tensor]: ...
+    def state(self) -> dict[str, Tensor]:
+        """All that resuming takes."""
 
-    def resume(self, state: dict[str, Tensor]) -> None: ...
+    def resume(self, state: dict[str, Tensor]) -> None:
+        """Let this fresh fit resume a state, on the processor, of a fit of the same inputs.
+
+        It ends bit by bit where an uninterrupted one would on the same device.
+
+        Raises:
+            DataError: The state is of another fit; nothing is changed then.
+        """
 
 
 class Unfinished:
-    """The file of one stage's fit. mark: fingerprint of the stage, by which a state of the same inputs is known.
+    """The file of one stage's fit.
 
-    notes: JSON values to keep beside the fit; after `resume` those that were kept.
+    Attributes:
+        notes: JSON values to keep beside the fit; after it has resumed, those that were kept.
     """
 
-    def __init__(self, path: Path, mark: str, stage: str, emit: Emit) -> None:
+    def __init__(self, path: Path, fingerprint: str, stage: str, emit: Emit) -> None:
+        """Nothing is read or written yet.
+
+        Args:
+            path: Of the file.
+            fingerprint: Of the stage: only a state of the same one is resumed.
+            stage: Its name, for events.
+            emit: Receives events.
+        """
         self.notes: dict[str, Any] = {}
-        self._path, self._mark, self._stage, self._emit = path, mark, stage, emit
+        self._path, self._fingerprint, self._stage, self._emit = path, fingerprint, stage, emit
         self._fit: Resumable | None = None
         self._due = time.monotonic() + INTERVAL
         self._is_writable = True
@@ -66,12 +83,12 @@ class Unfinished:
             self._emit("stage", name=self._stage, text=f"resuming at iteration {fit.done} of {fit.iterations}")
 
     def _resume(self, fit: Resumable) -> None:
-        state, facts = load_tensors(self._path, SCHEMA)
+        state, metadata = load_tensors(self._path, SCHEMA)
         try:
-            mark, notes, checksum = facts["fingerprint"], facts["notes"], facts["checksum"]
+            fingerprint, notes, checksum = metadata["fingerprint"], metadata["notes"], metadata["checksum"]
         except (KeyError, TypeError) as error:
             raise DataError(f"{self._path} does not say what it belongs to.") from error
-        if mark != self._mark:
+        if fingerprint != self._fingerprint:
             return
         if checksum != _checksum(state, notes):
             raise DataError(f"{self._path} is damaged (its checksum is another).")
@@ -86,9 +103,13 @@ class Unfinished:
     def save(self) -> None:
         """Write where the fit stands. A disk that takes nothing is a reason to warn, not to stop learning."""
         state = {name: tensor.detach().cpu().contiguous() for name, tensor in self._fit.state().items()}
-        facts = {"fingerprint": self._mark, "notes": self.notes, "checksum": _checksum(state, self.notes)}
+        metadata = {
+            "fingerprint": self._fingerprint,
+            "notes": self.notes,
+            "checksum": _checksum(state, self.notes),
+        }
         try:
-            save_tensors(self._path, state, SCHEMA, facts)
+            save_tensors(self._path, state, SCHEMA, metadata)
         except (OSError, SafetensorError, KarfError) as error:
             if self._is_writable:
                 self._warn(f"What is learned cannot be saved on the way, so that a killed job starts anew: {error}.")

@@ -126,6 +126,6 @@ def test_what_led_to_divergence_is_not_resumed(still_life, tmp_path, monkeypatch
         raise Diverged("Nothing is solid.")
 
     monkeypatch.setattr("karf_engine.training.unfinished.INTERVAL", 0.0)
-    monkeypatch.setattr("karf_engine.fields.voxels.fit.Fit._pruned", find_nothing)
+    monkeypatch.setattr("karf_engine.fields.voxels.fit.VoxelFit._pruned", find_nothing)
     assert main(geometry_command(still_life, tmp_path)) == Diverged.exit_code
     assert not Project(tmp_path).unfinished_file("geometry").exists()

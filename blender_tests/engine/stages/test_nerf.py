@@ -90,7 +90,7 @@ def test_the_papers_preset_learns_all_stages_on_a_nerf(project, still_life, tmp_
 
 
 def learn_a_little(still_life, folder, capsys, *more):
-    """The exit code of 120 iterations with a look every 40, and what the terminal was told."""
+    """The exit code of 120 iterations with a preview every 40, and what the terminal was told."""
     settings = (*SMALL, "geometry.nerf.iterations=120", "geometry.nerf.look_every=40", *more)
     command = ["geometry", str(still_life.capture), "--project", str(folder), "--preset", "paper", "--threads", "1"]
     code = main([*command, *(part for text in settings for part in ("--set", text))])
@@ -99,7 +99,7 @@ def learn_a_little(still_life, folder, capsys, *more):
 
 @pytest.fixture
 def killed(still_life, tmp_path, monkeypatch, capsys):
-    """A project whose geometry stage was interrupted after its second look, having saved after every iteration."""
+    """A project whose geometry stage was interrupted after its second preview, having saved after every iteration."""
     monkeypatch.setattr("karf_engine.training.unfinished.INTERVAL", 0.0)
     with monkeypatch.context() as patch:
         patch.setattr("karf_engine.stages.geometry.preview", Mock(side_effect=[None, KeyboardInterrupt]))
@@ -115,7 +115,7 @@ def test_a_killed_job_resumes_where_it_was_last_saved(killed, still_life, capsys
     assert killed.finished("geometry") and not killed.unfinished_file("geometry").exists()
 
 
-def test_a_job_killed_after_its_last_iteration_has_only_to_look(killed, still_life, monkeypatch, capsys):
+def test_a_job_killed_after_its_last_iteration_has_only_to_validate(killed, still_life, monkeypatch, capsys):
     with monkeypatch.context() as patch:
         patch.setattr("karf_engine.stages.geometry.preview", Mock(side_effect=[None, KeyboardInterrupt]))
         assert learn_a_little(still_life, killed.folder, capsys)[0] == Cancelled.exit_code

@@ -243,7 +243,7 @@ def test_a_job_is_cancelled_within_seconds_and_leaves_nothing(tmp_path):
     last = json.loads((tmp_path / "job" / "events.jsonl").read_text().splitlines()[-1])
     assert last["t"] == "cancelled"
     while any(Path(f"/proc/{worker}").exists() for worker in workers):
-        assert time.monotonic() < end, "a child goes on working"
+        assert time.monotonic() < end, "a child keeps working"
         time.sleep(0.05)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["job", "photos"]
 

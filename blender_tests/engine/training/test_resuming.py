@@ -127,8 +127,8 @@ def events():
 @pytest.fixture
 def unfinished(tmp_path, events):
     """The file of a fit, opened anew for each job."""
-    return lambda mark="mark": Unfinished(
-        tmp_path / "unfinished.safetensors", mark, "test", lambda kind, /, **values: events.append(values)
+    return lambda fingerprint="of these inputs": Unfinished(
+        tmp_path / "unfinished.safetensors", fingerprint, "test", lambda kind, /, **values: events.append(values)
     )
 
 
@@ -177,7 +177,9 @@ def rewrite(path, change):
 DAMAGES = {
     "cut off": lambda path: path.write_bytes(path.read_bytes()[:-100]),
     "no such format": lambda path: path.write_bytes(b"nothing"),
-    "an older format": lambda path: save_tensors(path, {}, "karf-unfinished-nerf/1", {"fingerprint": "mark"}),
+    "an older format": lambda path: save_tensors(
+        path, {}, "karf-unfinished-nerf/1", {"fingerprint": "of these inputs"}
+    ),
     "one bit": lambda path: path.write_bytes(path.read_bytes()[:-9] + bytes([path.read_bytes()[-9] ^ 4]) + b"\0" * 8),
     "no facts": lambda path: save_tensors(path, {}, SCHEMA, {}),
     "nothing in it": lambda path: rewrite(path, dict.clear),
@@ -222,7 +224,7 @@ def test_nothing_of_a_damaged_state_is_taken_over(unfinished, tmp_path):
 def test_what_other_inputs_left_is_not_resumed(unfinished, events):
     interrupted(LEARNERS["points"], unfinished)
     progress = Stopwatch()
-    LEARNERS["points"](progress, unfinished("another mark"))
+    LEARNERS["points"](progress, unfinished("another fingerprint"))
     assert progress.begun_at == 0 and not events
 
 
@@ -255,7 +257,7 @@ def test_a_disk_that_takes_nothing_is_a_warning_said_once(unfinished, events, mo
     assert ["No space left" in values["sentence"] for values in events] == [True]
 
 
-def test_progress_goes_on_from_where_it_stood_at_its_own_rate():
+def test_progress_resumes_where_it_stood_at_its_own_rate():
     events = []
     progress = Progress(lambda kind, **values: events.append(values), lambda: False, "test", 1000)
     progress.resume_at(990)

@@ -201,7 +201,7 @@ def start_box_fit(bank: PixelBank, background_kind: str, settings: GeometrySetti
     """A fresh field in a box round the cameras' focus point, with everything in it possible."""
     center, half_width = box_round_focus(bank.cameras, OPAQUE_REACH if background_kind == "opaque" else 0.75)
     n = settings.levels[0].voxels
-    if bank.alpha is not None:  # the mattes tell a tighter box
+    if bank.alpha is not None:  # the mattes allow a tighter box
         center, half_width = _matte_box(bank, center, half_width)
     minimum = (center - half_width).float().to(runtime.device)
     voxel = 2 * half_width / n

@@ -103,7 +103,7 @@ def test_two_runs_of_the_same_seed_are_bit_identical():
     assert first.keys() == second.keys() and all(torch.equal(first[name], second[name]) for name in first)
 
 
-def test_a_look_comes_as_often_as_asked_and_at_the_end():
+def test_scenes_come_as_often_as_asked_and_at_the_end():
     fit = start("black", replace(TINY, iterations=7, look_every=3))
     assert fit.iterations == 7
     steps = [0]
@@ -114,7 +114,7 @@ def test_a_look_comes_as_often_as_asked_and_at_the_end():
     assert steps == [3, 3, 1, 0]
 
 
-def test_the_rate_falls_to_a_tenth_in_the_steps_given_across_looks(monkeypatch):
+def test_the_rate_falls_to_a_tenth_in_the_steps_given_across_scenes(monkeypatch):
     rates = []
 
     def note(course, until, step, schedule, progress, unfinished):

@@ -49,7 +49,7 @@ def recentered(poses):
 
 
 def spherified(poses):
-    """LLFF's spherical placement of recentered poses."""
+    """LLFF's spherical alignment of recentered poses."""
     origins, axes = poses[:, :3, 3:], poses[:, :3, 2:3]
     projectors = np.eye(3) - axes * axes.transpose(0, 2, 1)
     center = np.linalg.solve(projectors.mean(0), (projectors @ origins).mean(0))[:, 0]
