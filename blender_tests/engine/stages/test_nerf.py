@@ -161,7 +161,7 @@ def test_a_nerf_of_another_program_becomes_the_geometry(adopted, checkpoint, sti
     geometry = adopted.finished("geometry")
     assert geometry["space"] == "scaled" and geometry["psnr"] > 20 and geometry["nerf"] == str(checkpoint)
     assert (adopted.folder / "preview.png").exists()
-    # label propagation was made for it
+    # label propagation works on it as on voxels
     judge(rendered(adopted, tmp_path), still_life, 22, 0.75)
 
 
