@@ -10,9 +10,9 @@ import torch
 from torch import Tensor, nn
 
 from ..kan.encoding import positional_encoding
-from ..kan.gated_block import build_head
 from ..kan.standardize import Standardizer
 from ..settings import RecoloringSettings, SegmentationSettings
+from .registry import build_head
 
 
 def scale_positions(positions: Tensor, bounds: Tensor) -> Tensor:

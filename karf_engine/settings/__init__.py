@@ -6,6 +6,8 @@ name, type and range, and raises BadRequest naming the field and the nearest kno
 
 from .presets import PRESETS, preset
 from .stages import (
+    HEAD_KINDS,
+    LAYER_KINDS,
     GeometrySettings,
     HeadSettings,
     Level,
@@ -19,6 +21,8 @@ from .stages import (
 from .values import describe, from_dict, to_dict, with_overrides
 
 __all__ = [
+    "HEAD_KINDS",
+    "LAYER_KINDS",
     "PRESETS",
     "GeometrySettings",
     "HeadSettings",

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+HEAD_KINDS = ["kan", "mlp"]  # heads.registry.register_head adds to it
+LAYER_KINDS = ["grbf", "bspline", "mlp"]  # kan.layers.register_layer adds to it
+
 
 def option(default: Any, help: str, minimum: float | None = None, maximum: float | None = None, choices=()) -> Any:
-    """A dataclass field with its help text, range or choices."""
-    return field(
-        default=default, metadata={"help": help, "minimum": minimum, "maximum": maximum, "choices": tuple(choices)}
-    )
+    """A dataclass field with its help text, range or choices; to a list of choices some may be added later."""
+    return field(default=default, metadata={"help": help, "minimum": minimum, "maximum": maximum, "choices": choices})
 
 
 @dataclass(frozen=True)
@@ -105,8 +106,8 @@ class GeometrySettings:
 class HeadSettings:
     """The network on top of the frozen scene: of both fields alike."""
 
-    head: str = option("kan", "kan: gated KAN block (Eq. 6); mlp: two hidden layers", choices=("kan", "mlp"))
-    layer: str = option("grbf", "Layer of the KAN block", choices=("grbf", "bspline", "mlp"))
+    head: str = option("kan", "kan: gated KAN block (Eq. 6); mlp: two hidden layers", choices=HEAD_KINDS)
+    layer: str = option("grbf", "Layer of the KAN block", choices=LAYER_KINDS)
     variant: str = option("all", "Parts of Eq. 6", choices=("all", "no_residual", "gate", "none"))
     width: int = option(64, "Width of the head", 4, 1024)
     match: str = option(

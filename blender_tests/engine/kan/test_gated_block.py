@@ -1,4 +1,4 @@
-"""The gated block against Equation 6 written out, its switches, its size; encoding, standardizer and plain head."""
+"""The gated block against Equation 6 written out, its switches, its size; encoding and standardizer."""
 
 import math
 
@@ -8,10 +8,9 @@ import torch.nn.functional as F
 
 from karf_engine.errors import BadRequest, DataError
 from karf_engine.kan.encoding import positional_encoding
-from karf_engine.kan.gated_block import HEADS, LAYERS, VARIANTS, GatedBlock, build_head, count_parameters
-from karf_engine.kan.grbf import GRBFLayer, grid_spacing
+from karf_engine.kan.gated_block import VARIANTS, GatedBlock
+from karf_engine.kan.layers import LAYERS
 from karf_engine.kan.standardize import Standardizer
-from karf_engine.settings import HeadSettings
 
 P, D, FEATURES = 63, 27, 256
 
@@ -104,76 +103,11 @@ def test_fresh_full_width_block_starts_near_uniform():
     assert F.softmax(logits, dim=1).max(dim=1).values.mean() < 0.4
 
 
-@pytest.mark.parametrize("kind", HEADS)
-@pytest.mark.parametrize("n_direction", [0, 3])
-def test_both_heads_are_called_alike(kind, n_direction):
-    head = build_head(HeadSettings(head=kind, width=8), 9, n_direction, 7, n_out=4)
-    position, features, direction = small_inputs()
-    assert head(position, features, direction if n_direction else None).shape == (6, 4)
-
-
-def test_plain_head_has_two_hidden_layers():
-    head = build_head(HeadSettings(head="mlp", width=64), P, 0, FEATURES, n_out=2)
-    assert count_without_bandwidths(head) == (319 * 64 + 64) + (64 * 64 + 64) + (64 * 2 + 2)
-
-
-def test_plain_head_output_is_not_rectified():
-    torch.manual_seed(0)
-    assert build_head(HeadSettings(head="mlp", width=8), 9, 3, 7, n_out=4)(*small_inputs()).min() < 0
-
-
-@pytest.mark.parametrize(
-    "choice",
-    [
-        {"head": "mlp"},
-        {"layer": "mlp"},
-        {"layer": "bspline"},
-        {"layer": "mlp", "variant": "none"},
-        {"variant": "none"},
-        {"variant": "none", "centers": 5},
-    ],
-)
-def test_heads_of_equal_parameters_differ_from_the_full_block_by_less_than_one_in_a_hundred(choice):
-    full = count_parameters(build_head(HeadSettings(width=64, centers=choice.get("centers", 8)), 33, 15, 12, n_out=10))
-    same_width = count_parameters(build_head(HeadSettings(width=64, **choice), 33, 15, 12, n_out=10))
-    matched = count_parameters(build_head(HeadSettings(width=64, match="parameters", **choice), 33, 15, 12, n_out=10))
-    assert abs(matched - full) < 0.01 * full < abs(same_width - full)
-
-
-def test_the_full_block_matches_itself():
-    matched = build_head(HeadSettings(width=24, match="parameters"), 33, 15, 12, n_out=10)
-    assert matched.beta.shape == (24,)
-
-
-def gaussian_layers(head):
-    return [module for module in head.modules() if isinstance(module, GRBFLayer)]
-
-
-@pytest.mark.parametrize("bandwidth, expected", [("eq5", 1.0), ("fastkan", math.sqrt(0.5)), ("xkanerf", 1.2374)])
-@pytest.mark.parametrize("learn", [True, False])
-def test_every_layer_of_a_head_starts_at_the_named_bandwidth(bandwidth, expected, learn):
-    head = build_head(HeadSettings(width=8, bandwidth=bandwidth, learn_bandwidth=learn), 9, 3, 7, n_out=4)
-    layers = gaussian_layers(head)
-    assert len(layers) == 4
-    for layer in layers:
-        assert layer.bandwidth().item() == pytest.approx(expected * grid_spacing(8), rel=1e-4)
-        assert isinstance(layer.log_bandwidth, torch.nn.Parameter) == learn
-
-
-def test_the_number_of_centers_is_that_of_every_layer():
-    heads = [build_head(HeadSettings(width=8, centers=n), 9, 3, 7, n_out=4) for n in (8, 5)]
-    assert {layer.n_centers for layer in gaussian_layers(heads[1])} == {5}
-    # one weight an edge and center: K1 19 x 8, K2 and K 8 x 8, H 17 x 4
-    assert count_parameters(heads[0]) - count_parameters(heads[1]) == 3 * (19 * 8 + 2 * 8 * 8 + 17 * 4)
-
-
 def test_unknown_names_are_refused():
     with pytest.raises(BadRequest, match="spline"):
         small_block(layer="spline")
     with pytest.raises(BadRequest, match="half"):
         small_block(variant="half")
-    with pytest.raises(BadRequest, match="cnn"):
-        build_head(HeadSettings(head="cnn"), 9, 3, 7, n_out=4)
 
 
 def test_encoding_keeps_the_input_and_orders_sines_before_cosines():

@@ -162,7 +162,7 @@ def test_a_nerf_of_another_program_becomes_the_geometry(imported, checkpoint, st
     geometry = imported.finished("geometry")
     assert geometry["space"] == "scaled" and geometry["psnr"] > 20 and geometry["nerf"] == str(checkpoint)
     assert (imported.folder / "preview.png").exists()
-    # label propagation was made for it
+    # label propagation works on it as on voxels
     judge(rendered(imported, tmp_path), still_life, 22, 0.75)
 
 

@@ -1,0 +1,179 @@
+"""Heads by name: how they are called, how large they are, what is refused, and one of another file."""
+
+import math
+
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from karf_engine.errors import BadRequest
+from karf_engine.heads import registry
+from karf_engine.heads.fields import SegmentationField
+from karf_engine.heads.files import load_segmentation, save_segmentation
+from karf_engine.heads.registry import HEADS, build_head, register_head
+from karf_engine.kan import GRBFLayer, count_parameters, grid_spacing, layers, register_layer
+from karf_engine.kan.layers import LAYERS
+from karf_engine.settings import (
+    HEAD_KINDS,
+    LAYER_KINDS,
+    HeadSettings,
+    SegmentationSettings,
+    Settings,
+    with_overrides,
+)
+
+P, FEATURES = 63, 256
+
+
+def small_inputs(n=6):
+    generator = torch.Generator().manual_seed(5)
+    return [torch.randn(n, width, generator=generator) for width in (9, 7, 3)]  # position, features, direction
+
+
+@pytest.mark.parametrize("kind", HEADS)
+@pytest.mark.parametrize("n_direction", [0, 3])
+def test_both_heads_are_called_alike(kind, n_direction):
+    head = build_head(HeadSettings(head=kind, width=8), 9, n_direction, 7, n_out=4)
+    position, features, direction = small_inputs()
+    assert head(position, features, direction if n_direction else None).shape == (6, 4)
+
+
+def test_plain_head_has_two_hidden_layers():
+    head = build_head(HeadSettings(head="mlp", width=64), P, 0, FEATURES, n_out=2)
+    assert count_parameters(head) == (319 * 64 + 64) + (64 * 64 + 64) + (64 * 2 + 2)
+
+
+def test_plain_head_output_is_not_rectified():
+    torch.manual_seed(0)
+    assert build_head(HeadSettings(head="mlp", width=8), 9, 3, 7, n_out=4)(*small_inputs()).min() < 0
+
+
+@pytest.mark.parametrize(
+    "choice",
+    [
+        {"head": "mlp"},
+        {"layer": "mlp"},
+        {"layer": "bspline"},
+        {"layer": "mlp", "variant": "none"},
+        {"variant": "none"},
+        {"variant": "none", "centers": 5},
+    ],
+)
+def test_heads_of_equal_parameters_differ_from_the_full_block_by_less_than_one_in_a_hundred(choice):
+    full = count_parameters(build_head(HeadSettings(width=64, centers=choice.get("centers", 8)), 33, 15, 12, n_out=10))
+    same_width = count_parameters(build_head(HeadSettings(width=64, **choice), 33, 15, 12, n_out=10))
+    matched = count_parameters(build_head(HeadSettings(width=64, match="parameters", **choice), 33, 15, 12, n_out=10))
+    assert abs(matched - full) < 0.01 * full < abs(same_width - full)
+
+
+def test_the_full_block_matches_itself():
+    matched = build_head(HeadSettings(width=24, match="parameters"), 33, 15, 12, n_out=10)
+    assert matched.beta.shape == (24,)
+
+
+def gaussian_layers(head):
+    return [module for module in head.modules() if isinstance(module, GRBFLayer)]
+
+
+@pytest.mark.parametrize("bandwidth, expected", [("eq5", 1.0), ("fastkan", math.sqrt(0.5)), ("xkanerf", 1.2374)])
+@pytest.mark.parametrize("learn", [True, False])
+def test_every_layer_of_a_head_starts_at_the_named_bandwidth(bandwidth, expected, learn):
+    head = build_head(HeadSettings(width=8, bandwidth=bandwidth, learn_bandwidth=learn), 9, 3, 7, n_out=4)
+    layers = gaussian_layers(head)
+    assert len(layers) == 4
+    for layer in layers:
+        assert layer.bandwidth().item() == pytest.approx(expected * grid_spacing(8), rel=1e-4)
+        assert isinstance(layer.log_bandwidth, torch.nn.Parameter) == learn
+
+
+def test_the_number_of_centers_is_that_of_every_layer():
+    heads = [build_head(HeadSettings(width=8, centers=n), 9, 3, 7, n_out=4) for n in (8, 5)]
+    assert {layer.n_centers for layer in gaussian_layers(heads[1])} == {5}
+    # one weight an edge and center: K1 19 x 8, K2 and K 8 x 8, H 17 x 4
+    assert count_parameters(heads[0]) - count_parameters(heads[1]) == 3 * (19 * 8 + 2 * 8 * 8 + 17 * 4)
+
+
+def test_settings_know_the_kinds_that_the_engine_brings():
+    assert {"kan", "mlp"} <= set(HEADS) == set(HEAD_KINDS)
+    assert {"grbf", "bspline", "mlp"} <= set(LAYERS) == set(LAYER_KINDS)
+
+
+@pytest.mark.parametrize(("key", "known"), [("head", "kan, mlp"), ("layer", "grbf, bspline, mlp")])
+def test_an_unknown_kind_is_refused_by_the_settings_with_those_that_there_are(key, known):
+    for stage in ("segmentation", "recoloring"):
+        with pytest.raises(BadRequest) as caught:
+            with_overrides(Settings(), [f"{stage}.{key}=cnn"])
+        assert caught.value.sentence == f"{stage}.{key} = 'cnn' is not allowed."
+        assert caught.value.hint.startswith(f"Use one of: {known}")
+
+
+def test_an_unknown_head_is_refused_where_no_settings_were_read():
+    with pytest.raises(BadRequest, match="cnn"):
+        build_head(HeadSettings(head="cnn"), 9, 3, 7, n_out=4)
+
+
+def test_a_name_stands_for_one_kind():
+    with pytest.raises(ValueError, match="kan"):
+        register_head("kan", lambda sizes, settings: torch.nn.Identity())
+    with pytest.raises(ValueError, match="grbf"):
+        register_layer("grbf", lambda n_in, n_out, options: torch.nn.Linear(n_in, n_out))
+
+
+# ------------------------------------------------------------------------------------------------------ one of another file
+@pytest.fixture
+def forgotten(monkeypatch):
+    """Registries that forget after the test what was added to them."""
+    monkeypatch.setattr(registry, "HEADS", dict(HEADS))
+    monkeypatch.setattr(layers, "LAYERS", dict(LAYERS))
+    heads, kinds = HEAD_KINDS[:], LAYER_KINDS[:]
+    yield
+    HEAD_KINDS[:], LAYER_KINDS[:] = heads, kinds
+
+
+@pytest.fixture
+def fourier(forgotten):
+    """The example is imported."""
+    from blender_tests.engine.heads import example_head
+
+    register_head("fourier", example_head.fourier_head)  # once more: another test may have imported it
+    return example_head
+
+
+def test_a_head_of_another_file_is_accepted_by_the_settings_and_built(fourier):
+    settings = with_overrides(Settings(), ["recoloring.head=fourier", "recoloring.width=8"]).recoloring
+    head = build_head(settings, 9, 3, 7, n_out=4)
+    assert isinstance(head, fourier.FourierHead)
+    position, features, direction = small_inputs()
+    assert head(position, features, direction).shape == (6, 4)
+
+
+def test_a_head_of_another_file_matches_the_full_block_in_parameters(fourier):
+    full = count_parameters(build_head(HeadSettings(width=16), 33, 15, 12, n_out=10))
+    matched = build_head(HeadSettings(head="fourier", width=16, match="parameters"), 33, 15, 12, n_out=10)
+    assert count_parameters(matched) == pytest.approx(full, rel=0.01)
+
+
+def test_a_head_of_another_file_learns_is_written_and_read_again(fourier, tmp_path):
+    torch.manual_seed(0)
+    settings = SegmentationSettings(head="fourier", width=32)
+    karf = SegmentationField(torch.tensor([[[-1.0] * 3, [1.0] * 3]]), 4, settings)
+    positions = torch.rand(400, 3) * 2 - 1
+    features = torch.zeros(400, 4)
+    classes = (positions[:, 0] > 0).long()
+    optimizer = torch.optim.Adam(karf.parameters(), lr=0.02)
+    for _ in range(100):
+        loss = torch.nn.functional.cross_entropy(karf.logits(positions, features), classes)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+    assert (karf(positions, features).argmax(1) == classes).float().mean() > 0.95
+    save_segmentation(tmp_path / "f_s.safetensors", karf, ["pot"], settings)
+    again, _ = load_segmentation(tmp_path / "f_s.safetensors", 4)
+    assert torch.equal(again(positions, features), karf(positions, features))
+
+
+def test_a_layer_of_another_file_makes_a_gated_block(forgotten):
+    layers.register_layer("linear", lambda n_in, n_out, options: torch.nn.Linear(n_in, n_out))
+    settings = with_overrides(Settings(), ["segmentation.layer=linear"]).segmentation
+    head = build_head(settings, 9, 0, 7, n_out=4)
+    assert isinstance(head.head, torch.nn.Linear) and isinstance(head.backbone[0], torch.nn.Linear)

@@ -1,0 +1,142 @@
+"""The kinds of heads: networks from encoded positions, prior features and directions to the logits of F_s or F_w.
+
+A new one is one file: a `Head` and a call of `register_head`.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import torch
+from torch import Tensor, nn
+
+from ..errors import BadRequest
+from ..kan.gated_block import GatedBlock, count_parameters
+from ..kan.mlp import MLPHead
+from ..settings import HEAD_KINDS, HeadSettings
+
+WIDEST = 16384
+
+
+class Head(Protocol):
+    """A network on top of the frozen scene, an `nn.Module`. It must be differentiable to its parameters."""
+
+    def __call__(self, position_encoding: Tensor, features: Tensor, direction_encoding: Tensor | None = None) -> Tensor:
+        """Logits of n positions.
+
+        Args:
+            position_encoding: [n, P].
+            features: [n, F] standardized prior features.
+            direction_encoding: [n, D]; None where D = 0, as in F_s.
+
+        Returns:
+            [n, n_out].
+        """
+
+
+@dataclass(frozen=True)
+class HeadSizes:
+    """Widths of what a head reads and gives.
+
+    Attributes:
+        n_position: P, of the encoded positions.
+        n_direction: D, of the encoded viewing directions; 0 without.
+        n_features: F, of the prior features.
+        n_out: number of logits.
+    """
+
+    n_position: int
+    n_direction: int
+    n_features: int
+    n_out: int
+
+
+HeadBuilder = Callable[[HeadSizes, HeadSettings], Head]
+
+HEADS: dict[str, HeadBuilder] = {}
+
+
+def register_head(name: str, build: HeadBuilder) -> None:
+    """Make a kind of head known: to the settings `segmentation.head` and `recoloring.head`, and to `build_head`.
+
+    Args:
+        name: of the kind.
+        build: a fresh head of these sizes; it reads of the settings what concerns it, `width` above all.
+
+    Raises:
+        ValueError: another kind has this name.
+    """
+    if HEADS.setdefault(name, build) is not build:
+        raise ValueError(f"There is another kind of head {name!r}.")
+    if name not in HEAD_KINDS:
+        HEAD_KINDS.append(name)
+
+
+def build_head(settings: HeadSettings, n_position: int, n_direction: int, n_features: int, n_out: int) -> Head:
+    """A fresh head as the settings describe it.
+
+    With `match="parameters"` its width is the one whose parameters are nearest in number to those of the full block of
+    Gaussian layers that is `settings.width` wide.
+
+    Args:
+        settings: kind, width, and what that kind reads of them.
+        n_position: see `HeadSizes`, also for the others.
+        n_direction: 0 without directions.
+        n_features: number of prior features.
+        n_out: number of logits.
+
+    Raises:
+        BadRequest: the kind of head or layer is not registered, or a layer refuses its settings.
+    """
+    sizes = HeadSizes(n_position, n_direction, n_features, n_out)
+    if settings.match == "parameters":
+        full = replace(settings, head="kan", layer="grbf", variant="all")
+        settings = replace(settings, width=_matched_width(settings, sizes, _n_parameters(full, sizes)))
+    return _build(settings, sizes)
+
+
+def _build(settings: HeadSettings, sizes: HeadSizes) -> Head:
+    if settings.head not in HEADS:
+        raise BadRequest(f"The head '{settings.head}' is unknown.", f"Use one of {', '.join(HEADS)}.")
+    return HEADS[settings.head](sizes, settings)
+
+
+def _n_parameters(settings: HeadSettings, sizes: HeadSizes) -> int:
+    with torch.device("meta"):  # shapes without memory
+        return count_parameters(_build(settings, sizes))
+
+
+def _matched_width(settings: HeadSettings, sizes: HeadSizes, wanted: int) -> int:
+    """The width whose parameters are nearest in number to `wanted`; the number grows with the width."""
+
+    def count(width: int) -> int:
+        return _n_parameters(replace(settings, width=width), sizes)
+
+    above = bisect_left(range(WIDEST), wanted, lo=2, key=count)
+    return min(above - 1, above, key=lambda width: abs(count(width) - wanted))
+
+
+def _gated_block(sizes: HeadSizes, settings: HeadSettings) -> nn.Module:
+    return GatedBlock(
+        sizes.n_position,
+        sizes.n_direction,
+        sizes.n_features,
+        sizes.n_out,
+        settings.width,
+        settings.layer,
+        settings.variant,
+        settings.centers,
+        settings.bandwidth,
+        settings.learn_bandwidth,
+    )
+
+
+def _plain(sizes: HeadSizes, settings: HeadSettings) -> nn.Module:
+    return MLPHead(sizes.n_position, sizes.n_direction, sizes.n_features, sizes.n_out, settings.width)
+
+
+register_head("kan", _gated_block)
+register_head("mlp", _plain)

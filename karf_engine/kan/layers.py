@@ -1,0 +1,92 @@
+"""The kinds of layers by name. A new one is a module from [n, n_in] to [n, n_out] and a call of `register_layer`."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from torch import nn
+
+from ..errors import BadRequest
+from ..settings import LAYER_KINDS
+from .bspline import BSplineLayer
+from .grbf import GRBFLayer
+from .mlp import MLPLayer
+
+
+@dataclass(frozen=True)
+class LayerOptions:
+    """What may be asked of a layer; each kind takes what concerns it.
+
+    Attributes:
+        n_centers: N of Eq. 5, 2 to 8; of `grbf`.
+        bandwidth: h of Eq. 5 at the start, see `resolve_bandwidth`; of `grbf`.
+        learn_bandwidth: whether h is trained; of `grbf`.
+        is_output: whether it is a network's last layer, whose outputs may have any sign; of `mlp`.
+    """
+
+    n_centers: int = 8
+    bandwidth: str | float = "eq5"
+    learn_bandwidth: bool = True
+    is_output: bool = False
+
+
+LayerBuilder = Callable[[int, int, LayerOptions], nn.Module]  # of n_in, n_out and options
+
+LAYERS: dict[str, LayerBuilder] = {}
+
+
+def register_layer(name: str, build: LayerBuilder) -> None:
+    """Make a kind of layer known: to `GatedBlock`, and to the settings `segmentation.layer` and `recoloring.layer`.
+
+    Args:
+        name: of the kind.
+        build: returns the layer for n_in, n_out and options.
+
+    Raises:
+        ValueError: another kind has this name.
+
+    Example:
+        >>> register_layer("linear", lambda n_in, n_out, options: nn.Linear(n_in, n_out))  # doctest: +SKIP
+        >>> block = GatedBlock(33, 0, 12, n_out=4, layer="linear")  # doctest: +SKIP
+    """
+    if LAYERS.setdefault(name, build) is not build:
+        raise ValueError(f"There is another kind of layer {name!r}.")
+    if name not in LAYER_KINDS:
+        LAYER_KINDS.append(name)
+
+
+def build_layer(kind: str, n_in: int, n_out: int, options: LayerOptions | None = None) -> nn.Module:
+    """Return a layer of a registered kind.
+
+    Args:
+        kind: `grbf`, `bspline`, `mlp`, or another that is registered.
+        n_in: width of the inputs.
+        n_out: width of the outputs.
+        options: what is asked of it; the defaults where left out.
+
+    Raises:
+        BadRequest: the kind is not registered, or the layer refuses the options.
+
+    Example:
+        >>> build_layer("mlp", 3, 2, LayerOptions(is_output=True)).linear
+        Linear(in_features=3, out_features=2, bias=True)
+    """
+    if kind not in LAYERS:
+        raise BadRequest(f"The layer '{kind}' is unknown.", f"Use one of {', '.join(LAYERS)}.")
+    return LAYERS[kind](n_in, n_out, options or LayerOptions())
+
+
+def _grbf(n_in: int, n_out: int, options: LayerOptions) -> nn.Module:
+    return GRBFLayer(n_in, n_out, options.n_centers, options.bandwidth, options.learn_bandwidth)
+
+
+def _bspline(n_in: int, n_out: int, options: LayerOptions) -> nn.Module:
+    return BSplineLayer(n_in, n_out)
+
+
+def _mlp(n_in: int, n_out: int, options: LayerOptions) -> nn.Module:
+    return MLPLayer(n_in, n_out, options.is_output)
+
+
+register_layer("grbf", _grbf)
+register_layer("bspline", _bspline)
+register_layer("mlp", _mlp)
