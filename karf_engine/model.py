@@ -26,8 +26,8 @@ from .locking import consistent, opened
 from .palette.star_weights import palette_weights_of_image
 from .plates import Plate, load_views
 from .project import Project
-from .project_contents import capture_of, settings_for
-from .project_edit import ProjectEdit, edit_of
+from .project.contents import capture_of, settings_for
+from .project.edit import ProjectEdit, edit_of
 from .runtime import find_device
 
 BASES = {"delta": "photo", "paper": "render"}  # what an edit of a captured view changes, where nothing is said

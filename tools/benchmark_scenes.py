@@ -36,7 +36,7 @@ from karf_engine.images import write_png
 from karf_engine.metrics.images import mse_outside
 from karf_engine.progress import TerminalEmit
 from karf_engine.project import Project
-from karf_engine.project_edit import solve
+from karf_engine.project.edit import solve
 from karf_engine.settings import PRESETS
 from karf_engine.stages.dispatch import run_request
 from karf_engine.stages.job import Job

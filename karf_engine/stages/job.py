@@ -18,7 +18,7 @@ from ..locking import consistent, opened, writing
 from ..plates import Plate, load_views
 from ..progress import Emit, Progress, peak_memory_bytes
 from ..project import STAGE_ORDER, Project
-from ..project_contents import capture_of, settings_for
+from ..project.contents import capture_of, settings_for
 from ..runtime import Runtime, start_runtime
 from ..settings import Settings
 from ..training.unfinished import Unfinished

@@ -11,7 +11,7 @@ from pathlib import Path
 from ..errors import BadRequest
 from ..locking import opened
 from ..progress import Emit
-from ..project_edit import edit_of
+from ..project.edit import edit_of
 from ..wire import Request
 
 

@@ -22,7 +22,7 @@ from karf_engine.edit.compositing import stack_palettes
 from karf_engine.heads.rendering import ObjectSamples, object_samples
 from karf_engine.model import Model
 from karf_engine.progress import TerminalEmit
-from karf_engine.project_edit import solve
+from karf_engine.project.edit import solve
 from karf_engine.stages.dispatch import run_request
 from karf_engine.stages.job import Job
 from karf_engine.wire import Request

@@ -194,7 +194,7 @@ def test_a_disk_that_fills_up_in_a_commit_leaves_the_project_as_it_was(project, 
         path.write_text(json.dumps(content))
 
     with monkeypatch.context() as patch, pytest.raises(OSError, match="No space"):
-        patch.setattr("karf_engine.project_state.write_json", full)
+        patch.setattr("karf_engine.project.state.write_json", full)
         commit(project, "geometry", geometry_safetensors="new")
     project.recover()
     assert project.state() == before and project.is_intact("geometry")

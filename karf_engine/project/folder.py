@@ -28,9 +28,9 @@ import time
 from pathlib import Path
 from typing import Any
 
-from .errors import BadRequest, DataError
-from .files import checksum, remove_temporaries
-from .project_state import STAGE_ORDER, new_state, read_state, without_stage, write_state
+from ..errors import BadRequest, DataError
+from ..files import checksum, remove_temporaries
+from .state import STAGE_ORDER, new_state, read_state, without_stage, write_state
 
 
 class Project:
@@ -46,7 +46,7 @@ class Project:
     # --- names -----------------------------------------------------------------------------------------------------
     @property
     def state_file(self) -> Path:
-        """Schema, capture, settings, and what each stage finished; see `project_state`."""
+        """Schema, capture, settings, and what each stage finished; see `project.state`."""
         return self.folder / "project.json"
 
     @property
@@ -147,7 +147,7 @@ class Project:
         write_state(self.state_file, new_state(capture))
 
     def state(self) -> dict[str, Any]:
-        """The content of project.json (see `project_state`).
+        """The content of project.json (see `project.state`).
 
         Raises:
             DataError: The folder is no project, a newer one, or its project.json is damaged.

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from . import settings as settings_module
-from .capture.capture import Capture, capture_from_json
-from .errors import BadRequest
-from .files import read_json
-from .project import STAGE_ORDER, Project
-from .settings import Settings
+from .. import settings as settings_module
+from ..capture.capture import Capture, capture_from_json
+from ..errors import BadRequest
+from ..files import read_json
+from ..settings import Settings
+from .folder import Project
+from .state import STAGE_ORDER
 
 
 def capture_of(project: Project) -> Capture:

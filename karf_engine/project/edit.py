@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from .edit.becomes import match_becomes, match_fewest, nearest_weights
-from .edit.object_colors import read_object_colors
-from .edit.palette import BRIGHTEST, Edit, Palette, hex_to_rgb, read_edit, read_palettes, write_edit
-from .errors import BadRequest
-from .project import Project
-from .settings import from_dict
+from ..edit.becomes import match_becomes, match_fewest, nearest_weights
+from ..edit.object_colors import read_object_colors
+from ..edit.palette import BRIGHTEST, Edit, Palette, hex_to_rgb, read_edit, read_palettes, write_edit
+from ..errors import BadRequest
+from ..settings import from_dict
+from .folder import Project
 
 RULES = ("becomes", "fewest")
 Color = str | Sequence[float] | np.ndarray  # #rrggbb, or three sRGB numbers from 0 to 1
