@@ -34,7 +34,15 @@ def focus_point(cameras: list[Camera]) -> Tensor:
 
 
 def box_round_focus(cameras: list[Camera], reach: float) -> tuple[Tensor, float]:
-    """Center [3] and half-width of the first grid: `reach` times what a typical camera sees at the focus point."""
+    """A cube round the cameras' focus point.
+
+    Args:
+        cameras: At least one.
+        reach: Half-width in units of what a typical camera sees, from the picture's middle to its wider edge, there.
+
+    Returns:
+        Center [3] float64 and half-width, world units.
+    """
     center = focus_point(cameras)
     half_widths = [
         float(torch.linalg.norm(torch.from_numpy(c.position) - center)) * max(c.width / c.fx, c.height / c.fy) / 2
@@ -44,7 +52,7 @@ def box_round_focus(cameras: list[Camera], reach: float) -> tuple[Tensor, float]
 
 
 def middle_pose(cameras: list[Camera]) -> np.ndarray:
-    """Camera to world [4, 4] of a camera amid all, turned as they are on average (LLFF's recentering)."""
+    """Camera to world [4, 4] of a camera amid all, oriented as they are on average (LLFF's recentering)."""
     poses = np.stack([camera.camera_to_world for camera in cameras])
     back = poses[:, :3, 2].mean(0)
     right = np.cross(poses[:, :3, 1].mean(0), back)
@@ -57,7 +65,12 @@ def middle_pose(cameras: list[Camera]) -> np.ndarray:
 
 
 def nearest_depth(views: list[View], points: SparsePoints | None) -> float | None:
-    """Depth of the nearest thing before any camera, world units: as declared, else of its sparse points, else None."""
+    """Depth of the nearest thing before any camera, world units: as declared, else of its sparse points, else None.
+
+    Args:
+        views: With depth bounds where the capture declares them.
+        points: As these views observe them. The nearest NEAREST of a camera's points are taken for mistakes.
+    """
     declared = [view.depth_bounds[0] for view in views if view.depth_bounds]
     return min(declared or _point_depths(views, points, NEAREST), default=None)
 

@@ -22,7 +22,17 @@ NEAR = 0.1  # mean camera distances; nothing is looked for nearer to a camera
 
 
 def choose_space(kind: str, views: list[View], points: SparsePoints | None, settings: GeometrySettings) -> str:
-    """box, contraction or frustum, for photos with this background: as set, or what suits cameras and points."""
+    """The space that suits cameras and points, unless the settings name one.
+
+    Args:
+        kind: Of the photos' background: alpha, black, white or opaque.
+        views: The training views.
+        points: As these views observe them, or None.
+        settings: `settings.space` is `auto`, or the answer.
+
+    Returns:
+        box, contraction or frustum.
+    """
     if settings.space != "auto":
         return settings.space
     if kind != "opaque":
@@ -45,7 +55,11 @@ def contraction_round_focus(cameras: list[Camera], recipe: OpenSettings) -> Cont
 
 
 def middle_frustum(views: list[View], points: SparsePoints | None) -> Frustum:
-    """The frustum of a camera amid all, turned as they are on average."""
+    """The frustum of a camera amid all, oriented as they are on average.
+
+    Raises:
+        BadRequest: How near the scene is is not known.
+    """
     cameras = [view.camera for view in views]
     near = nearest_depth(views, points)
     if near is None:
@@ -59,7 +73,7 @@ def middle_frustum(views: list[View], points: SparsePoints | None) -> Frustum:
 
 
 def similarity(scale: float, world_to_grid: np.ndarray, center: np.ndarray) -> Similarity:
-    """The space in whose origin `center` [3] lies, turned by a rotation [3, 3] and scaled."""
+    """The space in whose origin `center` [3] lies, rotated by [3, 3] and scaled."""
     matrix = np.eye(4)
     matrix[:3, :3] = scale * world_to_grid
     matrix[:3, 3] = -scale * world_to_grid @ center

@@ -33,7 +33,7 @@ class NerfFit:
     """A `Fit` (see fields/fit.py) of both networks."""
 
     def __init__(self, bank: PixelBank, kind: str, settings: NerfSettings, runtime: Runtime, field: NerfField) -> None:
-        self.bank, self.kind, self.settings, self.runtime, self.field = bank, kind, settings, runtime, field
+        self.bank, self.background_kind, self.settings, self.runtime, self.field = bank, kind, settings, runtime, field
         self._white = kind in ("alpha", "white")
         self._noise = settings.density_noise if field.space.is_forward_facing else 0.0
         self._crop = 0 if kind == "opaque" else settings.crop_iterations
@@ -60,7 +60,7 @@ class NerfFit:
             train(self._course, until, self._step, self._decay, progress, unfinished)
             field.bounds = surface_bounds(field, self.bank.rays(self.bank.draw(MEASURED_RAYS, self.runtime)))
             self._yielded = until
-            yield Scene(field, None, self.kind, 1.0)
+            yield Scene(field, None, self.background_kind, 1.0)
 
     def state(self) -> dict[str, Tensor]:
         """All that resuming takes."""

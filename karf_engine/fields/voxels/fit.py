@@ -47,13 +47,16 @@ class Part:
 
 
 class VoxelFit:
-    """A `Fit` (see fields/fit.py): the field, what is behind it, and what they learn from. Subclasses say what the loss is.
+    """A `Fit` (see fields/fit.py): the field, what is behind it, and what they learn from. Subclasses define the loss.
 
-    recipe: the levels with their rates and limits. cuts: shares of a level's iterations after which it is pruned again.
-    first_share: of the samples that the first level takes: in its fog each of them is seen. kind: of background.
+    Attributes:
+        background_kind: alpha, black, white or opaque.
+        cuts: Shares of a level's iterations after which it is pruned again.
+        first_share: Of the samples that the first level takes: in its fog each of them is seen.
+        recipe: The levels with their rates and limits.
     """
 
-    kind: str
+    background_kind: str
     cuts: tuple[float, ...] = ()
     first_share = 1.0
 
@@ -94,7 +97,7 @@ class VoxelFit:
             self._train(part, progress, unfinished)
             level = self.recipe.levels[part.level]
             if part.before + part.iterations == level.iterations:
-                yield Scene(self.field, self.background, self.kind, level.step)
+                yield Scene(self.field, self.background, self.background_kind, level.step)
 
     def state(self) -> dict[str, Tensor]:
         """All that resuming takes, once the fit has begun."""

@@ -98,7 +98,7 @@ class BoxFit(VoxelFit):
     ) -> None:
         background = Background().to(runtime.device) if background_kind == "opaque" else None
         super().__init__(bank, settings, runtime, field, background)
-        self.kind = background_kind
+        self.background_kind = background_kind
         self._first_voxel = field.voxel
         self._support = BackgroundSupport(runtime.device)  # learned from the second level on
 
@@ -129,10 +129,10 @@ class BoxFit(VoxelFit):
     def _behind(self, number: int, index: Tensor, rays: Rays, rendering: Rendering) -> Tensor:
         """The color behind the ray of each pixel, [R, 3]."""
         n_rays = len(rays)
-        if self.kind == "alpha":
+        if self.background_kind == "alpha":
             return self.runtime.rand(n_rays, 3)
         if self.background is None:
-            plain = torch.full((n_rays, 3), 1.0 if self.kind == "white" else 0.0, device=self.runtime.device)
+            plain = torch.full((n_rays, 3), 1.0 if self.background_kind == "white" else 0.0, device=self.runtime.device)
             return torch.where(self.bank.solid[index, None], self.runtime.rand(n_rays, 3), plain)
         color = self.background(rays.viewdirs)
         if number == 0:

@@ -36,7 +36,7 @@ class OpenFit(VoxelFit):
     """The fit of open space. observations may be empty."""
 
     cuts = (1 / 4, 1 / 2)
-    kind = "opaque"
+    background_kind = "opaque"
 
     def __init__(
         self, bank: PixelBank, settings: OpenSettings, runtime: Runtime, field: VoxelField, observations: Observations
@@ -76,8 +76,8 @@ class OpenFit(VoxelFit):
         error = ((color + remainder[:, None] * runtime.rand(n_rays, 3) - bank.color[index].float() / 255) ** 2).mean()
 
         size = self._grid_size
-        distorted = distortion(ray_weights, samples.distances / size, samples.step / size, samples.ray_indices)
-        loss = error + settings.distortion * distorted / n_rays + settings.transparency * remainder.mean()
+        distortion_sum = distortion(ray_weights, samples.distances / size, samples.step / size, samples.ray_indices)
+        loss = error + settings.distortion * distortion_sum / n_rays + settings.transparency * remainder.mean()
         for table in (field.raw_density, field.feature_table):
             loss = loss + settings.total_variation * self._total_variation(table)
         if n_observed:
