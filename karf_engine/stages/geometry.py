@@ -35,7 +35,7 @@ from ..poses.triangulation import triangulate
 from ..progress import Emit
 from ..rendering.rays import PixelBank
 from ..wire import Request
-from .job import Job, StageRun, file_mark, make_job, run_stage
+from .job import Job, StageRun, file_digest, make_job, run_stage
 
 VERSION = 1
 VALIDATION_VIEWS = 8
@@ -73,7 +73,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool], capture: 
         if nerf is None:
             scene = learn(job, capture, run)
         else:
-            scene = import_scene(job, capture, nerf, networks, run.facts)
+            scene = import_scene(job, capture, nerf, networks, run.summary)
         write_json(run.output(project.capture_file), capture_to_json(capture))
         save_scene(scene, run.output(project.geometry_file))
     job.artifact("geometry", project.geometry_file)
@@ -81,7 +81,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool], capture: 
 
 def _inputs(capture: Capture, nerf: Path | None) -> list:
     """What the geometry is learned from, as JSON values."""
-    inputs = [capture_to_json(capture), [file_mark(view.image) for view in capture.views]]
+    inputs = [capture_to_json(capture), [file_digest(view.image) for view in capture.views]]
     if capture.points is not None:
         inputs.append(hashlib.sha256(capture.points.positions.tobytes() + capture.points.point.tobytes()).hexdigest())
     if nerf is not None:
@@ -108,12 +108,12 @@ def learn(job: Job, capture: Capture, run: StageRun) -> Scene:
         preview(job, scene, plates[0])
         if held_out is not None:
             validate(job, scene, held_out, scores)
-    run.facts.update(background=kind, space=space, **scene.field.summary(), held_out=scores)
+    run.summary.update(background=kind, space=space, **scene.field.summary(), held_out=scores)
     return scene
 
 
 def import_scene(
-    job: Job, capture: Capture, path: Path, networks: tuple[NerfNetwork, NerfNetwork], facts: dict
+    job: Job, capture: Capture, path: Path, networks: tuple[NerfNetwork, NerfNetwork], summary: dict
 ) -> Scene:
     """The scene of a NeRF that another program has trained, once it has been seen to show some training photos."""
     views = capture.split("train")
@@ -127,8 +127,8 @@ def import_scene(
     )
     job.emit("stage", name="geometry", text=f"{path.name} is placed {alignment!r} and shows them at {psnr:.1f} dB")
     preview(job, scene, plates[0])
-    facts |= {"background": scene.background_kind, "space": alignment, **scene.field.summary()}
-    facts |= {"nerf": str(path), "psnr": round(psnr, 2)}
+    summary |= {"background": scene.background_kind, "space": alignment, **scene.field.summary()}
+    summary |= {"nerf": str(path), "psnr": round(psnr, 2)}
     return scene
 
 

@@ -58,11 +58,11 @@ class Job:
 
 @dataclass(frozen=True)
 class StageRun:
-    """A stage at work. unfinished: what its fit has learned so far. facts: its figures, noted when it is finished."""
+    """A stage at work. unfinished: what its fit has learned so far. summary: its figures, noted when it is finished."""
 
     unfinished: Unfinished
     _outputs: Path
-    facts: dict[str, Any] = field(default_factory=dict)
+    summary: dict[str, Any] = field(default_factory=dict)
 
     def output(self, path: Path) -> Path:
         """Where to write what shall be this file or folder of the project, once all of the stage's outputs are there."""
@@ -88,7 +88,7 @@ def fingerprint(*parts: Any) -> str:
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def file_mark(path: Path) -> list:
+def file_digest(path: Path) -> list:
     """What tells a file from another one in its place: its size, and a hash of its content.
 
     Of a file over 1 MiB, its first and last 256 KiB: whoever takes another picture changes these.
@@ -124,20 +124,20 @@ def run_stage(job: Job, stage: str, version: int, *inputs: Any) -> Iterator[Stag
     """
     project = job.project
     with writing(project):
-        mark = stage_fingerprint(job, stage, version, *inputs)
+        own = stage_fingerprint(job, stage, version, *inputs)
         done = project.finished(stage)
-        if done is not None and done["fingerprint"] == mark and project.is_intact(stage):
+        if done is not None and done["fingerprint"] == own and project.is_intact(stage):
             job.emit("stage", name=stage, text="already done")
             yield None
             return
         job.emit("stage", name=stage)
         start = time.perf_counter()
-        run = StageRun(Unfinished(project.unfinished_file(stage), mark, stage, job.emit), project.outputs_folder)
+        run = StageRun(Unfinished(project.unfinished_file(stage), own, stage, job.emit), project.outputs_folder)
         try:
             yield run
-            figures = {"seconds": round(time.perf_counter() - start, 2), "peak_memory": peak_memory_bytes()}
+            cost = {"seconds": round(time.perf_counter() - start, 2), "peak_memory": peak_memory_bytes()}
             with consistent(project):
-                project.commit(stage, mark, settings_module.to_dict(job.settings), **figures, **run.facts)
+                project.commit(stage, own, settings_module.to_dict(job.settings), **cost, **run.summary)
             run.unfinished.remove()
         except Diverged:
             run.unfinished.remove()  # what led there leads there again

@@ -27,5 +27,5 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         palettes = extract_palettes(objects, pixels, job.settings.palette, job.settings.seed)
         write_palettes(run.output(job.project.palette_file), palettes, job.settings.palette.shared)
         write_object_colors(run.output(job.project.object_colors_file), color_histograms(palettes, pixels))
-        run.facts["colors"] = {palette.name: len(palette.colors) for palette in palettes}
+        run.summary["colors"] = {palette.name: len(palette.colors) for palette in palettes}
     job.artifact("palette", job.project.palette_file)

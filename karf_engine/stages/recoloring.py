@@ -63,7 +63,7 @@ def _write_palettes(
     write_palettes(run.output(job.project.palette_file), palettes, job.settings.palette.shared, initial)
     write_object_colors(run.output(job.project.object_colors_file), color_histograms(palettes, pixels))
     moved = [float(np.abs(a.colors - b.colors).max()) for a, b in zip(palettes, initial, strict=True)]
-    run.facts["palette_moved"] = round(max(moved), 4)
+    run.summary["palette_moved"] = round(max(moved), 4)
 
 
 def rays_of(job: Job, field: Field, surface: ObjectSurface, blocks: Sequence[Palette]) -> ObjectRays:

@@ -84,4 +84,4 @@ def _write(
     save_segmentation(run.output(job.project.segmentation_file), karf, objects, settings)
     save_surface(run.output(job.project.surface_file), object_surface(cached, probabilities), objects, settings)
     report_of(cached, surface.labels, probabilities).write(run.output(job.project.segmentation_report))
-    run.facts["objects"] = objects
+    run.summary["objects"] = objects
