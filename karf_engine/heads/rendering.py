@@ -1,4 +1,4 @@
-"""Rendering the two KaRF fields along the rays of a frozen scene (paper, Eq. 8): classes of F_s, palette weights of F_w.
+"""Rendering the two KaRF fields along the rays of a frozen scene (paper, Eq. 8): classes and palette weights.
 
 Because density is frozen, a ray's samples are cached once (rendering.surface_cache) and the fields asked only there.
 """
@@ -103,7 +103,7 @@ def object_samples(segmentation: SegmentationField, scene_field: Field, cache: S
 
 @torch.no_grad()
 def weigh_cache(recoloring: RecoloringField, samples: ObjectSamples, cache: SurfaceCache) -> Tensor:
-    """Edit planes of all cached rays, sum_i omega_i s_i^k w_ij of every object k and palette entry j (Eq. 9 on top of 8).
+    """Edit planes of all cached rays: sum_i omega_i s_i^k w_ij of every object k and palette entry j (Eq. 8 and 9).
 
     Class and weights are multiplied sample by sample: at a silhouette the samples behind the object have no influence.
     Not differentiable; `render_weights` is.

@@ -249,8 +249,8 @@ class GRBFLayer(nn.Module):
         n_out: width of the outputs.
         n_centers: N of Eq. 5, 2 to 8.
         bandwidth: h of Eq. 5 at the start, one for the whole layer; see `resolve_bandwidth`.
-        learn_bandwidth: its logarithm, `log_bandwidth`, is a trainable number, clamped to 0.35 to 2 spacings; past a limit
-            its gradient is zero. Otherwise it is a buffer.
+        learn_bandwidth: its logarithm, `log_bandwidth`, is a trainable number, clamped to 0.35 to 2 spacings; past a
+            limit its gradient is zero. Otherwise it is a buffer.
 
     Raises:
         BadRequest: n_centers is out of range, or `resolve_bandwidth` refuses the bandwidth.

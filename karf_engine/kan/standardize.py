@@ -12,8 +12,8 @@ _CONSTANT_CHANNEL = 1e-6
 class Standardizer(nn.Module):
     """Map features [n, F] to zero mean and unit standard deviation per channel, as measured once by `fit`.
 
-    `mean` and `std` [F] are buffers: never trained, saved with the head. Before `fit` it is the identity. Differentiable
-    to the features.
+    `mean` and `std` [F] are buffers: never trained, saved with the head. Before `fit` it is the identity.
+    Differentiable to the features.
 
     Args:
         n_features: F.

@@ -47,8 +47,8 @@ def extract_palette(
             to n_max whose hull leaves the pixels at most `tolerance` outside.
         tolerance: RMS distance in units of color.
         n_max: at least 2.
-        support: [c] number of views in which each cell occurs; where any occurs in 3 or more, cells seen in one are spill
-            and are left out.
+        support: [c] number of views in which each cell occurs; where any occurs in 3 or more, cells seen in one are
+            spill and are left out.
 
     Returns:
         [M, 3] float32 sRGB in [0, 1]: black first, then the others, most used first.

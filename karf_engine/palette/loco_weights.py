@@ -1,5 +1,6 @@
-"""Palette weights of an object's pixels in one photo, as LoCoPalettes has them (Chao, Klein, Tan, Echevarria, Gingold 2023, after Tan,
-Echevarria and Gingold 2018): two levels, by place as well as by color.
+"""Palette weights of an object's pixels in one photo, as LoCoPalettes has them: by place as well as by color.
+
+Two levels (Chao, Klein, Tan, Echevarria, Gingold 2023, after Tan, Echevarria, Gingold 2018).
 
 First a pixel is a mix of a few pixels, corners of a simplex in color and place (RGBXY); then each of these is a mix of
 the palette (`star_weights`). Nearby pixels of like color get like weights; the same color elsewhere may get others.
@@ -88,7 +89,7 @@ def _principal(points: np.ndarray) -> np.ndarray:
 
 
 def _mixes(tessellation: Delaunay, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of the points [n, d] that lie in a simplex: their rows [p], its corners [p, d + 1] and their shares [p, d + 1]."""
+    """Of the points [n, d] in a simplex: their rows [p], its corners [p, d + 1] and their shares [p, d + 1]."""
     simplex = tessellation.find_simplex(points)
     rows = np.flatnonzero(simplex >= 0)
     transform = tessellation.transform[simplex[rows]]
