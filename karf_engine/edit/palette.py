@@ -62,7 +62,7 @@ def read_palettes(path: Path, which: str = "colors", objects: Sequence[str] | No
     Args:
         path: the file.
         which: `colors`, as learned, or `initial`, as extracted.
-        objects: names of the objects whose palettes these must be, in this order; None to take what is there.
+        objects: names of the segmented objects, whose palettes these must be, in this order; None to take what is there.
 
     Raises:
         DataError: the file is damaged, or holds palettes of other objects.
