@@ -16,7 +16,15 @@ from .registry import build_head
 
 
 def scale_positions(positions: Tensor, bounds: Tensor) -> Tensor:
-    """Positions [n, 3], grid coordinates, so that the box bounds [2, 3] becomes [-1, 1] along its longest side."""
+    """Move and scale positions so that a box becomes [-1, 1] along its longest side.
+
+    Args:
+        positions: [n, 3] grid coordinates.
+        bounds: [2, 3] least and greatest corner of the box.
+
+    Returns:
+        [n, 3].
+    """
     center = bounds.mean(0)
     half = (bounds[1] - bounds[0]).max() / 2
     return (positions - center) / half
@@ -25,7 +33,11 @@ def scale_positions(positions: Tensor, bounds: Tensor) -> Tensor:
 class SegmentationField(nn.Module):
     """F_s of Eq. 7: probabilities of K + 1 classes at positions; class 0 is the background.
 
-    boxes: [K, 2, 3] round the objects, grid coordinates; outside its box an object has probability 0.
+    Args:
+        boxes: [K, 2, 3] round the objects, least and greatest corners, grid coordinates; outside its box an object has
+            probability 0.
+        n_features: F, prior features of the scene's field.
+        settings: octaves of the encoding, and the head.
     """
 
     def __init__(self, boxes: Tensor, n_features: int, settings: SegmentationSettings) -> None:
@@ -47,7 +59,15 @@ class SegmentationField(nn.Module):
         return ((point >= self.boxes[:, 0]) & (point <= self.boxes[:, 1])).all(-1)
 
     def forward(self, positions: Tensor, prior_features: Tensor) -> Tensor:
-        """Probabilities [n, K+1], rows sum to 1."""
+        """Class probabilities, differentiable to the parameters; boxes cut off without a gradient.
+
+        Args:
+            positions: [n, 3] grid coordinates.
+            prior_features: [n, F] as the field gives them.
+
+        Returns:
+            [n, K+1]; rows sum to 1.
+        """
         logits = self.logits(positions, prior_features)
         barred = torch.zeros_like(logits)
         barred[:, 1:] = torch.where(self.inside(positions), 0.0, -torch.inf)
@@ -57,8 +77,12 @@ class SegmentationField(nn.Module):
 class RecoloringField(nn.Module):
     """F_w of Eq. 10: palette weights at positions seen from directions, one block of M entries for each palette.
 
-    sizes: colors of each palette, black included; M is the largest, and entries beyond a palette's size get weight 0.
-    A shared palette is one block that serves every object.
+    Args:
+        bounds: [2, 3] of F_s, grid coordinates.
+        n_features: F, prior features of the scene's field.
+        sizes: number of colors of each palette, black included; M is the largest, and entries beyond a palette's size
+            get weight 0. A shared palette is one block that serves every object.
+        settings: octaves of the encodings, and the head.
     """
 
     def __init__(self, bounds: Tensor, n_features: int, sizes: list[int], settings: RecoloringSettings) -> None:
@@ -79,7 +103,16 @@ class RecoloringField(nn.Module):
         )
 
     def forward(self, positions: Tensor, viewdirs: Tensor, prior_features: Tensor) -> Tensor:
-        """Palette weights [n, blocks, M] >= 0; each block's sum to 1."""
+        """Palette weights, differentiable to the parameters.
+
+        Args:
+            positions: [n, 3] grid coordinates.
+            viewdirs: [n, 3], unit length.
+            prior_features: [n, F] as the field gives them.
+
+        Returns:
+            [n, blocks, M] >= 0; each block's sum to 1.
+        """
         logits = self.head(
             positional_encoding(scale_positions(positions, self.bounds), self.frequencies),
             self.standardizer(prior_features),

@@ -29,7 +29,7 @@ SURFACE = {  # name in the file, type and dimensions, the last of several being 
 
 
 def save_segmentation(path: Path, karf: SegmentationField, objects: list[str], settings: SegmentationSettings) -> None:
-    """Write F_s with the names of its classes 1..K and the settings that it was trained with."""
+    """Write F_s with the names of its classes 1..K and the settings that it was trained with, atomically."""
     save_tensors(path, karf.state_dict(), SEGMENTATION_SCHEMA, {"objects": objects, "settings": to_dict(settings)})
 
 

@@ -37,10 +37,22 @@ def fit_on_points(
     progress: Progress,
     unfinished: Unfinished | None = None,
 ) -> None:
-    """Train F_s by cross-entropy on labelled surface points.
+    """Train F_s, in place, by cross-entropy on labelled surface points.
 
-    positions: [p, 3]. classes: [p] in 0..K. certainty: [p] in [0, 1], the chance to be drawn. near: [p] bool, background
-    points near an object, where the border is decided.
+    Of each batch one share comes from the objects, one from the background near them, where the border is decided, and
+    the rest from anywhere.
+
+    Args:
+        karf: F_s.
+        scene_field: the frozen radiance field, for its prior features.
+        positions: [p, 3] grid coordinates.
+        classes: [p] int in 0..K.
+        certainty: [p] in [0, 1], a point's chance to be drawn.
+        near: [p] bool, points near an object.
+        settings: of the training.
+        runtime: device and random numbers.
+        progress: counts iterations.
+        unfinished: resumes and saves the training; None trains from the start.
     """
     features = scene_field.features(positions)
     karf.standardizer.fit(features)
@@ -72,10 +84,20 @@ def fit_on_rays(
     progress: Progress,
     unfinished: Unfinished | None = None,
 ) -> None:
-    """Train F_s by the paper's Eq. 12: cross-entropy between rendered probabilities and the masks as given.
+    """Train F_s, in place, by the paper's Eq. 12: cross-entropy between rendered probabilities and the masks as given.
 
-    targets: [n, K+1] votes of each cached ray (see labels.seeds). A ray whose votes allow several classes is only asked
-    to be one of them. A third of each batch comes from inside the masks, so that small objects do not vanish.
+    A ray whose votes allow several classes is only asked to be one of them. A third of each batch comes from inside the
+    masks, so that small objects do not vanish.
+
+    Args:
+        karf: F_s.
+        scene_field: the frozen radiance field, for its prior features.
+        cache: n rays with their surface samples.
+        targets: [n, K+1] votes of the rays (see `segmentation/votes.py`).
+        settings: of the training.
+        runtime: device and random numbers.
+        progress: counts iterations.
+        unfinished: resumes and saves the training; None trains from the start.
     """
     flat = cache.positions.view(-1, 3)
     karf.standardizer.fit(scene_field.features(flat[:: max(1, len(flat) // 65536)]))
@@ -100,9 +122,14 @@ def fit_on_rays(
 class ObjectRays:
     """Rays of segmented objects with their quantile samples: what F_w learns from.
 
-    positions [n, K, 3], viewdirs [n, 3], colors [n, 3] of the photo, view [n] its number among the cached ones, block
-    [n] (which palette), weights [n, M] over it, supervised [n] bool: whether Eq. 13 asks this ray for
-    its weights, which are 0 elsewhere.
+    Attributes:
+        positions: [n, S, 3] grid coordinates.
+        viewdirs: [n, 3], unit length.
+        colors: [n, 3] of the photo, sRGB in [0, 1].
+        view: [n] number of the photo among the cached ones.
+        block: [n] number of the ray's palette.
+        weights: [n, M] over it, which Eq. 13 asks for; 0 where it does not.
+        supervised: [n] bool, whether Eq. 13 asks this ray for its weights.
     """
 
     positions: Tensor
@@ -124,9 +151,22 @@ def fit_recoloring(
     progress: Progress,
     unfinished: Unfinished | None = None,
 ) -> Tensor:
-    """Train F_w by Eq. 14 with lambda_Edit = 1; returns the learned palettes [blocks, M, 3].
+    """Train F_w, in place, by Eq. 14 with lambda_Edit = 1.
 
     In the last share of the iterations the palettes are learned too; black (entry 0) stays.
+
+    Args:
+        karf: F_w.
+        scene_field: the frozen radiance field, for its prior features.
+        rays: with the weights that they are asked for.
+        palettes: [blocks, M, 3] as extracted, sRGB in [0, 1].
+        settings: of the training.
+        runtime: device and random numbers.
+        progress: counts iterations.
+        unfinished: resumes and saves the training; None trains from the start.
+
+    Returns:
+        The learned palettes, [blocks, M, 3] sRGB in [0, 1].
     """
     some = slice(None, None, max(1, len(rays.colors) // 65536))
     middle = rays.positions.shape[1] // 2

@@ -1,4 +1,4 @@
-"""Rendering the two KaRF fields along the rays of a frozen scene (paper, Eq. 8): classes of F_s, palette weights of F_w.
+"""Rendering the two KaRF fields along the rays of a frozen scene (paper, Eq. 8): classes and palette weights.
 
 Because density is frozen, a ray's samples are cached once (rendering.surface_cache) and the fields asked only there.
 """
@@ -19,9 +19,18 @@ NEGLIGIBLE = 1 / 1024  # probability of a class: too little to change an 8-bit p
 
 
 def render_classes(karf: SegmentationField, positions: Tensor, features: Tensor, opacity: Tensor) -> Tensor:
-    """Rendered class probabilities of rays (the sum of Eq. 8), [n, K+1]: the remainder goes to the background.
+    """Rendered class probabilities of rays (the sum of Eq. 8): the remainder goes to the background.
 
-    positions: [n, K, 3] quantile samples; features: [n, K, F]; opacity: [n].
+    Differentiable to F_s; not through the rays' weights, which are frozen.
+
+    Args:
+        karf: F_s.
+        positions: [n, S, 3] quantile samples, grid coordinates.
+        features: [n, S, F] prior features there.
+        opacity: [n] of the rays, in [0, 1].
+
+    Returns:
+        [n, K+1]; rows sum to 1.
     """
     n_rays, n_samples = positions.shape[:2]
     per_sample = karf(positions.view(-1, 3), features.flatten(0, 1))
@@ -32,7 +41,15 @@ def render_classes(karf: SegmentationField, positions: Tensor, features: Tensor,
 
 @torch.no_grad()
 def segment_cache(karf: SegmentationField, scene_field: Field, cache: SurfaceCache) -> Tensor:
-    """Rendered class probabilities of all cached rays, [n, K+1]. Rays outside every object's box are not evaluated."""
+    """Rendered class probabilities of all cached rays, [n, K+1]; not differentiable.
+
+    Rays outside every object's box are background and not evaluated.
+
+    Args:
+        karf: F_s.
+        scene_field: the frozen radiance field, for its prior features.
+        cache: n rays with their surface samples.
+    """
     result = torch.zeros(len(cache), len(karf.boxes) + 1, device=cache.opacity.device)
     result[:, 0] = 1
     n_samples = cache.positions.shape[1]
@@ -51,8 +68,15 @@ def features_of(scene_field: Field, positions: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class ObjectSamples:
-    """Cached samples at which an object has a say: positions, viewdirs [s, 3], features [s, F], classes [s, K] of F_s
-    without the background, and the number of each one's ray in the cache, rays [s]."""
+    """The s cached samples at which an object's probability is not negligible.
+
+    Attributes:
+        positions: [s, 3] grid coordinates.
+        viewdirs: [s, 3], unit length.
+        features: [s, F] prior features.
+        classes: [s, K] probabilities of F_s, without the background.
+        rays: [s] number of each sample's ray in the cache.
+    """
 
     positions: Tensor
     viewdirs: Tensor
@@ -63,7 +87,7 @@ class ObjectSamples:
 
 @torch.no_grad()
 def object_samples(segmentation: SegmentationField, scene_field: Field, cache: SurfaceCache) -> ObjectSamples:
-    """The samples of a cache for which F_w must be asked."""
+    """The samples of a cache for which F_w must be asked; not differentiable. Arguments as for `segment_cache`."""
     n_samples = cache.positions.shape[1]
     inside = segmentation.inside(cache.positions.view(-1, 3)).any(1).view(-1, n_samples).any(1)
     parts = []
@@ -79,10 +103,18 @@ def object_samples(segmentation: SegmentationField, scene_field: Field, cache: S
 
 @torch.no_grad()
 def weigh_cache(recoloring: RecoloringField, samples: ObjectSamples, cache: SurfaceCache) -> Tensor:
-    """Edit planes of all cached rays, [n, K, M]: sum_i omega_i s_i^k w_ij, of every object k and palette entry j.
+    """Edit planes of all cached rays: sum_i omega_i s_i^k w_ij of every object k and palette entry j (Eq. 8 and 9).
 
-    samples: those of this cache. Class and weights are multiplied sample by sample: at a silhouette the samples behind
-    the object have no say.
+    Class and weights are multiplied sample by sample: at a silhouette the samples behind the object have no influence.
+    Not differentiable; `render_weights` is.
+
+    Args:
+        recoloring: F_w.
+        samples: those of this cache.
+        cache: n rays with their surface samples.
+
+    Returns:
+        [n, K, M] >= 0; the sum over M is the object's probability.
     """
     n_objects, n_samples = samples.classes.shape[1], cache.positions.shape[1]
     planes = torch.zeros(len(cache), n_objects, recoloring.n_colors, device=cache.opacity.device)
@@ -94,9 +126,16 @@ def weigh_cache(recoloring: RecoloringField, samples: ObjectSamples, cache: Surf
 
 
 def render_weights(karf: RecoloringField, scene_field: Field, positions: Tensor, viewdirs: Tensor) -> Tensor:
-    """Differentiable mean of F_w over the quantile samples of rays, [n, blocks, M]: Eq. 8 with w in the place of s.
+    """Mean of F_w over the quantile samples of rays: Eq. 8 with w in the place of s, differentiable to F_w.
 
-    positions: [n, K, 3]; viewdirs: [n, 3].
+    Args:
+        karf: F_w.
+        scene_field: the frozen radiance field, for its prior features.
+        positions: [n, S, 3] quantile samples, grid coordinates.
+        viewdirs: [n, 3], unit length.
+
+    Returns:
+        [n, blocks, M] >= 0; sums to 1 over M.
     """
     n_rays, n_samples = positions.shape[:2]
     flat = positions.reshape(-1, 3)

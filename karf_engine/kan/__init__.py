@@ -30,7 +30,7 @@ The gated block (Eq. 6) reads encoded positions, prior features and, where they 
 >>> block(positional_encoding(positions, 5), features).shape
 torch.Size([5, 4])
 
-This package needs torch and nothing of this project but its errors.
+This package needs torch, and of this project only errors and the settings' list of known layers.
 """
 
 from .bspline import BSplineLayer, bspline_bases

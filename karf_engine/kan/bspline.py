@@ -17,7 +17,23 @@ INITIAL_SPLINE_STD = 0.02
 
 
 def bspline_bases(u: Tensor, grid: int, order: int) -> Tensor:
-    """Return the B-splines [n, grid + order, n_in] of u [n, n_in], by the Cox-de Boor recursion."""
+    """Return the values of the B-splines, by the Cox-de Boor recursion.
+
+    Differentiable to u, but for `order=0`, whose splines are steps.
+
+    Args:
+        u: [n, n_in]; only values within [-2, 2] lie under all their splines.
+        grid: number of intervals on [-2, 2].
+        order: p.
+
+    Returns:
+        [n, grid + order, n_in] in [0, 1]; they sum to 1 over the splines where u is within [-2, 2).
+
+    Example:
+        >>> bspline_bases(torch.tensor([[-2.0], [0.0]]), grid=2, order=1)[..., 0]
+        tensor([[1., 0., 0.],
+                [0., 1., 0.]])
+    """
     t = (u[:, None, :] + GRID_LIMIT) * (grid / (2 * GRID_LIMIT))
     starts = torch.arange(-order, grid + order, dtype=u.dtype, device=u.device)[:, None]
     bases = ((t >= starts) & (t < starts + 1)).to(u.dtype)  # [n, grid + 2 * order, n_in]
@@ -28,10 +44,21 @@ def bspline_bases(u: Tensor, grid: int, order: int) -> Tensor:
 
 
 class BSplineLayer(nn.Module):
-    """Map [n, n_in] to [n, n_out]: a B-spline and a SiLU on every edge, without bias.
+    """Map [n, n_in] to [n, n_out]: a B-spline and a SiLU on every edge, without bias (Liu et al. 2024).
 
-    Every edge owns grid + order spline weights, one spline scale and one base weight; `layer_norm` adds 2 * n_in
-    parameters. Without it, inputs outside [-2, 2] reach only the base branch.
+    Every edge owns grid + order spline weights, one spline scale and one base weight.
+
+    Args:
+        n_in: width of the inputs.
+        n_out: width of the outputs.
+        grid: number of intervals on [-2, 2].
+        order: of the splines.
+        layer_norm: normalize the splines' inputs first, with 2 * n_in parameters. Without it, inputs outside [-2, 2]
+            reach only the base branch.
+
+    Example:
+        >>> BSplineLayer(3, 2)(torch.zeros(5, 3)).shape
+        torch.Size([5, 2])
     """
 
     def __init__(self, n_in: int, n_out: int, grid: int = 5, order: int = 3, layer_norm: bool = True):

@@ -5,15 +5,39 @@ from torch import Tensor
 
 
 def positional_encoding(x: Tensor, n_frequencies: int) -> Tensor:
-    """Return gamma(x) [n, 3 + 6 * n_frequencies] for x [n, 3]: x, sin(2^0 x), cos(2^0 x), sin(2^1 x), ... without pi.
+    """Return gamma(x): x, sin(2^0 x), cos(2^0 x), sin(2^1 x), ... without pi (Mildenhall et al. 2020).
 
     The order and the missing pi are those of the original NeRF implementation, so that its checkpoints fit.
+
+    Args:
+        x: [n, 3].
+        n_frequencies: number of octaves, at least 0.
+
+    Returns:
+        [n, 3 + 6 * n_frequencies].
+
+    Example:
+        >>> positional_encoding(torch.zeros(1, 3), 1)
+        tensor([[0., 0., 0., 0., 0., 0., 1., 1., 1.]])
     """
     octaves = [2.0**octave * x for octave in range(n_frequencies)]
     return torch.cat([x, *(wave for angle in octaves for wave in (torch.sin(angle), torch.cos(angle)))], dim=-1)
 
 
 def join_inputs(position_encoding: Tensor, features: Tensor, direction_encoding: Tensor | None) -> Tensor:
-    """Return z = [gamma(x), gamma(d), f_prior] [n, P + D + F], without gamma(d) if it is None."""
+    """Return z = [gamma(x), gamma(d), f_prior], without gamma(d) if it is None.
+
+    Args:
+        position_encoding: gamma(x), [n, P].
+        features: f_prior, [n, F].
+        direction_encoding: gamma(d), [n, D], or None.
+
+    Returns:
+        [n, P + D + F].
+
+    Example:
+        >>> join_inputs(torch.ones(1, 2), torch.zeros(1, 1), torch.full((1, 2), 5.0))
+        tensor([[1., 1., 5., 5., 0.]])
+    """
     directions = [] if direction_encoding is None else [direction_encoding]
     return torch.cat([position_encoding, *directions, features], dim=-1)

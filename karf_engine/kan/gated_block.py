@@ -7,7 +7,8 @@ Convention. z = [gamma(x), gamma(d), f_prior] enters; P, D, F are the widths of 
     f'_h = sigmoid(alpha) f_q + SiLU(beta * f_g) * f_h
     logits = H([f'_h, gamma(x)])                      head
 
-K1, K2, K and H are layers of one registered kind (layers.py): `grbf`, `bspline`, `mlp`. `beta` [width] starts at 1, the scalar `alpha` at 0.
+K1, K2, K and H are layers of one registered kind (layers.py): `grbf`, `bspline`, `mlp`. `beta` [width] starts at 1, the
+scalar `alpha` at 0.
 """
 
 from dataclasses import replace
@@ -24,9 +25,9 @@ VARIANTS = ("all", "no_residual", "gate", "none")
 
 
 class GatedBlock(nn.Module):
-    """The gated block: encodings and prior features to logits. Differentiable to its inputs and parameters, once with `grbf`.
+    """The gated block: encodings and prior features to logits.
 
-    The full block of `grbf` layers for 7 outputs (P 63, D 27, F 256) has 2,089,147 parameters and 4 bandwidths, one a
+    Differentiable to its inputs and parameters; with `grbf` once, not twice. The full block of `grbf` layers for 7 outputs (P 63, D 27, F 256) has 2,089,147 parameters and 4 bandwidths, one a
     layer. Parts that `variant` switches off hold no parameters.
 
     Args:

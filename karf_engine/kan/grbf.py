@@ -39,15 +39,31 @@ _ACCELERATOR_ROWS_PER_CHUNK = 8192
 
 
 def grid_spacing(n_centers: int) -> float:
-    """Return the distance between neighboring centers on [-2, 2]."""
+    """Return the distance between neighboring centers on [-2, 2].
+
+    Args:
+        n_centers: N, at least 2.
+
+    Example:
+        >>> grid_spacing(5)
+        1.0
+    """
     return 2 * GRID_LIMIT / (n_centers - 1)
 
 
 def resolve_bandwidth(bandwidth: str | float, n_centers: int) -> float:
-    """Return h in units of the normalized input.
+    """Return h of Eq. 5 in units of the normalized input.
 
-    `eq5` is one spacing, `fastkan` a spacing over sqrt(2), `xkanerf` 1 / sqrt(2); a number is h itself.
-    Raises BadRequest for an unknown name, or an h outside 0.35 to 2 spacings.
+    Args:
+        bandwidth: `eq5` is one spacing, `fastkan` a spacing over sqrt(2), `xkanerf` 1 / sqrt(2); a number is h itself.
+        n_centers: N, at least 2.
+
+    Raises:
+        BadRequest: the name is unknown, or h is outside 0.35 to 2 spacings.
+
+    Example:
+        >>> resolve_bandwidth("eq5", 5), resolve_bandwidth(0.5, 5)
+        (1.0, 0.5)
     """
     spacing = grid_spacing(n_centers)
     named = {"eq5": spacing, "fastkan": spacing / math.sqrt(2), "xkanerf": 1 / math.sqrt(2)}
@@ -63,7 +79,17 @@ def resolve_bandwidth(bandwidth: str | float, n_centers: int) -> float:
 
 
 def grbf_reference(x: Tensor, u: Tensor, weight: Tensor, bias: Tensor, bandwidth: Tensor, n_centers: int) -> Tensor:
-    """Return what `grbf` returns, plainly: every basis stored, every gradient by autograd."""
+    """Return what `grbf` returns, plainly: every basis stored, every gradient by autograd, of any order.
+
+    Args and the result are those of `grbf`.
+
+    Example:
+        >>> x = torch.tensor([[0.5, -1.0]])
+        >>> weight, bias = torch.ones(1, 3 * 2), torch.zeros(1)
+        >>> plain = grbf_reference(x, x, weight, bias, torch.tensor(2.0), n_centers=2)
+        >>> torch.allclose(plain, grbf(x, x, weight, bias, torch.tensor(2.0), n_centers=2))
+        True
+    """
     centers = torch.linspace(-GRID_LIMIT, GRID_LIMIT, n_centers, dtype=u.dtype, device=u.device)
     distances = u[:, None, :] - centers[:, None]  # [n, N, n_in]
     bases = torch.exp(-(distances**2) / (2 * bandwidth**2))
@@ -72,11 +98,26 @@ def grbf_reference(x: Tensor, u: Tensor, weight: Tensor, bias: Tensor, bandwidth
 
 
 def grbf(x: Tensor, u: Tensor, weight: Tensor, bias: Tensor, bandwidth: Tensor, n_centers: int) -> Tensor:
-    """Return the layer's output [n, n_out], keeping only x and u for the backward pass.
+    """Return the layer's output, keeping only x and u for the backward pass.
 
-    `x` and `u` [n, n_in], `weight` [n_out, (n_centers + 1) * n_in], `bias` [n_out], `bandwidth` 0-d, within 0.35 to 2
-    spacings. Differentiable once, to these five. Its Gaussians equal Eq. 5 to 2e-8 for any u. Reading the bandwidth
-    waits for an accelerator once a call.
+    Differentiable once, to its five tensors; not twice. Its Gaussians equal Eq. 5 to 2e-8 for any u. Reading the
+    bandwidth waits for an accelerator once a call.
+
+    Args:
+        x: [n, n_in] inputs.
+        u: [n, n_in] normalized inputs.
+        weight: [n_out, (n_centers + 1) * n_in], spline blocks, then the base block.
+        bias: [n_out].
+        bandwidth: h, 0-d, within 0.35 to 2 spacings.
+        n_centers: N, 2 to 8.
+
+    Returns:
+        [n, n_out].
+
+    Example:
+        >>> x = torch.zeros(4, 3)
+        >>> grbf(x, x, torch.ones(2, 9 * 3), torch.zeros(2), torch.tensor(grid_spacing(8)), n_centers=8).shape
+        torch.Size([4, 2])
     """
     return _GRBF.apply(x, u, weight, bias, bandwidth, n_centers)
 
@@ -200,10 +241,24 @@ def _chunk_buffer(u: Tensor, n_blocks: int) -> Tensor:
 class GRBFLayer(nn.Module):
     """Map [n, n_in] to [n, n_out]: Gaussians of the normalized input, plus a SiLU base branch (paper, Eq. 4 and 5).
 
-    One bandwidth serves the whole layer. With `learn_bandwidth` its logarithm is one trainable number, `log_bandwidth`,
-    clamped to 0.35 to 2 spacings; past a limit its gradient is zero. Otherwise it is a buffer. Parameters:
-    n_in * n_out * (n_centers + 1) + n_out + 2 * n_in, plus 1 if the bandwidth is learned.
-    `n_centers` is 2 to 8. Raises BadRequest outside that range or for a bandwidth `resolve_bandwidth` refuses.
+    Differentiable once, not twice. It has n_in * n_out * (n_centers + 1) + n_out + 2 * n_in parameters, plus 1 if the
+    bandwidth is learned.
+
+    Args:
+        n_in: width of the inputs.
+        n_out: width of the outputs.
+        n_centers: N of Eq. 5, 2 to 8.
+        bandwidth: h of Eq. 5 at the start, one for the whole layer; see `resolve_bandwidth`.
+        learn_bandwidth: its logarithm, `log_bandwidth`, is a trainable number, clamped to 0.35 to 2 spacings; past a
+            limit its gradient is zero. Otherwise it is a buffer.
+
+    Raises:
+        BadRequest: n_centers is out of range, or `resolve_bandwidth` refuses the bandwidth.
+
+    Example:
+        >>> layer = GRBFLayer(3, 2, n_centers=5, learn_bandwidth=False)
+        >>> layer(torch.zeros(4, 3)).shape, layer.bandwidth()
+        (torch.Size([4, 2]), tensor(1.))
     """
 
     def __init__(

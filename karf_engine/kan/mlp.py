@@ -6,7 +6,18 @@ from .encoding import join_inputs
 
 
 class MLPLayer(nn.Module):
-    """Map [n, n_in] to [n, n_out] by a linear layer and, unless it is an output layer, a ReLU."""
+    """Map [n, n_in] to [n, n_out] by a linear layer and, unless it is an output layer, a ReLU.
+
+    Args:
+        n_in: width of the inputs.
+        n_out: width of the outputs.
+        is_output: whether the ReLU is left out.
+
+    Example:
+        >>> import torch
+        >>> bool((MLPLayer(3, 2)(torch.randn(5, 3)) >= 0).all())
+        True
+    """
 
     def __init__(self, n_in: int, n_out: int, is_output: bool = False):
         super().__init__()
@@ -19,7 +30,20 @@ class MLPLayer(nn.Module):
 
 
 class MLPHead(nn.Module):
-    """Two hidden ReLU layers from encodings and prior features to logits; called like `GatedBlock`."""
+    """Two hidden ReLU layers from encodings and prior features to logits; called like `GatedBlock`.
+
+    Args:
+        n_position: P, width of the encoded positions.
+        n_direction: D, width of the encoded viewing directions; 0 without.
+        n_features: F, number of prior features.
+        n_out: number of logits.
+        width: of the hidden layers.
+
+    Example:
+        >>> import torch
+        >>> MLPHead(9, 0, 4, n_out=2)(torch.zeros(5, 9), torch.zeros(5, 4)).shape
+        torch.Size([5, 2])
+    """
 
     def __init__(self, n_position: int, n_direction: int, n_features: int, n_out: int, width: int = 64):
         super().__init__()

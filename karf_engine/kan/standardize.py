@@ -13,6 +13,16 @@ class Standardizer(nn.Module):
     """Map features [n, F] to zero mean and unit standard deviation per channel, as measured once by `fit`.
 
     `mean` and `std` [F] are buffers: never trained, saved with the head. Before `fit` it is the identity.
+    Differentiable to the features.
+
+    Args:
+        n_features: F.
+
+    Example:
+        >>> standardizer = Standardizer(1)
+        >>> standardizer.fit(torch.tensor([[1.0], [3.0]]))
+        >>> standardizer(torch.tensor([[5.0]]))
+        tensor([[3.]])
     """
 
     def __init__(self, n_features: int):
@@ -22,7 +32,14 @@ class Standardizer(nn.Module):
 
     @torch.no_grad()
     def fit(self, features: Tensor) -> None:
-        """Measure `mean` and `std` on features [n, F], n >= 1; raises DataError if a value is not finite."""
+        """Measure `mean` and `std`.
+
+        Args:
+            features: [n, F], n >= 1.
+
+        Raises:
+            DataError: a value is not finite.
+        """
         std, mean = torch.std_mean(features.double(), dim=0, correction=0)
         if not torch.isfinite(std).all():
             raise DataError("The prior features hold values that are not finite.", "Train the geometry stage again.")

@@ -8,10 +8,20 @@ import numpy as np
 
 
 def color_cells(pixels: np.ndarray, bits: int = 5, drop: float = 0.0005) -> tuple[np.ndarray, np.ndarray]:
-    """Mean color [c, 3] and number of pixels [c] of each occupied cell of a histogram with 2^bits bins a channel.
+    """The occupied cells of a histogram with 2^bits bins a channel, in their order there.
 
-    pixels: [n, 3] sRGB in [0, 1]. The rarest cells that together hold at most the share `drop` of the pixels are left
-    out. Order: by position in the histogram.
+    Args:
+        pixels: [n, 3] sRGB in [0, 1].
+        bits: of a channel.
+        drop: the rarest cells that together hold at most this share of the pixels are left out.
+
+    Returns:
+        Mean color [c, 3] and number of pixels [c] of each cell.
+
+    Example:
+        >>> colors, counts = color_cells(np.array([[0.5, 0, 0], [0.51, 0, 0], [0, 0, 1]]))
+        >>> colors.round(3).tolist(), counts.tolist()
+        ([[0.0, 0.0, 1.0], [0.505, 0.0, 0.0]], [1, 2])
     """
     pixels = np.asarray(pixels)
     index = cell_index(pixels, bits)
@@ -25,7 +35,21 @@ def color_cells(pixels: np.ndarray, bits: int = 5, drop: float = 0.0005) -> tupl
 
 
 def cell_support(cells: np.ndarray, views: Sequence[np.ndarray], bits: int = 5) -> np.ndarray:
-    """In how many views each cell [c, 3] occurs, [c]; views: each one's object pixels [n, 3] sRGB in [0, 1]."""
+    """In how many views each cell occurs.
+
+    Args:
+        cells: [c, 3] colors of cells, sRGB in [0, 1].
+        views: pixels of each view, [n, 3] sRGB in [0, 1].
+        bits: of a channel.
+
+    Returns:
+        [c] int.
+
+    Example:
+        >>> red, blue = np.array([[1.0, 0, 0]]), np.array([[0, 0, 1.0]])
+        >>> cell_support(np.concatenate([red, blue]), [red, np.concatenate([red, blue])]).tolist()
+        [2, 1]
+    """
     support = np.zeros(2 ** (3 * bits), np.int64)
     for pixels in views:
         support[np.unique(cell_index(pixels, bits))] += 1
@@ -33,6 +57,19 @@ def cell_support(cells: np.ndarray, views: Sequence[np.ndarray], bits: int = 5) 
 
 
 def cell_index(pixels: np.ndarray, bits: int) -> np.ndarray:
+    """Number of each color's cell, red first, then green, then blue.
+
+    Args:
+        pixels: [n, 3] sRGB in [0, 1].
+        bits: of a channel.
+
+    Returns:
+        [n] int in [0, 8^bits).
+
+    Example:
+        >>> cell_index(np.array([[0.0, 0, 0], [0, 0, 1], [1, 1, 1]]), 1).tolist()
+        [0, 1, 7]
+    """
     bins = 2**bits
     red, green, blue = np.clip((np.asarray(pixels) * bins).astype(np.int64), 0, bins - 1).T
     return (red * bins + green) * bins + blue

@@ -25,11 +25,12 @@ def extract_palettes(
         settings: size, tolerance, start and sharing.
         seed: of the colors that are drawn with `start="random"`.
 
-    >>> red = np.linspace([0.2, 0, 0], [0.8, 0, 0], 500)
-    >>> for palette in extract_palettes(["pot", "lid"], [[red], [red / 2]], PaletteSettings()):
-    ...     print(palette.name, palette.colors.round(2).tolist())
-    pot [[0.0, 0.0, 0.0], [0.8, 0.0, 0.0]]
-    lid [[0.0, 0.0, 0.0], [0.4, 0.0, 0.0]]
+    Example:
+        >>> red = np.repeat([[0.2, 0, 0], [0.8, 0, 0]], 50, axis=0)
+        >>> for palette in extract_palettes(["pot", "lid"], [[red], [red / 2]], PaletteSettings()):
+        ...     print(palette.name, (100 * palette.colors).round().tolist())
+        pot [[0.0, 0.0, 0.0], [80.0, 0.0, 0.0]]
+        lid [[0.0, 0.0, 0.0], [40.0, 0.0, 0.0]]
     """
     random = np.random.default_rng(seed)
     groups = [[view for own in pixels for view in own]] if settings.shared else pixels
@@ -52,10 +53,11 @@ def color_histograms(palettes: Sequence[Palette], pixels: Sequence[Sequence[np.n
         palettes: of the objects.
         pixels: of each object, in each view, photo colors [n, 3] sRGB in [0, 1].
 
-    >>> palette = Palette("pot", np.array([[0, 0, 0], [1, 0, 0]], np.float32))
-    >>> histogram = color_histograms([palette], [[np.full((40, 3), [0.5, 0, 0])]])["pot"]
-    >>> histogram.counts.tolist(), histogram.palette_weights.tolist()
-    ([40], [[0.5, 0.5]])
+    Example:
+        >>> palette = Palette("pot", np.array([[0, 0, 0], [1, 0, 0]], np.float32))
+        >>> histogram = color_histograms([palette], [[np.full((40, 3), [0.5, 0, 0])]])["pot"]
+        >>> histogram.counts.tolist(), histogram.palette_weights.tolist()
+        ([40], [[0.5, 0.5]])
     """
     histograms = {}
     for palette, views in zip(palettes, pixels, strict=True):

@@ -36,14 +36,30 @@ def extract_palette(
     n_max: int = 8,
     support: np.ndarray | None = None,
 ) -> np.ndarray:
-    """A palette [M, 3] float32 in [0, 1] whose convex mixes give the cells: black first, then by use, most used first.
+    """A palette whose convex mixes give the colors of an object (Tan, Echevarria, Gingold 2018).
 
     Grey and single-hue clouds give black and one color, flat ones 3 or more, others 4 or more.
 
-    cells: [c, 3] sRGB with counts [c]. n_colors: M (fewer where the cloud is too flat for so many), black included, at
-    least 2; without it M is the smallest up to n_max whose hull leaves the pixels at most `tolerance` outside, RMS.
-    support: [c] views in which each cell occurs; where any occurs in 3 or more, cells seen in one are spill. Raises
-    DataError where there are no cells.
+    Args:
+        cells: [c, 3] colors, sRGB in [0, 1].
+        counts: [c] number of pixels of each.
+        n_colors: M, black included, at least 2; fewer where the cloud is too flat for so many. None for the smallest up
+            to n_max whose hull leaves the pixels at most `tolerance` outside.
+        tolerance: RMS distance in units of color.
+        n_max: at least 2.
+        support: [c] number of views in which each cell occurs; where any occurs in 3 or more, cells seen in one are
+            spill and are left out.
+
+    Returns:
+        [M, 3] float32 sRGB in [0, 1]: black first, then the others, most used first.
+
+    Raises:
+        DataError: there are no cells.
+
+    Example:
+        >>> palette = extract_palette(np.array([[0.2, 0.1, 0.1], [0.8, 0.4, 0.4]]), np.array([10, 5]))
+        >>> (100 * palette).round().tolist()
+        [[0.0, 0.0, 0.0], [80.0, 40.0, 40.0]]
     """
     if not len(cells):
         raise DataError("An object without pixels has no palette.", "Check its masks and the segmentation.")

@@ -1,5 +1,6 @@
-"""Palette weights of an object's pixels in one photo, as LoCoPalettes has them (Chao, Klein, Tan, Echevarria, Gingold 2023, after Tan,
-Echevarria and Gingold 2018): two levels, by place as well as by color.
+"""Palette weights of an object's pixels in one photo, as LoCoPalettes has them: by place as well as by color.
+
+Two levels (Chao, Klein, Tan, Echevarria, Gingold 2023, after Tan, Echevarria, Gingold 2018).
 
 First a pixel is a mix of a few pixels, corners of a simplex in color and place (RGBXY); then each of these is a mix of
 the palette (`star_weights`). Nearby pixels of like color get like weights; the same color elsewhere may get others.
@@ -21,13 +22,24 @@ CHUNK = 65536
 def loco_weights(
     colors: np.ndarray, places: np.ndarray, palette: np.ndarray, features: np.ndarray | None = None
 ) -> np.ndarray:
-    """Weights of each pixel over the palette: >= 0, rows sum to 1, [n, M] float32.
+    """Weights of each pixel over the palette.
 
     weights @ palette is the color where the pixels' colors lie in the palette's hull. Pixels without extent in some
     direction of color and place, which have no simplices, get `star_weights`.
 
-    colors: [n, 3] sRGB. places: [n, 2] pixel coordinates in picture sizes. palette: [M, 3], entry 0 black. features:
-    [n, F] prior features, of any scale.
+    Args:
+        colors: [n, 3] sRGB in [0, 1].
+        places: [n, 2] pixel coordinates in picture sizes.
+        palette: [M, 3] sRGB in [0, 1], entry 0 black.
+        features: [n, F] prior features, of any scale; pixels where they stand out become corners too.
+
+    Returns:
+        [n, M] float32 >= 0; rows sum to 1.
+
+    Example:
+        >>> colors = np.array([[0.5, 0.0, 0.0]])
+        >>> loco_weights(colors, np.array([[0.2, 0.3]]), np.array([[0.0, 0, 0], [1, 0, 0]])).tolist()
+        [[0.5, 0.5]]
     """
     direct = star_weights(colors, palette)
     points = np.concatenate([colors, places], 1).astype(np.float64)
@@ -46,7 +58,20 @@ def loco_weights(
 
 
 def hull_corners(points: np.ndarray) -> np.ndarray | None:
-    """Indices, ascending, of the corners of the points' [n, d] convex hull; None where they are too flat for one."""
+    """The corners of the convex hull of points.
+
+    Args:
+        points: [n, d].
+
+    Returns:
+        Their indices, ascending; None where the points are too flat to have a hull.
+
+    Example:
+        >>> hull_corners(np.array([[0.0, 0], [1, 0], [0, 1], [1, 1], [0.5, 0.5]])).tolist()
+        [0, 1, 2, 3]
+        >>> hull_corners(np.zeros((9, 2))) is None
+        True
+    """
     if len(points) <= points.shape[1] or np.linalg.svd(points - points.mean(0), compute_uv=False)[-1] < FLAT:
         return None
     try:
@@ -64,7 +89,7 @@ def _principal(points: np.ndarray) -> np.ndarray:
 
 
 def _mixes(tessellation: Delaunay, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of the points [n, d] that lie in a simplex: their rows [p], its corners [p, d + 1] and their shares [p, d + 1]."""
+    """Of the points [n, d] in a simplex: their rows [p], its corners [p, d + 1] and their shares [p, d + 1]."""
     simplex = tessellation.find_simplex(points)
     rows = np.flatnonzero(simplex >= 0)
     transform = tessellation.transform[simplex[rows]]

@@ -20,12 +20,17 @@ CHUNK = 16384  # colors at a time: the scratch arrays stay in a core's cache
 
 @dataclass(frozen=True)
 class Star:
-    """A palette's hull in its own span. F facets, E edges; rank r.
+    """A palette's hull in its own span, of rank r, with F facets, of which G make cones with black, and E edges.
 
-    span: [3, r] orthonormal columns. points: [M, r] palette in the span. facets: int [F, r] palette indices of all hull
-    facets. normals, offsets: [F, r], [F] with normals @ x + offsets <= 0 inside. cones: int [G, r] facets that do not
-    lie in a plane with black; to_cone: [G, r, r], x @ to_cone gives the weights of the facet's corners.
-    edges: int [E, 2] edges of the hull's boundary.
+    Attributes:
+        span: [3, r] orthonormal columns.
+        points: [M, r] palette in the span.
+        facets: [F, r] int, palette indices of the hull's facets.
+        normals: [F, r], outward.
+        offsets: [F], with normals @ x + offsets <= 0 inside.
+        cones: [G, r] int, facets that do not lie in a plane with black.
+        to_cone: [G, r, r]; x @ to_cone gives the weights of the facet's corners.
+        edges: [E, 2] int, palette indices of the hull's edges.
     """
 
     span: np.ndarray
@@ -39,7 +44,18 @@ class Star:
 
 
 def make_star(palette: np.ndarray) -> Star | None:
-    """The star tessellation of a palette [M, 3] with black first; None where every entry is black."""
+    """The star tessellation of a palette.
+
+    Args:
+        palette: [M, 3] sRGB in [0, 1], entry 0 black.
+
+    Returns:
+        None where every entry is black.
+
+    Example:
+        >>> np.sort(make_star(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]])).cones).tolist()
+        [[1, 2]]
+    """
     palette = np.asarray(palette, np.float64)
     axes = np.linalg.svd(palette, full_matrices=False)[2]
     extent = np.abs(palette @ axes.T).max(axis=0)
@@ -65,12 +81,21 @@ def make_star(palette: np.ndarray) -> Star | None:
 
 
 def star_weights(colors: np.ndarray, palette: np.ndarray) -> np.ndarray:
-    """Weights of each color over the palette: >= 0, rows sum to 1, at most 4 non-zeros, black gives entry 0 alone.
+    """Weights of each color over the palette, by the simplices that join black to the facets of the palette's hull.
 
     weights @ palette is the color where it lies in the palette's hull, and the hull's nearest point elsewhere.
     Continuous in the color. Entries inside the hull of the others get no weight.
 
-    colors: [n, 3] sRGB. palette: [M, 3], entry 0 black; flat and single-hue palettes are fine. Returns [n, M] float32.
+    Args:
+        colors: [n, 3] sRGB in [0, 1].
+        palette: [M, 3] sRGB in [0, 1], entry 0 black; flat and single-hue palettes are fine.
+
+    Returns:
+        [n, M] float32 >= 0; rows sum to 1, with at most 4 non-zeros; black gives entry 0 alone.
+
+    Example:
+        >>> star_weights(np.array([[0.5, 0.25, 0.0]]), np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]])).tolist()
+        [[0.25, 0.5, 0.25]]
     """
     colors = np.asarray(colors)
     weights = np.zeros((len(colors), len(palette)), np.float32)
@@ -85,7 +110,19 @@ def star_weights(colors: np.ndarray, palette: np.ndarray) -> np.ndarray:
 
 
 def palette_weights_of_image(image: np.ndarray, palette: np.ndarray) -> np.ndarray:
-    """`star_weights` of an 8-bit picture [H, W, 3] uint8, evaluated once for each color in it; [H, W, M] float32."""
+    """`star_weights` of a picture, evaluated once for each color in it.
+
+    Args:
+        image: [H, W, 3] uint8 sRGB.
+        palette: [M, 3] sRGB in [0, 1], entry 0 black.
+
+    Returns:
+        [H, W, M] float32 >= 0; sums to 1 over M.
+
+    Example:
+        >>> palette_weights_of_image(np.array([[[51, 0, 0]]], np.uint8), np.array([[0, 0, 0], [1, 0, 0]])).round(3)
+        array([[[0.8, 0.2]]], dtype=float32)
+    """
     packed = image.astype(np.uint32) @ np.array([65536, 256, 1], np.uint32)
     unique, inverse = np.unique(packed, return_inverse=True)
     colors = np.stack([unique >> 16, unique >> 8 & 255, unique & 255], axis=-1) / 255
@@ -93,7 +130,19 @@ def palette_weights_of_image(image: np.ndarray, palette: np.ndarray) -> np.ndarr
 
 
 def outside_distance(colors: np.ndarray, palette: np.ndarray) -> np.ndarray:
-    """Distance [n] of each color [n, 3] to the hull of the palette [M, 3]; 0 inside."""
+    """Distance of each color to the hull of the palette.
+
+    Args:
+        colors: [n, 3] sRGB in [0, 1].
+        palette: [M, 3] sRGB in [0, 1], entry 0 black.
+
+    Returns:
+        [n] in units of color; 0 inside.
+
+    Example:
+        >>> outside_distance(np.array([[0.5, 0, 0], [0, 0, 0.5]]), np.array([[0, 0, 0], [1, 0, 0]])).tolist()
+        [0.0, 0.5]
+    """
     colors = np.asarray(colors, np.float64)
     star = make_star(palette)
     if star is None:

@@ -28,7 +28,13 @@ LAYOUT_HINT = "Lay masks out as MASKS/<object>/<photo stem>.png, as large as the
 
 @dataclass(frozen=True)
 class CoarseMask:
-    """One object's rough mask in one training view. `path` is the file as the user gave it."""
+    """One object's rough mask in one training view.
+
+    Attributes:
+        object_name: the object's.
+        view: the training view that it was drawn on.
+        path: the file as the user gave it.
+    """
 
     object_name: str
     view: View
@@ -39,8 +45,14 @@ def find_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
     """The masks below a folder, sorted by object and view.
 
     A mask is named after its photo's stem, or the view's name where stems repeat, or lies in the photo's subfolder.
-    Raises DataError where there is none, where a name fits no training photo or several, where it is no file, or where
-    an object is called `background`, or what no file can be called.
+
+    Args:
+        folder: MASKS/<object>/<photo stem>.png, also .jpg, .jpeg or .webp.
+        capture: whose training photos the masks were drawn on.
+
+    Raises:
+        DataError: there is no mask, a name fits no training photo or several, one is no file, or an object is called
+            `background`, or what no file can be called.
     """
     if not folder.is_dir():
         raise DataError(f"{folder} is no folder of masks.", LAYOUT_HINT)
@@ -78,7 +90,7 @@ def _mask_files(folder: Path) -> list[Path]:
 
 
 def _view_of(path: Path, below: Path, capture: Capture) -> View:
-    """The training view that a mask marks; below: its path in the object's folder."""
+    """The training view that a mask was drawn on; below: its path in the object's folder."""
     training = [view for view in capture.split("train") if _fits(below, view)]
     named = [view for view in training if view.name == file_name(below.stem)]
     if named or len(training) == 1:
@@ -104,9 +116,17 @@ def _fits(below: Path, view: View) -> bool:
 
 
 def load_mask(mask: CoarseMask, plate: Plate) -> np.ndarray:
-    """The mask at the plate's working size, bool [H, W].
+    """The mask at the plate's working size.
 
-    Raises DataError where its size is neither the photo's nor the working size, or where it marks nothing.
+    Args:
+        mask: as large as the photo, or of the working size.
+        plate: the photo of its view.
+
+    Returns:
+        [H, W] bool.
+
+    Raises:
+        DataError: the mask is of another size, damaged or empty.
     """
     found = read_mask(mask.path)
     height, width = found.shape

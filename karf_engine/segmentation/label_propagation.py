@@ -134,8 +134,8 @@ def _seed_regions(
 class _Propagation:
     """The points near the objects, and what is known of them before the first round.
 
-    lab [p, 3]; graph [p, p] of neighbor weights; seed_targets [p, K+1]; seed_confidence [p]; distance_penalty [p, K], taken
-    off the objects' log densities.
+    lab [p, 3]; graph [p, p] of neighbor weights; seed_targets [p, K+1]; seed_confidence [p]; distance_penalty [p, K],
+    taken off the objects' log densities.
     """
 
     lab: np.ndarray
@@ -218,7 +218,7 @@ class _Propagation:
         return 2 * least * (color_labels[rows, first] - color_labels[rows, second])
 
     def _seed_reliability(self, color_labels: np.ndarray, reliability: np.ndarray) -> np.ndarray:
-        """Factor on the seeds' confidence, [p] in [0, 1]: low where the color clearly contradicts it; 1 without a seed."""
+        """Factor on the seeds' confidence, [p] in [0, 1]: low where color clearly contradicts it; 1 without a seed."""
         label = self.seed_targets.argmax(1)
         agreement = (self.seed_targets * color_labels).sum(1) / np.maximum(self.seed_targets.max(1), 1e-12)
         least = np.minimum(reliability[label], reliability[color_labels.argmax(1)])

@@ -20,7 +20,13 @@ LEAST_SHARE = 1e-9
 
 @dataclass(frozen=True)
 class Mixture:
-    """shares [m] sum to 1; means [m, 3] and covariances [m, 3, 3] in Lab."""
+    """A mixture of m Gaussians.
+
+    Attributes:
+        shares: [m], sum to 1.
+        means: [m, 3] CIE Lab.
+        covariances: [m, 3, 3].
+    """
 
     shares: np.ndarray
     means: np.ndarray
@@ -44,11 +50,17 @@ class Mixture:
 
 
 def class_log_densities(lab: np.ndarray, strengths: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Natural logarithm of each class's density at the colors lab [n, 3], [n, C].
+    """Natural logarithm of each class's density at the colors of n points.
 
-    strengths: [n, C] >= 0, how far a point stands for a class; not all zero. A class without any is nowhere dense.
+    Args:
+        lab: [n, 3] CIE Lab.
+        strengths: [n, C] >= 0, how far a point stands for a class; not all zero. A class without any is nowhere dense.
+        random: draws the points that the mixture is fitted to.
+
+    Returns:
+        [n, C].
     """
-    even = strengths / np.maximum(strengths.sum(0), 1e-12)  # a small object has as much say as a large one
+    even = strengths / np.maximum(strengths.sum(0), 1e-12)  # small objects count as much as large ones
     mixture = fit_mixture(lab, even.sum(1), COMPONENTS, random, DRAWS)
     log_components = mixture.log_components(lab)
     shares = even.T @ mixture.responsibilities(log_components)
@@ -58,7 +70,15 @@ def class_log_densities(lab: np.ndarray, strengths: np.ndarray, random: np.rando
 def fit_mixture(
     lab: np.ndarray, weights: np.ndarray, n_components: int, random: np.random.Generator, n_draws: int = 4000
 ) -> Mixture:
-    """Fit by k-means and EM to `n_draws` points drawn in proportion to weights [n] (not all zero)."""
+    """Fit a mixture by k-means and EM to points that are drawn.
+
+    Args:
+        lab: [n, 3] CIE Lab.
+        weights: [n] >= 0, the points' chances to be drawn; not all zero.
+        n_components: m; fewer where there are not so many colors.
+        random: draws.
+        n_draws: number of points.
+    """
     drawn = random.choice(len(lab), n_draws, p=weights / weights.sum())
     lab = lab[drawn]
     n_components = min(n_components, len(np.unique(lab, axis=0)))  # an object may be all of one color

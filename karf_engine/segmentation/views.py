@@ -122,7 +122,7 @@ def farthest_point_views(views: Sequence[View], first: Sequence[str], count: int
         count: how many views, at most all; those of `first` may be more.
 
     Returns:
-        The chosen views, those of `first` in the order of `views`, then always the one that is farthest from all chosen.
+        The chosen views: those of `first` in the order of `views`, then always the one farthest from all chosen.
     """
     positions = np.stack([view.camera.position for view in views])
     chosen = [number for number, view in enumerate(views) if view.name in first] or [0]

@@ -119,7 +119,7 @@ def test_a_name_stands_for_one_kind():
         register_layer("grbf", lambda n_in, n_out, options: torch.nn.Linear(n_in, n_out))
 
 
-# ------------------------------------------------------------------------------------------------------ one of another file
+# ------------------------------------------------------------------------------------------------ one of another file
 @pytest.fixture
 def forgotten(monkeypatch):
     """Registries that forget after the test what was added to them."""
