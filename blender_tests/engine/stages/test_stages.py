@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -75,10 +76,11 @@ def test_every_stage_is_noted_with_its_figures_and_files(learned):
 
 def test_a_second_run_says_already_done_and_changes_nothing(still_life, copy, capsys):
     before = contents(copy)
-    times = {name: (copy.folder / name).stat().st_mtime_ns for name in before}
+    files = before.keys() - {Path("lock")}  # which older releases of filelock touch
+    times = {name: (copy.folder / name).stat().st_mtime_ns for name in files}
     assert main(still_life.command(copy.folder)) == 0
     assert contents(copy) == before
-    assert times == {name: (copy.folder / name).stat().st_mtime_ns for name in before}
+    assert times == {name: (copy.folder / name).stat().st_mtime_ns for name in files}
     printed = capsys.readouterr().err
     assert [f"{stage}: already done" in printed for stage in STAGE_ORDER] == [True] * 4
 
