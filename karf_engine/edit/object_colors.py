@@ -31,10 +31,22 @@ class ColorHistogram(NamedTuple):
 
 
 def read_object_colors(path: Path, name: str) -> ColorHistogram:
-    """The color histogram of the object `name`.
+    """The color histogram of an object.
+
+    Args:
+        path: object_colors.npz.
+        name: the object.
 
     Raises:
         DataError: the file is unreadable, has nothing of this object, or values that cannot be.
+
+    Examples:
+        >>> import tempfile
+        >>> pot = ColorHistogram(np.array([[0.7, 0.2, 0.1]]), np.array([40]), np.array([[0.3, 0.7]]))
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_object_colors(Path(folder) / "object_colors.npz", {"pot": pot})
+        ...     read_object_colors(Path(folder) / "object_colors.npz", "pot").counts
+        array([40])
     """
     parts = [f"{name}/{part}" for part in ColorHistogram._fields]
     colors, counts, weights = read_arrays(path, parts, f"colors of {name!r}", AGAIN)
@@ -50,7 +62,16 @@ def read_object_colors(path: Path, name: str) -> ColorHistogram:
 
 
 def write_object_colors(path: Path, histograms: Mapping[str, ColorHistogram]) -> None:
-    """Write the color histograms of objects, by their names, atomically."""
+    """Write the color histograms of objects, by their names, atomically.
+
+    Examples:
+        >>> import tempfile
+        >>> pot = ColorHistogram(np.array([[0.7, 0.2, 0.1]]), np.array([40]), np.array([[0.3, 0.7]]))
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_object_colors(Path(folder) / "object_colors.npz", {"pot": pot})
+        ...     sorted(np.load(Path(folder) / "object_colors.npz"))
+        ['pot/colors', 'pot/counts', 'pot/palette_weights']
+    """
     arrays = {
         f"{name}/{part}": array for name, histogram in histograms.items() for part, array in histogram._asdict().items()
     }
