@@ -29,7 +29,7 @@ def test_every_table_says_where_it_comes_from_and_has_full_rows(name):
 def test_every_picture_is_shown_and_says_what_it_shows(evaluate):
     captions = page.read("captions")
     assert {path.stem for path in page.FOLDER.glob("*.jpg")} == set(captions) == set(evaluate.STRIPS)
-    assert all(f"](results/{name}.jpg)" in page.pages()[page.DOCS / "page.md"] for name in captions)
+    assert all(f"](results/{name}.jpg)" in page.pages()[page.DOCS / "results.md"] for name in captions)
 
 
 def test_remarks_speak_of_tables_that_exist():
