@@ -14,8 +14,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import platform
 import subprocess
 import sys
 import tempfile
@@ -23,7 +21,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from dev import ROOT, python_of
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # this file is also run by its path
+
+from tools.dev import ROOT, python_of
+from tools.speed.machine import machine
 
 NAMES = ("kan", "cache", "compositing", "swatch", "stages")
 SWATCH_TARGET_MS = 16.0  # one picture of sixty a second
@@ -53,34 +54,20 @@ def main() -> None:
         "swatch": bench_swatch,
         "stages": bench_stages,
     }
-    facts = machine(options.threads)
-    print("  ".join(f"{name} {value}" for name, value in facts.items()), flush=True)
+    measured_on = machine(options.threads)
+    print("  ".join(f"{name} {value}" for name, value in measured_on.items()), flush=True)
     rows: list[Row] = []
     for name in options.names or NAMES[:-1]:
         print(f"\n--- {name}", flush=True)
         rows += [{"bench": name, **row} for row in benches[name](options)]
     if options.json:
-        options.json.write_text(json.dumps({"machine": facts, "rows": rows}, indent=1) + "\n", encoding="utf-8")
-
-
-def machine(threads: int) -> Row:
-    """What the figures depend on: processor, cores this process may use, threads, and how busy they are already."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    load = round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None
-    return {"processor": _processor(), "cores": cores, "threads": threads, "load": load}
-
-
-def _processor() -> str:
-    info = Path("/proc/cpuinfo")
-    lines = info.read_text().splitlines() if info.exists() else []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or platform.machine()
+        options.json.write_text(json.dumps({"machine": measured_on, "rows": rows}, indent=1) + "\n", encoding="utf-8")
 
 
 # ---------------------------------------------------------------------------------------------------------------- benches
 def bench_kan(options: argparse.Namespace) -> list[Row]:
     """Milliseconds, ratios to the floor and peak memory of each layer; the targets stand below the table."""
-    from benchmarks import kan
+    from tools.speed import kan
 
     rows = kan.run(options.threads, options.repeats)
     kan.print_table(rows)
@@ -89,7 +76,7 @@ def bench_kan(options: argparse.Namespace) -> list[Row]:
 
 def bench_cache(options: argparse.Namespace) -> list[Row]:
     """Milliseconds of an iteration, and how many times faster it is than the dense one."""
-    from benchmarks import surface_cache
+    from tools.speed import surface_cache
 
     rows = surface_cache.run(options.threads, options.repeats)
     print_rows(rows)
@@ -99,7 +86,7 @@ def bench_cache(options: argparse.Namespace) -> list[Row]:
 
 def bench_compositing(options: argparse.Namespace) -> list[Row]:
     """Median milliseconds of `delta_composite`; it has no target of its own, but must fit into that of `swatch`."""
-    from benchmarks import compositing
+    from tools.speed import compositing
 
     rows = compositing.run()
     print_rows(rows)
@@ -110,7 +97,7 @@ def bench_swatch(options: argparse.Namespace) -> list[Row]:
     """Median milliseconds of a swatch edit in a real Blender, in its own environment."""
     rows = []
     for objects, edited in SWATCH_CASES:
-        command = [python_of("blender"), ROOT / "tools" / "benchmarks" / "blender_swatch.py"]
+        command = [python_of("blender"), ROOT / "tools" / "speed" / "blender_swatch.py"]
         command += ["--objects", str(objects), "--edited", str(edited)]
         done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
         # Blender prints lines of its own before
@@ -143,12 +130,12 @@ def learn_demo(project: Path, threads: int) -> None:
 
 
 def stage_rows(project: Path) -> list[Row]:
-    """What the stages of a project noted of themselves."""
+    """What each stage of a project measured of itself."""
     state = json.loads((project / "project.json").read_text(encoding="utf-8"))
     finished = [(stage, state["stages"][stage]) for stage in STAGES if stage in state["stages"]]
     return [
-        {"stage": stage, "seconds": facts["seconds"], "peak_gib": round(facts["peak_memory"] / 2**30, 2)}
-        for stage, facts in finished
+        {"stage": stage, "seconds": entry["seconds"], "peak_gib": round(entry["peak_memory"] / 2**30, 2)}
+        for stage, entry in finished
     ]
 
 

@@ -118,11 +118,11 @@ def run_demo(options: argparse.Namespace, rest: list[str]) -> int:
     """Learn and recolor the demo capture in Blender, then judge the frames against the true recolors."""
     out = Path(options.out).absolute()
     threads = ["--threads", str(options.threads)] if options.threads else []
-    code = _run("blender", "tools/demo.py", "--out", str(out), *threads)
+    code = _run("blender", "-m", "tools.demo.run", "--out", str(out), *threads)
     if code:
         return code
     quick = ["--quick"] if options.quick else []
-    return _run("engine", "tools/judge_demo.py", "--out", str(out), *threads, *quick)
+    return _run("engine", "-m", "tools.demo.judge", "--out", str(out), *threads, *quick)
 
 
 def run_tests(options: argparse.Namespace, rest: list[str]) -> int:
@@ -144,24 +144,24 @@ def run_tests(options: argparse.Namespace, rest: list[str]) -> int:
 
 
 def run_bench(options: argparse.Namespace, rest: list[str]) -> int:
-    return _run("engine", "tools/benchmark.py", *rest)
+    return _run("engine", "-m", "tools.benchmark", *rest)
 
 
 def run_evaluate(options: argparse.Namespace, rest: list[str]) -> int:
-    return _run("engine", "tools/evaluate.py", *rest)
+    return _run("engine", "-m", "tools.experiments.evaluate", *rest)
 
 
 def run_faults(options: argparse.Namespace, rest: list[str]) -> int:
-    return _run("engine", "-m", "tools.faults", *rest, **ONE_THREAD)
+    return _run("engine", "-m", "tools.reliability.faults", *rest, **ONE_THREAD)
 
 
 def run_fuzz(options: argparse.Namespace, rest: list[str]) -> int:
-    return _run("engine", "-m", "tools.fuzz", *rest, **ONE_THREAD)
+    return _run("engine", "-m", "tools.reliability.fuzz", *rest, **ONE_THREAD)
 
 
 def run_window(options: argparse.Namespace, rest: list[str]) -> int:
     """Build the extension, then use it in a real window."""
-    return build(options, []) or _run("engine", "tools/window_story.py", *rest)
+    return build(options, []) or _run("engine", "-m", "tools.window", *rest)
 
 
 def build(options: argparse.Namespace, rest: list[str]) -> int:

@@ -16,11 +16,10 @@ TINY = ["--size", "32", "--views", "4+1", "--samples", "1", "--threads", "1"]
 
 
 @pytest.fixture
-def maker(bpy, monkeypatch):
+def maker(bpy):
     """The command that makes the captures."""
-    monkeypatch.syspath_prepend(str(ROOT / "tools"))
-    yield importlib.import_module("make_benchmark_captures")
-    for name in [name for name in sys.modules if name.split(".")[0] in ("make_benchmark_captures", "procedural")]:
+    yield importlib.import_module("tools.scenes.make_captures")
+    for name in [name for name in sys.modules if name.startswith(("tools.scenes", "tools.procedural"))]:
         del sys.modules[name]
 
 
@@ -61,8 +60,8 @@ def test_no_test_view_is_a_training_view(maker, scene):
 
 def make(out: Path, *arguments: str) -> str:
     """Run the command in a process of its own, for it starts from Blender's factory settings; returns its last line."""
-    command = [sys.executable, str(ROOT / "tools" / "make_benchmark_captures.py"), "--out", str(out), *arguments]
-    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()[-1]
+    command = [sys.executable, "-m", "tools.scenes.make_captures", "--out", str(out), *arguments]
+    return subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout.splitlines()[-1]
 
 
 def test_a_rendered_scene_has_photos_labels_recolors_and_masks_that_agree_and_is_not_made_twice(bpy, tmp_path):

@@ -21,8 +21,8 @@ DEPTH_TOLERANCE = 0.01  # of the depth: what lies deeper than that behind what a
 
 
 @dataclass(frozen=True)
-class Sight:
-    """What one pinhole view sees: its camera, depth [H, W], and the pixels that count, bool [H, W]."""
+class DepthView:
+    """What one pinhole view shows: its camera, depth [H, W], and the pixels that count, bool [H, W]."""
 
     camera: Camera
     depth: np.ndarray
@@ -44,7 +44,7 @@ class Correspondence:
         return float(np.sqrt(np.mean(difference**2)))
 
 
-def correspond(view: Sight, other: Sight) -> Correspondence:
+def correspond(view: DepthView, other: DepthView) -> Correspondence:
     """The points of `view`'s mask that `other` sees too: inside its picture and mask, and not behind what it shows."""
     camera = view.camera
     pixels = np.flatnonzero(view.mask.ravel() & (view.depth.ravel() > 0))

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-import desk
-import hands
-from hands import Wait, Where
+
+from . import desk, hands
+from .hands import Wait, Where
 
 TAB = "KaRF"
 SIDEBAR = Where("IMAGE_EDITOR")
@@ -178,6 +178,12 @@ def drag_swatch(story: Story, name: str, index: int, steps: int, angle: tuple[in
     return len(seen)
 
 
+def key_swatch(name: str, index: int) -> Wait:
+    """I over a swatch: a keyframe of its color."""
+    place = yield from hands.find(SIDEBAR, swatch(name, index), 0.2)
+    yield from hands.press("I", place)
+
+
 def paint(story: Story, name: str) -> Wait:
     """Paint over an object and save its mask."""
     field = yield from hands.find(SIDEBAR, r"karf\.mask_object")
@@ -203,6 +209,28 @@ def paint(story: Story, name: str) -> Wait:
     yield from story.shoot(f"painted-{name}")
     yield from hands.press_button(SIDEBAR, r"karf\.save_mask", 0.68)
     yield 0.5
+
+
+def render_animation(story: Story, number: int, frames: int) -> Wait:
+    """Blender's own animation render while the keyframed picture is open."""
+    scene, film = desk.scene(), story.desk / f"film_{number}"
+    scene.render.engine, scene.render.filepath = "BLENDER_WORKBENCH", f"{film}/"
+    scene.render.resolution_percentage = 50
+    check(editors("IMAGE_EDITOR") == 1 and scene.karf.result is not None, "the picture is not open")
+    hands.area_of("IMAGE_EDITOR").spaces.active.image = scene.karf.result
+    yield from hands.press("F12", hands.middle_of(VIEW), ctrl=True)
+    yield from until(lambda: bpy.app.is_job_running("RENDER"), "the render", 10)
+    if number == 1:
+        yield from story.shoot("rendering")
+    end = time.monotonic() + 120
+    while bpy.app.is_job_running("RENDER"):
+        check(time.monotonic() < end, "the render did not end within 120 s")
+        hands.area_of("IMAGE_EDITOR").tag_redraw()  # drawn while it may be written: where Blender used to crash
+        yield 0.005
+    yield 1.0
+    count = len(list(film.glob("*.png")))
+    check(count == frames, f"{count} frames were written, not {frames}")
+    check(desk.is_in_step(), "after the render the picture is not what the swatches say")
 
 
 def save_facts(story: Story) -> None:

@@ -11,11 +11,9 @@ from pathlib import Path
 
 import bpy
 
-sys.path.insert(0, str(Path(__file__).parent))
-import acts
-import hands
-import record
-from story import STEPS, Step
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # Blender runs this file by its path
+from tools.window import acts, hands, record
+from tools.window.story import STEPS, Step
 
 SHOT_SECONDS = 5.0
 

@@ -7,18 +7,15 @@ done by events in the window; what no event can reach in a sensible time is done
 from __future__ import annotations
 
 import shutil
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import acts
 import bpy
-import desk
-import hands
-import remains
-from acts import JOB_SECONDS, PICTURE, SIDEBAR, TAB, VIEW, Story, check, until
-from hands import Wait, Where
+
+from . import acts, desk, hands, remains
+from .acts import JOB_SECONDS, PICTURE, SIDEBAR, TAB, VIEW, Story, check, until
+from .hands import Wait, Where
 
 FILM_FRAMES = 60
 
@@ -124,11 +121,11 @@ def learn(story: Story) -> Wait:
 @step("mark", "mouse: name typed, Paint Mask, strokes, Save Mask")
 def mark(story: Story) -> Wait:
     karf = desk.scene().karf
-    karf.active_view = story.job["marked_view"]
+    karf.active_view = story.job["masked_view"]
     for name in ("mug", "pot"):
         yield from acts.paint(story, name)
     counts = desk.module("project.contents").mask_counts(desk.scene())
-    check(counts == {"mug": 1, "pot": 1}, f"marked are {counts}")
+    check(counts == {"mug": 1, "pot": 1}, f"the masks are {counts}")
     yield from acts.save_file()
 
 
@@ -178,11 +175,11 @@ def keyframe(story: Story) -> Wait:
     scene = desk.scene()
     scene.frame_start, scene.frame_end = 1, FILM_FRAMES
     scene.frame_set(1)
-    yield from key_swatch(story)
+    yield from acts.key_swatch("mug", 1)
     yield from hands.press("RIGHT_ARROW", hands.middle_of(VIEW), shift=True)
     check(scene.frame_current == FILM_FRAMES, f"Shift Right went to frame {scene.frame_current}")
     yield from acts.drag_swatch(story, "mug", 1, 6, (50, -10))
-    yield from key_swatch(story)
+    yield from acts.key_swatch("mug", 1)
     check(desk.animated_objects() == {"mug"}, f"keyframes are on {desk.animated_objects()}")
     last = desk.picture()
     for _ in range(3):
@@ -191,12 +188,6 @@ def keyframe(story: Story) -> Wait:
     check(scene.frame_current == FILM_FRAMES - 3, f"three times Left went to frame {scene.frame_current}")
     check(desk.picture() != last, "the picture does not follow the frame")
     check(desk.is_in_step(), "the picture is not what the swatches say in this frame")
-
-
-def key_swatch(story: Story) -> Wait:
-    """I over the mug's first swatch."""
-    place = yield from hands.find(SIDEBAR, acts.swatch("mug", 1), 0.2)
-    yield from hands.press("I", place)
 
 
 @step("save again", "keys: Ctrl S")
@@ -219,31 +210,9 @@ def camera_frames(story: Story) -> Wait:
     check(len(written) == 3, f"{len(written)} frames were written, not 3")
 
 
-def render_animation(story: Story, number: int) -> Wait:
-    """Blender's own animation render while the keyframed picture is open."""
-    scene, film = desk.scene(), story.desk / f"film_{number}"
-    scene.render.engine, scene.render.filepath = "BLENDER_WORKBENCH", f"{film}/"
-    scene.render.resolution_percentage = 50
-    check(acts.editors("IMAGE_EDITOR") == 1 and scene.karf.result is not None, "the picture is not open")
-    hands.area_of("IMAGE_EDITOR").spaces.active.image = scene.karf.result
-    yield from hands.press("F12", hands.middle_of(VIEW), ctrl=True)
-    yield from until(lambda: bpy.app.is_job_running("RENDER"), "the render", 10)
-    if number == 1:
-        yield from story.shoot("rendering")
-    end = time.monotonic() + 120
-    while bpy.app.is_job_running("RENDER"):
-        check(time.monotonic() < end, "the render did not end within 120 s")
-        hands.area_of("IMAGE_EDITOR").tag_redraw()  # drawn while it may be written: where Blender used to crash
-        yield 0.005
-    yield 1.0
-    count = len(list(film.glob("*.png")))
-    check(count == FILM_FRAMES, f"{count} frames were written, not {FILM_FRAMES}")
-    check(desk.is_in_step(), "after the render the picture is not what the swatches say")
-
-
 for _number in (1, 2, 3):
     step(f"render animation {_number}", f"keys: Ctrl F12, {FILM_FRAMES} frames, the result picture open")(
-        lambda story, number=_number: render_animation(story, number)
+        lambda story, number=_number: acts.render_animation(story, number, FILM_FRAMES)
     )
 
 
@@ -281,7 +250,7 @@ def reload(story: Story) -> Wait:
 @step("re-extract with keys", "mouse: a third object, Segment, Extract Palette; Return where Blender asks")
 def extract_again(story: Story) -> Wait:
     karf = desk.scene().karf
-    karf.active_view = story.job["marked_view"]
+    karf.active_view = story.job["masked_view"]
     edited = acts.color_of("pot", 1)
     yield from acts.paint(story, "apple")
     yield from acts.button_job(story, r"karf\.segment\(")

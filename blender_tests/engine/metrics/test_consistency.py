@@ -9,7 +9,7 @@ pytest.importorskip("cv2")
 from blender_tests.engine.reference.textures import smooth_texture
 from karf_engine.capture.camera import Camera
 from karf_engine.metrics.consistency import (
-    Sight,
+    DepthView,
     correspond,
     flow_rmse,
     mean_of_pairs,
@@ -28,7 +28,7 @@ def camera_at(x):
 
 
 def sight(x):
-    return Sight(camera_at(x), np.full((SIZE, SIZE), WALL), np.ones((SIZE, SIZE), bool))
+    return DepthView(camera_at(x), np.full((SIZE, SIZE), WALL), np.ones((SIZE, SIZE), bool))
 
 
 def painted(x):

@@ -3,7 +3,6 @@
 import importlib
 import shutil
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -29,8 +28,6 @@ from karf_engine.project import STAGE_ORDER, Project
 from karf_engine.rendering.rays import PixelBank
 from karf_engine.rendering.surface_cache import cache_surface
 from karf_engine.settings import GeometrySettings, Level, NerfSettings, OpenSettings
-from karf_engine.stages.job import open_job
-from karf_engine.wire import Request
 
 LEVELS = (Level(12, 8, 1.0), Level(16, 8, 1.0))
 SETTINGS = replace(
@@ -182,11 +179,8 @@ def test_the_whole_geometry_stage_runs_away_from_the_cpu(still_life, elsewhere, 
 
 
 def test_the_comparison_of_weights_runs_away_from_the_cpu(learned, elsewhere, monkeypatch):
-    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[3] / "tools"))
-    ablations = importlib.import_module("evaluation.ablations")
+    ablations = importlib.import_module("tools.experiments.ablations")
     monkeypatch.setattr(ablations, "score_palettes_of", lambda test, masks: SimpleNamespace(psnr_object=30.0))
-    request = Request("recoloring", learned.project, {"threads": 1, "device": str(elsewhere)})
-    job = open_job(request, lambda *_, **__: None, lambda: False)
-    done = SimpleNamespace(job=job, test=SimpleNamespace(model=Model(job.project, job.runtime.device)))
+    done = SimpleNamespace(model=Model.load(learned.project, str(elsewhere)))
     bench = SimpleNamespace(ablation=lambda overrides, seed: done, truth=SimpleNamespace(masks=lambda split: None))
     assert np.isfinite(ablations.decomposition_row(bench, ())).all()

@@ -20,7 +20,7 @@ def report(tmp_path_factory) -> dict:
     """What a quick run of the command finds."""
     out = tmp_path_factory.mktemp("faults")
     done = subprocess.run(
-        [sys.executable, "-m", "tools.faults", "--quick", "--kills", "6", "--out", str(out)],
+        [sys.executable, "-m", "tools.reliability.faults", "--quick", "--kills", "6", "--out", str(out)],
         cwd=ROOT,
         env=os.environ | dev.ONE_THREAD,
         capture_output=True,

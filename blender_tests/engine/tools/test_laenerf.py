@@ -7,7 +7,7 @@ pytest.importorskip("scipy")
 pytest.importorskip("cv2")
 
 from blender_tests.engine.reference.textures import smooth_texture
-from tools.evaluation.laenerf import laenerf_error
+from tools.experiments.laenerf import laenerf_error
 
 
 def test_the_published_script_sums_squares_of_all_that_moves():

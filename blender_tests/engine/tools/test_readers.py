@@ -1,6 +1,6 @@
 """Every reader and files that are nearly right: valid, refused in a sentence, and never anything else.
 
-What is never to happen stands in tools/fuzz/watch.py. Longer: python3 tools/dev.py fuzz.
+What is never to happen stands in tools/reliability/fuzz/watch.py. Longer: python3 tools/dev.py fuzz.
 """
 
 import json
@@ -18,9 +18,9 @@ from tools import dev
 torch = pytest.importorskip("torch")
 pytest.importorskip("resource", reason="processes are forked and limited, which Windows cannot")
 
-from tools.fuzz import samples
-from tools.fuzz.readers import Bed, readers
-from tools.fuzz.watch import read_watched
+from tools.reliability.fuzz import samples
+from tools.reliability.fuzz.readers import Bed, readers
+from tools.reliability.fuzz.watch import read_watched
 
 MUTANTS = 30
 NAMES = [reader.name for reader in readers(None)]
@@ -70,7 +70,7 @@ def test_changed_files_are_read_or_refused(bed):
 def rows(tmp_path_factory):
     """What a short run of the command finds, by reader."""
     out = tmp_path_factory.mktemp("fuzz_out")
-    command = [sys.executable, "-m", "tools.fuzz", "--mutants", str(MUTANTS), "--out", str(out)]
+    command = [sys.executable, "-m", "tools.reliability.fuzz", "--mutants", str(MUTANTS), "--out", str(out)]
     done = subprocess.run(
         command, cwd=ROOT, env=os.environ | dev.ONE_THREAD, capture_output=True, text=True, timeout=900
     )

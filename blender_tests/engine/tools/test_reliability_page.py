@@ -4,18 +4,18 @@ import json
 
 import pytest
 
-from tools import reliability
+from tools.reliability import page
 
-REPORTS = [path for name in reliability.NAMES if (path := reliability.FOLDER / f"{name}.json").exists()]
+REPORTS = [path for name in page.NAMES if (path := page.FOLDER / f"{name}.json").exists()]
 
 
 def test_the_page_is_what_the_reports_give():
-    assert reliability.PAGE.read_text(encoding="utf-8") == reliability.page(), "run python3 tools/reliability.py"
+    assert page.PAGE.read_text(encoding="utf-8") == page.page(), "run python3 -m tools.reliability.page"
 
 
 def test_the_page_has_a_place_for_every_table():
-    text = reliability.PAGE.read_text(encoding="utf-8")
-    for name in reliability.NAMES:
+    text = page.PAGE.read_text(encoding="utf-8")
+    for name in page.NAMES:
         assert f"<!-- {name} -->" in text and f"<!-- /{name} -->" in text
 
 

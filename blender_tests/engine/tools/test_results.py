@@ -1,42 +1,39 @@
 """The committed results: pages are exactly what the data gives, and the data is complete."""
 
 import importlib
-from pathlib import Path
 
 import pytest
 
 from karf_engine.settings import Settings, with_overrides
-from tools import results
+from tools.experiments import page
 
-TOOLS = Path(results.__file__).parent
-
-NAMES = [path.stem for path in sorted(results.FOLDER.glob("*.json")) if path.stem not in ("remarks", "captions")]
+NAMES = [path.stem for path in sorted(page.FOLDER.glob("*.json")) if path.stem not in ("remarks", "captions")]
 
 
-@pytest.mark.parametrize("path", results.pages(), ids=lambda path: path.name)
+@pytest.mark.parametrize("path", page.pages(), ids=lambda path: path.name)
 def test_every_page_is_what_the_data_generates(path):
-    assert path.read_text(encoding="utf-8") == results.pages()[path], "run python3 tools/results.py"
+    assert path.read_text(encoding="utf-8") == page.pages()[path], "run python3 -m tools.experiments.page"
 
 
 def test_every_table_of_the_paper_has_results():
-    assert set(NAMES) == set(results.ORDER)
+    assert set(NAMES) == set(page.ORDER)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_table_says_where_it_comes_from_and_has_full_rows(name):
-    table = results.read(name)
+    table = page.read(name)
     assert set(table["made"]) == {"date", "command", "preset", "machine", "seconds"}
     assert table["rows"] and all(len(row) == len(table["columns"]) for row in table["rows"])
 
 
 def test_every_picture_is_shown_and_says_what_it_shows(evaluate):
-    captions = results.read("captions")
-    assert {path.stem for path in results.FOLDER.glob("*.jpg")} == set(captions) == set(evaluate.STRIPS)
-    assert all(f"](results/{name}.jpg)" in results.pages()[results.DOCS / "results.md"] for name in captions)
+    captions = page.read("captions")
+    assert {path.stem for path in page.FOLDER.glob("*.jpg")} == set(captions) == set(evaluate.STRIPS)
+    assert all(f"](results/{name}.jpg)" in page.pages()[page.DOCS / "results.md"] for name in captions)
 
 
 def test_remarks_speak_of_tables_that_exist():
-    for name, remark in results.read("remarks").items():
+    for name, remark in page.read("remarks").items():
         assert name in NAMES and remark["of"] and remark["text"]
 
 
@@ -48,28 +45,27 @@ def test_cells_are_shown_in_their_columns_format_and_missing_ones_as_a_dash():
         "columns": [{"title": "way", "format": ""}, {"title": "MSE", "format": ".1e"}],
         "rows": [["ours", 0.000123], ["paper", None]],
     }
-    text = results.markdown("t", table, {"of": "2026-01-02", "text": "So it is."})
+    text = page.markdown("t", table, {"of": "2026-01-02", "text": "So it is."})
     assert "| way | MSE |\n| --- | --- |\n| ours | 1.2e-04 |\n| paper | - |" in text
     assert "*Remark on the run of 2026-01-02:* So it is." in text
-    assert results.csv_text(table) == "way,MSE\nours,0.000123\npaper,\n"
+    assert page.csv_text(table) == "way,MSE\nours,0.000123\npaper,\n"
 
 
 @pytest.fixture
-def evaluate(monkeypatch):
+def evaluate():
     """The program that measures the tables."""
     pytest.importorskip("torch")
-    monkeypatch.syspath_prepend(str(TOOLS))
-    return importlib.import_module("evaluate")
+    return importlib.import_module("tools.experiments.evaluate")
 
 
 def test_what_can_be_measured_is_what_the_page_shows(evaluate):
-    assert tuple(evaluate.TABLES) == results.ORDER
+    assert tuple(evaluate.TABLES) == page.ORDER
 
 
 def test_every_ablation_is_a_plain_setting_and_differs_from_all_others(evaluate):
     settings = [
         with_overrides(Settings(), list(overrides))
-        for overrides in importlib.import_module("evaluation.ablations").ABLATIONS.values()
+        for overrides in importlib.import_module("tools.experiments.ablations").ABLATIONS.values()
     ]
     assert settings[0] == Settings()
     assert all(a != b for number, a in enumerate(settings) for b in settings[:number])

@@ -4,19 +4,15 @@ import ast
 import json
 import re
 import struct
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tools.window import record, screen
+
 ROOT = Path(__file__).resolve().parents[3]
 WINDOW = ROOT / "tools" / "window"
-
-
-sys.path.insert(0, str(WINDOW))
-import record
-import screen
 
 
 def dumped(pixels, order, padding=0):

@@ -1,0 +1,39 @@
+"""The tools' rooms from the ground up: each may import those on lower floors, and no others."""
+
+import ast
+
+from blender_tests.engine.conftest import ROOT
+from blender_tests.layering import modules, violations
+
+FLOORS = (
+    ("__init__", "dev", "judging", "procedural", "speed", "reliability", "window"),
+    ("benchmark", "demo", "scenes", "experiments"),
+)
+PRIVATE = "karf_engine.stages"  # what the stages do is offered by the engine's public functions
+ALLOWED = {"reliability.fuzz.readers"}  # feeds damaged files to single readers, of which a stage has one
+
+
+def test_imports_run_down_and_never_in_a_circle():
+    assert violations(ROOT / "tools", FLOORS) == []
+
+
+def test_only_what_damages_files_reaches_into_the_stages():
+    reaching = {name for name, path in modules(ROOT / "tools").items() if any(map(_is_private, ast.walk(_tree(path))))}
+    assert reaching == ALLOWED
+
+
+def _tree(path):
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def _is_private(node):
+    named = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+    named += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+    return any(name.startswith(PRIVATE) for name in named)
+
+
+def test_no_tool_is_long():
+    lengths = {
+        name: len(path.read_text(encoding="utf-8").splitlines()) for name, path in modules(ROOT / "tools").items()
+    }
+    assert {name: length for name, length in lengths.items() if length > 300} == {}

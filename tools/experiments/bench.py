@@ -1,0 +1,101 @@
+"""What the tables are measured on: the demo, learned once, and learned in other ways on its geometry."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+import karf_engine as karf
+from karf_engine.edit.compositing import stack_palettes
+from karf_engine.heads.rendering import ObjectSamples, object_samples
+from karf_engine.model import Model
+from karf_engine.progress import TerminalEmit
+from karf_engine.project.edit import solve
+
+from ..judging.truth import DEMO, Truth
+from ..judging.views import TestViews, learn_again, render_test_views, with_model
+
+ONE, THREE = DEMO / "coarse_masks" / "one", DEMO / "coarse_masks" / "three"
+PLAIN = "segmentation.labels=masks"  # Eq. 12 on the masks as they are
+MLP_HEADS = ("segmentation.head=mlp", "recoloring.head=mlp")
+LEARNED = ("segmentation", "palette", "recoloring")
+
+
+class Bench:
+    """The demo, learned, and learned in other ways; everything is made when it is first asked for."""
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        self.truth = Truth()
+        self.seeds = options.seeds
+        self._threads = options.threads
+        self._out = options.out.absolute()
+        shutil.rmtree(self._out / "scratch", ignore_errors=True)
+        self.model = karf.learn(
+            DEMO,
+            ONE,
+            project=self._out / "project",
+            preset=options.preset,
+            overrides=options.overrides,
+            threads=options.threads,
+            emit=TerminalEmit(),
+        )
+
+    def folder(self, name: str) -> Path:
+        """A folder for what is made on the way."""
+        return self._out / name
+
+    @cache  # noqa: B019 (one instance a run)
+    def ours(self) -> TestViews:
+        """The test views as learned in the default way."""
+        return render_test_views(self.model)
+
+    @cache  # noqa: B019
+    def learned(self, overrides: tuple[str, ...], masks: Path = ONE, weights_from: str = "photo") -> TestViews:
+        """Everything after geometry, learned in another way."""
+        folder = self._out / "scratch" / f"{len(list((self._out / 'scratch').glob('*'))):03d}"
+        model = learn_again(self.model, folder, overrides, LEARNED, masks, self._threads)
+        return with_model(self.ours(), model, weights_from)
+
+    @cache  # noqa: B019
+    def ceiling(self) -> TestViews:
+        """Segmentation from the true masks of all training views."""
+        masks = self.truth.write_training_masks(self.folder("true_masks"))
+        return self.learned(("segmentation.labels=votes",), masks)
+
+    @cache  # noqa: B019
+    def samples(self) -> list[ObjectSamples]:
+        """Where F_w is asked in each test view: the same for all that share our geometry and segmentation."""
+        model, frames = self.model, self.ours().frames
+        return [object_samples(model.segmentation, model.scene.field, frame.picture.cache) for frame in frames]
+
+    def ablation(self, overrides: tuple[str, ...], seed: int) -> TestViews:
+        """Palette and weights, learned in another way on the same segmentation."""
+        stages = LEARNED[1:] if any(text.startswith("palette.") for text in overrides) else LEARNED[2:]
+        overrides = (*overrides, f"seed={seed}")
+        model = learn_again(self.model, self._out / "ablation", overrides, stages, threads=self._threads)
+        frames = []
+        for frame, samples in zip(self.ours().frames, self.samples(), strict=True):
+            frames.append(replace(frame, palette_weights=model.weights_of_field(frame.picture, samples)))
+        return TestViews(model, self.ours().plates, frames)
+
+    def photos(self) -> list[np.ndarray]:
+        """The test photos."""
+        return [frame.base for frame in self.ours().frames]
+
+    def pairs(self, edit: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """The color pair of each object of an edit, as an eyedropper reads it in the reference view."""
+        return {name: self.truth.color_pair(edit, name) for name in self.truth.edits[edit]["objects"]}
+
+    def edited(self, model: Model, edit: str) -> np.ndarray:
+        """The palettes [K, M, 3] of a model with which the edit's color pairs come true."""
+        colors = {palette.name: palette.colors for palette in model.palettes}
+        for palette in model.palettes:
+            if palette.name in self.truth.edits[edit]["objects"]:
+                pair = self.truth.color_pair(edit, palette.name)
+                colors[palette.name] = solve(model.project, palette, *pair, "becomes")
+        return stack_palettes(model.objects, colors)

@@ -1,0 +1,62 @@
+"""Projects with true recolors: their scores and contact sheet.
+
+The judged frames are OUT/frames/<edit>/recolor/<view>.png.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+
+from karf_engine.color import to_bytes
+from karf_engine.edit.compositing import delta_composite
+from karf_engine.metrics.scores import score_edit
+from karf_engine.plates import Plate
+
+from .scores import score_palettes_of, score_renders
+from .sheets import sheet_numbers, tinted, write_sheet
+from .truth import Truth
+from .views import TestViews
+
+
+def score_scene(test: TestViews, truth: Truth) -> dict:
+    """The render, the palettes' own picture of the objects, and the edit that changes nothing."""
+    model, identity = test.model, 0
+    for frame, plate in zip(test.frames, test.plates, strict=True):
+        unchanged = delta_composite(frame.base, frame.palette_weights, model.learned_colors, model.learned_colors)
+        identity = max(identity, int(np.abs(to_bytes(unchanged).astype(int) - to_bytes(plate.color)).max()))
+    palettes = score_palettes_of(test, truth.masks("test"))
+    return score_renders(test) | {"psnr_object": palettes.psnr_object, "identity_max_abs": identity}
+
+
+def score_edits(truth: Truth, plates: list[Plate], out: Path) -> dict:
+    """Our frames against the true recolors, beside no edit and hue shifts."""
+    scores = {}
+    for name, edit in truth.edits.items():
+        recolored = [recolored_frame(out, name, plate) for plate in plates]
+        masks = [{o: labels == truth.names[o] for o in edit["objects"]} for labels in truth.labels("test")]
+        pairs = {o: truth.color_pair(name, o) for o in edit["objects"]}
+        photos = [plate.color.astype(np.float64) for plate in plates]
+        scores[name] = asdict(score_edit(photos, recolored, truth.recolored(name), masks, pairs))
+    mean = {key: float(np.mean([score[key] for score in scores.values()])) for key in next(iter(scores.values()))}
+    return {"ciede2000": scores | {"mean": mean}, "mse_outside": mean["mse_outside"]}
+
+
+def recolored_frame(out: Path, edit: str, plate: Plate) -> np.ndarray:
+    """The judged frame of a test view."""
+    return iio.imread(out / "frames" / edit / "recolor" / f"{plate.view.name}.png")[..., :3] / 255
+
+
+def contact_sheet(out: Path, test: TestViews, truth: Truth) -> None:
+    """Columns: photo, learned render, masks over the photo, then each edit and its truth."""
+    rows = []
+    for number in sheet_numbers(len(test.frames)):
+        plate, frame = test.plates[number], test.frames[number]
+        row = [plate.color, frame.color, tinted(plate.color, frame.masks)]
+        for name in truth.edits:
+            row += [recolored_frame(out, name, plate), truth.recolored(name)[number]]
+        rows.append(row)
+    write_sheet(out / "contact_sheet.png", rows)

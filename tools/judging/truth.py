@@ -1,0 +1,79 @@
+"""What is known of captures laid out like the demo: labels, true recolors, and each edit's color pair (numpy only)."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+
+DEMO = Path(__file__).resolve().parents[2] / "demo"
+CHANGED = 0.06  # a pixel takes part in an edit where the reference recolor differs by more, sRGB
+
+
+class Truth:
+    """Ground truth of the capture in `folder`. Pictures are float [H, W, 3] in [0, 1]; labels int [H, W], 0 is no object."""
+
+    def __init__(self, folder: Path = DEMO) -> None:
+        self.folder = folder
+        self.names: dict[str, int] = json.loads((self.folder / "labels" / "names.json").read_text())
+        self.edits: dict[str, dict] = json.loads((self.folder / "edits.json").read_text())["edits"]
+
+    @cache  # noqa: B019 (one instance a run)
+    def labels(self, split: str) -> list[np.ndarray]:
+        """Object ids of each view of a split, in the order of its names."""
+        # palette pictures: plain reading would give the palette's colors instead of the ids
+        return [iio.imread(path, mode="P") for path in sorted((self.folder / "labels" / split).glob("*.png"))]
+
+    def masks(self, split: str) -> dict[str, list[np.ndarray]]:
+        """The true masks of a split's views, object by object."""
+        return {name: [labels == number for labels in self.labels(split)] for name, number in self.names.items()}
+
+    def inside(self, edit: str, split: str = "test") -> list[np.ndarray]:
+        """Where an edit's objects are in each view of a split, together."""
+        masks = self.masks(split)
+        return [np.any(views, 0) for views in zip(*(masks[name] for name in self.edits[edit]["objects"]), strict=True)]
+
+    @cache  # noqa: B019
+    def recolored(self, edit: str) -> list[np.ndarray]:
+        """True recolors of the test views."""
+        return [
+            iio.imread(path)[..., :3] / 255 for path in sorted((self.folder / "recolor" / edit / "test").glob("*.png"))
+        ]
+
+    def color_pair(self, edit: str, object_name: str) -> tuple[np.ndarray, np.ndarray]:
+        """What an eyedropper reads in the one training view whose recolor is known: median color before and after.
+
+        Of the pixels in the object's coarse mask whose paint really changes. [3] each, sRGB.
+        """
+        before, after = self.reference(edit)
+        mask = self.coarse_mask(edit, object_name)
+        changed = mask & (np.abs(after - before).max(-1) > CHANGED)
+        return np.median(before[changed], 0), np.median(after[changed], 0)
+
+    def reference(self, edit: str) -> tuple[np.ndarray, np.ndarray]:
+        """The one training photo whose true recolor is known, and that recolor."""
+        name = f"{self.edits[edit]['reference_view']}.png"
+        folders = self.folder / "train", self.folder / "recolor" / edit / "train"
+        before, after = (iio.imread(folder / name)[..., :3] / 255 for folder in folders)
+        return before, after
+
+    def coarse_mask(self, edit: str, object_name: str) -> np.ndarray:
+        """The rough mask of an object in the edit's reference view, bool [H, W]."""
+        view = self.edits[edit]["reference_view"]
+        return iio.imread(self.folder / "coarse_masks" / "one" / object_name / f"{view}.png") > 127
+
+    def write_training_masks(self, folder: Path, count: int | None = None) -> Path:
+        """The true masks of `count` training views, evenly chosen (default: all), as MASKS/<object>/<photo stem>.png;
+        returns the folder."""
+        paths = sorted((self.folder / "labels" / "train").glob("*.png"))
+        for path in paths[:: len(paths) // (count or len(paths))][:count]:
+            labels = iio.imread(path, mode="P")
+            for name, number in self.names.items():
+                if (labels == number).any():
+                    target = folder / name / path.name
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    iio.imwrite(target, ((labels == number) * 255).astype(np.uint8))
+        return folder

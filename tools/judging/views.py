@@ -1,0 +1,106 @@
+"""The test views of a learned project, and of the same geometry learned further in other ways."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import karf_engine as karf
+from karf_engine import settings as settings_module
+from karf_engine.files import write_json
+from karf_engine.model import Frame, Model
+from karf_engine.plates import Plate
+from karf_engine.progress import Progress, TerminalEmit
+from karf_engine.project import STAGE_ORDER, Project
+
+STAGE_FILES = {  # what a later stage reads of each
+    "geometry": ("geometry_file", "capture_file"),
+    "segmentation": ("segmentation_file", "surface_file", "segmentation_report", "masks_folder"),
+    "palette": ("palette_file", "object_colors_file"),
+}
+
+
+@dataclass(frozen=True)
+class TestViews:
+    """The test views of a project, and what it shows there. frames: one for each plate."""
+
+    model: Model
+    plates: list[Plate]
+    frames: list[Frame]
+
+    def masks(self, object_name: str) -> list[np.ndarray]:
+        """The masks of one object, view by view."""
+        number = self.model.objects.index(object_name)
+        return [frame.masks[number] for frame in self.frames]
+
+
+def terminal_progress(name: str, total: int) -> Progress:
+    """Progress of `total` steps under this name, shown in the terminal."""
+    return Progress(TerminalEmit(), lambda: False, name, total)
+
+
+def render_test_views(model: Model) -> TestViews:
+    """Render every test view as learned; a frame's base is its photo, of a matte capture over white."""
+    plates = [model.plate(view) for view in model.capture.split("test")]
+    progress = terminal_progress("judge", len(plates))
+    frames = []
+    for plate in plates:
+        frames.append(model.render_plate(plate, "field"))
+        progress.step()
+    return TestViews(model, plates, frames)
+
+
+def learn_again(
+    model: Model,
+    folder: Path,
+    overrides: Sequence[str],
+    stages: Sequence[str],
+    masks: Path | None = None,
+    threads: int | None = None,
+) -> Model:
+    """Learn these stages in another way, in a scratch project that keeps what the stages before them made.
+
+    Args:
+        model: what is learned already.
+        folder: the scratch project, emptied before.
+        overrides: settings as `stage.field=value`.
+        stages: names, in their order.
+        masks: for segmentation; by default the project's own. With `segmentation.labels=votes` and the true masks of
+            all training views, segmentation is the ceiling.
+        threads: processor threads.
+    """
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    kept = STAGE_ORDER[: STAGE_ORDER.index(stages[0])]
+    scratch = Project(folder)
+    for name in (name for stage in kept for name in STAGE_FILES[stage]):
+        source, target = getattr(model.project, name), getattr(scratch, name)
+        (shutil.copytree if source.is_dir() else shutil.copy)(source, target)
+    state = model.project.state()
+    changed = settings_module.with_overrides(model.settings, list(overrides))
+    # without checksums: a kept palette may be as recoloring has learned it
+    done = {name: {key: value for key, value in state["stages"][name].items() if key != "files"} for name in kept}
+    state |= {"stages": done, "settings": settings_module.to_dict(changed)}
+    write_json(scratch.state_file, state)
+    run = {"threads": threads, "emit": TerminalEmit()}
+    learn = {
+        "segmentation": lambda: karf.segment(folder, masks, **run),
+        "palette": lambda: karf.extract_palettes(folder, **run),
+        "recoloring": lambda: karf.learn_recoloring(folder, **run),
+    }
+    for stage in stages:
+        learn[stage]()
+    return karf.load(folder)
+
+
+def with_model(test: TestViews, model: Model, weights_from: str = "field") -> TestViews:
+    """The same pictures of the same geometry, with another model's masks and palette weights.
+
+    weights_from: F_w (`field`), or the colors of each frame's base (`photo`).
+    """
+    frames = [model.frame_of(frame.picture, frame.base, weights_from == "field") for frame in test.frames]
+    return TestViews(model, test.plates, frames)

@@ -1,0 +1,1 @@
+"""What faults and damaged files do to projects and readers: docs/reliability.md."""

@@ -1,0 +1,267 @@
+"""A tiny project in every state it can rightly be in, and the question after a fault: is it in one of these?
+
+Each finished stage notes a fingerprint of its inputs. The chain of these names a state; every right state has been
+made once without faults, so a project that claims a chain must hold exactly its files and show exactly its pictures. A
+mixture of an old and a new generation matches none.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from blender_tests.engine.reference.still_life import write_capture, write_masks
+from karf_engine.errors import KarfError
+from karf_engine.locking import opened
+from karf_engine.project import STAGE_ORDER, Project
+
+from .engine import Run, run
+
+SIZE, N_PHOTOS = 36, 8
+MASKED_VIEWS = ("r_0", "r_4")
+LEVELS = '[{"voxels": 16, "iterations": 25, "step": 1.0}, {"voxels": 24, "iterations": 25, "step": 1.0}]'
+SETTINGS = (
+    "geometry.space=box",
+    f"geometry.long_side={SIZE}",
+    f"geometry.levels={LEVELS}",
+    "geometry.samples=6000",
+    "geometry.max_rays=512",
+    "geometry.features=6",
+    "geometry.table_rate=0.3",
+    "geometry.network_rate=0.02",
+    "geometry.sparsity=0.0",
+    "geometry.prune_alpha=0.001",
+    "geometry.prune_visibility=0.005",
+    "segmentation.iterations=40",
+    "segmentation.rate=0.03",
+    "segmentation.batch=256",
+    "segmentation.cache_views=6",
+    f"segmentation.cache_long_side={SIZE}",
+    "segmentation.width=8",
+    "recoloring.iterations=15",
+    "recoloring.width=8",
+    "recoloring.batch=128",
+)
+CHANGES = {  # what makes each stage be learned anew; segmentation is given other masks
+    "geometry": ("seed=1", "geometry.long_side=32"),
+    "segmentation": (),
+    "palette": ("palette.colors=4",),
+    "recoloring": ("recoloring.iterations=20",),
+}
+PASSING = ("project.json", "preview.png", "lock", "lock.json", "commit.lock")  # files that are no result of a stage
+PASSING_FOLDERS = ("earlier_masks", "planes", "photos", "jobs", "out")
+
+
+@dataclass(frozen=True)
+class State:
+    """A right state. chain: (stage, fingerprint) of what is finished; files and pictures: digests by name."""
+
+    chain: tuple[tuple[str, str], ...]
+    folder: Path
+    files: dict[str, str]
+    pictures: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One stage that is learned for the first time, or anew. start: the project before; end: what it leads to."""
+
+    title: str
+    stage: str
+    start: Path | None
+    command: list[str]
+    end: State
+    seconds: float
+
+
+@dataclass
+class Bench:
+    """The workspace of all faults. project is the folder that faults are thrown at."""
+
+    folder: Path
+    states: dict[tuple, State] = field(default_factory=dict)
+    scenarios: list[Scenario] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.capture, self.masks, self.other_masks = (self.folder / n for n in ("capture", "masks", "other_masks"))
+        self.project, self.look = self.folder / "project", self.folder / "look"
+        photos = write_capture(self.capture, N_PHOTOS, 2, SIZE)
+        write_masks(self.masks, photos, MASKED_VIEWS)
+        write_masks(self.other_masks, photos, ("r_2", "r_6"))
+        self._learn()
+
+    # --- commands --------------------------------------------------------------------------------------------------
+    def command(self, stage: str, changed: bool = False, settings_of: str = "geometry") -> list[str]:
+        """The command line of a stage, of the first learning or changed. settings_of: whose settings geometry gets."""
+        common = ["--threads", "1"]
+        if stage == "geometry":
+            own = [*SETTINGS, *(CHANGES[settings_of] if changed else ())]
+            settings = [part for text in own for part in ("--set", text)]
+            return ["geometry", str(self.capture), "--project", str(self.project), *settings, *common]
+        if stage == "segmentation":
+            masks = self.other_masks if changed else self.masks
+            return ["segmentation", str(self.project), "--masks", str(masks), *common]
+        return [stage, str(self.project), *common]
+
+    def render(self, *more: str) -> list[str]:
+        """Render one held-out view into the folder `look`."""
+        return ["render", str(self.project), "--views", "test_r_0", "--out", str(self.look), "--threads", "1", *more]
+
+    @property
+    def match(self) -> list[str]:
+        """Solve an edit into the folder `look`."""
+        colors = ["--object", "ball", "--from", "#b5302c", "--to", "#3059b8"]
+        return ["match", str(self.project), *colors, "--out", str(self.look / "edit.json")]
+
+    # --- right states ----------------------------------------------------------------------------------------------
+    def _learn(self) -> None:
+        """Make all right states, and the scenarios that lead from one to another."""
+        complete = None
+        for stage in STAGE_ORDER:
+            complete = self._scenario(f"{stage}, first", stage, complete and complete.folder, self.command(stage)).end
+        self.complete = complete
+        self._must(self.match)
+        self.edit = digest(self.look / "edit.json")
+        for stage in STAGE_ORDER:
+            start = complete.folder
+            if stage in ("palette", "recoloring"):  # only the settings change before
+                self.restore(start)
+                self._must(self.command("geometry", True, stage))
+                start = self._snapshot(f"{stage} to be learned anew")
+            self._scenario(f"{stage}, anew", stage, start, self.command(stage, True))
+        seconds = time.monotonic()
+        self.restore(complete.folder)
+        self._must(self.render("--planes"))
+        seconds = time.monotonic() - seconds
+        self.scenarios.append(Scenario("render", "render", complete.folder, self.render("--planes"), complete, seconds))
+
+    def _scenario(self, title: str, stage: str, start: Path | None, command: list[str]) -> Scenario:
+        self.restore(start)
+        begin = time.monotonic()
+        self._must(command)
+        seconds = time.monotonic() - begin
+        chain, files, folder = self.chain(), self.files(), self._snapshot(title)
+        pictures, shown = self.pictures()
+        if shown.code:
+            raise RuntimeError(shown.text)
+        end = State(chain, folder, files, pictures)
+        self.states[chain] = end
+        self.scenarios.append(Scenario(title, stage, start, command, end, seconds))
+        return self.scenarios[-1]
+
+    def _must(self, command: list[str]) -> None:
+        done = run(command)
+        if done.code:
+            raise RuntimeError(f"{' '.join(command[:2])} fails without any fault:\n{done.text}")
+
+    def _snapshot(self, name: str) -> Path:
+        folder = self.folder / "states" / name.replace(", ", "_").replace(" ", "_")
+        shutil.copytree(self.project, folder)
+        return folder
+
+    def restore(self, start: Path | None) -> None:
+        """Put the project into this state; None: there is none yet."""
+        shutil.rmtree(self.project, ignore_errors=True)
+        if start is not None:
+            shutil.copytree(start, self.project)
+
+    def anew(self, stage: str) -> Scenario:
+        """The scenario in which this stage is learned anew."""
+        return next(scenario for scenario in self.scenarios if scenario.title == f"{stage}, anew")
+
+    def some(self, few: bool) -> list[Scenario]:
+        """All scenarios, or the one stage in which most happens for its seconds."""
+        return [self.anew("segmentation")] if few else self.scenarios
+
+    def repeated(self, few: bool) -> list[Scenario]:
+        """Those that begin with a complete project: old and new must not mix."""
+        return [scenario for scenario in self.some(few) if not scenario.title.endswith("first")]
+
+    # --- what a project is -----------------------------------------------------------------------------------------
+    def chain(self) -> tuple[tuple[str, str], ...]:
+        """The finished stages with their fingerprints. Raises KarfError where the project does not open."""
+        stages = Project(self.project).state()["stages"]
+        return tuple((stage, stages[stage]["fingerprint"]) for stage in STAGE_ORDER if stage in stages)
+
+    def files(self) -> dict[str, str]:
+        """Digests of the stages' results."""
+        names = (path.relative_to(self.project) for path in sorted(self.project.rglob("*")) if path.is_file())
+        own = [name for name in names if str(name) not in PASSING and name.parts[0] not in PASSING_FOLDERS]
+        return {str(name): digest(self.project / name) for name in own}
+
+    def differs(self, state: State, but: str = "") -> str:
+        """Which of a state's files, but this one, the project does not hold as they are there; empty: none."""
+        files = self.files()
+        return ", ".join(sorted(name for name, own in state.files.items() if files.get(name) != own and name != but))
+
+    def pictures(self, planes: bool | None = None) -> tuple[dict[str, str], Run]:
+        """Digests of all that a render gives, and the render. planes: None for where they can be had."""
+        shutil.rmtree(self.look, ignore_errors=True)
+        self.look.mkdir()
+        planes = "recoloring" in dict(self.chain()) if planes is None else planes
+        shown = run(self.render(*(["--planes"] if planes else [])))
+        paths = [path for path in sorted(self.look.rglob("*")) if path.is_file()]
+        return {str(path.relative_to(self.look)): digest(path) for path in paths}, shown
+
+    # --- the questions after a fault -------------------------------------------------------------------------------
+    def lost(self, exact: bool = True) -> str | None:
+        """What a fault has cost: None where the project is in a right state, or was never begun.
+
+        exact: False where a stage was finished in smaller batches, which sum up in another order.
+        """
+        if not (self.project / "project.json").exists():
+            return None
+        try:
+            opened(self.project)  # as the engine does first
+            chain = self.chain()
+        except (KarfError, KeyError, TypeError) as error:
+            return f"the project does not open: {error}"
+        if not chain:
+            return None
+        state = self.states.get(chain)
+        if state is None:
+            return f"finished stages of different generations: {', '.join(stage for stage, _ in chain)}"
+        changed = self.differs(state)
+        if changed and exact:
+            return f"{chain[-1][0]} is noted as finished, and these files are not its own: {changed}"
+        pictures, shown = self.pictures()
+        if shown.code:
+            return f"what is finished cannot be rendered: {shown.sentence or shown.text[-200:]}"
+        wrong = sorted(name for name, own in state.pictures.items() if pictures.get(name) != own)
+        return f"other pictures than before: {', '.join(wrong)}" if wrong and exact else None
+
+    def rerun(self, scenario: Scenario, exact: bool = True) -> str | None:
+        """What keeps the same command from completing what was interrupted, or None."""
+        done = run(scenario.command)
+        if done.code:
+            return f"a rerun fails: {done.flaw or done.sentence}"
+        if self.chain() != scenario.end.chain:
+            return "a rerun ends in another state"
+        lost = self.lost(exact)
+        litter = sorted(set(self.files()) - set(scenario.end.files) - set(self._before(scenario)))
+        return f"after a rerun {lost}" if lost else f"a rerun leaves {', '.join(litter)} behind" if litter else None
+
+    def _before(self, scenario: Scenario) -> list[str]:
+        start = scenario.start
+        return [str(path.relative_to(start)) for path in start.rglob("*") if path.is_file()] if start else []
+
+
+def digest(path: Path) -> str:
+    """Digest of a file's content; equal tensors are equal in whatever order their header names them."""
+    data = path.read_bytes()
+    try:
+        if path.suffix == ".safetensors":
+            end = 8 + int.from_bytes(data[:8], "little")
+            data = json.dumps(json.loads(data[8:end]), sort_keys=True).encode() + data[end:]
+        elif path.suffix == ".npz":  # its members carry the time of writing
+            with np.load(path, allow_pickle=False) as arrays:
+                data = b"".join(name.encode() + arrays[name].tobytes() for name in sorted(arrays.files))
+    except Exception:  # damaged on purpose: the bytes as they are
+        data = b"damaged" + data
+    return hashlib.sha256(data).hexdigest()[:16]

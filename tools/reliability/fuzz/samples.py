@@ -1,0 +1,176 @@
+"""Valid files of every kind that the engine reads, as small as they can be."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import imageio.v3 as iio
+import numpy as np
+import OpenEXR
+import torch
+from PIL import Image
+
+import karf_engine as karf
+from blender_tests.engine.reference import capture_files
+from blender_tests.engine.reference.still_life import cameras, write_capture, write_masks
+from karf_engine.fields.nerf.field import NerfNetwork, NerfShape
+from karf_engine.wire import Event, Request
+
+from ..faults.bench import MASKED_VIEWS, N_PHOTOS, SETTINGS, SIZE
+
+RENDERED = "test_r_0"  # the view of a learned project that has planes
+NAMES = [f"photo_{number}.png" for number in range(4)]
+
+
+def learned_project(folder: Path) -> Path:
+    """A project with every stage done, planes of one view and an edit.json, learned from the still life."""
+    project, masks = folder / "project", folder / "masks"
+    photos = write_capture(folder / "capture", N_PHOTOS, 2, SIZE)
+    write_masks(masks, photos, MASKED_VIEWS)
+    model = karf.learn(folder / "capture", masks, project=project, overrides=SETTINGS, threads=1)
+    model.edit().becomes("ball", "#b5302c", "#3059b8").save(project / "edit.json")
+    karf.render(project, folder / "frames", views=RENDERED, planes=True, threads=1)
+    return project
+
+
+# -------------------------------------------------------------------------------------------------------------- captures
+def nerf_synthetic(folder: Path) -> None:
+    capture_files.write_nerf_synthetic(folder, cameras(5, 8))
+
+
+def transforms(folder: Path) -> None:
+    """As nerfstudio writes them, with a lens and sparse points."""
+    capture_files.write_transforms(folder, cameras(4, 8), NAMES)
+    path = folder / "transforms.json"
+    more = {"ply_file_path": "points.ply", "test_filenames": [f"images/{NAMES[0]}"], "k1": 0.01}
+    path.write_text(json.dumps(json.loads(path.read_text()) | more))
+    (folder / "points.ply").write_bytes(ply_text())
+
+
+def camera_file(folder: Path) -> None:
+    """New cameras for a render."""
+    frames = [
+        {"file_path": f"frame_{number}", "transform_matrix": camera.camera_to_world.tolist()}
+        for number, camera in enumerate(cameras(2, 8))
+    ]
+    content = {"w": 8, "h": 6, "fl_x": 9.0, "fl_y": 9.0, "cx": 4, "cy": 3, "k1": 0.1, "frames": frames}
+    (folder / "cameras.json").write_text(json.dumps(content))
+
+
+def colmap(suffix: str) -> Callable[[Path], None]:
+    """A sparse model with this suffix."""
+    return lambda folder: capture_files.write_colmap(folder, cameras(4, 8), NAMES, suffix) and None
+
+
+def llff(columns: int) -> Callable[[Path], None]:
+    """poses_bounds.npy, or with 14 columns NeX's two files."""
+    return lambda folder: capture_files.write_llff(folder, cameras(4, 8), NAMES, columns)
+
+
+def ply_text() -> bytes:
+    """Two colored points in a PLY file of text."""
+    axes = "".join(f"property float {axis}\n" for axis in "xyz")
+    colors = "".join(f"property uchar {color}\n" for color in ("red", "green", "blue"))
+    head = f"ply\nformat ascii 1.0\nelement vertex 2\n{axes}{colors}end_header\n"
+    return (head + "1 2 3 4 5 6\n1 2 3 4 5 6\n").encode()
+
+
+def ply(folder: Path) -> None:
+    """The same as text, and three points in binary with a face after them."""
+    (folder / "text.ply").write_bytes(ply_text())
+    axes = "".join(f"property double {axis}\n" for axis in "xyz")
+    head = f"ply\nformat binary_little_endian 1.0\ncomment x\nelement vertex 3\n{axes}"
+    head += "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    (folder / "binary.ply").write_bytes(head.encode() + np.arange(9.0).tobytes() + b"\x03" + bytes(12))
+
+
+# -------------------------------------------------------------------------------------------------------------- pictures
+def _pixels(channels: int = 3) -> np.ndarray:
+    return np.random.default_rng(0).integers(0, 256, (6, 8, channels), np.uint8)
+
+
+def png(folder: Path) -> None:
+    """True color, with alpha, with a palette, 16 bits, gray 16 bits, turned by Exif."""
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    Image.fromarray(_pixels()).save(folder / "plain.png", exif=exif)
+    Image.fromarray(_pixels(4)).save(folder / "alpha.png")
+    Image.fromarray(_pixels()).convert("P").save(folder / "palette.png")
+    cv2.imwrite(str(folder / "deep.png"), _pixels().astype(np.uint16) * 257)
+    cv2.imwrite(str(folder / "deep_gray.png"), _pixels()[..., 0].astype(np.uint16) * 257)
+
+
+def jpeg(folder: Path) -> None:
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    Image.fromarray(_pixels()).save(folder / "plain.jpg", exif=exif)
+    Image.fromarray(_pixels()).convert("CMYK").save(folder / "print.jpg")
+
+
+def other_pictures(folder: Path) -> None:
+    for suffix in (".webp", ".bmp", ".tif"):
+        iio.imwrite(folder / f"plain{suffix}", _pixels())
+    cv2.imwrite(str(folder / "deep.tif"), _pixels().astype(np.uint16) * 257)
+    cv2.imwrite(str(folder / "float.tif"), _pixels().astype(np.float32) / 255)
+
+
+def exr(folder: Path) -> None:
+    for name, compression, kind, channels in (
+        ("zip", OpenEXR.ZIP_COMPRESSION, np.float32, "RGB"),
+        ("plain", OpenEXR.NO_COMPRESSION, np.float16, "RGBA"),
+    ):
+        header = {"compression": compression, "type": OpenEXR.scanlineimage}
+        pixels = (_pixels(len(channels)) / 255).astype(kind)
+        OpenEXR.File(header, {channels: pixels}).write(str(folder / f"{name}.exr"))
+
+
+# ---------------------------------------------------------------------------------------------------- other programs' NeRFs
+def nerfs(folder: Path) -> None:
+    """One tiny network as each program stores it."""
+    shape = NerfShape(depth=3, width=8, skips=(1,), view_width=4, position_frequencies=2, direction_frequencies=1,
+                      linear_first=False, rectified_features=False)  # fmt: skip
+    state = NerfNetwork(shape).state_dict()
+    both = {"network_fn_state_dict": state, "network_fine_state_dict": state, "loss": np.float64(0.5)}
+    torch.save(both, folder / "zip.tar")
+    torch.save({"network_fn_state_dict": state}, folder / "legacy.tar", _use_new_zipfile_serialization=False)
+    names = [f"pts_linears.{layer}" for layer in range(3)]
+    names += ["feature_linear", "views_linears.0", "rgb_linear", "alpha_linear"]
+    layers = [
+        part for name in names for part in (state[f"{name}.weight"].numpy().T.copy(), state[f"{name}.bias"].numpy())
+    ]
+    table = np.empty(len(layers), object)
+    table[:] = layers
+    np.save(folder / "model_000001.npy", table, allow_pickle=True)
+
+
+# ---------------------------------------------------------------------------------------------------------------- messages
+def request(folder: Path) -> None:
+    Request("match", folder / "project", {"masks": "/masks", "threads": 1}).write(folder)
+
+
+def events(folder: Path) -> None:
+    lines = [
+        Event("hello", 0, 1.0, {"protocol": 1, "pid": 3}),
+        Event(
+            "progress", 1, 2.0, {"stage": "geometry", "step": 1, "total": 2, "rate": 1.0, "eta_s": 1.0, "metrics": {}}
+        ),
+        Event("done", 2, 3.0, {"summary": {}}),
+    ]
+    (folder / "events.jsonl").write_text("".join(line.encode() + "\n" for line in lines))
+
+
+def project(learned: Path | None) -> Callable[[Path], None]:
+    """A copy of a learned project, whose project.json says nothing of its own checksum: else no change would be read."""
+
+    def copy(folder: Path) -> None:
+        shutil.copytree(learned, folder, dirs_exist_ok=True)
+        state = folder / "project.json"
+        content = json.loads(state.read_text())
+        del content["checksum"]
+        state.write_text(json.dumps(content))
+
+    return copy

@@ -1,0 +1,1 @@
+"""Captures whose masks are known: four procedural scenes with true recolors, and real ones."""

@@ -1,0 +1,203 @@
+"""Judge the whole path on a real capture whose masks are known: OUT/summary.json and OUT/contact_sheet.png.
+
+    .venv/engine/bin/python -m tools.scenes.judge_capture CAPTURE [--truth MASKS] --out OUT [--seed N]
+
+MASKS/<object>/<split>/<photo stem>.png (or without the split) are the true masks. One of each object is drawn over as
+a hasty hand would, and is all that the engine sees; the ceiling is the same field trained on the true masks of all training views. Another
+seed draws other masks: in the same OUT only what depends on them is learned again. Without MASKS only the geometry is
+learned and judged.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import binary_opening, distance_transform_edt, gaussian_filter
+
+import karf_engine as karf
+from karf_engine.capture.capture import Capture, View
+from karf_engine.files import write_json
+from karf_engine.images import read_mask, resize, write_png
+from karf_engine.metrics.masks import iou
+from karf_engine.plates import Plate, undistort
+from karf_engine.progress import TerminalEmit
+from karf_engine.segmentation.report import SegmentationReport
+from karf_engine.segmentation.views import farthest_point_views
+from karf_engine.settings import PRESETS
+
+from ..judging.scores import print_common, rounded, score_objects, score_renders, stage_summary
+from ..judging.sheets import difference, sheet_numbers, tinted, write_sheet
+from ..judging.views import TestViews, learn_again, render_test_views, with_model
+
+KINDS = ("blob", "chunk", "spill")
+DISK = 0.38  # radius of a missing chunk or a spill, in radii of a disk as large as the object
+
+
+def main() -> None:
+    options = parse_arguments()
+    if options.truth is None:
+        judge_geometry(options)
+        return
+    capture = karf.open_capture(options.capture)
+    drawn = draw_masks(capture, options.truth, options.out / "coarse_masks", options.seed, options.masks_each)
+    model = karf.learn(options.capture, options.out / "coarse_masks", **settings_of(options))
+    test = render_test_views(model)
+    truth = {name: [true_mask(options.truth, name, plate) for plate in test.plates] for name in test.model.objects}
+    summary = {"capture": str(options.capture), "seed": options.seed, "coarse_masks": drawn}
+    summary |= stage_summary(model.project) | score_renders(test)
+    summary["precision"] = SegmentationReport.read(model.project.segmentation_report).precision
+    summary |= score_objects(test, truth) | {"views": iou_of_views(test, truth)}
+    true_masks = gather_training_masks(capture, options.truth, options.out / "scratch" / "true_masks")
+    overrides = ["segmentation.labels=votes"]
+    folder, stages = options.out / "scratch" / "ceiling", ("segmentation",)
+    ceiling = learn_again(model, folder, overrides, stages, true_masks, options.threads)
+    summary |= score_objects(with_model(test, ceiling), truth, "_ceiling")
+    write_json(options.out / "summary.json", rounded(summary))
+    contact_sheet(options.out / "contact_sheet.png", test, truth)
+    report(options.out, rounded(summary))
+
+
+def judge_geometry(options: argparse.Namespace) -> None:
+    """Learn the geometry alone, and judge how it shows the held-out photos."""
+    karf.learn_geometry(options.capture, **settings_of(options))
+    model = karf.load(options.out / "project")
+    test = render_test_views(model)
+    summary = rounded({"capture": str(options.capture)} | stage_summary(model.project) | score_renders(test))
+    write_json(options.out / "summary.json", summary)
+    numbers = sheet_numbers(len(test.frames))
+    rows = [[test.frames[n].base, test.frames[n].color] for n in numbers]
+    write_sheet(options.out / "contact_sheet.png", rows)
+    print(f"\n{summary}\n\nsheet      {options.out / 'contact_sheet.png'}")
+
+
+def parse_arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("capture", type=Path, help="folder or file with photos and camera poses")
+    parser.add_argument("--truth", type=Path, help="true masks: <object>[/<split>]/<photo stem>.png")
+    parser.add_argument("--out", type=Path, required=True, help="folder for everything written")
+    parser.add_argument("--preset", default="demo", choices=tuple(PRESETS))
+    parser.add_argument("--set", dest="overrides", action="append", default=[], metavar="STAGE.FIELD=VALUE")
+    parser.add_argument("--seed", type=int, default=0, help="of the drawn masks: views, kinds and borders")
+    parser.add_argument("--masks-each", type=int, default=1, help="training views with a mask for each object")
+    parser.add_argument("--threads", type=int)
+    return parser.parse_args()
+
+
+def settings_of(options: argparse.Namespace) -> dict[str, Any]:
+    """What `learn` and `learn_geometry` are told alike."""
+    settings = {"preset": options.preset, "overrides": options.overrides, "threads": options.threads}
+    return {"project": options.out / "project", "emit": TerminalEmit()} | settings
+
+
+# ---------------------------------------------------------------------------------------------------------- coarse masks
+def draw_masks(capture: Capture, truth: Path, folder: Path, seed: int, masks_each: int) -> dict[str, list[dict]]:
+    """Write coarse masks of every object in `truth`, and tell of each: view, kind of flaw, IoU with the truth."""
+    shutil.rmtree(folder, ignore_errors=True)
+    drawn: dict[str, list[dict]] = {}
+    for number, path in enumerate(sorted(p for p in truth.iterdir() if p.is_dir())):
+        random = np.random.default_rng((seed, number))
+        drawn[path.name] = []
+        for place, view in enumerate(choose_views(capture, path, random, masks_each)):
+            kind = KINDS[(seed + number + place) % len(KINDS)]
+            exact = read_mask(mask_file(path, view))
+            mask = coarse_mask(exact, kind, random)
+            write_png(folder / path.name / f"{view.stem}.png", mask)
+            drawn[path.name].append({"view": view.name, "kind": kind, "iou": round(iou(mask, exact), 3)})
+            print(f"mask of {path.name}: {view.name}, {kind}, IoU {drawn[path.name][-1]['iou']}", flush=True)
+    return drawn
+
+
+def choose_views(capture: Capture, masks: Path, random: np.random.Generator, count: int) -> list[View]:
+    """Training views that show more of the object than the median: one drawn at random, others far from it."""
+    views = [view for view in capture.split("train") if mask_file(masks, view).exists()]
+    areas = np.array([read_mask(mask_file(masks, view)).sum() for view in views])
+    large = [view for view, area in zip(views, areas, strict=True) if area > np.median(areas)]
+    first = large[random.integers(len(large))]
+    return farthest_point_views(large, [first.name], count)
+
+
+def mask_file(masks: Path, view: View) -> Path:
+    """Where an object's true mask of a view is, below the object's folder: in one for each split, or beside all others."""
+    of_split = masks / view.split
+    return (of_split if of_split.is_dir() else masks) / f"{view.stem}.png"
+
+
+def coarse_mask(truth: np.ndarray, kind: str, random: np.random.Generator) -> np.ndarray:
+    """A mask as a hasty hand draws it, bool [H, W]: a wavy border, and a chunk missing or a spill across the border.
+
+    Errors are in proportion to the picture's height: 3 pixels of 200.
+    """
+    pixel = len(truth) / 200
+    distance = np.where(truth, distance_transform_edt(truth) - 0.5, 0.5 - distance_transform_edt(~truth))
+    noise = gaussian_filter(random.standard_normal(truth.shape), 8 * pixel)
+    moved = distance + pixel * (3 * noise / noise.std() + random.uniform(-1.5, 3.5))
+    mask = binary_opening(moved > 0, iterations=max(1, round(pixel)))
+    border = np.argwhere(truth & (distance < 1))
+    row, column = border[random.integers(len(border))]
+    rows, columns = np.indices(truth.shape)
+    disk = np.hypot(rows - row, columns - column) < DISK * np.sqrt(truth.sum() / np.pi)
+    return {"blob": mask, "chunk": mask & ~disk, "spill": mask | disk}[kind]
+
+
+# ----------------------------------------------------------------------------------------------------------------- truth
+def true_mask(truth: Path, object_name: str, plate: Plate) -> np.ndarray:
+    """The true mask at the plate's working size; empty where there is no file."""
+    path, camera = mask_file(truth / object_name, plate.view), plate.camera
+    if not path.exists():
+        return np.zeros((camera.height, camera.width), bool)
+    values, _, _ = undistort(read_mask(path).astype(np.float32)[..., None], plate.view.camera)
+    return resize(values, camera.width, camera.height)[..., 0] >= 0.5
+
+
+def gather_training_masks(capture: Capture, truth: Path, folder: Path) -> Path:
+    """Copy the true masks of all training views to FOLDER/<object>/<photo stem>.png; returns the folder."""
+    shutil.rmtree(folder, ignore_errors=True)
+    for masks in (path for path in truth.iterdir() if path.is_dir()):
+        (folder / masks.name).mkdir(parents=True)
+        for view in capture.split("train"):
+            source = mask_file(masks, view)
+            if source.exists() and read_mask(source).any():
+                shutil.copyfile(source, folder / masks.name / source.name)
+    return folder
+
+
+# --------------------------------------------------------------------------------------------------------------- results
+def iou_of_views(test: TestViews, truth: dict[str, list[np.ndarray]]) -> dict[str, dict[str, float]]:
+    """IoU of each object in each test view that shows it: true masks of real photos may be wrong themselves."""
+    views = [plate.view.stem for plate in test.plates]
+    return {
+        name: {
+            view: iou(own, true)
+            for view, own, true in zip(views, test.masks(name), truth[name], strict=True)
+            if true.any()
+        }
+        for name in test.model.objects
+    }
+
+
+def contact_sheet(path: Path, test: TestViews, truth: dict[str, list[np.ndarray]]) -> None:
+    """Columns: photo, learned render, masks over the photo, and where they differ from the truth."""
+    rows = []
+    for number in sheet_numbers(len(test.frames)):
+        frame = test.frames[number]
+        exact = np.stack([truth[name][number] for name in test.model.objects])
+        masks = [tinted(frame.base, frame.masks), difference(frame.base, frame.masks, exact)]
+        rows.append([frame.base, frame.color, *masks])
+    write_sheet(path, rows)
+
+
+def report(out: Path, summary: dict) -> None:
+    """Print the figures, and where they are."""
+    seconds = "  ".join(f"{name} {value}" for name, value in summary["stage_seconds"].items())
+    print(f"\nseconds            {seconds}; peak memory {summary['peak_memory'] / 2**30:.2f} GiB")
+    print_common(summary)
+    print("precision          " + "  ".join(f"{name} {value}" for name, value in summary["precision"].items()))
+    print(f"\nsheet      {out / 'contact_sheet.png'}\nfigures    {out / 'summary.json'}")
+
+
+if __name__ == "__main__":
+    main()

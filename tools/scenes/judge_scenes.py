@@ -1,0 +1,149 @@
+"""Learn, recolor and judge the benchmark captures: OUT/benchmark.json, and of each scene a summary and a contact sheet.
+
+    .venv/engine/bin/python -m tools.scenes.judge_scenes CAPTURES [SCENE ...] --out OUT [--preset demo] [--threads N]
+
+CAPTURES/<scene> is what `tools/scenes/make_captures.py` wrote. The engine sees the training photos and one rough mask
+of each object; each edit knows one color pair an object, read in the reference view. Only held-out test views count.
+In the same OUT only what has changed is learned again.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+import karf_engine as karf
+from karf_engine.edit.palette import Edit
+from karf_engine.files import write_json
+from karf_engine.images import write_png
+from karf_engine.metrics.images import mse_outside
+from karf_engine.progress import TerminalEmit
+from karf_engine.project.edit import solve
+from karf_engine.settings import PRESETS
+
+from ..judging.recolors import contact_sheet, score_edits, score_scene
+from ..judging.scores import rounded, score_objects, stage_summary
+from ..judging.truth import Truth
+from ..judging.views import TestViews, learn_again, render_test_views, with_model
+
+# figure -> (title, target, whether it shall be as high or as low)
+FIGURES = {
+    "psnr": ("PSNR", None, None),
+    "iou": ("IoU", None, None),
+    "iou_border_excluded": ("border left out", 0.97, "at least"),
+    "iou_ceiling": ("ceiling", None, None),
+    "iou_below_ceiling": ("below ceiling", 0.02, "at most"),
+    "ciede2000": ("CIEDE2000", 4.0, "at most"),
+    "ciede2000_no_edit": ("no edit", None, None),
+    "mse_outside": ("MSE outside", 5e-5, "at most"),
+    "mse_outside_of_truth": ("of the truth", None, None),
+}
+
+
+def main() -> None:
+    options = parse_arguments()
+    table = {}
+    for scene in options.scenes or sorted(path.parent.name for path in options.captures.glob("*/edits.json")):
+        summary = judge(options.captures / scene, options.out / scene, options)
+        table[scene] = figures(summary)
+        print(f"{scene}: {rounded(table[scene])}", flush=True)
+    table["mean"] = {key: float(np.mean([row[key] for row in table.values()])) for key in FIGURES}
+    targets = {key: {direction: target} for key, (_, target, direction) in FIGURES.items() if direction}
+    write_json(options.out / "benchmark.json", rounded({"preset": options.preset, "targets": targets, "scenes": table}))
+    report(table)
+
+
+def parse_arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("captures", type=Path, help="folder of the captures")
+    parser.add_argument("scenes", nargs="*", metavar="SCENE", help="default: all that are there")
+    parser.add_argument("--out", type=Path, required=True, help="folder for everything written")
+    parser.add_argument("--preset", default="demo", choices=tuple(PRESETS))
+    parser.add_argument("--set", dest="overrides", action="append", default=[], metavar="STAGE.FIELD=VALUE")
+    parser.add_argument("--threads", type=int)
+    return parser.parse_args()
+
+
+def judge(capture: Path, out: Path, options: argparse.Namespace) -> dict:
+    """Learn one scene, recolor its test views and write what they are worth; returns the summary."""
+    model = karf.learn(
+        capture,
+        capture / "coarse_masks" / "one",
+        project=out / "project",
+        preset=options.preset,
+        overrides=options.overrides,
+        threads=options.threads,
+        emit=TerminalEmit(),
+    )
+    test = render_test_views(model)
+    truth = Truth(capture)
+    recolor(test, truth, out)
+    true_masks = truth.masks("test")
+    summary = stage_summary(model.project) | score_scene(test, truth) | score_objects(test, true_masks)
+    summary |= score_objects(ceiling(test, truth, out / "scratch", options.threads), true_masks, "_ceiling")
+    summary |= score_edits(truth, test.plates, out) | {"mse_outside_of_truth": true_change_outside(truth, test)}
+    write_json(out / "summary.json", rounded(summary))
+    contact_sheet(out, test, truth)
+    return summary
+
+
+def recolor(test: TestViews, truth: Truth, out: Path) -> None:
+    """Write each edit's frames of the test views, as the render stage would: OUT/frames/<edit>/recolor/<view>.png."""
+    model = test.model
+    frames = [model.render_plate(plate) for plate in test.plates]
+    palettes = {palette.name: palette for palette in model.palettes}
+    for name, edit in truth.edits.items():
+        colors = {key: palette.colors for key, palette in palettes.items()}
+        for key in edit["objects"]:
+            colors[key] = solve(model.project, palettes[key], *truth.color_pair(name, key), "becomes")
+        for plate, frame in zip(test.plates, frames, strict=True):
+            picture = model.composite(frame, Edit(colors, "delta"))
+            write_png(out / "frames" / name / "recolor" / f"{plate.view.name}.png", picture)
+
+
+def ceiling(test: TestViews, truth: Truth, scratch: Path, threads: int | None) -> TestViews:
+    """The same field trained on the true masks of all training views."""
+    masks = truth.write_training_masks(scratch / "true_masks")
+    overrides = ["segmentation.labels=votes"]
+    return with_model(test, learn_again(test.model, scratch / "ceiling", overrides, ("segmentation",), masks, threads))
+
+
+def true_change_outside(truth: Truth, test: TestViews) -> float:
+    """What the true recolors change outside the edited objects: reflected light, and pixels that a border cuts."""
+    changes = []
+    for name in truth.edits:
+        for plate, inside, recolored in zip(test.plates, truth.inside(name), truth.recolored(name), strict=True):
+            changes.append(mse_outside(recolored, plate.color, inside))
+    return float(np.mean(changes))
+
+
+def figures(summary: dict) -> dict[str, float]:
+    """The row of one scene, means over its objects, edits and test views."""
+    mean = summary["ciede2000"]["mean"]
+    iou, highest = summary["iou"]["mean"], summary["iou_ceiling"]["mean"]
+    return {
+        "psnr": summary["psnr_full"],
+        "iou": iou,
+        "iou_border_excluded": summary["iou_border_excluded"]["mean"],
+        "iou_ceiling": highest,
+        "iou_below_ceiling": highest - iou,
+        "ciede2000": mean["ours"],
+        "ciede2000_no_edit": mean["no_edit"],
+        "mse_outside": mean["mse_outside"],
+        "mse_outside_of_truth": summary["mse_outside_of_truth"],
+    }
+
+
+def report(table: dict[str, dict[str, float]]) -> None:
+    """Print the table, and the targets below it."""
+    print("\n" + " ".join(f"{title:>15}" for title in ["", *(title for title, _, _ in FIGURES.values())]))
+    for scene, row in table.items():
+        print(" ".join(f"{cell:>15}" for cell in [scene, *(f"{row[key]:.4g}" for key in FIGURES)]))
+    wanted = [f"{direction} {target:g}" if direction else "" for _, target, direction in FIGURES.values()]
+    print(" ".join(f"{cell:>15}" for cell in ["target", *wanted]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,221 @@
+"""Make the benchmark captures: four procedural scenes, each with true masks, depth and three true recolors.
+
+    .venv/blender/bin/python -m tools.scenes.make_captures --out DIR [SCENE ...] [--size 160] [--views 40+8]
+
+    single   one jug on a table
+    hue      a red pot among red neighbors that touch and hide it and each other; pot and apple are marked
+    glossy   a mirroring vase with checks
+    front    cameras in a small patch that look one way, past a pot and a pumpkin at a wall with pictures and books
+
+Each is laid out as the demo capture. A scene that DIR has already, of the same arguments, is not made again.
+Needs the bpy wheel, numpy and imageio. Everything is procedural and seeded: the same arguments give the same files.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import shutil
+import sys
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+
+from ..procedural import things
+from ..procedural.cameras import dome_views, patch_views
+from ..procedural.files import write_json
+from ..procedural.recipe import Extent, Recipe, TrueEdit, make_capture
+
+RECIPE_VERSION = 1  # goes up with every change to the scenes, so that captures of older ones are made again
+MADE_BY = "made_by.json"
+FIELD_OF_VIEW = math.radians(38.0)
+ON_TABLE = """\
+the table top is the disk z = 0 of
+  radius {} about the origin. Behind the table is a smooth gradient that depends only on the viewing direction."""
+IN_ROOM = """\
+the table top is z = 0 and the
+  wall behind it y = 3.35; the cameras lie in a patch at y = -3.6 and look along +y."""
+
+RED, BLUE, NAVY, CREAM = (0.55, 0.03, 0.025), (0.018, 0.12, 0.50), (0.02, 0.05, 0.24), (0.74, 0.68, 0.54)
+GREEN, YELLOW, VIOLET, TEAL = (0.04, 0.30, 0.06), (0.66, 0.38, 0.03), (0.16, 0.04, 0.36), (0.02, 0.26, 0.25)
+RED_APPLE = ((0.42, 0.025, 0.02), (0.50, 0.07, 0.03))
+
+
+def build_single() -> None:
+    """A jug alone on a small table, for the cameras are near."""
+    things.add_table(0.7)
+    things.add_jug(0.0, 0.0, TEAL, object_id=1)
+    things.add_studio()
+
+
+def build_hue() -> None:
+    """A red pot and a red apple, close to a pumpkin, a tin and cherries of nearly their hue."""
+    things.add_table()
+    things.add_pot(-0.05, 0.10, RED, object_id=1)
+    things.add_pumpkin(0.42, 0.76, (0.60, 0.09, 0.02))
+    things.add_apple(0.14, -0.62, RED_APPLE, object_id=2)
+    things.add_tin(-0.46, -0.50, (0.36, 0.05, 0.03))
+    things.add_cherries(((0.50, -0.62, 0.4), (0.40, -0.86, 1.4), (-0.14, -0.90, 2.6)))
+    things.add_studio()
+
+
+def build_glossy() -> None:
+    """A mirroring vase with checks, and neighbors for it to mirror."""
+    things.add_table()
+    things.add_vase(0.0, 0.0, (NAVY, CREAM), object_id=1)
+    things.add_apple(0.70, -0.55)
+    things.add_lemons(((-0.60, -0.60, 0.5),))
+    things.add_tin(-0.55, 0.65)
+    things.add_studio()
+
+
+def build_front() -> None:
+    """A pot and a pumpkin on a table, and a room behind."""
+    things.add_room()
+    things.add_pot(-0.50, 0.10, BLUE, object_id=1)
+    things.add_pumpkin(0.42, 0.0, object_id=2)
+    things.add_apple(-0.02, -0.52)
+    things.add_tin(1.0, 0.35)
+    things.add_studio()
+
+
+def on_table(radius: float, height: float):
+    """The views of a dome about a point over the middle of the table."""
+    return partial(dome_views, radius=radius, target=(0.0, 0.0, height))
+
+
+def apple(main, second) -> dict:
+    """The paints of an apple."""
+    return {"apple": {"main": main, "second": second}}
+
+
+RECIPES = {
+    "single": Recipe(
+        title="Benchmark capture single: a jug alone on a table",
+        place=ON_TABLE.format(1.18),
+        about_edits="  The teal jug becomes red, yellow (brighter), violet (darker).",
+        build=build_single,
+        views=on_table(2.9, 0.42),
+        field_of_view=FIELD_OF_VIEW,
+        names={"jug": 1},
+        edits={
+            "jug_to_red": TrueEdit(("jug",), {"jug": {"main": RED}}),
+            "jug_to_yellow": TrueEdit(("jug",), {"jug": {"main": YELLOW}}),
+            "jug_to_violet": TrueEdit(("jug",), {"jug": {"main": VIOLET}}),
+        },
+        flaws={("jug", 2): "gap"},
+    ),
+    "hue": Recipe(
+        title="Benchmark capture hue: a red pot and a red apple among red neighbors",
+        place=ON_TABLE.format(1.69),
+        about_edits="""\
+  pot_to_blue   the pot becomes blue
+  apple_to_green  the apple becomes green
+  both          the pot becomes teal, the apple yellow
+  Unmarked, and close to them in hue: a pumpkin, a tin, cherries.""",
+        build=build_hue,
+        views=on_table(3.6, 0.32),
+        field_of_view=FIELD_OF_VIEW,
+        names={"pot": 1, "apple": 2},
+        edits={
+            "pot_to_blue": TrueEdit(("pot",), {"pot": {"main": BLUE}}),
+            "apple_to_green": TrueEdit(("apple",), apple((0.14, 0.34, 0.03), (0.30, 0.42, 0.05))),
+            "both": TrueEdit(("pot", "apple"), {"pot": {"main": TEAL}} | apple(YELLOW, (0.72, 0.47, 0.07))),
+        },
+        flaws={("pot", 1): "spill", ("apple", 2): "gap"},
+    ),
+    "glossy": Recipe(
+        title="Benchmark capture glossy: a mirroring vase with checks",
+        place=ON_TABLE.format(1.69),
+        about_edits="""\
+  navy_to_red    the dark checks become red
+  navy_to_green  the dark checks become green
+  cream_to_pink  the light checks become pink
+  Unmarked: an apple, a lemon, a tin.""",
+        build=build_glossy,
+        views=on_table(3.4, 0.45),
+        field_of_view=FIELD_OF_VIEW,
+        names={"vase": 1},
+        edits={
+            "navy_to_red": TrueEdit(("vase",), {"checks": {"main": (0.36, 0.02, 0.03)}}),
+            "navy_to_green": TrueEdit(("vase",), {"checks": {"main": (0.02, 0.16, 0.05)}}),
+            "cream_to_pink": TrueEdit(("vase",), {"checks": {"second": (0.72, 0.30, 0.36)}}),
+        },
+        flaws={("vase", 2): "gap"},
+    ),
+    "front": Recipe(
+        title="Benchmark capture front: a pot and a pumpkin before a wall, from one side",
+        place=IN_ROOM,
+        about_edits="""\
+  pot_to_red        the blue pot becomes red
+  pumpkin_to_green  the orange pumpkin becomes green
+  both              the pot becomes yellow, the pumpkin violet
+  Unmarked: an apple, a tin, pictures, books.""",
+        build=build_front,
+        views=partial(patch_views, center=(0.0, -3.6, 1.0), size=(1.6, 0.9), target=(0.0, 0.3, 0.5)),
+        field_of_view=FIELD_OF_VIEW,
+        names={"pot": 1, "pumpkin": 2},
+        edits={
+            "pot_to_red": TrueEdit(("pot",), {"pot": {"main": RED}}),
+            "pumpkin_to_green": TrueEdit(("pumpkin",), {"pumpkin": {"main": GREEN}}),
+            "both": TrueEdit(("pot", "pumpkin"), {"pot": {"main": YELLOW}, "pumpkin": {"main": VIOLET}}),
+        },
+        flaws={("pot", 1): "gap"},
+    ),
+}
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Make the named scenes, or all."""
+    options = parse_arguments(argv)
+    extent = Extent(options.size, *options.views, options.samples)
+    for scene in options.scenes or RECIPES:
+        make_once(scene, extent, options.out / scene, options.threads)
+    return 0
+
+
+def parse_arguments(argv: list[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenes", nargs="*", metavar="SCENE", help=", ".join(RECIPES))
+    parser.add_argument("--out", type=Path, required=True, help="folder of the captures, DIR/<scene>")
+    parser.add_argument("--size", type=int, default=160, help="width and height in pixels (default: %(default)s)")
+    parser.add_argument("--views", type=views, default=(40, 8), metavar="TRAIN+TEST", help="numbers (default: 40+8)")
+    parser.add_argument("--samples", type=int, default=24, help="samples per pixel at most (default: %(default)s)")
+    parser.add_argument("--threads", type=int, default=2, help="processor threads (default: %(default)s)")
+    options = parser.parse_args(argv)
+    unknown = [scene for scene in options.scenes if scene not in RECIPES]
+    if unknown:
+        parser.error(f"unknown: {', '.join(unknown)}; choose from {', '.join(RECIPES)}")
+    return options
+
+
+def views(text: str) -> tuple[int, int]:
+    """Numbers of training and test views of a text like 40+8. Raises ValueError for any other."""
+    train, test = text.split("+")
+    return int(train), int(test)
+
+
+def make_once(scene: str, extent: Extent, folder: Path, threads: int) -> None:
+    """Make a capture, unless ``folder`` has it; it appears there when it is complete."""
+    arguments = {"scene": scene, "recipe_version": RECIPE_VERSION} | asdict(extent)
+    made_by = folder / MADE_BY
+    if made_by.exists() and json.loads(made_by.read_text(encoding="utf-8")) == arguments:
+        print(f"{folder}: there already")
+        return
+    unfinished = folder.with_name(f"{folder.name}.unfinished")
+    shutil.rmtree(unfinished, ignore_errors=True)
+    command = f"python -m tools.scenes.make_captures --out DIR {scene} --size {extent.size}"
+    command += f" --views {extent.train}+{extent.test} --samples {extent.samples}"
+    make_capture(RECIPES[scene], extent, unfinished, command, threads)
+    write_json(unfinished / MADE_BY, arguments)
+    shutil.rmtree(folder, ignore_errors=True)
+    unfinished.rename(folder)
+
+
+if __name__ == "__main__":
+    code = main()
+    sys.stdout.flush()
+    # The bpy module may hang or crash while the interpreter shuts down.
+    os._exit(code)

@@ -1,0 +1,105 @@
+"""How long a swatch edit takes in Blender, from setting the property to the pixels in the image. Prints JSON.
+
+    python tools/speed/blender_swatch.py [--size 800] [--colors 6] [--objects 1] [--edited 1] [--repeat 40]
+
+Runs under the `bpy` module, or inside Blender after `--python ... --`. Planes are made up: smooth, every pixel touched.
+Not in the figures: the upload to the graphics card when the editor is drawn.
+"""
+
+import argparse
+import importlib
+import json
+import os
+import statistics
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+MODULE = "bl_ext.karf_bench.karf"
+
+
+def main() -> None:
+    options = parse(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:])
+    with tempfile.TemporaryDirectory() as folder:
+        enable(Path(folder) / "repository")
+        scene = show(Path(folder) / "project", options)
+        times = edit(scene, options)
+    figures = {
+        **vars(options),
+        "median_ms": round(statistics.median(times), 2),
+        "worst_ms": round(max(times), 2),
+        "blender": bpy.app.version_string,
+        "numpy": np.__version__,
+    }
+    print(json.dumps(figures), flush=True)
+
+
+def parse(arguments: list[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--size", type=int, default=800, help="side of the picture, pixels")
+    parser.add_argument("--colors", type=int, default=6, help="colors of a palette, black included")
+    parser.add_argument("--objects", type=int, default=1)
+    parser.add_argument("--edited", type=int, default=1, help="swatches of the first object that differ all the time")
+    parser.add_argument("--repeat", type=int, default=40)
+    return parser.parse_args(arguments)
+
+
+def enable(repository: Path) -> None:
+    """Enable the checkout as an extension."""
+    repository.mkdir()
+    (repository / "karf").symlink_to(ROOT, target_is_directory=True)
+    bpy.context.preferences.extensions.repos.new(name="bench", module="karf_bench", custom_directory=str(repository))
+    bpy.ops.preferences.addon_enable(module=MODULE)
+
+
+def show(project: Path, options: argparse.Namespace) -> bpy.types.Scene:
+    """A scene that shows a made-up view."""
+    side, colors = options.size, options.colors
+    rows, columns = np.mgrid[0:side, 0:side].astype(np.float32) / side
+    waves = [
+        1 + np.sin(6 * rows * (j + 1) + 9 * columns * (k + 1)) for k in range(options.objects) for j in range(colors)
+    ]
+    weights = np.stack(waves).reshape(options.objects, colors, side, side)
+    weights /= weights.sum(axis=(0, 1))
+    base = np.stack([rows, columns, 1 - rows], -1)
+    names = tuple(f"object_{k}" for k in range(options.objects))
+    compositing = importlib.import_module(f"{MODULE}.karf_engine.edit.compositing")
+    compositing.write_planes(
+        project / "planes" / "view.npz",
+        compositing.Planes(names, weights, weights.sum(axis=1), np.rint(base * 255).astype(np.uint8)),
+    )
+    palette = importlib.import_module(f"{MODULE}.karf_engine.edit.palette")
+    ramp = np.linspace(0, 0.9, colors, dtype=np.float32)[:, None].repeat(3, axis=1)
+    scene = bpy.context.scene
+    scene.karf.project = str(project)
+    scene.karf.views.add().name = "view"
+    scene.karf.active_view = "view"
+    palettes = importlib.import_module(f"{MODULE}.karf_blender.swatches.palettes")
+    palettes.load_palettes(scene, [palette.Palette(name, ramp) for name in names])
+    importlib.import_module(f"{MODULE}.karf_blender.swatches.recolor").show(scene)
+    return scene
+
+
+def edit(scene: bpy.types.Scene, options: argparse.Namespace) -> list[float]:
+    """Milliseconds of each swatch edit; its update callback has composited and uploaded when the setting returns."""
+    swatches = scene.karf.objects[0].swatches
+    for index in range(2, options.edited + 1):
+        swatches[index].color = (0.3, 0.6, 0.1)
+    times = []
+    for turn in range(options.repeat):
+        color = (turn / options.repeat, 0.5, 1 - turn / options.repeat)
+        start = time.perf_counter()
+        swatches[1].color = color
+        times.append((time.perf_counter() - start) * 1000)
+    return times
+
+
+if __name__ == "__main__":
+    main()
+    if not bpy.app.binary_path:  # the bpy module: some versions hang at the interpreter's exit
+        os._exit(0)

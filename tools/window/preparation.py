@@ -1,0 +1,101 @@
+"""What the story needs before Blender opens: the desk that it works on, and what the script inside is to know."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import imageio.v3 as imageio
+import numpy as np
+
+from .blender import dump
+
+ROOT = Path(__file__).resolve().parents[2]
+DEMO = ROOT / "demo"
+MASKED_VIEW = "r_041"
+STROKE_ROWS = 18  # pixels of the photo between two strokes
+TINY = (
+    "geometry.long_side=96",
+    'geometry.levels=[{"voxels": 32, "iterations": 80, "step": 1.0}, {"voxels": 56, "iterations": 120, "step": 0.75}]',
+    "geometry.samples=16000",
+    "geometry.max_rays=2048",
+    "segmentation.iterations=120",
+    "segmentation.width=16",
+    "recoloring.iterations=40",
+    "recoloring.width=16",
+)
+BRUSH = 6  # its radius, about, pixels of the photo
+
+
+def engine_python() -> Path:
+    """This Python, which is the engine's."""
+    return Path(sys.prefix) / "bin" / "python"
+
+
+def engine_folders() -> list[Path]:
+    """What the engine's Python consists of, wherever links lead."""
+    return [Path(sys.prefix), Path(sys.prefix).resolve(), Path(sys.base_prefix).resolve()]
+
+
+def prepare(out: Path, is_new: bool) -> None:
+    """Lay out OUT: the capture, the extension's package, and a decoy project of the same objects with other colors."""
+    (out / "record.jsonl").unlink(missing_ok=True)
+    shutil.rmtree(out / "shots", ignore_errors=True)
+    (out / "shots").mkdir(parents=True)
+    if not is_new:
+        return
+    for name in ("desk", "user", "screen", "blender.log", "facts.json"):
+        path = out / name
+        shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink(missing_ok=True)
+    for folder in ("desk/here/sub", "user", "screen"):
+        (out / folder).mkdir(parents=True)
+    capture = out / "desk" / "pots"
+    for name in ("train", "test"):
+        shutil.copytree(DEMO / name, capture / name)
+        shutil.copy(DEMO / f"transforms_{name}.json", capture)
+    shutil.copy(max((ROOT / "dist").glob("karf-*.zip"), key=lambda file: file.stat().st_mtime), out / "karf.zip")
+    masks = out / "decoy_masks"
+    for name, other in (("pot", "mug"), ("mug", "pot")):
+        shutil.copytree(DEMO / "coarse_masks" / "three" / other, masks / name, dirs_exist_ok=True)
+    command = [sys.executable, "-m", "karf_engine", "all", str(capture), "--masks", str(masks), "--threads", "1"]
+    command += ["--project", str(out / "decoy"), *(part for text in TINY for part in ("--set", text))]
+    if not (out / "decoy" / "palette.json").exists():
+        subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+
+
+def strokes(name: str) -> list[list[tuple[float, float]]]:
+    """Brush strokes over an object: back and forth through its rough mask, in shares of the picture from the lower left."""
+    mask = imageio.imread(DEMO / "coarse_masks" / "one" / name / f"{MASKED_VIEW}.png")
+    mask = mask.reshape(*mask.shape[:2], -1)[..., 0] > 127
+    height, width = mask.shape
+    rows = np.flatnonzero(mask.any(1))
+    lines = []
+    for row in rows[STROKE_ROWS // 2 : -STROKE_ROWS // 2 : STROKE_ROWS]:
+        columns = np.flatnonzero(mask[row])
+        first, last = columns[0] + BRUSH, columns[-1] - BRUSH
+        lines.append([(float(x) / width, 1 - float(row) / height) for x in np.linspace(first, last, 5)])
+    return lines
+
+
+def write_job(out: Path, engine: Path, after: str, options) -> Path:
+    """What the script inside Blender is to know."""
+    file, files = out / "job.json", {name: str(out / name) for name in ("desk", "decoy", "shots")}
+    files |= {"package": str(out / "karf.zip"), "record": str(out / "record.jsonl"), "facts": str(out / "facts.json")}
+    capture = json.loads((DEMO / "transforms_train.json").read_text())["frames"]
+    test = json.loads((DEMO / "transforms_test.json").read_text())["frames"]
+    job = files | {
+        "engine_python": str(engine),
+        "threads": options.threads,
+        "tiny": TINY,
+        "views": len(capture) + len(test),
+        "masked_view": MASKED_VIEW,
+        "strokes": {name: strokes(name) for name in ("apple", "mug", "pot")},
+        "has_screen": dump(out) is not None,
+        "only": [name.strip() for name in options.only.split(",") if name.strip()],
+        "after": after,
+    }
+    file.write_text(json.dumps(job))
+    return file
