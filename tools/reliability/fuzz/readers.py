@@ -14,9 +14,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from karf_engine.project_contents import capture_of, settings_for
-from karf_engine.project_edit import edit_of
-
 import karf_engine as karf
 from karf_engine.capture import open_capture
 from karf_engine.capture.capture import capture_to_json
@@ -32,6 +29,8 @@ from karf_engine.heads.object_surface import object_pixels
 from karf_engine.images import read_mask, read_photo
 from karf_engine.locking import opened
 from karf_engine.project import STAGE_ORDER
+from karf_engine.project.contents import capture_of, settings_for
+from karf_engine.project.edit import edit_of
 from karf_engine.stages.job import open_job
 from karf_engine.stages.recoloring import rays_of
 from karf_engine.wire import EventReader, Request
