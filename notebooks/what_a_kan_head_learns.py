@@ -25,7 +25,7 @@ from karf_engine.kan.grbf import GRBFLayer, grbf
 SMALL = os.environ.get("KARF_NOTEBOOK") == "small"
 OUT = Path(os.environ.get("KARF_NOTEBOOK_OUT", "notebooks_out/kan_head"))
 OUT.mkdir(parents=True, exist_ok=True)
-STEPS, BATCH, WIDTH, SIDE = (60, 256, 8, 32) if SMALL else (1500, 2048, 32, 160)
+STEPS, BATCH, WIDTH, SIDE = (60, 256, 8, 32) if SMALL else (600, 1024, 32, 160)
 OCTAVES, N_FEATURES, N_CLASSES = 4, 8, 3
 
 # %% [markdown]
@@ -63,10 +63,10 @@ def logits_of(head: GatedBlock, x: torch.Tensor) -> torch.Tensor:
 
 
 # %%
-def learned(layer: str) -> tuple[GatedBlock, list[float]]:
+def learned(layer: str, width: int) -> tuple[GatedBlock, list[float]]:
     """A head of one kind of layer, and its loss at every step."""
     torch.manual_seed(1)
-    head = GatedBlock(3 + 6 * OCTAVES, 0, N_FEATURES, N_CLASSES, WIDTH, layer)
+    head = GatedBlock(3 + 6 * OCTAVES, 0, N_FEATURES, N_CLASSES, width, layer)
     adam = torch.optim.Adam(head.parameters(), 3e-3)
     losses = []
     for _ in range(STEPS):
@@ -87,8 +87,8 @@ def accuracy(head: GatedBlock) -> float:
 
 
 heads, curves = {}, {}
-for kind in ("grbf", "bspline", "mlp"):
-    heads[kind], curves[kind] = learned(kind)
+for kind, width in {"grbf": WIDTH, "bspline": WIDTH, "mlp": 3 * WIDTH}.items():  # of about as many parameters
+    heads[kind], curves[kind] = learned(kind, width)
     print(f"{kind:8} {count_parameters(heads[kind]):6} parameters, loss {np.mean(curves[kind][-20:]):.3f}, "
           f"accuracy {accuracy(heads[kind]):.3f}")  # fmt: skip
 

@@ -11,6 +11,7 @@ from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from ..errors import KarfError, error_from_code
@@ -30,10 +31,13 @@ def child_messages(name: str, work: Callable[[Callable[[str, Any], None], Any], 
     context = get_context("spawn")  # a fork would share torch's threads
     here, there = context.Pipe(duplex=False)
     child = context.Process(target=_run, args=(there, work, task), daemon=True)
+    main = sys.modules["__main__"]
     sys.path.append(str(Path(__file__).parents[2]))  # the engine may run as a folder, off the path that the child gets
+    sys.modules["__main__"] = ModuleType("__main__")  # else the child would run the caller's script again
     try:
         child.start()
     finally:
+        sys.modules["__main__"] = main
         sys.path.pop()
     there.close()  # so that the pipe ends with the child
     try:

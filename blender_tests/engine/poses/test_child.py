@@ -120,3 +120,21 @@ def test_what_a_killed_process_has_left_is_removed_by_the_next(tmp_path):
         with work_folder(tmp_path, "work-") as second:  # at work at the same time
             assert mine.is_dir() and second.is_dir()
     assert [path.name for path in tmp_path.iterdir()] == ["work-of_somebody_else"]
+
+
+SCRIPT = """
+from blender_tests.engine.poses.test_child import count
+from karf_engine.poses.child import child_messages
+
+print("run")
+with child_messages("counting", count, 1) as messages:
+    print(list(messages)[-1])
+"""
+
+
+def test_a_script_that_learns_is_not_run_again_in_the_child(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, str(script)], env=environment, capture_output=True, text=True, timeout=60)
+    assert done.stdout.splitlines() == ["run", "('result', 'all told')"], done.stderr
