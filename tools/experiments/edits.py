@@ -126,7 +126,7 @@ def recolor_cells(bench: Bench, recolor: Recolor) -> Row:
 
 
 def marked_photo_table(bench: Bench) -> Table:
-    """The one photo that is marked and whose true recolor is known: rough masks as they are, against ours."""
+    """The one photo that has masks and whose true recolor is known: rough masks as they are, against ours."""
     model, rows = bench.model, {}
     training_views = model.capture.split("train")
     for edit, entry in bench.truth.edits.items():

@@ -28,12 +28,12 @@ def visible_shares(out: Path, views: list[View], names: dict[str, int]) -> np.nd
 
 
 def reference_view(out: Path, views: list[View], names: dict[str, int]) -> View:
-    """Return the training view in which the least visible of the marked objects is most visible."""
+    """Return the training view in which the least visible of the objects with masks is most visible."""
     train = [view for view in views if view.split == "train"]
     return train[int(visible_shares(out, train, names).min(1).argmax())]
 
 
-def marked_views(out: Path, views: list[View], names: dict[str, int], column: int) -> list[View]:
+def views_to_mask(out: Path, views: list[View], names: dict[str, int], column: int) -> list[View]:
     """Return the reference view and two more training views that show object ``column`` well from far-apart sides."""
     train = [view for view in views if view.split == "train"]
     shares = visible_shares(out, train, names)[:, column]
@@ -93,7 +93,7 @@ def intersection_over_union(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def flaw_area(mask: np.ndarray, distance: np.ndarray, others: np.ndarray, flaw: str) -> float:
-    """Return the area of the flaw over the object's: marked ``others`` covered by a spill, or inner pixels lost."""
+    """Return the area of the flaw over the object's: ``others`` covered by a spill, or inner pixels lost."""
     wrong = mask & others if flaw == "spill" else ~mask & (distance > 5.0 * len(mask) / 256)
     return float(wrong.sum() / (distance > 0).sum())
 
@@ -118,7 +118,7 @@ def draw_masks(out: Path, views: list[View], names: dict[str, int], flaws: dict[
     """
     lines = ["object  view   set         flaw   IoU"]
     for column, (name, object_id) in enumerate(names.items()):
-        for place_in_set, view in enumerate(marked_views(out, views, names, column)):
+        for place_in_set, view in enumerate(views_to_mask(out, views, names, column)):
             flaw = flaws.get((name, place_in_set), "none")
             labels = read_truth(out, view)
             mask = draw_mask(labels, object_id, flaw, 100 * object_id + place_in_set)

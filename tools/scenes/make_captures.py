@@ -3,7 +3,7 @@
     .venv/blender/bin/python -m tools.scenes.make_captures --out DIR [SCENE ...] [--size 160] [--views 40+8]
 
     single   one jug on a table
-    hue      a red pot among red neighbors that touch and hide it and each other; pot and apple are marked
+    hue      a red pot among red neighbors that touch and hide it and each other; pot and apple have masks
     glossy   a mirroring vase with checks
     front    cameras in a small patch that look one way, past a pot and a pumpkin at a wall with pictures and books
 

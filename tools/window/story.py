@@ -1,7 +1,7 @@
 """The story of an artist's afternoon, step by step, with what must hold after each. Runs inside Blender.
 
-A step is a generator: it yields the seconds to wait until Blender goes on with it. What is `how`ed as mouse or key is
-done by events in the window; what no event can reach in a sensible time is done by script, and said so.
+A step is a generator: it yields the seconds to wait until Blender resumes it. Its `how` says by what it is done: mouse
+and keys are events in the window; what no event can reach in a sensible time is done by script.
 """
 
 from __future__ import annotations

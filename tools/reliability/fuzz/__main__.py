@@ -1,9 +1,9 @@
 """Feed every reader nearly right files: python3 tools/dev.py fuzz [READER ...] [--seconds N | --mutants N] [--out DIR].
 
 A reader is named by a part of its name. Each runs in child processes with limits of time and memory; what must never
-happen (see tools/reliability/fuzz/watch.py) is a finding, and the file that caused it is kept in DIR. A run over all readers that
-is given --seconds also writes docs/reliability/fuzz.json and the page docs/reliability.md. The exit code is 1 where
-anything was found.
+happen (see tools/reliability/fuzz/watch.py) is a finding, and the file that caused it is kept in DIR. A run over all
+readers that is given --seconds also writes docs/reliability/fuzz.json and the page docs/reliability.md. The exit code
+is 1 where anything was found.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def _is_wanted(name: str, parts: list[str]) -> bool:
 def fuzz(
     reader: Reader, folder: Path, seconds: float | None, mutants: int | None, seed: int, out: Path
 ) -> dict[str, Any]:
-    """One reader's row: it goes on in a new process where a file has ended the old one."""
+    """One reader's row: it resumes in a new process where a file has ended the old one."""
     end = time.monotonic() + seconds if seconds else None
     counts: Counter[str] = Counter()
     findings: Counter[str] = Counter()
