@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ..errors import BadRequest
+from ..settings import FIELD_KINDS
 from .fit import Fit, FitInputs
 from .nerf.field import NerfField
 from .nerf.start import start_nerf_fit
@@ -44,6 +45,8 @@ def register_field(kind: FieldKind) -> None:
     """
     if _KINDS.setdefault(kind.name, kind) != kind:
         raise ValueError(f"There is another kind of field {kind.name!r}.")
+    if kind.name not in FIELD_KINDS:
+        FIELD_KINDS.append(kind.name)
 
 
 def field_kinds() -> dict[str, FieldKind]:

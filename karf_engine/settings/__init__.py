@@ -6,6 +6,7 @@ name, type and range, and raises BadRequest naming the field and the nearest kno
 
 from .presets import PRESETS, preset
 from .stages import (
+    FIELD_KINDS,
     HEAD_KINDS,
     LAYER_KINDS,
     GeometrySettings,
@@ -21,6 +22,7 @@ from .stages import (
 from .values import describe, from_dict, to_dict, with_overrides
 
 __all__ = [
+    "FIELD_KINDS",
     "HEAD_KINDS",
     "LAYER_KINDS",
     "PRESETS",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+FIELD_KINDS = ["voxels", "nerf"]  # fields.registry.register_field adds to it
 HEAD_KINDS = ["kan", "mlp"]  # heads.registry.register_head adds to it
 LAYER_KINDS = ["grbf", "bspline", "mlp"]  # kan.layers.register_layer adds to it
 
@@ -75,9 +76,7 @@ class NerfSettings:
 class GeometrySettings:
     """The radiance field: density and prior features. What is not under `open` or `nerf` is for voxels in a box."""
 
-    field: str = option(
-        "voxels", "Kind of field; voxels: a sparse grid; nerf: the paper's; or another that is registered"
-    )
+    field: str = option("voxels", "voxels: a sparse grid; nerf: the paper's", choices=FIELD_KINDS)
     long_side: int = option(256, "Photos are reduced to this long side, pixels", 32, 4096)
     space: str = option(
         "auto",

@@ -24,7 +24,7 @@ from ..fields.fit import FitInputs
 from ..fields.nerf.field import NerfNetwork
 from ..fields.nerf.files import read_nerf
 from ..fields.nerf.importing import import_nerf
-from ..fields.registry import field_kind, start_fit
+from ..fields.registry import start_fit
 from ..fields.scene import Scene, psnr_of_views
 from ..fields.spaces import choose_space
 from ..files import write_json
@@ -54,7 +54,6 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool], capture: 
     settings = settings_module.with_overrides(
         settings_module.preset(options.get("preset", "demo")), options.get("overrides", [])
     )
-    field_kind(settings.geometry.field)  # refuses an unknown one before photos are read
     nerf = Path(options["nerf"]) if options.get("nerf") else None
     networks = None if nerf is None else read_nerf(nerf)
     capture = capture or open_capture(Path(options["capture"]))
