@@ -129,7 +129,7 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         subtype="FILE_PATH",
         options=PATH_OPTIONS,
         description="Checkpoint of a NeRF that another program has trained on this capture, taken as the geometry "
-        "(nerf-pytorch, krrish94, bmild); empty: learn it",
+        "(nerf-pytorch, krrish94); empty: learn it",
     )
     compositing: EnumProperty(name="Compositing", items=COMPOSITING_ITEMS, update=_edit_changed)
     rig: PointerProperty(name="Rig", type=bpy.types.Object, description="The Empty that holds the captured cameras")

@@ -146,7 +146,7 @@ def _add_geometry_options(verb: argparse.ArgumentParser) -> None:
         help="change one setting (see the settings verb); may be repeated",
     )  # fmt: skip
     verb.add_argument("--nerf", metavar="FILE", help="take over a NeRF that another program has trained on this capture: "
-                      "nerf-pytorch .tar, krrish94 .ckpt, bmild model_*.npy")  # fmt: skip
+                      "nerf-pytorch .tar, krrish94 .ckpt")  # fmt: skip
 
 
 def _learn_all(options: argparse.Namespace) -> int:

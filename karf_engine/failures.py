@@ -56,6 +56,16 @@ def is_out_of_memory(error: BaseException) -> bool:
     return getattr(error, "errno", None) == errno.ENOMEM or any(word in str(error).lower() for word in MEMORY_MESSAGES)
 
 
+def first_line(error: BaseException) -> str:
+    """What a library says of a damaged file, short enough to stand within a sentence.
+
+    Examples:
+        >>> first_line(ValueError("bad magic number.\\nSee the manual.")), first_line(EOFError())
+        ('bad magic number', 'EOFError')
+    """
+    return str(error).strip().split("\n")[0].rstrip(".:") or type(error).__name__
+
+
 def known_failure(error: BaseException) -> KarfError | None:
     """The error as one that a user can act on; None for one that only a bug explains.
 

@@ -2,29 +2,27 @@
 
 - nerf-pytorch, `*.tar`: torch.save of `network_fn_state_dict`, `network_fine_state_dict`
 - krrish94/nerf-pytorch, `*.ckpt`: torch.save of `model_coarse_state_dict`, `model_fine_state_dict` (FlexibleNeRFModel)
-- bmild/nerf, `model_*.npy` and `model_fine_*.npy` beside it: a pickled list of kernels [in, out] and biases
 
-Widths, encodings and skips follow from the sizes of the weights.
+Widths, encodings and skips follow from the sizes of the weights. The lists of arrays of bmild/nerf become a file of the
+first kind by `tools/convert_bmild.py`.
 """
 
 from __future__ import annotations
 
-import pickle
-from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from ...errors import DataError
-from ...failures import is_out_of_memory
+from ...failures import first_line, is_out_of_memory
 from ...inputs import check_file
 from .field import NerfNetwork, NerfShape
-from .pickles import check_pickle, check_torch_file
+from .pickles import check_torch_file
 
-HINT = "Give a checkpoint of nerf-pytorch (.tar), krrish94/nerf-pytorch (.ckpt) or bmild/nerf (model_*.npy)."
+HINT = "Give a checkpoint of nerf-pytorch (.tar) or krrish94/nerf-pytorch (.ckpt)."
 STATE_NAMES = (  # of the coarse and the fine network
     ("network_fn_state_dict", "network_fine_state_dict"),
     ("model_coarse_state_dict", "model_fine_state_dict"),
@@ -51,17 +49,15 @@ NUMPY_SCALARS = [
 def read_nerf(path: Path) -> tuple[NerfNetwork, NerfNetwork]:
     """Coarse and fine network of a file; where there is no fine one, the coarse one twice.
 
-    Raises DataError where the file is missing, damaged, holds more than numbers, or networks of another kind.
+    Raises:
+        DataError: The file is missing, damaged, holds more than numbers, or networks of another kind.
     """
     check_file(path, MOST_BYTES)
-    coarse, fine = _read_bmild(path) if path.suffix == ".npy" else _read_torch(path)
-    if not all(torch.isfinite(weights).all() for network in (coarse, fine) for weights in network.parameters()):
-        raise DataError(f"{path} holds weights that are not finite.", "Give an earlier checkpoint.")
-    return coarse, fine
-
-
-# ---------------------------------------------------------------------------------------------------------------- torch
-def _read_torch(path: Path) -> tuple[NerfNetwork, NerfNetwork]:
+    if path.suffix == ".npy":
+        raise DataError(
+            f"{path} is an array file, as bmild/nerf writes its networks; it is not read as it is.",
+            "Convert it in a checkout of KaRF: python -m tools.convert_bmild MODEL.npy OUT.tar; then give OUT.tar.",
+        )
     try:
         check_torch_file(path)
         with torch.serialization.safe_globals(NUMPY_SCALARS):
@@ -69,17 +65,27 @@ def _read_torch(path: Path) -> tuple[NerfNetwork, NerfNetwork]:
     except Exception as error:  # torch raises nearly anything on damaged files, and an unpickling error on unsafe ones
         if is_out_of_memory(error):
             raise
-        reason = str(error).strip().split("\n")[0].rstrip(".") or type(error).__name__
-        raise DataError(f"{path} cannot be read as a checkpoint of numbers alone: {reason}.", HINT) from error
+        raise DataError(
+            f"{path} cannot be read as a checkpoint of numbers alone: {first_line(error)}.", HINT
+        ) from error
     for names in STATE_NAMES:
         if isinstance(content, dict) and isinstance(content.get(names[0]), dict):
             coarse, fine = (content.get(name) or content[names[0]] for name in names)
-            return _network(path, coarse), _network(path, fine)
+            return network_of_state(path, coarse), network_of_state(path, fine)
     raise DataError(f"{path} holds no networks under a name known here ({STATE_NAMES[0][0]}, ..).", HINT)
 
 
-def _network(path: Path, state: dict[str, Any]) -> NerfNetwork:
-    """The network of a state dictionary in either program's naming."""
+def network_of_state(path: Path, state: dict[str, Any]) -> NerfNetwork:
+    """The network that a state dictionary describes by the sizes of its tensors.
+
+    Args:
+        path: The file that the state was read from. Messages name it, and its size bounds that of the tensors.
+        state: Weights [out, in] and biases by name, in nerf-pytorch's or krrish94's naming.
+
+    Raises:
+        DataError: The tensors claim more than the file holds, make no vanilla NeRF that sees viewing directions, are
+            beyond 64 layers or a width of 4096, or are not finite.
+    """
     try:
         state = {name.removeprefix("module."): value for name, value in state.items()}
         if sum(value.numel() * value.element_size() for value in state.values()) > path.stat().st_size:
@@ -93,11 +99,12 @@ def _network(path: Path, state: dict[str, Any]) -> NerfNetwork:
         network = NerfNetwork(shape)
         network.load_state_dict(state)
     except (KeyError, IndexError, AttributeError, TypeError, ValueError, RuntimeError) as error:
-        reason = str(error).strip().split("\n")[0].rstrip(".:")
         raise DataError(
-            f"{path} holds a network of another kind ({reason}).",
+            f"{path} holds a network of another kind ({first_line(error)}).",
             "It must be a vanilla NeRF that sees viewing directions, with one layer for them.",
         ) from error
+    if not all(torch.isfinite(weights).all() for weights in network.parameters()):
+        raise DataError(f"{path} holds weights that are not finite.", "Give an earlier checkpoint.")
     return network
 
 
@@ -136,102 +143,3 @@ def _frequencies(n_encoded: int) -> int:
     if not 3 <= n_encoded <= WIDEST or (n_encoded - 3) % 6:
         raise ValueError(f"an encoding of {n_encoded} numbers is not 3 + 6 L")
     return (n_encoded - 3) // 6
-
-
-# ---------------------------------------------------------------------------------------------------------------- numpy
-def _read_bmild(path: Path) -> tuple[NerfNetwork, NerfNetwork]:
-    """Both networks, whichever of the two files is given."""
-    number = path.name.removeprefix("model_").removeprefix("fine_")
-    coarse, fine = path.with_name(f"model_{number}"), path.with_name(f"model_fine_{number}")
-    coarse, fine = (file if file.is_file() else path for file in (coarse, fine))
-    networks = [_network(file, _keras_state(file, _read_arrays(file))) for file in (coarse, fine)]
-    return networks[0], networks[1]
-
-
-def _keras_state(path: Path, arrays: list[np.ndarray]) -> dict[str, Tensor]:
-    """bmild's list: kernel and bias of the layers for positions, features, directions, color and density."""
-    depth = len(arrays) // 2 - 4
-    if len(arrays) % 2 or depth < 1:
-        raise DataError(
-            f"{path} holds {len(arrays)} arrays, not kernels and biases of a NeRF with viewing directions.", HINT
-        )
-    layers = [f"pts_linears.{layer}" for layer in range(depth)]
-    layers += ["feature_linear", "views_linears.0", "rgb_linear", "alpha_linear"]
-    state = {}
-    for layer, kernel, bias in zip(layers, arrays[::2], arrays[1::2], strict=True):
-        state[f"{layer}.weight"] = torch.from_numpy(kernel.astype(np.float32).T.copy())
-        state[f"{layer}.bias"] = torch.from_numpy(bias.astype(np.float32))
-    return state
-
-
-def _read_arrays(path: Path) -> list[np.ndarray]:
-    """The arrays of a pickled object array, read without numpy's pickle support."""
-    try:
-        with path.open("rb") as file:
-            version = np.lib.format.read_magic(file)
-            read_header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-            if read_header[version](file)[2] != np.dtype(object):
-                raise ValueError("it is one array of numbers")
-            content = file.read()
-        check_pickle(BytesIO(content), len(content), names=None)
-        outer = _ArrayUnpickler(BytesIO(content)).load()
-        arrays = [entry.numbers() for entry in outer.entries()]
-        if sum(array.nbytes for array in arrays) > len(content):
-            raise ValueError("its arrays repeat a few numbers")
-    except Exception as error:  # a scrambled pickle raises nearly anything
-        if is_out_of_memory(error):
-            raise
-        reason = str(error).strip().split("\n")[0].rstrip(".") or type(error).__name__
-        raise DataError(f"{path} cannot be read as a list of arrays of numbers alone: {reason}.", HINT) from error
-    return arrays
-
-
-class _ArrayUnpickler(pickle.Unpickler):
-    """Reads arrays of numbers and lists of them, and nothing else. Names in the file only choose among stand-ins that
-    keep what they are given; neither numpy nor anything else is called while the file is read."""
-
-    def __init__(self, file: BinaryIO) -> None:
-        super().__init__(file, encoding="latin1")
-
-    def find_class(self, module: str, name: str) -> Any:
-        if (module, name) in (("numpy.core.multiarray", "_reconstruct"), ("numpy._core.multiarray", "_reconstruct")):
-            return _StoredArray
-        if (module, name) == ("numpy", "ndarray"):
-            return _StoredArray
-        if (module, name) == ("numpy", "dtype"):
-            return _StoredType
-        if (module, name) == ("_codecs", "encode"):  # how old pickles write bytes
-            return lambda text, _: text.encode("latin1")
-        raise pickle.UnpicklingError(f"it asks for {module}.{name}, which is no array")
-
-
-class _StoredType:
-    """A dtype as pickled: its code and byte order."""
-
-    def __init__(self, code: str, *_: Any) -> None:
-        self.code, self.order = code, "|"
-
-    def __setstate__(self, state: tuple) -> None:
-        self.order = state[1]
-
-
-class _StoredArray:
-    """An array as pickled: shape, type, order of axes, and bytes or a list."""
-
-    def __init__(self, *_: Any) -> None:
-        self.state: tuple = ()
-
-    def __setstate__(self, state: tuple) -> None:
-        self.state = state
-
-    def entries(self) -> list[_StoredArray]:
-        """What an array of objects holds."""
-        return list(self.state[4])
-
-    def numbers(self) -> np.ndarray:
-        """The array itself, float32 or float64."""
-        _, shape, kind, by_columns, data = self.state
-        if kind.code not in ("f4", "f8"):
-            raise ValueError(f"it holds values of type {kind.code!r}")
-        data = data.encode("latin1") if isinstance(data, str) else data
-        return np.frombuffer(data, kind.order + kind.code).reshape(shape, order="F" if by_columns else "C")

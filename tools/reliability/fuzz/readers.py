@@ -35,6 +35,7 @@ from karf_engine.stages.job import open_job
 from karf_engine.stages.recoloring import rays_of
 from karf_engine.wire import EventReader, Request
 
+from ...convert_bmild import read_bmild
 from ..faults.checksums import renew_checksum
 from . import mutate, samples
 from .watch import Outcome, read_watched
@@ -233,7 +234,7 @@ def readers(project: Path | None) -> list[Reader]:
         Reader("mask", samples.png, ("plain.png", "alpha.png", "palette.png", "deep_gray.png"), mutate.mutate_bytes,
                read_mask),
         Reader("NeRF, torch.save", samples.nerfs, ("zip.tar", "legacy.tar"), mutate.mutate_bytes, read_nerf),
-        Reader("NeRF, pickled npy", samples.nerfs, ("model_000001.npy",), mutate.mutate_bytes, read_nerf),
+        Reader("NeRF, pickled npy", samples.nerfs, ("model_000001.npy",), mutate.mutate_bytes, read_bmild),
         Reader("request.json", samples.request, ("request.json",), mutate.mutate_json, read_request),
         Reader("events.jsonl", samples.events, ("events.jsonl",), mutate.mutate_bytes, read_events),
     ]  # fmt: skip

@@ -15,7 +15,7 @@ import torch
 from PIL import Image
 
 import karf_engine as karf
-from blender_tests.engine.reference import capture_files
+from blender_tests.engine.reference import capture_files, checkpoints
 from blender_tests.engine.reference.still_life import cameras, write_capture, write_masks
 from karf_engine.fields.nerf.field import NerfNetwork, NerfShape
 from karf_engine.wire import Event, Request
@@ -137,14 +137,7 @@ def nerfs(folder: Path) -> None:
     both = {"network_fn_state_dict": state, "network_fine_state_dict": state, "loss": np.float64(0.5)}
     torch.save(both, folder / "zip.tar")
     torch.save({"network_fn_state_dict": state}, folder / "legacy.tar", _use_new_zipfile_serialization=False)
-    names = [f"pts_linears.{layer}" for layer in range(3)]
-    names += ["feature_linear", "views_linears.0", "rgb_linear", "alpha_linear"]
-    layers = [
-        part for name in names for part in (state[f"{name}.weight"].numpy().T.copy(), state[f"{name}.bias"].numpy())
-    ]
-    table = np.empty(len(layers), object)
-    table[:] = layers
-    np.save(folder / "model_000001.npy", table, allow_pickle=True)
+    checkpoints.write_arrays(folder / "model_000001.npy", checkpoints.bmild_arrays(state))
 
 
 # ---------------------------------------------------------------------------------------------------------------- messages

@@ -1,0 +1,14 @@
+"""How much memory a piece of a test takes."""
+
+import resource
+from contextlib import contextmanager
+
+MOST_GROWTH = 1 << 18  # kilobytes of resident memory
+
+
+@contextmanager
+def little_memory():
+    """Fail where what is run within takes hundreds of megabytes."""
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    yield
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < MOST_GROWTH
