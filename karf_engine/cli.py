@@ -145,7 +145,7 @@ def _add_geometry_options(verb: argparse.ArgumentParser) -> None:
         "--set", dest="overrides", action="append", default=[], metavar="STAGE.FIELD=VALUE",
         help="change one setting (see the settings verb); may be repeated",
     )  # fmt: skip
-    verb.add_argument("--nerf", metavar="FILE", help="take over a NeRF that another program has trained on this capture: "
+    verb.add_argument("--nerf", metavar="FILE", help="import a NeRF that another program has trained on this capture: "
                       "nerf-pytorch .tar, krrish94 .ckpt")  # fmt: skip
 
 
