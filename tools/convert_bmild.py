@@ -2,9 +2,10 @@
 
     .venv/engine/bin/python -m tools.convert_bmild MODEL.npy OUT.tar
 
-MODEL is a `model_*.npy` or `model_fine_*.npy` as that program's `np.save` wrote it: a pickled list of kernels [in, out] and
-biases. The other of the two is found beside it; where it is absent, the one network serves as both. Nothing in the file
-is ever run: it is read as data or refused. OUT holds `network_fn_state_dict` and `network_fine_state_dict`, tensors alone.
+MODEL is a `model_*.npy` or `model_fine_*.npy` as that program's `np.save` wrote it: a pickled list of kernels [in, out]
+and biases. The other of the two is found beside it; where it is absent, the one network serves as both. Nothing in the
+file is ever run: it is read as data or refused. OUT holds `network_fn_state_dict` and `network_fine_state_dict`,
+tensors alone.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ def read_bmild(path: Path) -> tuple[NerfNetwork, NerfNetwork]:
     """Coarse and fine network, whichever of the two files is given; where there is one file alone, its network twice.
 
     Raises:
-        DataError: A file is missing, damaged, too large, holds more than arrays of numbers, or networks of another kind.
+        DataError: A file is missing, damaged, too large, holds more than arrays of numbers, or another kind of network.
     """
     number = path.name.removeprefix("model_").removeprefix("fine_")
     coarse, fine = path.with_name(f"model_{number}"), path.with_name(f"model_fine_{number}")
@@ -172,3 +173,7 @@ class _StoredArray:
             raise ValueError(f"it holds values of type {kind.code!r}")
         data = data.encode("latin1") if isinstance(data, str) else data
         return np.frombuffer(data, kind.order + kind.code).reshape(shape, order="F" if by_columns else "C")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -2,6 +2,8 @@
 
 import pickle
 import struct
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("resource", reason="memory is measured, which Windows cannot")
 
+from blender_tests.engine.conftest import ROOT
 from blender_tests.engine.reference.checkpoints import Trap, bmild_arrays, vanilla_state, write_arrays
 from blender_tests.engine.reference.memory import little_memory
 from karf_engine.errors import DataError
@@ -143,13 +146,15 @@ def test_claims_beyond_the_file_are_refused_without_taking_memory(tmp_path, make
 
 
 # ------------------------------------------------------------------------------------------------------------- command
-def test_the_command_says_what_is_wrong_and_leaves_what_was_there(tmp_path, capsys):
+def test_the_command_says_what_is_wrong_and_leaves_what_was_there(tmp_path):
     out = tmp_path / "out.tar"
     out.write_bytes(b"kept")
     (tmp_path / "model_1.npy").write_bytes(b"no arrays")
-    assert main([str(tmp_path / "model_1.npy"), str(out)]) == DataError.exit_code
-    printed = capsys.readouterr().err
-    assert printed.startswith("error: ") and "model_1.npy cannot be read" in printed and "bmild/nerf" in printed
+    command = [sys.executable, "-m", "tools.convert_bmild", str(tmp_path / "model_1.npy"), str(out)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == DataError.exit_code
+    assert done.stderr.startswith("error: ") and "model_1.npy cannot be read" in done.stderr
+    assert "bmild/nerf" in done.stderr and "Traceback" not in done.stderr
     assert out.read_bytes() == b"kept"
 
 
