@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import errno
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from .errors import DataError, KarfError, OutOfMemory
 
@@ -87,6 +89,18 @@ def known_failure(error: BaseException) -> KarfError | None:
     )
     sentence = sentence.replace("{file}", str(file))
     return DataError(sentence[:1].upper() + sentence[1:], hint)
+
+
+@contextmanager
+def translated() -> Iterator[None]:
+    """Errors of the system leave the block as `known_failure` tells them; those that only a fault of ours explains pass."""
+    try:
+        yield
+    except Exception as error:
+        known = known_failure(error)
+        if known is None or known is error:
+            raise
+        raise known from error
 
 
 def _system_number(error: BaseException) -> int | None:

@@ -12,7 +12,7 @@ Every function that learns or renders also takes:
 - `should_stop`: asked often; once it returns true, the call raises Cancelled, and what is learned so far is kept.
 
 They raise `KarfError`: its subclasses (see `errors`) say whose fault it is, its `sentence` what is wrong and its `hint`
-what to do about it.
+what to do about it. Full disks, missing rights and memory that ran out are told in the same way.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from .errors import missing_package
+from .failures import translated
 from .progress import Emit, TerminalEmit
 from .stages.dispatch import run_request
 from .wire import Request
@@ -172,14 +173,16 @@ def load(project: PathLike, device: str | None = None) -> Model:
         from .model import Model
     except ModuleNotFoundError as error:
         raise missing_package(error.name) from error
-    return Model.load(project, device)
+    with translated():
+        return Model.load(project, device)
 
 
 def _run(stage: str, project: PathLike, options: dict[str, Any], run: Run, **in_memory: Any) -> None:
     emit = run.get("emit") or _events_to(run.get("progress"))
     options |= {name: run[name] for name in ("threads", "device") if run.get(name) is not None}
     should_stop = run.get("should_stop") or (lambda: False)
-    run_request(Request(stage, Path(project), options), emit, should_stop, **in_memory)
+    with translated():
+        run_request(Request(stage, Path(project), options), emit, should_stop, **in_memory)
 
 
 class _Lines:

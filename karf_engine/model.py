@@ -17,6 +17,7 @@ from .capture.capture import Capture, View
 from .color import to_bytes
 from .edit.compositing import delta_composite, paper_composite, stack_palettes
 from .edit.palette import Edit, Palette, read_palettes
+from .failures import translated
 from .fields.files import load_scene
 from .fields.scene import Picture
 from .heads.fields import RecoloringField, SegmentationField
@@ -133,10 +134,11 @@ class Model:
         return stack_palettes(self.objects, {palette.name: palette.colors for palette in self.palettes})
 
     # --- rendering -------------------------------------------------------------------------------------------------
+    @translated()
     def render(self, camera: Camera) -> Frame:
         """The scene from any camera, whose lens distortion is left out; palette weights are those of F_w.
 
-        Not differentiable. Its base is the rendering itself.
+        Not differentiable. Its base is the rendering itself. Raises OutOfMemory where the device has too little.
         """
         from_field = self.recoloring is not None
         picture = self.scene.render(camera.without_distortion(), WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
@@ -158,6 +160,7 @@ class Model:
         factor = min(1.0, self.settings.geometry.long_side / max(camera.width, camera.height))
         return self.render(camera.scaled(max(1, round(camera.width * factor)), max(1, round(camera.height * factor))))
 
+    @translated()
     def render_plate(self, plate: Plate, weights_from: str = "photo") -> Frame:
         """A loaded photo's view, with the photo as base. weights_from: palette weights of its colors (`photo`), or of
         F_w (`field`)."""

@@ -1,5 +1,6 @@
 """The door: what a researcher imports, with plain values and no command line, job or Blender."""
 
+import errno
 import re
 import subprocess
 import sys
@@ -13,7 +14,7 @@ import pytest
 
 import karf_engine as karf
 from blender_tests.engine.conftest import QUICK, ROOT
-from karf_engine.errors import BadRequest, Cancelled, DataError
+from karf_engine.errors import BadRequest, Cancelled, DataError, OutOfMemory
 
 pytest.importorskip("torch")
 
@@ -125,6 +126,23 @@ def test_a_capture_that_was_changed_in_memory_is_learned_as_changed(still_life, 
 def test_learning_can_be_stopped(still_life, tmp_path):
     with pytest.raises(Cancelled):
         karf.learn_geometry(still_life.capture, project=tmp_path / "project", overrides=QUICK, should_stop=lambda: True)
+
+
+@pytest.mark.parametrize(
+    ("raised", "told", "words"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device", "/disk/geometry"), DataError, "The disk is full"),
+        (MemoryError(), OutOfMemory, "ran out of memory"),
+        (ZeroDivisionError("a fault of ours"), ZeroDivisionError, "a fault of ours"),
+    ],
+)
+def test_what_the_system_refuses_is_a_sentence_too(monkeypatch, tmp_path, raised, told, words):
+    def refuse(*_, **__):
+        raise raised
+
+    monkeypatch.setattr("karf_engine.library.run_request", refuse)
+    with pytest.raises(told, match=words):
+        karf.extract_palettes(tmp_path)
 
 
 def test_nothing_learned_is_a_sentence(tmp_path):
