@@ -5,7 +5,7 @@
 # camera that never was: the whole of KaRF by its library, on the demo capture. Some four minutes on one processor core;
 # a second run takes what is learned from the project's folder.
 #
-# The cells are plain Python: run the file in the checkout, or open it in an editor that knows `# %%`.
+# The cells are plain Python: after `pip install .` run the file, or open it in an editor that knows `# %%`.
 # `KARF_NOTEBOOK=small` makes all of it small, as in the tests: quick, and not pretty.
 
 # %%

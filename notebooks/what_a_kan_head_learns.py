@@ -6,8 +6,8 @@
 # every node. This notebook trains such a head by itself, on a shape whose truth is known, and looks at what it learned.
 # It needs `karf_engine.kan` alone, and a minute on one processor core.
 #
-# The cells are plain Python: run the file, or open it in an editor that knows `# %%`. `KARF_NOTEBOOK=small` makes all of
-# it small, as in the tests.
+# The cells are plain Python: after `pip install .` run the file, or open it in an editor that knows `# %%`.
+# `KARF_NOTEBOOK=small` makes all of it small, as in the tests.
 
 # %%
 import os
