@@ -7,6 +7,7 @@ they are sharp and hold the highlights. For any other camera from F_w, which is 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from .capture.capture import Capture, View
 from .color import to_bytes
 from .edit.compositing import delta_composite, paper_composite, stack_palettes
 from .edit.palette import Edit, Palette, read_palettes
+from .errors import BadRequest
 from .failures import translated
 from .fields.files import load_scene
 from .fields.scene import Picture
@@ -123,7 +125,7 @@ class Model:
         with consistent(project):
             return cls(project, find_device(device))
 
-    @property
+    @cached_property
     def capture(self) -> Capture:
         """The photos and cameras that the model was learned from. Raises DataError where their file is damaged."""
         return capture_of(self.project)
@@ -223,7 +225,10 @@ class Model:
 
     def composite(self, frame: Frame, edit: Edit) -> np.ndarray:
         """The base of a frame with an edit, [H, W, 3] float32 sRGB. Raises BadRequest before palettes are learned."""
-        self.project.require("recoloring")
+        if self.recoloring is None:
+            raise BadRequest(
+                f"{self.project.folder} has no finished recoloring stage.", "Run the recoloring stage first."
+            )
         edited = stack_palettes(self.objects, edit.colors)
         if edit.compositing == "paper":
             return paper_composite(frame.base, frame.palette_weights, frame.probabilities, edited)

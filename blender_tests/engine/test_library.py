@@ -2,6 +2,7 @@
 
 import errno
 import re
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -113,6 +114,18 @@ def test_a_model_of_a_learned_scene_alone_has_no_edits(still_life, tmp_path):
     assert model.objects == [] and model.render(model.capture.views[0].camera).palette_weights is None
     with pytest.raises(BadRequest, match="palette stage"):
         model.edit()
+    view = model.capture.views[0]
+    with pytest.raises(BadRequest, match="no finished recoloring stage"):
+        model.recolor(view, karf.Edit({}))
+
+
+def test_rendering_reads_nothing_of_the_project_again(learned, tmp_path):
+    copy = shutil.copytree(learned.project, tmp_path / "project")
+    model = karf.load(copy, device="cpu")
+    edit, view = model.edit().swatch("block", 1, "#2060a0"), model.capture.split("test")[0]
+    shutil.rmtree(copy)
+    assert model.recolor(view, edit).shape == (view.camera.height, view.camera.width, 3)
+    assert model.capture.split("test")[0] is view
 
 
 def test_a_capture_that_was_changed_in_memory_is_learned_as_changed(still_life, tmp_path):
