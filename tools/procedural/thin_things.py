@@ -10,8 +10,8 @@ from .materials import material
 from .shapes import grid_object, lathe, place, tube
 
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
-LEAF_WIDTHS = (0.006, 0.018, 0.026, 0.021, 0.001)  # half of it, from the soil to the tip
-WIRE = 0.008
+LEAF_WIDTHS = (0.008, 0.022, 0.031, 0.025, 0.001)  # half of it, from the soil to the tip
+WIRE, HANDLE = 0.010, 0.014
 
 
 def add_plant(x: float, y: float, color, object_id: int = 0) -> None:
@@ -29,7 +29,7 @@ def add_plant(x: float, y: float, color, object_id: int = 0) -> None:
 
 def leaf(azimuth: float, bow: float, rng: np.random.Generator) -> np.ndarray:
     """Return the vertex grid of a leaf: upright with ``bow`` 0, arching over the pot's rim with 1."""
-    length = rng.uniform(1.0, 1.3)
+    length = rng.uniform(0.9, 1.15)
     reach, top = length * (0.12 + 0.50 * bow), length * (0.80 - 0.28 * bow)
     path = [(0.02, 0.26), (0.2 * reach, 0.27 + 0.45 * top), (0.5 * reach, 0.27 + 0.85 * top)]
     path += [(0.8 * reach, 0.27 + top), (reach, 0.27 + (1.0 - 0.22 * bow) * top)]
@@ -51,7 +51,7 @@ def add_basket(x: float, y: float, color, object_id: int = 0) -> None:
     wire = [(0.275, 0.13), (0.29, 0.28), (0.31, 0.44)]
     arch = np.linspace(0.0, math.pi, 9)
     handle = np.column_stack([0.31 * np.cos(arch), 0.44 + 0.48 * np.sin(arch)])
-    grids = [lathe(bowl), ring(0.29, 0.28), ring(0.31, 0.44), tube(handle, WIRE, 0.6, columns=12)]
+    grids = [lathe(bowl), ring(0.29, 0.28), ring(0.31, 0.44), tube(handle, HANDLE, 0.6, columns=12)]
     grids += [tube(wire, WIRE, azimuth, columns=12) for azimuth in np.linspace(0.0, 2.0 * math.pi, 20, endpoint=False)]
     place([grid_object(f"basket {number}", grid, paint, object_id) for number, grid in enumerate(grids)], x, y)
 
