@@ -91,9 +91,9 @@ def build_thin() -> None:
     things.add_table()
     thin_things.add_plant(-0.18, -0.02, LEAF, object_id=1)
     thin_things.add_basket(0.52, -0.50, BLUE, object_id=2)
-    things.add_pumpkin(-0.78, 1.02, LEAF)
+    things.add_pumpkin(-1.02, -0.06, LEAF)
     things.add_apple(0.50, 0.62, RED_APPLE)
-    things.add_tin(-0.72, -0.62)
+    things.add_tin(-0.52, 0.84)
     things.add_studio()
 
 
