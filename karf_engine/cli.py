@@ -119,6 +119,7 @@ def _parser() -> argparse.ArgumentParser:
                       "photo; with the preset paper: render)")  # fmt: skip
     verb.add_argument("--depth", action="store_true", help="write depth/ too")
     verb.add_argument("--planes", action="store_true", help="write planes/ too (what Blender recolors from)")
+    verb.add_argument("--layers", action="store_true", help="write layers/ too (OpenEXR for compositors)")
 
     verb = verbs.add_parser("settings", help="list all settings with defaults and ranges")
     verb.set_defaults(action=_list_settings)
@@ -201,7 +202,7 @@ def _match(options: argparse.Namespace) -> int:
 
 
 def _render(options: argparse.Namespace) -> int:
-    chosen = {name: getattr(options, name) for name in ("views", "edit", "base", "depth", "planes")}
+    chosen = {name: getattr(options, name) for name in ("views", "edit", "base", "depth", "planes", "layers")}
     library.render(options.project, options.out, **chosen, **_run_of(options))
     return 0
 
