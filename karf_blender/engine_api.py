@@ -16,9 +16,10 @@ from ..karf_engine.capture.reprojection import (
     undistorted_near,
 )
 from ..karf_engine.capture.undistortion import undistorted
-from ..karf_engine.color import linear_to_srgb, srgb_to_lab
+from ..karf_engine.color import linear_to_srgb, srgb_to_lab, srgb_to_linear
 from ..karf_engine.edit.becomes import match_becomes, match_fewest, nearest_weights
 from ..karf_engine.edit.compositing import Planes, delta_composite, paper_composite, read_planes, stack_palettes
+from ..karf_engine.edit.layers import ObjectLayers, read_layer_names
 from ..karf_engine.edit.object_colors import read_object_colors
 from ..karf_engine.edit.palette import (
     BRIGHTEST,
@@ -63,6 +64,7 @@ __all__ = [
     "EventReader",
     "KarfError",
     "MissingDependency",
+    "ObjectLayers",
     "Palette",
     "Planes",
     "Project",
@@ -83,12 +85,14 @@ __all__ = [
     "open_capture",
     "paper_composite",
     "read_edit",
+    "read_layer_names",
     "read_object_colors",
     "read_palettes",
     "read_planes",
     "reprojection_errors",
     "rgb_to_hex",
     "srgb_to_lab",
+    "srgb_to_linear",
     "stack_palettes",
     "summarize",
     "undistorted",
