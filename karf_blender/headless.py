@@ -226,14 +226,14 @@ def render_sequence(
 
 
 def build_compositor(
-    view: str = "", layers: str | Path | None = None, driven: bool = True, scene: bpy.types.Scene | None = None
+    view: str = "", layers: str | Path | None = None, driven: bool = False, scene: bpy.types.Scene | None = None
 ) -> bpy.types.Node:
     """Recolor a view by nodes in the scene's compositor, with a color socket for each swatch.
 
     Args:
         view: Name of a captured view; default: the active one.
         layers: A layered picture that the engine has written already, of any camera; then no view is rendered.
-        driven: Whether the sockets follow the scene's swatches.
+        driven: Whether the sockets follow the scene's swatches; else they begin with them and can be set by hand.
         scene: Default: the context's.
 
     Returns:

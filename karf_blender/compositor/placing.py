@@ -11,7 +11,7 @@ import numpy as np
 
 from ..engine_api import DataError, ObjectLayers
 from ..host import compat
-from . import group
+from . import drivers, group
 
 COMBINED = "Combined"  # how Blender calls the channels R, G and B
 
@@ -44,7 +44,7 @@ def build(
     node = _node(tree, name, "CompositorNodeGroup", (-300, 0))
     node.width = 200
     targets = [link.to_socket for link in node.outputs[0].links] if node.outputs else []
-    remove_drivers(tree, node)
+    drivers.remove(node)
     if node.node_tree is None:
         node.node_tree = bpy.data.node_groups.new(name, "CompositorNodeTree")
     group.fill(node.node_tree, objects)
@@ -104,37 +104,7 @@ def _free_targets(tree: bpy.types.NodeTree, node: bpy.types.Node) -> list[bpy.ty
     return [socket for socket in sockets if not socket.is_linked]
 
 
-def picture_of(node: bpy.types.Node) -> bpy.types.Image:
-    """The layered picture that a group's node recolors."""
-    return node.inputs[group.BASE].links[0].from_node.image
-
-
 def is_rendered(node: bpy.types.Node) -> bool:
     """Whether what the node gives is what the scene renders."""
     output = compat.compositing_output(node.id_data)
     return any(link.to_socket == output for link in node.outputs[0].links)
-
-
-# --- drivers -------------------------------------------------------------------------------------------------------
-# of Blender's simple expressions, which run without the right to run scripts
-TO_LINEAR = "v / 12.92 if v <= 0.04045 else pow((v + 0.055) / 1.055, 2.4)"
-
-
-def drive(node: bpy.types.Node, name: str, index: int, scene: bpy.types.Scene, source: str) -> None:
-    """Let a swatch's socket follow an sRGB color, `source`, a path from the scene."""
-    socket = node.inputs[group.swatch_socket(name, index)]
-    for channel in range(3):
-        driver = socket.driver_add("default_value", channel).driver
-        driver.type, driver.expression = "SCRIPTED", TO_LINEAR
-        variable = driver.variables.new()
-        variable.name = "v"
-        target = variable.targets[0]
-        target.id_type, target.id = "SCENE", scene
-        target.data_path = f"{source}[{channel}]"
-
-
-def remove_drivers(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
-    """Let all sockets of a node go."""
-    for socket in node.inputs:
-        if tree.animation_data is not None and hasattr(socket, "default_value"):
-            socket.driver_remove("default_value")

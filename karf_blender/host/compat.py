@@ -60,6 +60,11 @@ def compositing_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
     return scene.compositing_node_group
 
 
+def compositing_tree_or_none(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
+    """The scene's compositing nodes, if it has some."""
+    return scene.node_tree if bpy.app.version < (5, 0, 0) else scene.compositing_node_group
+
+
 def compositing_output(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
     """The socket whose picture is rendered; the output node is made where there is none."""
     if bpy.app.version < (5, 0, 0):

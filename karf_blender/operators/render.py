@@ -57,7 +57,11 @@ class KARF_OT_build_compositor(PaletteStep, bpy.types.Operator):
     bl_label = "Build Compositor"
 
     view: StringProperty(name="View", description="Name of a captured view; empty: the active one")
-    driven: BoolProperty(name="Follow Swatches", default=True, description="Drive the sockets by the swatches")
+    driven: BoolProperty(
+        name="Follow Swatches",
+        description="The sockets follow the swatches; else they begin with them, and are set by hand",
+        options={"SKIP_SAVE"},
+    )
 
     @reports_errors
     def execute(self, context):

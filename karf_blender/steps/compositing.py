@@ -6,8 +6,8 @@ from pathlib import Path
 import bpy
 
 from .. import progress
-from ..compositor import placing
-from ..engine_api import ObjectLayers, Request, read_layer_names
+from ..compositor import drivers, placing
+from ..engine_api import ObjectLayers, Request, find_header, read_layer_names
 from ..project import captures, folders
 from ..swatches import colors
 from ..tasks.ownership import Owner
@@ -17,7 +17,7 @@ from . import requests
 STANDARD = ("Standard", "Raw")  # view transforms that show sRGB colors as they are
 
 
-def build_compositor(scene: bpy.types.Scene, view: str = "", driven: bool = True) -> Task:
+def build_compositor(scene: bpy.types.Scene, view: str = "", driven: bool = False) -> Task:
     """Have the engine write the layers of a captured view (default: the active one), then recolor it by nodes."""
     view = captures.view_of(scene, view).name
     out, owner = folders.out_folder(scene), Owner.of(scene)
@@ -41,7 +41,7 @@ def compositor_node(scene: bpy.types.Scene, view: str = "") -> bpy.types.Node | 
     return placing.find(scene, view or scene.karf.active_view)
 
 
-def place_layers(scene: bpy.types.Scene, path: Path, driven: bool = True) -> bpy.types.Node:
+def place_layers(scene: bpy.types.Scene, path: Path, driven: bool = False) -> bpy.types.Node:
     """Recolor a layered picture by nodes in the scene's compositor, with the scene's swatches where it has them.
 
     Args:
@@ -62,8 +62,8 @@ def place_layers(scene: bpy.types.Scene, path: Path, driven: bool = True) -> bpy
     for each in known if driven else ():
         for index in range(1, len(each.colors)):
             source = f'karf.objects["{bpy.utils.escape_identifier(each.name)}"].swatches[{index}].color'
-            placing.drive(node, each.name, index, scene, source)
-    _say_differences(scene, node)
+            drivers.drive(node, each.name, index, scene, source)
+    _say_differences(scene, node, find_header(path).shown)
     return node
 
 
@@ -73,9 +73,9 @@ def _fits(scene: bpy.types.Scene, layers: ObjectLayers) -> bool:
     return item is not None and colors.learned(item).tolist() == layers.colors.tolist()
 
 
-def _say_differences(scene: bpy.types.Scene, node: bpy.types.Node) -> None:
-    """Warn of what makes the rendered picture another than the recolored one."""
-    size, render = tuple(placing.picture_of(node).size), scene.render
+def _say_differences(scene: bpy.types.Scene, node: bpy.types.Node, size: tuple[int, int]) -> None:
+    """Warn of what makes the rendered picture another than the recolored one, of `size`."""
+    render = scene.render
     rendered = tuple(side * render.resolution_percentage // 100 for side in (render.resolution_x, render.resolution_y))
     if not placing.is_rendered(node):
         progress.warn(f"The compositor's output has other nodes: link {node.name} where you want it.")

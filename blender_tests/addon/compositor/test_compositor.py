@@ -1,5 +1,8 @@
 """The compositor: mattes that Blender's own node reads, and nodes that recompose what the engine recolors."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -82,22 +85,64 @@ def built(bpy, addon, learned, compositor, layers_file, monkeypatch):
     return addon.headless.build_compositor()
 
 
-def test_a_changed_swatch_changes_the_rendered_picture(bpy, addon, learned, built, truth, tmp_path):
-    before = rendered(bpy, addon, learned, tmp_path)
+@pytest.mark.parametrize("driven", [True, False])
+def test_a_changed_swatch_changes_the_rendered_picture_where_sockets_follow(
+    bpy, addon, learned, built, truth, tmp_path, driven
+):
+    bpy.ops.karf.build_compositor(driven=driven)
+    before = as_display(addon, rendered(bpy, addon, learned, tmp_path))
     set_edit(addon, learned, truth)
     after = as_display(addon, rendered(bpy, addon, learned, tmp_path))
-    assert np.abs(after - as_display(addon, before)).max() > 0.1
-    assert np.abs(after - truth["recolored"]).max() < 0.5 / 255
+    expected = truth["recolored"] if driven else before
+    assert np.abs(before - truth["recolored"]).max() > 0.1
+    assert np.abs(after - expected).max() < 0.5 / 255
 
 
-def test_sockets_begin_with_the_swatches_and_need_not_follow(bpy, addon, learned, built, truth):
+def test_keyframed_swatches_are_followed(bpy, addon, learned, built, truth, tmp_path):
+    addon.headless.build_compositor(driven=True)
+    swatch = learned.karf.objects["pot"].swatches[1]
+    swatch.keyframe_insert("color", frame=1)
     set_edit(addon, learned, truth)
-    assert bpy.ops.karf.build_compositor(driven=False) == {"FINISHED"}
-    addon.headless.set_swatch("pot", 1, (0.5, 0.5, 0.5))
-    bpy.context.view_layer.update()
+    swatch.keyframe_insert("color", frame=3)
+    learned.frame_set(3)
+    last = as_display(addon, rendered(bpy, addon, learned, tmp_path))
+    assert np.abs(last - truth["recolored"]).max() < 0.5 / 255
+
+
+def test_built_anew_sockets_stand_where_the_swatches_do(bpy, addon, learned, built, truth):
+    addon.headless.build_compositor(driven=True)
+    set_edit(addon, learned, truth)
+    addon.headless.build_compositor()
+    assert not built.id_data.animation_data.drivers
     value = addon.engine_api.linear_to_srgb(built.inputs["pot 1"].default_value[:3])
     np.testing.assert_allclose(value, truth["edited"][1, 1], atol=1e-5)
-    assert not built.id_data.animation_data.drivers
+
+
+OPENED_BY_ANOTHER = """
+import os, sys, bpy
+blend, out = sys.argv[-2:]
+bpy.ops.wm.open_mainfile(filepath=blend)
+assert not hasattr(bpy.types.Scene, "karf")
+bpy.context.scene.render.filepath = out
+bpy.ops.render.render(write_still=True)
+os._exit(0)
+"""
+
+
+@pytest.mark.parametrize("driven", [True, False])
+def test_a_saved_file_recolors_without_the_extension(bpy, addon, learned, built, truth, tmp_path, driven):
+    addon.headless.build_compositor(driven=True)
+    set_edit(addon, learned, truth)
+    if not driven:
+        addon.headless.build_compositor()
+    rendered(bpy, addon, learned, tmp_path)  # sets the output's format
+    addon.headless.save(tmp_path / "recolor.blend")
+    out = tmp_path / "opened.exr"
+    command = [sys.executable, "-c", OPENED_BY_ANOTHER, str(tmp_path / "recolor.blend"), str(out)]
+    subprocess.run(command, check=True, capture_output=True, timeout=120)
+    image = bpy.data.images.load(str(out))
+    picture = as_display(addon, addon.images.pixels(image)[..., :3])
+    assert np.abs(picture - truth["recolored"]).max() < 0.5 / 255
 
 
 def test_the_nodes_are_of_blenders_own_types(bpy, built):
@@ -116,6 +161,15 @@ def test_what_others_have_linked_stays(bpy, addon, learned, compositor, layers_f
     assert "link KaRF photo_0 where you want it" in addon.progress.state().warnings
 
 
+def test_what_makes_the_rendered_picture_another_is_said(bpy, addon, learned, built):
+    assert not addon.progress.state().warnings.count("pixels, the scene renders")
+    learned.render.resolution_x, learned.view_settings.view_transform = 80, "AgX"
+    addon.headless.build_compositor()
+    warnings = addon.progress.state().warnings
+    assert "The layers have 40 x 30 pixels, the scene renders 80 x 30." in warnings
+    assert "The view transform AgX changes colors" in warnings
+
+
 def test_built_again_it_is_the_same_node_with_the_same_links(bpy, addon, learned, compositor, built):
     blur = compositor.nodes.new("CompositorNodeBlur")
     output = addon.compat.compositing_output(compositor)
@@ -130,7 +184,7 @@ def test_built_again_it_is_the_same_node_with_the_same_links(bpy, addon, learned
 
 def test_layers_of_other_palettes_do_not_follow_the_swatches(bpy, addon, learned, compositor, layers_file):
     learned.karf.objects["pot"].swatches[1].learned = (0.1, 0.1, 0.1)
-    node = addon.headless.build_compositor(layers=layers_file)
+    node = addon.headless.build_compositor(layers=layers_file, driven=True)
     driven = {curve.data_path for curve in node.id_data.animation_data.drivers}
     numbers = {socket.name: number for number, socket in enumerate(node.inputs)}
     assert driven == {f'nodes["{node.name}"].inputs[{numbers[name]}].default_value' for name in ("lid 1", "lid 2")}
