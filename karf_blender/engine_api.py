@@ -27,11 +27,12 @@ from ..karf_engine.edit.palette import (
     Edit,
     Palette,
     hex_to_rgb,
-    read_edit,
     read_palettes,
     rgb_to_hex,
     write_edit,
 )
+from ..karf_engine.edit.palette_files import SUFFIXES as EDIT_SUFFIXES
+from ..karf_engine.edit.palette_files import read_edit_file, write_edit_file
 from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency, error_from_code
 from ..karf_engine.files import atomic_write
 from ..karf_engine.project import Project
@@ -48,6 +49,7 @@ __all__ = [
     "BRIGHTEST",
     "CAPTURE_MARKS",
     "COMPOSITING_MODES",
+    "EDIT_SUFFIXES",
     "ENGINE_FOLDER",
     "LOG_FILE",
     "PRESETS",
@@ -84,7 +86,7 @@ __all__ = [
     "observed_points",
     "open_capture",
     "paper_composite",
-    "read_edit",
+    "read_edit_file",
     "read_layer_names",
     "read_object_colors",
     "read_palettes",
@@ -99,4 +101,5 @@ __all__ = [
     "undistorted_near",
     "write_cameras",
     "write_edit",
+    "write_edit_file",
 ]

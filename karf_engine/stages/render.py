@@ -24,7 +24,8 @@ from ..capture import open_capture
 from ..capture.capture import View
 from ..color import to_bytes
 from ..edit.compositing import Planes, write_planes
-from ..edit.palette import Edit, Palette, read_edit
+from ..edit.palette import Edit, Palette
+from ..edit.palette_files import read_edit_file
 from ..errors import BadRequest, DataError
 from ..files import atomic_write
 from ..handover.layers import Layers, write_layers
@@ -87,7 +88,7 @@ def select_views(job: Job, wanted: str) -> tuple[list[View], bool]:
 def read_edits(
     wanted: str | list[str] | None, views: Sequence[View], palettes: Sequence[Palette], compositing: str
 ) -> list[Edit | None]:
-    """The edit of each view: wanted is one file for all, one for each, or None. compositing: see `read_edit`.
+    """The edit of each view: wanted is one file for all, one for each, or None. compositing: see `read_edit_file`.
 
     Raises BadRequest where there are as many files as views in no way, DataError where one is no edit of these palettes.
     """
@@ -97,7 +98,7 @@ def read_edits(
             f"The render stage was given {len(paths)} edits for {len(views)} views.",
             "Give one edit file for all, or a list with one for each view.",
         )
-    known = {path: read_edit(Path(path), palettes, compositing) for path in set(paths) if path}
+    known = {path: read_edit_file(Path(path), palettes, compositing) for path in set(paths) if path}
     return [known.get(path) for path in paths]
 
 

@@ -237,6 +237,22 @@ def test_palettes_are_printed_as_json_without_computing(learned, capsys):
         assert entry["colors"][0] == [0, 0, 0] and len(entry["colors"]) >= 2
 
 
+@pytest.mark.parametrize("suffix", [".gpl", ".ase", ".json"])
+def test_palettes_go_to_other_programs_and_come_back_as_an_edit(learned, green, tmp_path, suffix):
+    palettes, foreign, back = (
+        read_palettes(learned.project / "palette.json"),
+        tmp_path / f"p{suffix}",
+        tmp_path / "b.json",
+    )
+    assert main(["palette", str(learned.project), "--edit", str(green), "--out", str(foreign)]) == 0
+    assert main(["palette", str(learned.project), "--edit", str(foreign), "--out", str(back)]) == 0
+    before, after = read_edit(green, palettes), read_edit(back, palettes)
+    for name, colors in before.colors.items():
+        assert np.abs(np.clip(colors, 0, 1) - np.clip(after.colors[name], 0, 1)).max() <= 0.5 / 255 + 1e-6
+    assert main(["palette", str(learned.project), "--out", str(foreign)]) == 0
+    assert main(["palette", str(learned.project), "--edit", str(foreign)]) == 2
+
+
 @pytest.mark.parametrize("rule", ["becomes", "fewest"])
 def test_matched_edits_change_the_named_object_only_and_add_up(learned, green, tmp_path, rule):
     out = tmp_path / "both.json"
