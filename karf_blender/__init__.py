@@ -1,6 +1,7 @@
 """The Blender side: cameras, swatches and pictures. It runs the engine in its own process and never imports torch."""
 
 from . import operators, panels, preferences, properties
+from .compositor import drivers
 from .host import rendering
 from .project import disk, saving
 from .rig import reprojection
@@ -14,6 +15,7 @@ MODULES = (
     rendering,
     recolor,
     saving,
+    drivers,
     reprojection,
     disk,
     ownership,

@@ -219,6 +219,9 @@ def draw_render(layout, context):
     column.operator("karf.render_capture", icon="RENDERLAYERS")
     column.operator("karf.render_camera", icon="RENDER_ANIMATION")
     row = layout.row(align=True)
+    row.operator("karf.build_compositor", icon="NODETREE")
+    row.operator("karf.build_compositor", text="", icon="DRIVER").driven = True
+    row = layout.row(align=True)
     row.operator("karf.import_cameras", icon="IMPORT")
     row.operator("karf.export_cameras", icon="EXPORT")
 

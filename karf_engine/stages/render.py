@@ -2,12 +2,13 @@
 
 Options: views (train | test | val | all | name,name | CAMERAS.json), edit (EDIT.json, or a list with one for each view,
 in their order), out (folder), base (photo | render, for captured views; by default the photo, with the paper's
-compositing the render, as there), planes, depth (bools). Writes
+compositing the render, as there), planes, layers, depth (bools). Writes
 
     OUT/render/<view>.png            the scene as learned
     OUT/masks/<object>/<view>.png    0 or 255
     OUT/recolor/<view>.png           the edited base picture
     OUT/depth/<view>.npy             float32 along the optical axis, world units, 0 where empty
+    OUT/layers/<view>.exr            base, coverage, weights, depth and mattes for compositors (handover.layers)
     OUT/planes/<view>.npz            edit planes; of captured views also in the project, where Blender finds them
 """
 
@@ -23,9 +24,11 @@ from ..capture import open_capture
 from ..capture.capture import View
 from ..color import to_bytes
 from ..edit.compositing import Planes, write_planes
-from ..edit.palette import Edit, Palette, read_edit
+from ..edit.palette import Edit, Palette
+from ..edit.palette_files import read_edit_file
 from ..errors import BadRequest, DataError
 from ..files import atomic_write
+from ..handover.layers import Layers, write_layers
 from ..images import write_png
 from ..locking import consistent, opened, writing
 from ..model import Frame, Model
@@ -47,7 +50,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
 
 def _render(job: Job, model: Model) -> None:
     options = job.options
-    if options.get("edit") or options.get("planes"):
+    if options.get("edit") or options.get("planes") or options.get("layers"):
         job.project.require("recoloring")
     if not options.get("out") and not options.get("planes"):
         raise BadRequest("The render stage was given nowhere to write.", "Name a folder with --out.")
@@ -85,7 +88,7 @@ def select_views(job: Job, wanted: str) -> tuple[list[View], bool]:
 def read_edits(
     wanted: str | list[str] | None, views: Sequence[View], palettes: Sequence[Palette], compositing: str
 ) -> list[Edit | None]:
-    """The edit of each view: wanted is one file for all, one for each, or None. compositing: see `read_edit`.
+    """The edit of each view: wanted is one file for all, one for each, or None. compositing: see `read_edit_file`.
 
     Raises BadRequest where there are as many files as views in no way, DataError where one is no edit of these palettes.
     """
@@ -95,7 +98,7 @@ def read_edits(
             f"The render stage was given {len(paths)} edits for {len(views)} views.",
             "Give one edit file for all, or a list with one for each view.",
         )
-    known = {path: read_edit(Path(path), palettes, compositing) for path in set(paths) if path}
+    known = {path: read_edit_file(Path(path), palettes, compositing) for path in set(paths) if path}
     return [known.get(path) for path in paths]
 
 
@@ -107,6 +110,9 @@ def _write_frame(job: Job, out: Path, name: str, frame: Frame, model: Model, edi
         write_png(out / "recolor" / f"{name}.png", model.composite(frame, edit))
     if job.options.get("depth"):
         atomic_write(out / "depth" / f"{name}.npy", lambda temporary: np.save(temporary, frame.depth))
+    if job.options.get("layers"):
+        layers = Layers(model.palettes, frame.base, frame.probabilities, frame.palette_weights, frame.depth)
+        write_layers(out / "layers" / f"{name}.exr", layers)
 
 
 def _write_planes(job: Job, view: View, frame: Frame, model: Model, captured: bool) -> None:
