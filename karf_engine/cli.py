@@ -120,6 +120,15 @@ def _parser() -> argparse.ArgumentParser:
     verb.add_argument("--depth", action="store_true", help="write depth/ too")
     verb.add_argument("--planes", action="store_true", help="write planes/ too (what Blender recolors from)")
 
+    verb = _verb(verbs, "colorways", "render every colorway of a sheet in every view", _render_colorways)
+    verb.add_argument("project", metavar="DIR", help="project folder")
+    verb.add_argument("--sheet", required=True, metavar="FILE", help="CSV or JSON: colorway, object, and a color as hex, "
+                      "lab, srgb or srgb8")  # fmt: skip
+    verb.add_argument("--views", default="all", help="as for render (default: %(default)s)")
+    verb.add_argument("--out", required=True, metavar="DIR", help="folder for <colorway>/, colorways.csv and the contact "
+                      "sheet; pictures that are there already are not made again")  # fmt: skip
+    verb.add_argument("--predict-only", action="store_true", help="only write colorways.csv: what will be reached")
+
     verb = verbs.add_parser("settings", help="list all settings with defaults and ranges")
     verb.set_defaults(action=_list_settings)
     verb = verbs.add_parser("doctor", help="say whether this Python can run the engine")
@@ -203,6 +212,12 @@ def _match(options: argparse.Namespace) -> int:
 def _render(options: argparse.Namespace) -> int:
     chosen = {name: getattr(options, name) for name in ("views", "edit", "base", "depth", "planes")}
     library.render(options.project, options.out, **chosen, **_run_of(options))
+    return 0
+
+
+def _render_colorways(options: argparse.Namespace) -> int:
+    chosen = {"views": options.views, "predict_only": options.predict_only}
+    library.colorways(options.project, options.sheet, options.out, **chosen, **_run_of(options))
     return 0
 
 

@@ -9,7 +9,7 @@ FLOORS = (
     ("files", "npz", "settings"),
     ("wire", "capture", "progress", "runtime"),
     ("images", "edit", "checkpoints", "kan"),
-    ("plates", "palette", "project"),
+    ("plates", "palette", "project", "contact_sheet"),
     ("locking", "training", "rendering", "poses", "metrics"),
     ("fields",),
     ("heads",),

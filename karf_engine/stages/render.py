@@ -19,18 +19,18 @@ from pathlib import Path
 
 import numpy as np
 
-from ..capture import open_capture
 from ..capture.capture import View
 from ..color import to_bytes
 from ..edit.compositing import Planes, write_planes
 from ..edit.palette import Edit, Palette, read_edit
-from ..errors import BadRequest, DataError
+from ..errors import BadRequest
 from ..files import atomic_write
 from ..images import write_png
 from ..locking import consistent, opened, writing
 from ..model import Frame, Model
 from ..progress import Emit
 from ..wire import Request
+from .chosen_views import select_views
 from .job import Job, open_job
 
 
@@ -64,22 +64,6 @@ def _render(job: Job, model: Model) -> None:
         progress.step()
     if options.get("out"):
         job.artifact("frames", Path(options["out"]))
-
-
-def select_views(job: Job, wanted: str) -> tuple[list[View], bool]:
-    """The views that `views` names, and whether they are captured ones.
-
-    Raises DataError where a name is unknown or a split is empty.
-    """
-    capture = job.capture()
-    if wanted in ("train", "test", "val", "all"):
-        views = list(capture.split(wanted))
-        if not views:
-            raise DataError(f"{capture.source} has no {wanted} views.", "Use another split, or all.")
-        return views, True
-    if wanted.endswith(".json"):
-        return list(open_capture(Path(wanted), photos=False).views), False
-    return [capture.view(name.strip()) for name in wanted.split(",")], True
 
 
 def read_edits(
