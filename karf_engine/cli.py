@@ -119,6 +119,8 @@ def _parser() -> argparse.ArgumentParser:
                       "photo; with the preset paper: render)")  # fmt: skip
     verb.add_argument("--depth", action="store_true", help="write depth/ too")
     verb.add_argument("--planes", action="store_true", help="write planes/ too (what Blender recolors from)")
+    verb.add_argument("--skip-existing", action="store_true", help="keep frames that are there already, made from the "
+                      "same: goes on where a job was stopped")  # fmt: skip
 
     verb = _verb(verbs, "colorways", "render every colorway of a sheet in every view", _render_colorways)
     verb.add_argument("project", metavar="DIR", help="project folder")
@@ -210,7 +212,7 @@ def _match(options: argparse.Namespace) -> int:
 
 
 def _render(options: argparse.Namespace) -> int:
-    chosen = {name: getattr(options, name) for name in ("views", "edit", "base", "depth", "planes")}
+    chosen = {name: getattr(options, name) for name in ("views", "edit", "base", "depth", "planes", "skip_existing")}
     library.render(options.project, options.out, **chosen, **_run_of(options))
     return 0
 

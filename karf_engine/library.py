@@ -129,6 +129,7 @@ def render(
     base: str | None = None,
     depth: bool = False,
     planes: bool = False,
+    skip_existing: bool = False,
     **run: Unpack[Run],
 ) -> None:
     """Write frames of many views as files: OUT/render, OUT/masks/<object>, and with an edit OUT/recolor.
@@ -142,12 +143,13 @@ def render(
             compositing the rendering.
         depth: write OUT/depth too, float32 .npy along the optical axis, world units.
         planes: write OUT/planes too, what Blender recolors from.
+        skip_existing: keep frames that an earlier call has finished with the same model, camera, edit and arguments.
         **run: see the module's docstring.
 
     Raises:
         KarfError: a view or an object of the edit is unknown, or what they need is not learned.
     """
-    options = {"out": str(out), "views": views, "depth": depth, "planes": planes}
+    options = {"out": str(out), "views": views, "depth": depth, "planes": planes, "skip_existing": skip_existing}
     options |= {name: str(value) for name, value in (("edit", edit), ("base", base)) if value is not None}
     _run("render", project, options, run)
 

@@ -7,7 +7,7 @@ job loses at most the frame at work, and the note costs the same for the first f
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,9 +15,10 @@ from typing import Any
 from ..capture.capture import Capture, View, capture_to_json
 from ..edit.palette import Edit
 from ..project import STAGE_ORDER, Project
-from .job import file_digest, fingerprint
+from .job import Job, file_digest, fingerprint
 
 NOTE = "finished.jsonl"
+NOT_OF_A_FRAME = {"views", "edit", "out", "threads", "device", "skip_existing"}  # options of a request
 
 
 @dataclass(frozen=True)
@@ -90,3 +91,36 @@ def frame_mark(view: str, edit: Edit | None) -> str:
     if edit is None:
         return view
     return fingerprint(view, {name: colors.tolist() for name, colors in edit.colors.items()}, edit.compositing)
+
+
+@dataclass(frozen=True)
+class UnfinishedFrames:
+    """The frames of a request that are still to make.
+
+    Attributes:
+        todo: Views with their edits and their marks, in order.
+        finished: The note of the output folder; None where there is none.
+    """
+
+    todo: list[tuple[View, Edit | None, str]]
+    finished: FinishedFrames | None
+
+    def note(self, frame: str, made_from: str, files: Sequence[Path]) -> None:
+        """Note a frame as finished, where it has files in an output folder."""
+        if self.finished is not None:
+            self.finished.note(frame, made_from, files)
+
+
+def unfinished_frames(job: Job, views: Sequence[View], edits: Sequence[Edit | None]) -> UnfinishedFrames:
+    """All frames of a request; with its option `skip_existing` those that are not there, or made from other things."""
+    out = job.options.get("out")
+    if not out:
+        return UnfinishedFrames([(view, edit, "") for view, edit in zip(views, edits, strict=True)], None)
+    own = {name: value for name, value in job.options.items() if name not in NOT_OF_A_FRAME and value}
+    model, finished = model_mark(job.project), FinishedFrames.read(Path(out))
+    frames = [
+        (view, edit, frame_mark(view_mark(model, view, own), edit)) for view, edit in zip(views, edits, strict=True)
+    ]
+    if job.options.get("skip_existing"):
+        frames = [frame for frame in frames if not finished.has(frame[0].name, frame[2])]
+    return UnfinishedFrames(frames, finished)

@@ -2,13 +2,15 @@
 
 Options: views (train | test | val | all | name,name | CAMERAS.json), edit (EDIT.json, or a list with one for each view,
 in their order), out (folder), base (photo | render, for captured views; by default the photo, with the paper's
-compositing the render, as there), planes, depth (bools). Writes
+compositing the render, as there), planes, depth, skip_existing (bools; the last keeps frames that are there already,
+made from the same). Writes
 
     OUT/render/<view>.png            the scene as learned
     OUT/masks/<object>/<view>.png    0 or 255
     OUT/recolor/<view>.png           the edited base picture
     OUT/depth/<view>.npy             float32 along the optical axis, world units, 0 where empty
     OUT/planes/<view>.npz            edit planes; of captured views also in the project, where Blender finds them
+    OUT/finished.jsonl               what each frame was made from
 """
 
 from __future__ import annotations
@@ -31,6 +33,7 @@ from ..model import Frame, Model
 from ..progress import Emit
 from ..wire import Request
 from .chosen_views import select_views
+from .finished_frames import unfinished_frames
 from .job import Job, open_job
 
 
@@ -53,14 +56,16 @@ def _render(job: Job, model: Model) -> None:
         raise BadRequest("The render stage was given nowhere to write.", "Name a folder with --out.")
     views, captured = select_views(job, options.get("views", "test"))
     edits = read_edits(options.get("edit"), views, model.palettes, job.settings.compositing)
-    progress = job.progress("render", len(views))
+    frames = unfinished_frames(job, views, edits)
     job.emit("stage", name="render", text=f"{len(views)} views")
-    for view, edit in zip(views, edits, strict=True):
+    progress = job.progress("render", len(views))
+    progress.resume_at(len(views) - len(frames.todo))
+    for view, edit, mark in frames.todo:
         frame = model.render_view(view, options.get("base")) if captured else model.render(view.camera)
-        if options.get("out"):
-            _write_frame(job, Path(options["out"]), view.name, frame, model, edit)
+        files = _write_frame(job, Path(options["out"]), view.name, frame, model, edit) if options.get("out") else []
         if options.get("planes"):
-            _write_planes(job, view, frame, model, captured)
+            files += _write_planes(job, view, frame, model, captured)
+        frames.note(view.name, mark, files)
         progress.step()
     if options.get("out"):
         job.artifact("frames", Path(options["out"]))
@@ -83,25 +88,36 @@ def read_edits(
     return [known.get(path) for path in paths]
 
 
-def _write_frame(job: Job, out: Path, name: str, frame: Frame, model: Model, edit: Edit | None) -> None:
-    write_png(out / "render" / f"{name}.png", frame.color)
-    for object_name, mask in zip(model.objects, frame.masks, strict=True):
-        write_png(out / "masks" / object_name / f"{name}.png", mask)
+def _write_frame(job: Job, out: Path, name: str, frame: Frame, model: Model, edit: Edit | None) -> list[Path]:
+    """Write what is asked for of a frame; returns its files."""
+    files = [_png(out / "render" / f"{name}.png", frame.color)]
+    files += [_png(out / "masks" / k / f"{name}.png", mask) for k, mask in zip(model.objects, frame.masks, strict=True)]
     if edit is not None:
-        write_png(out / "recolor" / f"{name}.png", model.composite(frame, edit))
+        files.append(_png(out / "recolor" / f"{name}.png", model.composite(frame, edit)))
     if job.options.get("depth"):
-        atomic_write(out / "depth" / f"{name}.npy", lambda temporary: np.save(temporary, frame.depth))
+        files.append(out / "depth" / f"{name}.npy")
+        atomic_write(files[-1], lambda temporary: np.save(temporary, frame.depth))
+    return files
 
 
-def _write_planes(job: Job, view: View, frame: Frame, model: Model, captured: bool) -> None:
+def _png(path: Path, picture: np.ndarray) -> Path:
+    write_png(path, picture)
+    return path
+
+
+def _write_planes(job: Job, view: View, frame: Frame, model: Model, captured: bool) -> list[Path]:
+    """Write a frame's planes; returns those in the output folder."""
     planes = Planes(
         tuple(model.objects),
         frame.palette_weights.astype(np.float16),
         frame.probabilities.astype(np.float16),
         to_bytes(frame.base),
     )
-    if job.options.get("out"):
-        write_planes(Path(job.options["out"]) / "planes" / f"{view.name}.npz", planes)
     if captured:
         write_planes(job.project.planes_file(view.name), planes)
         job.artifact("planes", job.project.planes_file(view.name))
+    if not job.options.get("out"):
+        return []
+    path = Path(job.options["out"]) / "planes" / f"{view.name}.npz"
+    write_planes(path, planes)
+    return [path]
