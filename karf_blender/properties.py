@@ -123,6 +123,17 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         options=PATH_OPTIONS,
         description="Where pictures go; empty: out in the project",
     )
+    frames: StringProperty(
+        name="Frames",
+        subtype="DIR_PATH",
+        options=PATH_OPTIONS,
+        description="Folder of the frames that were rendered last",
+    )
+    skip_existing: BoolProperty(
+        name="Skip Existing",
+        default=True,
+        description="Keep frames that are there already and would come out the same, and go on where a job was stopped",
+    )
     preset: EnumProperty(name="Preset", items=PRESET_ITEMS, description="How long and how well to learn")
     nerf: StringProperty(
         name="Pretrained NeRF",

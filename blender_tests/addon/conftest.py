@@ -20,7 +20,7 @@ MODULES = {
     "host": "compat rendering",
     "engine": "environment jobs probing report",
     "project": "captures contents disk folders saving",
-    "pictures": "editors images masks photos",
+    "pictures": "editors images masks photos sequences",
     "rig": "camera_paths cameras frames lens placement points reprojection",
     "swatches": "edits palettes planes recolor",
     "tasks": "ownership runner task",

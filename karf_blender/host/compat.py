@@ -44,3 +44,10 @@ def set_brush_color(tool_settings: bpy.types.ToolSettings, color: tuple[float, f
     # brushes are assets since 4.3: there may be none before the first stroke
     if paint.brush is not None:
         paint.brush.color = color
+
+
+# --- the sequencer, whose strips are called strips since 4.4 ---------------------------------------------------------
+def strips_of(scene: bpy.types.Scene) -> bpy.types.bpy_prop_collection:
+    """The strips of the scene's sequencer, which is made where there is none."""
+    editor = scene.sequence_editor or scene.sequence_editor_create()
+    return editor.sequences if bpy.app.version < (4, 4, 0) else editor.strips

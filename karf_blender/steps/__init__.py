@@ -10,9 +10,11 @@ from .edit import becomes, load_edit, save_edit
 from .learn import extract_palette, learn_scene, prepare_views, segment, show_view
 from .masks import paint_mask, save_mask
 from .render import camera_folder, render_camera, render_captured, render_view
+from .sequences import add_strip, show_frames
 from .view import look_through, reprojection_error
 
 __all__ = [
+    "add_strip",
     "becomes",
     "camera_folder",
     "export_cameras",
@@ -33,5 +35,6 @@ __all__ = [
     "save_edit",
     "save_mask",
     "segment",
+    "show_frames",
     "show_view",
 ]

@@ -118,7 +118,9 @@ def render(project, options):
         for view, file in zip(views, files, strict=True):
             edit = read_edit(Path(file), read_palettes(project.palette_file))
             picture = np.broadcast_to(edit.colors["pot"][1], (view.camera.height, view.camera.width, 3))
-            write_png(Path(options["out"]) / "recolor" / f"{view.name}.png", picture)
+            path = Path(options["out"]) / "recolor" / f"{view.name}.png"
+            if not (options.get("skip_existing") and path.exists()):
+                write_png(path, picture)
 
 
 def views_of(project, which):
