@@ -2,6 +2,7 @@
 
 from . import operators, panels, preferences, properties
 from .host import rendering
+from .pictures import chips
 from .project import disk, saving
 from .rig import reprojection
 from .swatches import recolor
@@ -12,6 +13,7 @@ MODULES = (
     properties,
     preferences,
     rendering,
+    chips,
     recolor,
     saving,
     reprojection,

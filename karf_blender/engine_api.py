@@ -34,6 +34,7 @@ from ..karf_engine.edit.palette import (
 from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency, error_from_code
 from ..karf_engine.files import atomic_write
 from ..karf_engine.project import Project
+from ..karf_engine.project.colorways import PlannedColorway, plan_colorways
 from ..karf_engine.settings import PRESETS
 from ..karf_engine.wire import LOG_FILE, REQUEST_FILE, Event, EventReader, Request
 
@@ -65,6 +66,7 @@ __all__ = [
     "MissingDependency",
     "Palette",
     "Planes",
+    "PlannedColorway",
     "Project",
     "Request",
     "SparsePoints",
@@ -82,6 +84,7 @@ __all__ = [
     "observed_points",
     "open_capture",
     "paper_composite",
+    "plan_colorways",
     "read_edit",
     "read_object_colors",
     "read_palettes",

@@ -13,7 +13,7 @@ from typing import Any
 import bpy
 
 from . import steps
-from .engine_api import Capture, Edit, ErrorSummary, Palette, hex_to_rgb
+from .engine_api import Capture, Edit, ErrorSummary, Palette, PlannedColorway, hex_to_rgb
 from .project import captures, folders
 from .rig.cameras import Options
 from .swatches import edits
@@ -231,6 +231,31 @@ def render_sequence(
     _set_out(scene, out, skip_existing)
     runner.wait(steps.render_camera(scene, camera, steps.frame_range(scene) if frames is None else frames))
     return steps.camera_folder(scene, camera) / "recolor"
+
+
+def colorways(
+    sheet: str | Path,
+    views: str = "all",
+    out: str | Path | None = None,
+    predict_only: bool = False,
+    scene: bpy.types.Scene | None = None,
+) -> tuple[PlannedColorway, ...]:
+    """Write every colorway of a sheet in every view, with a table and a contact sheet.
+
+    Args:
+        sheet: CSV or JSON: a colorway, an object and a color a row; see docs/files.md.
+        views: `all`, `train`, `test`, names with commas, or the path of a camera file.
+        out: The folder; default: `colorways/<sheet>` in the output folder.
+        predict_only: Render nothing; needs no engine.
+        scene: Default: the context's.
+
+    Returns:
+        The colorways, each with its edit and the predicted colors.
+    """
+    scene, sheet = _scene(scene), Path(sheet).absolute()
+    if not predict_only:
+        runner.wait(steps.render_colorways(scene, sheet, views, Path(out).absolute() if out else None))
+    return steps.predict_colorways(scene, sheet)
 
 
 def show_frames(folder: str | Path | None = None, scene: bpy.types.Scene | None = None) -> bpy.types.Image:

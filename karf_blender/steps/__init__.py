@@ -6,6 +6,7 @@ others are done when they return. All raise KarfError for what a user can mend.
 
 from .cameras import export_cameras, frame_range, import_cameras
 from .capture import find_poses, import_capture
+from .colorways import colorways_folder, predict_colorways, render_colorways
 from .edit import becomes, load_edit, save_edit
 from .learn import extract_palette, learn_scene, prepare_views, segment, show_view
 from .masks import paint_mask, save_mask
@@ -17,6 +18,7 @@ __all__ = [
     "add_strip",
     "becomes",
     "camera_folder",
+    "colorways_folder",
     "export_cameras",
     "extract_palette",
     "find_poses",
@@ -27,9 +29,11 @@ __all__ = [
     "load_edit",
     "look_through",
     "paint_mask",
+    "predict_colorways",
     "prepare_views",
     "render_camera",
     "render_captured",
+    "render_colorways",
     "render_view",
     "reprojection_error",
     "save_edit",

@@ -9,9 +9,8 @@ from pathlib import Path
 from ..edit.color_sheet import Colorway, read_sheet
 from ..edit.colorways import Prediction, predict
 from ..edit.object_colors import read_object_colors
-from ..edit.palette import Edit
+from ..edit.palette import Edit, read_palettes
 from ..errors import DataError
-from .edit import edit_of
 from .folder import Project
 
 
@@ -44,20 +43,21 @@ def plan_colorways(
         BadRequest: The project has no palettes.
         DataError: The sheet is none or names an object that the project has not; a file of the project is damaged.
     """
-    edit = edit_of(project)
+    project.require("palette")
+    palettes = {palette.name: palette for palette in read_palettes(project.checked(project.palette_file))}
     colorways = read_sheet(sheet)
-    palettes = {palette.name: palette for palette in edit.palettes}
     for wish in (wish for colorway in colorways for wish in colorway.wishes):
         if wish.name not in palettes:
             raise DataError(f"{wish.where}: there is no object {wish.name!r}.", f"Objects are: {', '.join(palettes)}.")
     path = project.checked(project.object_colors_file)
     seen = {name: read_object_colors(path, name) for name in palettes}
+    learned = {name: palette.colors for name, palette in palettes.items()}
     planned = []
     for colorway in colorways:
         predictions = tuple(
             predict(wish, palettes[wish.name], seen[wish.name], (locked or {}).get(wish.name, ()))
             for wish in colorway.wishes
         )
-        colors = edit.colors | {prediction.wish.name: prediction.colors for prediction in predictions}
+        colors = learned | {prediction.wish.name: prediction.colors for prediction in predictions}
         planned.append(PlannedColorway(colorway, Edit(colors, "delta"), predictions))
     return tuple(planned)

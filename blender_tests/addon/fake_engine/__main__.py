@@ -24,6 +24,7 @@ from karf_engine.edit.compositing import Planes, write_planes
 from karf_engine.edit.palette import Palette, read_edit, read_palettes, write_palettes
 from karf_engine.files import read_json, write_json
 from karf_engine.project import Project
+from karf_engine.project.colorways import plan_colorways
 from karf_engine.wire import PROTOCOL, EventWriter, Request
 
 LEARNED = {"lid": [[0, 0, 0], [0.2, 0.4, 0.6], [1, 1, 1]], "pot": [[0, 0, 0], [0.8, 0.2, 0.1], [0.9, 0.9, 0.5]]}
@@ -123,6 +124,15 @@ def render(project, options):
                 write_png(path, picture)
 
 
+def colorways(project, options):
+    for planned in plan_colorways(project, Path(options["sheet"])):
+        for view in views_of(project, options["views"]):
+            picture = np.broadcast_to(
+                planned.edit.colors["pot"][1].clip(0, 1), (view.camera.height, view.camera.width, 3)
+            )
+            write_png(Path(options["out"]) / planned.colorway.folder / f"{view.name}.png", picture)
+
+
 def views_of(project, which):
     if which.endswith(".json"):
         return open_capture(which, photos=False).views
@@ -153,7 +163,7 @@ def write_png(path, picture):
     path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunks))
 
 
-STAGES = {stage.__name__: stage for stage in (poses, geometry, segmentation, palette, recoloring, render)}
+STAGES = {stage.__name__: stage for stage in (poses, geometry, segmentation, palette, recoloring, render, colorways)}
 
 if __name__ == "__main__":
     assert sys.argv[1] == "run", json.dumps(sys.argv)
