@@ -42,7 +42,7 @@ OPTION_TYPES: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(("photos", "matching", "object", "source", "target", "rule", "sheet"), (str,)),
     **dict.fromkeys(("depth", "planes", "predict_only", "skip_existing"), (bool,)),
     "edit": (str, list),
-    "overrides": (list,),
+    **dict.fromkeys(("overrides", "locked"), (list,)),
     "threads": (int,),
 }
 

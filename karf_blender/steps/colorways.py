@@ -14,13 +14,19 @@ from . import requests
 
 
 def predict_colorways(scene: bpy.types.Scene, sheet: Path) -> tuple[PlannedColorway, ...]:
-    """What each color of a sheet will be, without the engine.
+    """What each color of a sheet will be, without the engine; locked swatches stay.
 
     Raises:
         BadRequest: The scene has no project, or that has no palettes.
         DataError: The sheet has a row that is wrong, or a file of the project is damaged.
     """
-    return plan_colorways(folders.project_of(scene), sheet)
+    return plan_colorways(folders.project_of(scene), sheet, _locked(scene))
+
+
+def _locked(scene: bpy.types.Scene) -> dict[str, list[int]]:
+    """Numbers of the locked swatches of each object that has some."""
+    locked = {item.name: [i for i, swatch in enumerate(item.swatches) if swatch.locked] for item in scene.karf.objects}
+    return {name: numbers for name, numbers in locked.items() if numbers}
 
 
 def render_colorways(scene: bpy.types.Scene, sheet: Path, views: str = "all", out: Path | None = None) -> Task:
@@ -39,7 +45,8 @@ def render_colorways(scene: bpy.types.Scene, sheet: Path, views: str = "all", ou
     """
     predict_colorways(scene, sheet)  # a wrong sheet is told now, and not by a job
     out, owner = out or colorways_folder(scene, sheet), Owner.of(scene)
-    options = {"sheet": str(sheet), "views": views, "out": str(out)} | requests.threads()
+    locked = [f"{name}/{number}" for name, numbers in _locked(scene).items() for number in numbers]
+    options = {"sheet": str(sheet), "views": views, "out": str(out), "locked": locked} | requests.threads()
     request = Request("colorways", folders.project_of(scene).folder, options)
     return Task("Colorways", (request,), partial(_say_where, out), owner)
 

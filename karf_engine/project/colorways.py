@@ -10,7 +10,7 @@ from ..edit.color_sheet import Colorway, read_sheet
 from ..edit.colorways import Prediction, predict
 from ..edit.object_colors import read_object_colors
 from ..edit.palette import Edit, read_palettes
-from ..errors import DataError
+from ..errors import BadRequest, DataError
 from .folder import Project
 
 
@@ -37,14 +37,19 @@ def plan_colorways(
     Args:
         project: With palettes.
         sheet: CSV or JSON.
-        locked: Swatches that stay as they are, by object.
+        locked: Numbers of swatches that stay as learned, by object.
 
     Raises:
-        BadRequest: The project has no palettes.
+        BadRequest: The project has no palettes, or not that swatch.
         DataError: The sheet is none or names an object that the project has not; a file of the project is damaged.
     """
     project.require("palette")
     palettes = {palette.name: palette for palette in read_palettes(project.checked(project.palette_file))}
+    for name, number in ((name, number) for name, numbers in (locked or {}).items() for number in numbers):
+        if name not in palettes or not 0 <= number < len(palettes[name].colors):
+            raise BadRequest(
+                f"There is no swatch {number} of {name!r} to lock.", f"Objects are: {', '.join(palettes)}."
+            )
     colorways = read_sheet(sheet)
     for wish in (wish for colorway in colorways for wish in colorway.wishes):
         if wish.name not in palettes:

@@ -1,7 +1,7 @@
 """Colorways: every colorway of a sheet times every view, and what becomes of its colors.
 
 Options: sheet (CSV or JSON, see `edit.color_sheet`), out (folder), views (as the render stage takes them; default all),
-predict_only (bool). What each color will be is known, and told, before anything is rendered. Writes
+predict_only (bool), locked (list of <object>/<number> of swatches that stay as learned). What each color will be is known, and told, before anything is rendered. Writes
 
     OUT/<colorway>/<view>.png        the recolored view
     OUT/colorways.csv                of each color: wanted, predicted, reached, their CIEDE2000, and why not closer
@@ -47,7 +47,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         if not options.get(name):
             raise BadRequest(f"The colorways were given no {name}.", "Give a sheet, and a folder to write to.")
     out = Path(options["out"])
-    planned = plan_colorways(project, Path(options["sheet"]))
+    planned = plan_colorways(project, Path(options["sheet"]), _locked(options.get("locked", ())))
     _tell(planned, emit)
     write_table(out / "colorways.csv", planned)
     if not options.get("predict_only"):
@@ -58,6 +58,17 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         work.run()
         job.artifact("contact sheet", out / "contact_sheet.png")
     emit("artifact", kind="colorways", path=str(out / "colorways.csv"))
+
+
+def _locked(swatches: Sequence[str]) -> dict[str, list[int]]:
+    """Numbers of locked swatches by object, of texts `<object>/<number>`. Raises BadRequest where one is none."""
+    locked: dict[str, list[int]] = {}
+    for swatch in swatches:
+        name, slash, number = swatch.rpartition("/")
+        if not slash or not number.isdecimal():
+            raise BadRequest(f"The locked swatch {swatch!r:.200} is none.", "Write <object>/<number>, as pot/2.")
+        locked.setdefault(name, []).append(int(number))
+    return locked
 
 
 def _tell(planned: Sequence[PlannedColorway], emit: Emit) -> None:

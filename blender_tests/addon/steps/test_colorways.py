@@ -35,6 +35,13 @@ def test_the_engine_writes_every_colorway_in_every_view(addon, learned, sheet, t
     assert written == ["Day/photo_0.png", "Day/photo_2.png", "Night/photo_0.png", "Night/photo_2.png"]
 
 
+def test_locked_swatches_stay(addon, learned, sheet):
+    for swatch in learned.karf.objects["pot"].swatches[1:]:
+        swatch.locked = True
+    night, _ = addon.headless.colorways(sheet, predict_only=True)
+    assert "locked swatches" in night.predictions[0].reason
+
+
 def test_by_default_they_go_to_a_folder_of_the_sheet(bpy, addon, learned, sheet):
     assert bpy.ops.karf.render_colorways(filepath=str(sheet), views="photo_1") == {"FINISHED"}
     folder = addon.folders.out_folder(learned) / "colorways" / "autumn"

@@ -14,7 +14,7 @@ from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.capture import write_cameras
 from karf_engine.capture.capture import View
 from karf_engine.cli import main
-from karf_engine.errors import Cancelled, DataError
+from karf_engine.errors import BadRequest, Cancelled, DataError
 from karf_engine.images import read_photo
 from karf_engine.project import Project
 from karf_engine.project.colorways import plan_colorways
@@ -134,6 +134,16 @@ def test_an_unknown_object_is_named_with_its_line(learned, sheet, tmp_path):
     sheet.write_text(SHEET.replace("block,,70", "lid,,70"))
     with pytest.raises(DataError, match=r"line 3: there is no object 'lid'.*ball, block"):
         plan_colorways(Project(learned.project), sheet)
+
+
+def test_a_locked_swatch_stays(learned, sheet):
+    free, _, _ = plan_colorways(Project(learned.project), sheet)
+    kept, _, _ = plan_colorways(Project(learned.project), sheet, {"ball": [1]})
+    learned_colors = {p.name: p.colors for p in karf.load(learned.project, device="cpu").palettes}["ball"]
+    assert np.array_equal(kept.edit.colors["ball"][1], learned_colors[1])
+    assert not np.array_equal(free.edit.colors["ball"][1], learned_colors[1])
+    with pytest.raises(BadRequest, match="no swatch 9 of 'ball'"):
+        plan_colorways(Project(learned.project), sheet, {"ball": [9]})
 
 
 def test_predicting_needs_no_tensors(learned, sheet, tmp_path):
