@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+NEGLIGIBLE = 1 / 512  # coverage: less cannot change an 8-bit pixel
+
 
 @dataclass(frozen=True)
 class Matte:

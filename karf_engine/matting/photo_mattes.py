@@ -7,16 +7,16 @@ in steps of two: labels far from any border are enlarged as they are, those near
 
 from __future__ import annotations
 
-from functools import partial
-from itertools import product
-
 import cv2
 import numpy as np
 
+from .closed_form import closed_form_matting
 from .color_models import ColorModels, fit_color_models
-from .foreground import object_mattes
+from .foreground import LINEAR, unmixed
 from .matte import Matte
 from .random_walk import random_walk
+from .sharpness import sharp_size
+from .tiles import enlarged, tiles
 
 BAND = 6  # how far from an object's border of the field its border in the photo may lie, pixels of the field's picture
 RING = 25  # how far around objects their surroundings' colors are looked at, pixels of the field's picture
@@ -28,6 +28,9 @@ TRUST = 0.05  # of a pixel's own opinion, see random_walk
 STEP_BAND = 3  # pixels about a border that are decided again after each enlargement
 DECIDED = 0.98
 LEAST_CARRIED = 0.05  # of a class near the border, when an enlarged label is asked again
+BORDER = 1.5  # pixels to either side of a border whose coverage is found by matting
+CERTAIN, UNSURE = 0.99, 0.3  # labels above are no mixtures, however near the border: a stem is all border; labels
+# that far from 0 and 1 are, however far from it
 TILE, MARGIN = 512, 16
 
 
@@ -41,12 +44,13 @@ def refine_mattes(photo: np.ndarray, probabilities: np.ndarray, depth: np.ndarra
     Returns:
         One matte for each object.
     """
-    height, width = probabilities.shape[1:]
-    lab = lab_of(_resized(photo, height, width))
-    classes, models = decide(lab, probabilities)
-    for step in steps(probabilities.shape[1:], photo.shape[:2])[1:]:
-        classes = sharpen(_resized(photo, *step), classes, models)
-    return object_mattes(photo, classes)
+    start = probabilities.shape[1:]
+    classes, models = decide(lab_of(_resized(photo, start)), probabilities)
+    # what the photo's lens has blurred is a mixture over many of its pixels: it is decided where they are few
+    end = np.maximum(sharp_size(photo, _near_border(classes)), start)
+    for size in steps(start, tuple(end.tolist()))[1:]:
+        classes = sharpen(_resized(photo, size), classes, models)
+    return unmixed(photo, cover(_resized(photo, classes.shape[1:]), classes))
 
 
 def steps(start: tuple[int, int], end: tuple[int, int]) -> list[tuple[int, int]]:
@@ -78,38 +82,44 @@ def decide(lab: np.ndarray, probabilities: np.ndarray) -> tuple[np.ndarray, Colo
 
 def sharpen(photo: np.ndarray, classes: np.ndarray, models: ColorModels) -> np.ndarray:
     """Classes [K+1, H, W] float16 at the size of a photo, uint8 [H, W, 3], from those [K+1, h, w] of a smaller size."""
-    height, width = photo.shape[:2]
-    result = np.empty((len(classes), height, width), np.float16)
-    for top, left in product(range(0, height, TILE), range(0, width, TILE)):
-        rows = slice(max(0, top - MARGIN), min(height, top + TILE + MARGIN))
-        columns = slice(max(0, left - MARGIN), min(width, left + TILE + MARGIN))
-        tile = _enlarged(classes, (height, width), rows, columns)
-        free = _near_border(tile)
+    size = photo.shape[:2]
+    result = np.empty((len(classes), *size), np.float16)
+    for tile in tiles(size, TILE, MARGIN):
+        labels = enlarged(classes, size, tile)
+        free = _near_border(labels)
         if free.any():
-            lab = lab_of(photo[rows, columns])
-            places = (np.argwhere(free) + [rows.start + 0.5, columns.start + 0.5]) / [height, width]
-            tile[:, free] = _posterior(models, lab[free], places, np.maximum(tile[:, free], LEAST_CARRIED))
-            tile[:, free] = random_walk(lab, tile, free, TRUST)
-        inner = (
-            slice(None),
-            slice(top - rows.start, top - rows.start + TILE),
-            slice(left - columns.start, left - columns.start + TILE),
-        )
-        result[:, top : top + TILE, left : left + TILE] = tile[inner]
+            lab = lab_of(photo[tile.outer])
+            places = (np.argwhere(free) + [tile.rows.start + 0.5, tile.columns.start + 0.5]) / size
+            labels[:, free] = _posterior(models, lab[free], places, np.maximum(labels[:, free], LEAST_CARRIED))
+            labels[:, free] = random_walk(lab, labels, free, TRUST)
+        result[(slice(None), *tile.place)] = labels[(slice(None), *tile.inner)]
     return result
 
 
-def _enlarged(classes: np.ndarray, size: tuple[int, int], rows: slice, columns: slice) -> np.ndarray:
-    """A part [C, h, w] float32 of classes [C, .., ..] at a larger size, interpolated linearly."""
-    down, across = classes.shape[1] / size[0], classes.shape[2] / size[1]
-    # pixel centers lie at halves: of the part's first pixel at (rows.start + 0.5) * down - 0.5 in the smaller picture
-    to_source = np.array(
-        [[across, 0, (columns.start + 0.5) * across - 0.5], [0, down, (rows.start + 0.5) * down - 0.5]]
-    )
-    shape = (columns.stop - columns.start, rows.stop - rows.start)
-    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    warp = partial(cv2.warpAffine, M=to_source, dsize=shape, flags=flags, borderMode=cv2.BORDER_REPLICATE)
-    return np.stack([warp(plane.astype(np.float32)) for plane in classes])
+def cover(photo: np.ndarray, classes: np.ndarray) -> np.ndarray:
+    """Coverage [K, h, w] float16 of the objects from labels [K+1, h, w] of the size of the photo, uint8 [h, w, 3]."""
+    result = np.zeros((len(classes) - 1, *photo.shape[:2]), np.float16)
+    for tile in tiles(photo.shape[:2], TILE, MARGIN):
+        labels = classes[(slice(None), *tile.outer)].astype(np.float32)
+        if labels[0].min() == 1:
+            continue
+        light = LINEAR[photo[tile.outer]]
+        covered = np.stack([_border_matted(light, own) for own in labels[1:]])
+        covered /= np.maximum(covered.sum(0), 1)
+        result[(slice(None), *tile.place)] = covered[(slice(None), *tile.inner)]
+    return result
+
+
+def _border_matted(light: np.ndarray, label: np.ndarray) -> np.ndarray:
+    """Coverage [h, w] of one object: 0 and 1 but along its border, where the colors [h, w, 3], linear, decide."""
+    inside = label > 0.5
+    if not inside.any() or inside.all():
+        return inside.astype(np.float32)
+    border = np.maximum(_distance(inside), _distance(~inside)) <= BORDER
+    unknown = (border & (label < CERTAIN)) | ((label > UNSURE) & (label < 1 - UNSURE))
+    result = np.where(unknown, label, inside.astype(np.float32))
+    result[unknown] = closed_form_matting(light, result, unknown)
+    return result
 
 
 def _near_border(classes: np.ndarray) -> np.ndarray:
@@ -152,7 +162,7 @@ def lab_of(photo: np.ndarray) -> np.ndarray:
     return cv2.cvtColor(photo.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
 
 
-def _resized(photo: np.ndarray, height: int, width: int) -> np.ndarray:
-    if photo.shape[:2] == (height, width):
+def _resized(photo: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    if photo.shape[:2] == tuple(size):
         return photo
-    return cv2.resize(photo, (width, height), interpolation=cv2.INTER_AREA)
+    return cv2.resize(photo, size[::-1], interpolation=cv2.INTER_AREA)

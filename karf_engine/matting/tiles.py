@@ -1,0 +1,84 @@
+"""Large pictures in tiles: each with a margin, so that what is computed in it does not know where it was cut."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import cv2
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A part of a picture.
+
+    Attributes:
+        rows: With the margin, in the picture.
+        columns: With the margin, in the picture.
+        inner: Rows and columns without the margin, in the part.
+        place: Rows and columns without the margin, in the picture.
+    """
+
+    rows: slice
+    columns: slice
+    inner: tuple[slice, slice]
+    place: tuple[slice, slice]
+
+    @property
+    def outer(self) -> tuple[slice, slice]:
+        """Rows and columns with the margin, in the picture."""
+        return self.rows, self.columns
+
+
+def tiles(size: tuple[int, int], side: int, margin: int) -> Iterator[Tile]:
+    """The tiles of a picture of this size (rows, columns), all `side` pixels wide and high but the last ones.
+
+    Examples:
+        >>> [tile.place[1] for tile in tiles((4, 5), side=4, margin=1)]
+        [slice(0, 4, None), slice(4, 5, None)]
+    """
+    height, width = size
+    for top, left in product(range(0, height, side), range(0, width, side)):
+        bottom, right = min(height, top + side), min(width, left + side)
+        rows = slice(max(0, top - margin), min(height, bottom + margin))
+        columns = slice(max(0, left - margin), min(width, right + margin))
+        inner = (
+            slice(top - rows.start, bottom - rows.start),
+            slice(left - columns.start, right - columns.start),
+        )
+        yield Tile(rows, columns, inner, (slice(top, bottom), slice(left, right)))
+
+
+def enlarged(planes: np.ndarray, size: tuple[int, int], tile: Tile) -> np.ndarray:
+    """One tile of planes at a larger size, interpolated linearly.
+
+    Args:
+        planes: [C, h, w], float.
+        size: Rows and columns of the larger picture.
+        tile: Of the larger picture.
+
+    Returns:
+        float32 [C, rows, columns] of the tile, with its margin.
+
+    Examples:
+        >>> tile = next(tiles((2, 4), side=4, margin=0))
+        >>> enlarged(np.array([[[0.0, 1.0]]]), (2, 4), tile)[0, 0].tolist()
+        [0.0, 0.25, 0.75, 1.0]
+    """
+    down, across = planes.shape[1] / size[0], planes.shape[2] / size[1]
+    top, left = max(0, int(tile.rows.start * down) - 1), max(0, int(tile.columns.start * across) - 1)
+    bottom, right = int(tile.rows.stop * down) + 2, int(tile.columns.stop * across) + 2
+    source = planes[:, top:bottom, left:right].astype(np.float32)
+    # pixel centers lie at halves: where the tile's first pixel lies in the source
+    first_row, first_column = (
+        (tile.rows.start + 0.5) * down - 0.5 - top,
+        (tile.columns.start + 0.5) * across - 0.5 - left,
+    )
+    to_source = np.array([[across, 0, first_column], [0, down, first_row]])
+    shape = (tile.columns.stop - tile.columns.start, tile.rows.stop - tile.rows.start)
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    return np.stack(
+        [cv2.warpAffine(plane, to_source, shape, flags=flags, borderMode=cv2.BORDER_REPLICATE) for plane in source]
+    )
