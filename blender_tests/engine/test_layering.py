@@ -13,7 +13,7 @@ FLOORS = (
     ("locking", "training", "rendering", "poses", "metrics"),
     ("fields",),
     ("heads",),
-    ("segmentation", "finishing"),
+    ("segmentation", "finishing", "frames"),
     ("model",),
     ("stages",),
     ("library",),

@@ -55,9 +55,11 @@ def field_mattes(size: tuple[int, int], probabilities: np.ndarray) -> list[Matte
 
 def _field_matte(size: tuple[int, int], probability: np.ndarray) -> Matte:
     coverage = resize(probability, *size)
-    coverage[coverage <= NEGLIGIBLE] = 0
+    coverage = np.where(coverage > NEGLIGIBLE, coverage, 0)
     rows, columns = (_extent(coverage.any(axis)) for axis in (1, 0))
-    inside = coverage[slice(*rows), slice(*columns)].astype(np.float16)
+    # at the field's own size nothing is lost; enlarged it would only take more memory
+    exact = np.float32 if probability.shape == coverage.shape else np.float16
+    inside = coverage[slice(*rows), slice(*columns)].astype(exact)
     return Matte(rows, columns, inside, np.zeros(0, np.int64), np.zeros((0, 3), np.uint8))
 
 
