@@ -26,7 +26,7 @@ from .failures import translated
 from .fields.files import load_scene
 from .fields.scene import Picture
 from .finishing import PhotoView
-from .frames import Frame, averaged, bands_of, joined
+from .frames import BAND_RAYS, Frame, averaged, bands_of, joined
 from .heads.fields import RecoloringField, SegmentationField
 from .heads.files import load_recoloring, load_segmentation
 from .heads.rendering import ObjectSamples, object_samples, segment_cache, weigh_cache
@@ -136,10 +136,12 @@ class Model:
         picture = self.scene.render(camera, WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
         return self.frame_of(picture, picture.color.cpu().numpy(), from_field)
 
+    @torch.no_grad()
     def behind(self, camera: Camera) -> np.ndarray:
         """What a camera's pinhole sees behind all that is solid, [H, W, 3] float32 sRGB."""
         rays = camera_rays(camera.without_distortion(), self.device)
-        return self.scene.behind(rays.viewdirs).cpu().numpy().reshape(camera.height, camera.width, 3)
+        colors = [self.scene.behind(some) for some in rays.viewdirs.split(BAND_RAYS)]
+        return torch.cat(colors).cpu().numpy().reshape(camera.height, camera.width, 3)
 
     def render_view(self, view: View, base: str | None = None) -> Frame:
         """A captured view as its pinhole shows it, at the working size (`settings.geometry.long_side`).
