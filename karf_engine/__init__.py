@@ -22,7 +22,17 @@ if TYPE_CHECKING:
     from .edit.palette import Edit, Palette, read_edit, write_edit
     from .errors import KarfError
     from .frames import Frame
-    from .library import extract_palettes, find_poses, learn, learn_geometry, learn_recoloring, load, render, segment
+    from .library import (
+        colorways,
+        extract_palettes,
+        find_poses,
+        learn,
+        learn_geometry,
+        learn_recoloring,
+        load,
+        render,
+        segment,
+    )
     from .model import Model
     from .settings import PRESETS, Settings
 
@@ -37,6 +47,7 @@ _HOME = {  # name -> the module that defines it
     "Palette": "edit.palette",
     "Settings": "settings",
     "View": "capture.capture",
+    "colorways": "library",
     "extract_palettes": "library",
     "find_poses": "library",
     "learn": "library",
@@ -62,6 +73,7 @@ __all__ = [
     "Settings",
     "View",
     "__version__",
+    "colorways",
     "extract_palettes",
     "find_poses",
     "learn",

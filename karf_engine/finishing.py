@@ -66,6 +66,28 @@ class PhotoView:
             result[:, rows, columns] = self._winners(rows, columns)
         return result
 
+    def base(self) -> np.ndarray:
+        """The photo as its camera sees it, on white where it is transparent: uint8, of deep photos float32, [H, W, 3]."""
+        is_deep = self.photo.pixels.dtype != np.uint8
+        return self.shown(self.photo) if is_deep else oriented(self.photo.shown(), self.orientation)
+
+    def planes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Coverage [K, H, W] and palette weights times coverage [K, M, H, W], float16, as the camera sees them."""
+        width, height = self.photo.size
+        most = max(len(palette.colors) for palette in self.palettes)
+        result = np.zeros((len(self.mattes), 1 + most, height, width), np.float16)
+        for rows, columns in self._bands(self.mattes):
+            coverages = self._coverages(rows, columns)
+            result[:, 0, rows, columns] = coverages
+            for own, palette, matte, coverage in zip(result, self.palettes, self.mattes, coverages, strict=True):
+                inside = coverage > 0
+                if inside.any():
+                    weights = _weights(self._own_colors(matte, rows, columns, inside), palette).T * coverage[inside]
+                    own[1 : 1 + len(weights), rows, columns][:, inside] = weights
+        if self.orientation != 1:
+            result = np.stack([[oriented(plane, self.orientation) for plane in own] for own in result])
+        return result[:, 0], result[:, 1:]
+
     def shown(self, photo: StoredPhoto) -> np.ndarray:
         """An edited copy as its camera sees it, on white where it is transparent: float32 sRGB [H, W, 3]."""
         colors, alpha = photo.colors(), photo.alpha()

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..images import resize
 from .matte import Matte
+from .photo_mattes import refine_mattes
 
 NEGLIGIBLE = 1 / 512  # coverage: less cannot change an 8-bit pixel
 
@@ -27,16 +28,6 @@ def mattes_of(edges: str, photo: np.ndarray, probabilities: np.ndarray, depth: n
     if edges == "field":
         return field_mattes((photo.shape[1], photo.shape[0]), probabilities)
     return refine_mattes(photo, probabilities, depth)
-
-
-def refine_mattes(photo: np.ndarray, probabilities: np.ndarray, depth: np.ndarray) -> list[Matte]:
-    """Mattes of the K objects, refined in the photo; arguments as of `mattes_of`.
-
-    Example:
-        >>> refine_mattes(np.zeros((2, 4, 3), np.uint8), np.zeros((0, 1, 2)), np.ones((1, 2)))
-        []
-    """
-    return field_mattes((photo.shape[1], photo.shape[0]), probabilities)
 
 
 def field_mattes(size: tuple[int, int], probabilities: np.ndarray) -> list[Matte]:
