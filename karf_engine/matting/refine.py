@@ -25,7 +25,7 @@ def mattes_of(edges: str, photo: np.ndarray, probabilities: np.ndarray, depth: n
         >>> mattes[0].columns, mattes[0].coverage.tolist()
         ((1, 4), [[0.25, 0.75, 1.0], [0.25, 0.75, 1.0]])
     """
-    if edges == "field":
+    if edges == "field" or not len(probabilities):
         return field_mattes((photo.shape[1], photo.shape[0]), probabilities)
     return refine_mattes(photo, probabilities, depth)
 

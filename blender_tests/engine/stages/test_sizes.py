@@ -24,7 +24,7 @@ from karf_engine.metrics.masks import iou
 from karf_engine.photos import open_photo, write_photo
 
 CAMERA = camera_at(0.2, 0.6, 96)  # three times what was learned from
-LENS = (0.25, 0.1, 0.01, -0.01)
+LENS = (1.2, 0.0, 0.02, -0.02)
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +108,7 @@ def test_a_photo_keeps_its_lens(model, green, tmp_path):
     ready = model.photo_view(replace(saved(tmp_path / "a.png", truth.color), camera=bent))
     unbent = model.photo_view(saved(tmp_path / "a.png", truth.color))
     scores = [iou(masks[1], truth.labels == 2) for masks in (ready.masks(), unbent.masks())]
-    assert scores[0] > 0.7 and scores[0] > scores[1] + 0.1
+    assert scores[0] > 0.7 and scores[0] > scores[1] + 0.05
 
 
 def test_a_matte_keeps_its_alpha_and_its_hidden_colors(model, green, photo, tmp_path):
@@ -139,13 +139,16 @@ def test_several_edits_share_one_view(model, green, photo, tmp_path):
     together = [copy.pixels for copy in ready.recolored_by(edits)]
     assert_array_equal(together, [ready.recolored(edit).pixels for edit in edits])
     assert_array_equal(together[1], ready.photo.pixels)
-    ball = ready.masks()[0]
-    assert (together[3][~ball] == ready.photo.pixels[~ball]).all() and (together[3][ball] != together[0][ball]).any()
+    objects = ready.masks().any(0)
+    assert_array_equal(together[3][~objects], ready.photo.pixels[~objects])
+    assert (together[3][objects] != together[0][objects]).any()
 
 
 def test_at_the_learned_size_the_photo_and_its_pinhole_are_the_same(model, green):
     view = model.capture.split("test")[0]
-    assert_array_equal(model.recolor(view, green, "photo"), model.recolor(view, green, "learned").round(7))
+    assert_array_equal(to_bytes(model.recolor(view, green)), to_bytes(model.recolor(view, green, "learned")))
+    plain = model.composite(model.render_view(view), green)
+    assert_array_equal(to_bytes(model.recolor(view, green)), to_bytes(plain))
 
 
 def test_planes_of_a_photo_recolor_it(model, green, photo, tmp_path):
@@ -206,7 +209,7 @@ def test_a_camera_is_rendered_with_alpha_and_several_rays_a_pixel(learned, green
     truth = take_photo(camera)
     for kind in ("render", "recolor"):
         picture = read_photo(tmp_path / "out" / kind / "a.png")
-        assert np.abs(picture[..., 3] - truth.alpha).mean() < 0.05
+        assert np.abs(picture[..., 3] - truth.alpha).mean() < 0.08
     shown = read_photo(tmp_path / "out" / "render" / "a.png")
     solid = truth.alpha == 1
     assert np.abs(shown[solid][:, :3] - truth.color[solid]).mean() < 0.1
