@@ -16,6 +16,7 @@ from .edit.palette import Edit, Palette
 from .errors import BadRequest
 from .images import oriented
 from .matting.matte import Matte
+from .matting.refine import NEGLIGIBLE
 from .palette.star_weights import palette_weights_of_image, star_weights
 from .photos import StoredPhoto
 
@@ -160,3 +161,22 @@ def _weights(colors: np.ndarray, palette: Palette) -> np.ndarray:
     if colors.dtype == np.uint8:
         return palette_weights_of_image(colors[None], palette.colors)[0]
     return star_weights(colors, palette.colors)
+
+
+def dense_weights(own_colors: Sequence[np.ndarray], palettes: Sequence[Palette], coverages: np.ndarray) -> np.ndarray:
+    """Palette weights of whole pictures.
+
+    Args:
+        own_colors: Of each of the K objects, uint8 sRGB [H, W, 3].
+        palettes: Of the objects.
+        coverages: [K, H, W].
+
+    Returns:
+        [K, M, H, W] float32, weights times coverage; M is that of the largest palette.
+    """
+    most = max((len(palette.colors) for palette in palettes), default=0)
+    result = np.zeros((len(coverages), most, *coverages.shape[1:]), np.float32)
+    for planes, own, palette, coverage in zip(result, own_colors, palettes, coverages, strict=True):
+        inside = coverage > NEGLIGIBLE
+        planes[: len(palette.colors), inside] = (_weights(own[inside], palette) * coverage[inside][:, None]).T
+    return result

@@ -6,7 +6,6 @@ they are sharp and hold the highlights. For any other camera from F_w, which is 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -25,15 +24,14 @@ from .errors import BadRequest
 from .failures import translated
 from .fields.files import load_scene
 from .fields.scene import Picture
-from .finishing import PhotoView
+from .finishing import PhotoView, dense_weights
 from .frames import BAND_RAYS, Frame, averaged, bands_of, joined
 from .heads.fields import RecoloringField, SegmentationField
 from .heads.files import load_recoloring, load_segmentation
 from .heads.rendering import ObjectSamples, object_samples, segment_cache, weigh_cache
 from .locking import consistent, opened
-from .matting.matte import Matte, dense_coverage
-from .matting.refine import NEGLIGIBLE, mattes_of
-from .palette.star_weights import palette_weights_of_image
+from .matting.matte import dense_coverage
+from .matting.refine import mattes_of
 from .photos import open_photo
 from .photos.stored import from_camera
 from .plates import Plate, image_of, load_views
@@ -203,7 +201,9 @@ class Model:
         seen, base = self.look(self.working_camera(view).without_distortion()), _on_white(plate)
         mattes = mattes_of(self.settings.render.edges, to_bytes(base), seen.probabilities, seen.depth)
         coverages = dense_coverage(mattes, base.shape[:2])
-        weights = None if self.recoloring is None else self.weights_of_mattes(base, mattes, coverages)
+        weights = None
+        if self.recoloring is not None:
+            weights = dense_weights([matte.own_picture(to_bytes(base)) for matte in mattes], self.palettes, coverages)
         return Frame(seen.picture, coverages, weights, base)
 
     def photo_view(self, view: View, size: str | int = "photo") -> PhotoView:
@@ -259,26 +259,7 @@ class Model:
 
     def weights_of_colors(self, base: np.ndarray, probabilities: np.ndarray) -> np.ndarray:
         """Palette weights [K, M, H, W] of the colors of a picture [H, W, 3] and probabilities [K, H, W]."""
-        n_colors = self.learned_colors.shape[1]
-        weights = np.zeros((len(self.objects), n_colors, *base.shape[:2]), np.float32)
-        pixels = to_bytes(base)
-        for k, palette in enumerate(self.palettes):
-            inside = probabilities[k] > NEGLIGIBLE
-            own = palette_weights_of_image(pixels[inside][None], palette.colors)[0]
-            weights[k, : len(palette.colors), inside] = own * probabilities[k][inside, None]
-        return weights
-
-    def weights_of_mattes(self, base: np.ndarray, mattes: Sequence[Matte], coverages: np.ndarray) -> np.ndarray:
-        """Palette weights [K, M, H, W] of the objects' own colors in a picture [H, W, 3] and their coverages [K, H, W]."""
-        weights = np.zeros((len(self.objects), self.learned_colors.shape[1], *base.shape[:2]), np.float32)
-        for k, (palette, matte) in enumerate(zip(self.palettes, mattes, strict=True)):
-            pixels = to_bytes(base)
-            rows, columns = slice(*matte.rows), slice(*matte.columns)
-            pixels[rows, columns] = matte.colors(pixels[rows, columns], 0, matte.rows[1] - matte.rows[0])
-            inside = coverages[k] > NEGLIGIBLE
-            own = palette_weights_of_image(pixels[inside][None], palette.colors)[0]
-            weights[k, : len(palette.colors), inside] = own * coverages[k][inside, None]
-        return weights
+        return dense_weights([to_bytes(base)] * len(self.objects), self.palettes, probabilities)
 
     def weights_of_field(self, picture: Picture, samples: ObjectSamples | None = None) -> np.ndarray:
         """Palette weights [K, M, H, W] of F_w (Eq. 9 on top of Eq. 8). samples: the picture's, where they are known."""

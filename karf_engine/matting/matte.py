@@ -51,6 +51,19 @@ class Matte:
         result.reshape(-1, 3)[self.mixed[first:last] - top * width] = self.mixed_colors[first:last]
         return result
 
+    def own_picture(self, photo: np.ndarray) -> np.ndarray:
+        """The whole photo, uint8 [H, W, 3], with the object's own colors in its box.
+
+        Examples:
+            >>> matte = Matte((0, 1), (1, 2), np.array([[0.5]], np.float16), np.array([0]), np.array([[255, 0, 0]]))
+            >>> matte.own_picture(np.zeros((1, 2, 3), np.uint8)).tolist()
+            [[[0, 0, 0], [255, 0, 0]]]
+        """
+        result = photo.copy()
+        box = slice(*self.rows), slice(*self.columns)
+        result[box] = self.colors(photo[box], 0, self.rows[1] - self.rows[0])
+        return result
+
 
 def dense_coverage(mattes: Sequence[Matte], shape: tuple[int, int]) -> np.ndarray:
     """Coverages of a whole picture.
