@@ -16,6 +16,7 @@ from .edit.palette import Edit, Palette
 from .errors import BadRequest
 from .images import oriented
 from .matting.matte import Matte
+from .matting.refine import NEGLIGIBLE
 from .palette.star_weights import palette_weights_of_image, star_weights
 from .photos import StoredPhoto
 
@@ -65,6 +66,28 @@ class PhotoView:
         for rows, columns in self._bands(self.mattes):
             result[:, rows, columns] = self._winners(rows, columns)
         return result
+
+    def base(self) -> np.ndarray:
+        """The photo as its camera sees it, on white where it is transparent: uint8, of deep photos float32, [H, W, 3]."""
+        is_deep = self.photo.pixels.dtype != np.uint8
+        return self.shown(self.photo) if is_deep else oriented(self.photo.shown(), self.orientation)
+
+    def planes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Coverage [K, H, W] and palette weights times coverage [K, M, H, W], float16, as the camera sees them."""
+        width, height = self.photo.size
+        most = max(len(palette.colors) for palette in self.palettes)
+        result = np.zeros((len(self.mattes), 1 + most, height, width), np.float16)
+        for rows, columns in self._bands(self.mattes):
+            coverages = self._coverages(rows, columns)
+            result[:, 0, rows, columns] = coverages
+            for own, palette, matte, coverage in zip(result, self.palettes, self.mattes, coverages, strict=True):
+                inside = coverage > 0
+                if inside.any():
+                    weights = _weights(self._own_colors(matte, rows, columns, inside), palette).T * coverage[inside]
+                    own[1 : 1 + len(weights), rows, columns][:, inside] = weights
+        if self.orientation != 1:
+            result = np.stack([[oriented(plane, self.orientation) for plane in own] for own in result])
+        return result[:, 0], result[:, 1:]
 
     def shown(self, photo: StoredPhoto) -> np.ndarray:
         """An edited copy as its camera sees it, on white where it is transparent: float32 sRGB [H, W, 3]."""
@@ -138,3 +161,22 @@ def _weights(colors: np.ndarray, palette: Palette) -> np.ndarray:
     if colors.dtype == np.uint8:
         return palette_weights_of_image(colors[None], palette.colors)[0]
     return star_weights(colors, palette.colors)
+
+
+def dense_weights(own_colors: Sequence[np.ndarray], palettes: Sequence[Palette], coverages: np.ndarray) -> np.ndarray:
+    """Palette weights of whole pictures.
+
+    Args:
+        own_colors: Of each of the K objects, uint8 sRGB [H, W, 3].
+        palettes: Of the objects.
+        coverages: [K, H, W].
+
+    Returns:
+        [K, M, H, W] float32, weights times coverage; M is that of the largest palette.
+    """
+    most = max((len(palette.colors) for palette in palettes), default=0)
+    result = np.zeros((len(coverages), most, *coverages.shape[1:]), np.float32)
+    for planes, own, palette, coverage in zip(result, own_colors, palettes, coverages, strict=True):
+        inside = coverage > NEGLIGIBLE
+        planes[: len(palette.colors), inside] = (_weights(own[inside], palette) * coverage[inside][:, None]).T
+    return result

@@ -6,8 +6,7 @@ they are sharp and hold the highlights. For any other camera from F_w, which is 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -25,63 +24,26 @@ from .errors import BadRequest
 from .failures import translated
 from .fields.files import load_scene
 from .fields.scene import Picture
-from .finishing import PhotoView
+from .finishing import PhotoView, dense_weights
+from .frames import BAND_RAYS, Frame, averaged, bands_of, joined
 from .heads.fields import RecoloringField, SegmentationField
 from .heads.files import load_recoloring, load_segmentation
 from .heads.rendering import ObjectSamples, object_samples, segment_cache, weigh_cache
 from .locking import consistent, opened
-from .matting.matte import Matte, dense_coverage
-from .matting.refine import NEGLIGIBLE, mattes_of
-from .palette.star_weights import palette_weights_of_image
+from .matting.matte import dense_coverage
+from .matting.refine import mattes_of
 from .photos import open_photo
 from .photos.stored import from_camera
 from .plates import Plate, image_of, load_views
 from .project import Project
 from .project.contents import capture_of, settings_for
 from .project.edit import ProjectEdit, edit_of
+from .rendering.rays import camera_rays
 from .runtime import find_device
 from .settings import Settings
 
 BASES = {"delta": "photo", "paper": "render"}  # what an edit of a captured view changes, where nothing is said
 MASK_SAMPLES, WEIGHT_SAMPLES = 3, 8  # quantile samples a ray: colors need more of them than classes
-
-
-@dataclass(frozen=True)
-class Frame:
-    """One rendered view of a model with K objects, whose palettes have up to M colors. Arrays are numpy, row 0 on top.
-
-    Attributes:
-        picture: the scene as learned, as tensors on the model's device; of a preview smaller than the rest.
-        probabilities: [K, H, W] float32, of each object in each pixel (Eq. 8).
-        palette_weights: [K, M, H, W] float32, probabilities times weights (Eq. 9); None before palettes are learned.
-        base: [H, W, 3] float32 sRGB in [0, 1], the picture that an edit changes: the photo, or the rendering.
-    """
-
-    picture: Picture
-    probabilities: np.ndarray
-    palette_weights: np.ndarray | None
-    base: np.ndarray
-
-    @property
-    def color(self) -> np.ndarray:
-        """The scene as learned, [H, W, 3] float32 sRGB in [0, 1]."""
-        return self.picture.color.cpu().numpy()
-
-    @property
-    def depth(self) -> np.ndarray:
-        """Depth along the optical axis, [H, W] float32, world units; 0 where nothing is."""
-        return self.picture.depth.cpu().numpy().astype(np.float32)
-
-    @property
-    def opacity(self) -> np.ndarray:
-        """How much of each pixel's ray ends in the scene, [H, W] float32 in [0, 1]."""
-        return self.picture.opacity.cpu().numpy()
-
-    @property
-    def masks(self) -> np.ndarray:
-        """The likeliest class of each pixel as masks, [K, H, W] bool (argmax of Eq. 8)."""
-        background = 1 - self.probabilities.sum(0)
-        return (self.probabilities > background) & (self.probabilities == self.probabilities.max(0, initial=0))
 
 
 class Model:
@@ -149,14 +111,35 @@ class Model:
 
     # --- rendering -------------------------------------------------------------------------------------------------
     @translated()
-    def render(self, camera: Camera) -> Frame:
+    def render(self, camera: Camera, supersampling: int = 1) -> Frame:
         """The scene from any camera, whose lens distortion is left out; palette weights are those of F_w.
 
-        Not differentiable. Its base is the rendering itself. Raises OutOfMemory where the device has too little.
+        Not differentiable. Its base is the rendering itself. Large pictures are rendered in bands of rows, which no
+        surface cache is kept of.
+
+        Args:
+            camera: in world units.
+            supersampling: rays a pixel along each side; their colors, opacities, probabilities and weights are averaged,
+                of their depths the median counts.
+
+        Raises:
+            OutOfMemory: the device has too little.
         """
+        bands = bands_of(camera.without_distortion(), supersampling)
+        frames = [averaged(self._render_pinhole(band), supersampling) for band in bands]
+        return frames[0] if len(frames) == 1 else joined(frames)
+
+    def _render_pinhole(self, camera: Camera) -> Frame:
         from_field = self.recoloring is not None
-        picture = self.scene.render(camera.without_distortion(), WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
+        picture = self.scene.render(camera, WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
         return self.frame_of(picture, picture.color.cpu().numpy(), from_field)
+
+    @torch.no_grad()
+    def behind(self, camera: Camera) -> np.ndarray:
+        """What a camera's pinhole sees behind all that is solid, [H, W, 3] float32 sRGB."""
+        rays = camera_rays(camera.without_distortion(), self.device)
+        colors = [self.scene.behind(some) for some in rays.viewdirs.split(BAND_RAYS)]
+        return torch.cat(colors).cpu().numpy().reshape(camera.height, camera.width, 3)
 
     def render_view(self, view: View, base: str | None = None) -> Frame:
         """A captured view as its pinhole shows it, at the working size (`settings.geometry.long_side`).
@@ -218,7 +201,9 @@ class Model:
         seen, base = self.look(self.working_camera(view).without_distortion()), _on_white(plate)
         mattes = mattes_of(self.settings.render.edges, to_bytes(base), seen.probabilities, seen.depth)
         coverages = dense_coverage(mattes, base.shape[:2])
-        weights = None if self.recoloring is None else self.weights_of_mattes(base, mattes, coverages)
+        weights = None
+        if self.recoloring is not None:
+            weights = dense_weights([matte.own_picture(to_bytes(base)) for matte in mattes], self.palettes, coverages)
         return Frame(seen.picture, coverages, weights, base)
 
     def photo_view(self, view: View, size: str | int = "photo") -> PhotoView:
@@ -274,26 +259,7 @@ class Model:
 
     def weights_of_colors(self, base: np.ndarray, probabilities: np.ndarray) -> np.ndarray:
         """Palette weights [K, M, H, W] of the colors of a picture [H, W, 3] and probabilities [K, H, W]."""
-        n_colors = self.learned_colors.shape[1]
-        weights = np.zeros((len(self.objects), n_colors, *base.shape[:2]), np.float32)
-        pixels = to_bytes(base)
-        for k, palette in enumerate(self.palettes):
-            inside = probabilities[k] > NEGLIGIBLE
-            own = palette_weights_of_image(pixels[inside][None], palette.colors)[0]
-            weights[k, : len(palette.colors), inside] = own * probabilities[k][inside, None]
-        return weights
-
-    def weights_of_mattes(self, base: np.ndarray, mattes: Sequence[Matte], coverages: np.ndarray) -> np.ndarray:
-        """Palette weights [K, M, H, W] of the objects' own colors in a picture [H, W, 3] and their coverages [K, H, W]."""
-        weights = np.zeros((len(self.objects), self.learned_colors.shape[1], *base.shape[:2]), np.float32)
-        for k, (palette, matte) in enumerate(zip(self.palettes, mattes, strict=True)):
-            pixels = to_bytes(base)
-            rows, columns = slice(*matte.rows), slice(*matte.columns)
-            pixels[rows, columns] = matte.colors(pixels[rows, columns], 0, matte.rows[1] - matte.rows[0])
-            inside = coverages[k] > NEGLIGIBLE
-            own = palette_weights_of_image(pixels[inside][None], palette.colors)[0]
-            weights[k, : len(palette.colors), inside] = own * coverages[k][inside, None]
-        return weights
+        return dense_weights([to_bytes(base)] * len(self.objects), self.palettes, probabilities)
 
     def weights_of_field(self, picture: Picture, samples: ObjectSamples | None = None) -> np.ndarray:
         """Palette weights [K, M, H, W] of F_w (Eq. 9 on top of Eq. 8). samples: the picture's, where they are known."""

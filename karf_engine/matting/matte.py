@@ -17,7 +17,7 @@ class Matte:
     Attributes:
         rows: First row of the box and the one behind its last, pixels of the photo.
         columns: First column of the box and the one behind its last.
-        coverage: [h, w] float16 in [0, 1], of the box: the share of each pixel that shows the object.
+        coverage: [h, w] float16 or float32 in [0, 1], of the box: the share of each pixel that shows the object.
         mixed: [n] int64, running numbers (row by row, in the box) of pixels in which the object's color is known to
             differ from the photo's, because they show something else too; ascending.
         mixed_colors: [n, 3] uint8, the object's own color there, sRGB.
@@ -51,6 +51,19 @@ class Matte:
         first, last = np.searchsorted(self.mixed, (top * width, bottom * width))
         result = photo.copy()
         result.reshape(-1, 3)[self.mixed[first:last] - top * width] = self.mixed_colors[first:last]
+        return result
+
+    def own_picture(self, photo: np.ndarray) -> np.ndarray:
+        """The whole photo, uint8 [H, W, 3], with the object's own colors in its box.
+
+        Examples:
+            >>> matte = Matte((0, 1), (1, 2), np.array([[0.5]], np.float16), np.array([0]), np.array([[255, 0, 0]]))
+            >>> matte.own_picture(np.zeros((1, 2, 3), np.uint8)).tolist()
+            [[[0, 0, 0], [255, 0, 0]]]
+        """
+        result = photo.copy()
+        box = slice(*self.rows), slice(*self.columns)
+        result[box] = self.colors(photo[box], 0, self.rows[1] - self.rows[0])
         return result
 
 
