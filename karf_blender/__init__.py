@@ -3,6 +3,7 @@
 from . import operators, panels, preferences, properties
 from .compositor import drivers
 from .host import rendering
+from .pictures import chips
 from .project import disk, saving
 from .rig import reprojection
 from .swatches import recolor
@@ -13,6 +14,7 @@ MODULES = (
     properties,
     preferences,
     rendering,
+    chips,
     recolor,
     saving,
     drivers,

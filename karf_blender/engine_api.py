@@ -36,6 +36,7 @@ from ..karf_engine.edit.palette_files import read_edit_file, write_edit_file
 from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency, error_from_code
 from ..karf_engine.files import atomic_write
 from ..karf_engine.project import Project
+from ..karf_engine.project.colorways import PlannedColorway, plan_colorways
 from ..karf_engine.settings import PRESETS
 from ..karf_engine.wire import LOG_FILE, REQUEST_FILE, Event, EventReader, Request
 
@@ -69,6 +70,7 @@ __all__ = [
     "ObjectLayers",
     "Palette",
     "Planes",
+    "PlannedColorway",
     "Project",
     "Request",
     "SparsePoints",
@@ -86,6 +88,7 @@ __all__ = [
     "observed_points",
     "open_capture",
     "paper_composite",
+    "plan_colorways",
     "read_edit_file",
     "read_layer_names",
     "read_object_colors",

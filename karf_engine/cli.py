@@ -127,6 +127,17 @@ def _parser() -> argparse.ArgumentParser:
     verb.add_argument("--depth", action="store_true", help="write depth/ too")
     verb.add_argument("--planes", action="store_true", help="write planes/ too (what Blender recolors from)")
     verb.add_argument("--layers", action="store_true", help="write layers/ too (OpenEXR for compositors)")
+    verb.add_argument("--skip-existing", action="store_true", help="keep frames that are there already, made from the "
+                      "same: goes on where a job was stopped")  # fmt: skip
+
+    verb = _verb(verbs, "colorways", "render every colorway of a sheet in every view", _render_colorways)
+    verb.add_argument("project", metavar="DIR", help="project folder")
+    verb.add_argument("--sheet", required=True, metavar="FILE", help="CSV or JSON: colorway, object, and a color as hex, "
+                      "lab, srgb or srgb8")  # fmt: skip
+    verb.add_argument("--views", default="all", help="as for render (default: %(default)s)")
+    verb.add_argument("--out", required=True, metavar="DIR", help="folder for <colorway>/, colorways.csv and the contact "
+                      "sheet; pictures that are there already are not made again")  # fmt: skip
+    verb.add_argument("--predict-only", action="store_true", help="only write colorways.csv: what will be reached")
 
     verb = verbs.add_parser("settings", help="list all settings with defaults and ranges")
     verb.set_defaults(action=_list_settings)
@@ -214,8 +225,15 @@ def _match(options: argparse.Namespace) -> int:
 
 
 def _render(options: argparse.Namespace) -> int:
-    chosen = {name: getattr(options, name) for name in ("views", "edit", "base", "depth", "planes", "layers")}
+    names = ("views", "edit", "base", "depth", "planes", "layers", "skip_existing")
+    chosen = {name: getattr(options, name) for name in names}
     library.render(options.project, options.out, **chosen, **_run_of(options))
+    return 0
+
+
+def _render_colorways(options: argparse.Namespace) -> int:
+    chosen = {"views": options.views, "predict_only": options.predict_only}
+    library.colorways(options.project, options.sheet, options.out, **chosen, **_run_of(options))
     return 0
 
 

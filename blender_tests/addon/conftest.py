@@ -22,11 +22,12 @@ MODULES = {
     "host": "compat rendering",
     "engine": "environment jobs probing report",
     "project": "captures contents disk folders saving",
-    "pictures": "editors images masks photos",
+    "pictures": "editors images masks photos sequences chips",
     "rig": "camera_paths cameras frames lens placement points reprojection",
     "swatches": "edits palettes planes recolor",
     "tasks": "ownership runner task",
-    "panels": "chips sidebar",
+    "operators": "colorways",
+    "panels": "sidebar",
 }
 _exit_code = None
 _has_blender = False

@@ -9,7 +9,7 @@ FLOORS = (
     ("files", "npz", "settings"),
     ("wire", "capture", "progress", "runtime"),
     ("images", "edit", "checkpoints", "kan"),
-    ("plates", "photos", "matting", "palette", "project", "handover"),
+    ("plates", "photos", "matting", "palette", "project", "handover", "contact_sheet"),
     ("locking", "training", "rendering", "poses", "metrics"),
     ("fields",),
     ("heads",),

@@ -101,3 +101,10 @@ def color_math_sockets(node: bpy.types.Node) -> tuple[bpy.types.NodeSocket, bpy.
     """The two inputs and the result of such a node, which has sockets of other types too."""
     first, second = [socket for socket in node.inputs if socket.type == "RGBA"]
     return first, second, next(socket for socket in node.outputs if socket.type == "RGBA")
+
+
+# --- the sequencer, whose strips are called strips since 4.4 ---------------------------------------------------------
+def strips_of(scene: bpy.types.Scene) -> bpy.types.bpy_prop_collection:
+    """The strips of the scene's sequencer, which is made where there is none."""
+    editor = scene.sequence_editor or scene.sequence_editor_create()
+    return editor.sequences if bpy.app.version < (4, 4, 0) else editor.strips
