@@ -66,6 +66,8 @@ def _render(job: Job, model: Model) -> None:
     for view, edit, mark in frames.todo:
         frame = model.render_view(view, options.get("base")) if captured else model.render(view.camera)
         files = _write_frame(job, Path(options["out"]), view.name, frame, model, edit) if options.get("out") else []
+        if options.get("out") and options.get("layers"):
+            files.append(_write_layers(job, view, frame, model, captured))
         if options.get("planes"):
             files += _write_planes(job, view, frame, model, captured)
         frames.note(view.name, mark, files)
@@ -100,11 +102,18 @@ def _write_frame(job: Job, out: Path, name: str, frame: Frame, model: Model, edi
     if job.options.get("depth"):
         files.append(out / "depth" / f"{name}.npy")
         atomic_write(files[-1], lambda temporary: np.save(temporary, frame.depth))
-    if job.options.get("layers"):
-        layers = Layers(model.palettes, frame.base, frame.probabilities, frame.palette_weights, frame.depth)
-        files.append(out / "layers" / f"{name}.exr")
-        write_layers(files[-1], layers)
     return files
+
+
+def _write_layers(job: Job, view: View, frame: Frame, model: Model, captured: bool) -> Path:
+    """Write a view's layers: of a photo in all its pixels, else of the frame; returns the file."""
+    if captured and model.base_of(job.options.get("base")) == "photo":
+        layers = model.photo_view(view).layers(model.look(model.working_camera(view)).depth)
+    else:
+        layers = Layers(model.palettes, frame.base, frame.probabilities, frame.palette_weights, frame.depth)
+    path = Path(job.options["out"]) / "layers" / f"{view.name}.exr"
+    write_layers(path, layers)
+    return path
 
 
 def _png(path: Path, picture: np.ndarray) -> Path:
