@@ -14,6 +14,7 @@ import bpy
 
 from . import steps
 from .engine_api import Capture, Edit, ErrorSummary, Palette, PlannedColorway, hex_to_rgb
+from .pictures import sequences
 from .project import captures, folders
 from .rig.cameras import Options
 from .swatches import edits
@@ -177,13 +178,22 @@ def prepare_views(views: str = "all", scene: bpy.types.Scene | None = None) -> N
     runner.wait(steps.prepare_views(_scene(scene), views))
 
 
-def render_view(scene: bpy.types.Scene | None = None) -> Path:
-    """Write the active view as shown.
+def render_view(scene: bpy.types.Scene | None = None, size: str | int = "photo") -> Path:
+    """Write the active view recolored.
+
+    Args:
+        scene: Default: the context's.
+        size: As of `render_captured`; `shown`: the preview as it is shown, without the engine.
 
     Returns:
-        The PNG's path.
+        The picture's path.
     """
-    return steps.render_view(_scene(scene))
+    scene = _scene(scene)
+    if size == "shown":
+        return steps.save_shown(scene)
+    runner.wait(steps.render_view(scene, size))
+    (path,) = sequences.files_in(folders.out_folder(scene) / "recolor", [scene.karf.active_view])
+    return path
 
 
 def render_captured(
@@ -191,6 +201,7 @@ def render_captured(
     out: str | Path | None = None,
     scene: bpy.types.Scene | None = None,
     skip_existing: bool | None = None,
+    size: str | int = "photo",
 ) -> Path:
     """Write captured views recolored, and load them.
 
@@ -199,12 +210,14 @@ def render_captured(
         out: Output folder; default: the panel's.
         scene: Default: the context's.
         skip_existing: Whether to keep pictures that would come out the same; default: the panel's.
+        size: `photo`: all pixels of the photos, in files of their kind (PNG, TIFF or EXR); `learned`: what was learned
+            from; or the long side in pixels.
 
     Returns:
-        The folder of the PNGs.
+        The folder of the pictures.
     """
     _set_out(_scene(scene), out, skip_existing)
-    runner.wait(steps.render_captured(_scene(scene), views))
+    runner.wait(steps.render_captured(_scene(scene), views, size))
     return folders.out_folder(_scene(scene)) / "recolor"
 
 

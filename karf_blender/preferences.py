@@ -83,6 +83,14 @@ def engine_python() -> Path:
     return environment.find_python(current().engine_python, os.environ)
 
 
+def has_engine() -> bool:
+    """Whether a Python is there to run the engine."""
+    try:
+        return engine_python().is_file()
+    except MissingDependency:
+        return False
+
+
 def register():
     """Called when the extension is enabled."""
     bpy.utils.register_class(KARF_AP_preferences)

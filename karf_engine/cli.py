@@ -124,8 +124,13 @@ def _parser() -> argparse.ArgumentParser:
     verb.add_argument("--out", required=True, metavar="DIR", help="folder for render/, masks/, recolor/")
     verb.add_argument("--base", choices=("photo", "render"), help="what an edit of a captured view changes (default: "
                       "photo; with the preset paper: render)")  # fmt: skip
+    verb.add_argument("--size", default="photo", help="of masks and recolored pictures of captured views: photo (all its "
+                      "pixels), learned, or the long side in pixels (default: %(default)s)")  # fmt: skip
+    verb.add_argument("--jpeg", action="store_true", help="write recolored JPEG photos as JPEG, not as PNG")
+    verb.add_argument("--alpha", action="store_true", help="renderings without what is behind the scene, with alpha")
     verb.add_argument("--depth", action="store_true", help="write depth/ too")
     verb.add_argument("--planes", action="store_true", help="write planes/ too (what Blender recolors from)")
+    _add_overrides(verb, "change one setting of render, as render.edges=field; may be repeated")
     verb.add_argument("--layers", action="store_true", help="write layers/ too (OpenEXR for compositors)")
     verb.add_argument("--skip-existing", action="store_true", help="keep frames that are there already, made from the "
                       "same: goes on where a job was stopped")  # fmt: skip
@@ -160,12 +165,15 @@ def _verb(verbs, name: str, text: str, action: Callable) -> argparse.ArgumentPar
 def _add_geometry_options(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("capture", metavar="CAPTURE", help="folder or transforms.json with photos and camera poses")
     verb.add_argument("--preset", default="demo", choices=tuple(PRESETS), help="quality against time (default: demo)")
-    verb.add_argument(
-        "--set", dest="overrides", action="append", default=[], metavar="STAGE.FIELD=VALUE",
-        help="change one setting (see the settings verb); may be repeated",
-    )  # fmt: skip
+    _add_overrides(verb, "change one setting (see the settings verb); may be repeated")
     verb.add_argument("--nerf", metavar="FILE", help="import a NeRF that another program has trained on this capture: "
                       "nerf-pytorch .tar, krrish94 .ckpt")  # fmt: skip
+
+
+def _add_overrides(verb: argparse.ArgumentParser, text: str) -> None:
+    verb.add_argument(
+        "--set", dest="overrides", action="append", default=[], metavar="STAGE.FIELD=VALUE", help=text
+    )  # fmt: skip
 
 
 def _learn_all(options: argparse.Namespace) -> int:
@@ -225,7 +233,9 @@ def _match(options: argparse.Namespace) -> int:
 
 
 def _render(options: argparse.Namespace) -> int:
-    names = ("views", "edit", "base", "depth", "planes", "layers", "skip_existing")
+    names = (
+        "views", "edit", "base", "size", "depth", "planes", "layers", "alpha", "jpeg", "overrides", "skip_existing"
+    )  # fmt: skip
     chosen = {name: getattr(options, name) for name in names}
     library.render(options.project, options.out, **chosen, **_run_of(options))
     return 0

@@ -7,7 +7,7 @@ they are sharp and hold the highlights. For any other camera from F_w, which is 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from .failures import translated
 from .fields.files import load_scene
 from .fields.scene import Picture
 from .finishing import PhotoView
+from .frames import BAND_RAYS, Frame, averaged, bands_of, joined
 from .heads.fields import RecoloringField, SegmentationField
 from .heads.files import load_recoloring, load_segmentation
 from .heads.rendering import ObjectSamples, object_samples, segment_cache, weigh_cache
@@ -39,49 +40,12 @@ from .plates import Plate, image_of, load_views
 from .project import Project
 from .project.contents import capture_of, settings_for
 from .project.edit import ProjectEdit, edit_of
+from .rendering.rays import camera_rays
 from .runtime import find_device
 from .settings import Settings
 
 BASES = {"delta": "photo", "paper": "render"}  # what an edit of a captured view changes, where nothing is said
 MASK_SAMPLES, WEIGHT_SAMPLES = 3, 8  # quantile samples a ray: colors need more of them than classes
-
-
-@dataclass(frozen=True)
-class Frame:
-    """One rendered view of a model with K objects, whose palettes have up to M colors. Arrays are numpy, row 0 on top.
-
-    Attributes:
-        picture: the scene as learned, as tensors on the model's device; of a preview smaller than the rest.
-        probabilities: [K, H, W] float32, of each object in each pixel (Eq. 8).
-        palette_weights: [K, M, H, W] float32, probabilities times weights (Eq. 9); None before palettes are learned.
-        base: [H, W, 3] float32 sRGB in [0, 1], the picture that an edit changes: the photo, or the rendering.
-    """
-
-    picture: Picture
-    probabilities: np.ndarray
-    palette_weights: np.ndarray | None
-    base: np.ndarray
-
-    @property
-    def color(self) -> np.ndarray:
-        """The scene as learned, [H, W, 3] float32 sRGB in [0, 1]."""
-        return self.picture.color.cpu().numpy()
-
-    @property
-    def depth(self) -> np.ndarray:
-        """Depth along the optical axis, [H, W] float32, world units; 0 where nothing is."""
-        return self.picture.depth.cpu().numpy().astype(np.float32)
-
-    @property
-    def opacity(self) -> np.ndarray:
-        """How much of each pixel's ray ends in the scene, [H, W] float32 in [0, 1]."""
-        return self.picture.opacity.cpu().numpy()
-
-    @property
-    def masks(self) -> np.ndarray:
-        """The likeliest class of each pixel as masks, [K, H, W] bool (argmax of Eq. 8)."""
-        background = 1 - self.probabilities.sum(0)
-        return (self.probabilities > background) & (self.probabilities == self.probabilities.max(0, initial=0))
 
 
 class Model:
@@ -149,14 +113,35 @@ class Model:
 
     # --- rendering -------------------------------------------------------------------------------------------------
     @translated()
-    def render(self, camera: Camera) -> Frame:
+    def render(self, camera: Camera, supersampling: int = 1) -> Frame:
         """The scene from any camera, whose lens distortion is left out; palette weights are those of F_w.
 
-        Not differentiable. Its base is the rendering itself. Raises OutOfMemory where the device has too little.
+        Not differentiable. Its base is the rendering itself. Large pictures are rendered in bands of rows, which no
+        surface cache is kept of.
+
+        Args:
+            camera: in world units.
+            supersampling: rays a pixel along each side; their colors, opacities, probabilities and weights are averaged,
+                of their depths the median counts.
+
+        Raises:
+            OutOfMemory: the device has too little.
         """
+        bands = bands_of(camera.without_distortion(), supersampling)
+        frames = [averaged(self._render_pinhole(band), supersampling) for band in bands]
+        return frames[0] if len(frames) == 1 else joined(frames)
+
+    def _render_pinhole(self, camera: Camera) -> Frame:
         from_field = self.recoloring is not None
-        picture = self.scene.render(camera.without_distortion(), WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
+        picture = self.scene.render(camera, WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
         return self.frame_of(picture, picture.color.cpu().numpy(), from_field)
+
+    @torch.no_grad()
+    def behind(self, camera: Camera) -> np.ndarray:
+        """What a camera's pinhole sees behind all that is solid, [H, W, 3] float32 sRGB."""
+        rays = camera_rays(camera.without_distortion(), self.device)
+        colors = [self.scene.behind(some) for some in rays.viewdirs.split(BAND_RAYS)]
+        return torch.cat(colors).cpu().numpy().reshape(camera.height, camera.width, 3)
 
     def render_view(self, view: View, base: str | None = None) -> Frame:
         """A captured view as its pinhole shows it, at the working size (`settings.geometry.long_side`).

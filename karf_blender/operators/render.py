@@ -3,21 +3,25 @@
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from .. import steps
+from .. import preferences, steps
 from ..project import folders
 from ..tasks import runner
 from .reporting import PaletteStep, ProjectSwatchStep, reports_errors
 
 
 class KARF_OT_render_view(ProjectSwatchStep, bpy.types.Operator):
-    """Write the active view as it is shown"""
+    """Recolor the active view's photo at its own size; without the engine, write the preview that is shown"""
 
     bl_idname = "karf.render_view"
     bl_label = "This View"
 
     @reports_errors
     def execute(self, context):
-        self.report({"INFO"}, f"Wrote {steps.render_view(context.scene)}")
+        if preferences.has_engine():
+            runner.launch(steps.render_view(context.scene))
+            self.report({"INFO"}, f"The picture goes to {folders.out_folder(context.scene) / 'recolor'}")
+        else:
+            self.report({"WARNING"}, f"Without the engine the preview was written: {steps.save_shown(context.scene)}")
         return {"FINISHED"}
 
 

@@ -11,7 +11,7 @@ from .compositing import build_compositor, compositor_node, place_layers
 from .edit import becomes, load_edit, save_edit
 from .learn import extract_palette, learn_scene, prepare_views, segment, show_view
 from .masks import paint_mask, save_mask
-from .render import camera_folder, render_camera, render_captured, render_view
+from .render import camera_folder, render_camera, render_captured, render_view, save_shown
 from .sequences import add_strip, show_frames
 from .view import look_through, reprojection_error
 
@@ -42,6 +42,7 @@ __all__ = [
     "reprojection_error",
     "save_edit",
     "save_mask",
+    "save_shown",
     "segment",
     "show_frames",
     "show_view",

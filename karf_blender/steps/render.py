@@ -19,8 +19,8 @@ from .cameras import camera_of
 from .edit import save_edit
 
 
-def render_view(scene: bpy.types.Scene) -> Path:
-    """Write the active view as it is shown, without the engine.
+def save_shown(scene: bpy.types.Scene) -> Path:
+    """Write the active view as it is shown, a preview of the photo, without the engine.
 
     Returns:
         The PNG's path.
@@ -32,12 +32,25 @@ def render_view(scene: bpy.types.Scene) -> Path:
     return path
 
 
-def render_captured(scene: bpy.types.Scene, views: str = "all") -> Task:
-    """Recolor captured views (`all`, `train`, `test` or names) with the swatches as they stand, on their photos."""
+def render_view(scene: bpy.types.Scene, size: str | int = "photo") -> Task:
+    """Recolor the active view with the swatches as they stand, on its photo; size as of `render_captured`."""
+    return render_captured(scene, scene.karf.active_view, size)
+
+
+def render_captured(scene: bpy.types.Scene, views: str = "all", size: str | int = "photo") -> Task:
+    """Recolor captured views with the swatches as they stand, on their photos.
+
+    Args:
+        scene: The scene.
+        views: `all`, `train`, `test` or names.
+        size: `photo`: all pixels of the photo, in a file of its kind; `learned`: what was learned from; or the long side
+            in pixels.
+    """
     out = folders.out_folder(scene)
     edit = out / "edit.json"
     save_edit(scene, edit)
-    return _frames_task(scene, "Render Capture", requests.pictures(scene, views, str(edit), out, "photo"))
+    job = requests.pictures(scene, views, str(edit), out, "photo", size)
+    return _frames_task(scene, "Render Capture", job)
 
 
 def render_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None, numbers: Iterable[int]) -> Task:

@@ -32,10 +32,15 @@ def planes(views: str) -> tuple[str, dict]:
     return "render", {"views": views, "edit": None, "out": None, "planes": True, "depth": False, "base": "photo"}
 
 
-def pictures(scene: bpy.types.Scene, views: str, edit: str | list[str], out: Path, base: str) -> tuple[str, dict]:
-    """The job that recolors views, on their photos (base `photo`) or on what the engine renders (`render`)."""
+def pictures(
+    scene: bpy.types.Scene, views: str, edit: str | list[str], out: Path, base: str, size: str | int = "photo"
+) -> tuple[str, dict]:
+    """The job that recolors views, on their photos (base `photo`) or on what the engine renders (`render`).
+
+    size: of photos, `photo`, `learned` or the long side in pixels.
+    """
     options = {"views": views, "edit": edit, "out": str(out), "planes": False, "depth": False, "base": base}
-    return "render", options | {"skip_existing": scene.karf.skip_existing}
+    return "render", options | {"size": size, "skip_existing": scene.karf.skip_existing}
 
 
 def layers(view: str, out: Path) -> tuple[str, dict]:

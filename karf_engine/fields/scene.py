@@ -29,13 +29,13 @@ class Picture:
         color: [H, W, 3] sRGB in [0, 1].
         opacity: [H, W] in [0, 1].
         depth: [H, W] along the optical axis, world units; 0 where empty.
-        cache: Surface samples of its rays, for the fields on top.
+        cache: Surface samples of its rays, for the fields on top; None of a picture put together from others.
     """
 
     color: Tensor
     opacity: Tensor
     depth: Tensor
-    cache: SurfaceCache
+    cache: SurfaceCache | None
 
 
 @dataclass(frozen=True)

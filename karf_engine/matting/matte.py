@@ -15,7 +15,7 @@ class Matte:
     Attributes:
         rows: First row of the box and the one behind its last, pixels of the photo.
         columns: First column of the box and the one behind its last.
-        coverage: [h, w] float16 in [0, 1], of the box: the share of each pixel that shows the object.
+        coverage: [h, w] float16 or float32 in [0, 1], of the box: the share of each pixel that shows the object.
         mixed: [n] int64, running numbers (row by row, in the box) of pixels in which the object's color is known to
             differ from the photo's, because they show something else too; ascending.
         mixed_colors: [n, 3] uint8, the object's own color there, sRGB.

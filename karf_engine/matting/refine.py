@@ -25,7 +25,7 @@ def mattes_of(edges: str, photo: np.ndarray, probabilities: np.ndarray, depth: n
         >>> mattes[0].columns, mattes[0].coverage.tolist()
         ((1, 4), [[0.25, 0.75, 1.0], [0.25, 0.75, 1.0]])
     """
-    if edges == "field":
+    if edges == "field" or not len(probabilities):
         return field_mattes((photo.shape[1], photo.shape[0]), probabilities)
     return refine_mattes(photo, probabilities, depth)
 
@@ -46,9 +46,11 @@ def field_mattes(size: tuple[int, int], probabilities: np.ndarray) -> list[Matte
 
 def _field_matte(size: tuple[int, int], probability: np.ndarray) -> Matte:
     coverage = resize(probability, *size)
-    coverage[coverage <= NEGLIGIBLE] = 0
+    coverage = np.where(coverage > NEGLIGIBLE, coverage, 0)
     rows, columns = (_extent(coverage.any(axis)) for axis in (1, 0))
-    inside = coverage[slice(*rows), slice(*columns)].astype(np.float16)
+    # at the field's own size nothing is lost; enlarged it would only take more memory
+    exact = np.float32 if probability.shape == coverage.shape else np.float16
+    inside = coverage[slice(*rows), slice(*columns)].astype(exact)
     return Matte(rows, columns, inside, np.zeros(0, np.int64), np.zeros((0, 3), np.uint8))
 
 

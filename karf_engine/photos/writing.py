@@ -31,6 +31,7 @@ PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PNG_CHUNKS = {
     b"iCCP", b"sRGB", b"gAMA", b"cHRM", b"cICP", b"mDCV", b"cLLI", b"pHYs", b"eXIf", b"tEXt", b"zTXt", b"iTXt"
 }  # fmt: skip
+ORIENTATION = 0x0112
 EXIF_IFD, GPS_IFD, INTEROPERABILITY_IFD, ICC_PROFILE = 34665, 34853, 40965, 34675
 TIFF_LAYOUT = (256, 257, 258, 259, 262, 277, 278, 284, 317, 338, 339)  # size and coding of the pixels
 STRIP_OFFSETS, STRIP_BYTES, EXTRA_SAMPLES = 273, 279, 338
@@ -65,6 +66,14 @@ def write_photo(path: Path, photo: StoredPhoto) -> None:
     """
     write = {".png": _write_png, ".tif": _write_tiff, ".exr": _write_exr, ".jpg": _write_jpeg}[path.suffix]
     atomic_write(path, lambda temporary: write(temporary, photo))
+
+
+def write_mask(path: Path, mask: np.ndarray, orientation: int) -> None:
+    """Write a mask [H, W] of a photo's stored grid as a PNG of 0 and 255, turned by its Exif as the photo is."""
+    tags = Image.Exif()
+    tags[ORIENTATION] = orientation
+    options = {} if orientation == 1 else {"exif": tags}
+    atomic_write(path, lambda temporary: Image.fromarray(mask).convert("L").save(temporary, **options))
 
 
 # ------------------------------------------------------------------------------------------------------------------ PNG

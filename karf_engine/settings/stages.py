@@ -191,7 +191,7 @@ class RenderSettings:
         "Where objects end in captured views; photo: where the photo says; field: where the voxels do",
         choices=("photo", "field"),
     )
-    preview: int = option(1280, "Long side of captured views in Blender, pixels; the photo's at most", 64, 16384)
+    preview: int = option(1024, "Long side of captured views in Blender, pixels; the photo's at most", 64, 16384)
     supersampling: int = option(1, "Rays a pixel along each side, of cameras that took no photo", 1, 4)
 
 

@@ -10,12 +10,32 @@ import pytest
 def test_the_shown_view_is_written_as_shown_whatever_the_view_transform(bpy, addon, learned, tmp_path):
     learned.karf.out = str(tmp_path / "out")
     addon.headless.set_swatch("pot", 1, (0.4, 0.2, 0.5))
-    assert bpy.ops.karf.render_view() == {"FINISHED"}
-    written = addon.images.read_picture(tmp_path / "out" / "recolor" / "photo_0.png")
+    written = addon.images.read_picture(addon.headless.render_view(size="shown"))
+    assert (tmp_path / "out" / "recolor" / "photo_0.png").is_file()
     np.testing.assert_array_equal(written, addon.images.pixels(learned.karf.result)[..., :3])
     base = (np.arange(16 * 24 * 3) % 256).reshape(16, 24, 3) / 255
     expected = np.clip(base + np.array((-0.1, 0, 0.1)), 0, 1)
     assert np.abs(written - expected).max() <= 0.51 / 255
+
+
+def test_this_view_is_written_by_the_engine_at_the_size_of_its_photo(bpy, addon, learned, tmp_path):
+    learned.karf.out = str(tmp_path / "out")
+    addon.headless.set_swatch("pot", 1, "#204060")
+    assert bpy.ops.karf.render_view() == {"FINISHED"}
+    written = addon.images.read_picture(tmp_path / "out" / "recolor" / "photo_0.png")
+    np.testing.assert_allclose(written[0, 0] * 255, (32, 64, 96), atol=1e-4)
+    assert addon.headless.render_view() == tmp_path / "out" / "recolor" / "photo_0.png"
+    assert addon.steps.render_view(learned).requests[0].options["size"] == "photo"
+    assert addon.steps.render_view(learned, 300).requests[0].options["size"] == 300
+
+
+def test_without_the_engine_this_view_is_the_preview_and_says_so(bpy, addon, learned, tmp_path, monkeypatch):
+    learned.karf.out = str(tmp_path / "out")
+    monkeypatch.setenv("KARF_ENGINE_PYTHON", str(tmp_path / "no python"))
+    addon.preferences.current().engine_python = ""
+    assert bpy.ops.karf.render_view() == {"FINISHED"}
+    written = addon.images.read_picture(tmp_path / "out" / "recolor" / "photo_0.png")
+    np.testing.assert_array_equal(written, addon.images.pixels(learned.karf.result)[..., :3])
 
 
 def test_views_of_the_same_photo_name_are_written_to_files_of_their_own(addon, two_splits, tmp_path):
@@ -26,7 +46,7 @@ def test_views_of_the_same_photo_name_are_written_to_files_of_their_own(addon, t
     written = []
     for view in ("train_r_000", "test_r_000"):
         addon.headless.show_view(view)
-        written.append(addon.headless.render_view())
+        written.append(addon.headless.render_view(size="shown"))
     addon.headless.render_captured("test_r_000")
     assert len(set(written)) == 2
     assert sorted(written[0].parent.iterdir()) == sorted(written)

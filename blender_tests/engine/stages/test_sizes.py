@@ -1,0 +1,234 @@
+"""Captured views recolored in their photos' own pixels, and cameras of any size: on the learned still life."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+torch = pytest.importorskip("torch")
+Image = pytest.importorskip("PIL.Image")
+OpenEXR = pytest.importorskip("OpenEXR")
+
+import karf_engine as karf
+from blender_tests.engine.reference.still_life import camera_at, take_photo
+from karf_engine.capture import write_cameras
+from karf_engine.capture.capture import View
+from karf_engine.capture.distortion import straighten
+from karf_engine.cli import main
+from karf_engine.color import to_bytes
+from karf_engine.errors import BadRequest, DataError
+from karf_engine.images import BACK, oriented, read_mask, read_photo
+from karf_engine.metrics.masks import iou
+from karf_engine.photos import open_photo, write_photo
+
+CAMERA = camera_at(0.2, 0.6, 96)  # three times what was learned from
+LENS = (1.2, 0.0, 0.02, -0.02)
+
+
+@pytest.fixture(scope="module")
+def model(learned):
+    model = karf.load(learned.project, device="cpu")
+    model.settings = replace(model.settings, render=replace(model.settings.render, edges="field"))
+    return model
+
+
+@pytest.fixture(scope="module")
+def green(model):
+    return model.edit().becomes("ball", "#c0221a", "#1ec040")
+
+
+@pytest.fixture(scope="module")
+def photo():
+    return take_photo(CAMERA)
+
+
+def view_of(path, camera=CAMERA):
+    return View(path.stem, path.stem, camera, path, "test")
+
+
+def saved(path, color, orientation=1):
+    """A photo that a viewer shows as `color`, stored with an Exif orientation."""
+    tags = Image.Exif()
+    tags[0x0112] = orientation
+    stored = oriented(to_bytes(color), BACK.get(orientation, orientation))
+    Image.fromarray(stored).save(path, exif=tags)
+    return view_of(path)
+
+
+def test_all_pixels_of_a_photo_are_recolored_and_no_others_change(model, green, photo, tmp_path):
+    view = saved(tmp_path / "a.png", photo.color)
+    ready = model.photo_view(view)
+    write_photo(tmp_path / "b.png", ready.recolored(green))
+    before, after = open_photo(view.image).pixels, open_photo(tmp_path / "b.png").pixels
+    assert after.shape == (96, 96, 3)
+    ball = ready.masks()[0]
+    assert iou(ball, photo.labels == 1) > 0.6
+    assert after[ball][:, 1].mean() > 2 * after[ball][:, 0].mean()
+    unreached = np.ones((96, 96), bool)
+    matte = ready.mattes[0]
+    unreached[slice(*matte.rows), slice(*matte.columns)] = matte.coverage == 0
+    assert_array_equal(after[unreached], before[unreached])
+    assert_array_equal(to_bytes(model.recolor(view, green)), after)
+
+
+@pytest.mark.parametrize("orientation", range(2, 9))
+def test_a_turned_photo_stays_turned_and_shows_the_same(model, green, photo, tmp_path, orientation):
+    plain = model.recolor(saved(tmp_path / "a.png", photo.color), green)
+    view = saved(tmp_path / "b.png", photo.color, orientation)
+    ready = model.photo_view(view)
+    write_photo(tmp_path / "c.png", ready.recolored(green))
+    assert open_photo(tmp_path / "c.png").header.orientation == orientation
+    assert_allclose(read_photo(tmp_path / "c.png"), plain, atol=1.1 / 255)
+    assert_allclose(model.recolor(view, green), plain, atol=1.1 / 255)
+
+
+def test_a_camera_may_know_the_photo_as_stored(model, green, tmp_path):
+    wide = replace(CAMERA, height=72, cy=36.0)
+    color = take_photo(wide).color
+    plain = model.recolor(replace(saved(tmp_path / "a.png", color), camera=wide), green)
+    tags = Image.Exif()
+    tags[0x0112] = 6
+    Image.fromarray(to_bytes(color)).save(tmp_path / "b.png", exif=tags)  # the tag is not what the camera was made for
+    assert_array_equal(model.recolor(view_of(tmp_path / "b.png", wide), green), plain)
+    with pytest.raises(DataError, match="96x72 pixels where its camera has 96x96"):
+        model.photo_view(view_of(tmp_path / "b.png"))
+
+
+def test_a_photo_keeps_its_lens(model, green, tmp_path):
+    bent = replace(CAMERA, distortion=LENS)
+
+    class Lens:
+        width, height, camera_to_world = 96, 96, CAMERA.camera_to_world
+        pixel_centers = staticmethod(CAMERA.pixel_centers)
+        rays = staticmethod(lambda pixels: CAMERA.rays(straighten(bent, pixels)))
+
+    truth = take_photo(Lens)
+    ready = model.photo_view(replace(saved(tmp_path / "a.png", truth.color), camera=bent))
+    unbent = model.photo_view(saved(tmp_path / "a.png", truth.color))
+    scores = [iou(masks[1], truth.labels == 2) for masks in (ready.masks(), unbent.masks())]
+    assert scores[0] > 0.7 and scores[0] > scores[1] + 0.05
+
+
+def test_a_matte_keeps_its_alpha_and_its_hidden_colors(model, green, photo, tmp_path):
+    alpha = to_bytes(photo.alpha)
+    Image.fromarray(np.dstack([to_bytes(photo.color), alpha])).save(tmp_path / "a.png")
+    ready = model.photo_view(view_of(tmp_path / "a.png"))
+    after = ready.recolored(green).pixels
+    assert_array_equal(after[..., 3], alpha)
+    assert_array_equal(after[alpha == 0], open_photo(tmp_path / "a.png").pixels[alpha == 0])
+    ball = ready.masks()[0] & (alpha == 255)
+    assert after[ball][:, 1].mean() > 2 * after[ball][:, 0].mean()
+
+
+def test_linear_light_is_recolored_as_its_display_colors_are(model, green, photo, tmp_path):
+    from karf_engine.color import srgb_to_linear
+
+    light = srgb_to_linear(to_bytes(photo.color) / 255).astype(np.float32)
+    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, {"RGB": light}).write(
+        str(tmp_path / "a.exr")
+    )
+    shown = model.recolor(saved(tmp_path / "a.png", photo.color), green)
+    assert_allclose(model.recolor(view_of(tmp_path / "a.exr"), green), shown, atol=1.1 / 255)
+
+
+def test_several_edits_share_one_view(model, green, photo, tmp_path):
+    ready = model.photo_view(saved(tmp_path / "a.png", photo.color))
+    edits = [green, model.edit(), model.edit().swatch("block", 1, "#ffffff"), replace(green, compositing="paper")]
+    together = [copy.pixels for copy in ready.recolored_by(edits)]
+    assert_array_equal(together, [ready.recolored(edit).pixels for edit in edits])
+    assert_array_equal(together[1], ready.photo.pixels)
+    objects = ready.masks().any(0)
+    assert_array_equal(together[3][~objects], ready.photo.pixels[~objects])
+    assert (together[3][objects] != together[0][objects]).any()
+
+
+def test_at_the_learned_size_the_photo_and_its_pinhole_are_the_same(model, green):
+    view = model.capture.split("test")[0]
+    assert_array_equal(to_bytes(model.recolor(view, green)), to_bytes(model.recolor(view, green, "learned")))
+    plain = model.composite(model.render_view(view), green)
+    assert_array_equal(to_bytes(model.recolor(view, green)), to_bytes(plain))
+
+
+def test_layers_of_a_photo_recolor_it(model, green, photo, tmp_path):
+    from karf_engine.edit.compositing import delta_composite, stack_palettes
+
+    ready = model.photo_view(saved(tmp_path / "a.png", photo.color, 6))
+    layers = ready.layers(np.ones((2, 2)))
+    assert_allclose(layers.palette_weights.sum(1, dtype=np.float32), layers.coverage, atol=4e-3)
+    base, edited = layers.base.astype(np.float32) / 255, stack_palettes(model.objects, green.colors)
+    result = delta_composite(base, layers.palette_weights, model.learned_colors, edited)
+    assert_allclose(result, ready.shown(ready.recolored(green)), atol=1.6 / 255)
+
+
+# ---------------------------------------------------------------------------------------------------------- command line
+def render(learned, tmp_path, *options):
+    return main(["render", str(learned.project), "--out", str(tmp_path / "out"), "--threads", "1", *map(str, options)])
+
+
+@pytest.mark.parametrize(("size", "pixels"), [("photo", 32), ("learned", 32), ("12", 12), ("500", 32)])
+def test_the_command_line_writes_the_size_that_is_asked_for(learned, model, green, tmp_path, size, pixels):
+    green.save(tmp_path / "green.json")
+    assert render(learned, tmp_path, "--views", "test_r_0", "--edit", tmp_path / "green.json", "--size", size) == 0
+    assert read_photo(tmp_path / "out" / "recolor" / "test_r_0.png").shape == (pixels, pixels, 3)
+    assert read_mask(tmp_path / "out" / "masks" / "ball" / "test_r_0.png").shape == (pixels, pixels)
+    assert read_photo(tmp_path / "out" / "render" / "test_r_0.png").shape == (32, 32, 3)
+
+
+@pytest.mark.parametrize("size", ["0", "-3", "huge", "2.5"])
+def test_other_sizes_are_refused(learned, tmp_path, capsys, size):
+    assert render(learned, tmp_path, f"--size={size}") == BadRequest.exit_code
+    assert "is no size" in capsys.readouterr().err
+
+
+def test_only_settings_of_rendering_change_while_rendering(learned, tmp_path, capsys):
+    assert render(learned, tmp_path, "--views", "test_r_0", "--set", "render.edges=field") == 0
+    assert render(learned, tmp_path, "--set", "geometry.long_side=64") == BadRequest.exit_code
+    assert "Only settings of render" in capsys.readouterr().err
+
+
+def test_projects_without_settings_of_rendering_open(learned, tmp_path):
+    import shutil
+
+    from karf_engine.project.state import read_state, write_state
+
+    folder = shutil.copytree(learned.project, tmp_path / "project")
+    state = read_state(folder / "project.json")
+    del state["settings"]["render"]
+    write_state(folder / "project.json", state)
+    assert karf.load(folder, device="cpu").settings.render.edges == "photo"
+
+
+def test_a_camera_is_rendered_with_alpha_and_several_rays_a_pixel(learned, green, tmp_path):
+    camera = camera_at(1.0, 0.5, size=24)
+    write_cameras(tmp_path / "path.json", [View("a", "a", camera, None, "train")])
+    green.save(tmp_path / "green.json")
+    options = ["--views", tmp_path / "path.json", "--edit", tmp_path / "green.json", "--alpha", "--depth"]
+    assert render(learned, tmp_path, *options, "--set", "render.supersampling=3") == 0
+    truth = take_photo(camera)
+    for kind in ("render", "recolor"):
+        picture = read_photo(tmp_path / "out" / kind / "a.png")
+        assert np.abs(picture[..., 3] - truth.alpha).mean() < 0.08
+    shown = read_photo(tmp_path / "out" / "render" / "a.png")
+    solid = truth.alpha == 1
+    assert np.abs(shown[solid][:, :3] - truth.color[solid]).mean() < 0.1
+    depth = np.load(tmp_path / "out" / "depth" / "a.npy")
+    assert depth.shape == (24, 24) and 2.4 < np.median(depth[truth.labels == 1]) < 3.8
+
+
+def test_bands_of_rows_are_the_whole_picture(model, monkeypatch):
+    camera = camera_at(1.0, 0.5, size=24)
+    whole = model.render(camera, 2)
+    monkeypatch.setattr("karf_engine.frames.BAND_RAYS", 24 * 2 * 2 * 5)
+    bands = model.render(camera, 2)
+    for name in ("color", "depth", "opacity", "probabilities", "palette_weights", "base"):
+        assert_allclose(getattr(bands, name), getattr(whole, name), atol=1e-4)
+
+
+def test_settings_of_rendering_are_in_no_fingerprint(learned):
+    from karf_engine.project import STAGE_ORDER, Project
+
+    state = json.loads((learned.project / "project.json").read_text())
+    assert "render" in state["settings"] and "render" not in STAGE_ORDER
+    assert all("edges" not in Project(learned.project).finished(stage)["settings"] for stage in STAGE_ORDER)
