@@ -14,7 +14,8 @@ import numpy as np
 
 from .edit.palette import Edit, Palette
 from .errors import BadRequest
-from .images import oriented
+from .handover.layers import Layers
+from .images import BACK, oriented, turned
 from .matting.matte import Matte
 from .matting.refine import NEGLIGIBLE
 from .palette.star_weights import palette_weights_of_image, star_weights
@@ -67,34 +68,39 @@ class PhotoView:
             result[:, rows, columns] = self._winners(rows, columns)
         return result
 
-    def base(self) -> np.ndarray:
-        """The photo as its camera sees it, on white where it is transparent: uint8, of deep photos float32, [H, W, 3]."""
-        is_deep = self.photo.pixels.dtype != np.uint8
-        return self.shown(self.photo) if is_deep else oriented(self.photo.shown(), self.orientation)
-
-    def planes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Coverage [K, H, W] and palette weights times coverage [K, M, H, W], float16, as the camera sees them."""
-        width, height = self.photo.size
-        most = max(len(palette.colors) for palette in self.palettes)
-        result = np.zeros((len(self.mattes), 1 + most, height, width), np.float16)
-        for rows, columns in self._bands(self.mattes):
-            coverages = self._coverages(rows, columns)
-            result[:, 0, rows, columns] = coverages
-            for own, palette, matte, coverage in zip(result, self.palettes, self.mattes, coverages, strict=True):
-                inside = coverage > 0
-                if inside.any():
-                    weights = _weights(self._own_colors(matte, rows, columns, inside), palette).T * coverage[inside]
-                    own[1 : 1 + len(weights), rows, columns][:, inside] = weights
-        if self.orientation != 1:
-            result = np.stack([[oriented(plane, self.orientation) for plane in own] for own in result])
-        return result[:, 0], result[:, 1:]
-
     def shown(self, photo: StoredPhoto) -> np.ndarray:
         """An edited copy as its camera sees it, on white where it is transparent: float32 sRGB [H, W, 3]."""
         colors, alpha = photo.colors(), photo.alpha()
         if alpha is not None:
             colors = colors * alpha[..., None] + (1 - alpha[..., None])
         return oriented(colors, self.orientation)
+
+    def layers(self, depth: np.ndarray) -> Layers:
+        """The photo in layers, as its camera sees it, on white where it is transparent.
+
+        depth: [h, w] along the optical axis in the camera's grid, of any size; each pixel takes the nearest one, as what
+        lies between two surfaces is on neither.
+        """
+        is_deep = self.photo.pixels.dtype != np.uint8
+        base = self.shown(self.photo) if is_deep else turned(self.photo.shown(), self.orientation)
+        height, width = base.shape[:2]
+        coverage = np.zeros((len(self.palettes), height, width), np.float16)
+        most = max(len(palette.colors) for palette in self.palettes)
+        weights = np.zeros((len(self.palettes), most, height, width), np.float16)
+        for rows, columns in self._bands(self.mattes):
+            coverages, alpha = self._coverages(rows, columns), self.photo.alpha(rows, columns)
+            coverages = coverages if alpha is None else np.minimum(coverages, alpha)
+            for k, covered, shares in self._shares(rows, columns, coverages):
+                inside = covered > 0
+                self._as_stored(coverage[k])[rows, columns] = covered
+                for plane, share in zip(weights[k], shares.T, strict=False):  # small palettes have fewer
+                    self._as_stored(plane)[rows, columns][inside] = covered[inside] * share
+        nearest = (_nearest(*sides) for sides in zip(depth.shape, (height, width), strict=True))
+        return Layers(tuple(self.palettes), base, coverage, weights, depth[np.ix_(*nearest)])
+
+    def _as_stored(self, plane: np.ndarray) -> np.ndarray:
+        """The camera's grid seen as the stored one."""
+        return turned(plane, BACK.get(self.orientation, self.orientation))
 
     def _bands(self, mattes: Sequence[Matte]) -> Iterator[tuple[slice, slice]]:
         """Bands of rows of the box round all objects."""
@@ -130,11 +136,8 @@ class PhotoView:
         if alpha is not None:  # a matte's coverage counts what is seen through the pixel, colors are straight
             coverages = np.divide(coverages, alpha, out=np.zeros_like(coverages), where=alpha > 0).clip(0, 1)
         changes = [np.zeros((*coverages.shape[1:], 3), np.float32) for _ in edits]
-        for palette, matte, coverage, wins in zip(self.palettes, self.mattes, coverages, winners, strict=True):
-            inside = coverage > 0
-            if not inside.any():
-                continue
-            weights = _weights(self._own_colors(matte, rows, columns, inside), palette)
+        for k, coverage, weights in self._shares(rows, columns, coverages):
+            palette, wins, inside = self.palettes[k], winners[k], coverage > 0
             for edit, change in zip(edits, changes, strict=True):
                 edited = edit.colors[palette.name]
                 if edit.compositing == "paper":
@@ -143,6 +146,15 @@ class PhotoView:
                 elif (edited != palette.colors).any():
                     change[inside] += coverage[inside][:, None] * (weights @ (edited - palette.colors))
         return changes
+
+    def _shares(
+        self, rows: slice, columns: slice, coverages: np.ndarray
+    ) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+        """Of each object in a band: its number, its coverage [h, w], and the weights [n, M] of its colors where it is."""
+        for k, (palette, matte, coverage) in enumerate(zip(self.palettes, self.mattes, coverages, strict=True)):
+            inside = coverage > 0
+            if inside.any():
+                yield k, coverage, _weights(self._own_colors(matte, rows, columns, inside), palette)
 
     def _own_colors(self, matte: Matte, rows: slice, columns: slice, inside: np.ndarray) -> np.ndarray:
         """Own colors of an object in the pixels of a band that it covers: uint8 [n, 3], of deep photos float in [0, 1]."""
@@ -154,6 +166,11 @@ class PhotoView:
         left, right = (side - columns.start for side in matte.columns)
         own = own[inside[top - rows.start : bottom - rows.start, left:right]]
         return own if own.dtype == np.uint8 else own / 255
+
+
+def _nearest(few: int, many: int) -> np.ndarray:
+    """Which of few pixels in a row the center of each of many lies in."""
+    return ((np.arange(many) + 0.5) * few / many).astype(np.intp)
 
 
 def _weights(colors: np.ndarray, palette: Palette) -> np.ndarray:

@@ -109,13 +109,18 @@ def _read_deep(path: Path) -> np.ndarray:
 
 def oriented(pixels: np.ndarray, orientation: int) -> np.ndarray:
     """Stored pixels [H, W, ..] as a viewer shows them (Exif 2.3, tag 0x0112)."""
+    return np.ascontiguousarray(turned(pixels, orientation))
+
+
+def turned(pixels: np.ndarray, orientation: int) -> np.ndarray:
+    """The same without a copy: what is written there is written to the stored pixels."""
     if orientation >= 5:
         pixels = pixels.swapaxes(0, 1)
     if orientation in (2, 3, 6, 7):
         pixels = pixels[:, ::-1]
     if orientation in (3, 4, 7, 8):
         pixels = pixels[::-1]
-    return np.ascontiguousarray(pixels)
+    return pixels
 
 
 def _read_exr(path: Path, header: ImageHeader) -> np.ndarray:

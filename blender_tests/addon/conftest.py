@@ -26,6 +26,7 @@ MODULES = {
     "rig": "camera_paths cameras frames lens placement points reprojection",
     "swatches": "edits palettes planes recolor",
     "tasks": "ownership runner task",
+    "compositor": "group",
     "operators": "colorways",
     "panels": "sidebar",
 }

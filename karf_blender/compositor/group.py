@@ -4,6 +4,7 @@ It computes what the engine does, in display sRGB: base + sum of weight x (color
 the picture are scene-linear, as everywhere in the compositor.
 """
 
+import zlib
 from collections.abc import Sequence
 
 import bpy
@@ -14,11 +15,20 @@ from ..host import compat
 DISPLAY = "sRGB"
 BASE = "Image"
 COLUMN, ROW = 190.0, 200.0  # distances of nodes
+LONGEST = 48  # bytes of a name to which others are added: Blender cuts at 63
 
 
 def swatch_socket(name: str, index: int) -> str:
     """What the socket of an object's swatch is called; swatches count from 1, as black stays black."""
-    return f"{name} {index}"
+    return f"{short(name)} {index}"
+
+
+def short(name: str) -> str:
+    """The name, or what is as good where Blender would cut it: its begin and its checksum."""
+    encoded = name.encode()
+    if len(encoded) <= LONGEST:
+        return name
+    return f"{encoded[: LONGEST - 9].decode(errors='ignore')} {zlib.crc32(encoded):08x}"
 
 
 def fill(tree: bpy.types.NodeTree, objects: Sequence[ObjectLayers]) -> None:

@@ -60,7 +60,7 @@ def build(
 
 def node_name(view: str) -> str:
     """What the group's node of a view is called."""
-    return f"KaRF {view}"
+    return f"KaRF {group.short(view)}"
 
 
 def find(scene: bpy.types.Scene, view: str) -> bpy.types.Node | None:

@@ -16,7 +16,7 @@ from ..files import atomic_write
 from ..finishing import PhotoView
 from ..frames import Frame, with_alpha
 from ..handover.layers import Layers, write_layers
-from ..images import resize, write_png
+from ..images import write_png
 from ..model import Model
 from ..photos import suffix_for, write_mask, write_photo
 from .job import Job
@@ -91,7 +91,8 @@ class _Files:
         if self.edit is not None:
             write_png(self._path("recolor", ".png"), _cut_out(self.model.composite(frame, self.edit), frame, behind))
         if self.job.options.get("layers"):
-            self._layers(frame.base, frame.probabilities, frame.palette_weights, frame.depth)
+            layers = Layers(self.model.palettes, frame.base, frame.probabilities, frame.palette_weights, frame.depth)
+            write_layers(self._path("layers", ".exr"), layers)
 
     def _photo(self, finished: PhotoView) -> None:
         """The same in the photo's own pixels."""
@@ -102,12 +103,7 @@ class _Files:
             write_photo(self._path("recolor", suffix), finished.recolored(self.edit))
         if self.job.options.get("layers"):
             depth = self.model.look(self.model.working_camera(self.view)).depth
-            self._layers(finished.base(), *finished.planes(), depth)
-
-    def _layers(self, base: np.ndarray, coverage: np.ndarray, weights: np.ndarray, depth: np.ndarray) -> None:
-        height, width = base.shape[:2]
-        whole = resize(depth, width, height) if depth.shape != (height, width) else depth
-        write_layers(self._path("layers", ".exr"), Layers(self.model.palettes, base, coverage, weights, whole))
+            write_layers(self._path("layers", ".exr"), finished.layers(depth))
 
     def _planes(self, frame: Frame) -> None:
         planes = Planes(

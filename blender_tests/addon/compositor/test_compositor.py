@@ -1,5 +1,6 @@
 """The compositor: mattes that Blender's own node reads, and nodes that recompose what the engine recolors."""
 
+import shutil
 import subprocess
 import sys
 
@@ -182,6 +183,15 @@ def test_built_again_it_is_the_same_node_with_the_same_links(bpy, addon, learned
     assert (len(compositor.nodes), len(bpy.data.node_groups), len(bpy.data.images)) == count
 
 
+def test_names_that_blender_would_cut_stay_apart(bpy, addon, compositor, layers_file, tmp_path):
+    views = ["very " * 15 + end for end in ("long", "lengthy")]
+    for view in views:
+        shutil.copy(layers_file, tmp_path / f"{view}.exr")
+    nodes = [addon.headless.build_compositor(layers=tmp_path / f"{view}.exr") for view in views]
+    again = [addon.headless.build_compositor(layers=tmp_path / f"{view}.exr") for view in views]
+    assert nodes == again and nodes[0] != nodes[1]
+
+
 def test_layers_of_other_palettes_do_not_follow_the_swatches(bpy, addon, learned, compositor, layers_file):
     learned.karf.objects["pot"].swatches[1].learned = (0.1, 0.1, 0.1)
     node = addon.headless.build_compositor(layers=layers_file, driven=True)
@@ -194,3 +204,14 @@ def test_a_picture_without_layers_is_refused(bpy, addon, learned, tmp_path):
     (tmp_path / "none.exr").write_bytes(b"\x76\x2f\x31\x01" + bytes(20))
     with pytest.raises(addon.engine_api.DataError, match="holds no layers of KaRF"):
         addon.headless.build_compositor(layers=tmp_path / "none.exr")
+
+
+def test_objects_of_long_names_have_sockets_of_their_own(bpy, addon, compositor):
+    colors, names = np.zeros((2, 3)), ["鍋" * 60 + end for end in "ab"]
+    layers = [addon.engine_api.ObjectLayers(n, f"{n[-1]}_all", (f"{n[-1]}_0", f"{n[-1]}_1"), colors) for n in names]
+    tree = bpy.data.node_groups.new("long", "CompositorNodeTree")
+    addon.group.fill(tree, layers)
+    node = compositor.nodes.new("CompositorNodeGroup")
+    node.node_tree = tree
+    sockets = [node.inputs[addon.group.swatch_socket(name, 1)] for name in names]
+    assert len({socket.identifier for socket in sockets}) == 2

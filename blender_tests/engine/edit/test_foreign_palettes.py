@@ -122,23 +122,6 @@ def test_what_is_no_small_file_is_refused(tmp_path: Path, name: str) -> None:
         read_edit_file(tmp_path / name, [POT])
 
 
-@pytest.mark.parametrize("suffix", [".gpl", ".ase"])
-def test_no_damage_makes_anything_but_a_data_error_or_colors(tmp_path: Path, suffix: str) -> None:
-    path = tmp_path / f"edit{suffix}"
-    write_edit_file(path, EDIT)
-    whole, random = bytearray(path.read_bytes()), np.random.default_rng(5)
-    for _ in range(500):
-        damaged = whole[: random.integers(len(whole) // 2, len(whole) + 1)]
-        for position in random.integers(0, len(damaged), 2):
-            damaged[position] = random.integers(0, 256)
-        path.write_bytes(damaged)
-        try:
-            edit = read_edit_file(path, [POT, MUG])
-        except DataError:
-            continue
-        assert all(((colors >= 0) & (colors <= 1)).all() and not colors[0].any() for colors in edit.colors.values())
-
-
 def test_what_is_no_palette_file_is_read_as_json(tmp_path: Path) -> None:
     write_edit_file(tmp_path / "edit.JSON", EDIT)
     np.testing.assert_array_equal(read_edit(tmp_path / "edit.JSON", [POT, MUG]).colors["pot"], EDIT.colors["pot"])

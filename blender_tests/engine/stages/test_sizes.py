@@ -151,14 +151,14 @@ def test_at_the_learned_size_the_photo_and_its_pinhole_are_the_same(model, green
     assert_array_equal(to_bytes(model.recolor(view, green)), to_bytes(plain))
 
 
-def test_planes_of_a_photo_recolor_it(model, green, photo, tmp_path):
+def test_layers_of_a_photo_recolor_it(model, green, photo, tmp_path):
     from karf_engine.edit.compositing import delta_composite, stack_palettes
 
     ready = model.photo_view(saved(tmp_path / "a.png", photo.color, 6))
-    coverage, weights = ready.planes()
-    assert_allclose(weights.sum(1, dtype=np.float32), coverage, atol=4e-3)
-    base = ready.base().astype(np.float32) / 255
-    result = delta_composite(base, weights, model.learned_colors, stack_palettes(model.objects, green.colors))
+    layers = ready.layers(np.ones((2, 2)))
+    assert_allclose(layers.palette_weights.sum(1, dtype=np.float32), layers.coverage, atol=4e-3)
+    base, edited = layers.base.astype(np.float32) / 255, stack_palettes(model.objects, green.colors)
+    result = delta_composite(base, layers.palette_weights, model.learned_colors, edited)
     assert_allclose(result, ready.shown(ready.recolored(green)), atol=1.6 / 255)
 
 

@@ -20,8 +20,10 @@ from karf_engine.capture.capture import capture_to_json
 from karf_engine.capture.image_size import image_header
 from karf_engine.capture.ply import read_points
 from karf_engine.edit.compositing import read_planes
+from karf_engine.edit.layers import read_layer_names
 from karf_engine.edit.object_colors import read_object_colors
 from karf_engine.edit.palette import read_edit, read_palettes
+from karf_engine.edit.palette_files import read_edit_file
 from karf_engine.errors import KarfError
 from karf_engine.fields.nerf.files import read_nerf
 from karf_engine.heads.files import load_surface
@@ -119,6 +121,10 @@ def photo(path: Path) -> None:
 
 def edit(path: Path) -> None:
     read_edit(path, read_palettes(path.with_name("palette.json")))
+
+
+def swatches(path: Path) -> None:
+    read_edit_file(path, samples.SWATCHES)
 
 
 def state(path: Path) -> None:
@@ -233,6 +239,9 @@ def readers(project: Path | None) -> list[Reader]:
         Reader("EXR", samples.exr, ("zip.exr", "plain.exr"), mutate.mutate_bytes, photo),
         Reader("mask", samples.png, ("plain.png", "alpha.png", "palette.png", "deep_gray.png"), mutate.mutate_bytes,
                read_mask),
+        Reader("GIMP palette", samples.swatches, ("swatches.gpl",), mutate.mutate_text, swatches),
+        Reader("Adobe swatches", samples.swatches, ("swatches.ase",), mutate.mutate_bytes, swatches),
+        Reader("layers", samples.layers, ("view.exr",), mutate.mutate_bytes, read_layer_names),
         Reader("NeRF, torch.save", samples.nerfs, ("zip.tar", "legacy.tar"), mutate.mutate_bytes, read_nerf),
         Reader("NeRF, pickled npy", samples.nerfs, ("model_000001.npy",), mutate.mutate_bytes, read_bmild),
         Reader("request.json", samples.request, ("request.json",), mutate.mutate_json, read_request),

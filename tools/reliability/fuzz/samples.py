@@ -17,7 +17,10 @@ from PIL import Image
 import karf_engine as karf
 from blender_tests.engine.reference import capture_files, checkpoints
 from blender_tests.engine.reference.still_life import cameras, write_capture, write_masks
+from karf_engine.edit.palette import Edit, Palette
+from karf_engine.edit.palette_files import write_edit_file
 from karf_engine.fields.nerf.field import NerfNetwork, NerfShape
+from karf_engine.handover.layers import Layers, write_layers
 from karf_engine.wire import Event, Request
 
 from ..faults.bench import MASKED_VIEWS, N_PHOTOS, SETTINGS, SIZE
@@ -126,6 +129,21 @@ def exr(folder: Path) -> None:
         header = {"compression": compression, "type": OpenEXR.scanlineimage}
         pixels = (_pixels(len(channels)) / 255).astype(kind)
         OpenEXR.File(header, {channels: pixels}).write(str(folder / f"{name}.exr"))
+
+
+# ------------------------------------------------------------------------------------------------- given to other programs
+SWATCHES = tuple(Palette(name, np.array([[0, 0, 0], [0.75, 0.25, 0.5]], np.float32)) for name in ("pot", "my mug"))
+
+
+def swatches(folder: Path) -> None:
+    edit = Edit({palette.name: palette.colors for palette in SWATCHES})
+    for suffix in (".gpl", ".ase"):
+        write_edit_file(folder / f"swatches{suffix}", edit)
+
+
+def layers(folder: Path) -> None:
+    weights = np.full((2, 2, 6, 8), 0.25, np.float16)
+    write_layers(folder / "view.exr", Layers(SWATCHES, _pixels(), weights.sum(1), weights))
 
 
 # ---------------------------------------------------------------------------------------------------- other programs' NeRFs
