@@ -119,6 +119,11 @@ def _parser() -> argparse.ArgumentParser:
                       "photo; with the preset paper: render)")  # fmt: skip
     verb.add_argument("--depth", action="store_true", help="write depth/ too")
     verb.add_argument("--planes", action="store_true", help="write planes/ too (what Blender recolors from)")
+    verb.add_argument("--format", choices=("png8", "png16", "exr16", "exr32"), default="png8", help="of recolored frames "
+                      "of new cameras (default: %(default)s)")  # fmt: skip
+    verb.add_argument(
+        "--alpha", action="store_true", help="leave out what is behind, in recolored frames of new cameras"
+    )
     verb.add_argument("--skip-existing", action="store_true", help="keep frames that are there already, made from the "
                       "same: goes on where a job was stopped")  # fmt: skip
 
@@ -212,7 +217,10 @@ def _match(options: argparse.Namespace) -> int:
 
 
 def _render(options: argparse.Namespace) -> int:
-    chosen = {name: getattr(options, name) for name in ("views", "edit", "base", "depth", "planes", "skip_existing")}
+    chosen = {
+        name: getattr(options, name)
+        for name in ("views", "edit", "base", "depth", "planes", "format", "alpha", "skip_existing")
+    }
     library.render(options.project, options.out, **chosen, **_run_of(options))
     return 0
 

@@ -129,6 +129,8 @@ def render(
     base: str | None = None,
     depth: bool = False,
     planes: bool = False,
+    format: str = "png8",
+    alpha: bool = False,
     skip_existing: bool = False,
     **run: Unpack[Run],
 ) -> None:
@@ -143,13 +145,16 @@ def render(
             compositing the rendering.
         depth: write OUT/depth too, float32 .npy along the optical axis, world units.
         planes: write OUT/planes too, what Blender recolors from.
+        format: of recolored frames of cameras without photos: `png8`, `png16`, `exr16` or `exr32` (scene-linear).
+        alpha: leave out of these frames what is behind all that is solid.
         skip_existing: keep frames that an earlier call has finished with the same model, camera, edit and arguments.
         **run: see the module's docstring.
 
     Raises:
         KarfError: a view or an object of the edit is unknown, or what they need is not learned.
     """
-    options = {"out": str(out), "views": views, "depth": depth, "planes": planes, "skip_existing": skip_existing}
+    options = {"out": str(out), "views": views, "depth": depth, "planes": planes, "alpha": alpha}
+    options |= {"format": format, "skip_existing": skip_existing}
     options |= {name: str(value) for name, value in (("edit", edit), ("base", base)) if value is not None}
     _run("render", project, options, run)
 

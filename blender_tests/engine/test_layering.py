@@ -9,7 +9,7 @@ FLOORS = (
     ("files", "npz", "settings"),
     ("wire", "capture", "progress", "runtime"),
     ("images", "edit", "checkpoints", "kan"),
-    ("plates", "palette", "project", "contact_sheet"),
+    ("plates", "palette", "project", "contact_sheet", "frame_files"),
     ("locking", "training", "rendering", "poses", "metrics"),
     ("fields",),
     ("heads",),

@@ -13,6 +13,12 @@ from ..swatches import palettes, recolor
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
 
+# the engine's names of what Blender's output panel calls file format and color depth
+FORMATS = {
+    "PNG": {"8": "png8", "16": "png16", "32": "png16"},
+    "OPEN_EXR": {"8": "exr16", "16": "exr16", "32": "exr32"},
+}
+
 
 def task(scene: bpy.types.Scene, title: str, *jobs: tuple[str, dict]) -> Task:
     """A task of the scene's project: pairs of a stage and its options, run in a row."""
@@ -35,7 +41,8 @@ def planes(views: str) -> tuple[str, dict]:
 def pictures(scene: bpy.types.Scene, views: str, edit: str | list[str], out: Path, base: str) -> tuple[str, dict]:
     """The job that recolors views, on their photos (base `photo`) or on what the engine renders (`render`)."""
     options = {"views": views, "edit": edit, "out": str(out), "planes": False, "depth": False, "base": base}
-    return "render", options | {"skip_existing": scene.karf.skip_existing}
+    karf, kind = scene.karf, FORMATS[scene.karf.file_format][scene.karf.color_depth]
+    return "render", options | {"skip_existing": karf.skip_existing, "format": kind, "alpha": karf.color_mode == "RGBA"}
 
 
 def import_results(owner: Owner, request: Request) -> None:

@@ -61,6 +61,12 @@ class Scene:
         return torch.full_like(viewdirs, 1.0 if self.background_kind in ("alpha", "white") else 0.0)
 
     @torch.no_grad()
+    def behind_view(self, camera: Camera) -> Tensor:
+        """What a pinhole camera sees where nothing is solid, [H, W, 3] sRGB in [0, 1]."""
+        behind = self.behind(camera_rays(camera, self.field.bounds.device).viewdirs)
+        return behind.clamp(0, 1).view(camera.height, camera.width, 3)
+
+    @torch.no_grad()
     def render(self, camera: Camera, n_quantiles: int) -> Picture:
         """Render all pixels of a pinhole camera. Not differentiable.
 

@@ -3,11 +3,12 @@
 Options: views (train | test | val | all | name,name | CAMERAS.json), edit (EDIT.json, or a list with one for each view,
 in their order), out (folder), base (photo | render, for captured views; by default the photo, with the paper's
 compositing the render, as there), planes, depth, skip_existing (bools; the last keeps frames that are there already,
-made from the same). Writes
+made from the same); of cameras without photos also format (png8 | png16 | exr16 | exr32) and alpha (bool) of what is
+recolored. Writes
 
     OUT/render/<view>.png            the scene as learned
     OUT/masks/<object>/<view>.png    0 or 255
-    OUT/recolor/<view>.png           the edited base picture
+    OUT/recolor/<view>.png           the edited base picture; .exr where that is asked for
     OUT/depth/<view>.npy             float32 along the optical axis, world units, 0 where empty
     OUT/planes/<view>.npz            edit planes; of captured views also in the project, where Blender finds them
     OUT/finished.jsonl               what each frame was made from
@@ -27,6 +28,7 @@ from ..edit.compositing import Planes, write_planes
 from ..edit.palette import Edit, Palette, read_edit
 from ..errors import BadRequest
 from ..files import atomic_write
+from ..frame_files import FORMATS, cut_out, write_frame
 from ..images import write_png
 from ..locking import consistent, opened, writing
 from ..model import Frame, Model
@@ -54,6 +56,8 @@ def _render(job: Job, model: Model) -> None:
         job.project.require("recoloring")
     if not options.get("out") and not options.get("planes"):
         raise BadRequest("The render stage was given nowhere to write.", "Name a folder with --out.")
+    if options.get("format", "png8") not in FORMATS:
+        raise BadRequest(f"Unknown format {options['format']!r:.200}.", f"Use one of: {', '.join(FORMATS)}.")
     views, captured = select_views(job, options.get("views", "test"))
     edits = read_edits(options.get("edit"), views, model.palettes, job.settings.compositing)
     frames = unfinished_frames(job, views, edits)
@@ -62,7 +66,7 @@ def _render(job: Job, model: Model) -> None:
     progress.resume_at(len(views) - len(frames.todo))
     for view, edit, mark in frames.todo:
         frame = model.render_view(view, options.get("base")) if captured else model.render(view.camera)
-        files = _write_frame(job, Path(options["out"]), view.name, frame, model, edit) if options.get("out") else []
+        files = _write_frame(job, Path(options["out"]), view, frame, model, edit) if options.get("out") else []
         if options.get("planes"):
             files += _write_planes(job, view, frame, model, captured)
         frames.note(view.name, mark, files)
@@ -88,16 +92,28 @@ def read_edits(
     return [known.get(path) for path in paths]
 
 
-def _write_frame(job: Job, out: Path, name: str, frame: Frame, model: Model, edit: Edit | None) -> list[Path]:
+def _write_frame(job: Job, out: Path, view: View, frame: Frame, model: Model, edit: Edit | None) -> list[Path]:
     """Write what is asked for of a frame; returns its files."""
+    name = view.name
     files = [_png(out / "render" / f"{name}.png", frame.color)]
     files += [_png(out / "masks" / k / f"{name}.png", mask) for k, mask in zip(model.objects, frame.masks, strict=True)]
     if edit is not None:
-        files.append(_png(out / "recolor" / f"{name}.png", model.composite(frame, edit)))
+        files.append(_recolor(job, out / "recolor" / view.name, view, frame, model, edit))
     if job.options.get("depth"):
         files.append(out / "depth" / f"{name}.npy")
         atomic_write(files[-1], lambda temporary: np.save(temporary, frame.depth))
     return files
+
+
+def _recolor(job: Job, path: Path, view: View, frame: Frame, model: Model, edit: Edit) -> Path:
+    """Write the recolored picture, of a camera without a photo in the kind and with the alpha that are asked for."""
+    picture, kind = model.composite(frame, edit), job.options.get("format", "png8")
+    if view.image is not None:
+        return write_frame(path, picture, None, "png8")
+    if not job.options.get("alpha"):
+        return write_frame(path, picture, None, kind)
+    behind = model.scene.behind_view(view.camera.without_distortion()).cpu().numpy()
+    return write_frame(path, cut_out(picture, frame.opacity, behind), frame.opacity, kind)
 
 
 def _png(path: Path, picture: np.ndarray) -> Path:

@@ -77,3 +77,19 @@ def test_the_buttons_wait_for_frames(bpy, addon, learned):
 def test_a_folder_without_frames_is_told(addon, learned, tmp_path):
     with pytest.raises(addon.engine_api.BadRequest, match="There are no frames in"):
         addon.headless.add_strip(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("file_format", "depth", "mode", "expected"),
+    [
+        ("PNG", "8", "RGB", ("png8", False)),
+        ("PNG", "16", "RGBA", ("png16", True)),
+        ("OPEN_EXR", "16", "RGBA", ("exr16", True)),
+        ("OPEN_EXR", "32", "RGB", ("exr32", False)),
+    ],
+)
+def test_the_engine_is_asked_for_the_chosen_output(addon, learned, tmp_path, file_format, depth, mode, expected):
+    learned.karf.file_format, learned.karf.color_depth, learned.karf.color_mode = file_format, depth, mode
+    (request,) = addon.steps.render_camera(learned, None, [1]).requests
+    assert (request.options["format"], request.options["alpha"]) == expected
+    request.check_options()

@@ -17,7 +17,8 @@ from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.capture import write_cameras
 from karf_engine.capture.capture import View
 from karf_engine.edit.palette import Edit, write_edit
-from karf_engine.errors import Cancelled
+from karf_engine.errors import BadRequest, Cancelled
+from karf_engine.images import read_photo
 from karf_engine.model import Model
 from karf_engine.project import Project
 from karf_engine.stages.finished_frames import NOTE, FinishedFrames
@@ -139,6 +140,20 @@ def test_progress_counts_what_was_there_already(sequence):
     steps = []
     sequence.render(emit=lambda event, **values: steps.append(values) if event == "progress" else None)
     assert [(step["step"], step["total"]) for step in steps] == [(4, 4)]
+
+
+def test_frames_of_a_camera_may_be_deep_and_transparent(sequence):
+    sequence.render()
+    opaque = read_photo(sequence.out / "recolor" / "f_001.png")
+    karf.render(sequence.project, sequence.out, views=str(sequence.cameras), edit=sequence.edit, threads=1, device="cpu",
+                format="exr16", alpha=True)  # fmt: skip
+    clear = read_photo(sequence.out / "recolor" / "f_001.exr")
+    alpha = clear[..., 3:]
+    assert alpha.min() < 0.05 and alpha.max() > 0.95
+    # behind the still life is black
+    np.testing.assert_allclose(clear[..., :3] * alpha, opaque, atol=0.01)
+    with pytest.raises(BadRequest, match="Unknown format 'gif'"):
+        sequence.render(format="gif")
 
 
 def test_the_note_says_what_each_frame_was_made_from(sequence):
