@@ -1,6 +1,7 @@
 """The Blender side: cameras, swatches and pictures. It runs the engine in its own process and never imports torch."""
 
 from . import operators, panels, preferences, properties
+from .compositor import drivers
 from .host import rendering
 from .pictures import chips
 from .project import disk, saving
@@ -16,6 +17,7 @@ MODULES = (
     chips,
     recolor,
     saving,
+    drivers,
     reprojection,
     disk,
     ownership,

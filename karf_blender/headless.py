@@ -233,6 +233,28 @@ def render_sequence(
     return steps.camera_folder(scene, camera) / "recolor"
 
 
+def build_compositor(
+    view: str = "", layers: str | Path | None = None, driven: bool = False, scene: bpy.types.Scene | None = None
+) -> bpy.types.Node:
+    """Recolor a view by nodes in the scene's compositor, with a color socket for each swatch.
+
+    Args:
+        view: Name of a captured view; default: the active one.
+        layers: A layered picture that the engine has written already, of any camera; then no view is rendered.
+        driven: Whether the sockets follow the scene's swatches; else they begin with them and can be set by hand.
+        scene: Default: the context's.
+
+    Returns:
+        The group's node.
+    """
+    scene = _scene(scene)
+    if layers is not None:
+        return steps.place_layers(scene, Path(layers).absolute(), driven)
+    task = steps.build_compositor(scene, view, driven)
+    runner.wait(task)
+    return steps.compositor_node(scene, view)
+
+
 def colorways(
     sheet: str | Path,
     views: str = "all",

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .capture.capture import Capture, View
     from .edit.palette import Edit, Palette, read_edit, write_edit
     from .errors import KarfError
+    from .frames import Frame
     from .library import (
         colorways,
         extract_palettes,
@@ -32,14 +33,14 @@ if TYPE_CHECKING:
         render,
         segment,
     )
-    from .model import Frame, Model
+    from .model import Model
     from .settings import PRESETS, Settings
 
 _HOME = {  # name -> the module that defines it
     "Camera": "capture.camera",
     "Capture": "capture.capture",
     "Edit": "edit.palette",
-    "Frame": "model",
+    "Frame": "frames",
     "KarfError": "errors",
     "Model": "model",
     "PRESETS": "settings",

@@ -14,11 +14,12 @@ from importlib import metadata
 from pathlib import Path
 
 from . import library
-from .errors import Cancelled, DataError, KarfError, MissingDependency
+from .errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency
 from .failures import known_failure
 from .files import read_json
 from .progress import Emit, TerminalEmit
 from .project import STAGE_ORDER, Project
+from .project.edit import edit_of
 from .settings import PRESETS, describe
 from .stages.dispatch import run_request
 from .version import __version__
@@ -90,9 +91,15 @@ def _parser() -> argparse.ArgumentParser:
     verb.add_argument("project", metavar="DIR", help="project folder")
     verb.add_argument("--masks", required=True, metavar="DIR", help="coarse masks: DIR/<object>/<photo stem>.png")
 
-    verb = _verb(verbs, "palette", "extract palettes; with --json only print the learned ones", _extract_palettes)
+    verb = _verb(
+        verbs, "palette", "extract palettes; with --json or --out only show the learned ones", _extract_palettes
+    )
     verb.add_argument("project", metavar="DIR", help="project folder")
     verb.add_argument("--json", action="store_true", help="print the palettes as JSON; nothing is computed")
+    verb.add_argument(
+        "--out", metavar="FILE", help="write their colors as .gpl, .ase or EDIT.json; nothing is computed"
+    )
+    verb.add_argument("--edit", metavar="FILE", help="of --out: the colors that an edit or a palette file gives them")
 
     verb = _verb(verbs, "recoloring", "learn palette weights", _learn_recoloring)
     verb.add_argument("project", metavar="DIR", help="project folder")
@@ -113,17 +120,20 @@ def _parser() -> argparse.ArgumentParser:
         "--views", default="test", help="train, test, val, all, names with commas, or CAMERAS.json (transforms.json "
         "with sizes) (default: %(default)s)",
     )  # fmt: skip
-    verb.add_argument("--edit", metavar="FILE", help="EDIT.json: write recolored frames too")
+    verb.add_argument("--edit", metavar="FILE", help="EDIT.json, or a palette file: write recolored frames too")
     verb.add_argument("--out", required=True, metavar="DIR", help="folder for render/, masks/, recolor/")
     verb.add_argument("--base", choices=("photo", "render"), help="what an edit of a captured view changes (default: "
                       "photo; with the preset paper: render)")  # fmt: skip
+    verb.add_argument("--size", default="photo", help="of masks and recolored pictures of captured views: photo (all its "
+                      "pixels), learned, or the long side in pixels (default: %(default)s)")  # fmt: skip
+    verb.add_argument("--jpeg", action="store_true", help="write recolored JPEG photos as JPEG, not as PNG")
+    verb.add_argument("--alpha", action="store_true", help="renderings without what is behind the scene, with alpha")
+    verb.add_argument("--format", choices=("png8", "png16", "exr16", "exr32"), default="png8", help="of recolored "
+                      "frames of new cameras; exr is scene-linear (default: %(default)s)")  # fmt: skip
     verb.add_argument("--depth", action="store_true", help="write depth/ too")
     verb.add_argument("--planes", action="store_true", help="write planes/ too (what Blender recolors from)")
-    verb.add_argument("--format", choices=("png8", "png16", "exr16", "exr32"), default="png8", help="of recolored frames "
-                      "of new cameras (default: %(default)s)")  # fmt: skip
-    verb.add_argument(
-        "--alpha", action="store_true", help="leave out what is behind, in recolored frames of new cameras"
-    )
+    _add_overrides(verb, "change one setting of render, as render.edges=field; may be repeated")
+    verb.add_argument("--layers", action="store_true", help="write layers/ too (OpenEXR for compositors)")
     verb.add_argument("--skip-existing", action="store_true", help="keep frames that are there already, made from the "
                       "same: goes on where a job was stopped")  # fmt: skip
 
@@ -157,12 +167,15 @@ def _verb(verbs, name: str, text: str, action: Callable) -> argparse.ArgumentPar
 def _add_geometry_options(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("capture", metavar="CAPTURE", help="folder or transforms.json with photos and camera poses")
     verb.add_argument("--preset", default="demo", choices=tuple(PRESETS), help="quality against time (default: demo)")
-    verb.add_argument(
-        "--set", dest="overrides", action="append", default=[], metavar="STAGE.FIELD=VALUE",
-        help="change one setting (see the settings verb); may be repeated",
-    )  # fmt: skip
+    _add_overrides(verb, "change one setting (see the settings verb); may be repeated")
     verb.add_argument("--nerf", metavar="FILE", help="import a NeRF that another program has trained on this capture: "
                       "nerf-pytorch .tar, krrish94 .ckpt")  # fmt: skip
+
+
+def _add_overrides(verb: argparse.ArgumentParser, text: str) -> None:
+    verb.add_argument(
+        "--set", dest="overrides", action="append", default=[], metavar="STAGE.FIELD=VALUE", help=text
+    )  # fmt: skip
 
 
 def _learn_all(options: argparse.Namespace) -> int:
@@ -196,6 +209,11 @@ def _extract_palettes(options: argparse.Namespace) -> int:
         project.require("palette")
         print(json.dumps(read_json(project.palette_file, "palettes"), indent=1))
         return 0
+    if options.out or options.edit:
+        if not options.out:
+            raise BadRequest("The palette verb was given an edit and no file to write.", "Add --out FILE.")
+        edit_of(Project(options.project), options.edit).save(options.out)
+        return 0
     library.extract_palettes(options.project, **_run_of(options))
     return 0
 
@@ -217,10 +235,11 @@ def _match(options: argparse.Namespace) -> int:
 
 
 def _render(options: argparse.Namespace) -> int:
-    chosen = {
-        name: getattr(options, name)
-        for name in ("views", "edit", "base", "depth", "planes", "format", "alpha", "skip_existing")
-    }
+    names = (
+        "views", "edit", "base", "size", "depth", "planes", "layers", "alpha", "jpeg", "overrides", "skip_existing",
+        "format",
+    )  # fmt: skip
+    chosen = {name: getattr(options, name) for name in names}
     library.render(options.project, options.out, **chosen, **_run_of(options))
     return 0
 

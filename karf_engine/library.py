@@ -127,10 +127,14 @@ def render(
     views: str = "test",
     edit: PathLike | None = None,
     base: str | None = None,
+    size: str | int = "photo",
     depth: bool = False,
     planes: bool = False,
-    format: str = "png8",
     alpha: bool = False,
+    jpeg: bool = False,
+    format: str = "png8",
+    overrides: Sequence[str] = (),
+    layers: bool = False,
     skip_existing: bool = False,
     **run: Unpack[Run],
 ) -> None:
@@ -143,18 +147,32 @@ def render(
         edit: file of an edit (`ProjectEdit.save`).
         base: what an edit of a captured view changes, `photo` or `render`; by default the photo, with the paper's
             compositing the rendering.
+        size: of masks and recolored pictures of captured views: `photo`, all pixels of the photo as stored; `learned`, as
+            its pinhole shows it at the size that was learned from, as all with the rendering as base; or the long side
+            in pixels to which the photo is reduced.
         depth: write OUT/depth too, float32 .npy along the optical axis, world units.
         planes: write OUT/planes too, what Blender recolors from.
+        alpha: write renderings without what is behind the scene, with alpha.
+        jpeg: write recolored JPEG photos as JPEG, not as PNG: pixels that no edit reaches change a little.
         format: of recolored frames of cameras without photos: `png8`, `png16`, `exr16` or `exr32` (scene-linear).
-        alpha: leave out of these frames what is behind all that is solid.
+        overrides: single settings of how to render, each as `render.field=value`.
+        layers: write OUT/layers too, OpenEXR files for compositors.
         skip_existing: keep frames that an earlier call has finished with the same model, camera, edit and arguments.
         **run: see the module's docstring.
 
     Raises:
         KarfError: a view or an object of the edit is unknown, or what they need is not learned.
     """
-    options = {"out": str(out), "views": views, "depth": depth, "planes": planes, "alpha": alpha}
-    options |= {"format": format, "skip_existing": skip_existing}
+    options = {
+        "out": str(out),
+        "views": views,
+        "size": size,
+        "overrides": list(overrides),
+        "alpha": alpha,
+        "jpeg": jpeg,
+        "format": format,
+    }
+    options |= {"depth": depth, "planes": planes, "layers": layers, "skip_existing": skip_existing}
     options |= {name: str(value) for name, value in (("edit", edit), ("base", base)) if value is not None}
     _run("render", project, options, run)
 

@@ -40,8 +40,9 @@ EVENT_VALUES: dict[str, dict[str, Any]] = {  # what a reader may rely on; other 
 OPTION_TYPES: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(("capture", "preset", "nerf", "masks", "device", "views", "out", "base"), (str,)),
     **dict.fromkeys(("photos", "matching", "object", "source", "target", "rule", "sheet", "format"), (str,)),
-    **dict.fromkeys(("alpha", "depth", "planes", "predict_only", "skip_existing"), (bool,)),
+    **dict.fromkeys(("depth", "planes", "layers", "alpha", "jpeg", "predict_only", "skip_existing"), (bool,)),
     "edit": (str, list),
+    "size": (str, int),
     **dict.fromkeys(("overrides", "locked"), (list,)),
     "threads": (int,),
 }

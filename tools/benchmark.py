@@ -1,12 +1,13 @@
-"""Measured times beside their targets: python3 tools/dev.py bench [kan] [cache] [compositing] [swatch] [stages].
+"""Measured times beside their targets: python3 tools/dev.py bench [kan] [cache] [compositing] [swatch] [stages] [photos].
 
     kan          the Gaussian layer against the matrix products alone, the form that stores every basis, and B-splines
     cache        an iteration of F_w on the surface cache against one on 192 samples a ray, at width 256
     compositing  a swatch change on cached planes, the arithmetic alone
     swatch       the same in Blender, from setting the swatch to the pixels in the image
     stages       seconds and peak memory of each stage: of --project DIR, else of the demo, learned for this
+    photos       seconds and peak memory of recoloring a photo of 1, 12 and 24 megapixels, of the same project; bits kept
 
-Without names: all but `stages`. Times are those of this machine at this moment; the ratios say more than the seconds,
+Without names: all but `stages` and `photos`. Times are those of this machine at this moment; the ratios say more than the seconds,
 and a load average near the number of cores makes both worthless. Paths are relative to the checkout.
 """
 
@@ -17,7 +18,8 @@ import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +28,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # this file is als
 from tools.dev import ROOT, python_of
 from tools.speed.machine import machine
 
-NAMES = ("kan", "cache", "compositing", "swatch", "stages")
+NAMES = ("kan", "cache", "compositing", "swatch", "stages", "photos")
+OF_A_PROJECT = ("stages", "photos")
 SWATCH_TARGET_MS = 16.0  # one picture of sixty a second
 SWATCH_CASES = ((1, 1), (1, 5), (3, 1))  # objects, swatches of the first that differ; 5 are all but black
 STAGES = ("geometry", "segmentation", "palette", "recoloring")
@@ -41,7 +44,7 @@ def main() -> None:
         "--threads", type=int, default=1, help="of kan, cache and of learning the demo (default: %(default)s)"
     )
     parser.add_argument("--repeats", type=int, default=5, help="rounds of kan and cache (default: %(default)s)")
-    parser.add_argument("--project", type=Path, metavar="DIR", help="a learned project, for stages")
+    parser.add_argument("--project", type=Path, metavar="DIR", help="a learned project, for stages and photos")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows there too")
     options = parser.parse_args()
     unknown = [name for name in options.names if name not in NAMES]
@@ -53,11 +56,12 @@ def main() -> None:
         "compositing": bench_compositing,
         "swatch": bench_swatch,
         "stages": bench_stages,
+        "photos": bench_photos,
     }
     measured_on = machine(options.threads)
     print("  ".join(f"{name} {value}" for name, value in measured_on.items()), flush=True)
     rows: list[Row] = []
-    for name in options.names or NAMES[:-1]:
+    for name in options.names or [name for name in NAMES if name not in OF_A_PROJECT]:
         print(f"\n--- {name}", flush=True)
         rows += [{"bench": name, **row} for row in benches[name](options)]
     if options.json:
@@ -109,14 +113,32 @@ def bench_swatch(options: argparse.Namespace) -> list[Row]:
 
 def bench_stages(options: argparse.Namespace) -> list[Row]:
     """Seconds and peak memory of each finished stage of a project."""
-    if options.project:
-        rows = stage_rows(options.project)
-    else:
-        with tempfile.TemporaryDirectory(prefix="karf-bench-") as folder:
-            learn_demo(Path(folder), options.threads)
-            rows = stage_rows(Path(folder))
+    with learned_project(options) as project:
+        rows = stage_rows(project)
     print_rows(rows)
     return rows
+
+
+def bench_photos(options: argparse.Namespace) -> list[Row]:
+    """Seconds and peak memory of a photo at its own size; the target stands below the table."""
+    from tools.speed import photo_size
+
+    with learned_project(options) as project:
+        rows = photo_size.run(project)
+    print_rows(rows)
+    print(f"target: <= {photo_size.TARGET_GIB:g} GiB at 24 megapixels with three objects, and all outside equal")
+    return rows
+
+
+@contextmanager
+def learned_project(options: argparse.Namespace) -> Iterator[Path]:
+    """The project that was named, or the demo, learned for this."""
+    if options.project:
+        yield options.project
+        return
+    with tempfile.TemporaryDirectory(prefix="karf-bench-") as folder:
+        learn_demo(Path(folder), options.threads)
+        yield Path(folder)
 
 
 def learn_demo(project: Path, threads: int) -> None:

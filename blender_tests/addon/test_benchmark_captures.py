@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-SCENES = ("single", "hue", "glossy", "front")
+SCENES = ("single", "hue", "glossy", "front", "thin")
 TINY = ["--size", "32", "--views", "4+1", "--samples", "1", "--threads", "1"]
 
 
@@ -23,7 +23,7 @@ def maker(bpy):
         del sys.modules[name]
 
 
-def test_there_are_four_scenes_of_three_true_edits_each(maker):
+def test_there_are_five_scenes_of_three_true_edits_each(maker):
     assert tuple(maker.RECIPES) == SCENES
     assert all(len(recipe.edits) == 3 for recipe in maker.RECIPES.values())
 
@@ -82,3 +82,19 @@ def test_a_rendered_scene_has_photos_labels_recolors_and_masks_that_agree_and_is
         mask = iio.imread(path) > 0
         assert 0.75 <= (mask & truth).sum() / (mask | truth).sum() <= 0.9
     assert make(tmp_path, "single", *TINY) == f"{folder}: there already"
+
+
+def test_a_copy_with_larger_test_views_has_their_coverage_and_keeps_all_that_is_learned_from(bpy, tmp_path):
+    make(tmp_path, "single", *TINY, "--full", str(tmp_path / "full"), "--full-size", "96", "--full-samples", "1")
+    small, full = tmp_path / "single", tmp_path / "full" / "single"
+    for path in (*small.glob("train/*"), *small.glob("coarse_masks/*/*/*"), small / "transforms_train.json"):
+        assert (full / path.relative_to(small)).read_bytes() == path.read_bytes()
+    cameras = [json.loads((folder / "transforms_test.json").read_text()) for folder in (small, full)]
+    assert cameras[0] == cameras[1]
+    labels = iio.imread(full / "labels" / "test" / "r_000.png", mode="P")
+    coverage = iio.imread(full / "coverage" / "jug" / "test" / "r_000.png") / 255
+    assert labels.shape == coverage.shape == iio.imread(full / "test" / "r_000.png").shape[:2] == (96, 96)
+    assert ((coverage > 0.5) == labels).mean() > 0.99
+    mixed = (coverage > 0) & (coverage < 1)
+    assert 0.005 < mixed.mean() < 0.2 and np.abs(coverage - labels)[~mixed].max() == 0
+    assert (full / "recolor" / "jug_to_red" / "test" / "r_000.png").exists()

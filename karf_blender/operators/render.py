@@ -1,7 +1,7 @@
 """Step 7: pictures."""
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import BoolProperty, StringProperty
 
 from .. import steps
 from ..project import folders
@@ -50,6 +50,25 @@ class KARF_OT_render_camera(PaletteStep, bpy.types.Operator):
         return {"FINISHED"}
 
 
+class KARF_OT_build_compositor(PaletteStep, bpy.types.Operator):
+    """Recolor the active view by nodes in the compositor, with a color socket for each swatch"""
+
+    bl_idname = "karf.build_compositor"
+    bl_label = "Build Compositor"
+
+    view: StringProperty(name="View", description="Name of a captured view; empty: the active one")
+    driven: BoolProperty(
+        name="Follow Swatches",
+        description="The sockets follow the swatches; else they begin with them, and are set by hand",
+        options={"SKIP_SAVE"},
+    )
+
+    @reports_errors
+    def execute(self, context):
+        runner.launch(steps.build_compositor(context.scene, self.view, self.driven))
+        return {"FINISHED"}
+
+
 class FramesStep:
     """Mix-in of operators that need rendered frames."""
 
@@ -88,4 +107,11 @@ class KARF_OT_add_strip(FramesStep, bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (KARF_OT_render_view, KARF_OT_render_capture, KARF_OT_render_camera, KARF_OT_show_frames, KARF_OT_add_strip)
+CLASSES = (
+    KARF_OT_render_view,
+    KARF_OT_render_capture,
+    KARF_OT_render_camera,
+    KARF_OT_build_compositor,
+    KARF_OT_show_frames,
+    KARF_OT_add_strip,
+)

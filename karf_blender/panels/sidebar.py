@@ -221,6 +221,9 @@ def draw_render(layout, context):
     column.operator("karf.colorways", icon="COLOR")
     draw_output(layout, context.scene.karf)
     row = layout.row(align=True)
+    row.operator("karf.build_compositor", icon="NODETREE")
+    row.operator("karf.build_compositor", text="", icon="DRIVER").driven = True
+    row = layout.row(align=True)
     row.operator("karf.import_cameras", icon="IMPORT")
     row.operator("karf.export_cameras", icon="EXPORT")
 

@@ -45,6 +45,12 @@ def pictures(scene: bpy.types.Scene, views: str, edit: str | list[str], out: Pat
     return "render", options | {"skip_existing": karf.skip_existing, "format": kind, "alpha": karf.color_mode == "RGBA"}
 
 
+def layers(view: str, out: Path) -> tuple[str, dict]:
+    """The job that writes the layers of a captured view."""
+    options = {"views": view, "edit": None, "out": str(out), "planes": False, "depth": False, "base": "photo"}
+    return "render", options | {"layers": True}
+
+
 def import_results(owner: Owner, request: Request) -> None:
     """Import what a job has learned into the scenes of its project in the file that began it; else say where it is."""
     brings_planes = request.stage == "render" and request.options["planes"]

@@ -29,13 +29,13 @@ class Picture:
         color: [H, W, 3] sRGB in [0, 1].
         opacity: [H, W] in [0, 1].
         depth: [H, W] along the optical axis, world units; 0 where empty.
-        cache: Surface samples of its rays, for the fields on top.
+        cache: Surface samples of its rays, for the fields on top; None of a picture put together from others.
     """
 
     color: Tensor
     opacity: Tensor
     depth: Tensor
-    cache: SurfaceCache
+    cache: SurfaceCache | None
 
 
 @dataclass(frozen=True)
@@ -61,17 +61,11 @@ class Scene:
         return torch.full_like(viewdirs, 1.0 if self.background_kind in ("alpha", "white") else 0.0)
 
     @torch.no_grad()
-    def behind_view(self, camera: Camera) -> Tensor:
-        """What a pinhole camera sees where nothing is solid, [H, W, 3] sRGB in [0, 1]."""
-        behind = self.behind(camera_rays(camera, self.field.bounds.device).viewdirs)
-        return behind.clamp(0, 1).view(camera.height, camera.width, 3)
-
-    @torch.no_grad()
     def render(self, camera: Camera, n_quantiles: int) -> Picture:
-        """Render all pixels of a pinhole camera. Not differentiable.
+        """Render all pixels of a camera. Not differentiable.
 
         Args:
-            camera: In world units.
+            camera: In world units; with a lens distortion the picture is in the grid of the photo as stored.
             n_quantiles: Surface samples a ray, >= 1.
         """
         device = self.field.bounds.device

@@ -22,9 +22,10 @@ from ..edit.becomes import near
 from ..edit.colorways import Prediction, reached_color
 from ..edit.palette import rgb_to_hex
 from ..errors import BadRequest
+from ..frames import Frame
 from ..images import write_png
 from ..locking import consistent, opened
-from ..model import Frame, Model
+from ..model import Model
 from ..progress import Emit
 from ..project.colorways import PlannedColorway, plan_colorways
 from ..wire import Request

@@ -2,40 +2,42 @@
 
 Options: views (train | test | val | all | name,name | CAMERAS.json), edit (EDIT.json, or a list with one for each view,
 in their order), out (folder), base (photo | render, for captured views; by default the photo, with the paper's
-compositing the render, as there), planes, depth, skip_existing (bools; the last keeps frames that are there already,
-made from the same); of cameras without photos also format (png8 | png16 | exr16 | exr32) and alpha (bool) of what is
-recolored. Writes
+compositing the render, as there), size (photo | learned | pixels of the long side, for captured views with the photo as
+base), format (png8 | png16 | exr16 | exr32, of recolored pictures that are none of a photo's size), planes, layers, depth,
+alpha, jpeg (bools), overrides (texts render.field=value), skip_existing (bool: keep frames
+that are there already, made from the same). Writes
 
-    OUT/render/<view>.png            the scene as learned
+    OUT/render/<view>.png            the scene as learned; with alpha without what is behind it
     OUT/masks/<object>/<view>.png    0 or 255
-    OUT/recolor/<view>.png           the edited base picture; .exr where that is asked for
+    OUT/recolor/<view>.png           the edited base picture; of a photo .png, .tif or .exr (with jpeg .jpg) as it came
     OUT/depth/<view>.npy             float32 along the optical axis, world units, 0 where empty
+    OUT/layers/<view>.exr            base, coverage, weights, depth and mattes for compositors (handover.layers)
     OUT/planes/<view>.npz            edit planes; of captured views also in the project, where Blender finds them
     OUT/finished.jsonl               what each frame was made from
+
+Of a photo, masks and recolored picture are in the grid of the photo as stored, at the size that was asked for; at the
+size `learned`, as its pinhole shows it. Layers are as its camera is turned. All else of captured views is as learned.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from ..capture.capture import View
-from ..color import to_bytes
-from ..edit.compositing import Planes, write_planes
-from ..edit.palette import Edit, Palette, read_edit
+from ..edit.palette import Edit, Palette
+from ..edit.palette_files import read_edit_file
 from ..errors import BadRequest
-from ..files import atomic_write
-from ..frame_files import FORMATS, cut_out, write_frame
-from ..images import write_png
 from ..locking import consistent, opened, writing
-from ..model import Frame, Model
+from ..model import Model
 from ..progress import Emit
+from ..settings import with_overrides
 from ..wire import Request
 from .chosen_views import select_views
 from .finished_frames import unfinished_frames
+from .frame_files import check_format, size_of, write_view
 from .job import Job, open_job
 
 
@@ -45,19 +47,19 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     project.require("geometry")
     with writing(project) if request.options.get("planes") else nullcontext():
         with consistent(project):
-            job = open_job(request, emit, should_stop)
-            model = Model(project, job.runtime.device)
+            job = _with_overrides(open_job(request, emit, should_stop))
+            model = Model(project, job.runtime.device, job.settings)
         _render(job, model)
 
 
 def _render(job: Job, model: Model) -> None:
     options = job.options
-    if options.get("edit") or options.get("planes"):
+    if options.get("edit") or options.get("planes") or options.get("layers"):
         job.project.require("recoloring")
     if not options.get("out") and not options.get("planes"):
         raise BadRequest("The render stage was given nowhere to write.", "Name a folder with --out.")
-    if options.get("format", "png8") not in FORMATS:
-        raise BadRequest(f"Unknown format {options['format']!r:.200}.", f"Use one of: {', '.join(FORMATS)}.")
+    size_of(options.get("size"))  # before anything is rendered
+    check_format(options.get("format"))
     views, captured = select_views(job, options.get("views", "test"))
     edits = read_edits(options.get("edit"), views, model.palettes, job.settings.compositing)
     frames = unfinished_frames(job, views, edits)
@@ -65,20 +67,24 @@ def _render(job: Job, model: Model) -> None:
     progress = job.progress("render", len(views))
     progress.resume_at(len(views) - len(frames.todo))
     for view, edit, mark in frames.todo:
-        frame = model.render_view(view, options.get("base")) if captured else model.render(view.camera)
-        files = _write_frame(job, Path(options["out"]), view, frame, model, edit) if options.get("out") else []
-        if options.get("planes"):
-            files += _write_planes(job, view, frame, model, captured)
-        frames.note(view.name, mark, files)
+        frames.note(view.name, mark, write_view(job, model, view, edit, captured))
         progress.step()
     if options.get("out"):
         job.artifact("frames", Path(options["out"]))
 
 
+def _with_overrides(job: Job) -> Job:
+    """The job with other settings of how it renders. Raises BadRequest where others are asked for."""
+    settings = with_overrides(job.settings, job.options.get("overrides") or [])
+    if replace(settings, render=job.settings.render) != job.settings:
+        raise BadRequest("Only settings of render can change now.", "Learn again with the others.")
+    return replace(job, settings=settings)
+
+
 def read_edits(
     wanted: str | list[str] | None, views: Sequence[View], palettes: Sequence[Palette], compositing: str
 ) -> list[Edit | None]:
-    """The edit of each view: wanted is one file for all, one for each, or None. compositing: see `read_edit`.
+    """The edit of each view: wanted is one file for all, one for each, or None. compositing: see `read_edit_file`.
 
     Raises BadRequest where there are as many files as views in no way, DataError where one is no edit of these palettes.
     """
@@ -88,52 +94,5 @@ def read_edits(
             f"The render stage was given {len(paths)} edits for {len(views)} views.",
             "Give one edit file for all, or a list with one for each view.",
         )
-    known = {path: read_edit(Path(path), palettes, compositing) for path in set(paths) if path}
+    known = {path: read_edit_file(Path(path), palettes, compositing) for path in set(paths) if path}
     return [known.get(path) for path in paths]
-
-
-def _write_frame(job: Job, out: Path, view: View, frame: Frame, model: Model, edit: Edit | None) -> list[Path]:
-    """Write what is asked for of a frame; returns its files."""
-    name = view.name
-    files = [_png(out / "render" / f"{name}.png", frame.color)]
-    files += [_png(out / "masks" / k / f"{name}.png", mask) for k, mask in zip(model.objects, frame.masks, strict=True)]
-    if edit is not None:
-        files.append(_recolor(job, out / "recolor" / view.name, view, frame, model, edit))
-    if job.options.get("depth"):
-        files.append(out / "depth" / f"{name}.npy")
-        atomic_write(files[-1], lambda temporary: np.save(temporary, frame.depth))
-    return files
-
-
-def _recolor(job: Job, path: Path, view: View, frame: Frame, model: Model, edit: Edit) -> Path:
-    """Write the recolored picture, of a camera without a photo in the kind and with the alpha that are asked for."""
-    picture, kind = model.composite(frame, edit), job.options.get("format", "png8")
-    if view.image is not None:
-        return write_frame(path, picture, None, "png8")
-    if not job.options.get("alpha"):
-        return write_frame(path, picture, None, kind)
-    behind = model.scene.behind_view(view.camera.without_distortion()).cpu().numpy()
-    return write_frame(path, cut_out(picture, frame.opacity, behind), frame.opacity, kind)
-
-
-def _png(path: Path, picture: np.ndarray) -> Path:
-    write_png(path, picture)
-    return path
-
-
-def _write_planes(job: Job, view: View, frame: Frame, model: Model, captured: bool) -> list[Path]:
-    """Write a frame's planes; returns those in the output folder."""
-    planes = Planes(
-        tuple(model.objects),
-        frame.palette_weights.astype(np.float16),
-        frame.probabilities.astype(np.float16),
-        to_bytes(frame.base),
-    )
-    if captured:
-        write_planes(job.project.planes_file(view.name), planes)
-        job.artifact("planes", job.project.planes_file(view.name))
-    if not job.options.get("out"):
-        return []
-    path = Path(job.options["out"]) / "planes" / f"{view.name}.npz"
-    write_planes(path, planes)
-    return [path]

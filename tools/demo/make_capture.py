@@ -1,6 +1,9 @@
 """Make the demo capture: a still life rendered with Cycles, its true labels and depth, its true recolors and rough masks.
 
     .venv/blender/bin/python -m tools.demo.make_capture --out DIR [--only photos truth recolors masks]
+    .venv/blender/bin/python -m tools.demo.make_capture --out demo --full DIR [--full-size 1024] [--full-views 4]
+
+The second form copies the capture that --out has to DIR, with a few test views at a larger size and their coverage.
 
 Needs the bpy wheel, numpy and imageio. Everything is procedural and seeded: the same arguments give the same files.
 """
@@ -14,7 +17,7 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from ..procedural import things
+from ..procedural import full_size, things
 from ..procedural.cameras import dome_views
 from ..procedural.recipe import STEPS, Extent, Recipe, TrueEdit, make_capture
 
@@ -82,8 +85,13 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--samples", type=int, default=64, help="samples per pixel at most")
     parser.add_argument("--threads", type=int, default=2, help="processor threads")
     parser.add_argument("--only", nargs="+", choices=STEPS, default=STEPS, help="steps to run")
+    full_size.add_options(parser)
     options = parser.parse_args(argv)
     extent = Extent(options.size, options.train, options.test, options.samples)
+    if options.full:
+        full = full_size.full_size_of(options)
+        full_size.enlarge_test_views(STILL_LIFE, extent, full, options.out, options.full, options.threads)
+        return 0
     command = "python -m tools.demo.make_capture --out demo"
     make_capture(STILL_LIFE, extent, options.out, command, options.threads, options.only)
     return 0

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from karf_engine.frames import Frame
 from karf_engine.metrics.images import hue_shift, mse_outside
 from karf_engine.metrics.scores import score_recolor
-from karf_engine.model import Frame
 
 from ..judging.views import TestViews
 from .bench import MLP_HEADS, PLAIN, Bench

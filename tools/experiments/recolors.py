@@ -13,10 +13,11 @@ from scipy.cluster.vq import kmeans2
 from karf_engine.color import to_bytes
 from karf_engine.edit.becomes import match_becomes, match_pixels, reflection_target
 from karf_engine.edit.compositing import delta_composite, paper_composite
+from karf_engine.frames import Frame
 from karf_engine.heads.files import load_surface
 from karf_engine.heads.object_surface import object_pixels
 from karf_engine.metrics.scores import hue_shifted
-from karf_engine.model import Frame, Model
+from karf_engine.model import Model
 from karf_engine.palette.cells import color_cells
 from karf_engine.palette.hull import extract_palette
 from karf_engine.palette.star_weights import palette_weights_of_image, star_weights

@@ -13,13 +13,25 @@ import numpy as np
 
 from karf_engine.color import to_bytes
 from karf_engine.edit.compositing import delta_composite
+from karf_engine.edit.palette import Edit
 from karf_engine.metrics.scores import score_edit
+from karf_engine.model import Model
 from karf_engine.plates import Plate
+from karf_engine.project.edit import solve
 
 from .scores import score_palettes_of, score_renders
 from .sheets import sheet_numbers, tinted, write_sheet
 from .truth import Truth
 from .views import TestViews
+
+
+def edit_to_judge(model: Model, truth: Truth, name: str) -> Edit:
+    """What one does who knows one color pair an object, read in the reference view: each object "becomes" the second."""
+    palettes = {palette.name: palette for palette in model.palettes}
+    colors = {key: palette.colors for key, palette in palettes.items()}
+    for key in truth.edits[name]["objects"]:
+        colors[key] = solve(model.project, palettes[key], *truth.color_pair(name, key), "becomes")
+    return Edit(colors, "delta")
 
 
 def score_scene(test: TestViews, truth: Truth) -> dict:

@@ -43,6 +43,13 @@ class Truth:
             iio.imread(path)[..., :3] / 255 for path in sorted((self.folder / "recolor" / edit / "test").glob("*.png"))
         ]
 
+    def coverage(self, name: str, split: str = "test") -> list[np.ndarray]:
+        """The share of each pixel that shows an object, float32 [H, W] of each view: of its labels where no file has it."""
+        paths = sorted((self.folder / "coverage" / name / split).glob("*.png"))
+        if not paths:
+            return [mask.astype(np.float32) for mask in self.masks(split)[name]]
+        return [iio.imread(path).astype(np.float32) / 255 for path in paths]
+
     def color_pair(self, edit: str, object_name: str) -> tuple[np.ndarray, np.ndarray]:
         """What an eyedropper reads in the one training view whose recolor is known: median color before and after.
 

@@ -12,7 +12,8 @@ import numpy as np
 import karf_engine as karf
 from karf_engine import settings as settings_module
 from karf_engine.files import write_json
-from karf_engine.model import Frame, Model
+from karf_engine.frames import Frame
+from karf_engine.model import Model
 from karf_engine.plates import Plate
 from karf_engine.progress import Progress, TerminalEmit
 from karf_engine.project import STAGE_ORDER, Project

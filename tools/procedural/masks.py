@@ -13,7 +13,8 @@ from .cameras import View
 from .files import write_png
 
 IOU_RANGE = (0.77, 0.88)
-STRENGTHS = (1.0, 1.5, 2.0, 3.0, 4.0)  # of the errors: large objects need larger ones to come into that range
+# of the errors: large objects need larger ones to come into that range, thin ones smaller
+STRENGTHS = (1.0, 1.5, 2.0, 3.0, 4.0, 0.7, 0.5, 0.35, 0.25)
 
 
 def read_truth(out: Path, view: View) -> np.ndarray:

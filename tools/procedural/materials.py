@@ -36,6 +36,17 @@ def material(name: str, color, roughness: float, second=None, pattern=None, refr
     return made
 
 
+def unlit():
+    """Return a new material that no light needs to be looked for: what is quick to render where only shapes count."""
+    made = bpy.data.materials.new("unlit")
+    made.use_nodes = True
+    tree = made.node_tree
+    tree.nodes.clear()
+    surface = tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"]
+    tree.links.new(tree.nodes.new("ShaderNodeEmission").outputs[0], surface)
+    return made
+
+
 def set_colors(colors) -> dict:
     """Set ``{material: {slot: (r, g, b)}}`` and return the same mapping with the colors that were there before."""
     before = {}

@@ -120,15 +120,19 @@ def make_capture(
 def render_recolors(recipe: Recipe, out: Path, views: list[View], samples: int) -> None:
     """Render the true recolors of all test views and of the reference view, and write ``edits.json``."""
     reference = reference_view(out, views, recipe.names)
-    chosen = [view for view in views if view.split == "test" or view == reference]
-    for name, edit in recipe.edits.items():
-        before = set_colors(edit.colors)
-        render_photos(out / "recolor" / name, chosen, samples)
-        set_colors(before)
+    render_edits(recipe, out, [view for view in views if view.split == "test" or view == reference], samples)
     edits = {
         name: {"objects": list(edit.objects), "reference_view": reference.stem} for name, edit in recipe.edits.items()
     }
     write_json(out / "edits.json", {"edits": edits})
+
+
+def render_edits(recipe: Recipe, out: Path, views: list[View], samples: int) -> None:
+    """Render these views in the paints of each edit."""
+    for name, edit in recipe.edits.items():
+        before = set_colors(edit.colors)
+        render_photos(out / "recolor" / name, views, samples)
+        set_colors(before)
 
 
 def write_readme(recipe: Recipe, extent: Extent, out: Path, views: list[View], command: str, masks: str) -> None:

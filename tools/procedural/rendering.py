@@ -12,6 +12,7 @@ import numpy as np
 
 from .cameras import View
 from .files import write_json, write_labels, write_png
+from .materials import unlit
 
 DEPTH_UNIT = 0.001
 NO_DEPTH = 65535
@@ -27,12 +28,10 @@ def set_up_render(size: int, field_of_view: float, threads: int) -> None:
     render = scene.render
     render.engine = "CYCLES"
     render.resolution_x = render.resolution_y = size
-    render.resolution_percentage = 100
     render.use_persistent_data = True
     render.threads_mode, render.threads = "FIXED", threads
     scene.cycles.device = "CPU"
     scene.cycles.seed = 1
-    scene.cycles.max_bounces = 6
     scene.cycles.denoiser = "OPENIMAGEDENOISE"
     scene.view_settings.view_transform = "Standard"
 
@@ -43,6 +42,9 @@ def set_up_photo(samples: int) -> None:
     scene.use_nodes = False
     layer = scene.view_layers[0]
     layer.use_pass_object_index = layer.use_pass_z = False
+    layer.material_override = None
+    scene.render.resolution_percentage = 100
+    scene.cycles.max_bounces = 6
     scene.cycles.samples = samples
     scene.cycles.use_adaptive_sampling = True
     scene.cycles.adaptive_threshold = 0.02
@@ -52,11 +54,17 @@ def set_up_photo(samples: int) -> None:
     scene.render.image_settings.color_mode = "RGB"
 
 
-def set_up_truth(folder: Path) -> None:
-    """Make the next renders ground truth: one ray through each pixel center, id and depth as float EXR in ``folder``."""
+def set_up_truth(folder: Path, subpixels: int) -> None:
+    """Make the next renders ground truth: ids and depth as float EXR in ``folder``, no light.
+
+    Each pixel is cut into ``subpixels`` times ``subpixels``, and one ray goes through the center of each.
+    """
     scene = bpy.context.scene
     layer = scene.view_layers[0]
     layer.use_pass_object_index = layer.use_pass_z = True
+    layer.material_override = unlit()
+    scene.render.resolution_percentage = 100 * subpixels
+    scene.cycles.max_bounces = 0
     scene.cycles.samples = 1
     scene.cycles.use_adaptive_sampling = False
     scene.cycles.use_denoising = False
@@ -98,18 +106,33 @@ def render_photos(out: Path, views: list[View], samples: int) -> None:
     print(f"{out}: {len(seconds)} photos, {np.mean(seconds):.2f} s each", flush=True)
 
 
-def render_truth(out: Path, views: list[View], names: dict[str, int]) -> None:
-    """Render the label image of every view, and the depth image of every test view; ``names``: object name -> id."""
+def render_truth(out: Path, views: list[View], names: dict[str, int], subpixels: int = 1) -> None:
+    """Render the label image of every view, and the depth image of every test view; ``names``: object name -> id.
+
+    With several ``subpixels``, an odd number, also each object's coverage of the pixels.
+    """
     write_json(out / "labels" / "names.json", names)
+    centers = slice(subpixels // 2, None, subpixels)
     with tempfile.TemporaryDirectory() as folder:
-        set_up_truth(Path(folder))
+        set_up_truth(Path(folder), subpixels)
         for view in views:
+            file = f"{view.split}/{view.stem}.png"
             render_view(view, Path(folder) / "unused.png")
-            ids, depth = (read_pass(Path(folder), name) for name in ("IndexOB", "Depth"))
-            write_labels(out / "labels" / view.split / f"{view.stem}.png", np.rint(ids).astype(np.uint8))
+            ids = np.rint(read_pass(Path(folder), "IndexOB")).astype(np.uint8)
+            depth = read_pass(Path(folder), "Depth")[centers, centers]
+            write_labels(out / "labels" / file, ids[centers, centers])
             if view.split == "test":
                 steps = np.minimum(np.rint(depth / DEPTH_UNIT), NO_DEPTH).astype(np.uint16)
-                write_png(out / "depth" / "test" / f"{view.stem}.png", steps)
+                write_png(out / "depth" / file, steps)
+            for name, number in names.items() if subpixels > 1 else ():
+                write_png(out / "coverage" / name / file, coverage(ids == number, subpixels))
+
+
+def coverage(mask: np.ndarray, subpixels: int) -> np.ndarray:
+    """Return the share of each pixel that ``mask`` covers, 255 = all; ``mask`` has subpixels times the pixels a side."""
+    height, width = (length // subpixels for length in mask.shape)
+    share = mask.reshape(height, subpixels, width, subpixels).mean((1, 3))
+    return np.rint(255 * share).astype(np.uint8)
 
 
 def read_pass(folder: Path, name: str) -> np.ndarray:

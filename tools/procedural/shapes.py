@@ -49,10 +49,10 @@ def lathe(profile, ribs: int = 0, rib_depth: float = 0.0, columns: int = 96) -> 
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), height], -1)
 
 
-def tube(path, thickness, azimuth: float, columns: int = 24) -> np.ndarray:
+def tube(path, thickness, azimuth: float, columns: int = 24, flatness: float = 1.0) -> np.ndarray:
     """Return the vertex grid of a tube along a path of (radius, height) points in the vertical plane at ``azimuth``.
 
-    ``thickness`` is one tube radius, or one per path point.
+    ``thickness`` is one tube radius, or one per path point; ``flatness`` is that within the plane over that across it.
     """
     path = np.asarray(path, float)
     thick = np.broadcast_to(np.asarray(thickness, float), len(path))
@@ -65,7 +65,7 @@ def tube(path, thickness, azimuth: float, columns: int = 24) -> np.ndarray:
     center = curve[:, :1] * outward + curve[:, 1:2] * up
     normal = -tangent[:, 1:] * outward + tangent[:, :1] * up
     angle = np.linspace(0.0, 2.0 * math.pi, columns, endpoint=False)[:, None]
-    ring = np.cos(angle) * normal[:, None] + np.sin(angle) * sideways
+    ring = flatness * np.cos(angle) * normal[:, None] + np.sin(angle) * sideways
     body = center[:, None] + curve[:, 2][:, None, None] * ring
     caps = [np.repeat(center[i][None, None], columns, 1) for i in (0, -1)]
     return np.concatenate([caps[0], body, caps[1]])

@@ -15,15 +15,13 @@ from pathlib import Path
 import numpy as np
 
 import karf_engine as karf
-from karf_engine.edit.palette import Edit
 from karf_engine.files import write_json
 from karf_engine.images import write_png
 from karf_engine.metrics.images import mse_outside
 from karf_engine.progress import TerminalEmit
-from karf_engine.project.edit import solve
 from karf_engine.settings import PRESETS
 
-from ..judging.recolors import contact_sheet, score_edits, score_scene
+from ..judging.recolors import contact_sheet, edit_to_judge, score_edits, score_scene
 from ..judging.scores import rounded, score_objects, stage_summary
 from ..judging.truth import Truth
 from ..judging.views import TestViews, learn_again, render_test_views, with_model
@@ -93,13 +91,10 @@ def recolor(test: TestViews, truth: Truth, out: Path) -> None:
     """Write each edit's frames of the test views, as the render stage would: OUT/frames/<edit>/recolor/<view>.png."""
     model = test.model
     frames = [model.render_plate(plate) for plate in test.plates]
-    palettes = {palette.name: palette for palette in model.palettes}
-    for name, edit in truth.edits.items():
-        colors = {key: palette.colors for key, palette in palettes.items()}
-        for key in edit["objects"]:
-            colors[key] = solve(model.project, palettes[key], *truth.color_pair(name, key), "becomes")
+    for name in truth.edits:
+        edit = edit_to_judge(model, truth, name)
         for plate, frame in zip(test.plates, frames, strict=True):
-            picture = model.composite(frame, Edit(colors, "delta"))
+            picture = model.composite(frame, edit)
             write_png(out / "frames" / name / "recolor" / f"{plate.view.name}.png", picture)
 
 

@@ -1,14 +1,18 @@
-"""Make the benchmark captures: four procedural scenes, each with true masks, depth and three true recolors.
+"""Make the benchmark captures: five procedural scenes, each with true masks, depth and three true recolors.
 
     .venv/blender/bin/python -m tools.scenes.make_captures --out DIR [SCENE ...] [--size 160] [--views 40+8]
+    .venv/blender/bin/python -m tools.scenes.make_captures --out DIR [SCENE ...] --full DIR2 [--full-size 1024]
 
     single   one jug on a table
     hue      a red pot among red neighbors that touch and hide it and each other; pot and apple have masks
     glossy   a mirroring vase with checks
     front    cameras in a small patch that look one way, past a pot and a pumpkin at a wall with pictures and books
+    thin     a plant of pointed leaves and hair-like stems, a basket of wires with a thin handle, and near the plant a
+             gourd of its own color
 
-Each is laid out as the demo capture. A scene that DIR has already, of the same arguments, is not made again.
-Needs the bpy wheel, numpy and imageio. Everything is procedural and seeded: the same arguments give the same files.
+Each is laid out as the demo capture. A scene that DIR has already, of the same arguments, is not made again. The second
+form also copies them to DIR2, with a few test views at a larger size and the coverage of each object there. Needs the
+bpy wheel, numpy and imageio. Everything is procedural and seeded: the same arguments give the same files.
 """
 
 from __future__ import annotations
@@ -23,7 +27,7 @@ from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
-from ..procedural import things
+from ..procedural import full_size, thin_things, things
 from ..procedural.cameras import dome_views, patch_views
 from ..procedural.files import write_json
 from ..procedural.recipe import Extent, Recipe, TrueEdit, make_capture
@@ -40,6 +44,7 @@ the table top is z = 0 and the
 
 RED, BLUE, NAVY, CREAM = (0.55, 0.03, 0.025), (0.018, 0.12, 0.50), (0.02, 0.05, 0.24), (0.74, 0.68, 0.54)
 GREEN, YELLOW, VIOLET, TEAL = (0.04, 0.30, 0.06), (0.66, 0.38, 0.03), (0.16, 0.04, 0.36), (0.02, 0.26, 0.25)
+LEAF = (0.05, 0.20, 0.035)
 RED_APPLE = ((0.42, 0.025, 0.02), (0.50, 0.07, 0.03))
 
 
@@ -78,6 +83,17 @@ def build_front() -> None:
     things.add_pumpkin(0.42, 0.0, object_id=2)
     things.add_apple(-0.02, -0.52)
     things.add_tin(1.0, 0.35)
+    things.add_studio()
+
+
+def build_thin() -> None:
+    """A plant and a basket of wires; a gourd of the plant's color behind them."""
+    things.add_table()
+    thin_things.add_plant(-0.18, -0.02, LEAF, object_id=1)
+    thin_things.add_basket(0.52, -0.50, BLUE, object_id=2)
+    things.add_pumpkin(-1.02, -0.06, LEAF)
+    things.add_apple(0.50, 0.62, RED_APPLE)
+    things.add_tin(-0.52, 0.84)
     things.add_studio()
 
 
@@ -164,6 +180,24 @@ RECIPES = {
         },
         flaws={("pot", 1): "gap"},
     ),
+    "thin": Recipe(
+        title="Benchmark capture thin: a plant of pointed leaves and a basket of wires",
+        place=ON_TABLE.format(1.69),
+        about_edits="""\
+  plant_to_red      the leaves and stems become dark red; their clay pot stays
+  basket_to_orange  the blue basket becomes orange
+  both              the plant becomes violet, the basket yellow
+  Unmarked: a gourd of the leaves' own color, an apple, a tin.""",
+        build=build_thin,
+        views=on_table(3.6, 0.42),
+        field_of_view=FIELD_OF_VIEW,
+        names={"plant": 1, "basket": 2},
+        edits={
+            "plant_to_red": TrueEdit(("plant",), {"leaf": {"main": (0.32, 0.02, 0.03)}}),
+            "basket_to_orange": TrueEdit(("basket",), {"basket": {"main": (0.60, 0.16, 0.02)}}),
+            "both": TrueEdit(("plant", "basket"), {"leaf": {"main": VIOLET}, "basket": {"main": YELLOW}}),
+        },
+    ),
 }
 
 
@@ -172,7 +206,12 @@ def main(argv: list[str] | None = None) -> int:
     options = parse_arguments(argv)
     extent = Extent(options.size, *options.views, options.samples)
     for scene in options.scenes or RECIPES:
-        make_once(scene, extent, options.out / scene, options.threads)
+        capture = options.out / scene
+        make_once(scene, extent, capture, options.threads)
+        if options.full:
+            full = full_size.full_size_of(options)
+            enlarge = full_size.enlarge_test_views
+            enlarge(RECIPES[scene], extent, full, capture, options.full / scene, options.threads)
     return 0
 
 
@@ -184,6 +223,7 @@ def parse_arguments(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--views", type=views, default=(40, 8), metavar="TRAIN+TEST", help="numbers (default: 40+8)")
     parser.add_argument("--samples", type=int, default=24, help="samples per pixel at most (default: %(default)s)")
     parser.add_argument("--threads", type=int, default=2, help="processor threads (default: %(default)s)")
+    full_size.add_options(parser)
     options = parser.parse_args(argv)
     unknown = [scene for scene in options.scenes if scene not in RECIPES]
     if unknown:

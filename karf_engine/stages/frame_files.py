@@ -1,0 +1,141 @@
+"""The files of one rendered view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ..capture.capture import View
+from ..color import to_bytes
+from ..edit.compositing import Planes, write_planes
+from ..edit.palette import Edit
+from ..errors import BadRequest
+from ..files import atomic_write
+from ..finishing import PhotoView
+from ..frame_formats import FORMATS, write_frame
+from ..frames import Frame, with_alpha
+from ..handover.layers import Layers, write_layers
+from ..images import resize, write_png
+from ..model import Model
+from ..photos import suffix_for, write_mask, write_photo
+from .job import Job
+
+
+def size_of(wanted: str | int | None) -> str | int:
+    """The size of recolored photos that was asked for: `photo`, `learned`, or pixels. Raises BadRequest for others."""
+    if wanted in (None, "photo", "learned"):
+        return wanted or "photo"
+    if not str(wanted).isascii() or not str(wanted).isdigit() or int(wanted) < 1:
+        raise BadRequest(f"{wanted!r:.200} is no size.", "Use photo, learned, or the long side in pixels.")
+    return int(wanted)
+
+
+def check_format(wanted: str | None) -> None:
+    """Raise BadRequest for a format of recolored frames that is none."""
+    if wanted is not None and wanted not in FORMATS:
+        raise BadRequest(f"Unknown format {wanted!r:.200}.", f"Use one of: {', '.join(FORMATS)}.")
+
+
+def write_view(job: Job, model: Model, view: View, edit: Edit | None, captured: bool) -> list[Path]:
+    """Write what the job asks for of a view.
+
+    Returns:
+        The files in its output folder.
+    """
+    files = _Files(job, model, view, edit, captured)
+    if captured and model.base_of(job.options.get("base")) == "photo":
+        files.write_photo()
+    else:
+        files.write_rendering()
+    return files.written
+
+
+@dataclass(frozen=True)
+class _Files:
+    job: Job
+    model: Model
+    view: View
+    edit: Edit | None
+    captured: bool
+    written: list[Path] = field(default_factory=list)
+
+    def write_rendering(self) -> None:
+        camera = self.model.working_camera(self.view) if self.captured else self.view.camera
+        frame = self.model.render(camera, self.job.settings.render.supersampling)
+        if self.job.options.get("out"):
+            behind = self.model.behind(camera) if self.job.options.get("alpha") else None
+            self._scene(frame, behind)
+            self._frame(frame, behind)
+        if self.job.options.get("planes"):
+            self._planes(frame)
+
+    def write_photo(self) -> None:
+        if self.job.options.get("out"):
+            pinhole, size = (
+                self.model.working_camera(self.view).without_distortion(),
+                size_of(self.job.options.get("size")),
+            )
+            self._scene(self.model.look(pinhole), self.model.behind(pinhole) if self.job.options.get("alpha") else None)
+            if size == "learned":
+                self._frame(self.model.preview(self.view, self.job.settings.geometry.long_side), None)
+            else:
+                self._photo(self.model.photo_view(self.view, size))
+        if self.job.options.get("planes"):
+            self._planes(self.model.preview(self.view))
+
+    def _scene(self, frame: Frame, behind: np.ndarray | None) -> None:
+        """The scene as learned, and its depth."""
+        write_png(self._path("render", ".png"), _cut_out(frame.color, frame, behind))
+        if self.job.options.get("depth"):
+            atomic_write(self._path("depth", ".npy"), lambda temporary: np.save(temporary, frame.depth))
+
+    def _frame(self, frame: Frame, behind: np.ndarray | None) -> None:
+        """Masks, recolored picture and layers of a frame; behind: what to take out of the picture."""
+        for name, mask in zip(self.model.objects, frame.masks, strict=True):
+            write_png(self._path(f"masks/{name}", ".png"), mask)
+        if self.edit is not None:
+            kind = self.job.options.get("format", "png8")
+            picture = _cut_out(self.model.composite(frame, self.edit), frame, behind)
+            write_frame(self._path("recolor", FORMATS[kind]), picture, kind)
+        if self.job.options.get("layers"):
+            self._layers(frame.base, frame.probabilities, frame.palette_weights, frame.depth)
+
+    def _photo(self, finished: PhotoView) -> None:
+        """The same in the photo's own pixels."""
+        for name, mask in zip(finished.objects, finished.masks(), strict=True):
+            write_mask(self._path(f"masks/{name}", ".png"), mask, finished.photo.header.orientation)
+        if self.edit is not None:
+            suffix = suffix_for(finished.photo, bool(self.job.options.get("jpeg")))
+            write_photo(self._path("recolor", suffix), finished.recolored(self.edit))
+        if self.job.options.get("layers"):
+            depth = self.model.look(self.model.working_camera(self.view)).depth
+            self._layers(finished.base(), *finished.planes(), depth)
+
+    def _layers(self, base: np.ndarray, coverage: np.ndarray, weights: np.ndarray, depth: np.ndarray) -> None:
+        height, width = base.shape[:2]
+        whole = resize(depth, width, height) if depth.shape != (height, width) else depth
+        write_layers(self._path("layers", ".exr"), Layers(self.model.palettes, base, coverage, weights, whole))
+
+    def _planes(self, frame: Frame) -> None:
+        planes = Planes(
+            tuple(self.model.objects),
+            frame.palette_weights.astype(np.float16),
+            frame.probabilities.astype(np.float16),
+            to_bytes(frame.base),
+        )
+        if self.captured:
+            own = self.job.project.planes_file(self.view.name)
+            write_planes(own, planes)
+            self.job.artifact("planes", own)
+        if self.job.options.get("out"):
+            write_planes(self._path("planes", ".npz"), planes)
+
+    def _path(self, kind: str, suffix: str) -> Path:
+        self.written.append(Path(self.job.options["out"]) / kind / f"{self.view.name}{suffix}")
+        return self.written[-1]
+
+
+def _cut_out(color: np.ndarray, frame: Frame, behind: np.ndarray | None) -> np.ndarray:
+    return color if behind is None else with_alpha(color, frame.opacity, behind)
