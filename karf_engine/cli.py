@@ -144,6 +144,7 @@ def _parser() -> argparse.ArgumentParser:
     verb.add_argument("--views", default="all", help="as for render (default: %(default)s)")
     verb.add_argument("--out", required=True, metavar="DIR", help="folder for <colorway>/, colorways.csv and the contact "
                       "sheet; pictures that are there already are not made again")  # fmt: skip
+    verb.add_argument("--size", default="photo", help="as for render (default: %(default)s)")
     verb.add_argument("--predict-only", action="store_true", help="only write colorways.csv: what will be reached")
 
     verb = verbs.add_parser("settings", help="list all settings with defaults and ranges")
@@ -245,7 +246,7 @@ def _render(options: argparse.Namespace) -> int:
 
 
 def _render_colorways(options: argparse.Namespace) -> int:
-    chosen = {"views": options.views, "predict_only": options.predict_only}
+    chosen = {"views": options.views, "size": options.size, "predict_only": options.predict_only}
     library.colorways(options.project, options.sheet, options.out, **chosen, **_run_of(options))
     return 0
 

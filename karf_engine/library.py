@@ -183,6 +183,7 @@ def colorways(
     out: PathLike,
     *,
     views: str = "all",
+    size: str | int = "photo",
     predict_only: bool = False,
     **run: Unpack[Run],
 ) -> None:
@@ -196,13 +197,14 @@ def colorways(
         sheet: CSV or JSON with a colorway, an object and a color a row; see `edit.color_sheet`.
         out: the folder to write to.
         views: as for `render`.
+        size: of captured views, as for `render`.
         predict_only: render nothing; only write the table.
         **run: see the module's docstring.
 
     Raises:
         KarfError: the sheet has a row that is wrong, a view is unknown, or palettes are not learned.
     """
-    options = {"sheet": str(sheet), "out": str(out), "views": views, "predict_only": predict_only}
+    options = {"sheet": str(sheet), "out": str(out), "views": views, "size": size, "predict_only": predict_only}
     _run("colorways", project, options, run)
 
 

@@ -8,7 +8,7 @@ FLOORS = (
     ("inputs", "names", "failures", "color"),
     ("files", "npz", "settings"),
     ("wire", "capture", "progress", "runtime"),
-    ("images", "edit", "checkpoints", "kan"),
+    ("images", "edit", "checkpoints", "kan", "mixtures"),
     ("plates", "photos", "matting", "palette", "project", "handover", "contact_sheet", "frame_formats"),
     ("locking", "training", "rendering", "poses", "metrics"),
     ("fields",),

@@ -1,6 +1,6 @@
 """Which colors objects and surroundings have in one photo, and where in it.
 
-All classes share one set of Gaussians in CIE Lab (`segmentation.mixtures`); a class is its shares of them, and these shares vary over
+All classes share one set of Gaussians in CIE Lab (`mixtures`); a class is its shares of them, and these shares vary over
 the photo: what stands beside a leaf tells more about its edge than what stands elsewhere in the picture.
 """
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..segmentation.mixtures import Mixture, fit_mixture
+from ..mixtures import Mixture, fit_mixture
 
 COMPONENTS, DRAWS = 20, 5000
 REACH = 12.0  # standard deviation of the window of a place's own shares, pixels of the field's picture
