@@ -170,8 +170,8 @@ def test_memory_does_not_grow_with_the_number_of_frames(learned, tmp_path, monke
     sequence = Sequence(learned.project, tmp_path, 160, size=16)
     alive, sizes, render = [], [], Model.render
 
-    def counted(model, camera):
-        frame = render(model, camera)
+    def counted(model, *camera):
+        frame = render(model, *camera)
         alive.append(weakref.ref(frame.picture))
         sizes.append(tracemalloc.get_traced_memory()[0])
         return frame
