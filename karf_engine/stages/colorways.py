@@ -108,6 +108,7 @@ class _Work:
                 name = self._name(plan.colorway.name, view)
                 self._finished.note(name, marks[plan.colorway.name], [path], reached=measured)
                 progress.step()
+        self._finished = FinishedFrames.read(self._out)
         write_table(self._out / "colorways.csv", self._planned, self._reached)
         self._write_sheet()
 

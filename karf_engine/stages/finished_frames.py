@@ -28,7 +28,7 @@ class FinishedFrames:
 
     Attributes:
         folder: Where the frames go.
-        frames: What is noted of each, by its name; the last line counts.
+        frames: What was noted of each when this was read, by its name; the last line counts.
     """
 
     folder: Path
@@ -55,12 +55,11 @@ class FinishedFrames:
         return bool(sizes) and sizes == entry["files"]
 
     def note(self, frame: str, made_from: str, files: Iterable[Path], **measured: Any) -> None:
-        """Note a frame whose files are written, with what was measured of it."""
+        """Add a line for a frame whose files are written, with what was measured of it; `frames` stay as read."""
         sizes = {path.relative_to(self.folder).as_posix(): _size(path) for path in files}
         entry = {"frame": frame, "made_from": made_from, "files": sizes, **measured}
         with (self.folder / NOTE).open("a", encoding="utf-8") as stream:
             stream.write(f"\n{json.dumps(entry)}\n")  # a line that was cut off before must not swallow this one
-        self.frames[frame] = entry
 
 
 def _size(path: Path) -> int:
