@@ -28,6 +28,16 @@ COMPOSITING_HELP = {
     "paper": "Replace the object by its palette mixture, as in the paper",
 }
 COMPOSITING_ITEMS = [(name, COMPOSITING_NAMES[name], COMPOSITING_HELP[name]) for name in COMPOSITING_MODES]
+FORMAT_ITEMS = [
+    ("PNG", "PNG", "sRGB numbers, for all other programs"),
+    ("OPEN_EXR", "OpenEXR", "Scene-linear light, for compositing"),
+]
+DEPTH_ITEMS = [
+    ("8", "8", "8 bits a channel; of OpenEXR half floats"),
+    ("16", "16", "16 bits a channel; of OpenEXR half floats"),
+    ("32", "32", "Full floats; of PNG 16 bits"),
+]
+MODE_ITEMS = [("RGB", "RGB", "Opaque"), ("RGBA", "RGBA", "What is behind the scene is transparent")]
 RULE_ITEMS = [
     ("becomes", "Material", "Paint the whole object anew, light and highlights kept"),
     ("fewest", "Fewest swatches", "Reach the color with as few changed swatches as possible"),
@@ -129,6 +139,9 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         options=PATH_OPTIONS,
         description="Folder of the frames that were rendered last",
     )
+    file_format: EnumProperty(name="File Format", items=FORMAT_ITEMS, description="Of a camera's frames")
+    color_mode: EnumProperty(name="Color", items=MODE_ITEMS, description="Of a camera's frames")
+    color_depth: EnumProperty(name="Color Depth", items=DEPTH_ITEMS, description="Of a camera's frames")
     skip_existing: BoolProperty(
         name="Skip Existing",
         default=True,

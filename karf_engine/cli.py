@@ -128,6 +128,8 @@ def _parser() -> argparse.ArgumentParser:
                       "pixels), learned, or the long side in pixels (default: %(default)s)")  # fmt: skip
     verb.add_argument("--jpeg", action="store_true", help="write recolored JPEG photos as JPEG, not as PNG")
     verb.add_argument("--alpha", action="store_true", help="renderings without what is behind the scene, with alpha")
+    verb.add_argument("--format", choices=("png8", "png16", "exr16", "exr32"), default="png8", help="of recolored "
+                      "frames of new cameras; exr is scene-linear (default: %(default)s)")  # fmt: skip
     verb.add_argument("--depth", action="store_true", help="write depth/ too")
     verb.add_argument("--planes", action="store_true", help="write planes/ too (what Blender recolors from)")
     _add_overrides(verb, "change one setting of render, as render.edges=field; may be repeated")
@@ -142,6 +144,7 @@ def _parser() -> argparse.ArgumentParser:
     verb.add_argument("--views", default="all", help="as for render (default: %(default)s)")
     verb.add_argument("--out", required=True, metavar="DIR", help="folder for <colorway>/, colorways.csv and the contact "
                       "sheet; pictures that are there already are not made again")  # fmt: skip
+    verb.add_argument("--size", default="photo", help="as for render (default: %(default)s)")
     verb.add_argument("--predict-only", action="store_true", help="only write colorways.csv: what will be reached")
 
     verb = verbs.add_parser("settings", help="list all settings with defaults and ranges")
@@ -234,7 +237,8 @@ def _match(options: argparse.Namespace) -> int:
 
 def _render(options: argparse.Namespace) -> int:
     names = (
-        "views", "edit", "base", "size", "depth", "planes", "layers", "alpha", "jpeg", "overrides", "skip_existing"
+        "views", "edit", "base", "size", "depth", "planes", "layers", "alpha", "jpeg", "overrides", "skip_existing",
+        "format",
     )  # fmt: skip
     chosen = {name: getattr(options, name) for name in names}
     library.render(options.project, options.out, **chosen, **_run_of(options))
@@ -242,7 +246,7 @@ def _render(options: argparse.Namespace) -> int:
 
 
 def _render_colorways(options: argparse.Namespace) -> int:
-    chosen = {"views": options.views, "predict_only": options.predict_only}
+    chosen = {"views": options.views, "size": options.size, "predict_only": options.predict_only}
     library.colorways(options.project, options.sheet, options.out, **chosen, **_run_of(options))
     return 0
 

@@ -132,6 +132,7 @@ def render(
     planes: bool = False,
     alpha: bool = False,
     jpeg: bool = False,
+    format: str = "png8",
     overrides: Sequence[str] = (),
     layers: bool = False,
     skip_existing: bool = False,
@@ -153,6 +154,7 @@ def render(
         planes: write OUT/planes too, what Blender recolors from.
         alpha: write renderings without what is behind the scene, with alpha.
         jpeg: write recolored JPEG photos as JPEG, not as PNG: pixels that no edit reaches change a little.
+        format: of recolored frames of cameras without photos: `png8`, `png16`, `exr16` or `exr32` (scene-linear).
         overrides: single settings of how to render, each as `render.field=value`.
         layers: write OUT/layers too, OpenEXR files for compositors.
         skip_existing: keep frames that an earlier call has finished with the same model, camera, edit and arguments.
@@ -168,6 +170,7 @@ def render(
         "overrides": list(overrides),
         "alpha": alpha,
         "jpeg": jpeg,
+        "format": format,
     }
     options |= {"depth": depth, "planes": planes, "layers": layers, "skip_existing": skip_existing}
     options |= {name: str(value) for name, value in (("edit", edit), ("base", base)) if value is not None}
@@ -180,6 +183,7 @@ def colorways(
     out: PathLike,
     *,
     views: str = "all",
+    size: str | int = "photo",
     predict_only: bool = False,
     **run: Unpack[Run],
 ) -> None:
@@ -193,13 +197,14 @@ def colorways(
         sheet: CSV or JSON with a colorway, an object and a color a row; see `edit.color_sheet`.
         out: the folder to write to.
         views: as for `render`.
+        size: of captured views, as for `render`.
         predict_only: render nothing; only write the table.
         **run: see the module's docstring.
 
     Raises:
         KarfError: the sheet has a row that is wrong, a view is unknown, or palettes are not learned.
     """
-    options = {"sheet": str(sheet), "out": str(out), "views": views, "predict_only": predict_only}
+    options = {"sheet": str(sheet), "out": str(out), "views": views, "size": size, "predict_only": predict_only}
     _run("colorways", project, options, run)
 
 

@@ -9,7 +9,7 @@ FLOORS = (
     ("files", "npz", "settings"),
     ("wire", "capture", "progress", "runtime"),
     ("images", "edit", "checkpoints", "kan", "mixtures"),
-    ("plates", "photos", "matting", "palette", "project", "handover", "contact_sheet"),
+    ("plates", "photos", "matting", "palette", "project", "handover", "contact_sheet", "frame_formats"),
     ("locking", "training", "rendering", "poses", "metrics"),
     ("fields",),
     ("heads",),

@@ -108,3 +108,10 @@ def strips_of(scene: bpy.types.Scene) -> bpy.types.bpy_prop_collection:
     """The strips of the scene's sequencer, which is made where there is none."""
     editor = scene.sequence_editor or scene.sequence_editor_create()
     return editor.sequences if bpy.app.version < (4, 4, 0) else editor.strips
+
+
+def strip_range(strip: "bpy.types.Strip") -> tuple[int, int]:
+    """The first frame of a strip and the one behind its last; its ends are called handles since 5.1."""
+    if bpy.app.version < (5, 1, 0):
+        return strip.frame_final_start, strip.frame_final_end
+    return strip.left_handle, strip.right_handle

@@ -22,10 +22,10 @@ class KARF_UL_colorways(bpy.types.UIList):
 
 def draw_color(layout, item):
     """A row: names, chips of the wanted and the predicted color, their difference, and the reason."""
-    names, rest = split(layout, 0.4)
+    names, rest = split(layout, 0.35)
     names.label(text=item.colorway)
     names.label(text=item.object)
-    numbers, reason = split(rest, 0.3)
+    numbers, reason = split(rest, 0.25)
     numbers.label(text="", icon_value=chips.icon(item.wanted))
     numbers.label(text=f"{item.difference:.1f}", icon_value=chips.icon(item.reached))
     if item.reason:
@@ -94,13 +94,13 @@ def show_predictions(context, sheet):
     planned = steps.predict_colorways(context.scene, sheet)
     shown = context.window_manager.karf_colorways
     shown.colors.clear()
-    shown.active = 0
     for plan in planned:
         for prediction in plan.predictions:
             item = shown.colors.add()
             item.colorway, item.object = plan.colorway.name, prediction.wish.name
             item.wanted, item.reached = prediction.target, prediction.reached
             item.difference, item.reason = prediction.ciede2000, prediction.reason
+    shown.active = next((number for number, item in enumerate(shown.colors) if item.reason), 0)
 
 
 CLASSES = (KARF_UL_colorways, KARF_OT_colorways, KARF_OT_render_colorways)

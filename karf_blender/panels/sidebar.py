@@ -219,16 +219,25 @@ def draw_render(layout, context):
     column.operator("karf.render_capture", icon="RENDERLAYERS")
     column.operator("karf.render_camera", icon="RENDER_ANIMATION")
     column.operator("karf.colorways", icon="COLOR")
-    layout.prop(context.scene.karf, "skip_existing")
-    row = layout.row(align=True)
-    row.operator("karf.show_frames", icon="IMAGE_DATA")
-    row.operator("karf.add_strip", icon="SEQUENCE")
+    draw_output(layout, context.scene.karf)
     row = layout.row(align=True)
     row.operator("karf.build_compositor", icon="NODETREE")
     row.operator("karf.build_compositor", text="", icon="DRIVER").driven = True
     row = layout.row(align=True)
     row.operator("karf.import_cameras", icon="IMPORT")
     row.operator("karf.export_cameras", icon="EXPORT")
+
+
+def draw_output(layout, karf):
+    """How a camera's frames are written, as in Blender's output panel, and where frames are once they are."""
+    layout.prop(karf, "file_format")
+    row = layout.row(align=True)
+    row.prop(karf, "color_mode", expand=True)
+    row.prop(karf, "color_depth", expand=True)
+    layout.prop(karf, "skip_existing")
+    row = layout.row(align=True)
+    row.operator("karf.show_frames", icon="IMAGE_DATA")
+    row.operator("karf.add_strip", icon="SEQUENCE")
 
 
 # --- the panels ----------------------------------------------------------------------------------------------------

@@ -94,9 +94,9 @@ def add_strip(scene: bpy.types.Scene, files: Sequence[Path], first: int, name: s
     strip = strips.new_image(name=name, filepath=str(files[0]), channel=channel, frame_start=first, fit_method="FIT")
     for path in files[1:]:
         strip.elements.append(path.name)
-    strip.frame_final_duration = len(files)
     return strip
 
 
 def _overlaps(strip: "bpy.types.Strip", first: int, behind: int) -> bool:
-    return strip.frame_final_start < behind and first < strip.frame_final_end
+    start, end = compat.strip_range(strip)
+    return start < behind and first < end

@@ -13,6 +13,12 @@ from ..swatches import palettes, recolor
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
 
+# the engine's names of what Blender's output panel calls file format and color depth
+FORMATS = {
+    "PNG": {"8": "png8", "16": "png16", "32": "png16"},
+    "OPEN_EXR": {"8": "exr16", "16": "exr16", "32": "exr32"},
+}
+
 
 def task(scene: bpy.types.Scene, title: str, *jobs: tuple[str, dict]) -> Task:
     """A task of the scene's project: pairs of a stage and its options, run in a row."""
@@ -40,7 +46,13 @@ def pictures(
     size: of photos, `photo`, `learned` or the long side in pixels.
     """
     options = {"views": views, "edit": edit, "out": str(out), "planes": False, "depth": False, "base": base}
-    return "render", options | {"size": size, "skip_existing": scene.karf.skip_existing}
+    karf, kind = scene.karf, FORMATS[scene.karf.file_format][scene.karf.color_depth]
+    return "render", options | {
+        "size": size,
+        "skip_existing": karf.skip_existing,
+        "format": kind,
+        "alpha": karf.color_mode == "RGBA",
+    }
 
 
 def layers(view: str, out: Path) -> tuple[str, dict]:

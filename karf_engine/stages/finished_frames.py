@@ -14,7 +14,8 @@ from typing import Any
 
 from ..capture.capture import Capture, View, capture_to_json
 from ..edit.palette import Edit
-from ..project import STAGE_ORDER, Project
+from ..project import STAGE_ORDER
+from ..settings import to_dict
 from .job import Job, file_digest, fingerprint
 
 NOTE = "finished.jsonl"
@@ -27,7 +28,7 @@ class FinishedFrames:
 
     Attributes:
         folder: Where the frames go.
-        frames: What is noted of each, by its name; the last line counts.
+        frames: What was noted of each when this was read, by its name; the last line counts.
     """
 
     folder: Path
@@ -54,12 +55,11 @@ class FinishedFrames:
         return bool(sizes) and sizes == entry["files"]
 
     def note(self, frame: str, made_from: str, files: Iterable[Path], **measured: Any) -> None:
-        """Note a frame whose files are written, with what was measured of it."""
+        """Add a line for a frame whose files are written, with what was measured of it; `frames` stay as read."""
         sizes = {path.relative_to(self.folder).as_posix(): _size(path) for path in files}
         entry = {"frame": frame, "made_from": made_from, "files": sizes, **measured}
         with (self.folder / NOTE).open("a", encoding="utf-8") as stream:
             stream.write(f"\n{json.dumps(entry)}\n")  # a line that was cut off before must not swallow this one
-        self.frames[frame] = entry
 
 
 def _size(path: Path) -> int:
@@ -67,10 +67,11 @@ def _size(path: Path) -> int:
     return path.stat().st_size if path.is_file() else -1
 
 
-def model_mark(project: Project) -> str:
-    """A text that changes when anything that is learned of a project does."""
-    stages = {stage: project.finished(stage) or {} for stage in STAGE_ORDER}
-    return fingerprint({stage: [facts.get("fingerprint"), facts.get("files")] for stage, facts in stages.items()})
+def model_mark(job: Job) -> str:
+    """A text that changes when anything that is learned of a job's project does, or how it renders."""
+    stages = {stage: job.project.finished(stage) or {} for stage in STAGE_ORDER}
+    learned = {stage: [facts.get("fingerprint"), facts.get("files")] for stage, facts in stages.items()}
+    return fingerprint(learned, to_dict(job.settings.render))
 
 
 def view_mark(model: str, view: View, *options: Any) -> str:
@@ -117,7 +118,7 @@ def unfinished_frames(job: Job, views: Sequence[View], edits: Sequence[Edit | No
     if not out:
         return UnfinishedFrames([(view, edit, "") for view, edit in zip(views, edits, strict=True)], None)
     own = {name: value for name, value in job.options.items() if name not in NOT_OF_A_FRAME and value}
-    model, finished = model_mark(job.project), FinishedFrames.read(Path(out))
+    model, finished = model_mark(job), FinishedFrames.read(Path(out))
     frames = [
         (view, edit, frame_mark(view_mark(model, view, own), edit)) for view, edit in zip(views, edits, strict=True)
     ]

@@ -14,6 +14,7 @@ from ..edit.palette import Edit
 from ..errors import BadRequest
 from ..files import atomic_write
 from ..finishing import PhotoView
+from ..frame_formats import FORMATS, write_frame
 from ..frames import Frame, with_alpha
 from ..handover.layers import Layers, write_layers
 from ..images import write_png
@@ -29,6 +30,12 @@ def size_of(wanted: str | int | None) -> str | int:
     if not str(wanted).isascii() or not str(wanted).isdigit() or int(wanted) < 1:
         raise BadRequest(f"{wanted!r:.200} is no size.", "Use photo, learned, or the long side in pixels.")
     return int(wanted)
+
+
+def check_format(wanted: str | None) -> None:
+    """Raise BadRequest for a format of recolored frames that is none."""
+    if wanted is not None and wanted not in FORMATS:
+        raise BadRequest(f"Unknown format {wanted!r:.200}.", f"Use one of: {', '.join(FORMATS)}.")
 
 
 def write_view(job: Job, model: Model, view: View, edit: Edit | None, captured: bool) -> list[Path]:
@@ -89,7 +96,9 @@ class _Files:
         for name, mask in zip(self.model.objects, frame.masks, strict=True):
             write_png(self._path(f"masks/{name}", ".png"), mask)
         if self.edit is not None:
-            write_png(self._path("recolor", ".png"), _cut_out(self.model.composite(frame, self.edit), frame, behind))
+            kind = self.job.options.get("format", "png8")
+            picture = _cut_out(self.model.composite(frame, self.edit), frame, behind)
+            write_frame(self._path("recolor", FORMATS[kind]), picture, kind)
         if self.job.options.get("layers"):
             layers = Layers(self.model.palettes, frame.base, frame.probabilities, frame.palette_weights, frame.depth)
             write_layers(self._path("layers", ".exr"), layers)

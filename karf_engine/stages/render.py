@@ -3,7 +3,8 @@
 Options: views (train | test | val | all | name,name | CAMERAS.json), edit (EDIT.json, or a list with one for each view,
 in their order), out (folder), base (photo | render, for captured views; by default the photo, with the paper's
 compositing the render, as there), size (photo | learned | pixels of the long side, for captured views with the photo as
-base), planes, layers, depth, alpha, jpeg (bools), overrides (texts render.field=value), skip_existing (bool: keep frames
+base), format (png8 | png16 | exr16 | exr32, of recolored pictures that are none of a photo's size), planes, layers, depth,
+alpha, jpeg (bools), overrides (texts render.field=value), skip_existing (bool: keep frames
 that are there already, made from the same). Writes
 
     OUT/render/<view>.png            the scene as learned; with alpha without what is behind it
@@ -36,7 +37,7 @@ from ..settings import with_overrides
 from ..wire import Request
 from .chosen_views import select_views
 from .finished_frames import unfinished_frames
-from .frame_files import size_of, write_view
+from .frame_files import check_format, size_of, write_view
 from .job import Job, open_job
 
 
@@ -58,6 +59,7 @@ def _render(job: Job, model: Model) -> None:
     if not options.get("out") and not options.get("planes"):
         raise BadRequest("The render stage was given nowhere to write.", "Name a folder with --out.")
     size_of(options.get("size"))  # before anything is rendered
+    check_format(options.get("format"))
     views, captured = select_views(job, options.get("views", "test"))
     edits = read_edits(options.get("edit"), views, model.palettes, job.settings.compositing)
     frames = unfinished_frames(job, views, edits)

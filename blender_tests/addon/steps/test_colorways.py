@@ -69,7 +69,8 @@ def test_the_dialog_lists_every_color_with_its_difference_and_the_reason(bpy, ad
     for item in shown.colors:
         operators.draw_color(Layout(bpy, drawn), item)
     assert drawn.count("Night") == 2 and any("no sRGB picture" in text for text in drawn)
-    shown.active, drawn = 1, []
+    assert shown.active == 1  # the first that cannot be reached
+    drawn = []
     dialog = SimpleNamespace(layout=Layout(bpy, drawn), bl_rna=bpy.ops.karf.render_colorways.get_rna_type())
     operators.KARF_OT_render_colorways.draw(dialog, bpy.context)
     assert "3 colors; 1 cannot be reached. Numbers: CIEDE2000 to the wanted" in drawn

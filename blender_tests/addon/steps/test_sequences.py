@@ -38,7 +38,7 @@ def test_frames_loaded_again_are_the_same_image(bpy, addon, film):
 def test_one_click_makes_a_strip(bpy, addon, film):
     assert bpy.ops.karf.add_strip() == {"FINISHED"}
     (strip,) = addon.compat.strips_of(film)
-    assert (strip.frame_final_start, strip.frame_final_duration, strip.channel) == (3, 5, 1)
+    assert (addon.compat.strip_range(strip), strip.channel) == ((3, 8), 1)
     assert [element.filename for element in strip.elements] == [f"frame_{number:04d}.png" for number in range(3, 8)]
     assert bpy.path.abspath(strip.directory).rstrip("/").endswith("recolor")
     bpy.ops.karf.add_strip()  # beside the first
@@ -48,7 +48,7 @@ def test_one_click_makes_a_strip(bpy, addon, film):
 def test_frames_of_an_earlier_longer_job_are_left_out(addon, film, tmp_path):
     film.frame_end = 5
     addon.headless.render_sequence(out=tmp_path / "out")
-    assert addon.headless.add_strip().frame_final_duration == 3
+    assert addon.compat.strip_range(addon.headless.add_strip()) == (3, 6)
 
 
 def test_captured_views_are_loaded_in_their_order(addon, learned, tmp_path):
@@ -56,7 +56,7 @@ def test_captured_views_are_loaded_in_their_order(addon, learned, tmp_path):
     assert addon.headless.show_frames().source == "SEQUENCE"  # photo_0, photo_1 ..
     strip = addon.headless.add_strip(folder)
     assert [element.filename for element in strip.elements] == ["photo_0.png", "photo_1.png", "photo_2.png"]
-    assert strip.frame_final_start == 1
+    assert addon.compat.strip_range(strip) == (1, 4)
 
 
 def test_the_engine_is_asked_to_skip_what_is_there(addon, learned, tmp_path):
@@ -77,3 +77,19 @@ def test_the_buttons_wait_for_frames(bpy, addon, learned):
 def test_a_folder_without_frames_is_told(addon, learned, tmp_path):
     with pytest.raises(addon.engine_api.BadRequest, match="There are no frames in"):
         addon.headless.add_strip(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("file_format", "depth", "mode", "expected"),
+    [
+        ("PNG", "8", "RGB", ("png8", False)),
+        ("PNG", "16", "RGBA", ("png16", True)),
+        ("OPEN_EXR", "16", "RGBA", ("exr16", True)),
+        ("OPEN_EXR", "32", "RGB", ("exr32", False)),
+    ],
+)
+def test_the_engine_is_asked_for_the_chosen_output(addon, learned, tmp_path, file_format, depth, mode, expected):
+    learned.karf.file_format, learned.karf.color_depth, learned.karf.color_mode = file_format, depth, mode
+    (request,) = addon.steps.render_camera(learned, None, [1]).requests
+    assert (request.options["format"], request.options["alpha"]) == expected
+    request.check_options()
