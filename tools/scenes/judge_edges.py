@@ -19,17 +19,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import imageio.v3 as iio
 import numpy as np
+from karf_engine.finishing import PhotoView
+from karf_engine.photos import StoredPhoto, open_photo
 
 import karf_engine as karf
 from karf_engine.capture.capture import View
 from karf_engine.edit.palette import Edit
 from karf_engine.files import write_json
-from karf_engine.matting.matte import Matte
+from karf_engine.matting.matte import Matte, dense_coverage
 from karf_engine.metrics.images import mse_outside
 from karf_engine.model import Model
-from karf_engine.palette.star_weights import palette_weights_of_image
 
 from ..judging.edges import BAND, EdgeScore, border_band, mean_scores, score_edges
 from ..judging.matting_ways import WAYS, Evidence, larger_field
@@ -101,8 +101,9 @@ def judge(capture: Path, project: Path, larger: Path | None, options: argparse.N
     judged: dict[str, list[Judged]] = {name: [] for name in ways}
     crops: dict[str, list[tuple[float, list[np.ndarray]]]] = {name: [] for name in model.objects}
     for number, view in enumerate(karf.open_capture(capture).split("test")):
-        evidence = evidence_of(view, model, other, truth, number)
-        of_view = {name: judge_way(evidence, ways[name], model, truth, edits, number) for name in ways}
+        photo = open_photo(view.image)
+        evidence = evidence_of(view, photo, model, other, truth, number)
+        of_view = {name: judge_way(photo, evidence, ways[name], model, truth, edits, number) for name in ways}
         for name, result in of_view.items():
             judged[name].append(result)
         if {"field", "photo"} <= set(ways):
@@ -114,19 +115,22 @@ def judge(capture: Path, project: Path, larger: Path | None, options: argparse.N
     return {name: mean_of_views(views, model.objects) for name, views in judged.items()}
 
 
-def evidence_of(view: View, model: Model, larger: Model | None, truth: Truth, number: int) -> Evidence:
+def evidence_of(
+    view: View, photo: StoredPhoto, model: Model, larger: Model | None, truth: Truth, number: int
+) -> Evidence:
     """What all ways know of a test view."""
-    frame = model.render_view(view, "photo")
+    seen = model.look(model.working_camera(view))
     return Evidence(
-        photo=iio.imread(view.image)[..., :3],
-        probabilities=frame.probabilities,
-        depth=frame.depth,
-        larger=larger.render_view(view, "photo").probabilities if larger else None,
+        photo=photo.shown(),
+        probabilities=seen.probabilities,
+        depth=seen.depth,
+        larger=larger.look(larger.working_camera(view)).probabilities if larger else None,
         coverage=np.stack([truth.coverage(name)[number] for name in model.objects]),
     )
 
 
 def judge_way(
+    photo: StoredPhoto,
     evidence: Evidence,
     way: Callable[[Evidence], list[Matte]],
     model: Model,
@@ -138,9 +142,10 @@ def judge_way(
     start = time.process_time()
     mattes = way(evidence)
     seconds = time.process_time() - start
-    coverage = np.stack([whole(matte, evidence.photo.shape[:2]) for matte in mattes])
-    recolored = {name: recolor(evidence.photo, mattes, model, edit) for name, edit in edits.items()}
-    photo, scores, outside = evidence.photo / 255, {}, []
+    coverage = dense_coverage(mattes, evidence.photo.shape[:2])
+    ready = PhotoView(photo, 1, model.objects, mattes, model.palettes)
+    recolored = {name: ready.shown(ready.recolored(edit)) for name, edit in edits.items()}
+    scores, outside = {}, []
     for k, name in enumerate(model.objects):
         chosen = [edit for edit in edits if name in truth.edits[edit]["objects"]]
         pictures = [recolored[edit] for edit in chosen], [truth.recolored(edit)[number] for edit in chosen]
@@ -149,27 +154,8 @@ def judge_way(
         inside = [
             evidence.coverage[k] > 0 for k, name in enumerate(model.objects) if name in truth.edits[edit]["objects"]
         ]
-        outside.append(mse_outside(picture, photo, np.any(inside, 0)))
+        outside.append(mse_outside(picture, ready.shown(photo), np.any(inside, 0)))
     return Judged(scores, float(np.mean(outside)), seconds, coverage, recolored)
-
-
-def recolor(photo: np.ndarray, mattes: list[Matte], model: Model, edit: Edit) -> np.ndarray:
-    """The photo with an edit: each object's own colors change by its palette, as much as it covers of the pixel."""
-    result = photo / 255
-    for matte, palette in zip(mattes, model.palettes, strict=True):
-        box = slice(*matte.rows), slice(*matte.columns)
-        colors = matte.colors(photo[box], 0, matte.rows[1] - matte.rows[0])
-        change = np.asarray(edit.colors[palette.name]) - palette.colors
-        if change.any() and colors.size:
-            result[box] += matte.coverage[..., None] * (palette_weights_of_image(colors, palette.colors) @ change)
-    return np.rint(result.clip(0, 1) * 255) / 255
-
-
-def whole(matte: Matte, size: tuple[int, int]) -> np.ndarray:
-    """A matte's coverage of the whole photo, float32 [H, W]."""
-    result = np.zeros(size, np.float32)
-    result[slice(*matte.rows), slice(*matte.columns)] = matte.coverage
-    return result
 
 
 def mean_of_views(views: list[Judged], objects: list[str]) -> dict:
