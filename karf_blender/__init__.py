@@ -1,7 +1,9 @@
 """The Blender side: cameras, swatches and pictures. It runs the engine in its own process and never imports torch."""
 
 from . import operators, panels, preferences, properties
+from .compositor import drivers
 from .host import rendering
+from .pictures import chips
 from .project import disk, saving
 from .rig import reprojection
 from .swatches import recolor
@@ -12,8 +14,10 @@ MODULES = (
     properties,
     preferences,
     rendering,
+    chips,
     recolor,
     saving,
+    drivers,
     reprojection,
     disk,
     ownership,

@@ -16,9 +16,10 @@ from ..karf_engine.capture.reprojection import (
     undistorted_near,
 )
 from ..karf_engine.capture.undistortion import undistorted
-from ..karf_engine.color import linear_to_srgb, srgb_to_lab
+from ..karf_engine.color import linear_to_srgb, srgb_to_lab, srgb_to_linear
 from ..karf_engine.edit.becomes import match_becomes, match_fewest, nearest_weights
 from ..karf_engine.edit.compositing import Planes, delta_composite, paper_composite, read_planes, stack_palettes
+from ..karf_engine.edit.layers import ObjectLayers, read_layer_names
 from ..karf_engine.edit.object_colors import read_object_colors
 from ..karf_engine.edit.palette import (
     BRIGHTEST,
@@ -26,14 +27,16 @@ from ..karf_engine.edit.palette import (
     Edit,
     Palette,
     hex_to_rgb,
-    read_edit,
     read_palettes,
     rgb_to_hex,
     write_edit,
 )
+from ..karf_engine.edit.palette_files import SUFFIXES as EDIT_SUFFIXES
+from ..karf_engine.edit.palette_files import read_edit_file, write_edit_file
 from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency, error_from_code
 from ..karf_engine.files import atomic_write
 from ..karf_engine.project import Project
+from ..karf_engine.project.colorways import PlannedColorway, plan_colorways
 from ..karf_engine.settings import PRESETS
 from ..karf_engine.wire import LOG_FILE, REQUEST_FILE, Event, EventReader, Request
 
@@ -47,6 +50,7 @@ __all__ = [
     "BRIGHTEST",
     "CAPTURE_MARKS",
     "COMPOSITING_MODES",
+    "EDIT_SUFFIXES",
     "ENGINE_FOLDER",
     "LOG_FILE",
     "PRESETS",
@@ -63,8 +67,10 @@ __all__ = [
     "EventReader",
     "KarfError",
     "MissingDependency",
+    "ObjectLayers",
     "Palette",
     "Planes",
+    "PlannedColorway",
     "Project",
     "Request",
     "SparsePoints",
@@ -82,17 +88,21 @@ __all__ = [
     "observed_points",
     "open_capture",
     "paper_composite",
-    "read_edit",
+    "plan_colorways",
+    "read_edit_file",
+    "read_layer_names",
     "read_object_colors",
     "read_palettes",
     "read_planes",
     "reprojection_errors",
     "rgb_to_hex",
     "srgb_to_lab",
+    "srgb_to_linear",
     "stack_palettes",
     "summarize",
     "undistorted",
     "undistorted_near",
     "write_cameras",
     "write_edit",
+    "write_edit_file",
 ]

@@ -123,6 +123,17 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         options=PATH_OPTIONS,
         description="Where pictures go; empty: out in the project",
     )
+    frames: StringProperty(
+        name="Frames",
+        subtype="DIR_PATH",
+        options=PATH_OPTIONS,
+        description="Folder of the frames that were rendered last",
+    )
+    skip_existing: BoolProperty(
+        name="Skip Existing",
+        default=True,
+        description="Keep frames that are there already and would come out the same, and go on where a job was stopped",
+    )
     preset: EnumProperty(name="Preset", items=PRESET_ITEMS, description="How long and how well to learn")
     nerf: StringProperty(
         name="Pretrained NeRF",
@@ -149,6 +160,24 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
     mask_image: PointerProperty(name="Mask", type=bpy.types.Image, description="The photo that is painted on")
 
 
+class KARF_PG_color(bpy.types.PropertyGroup):
+    """One color of a sheet of colorways, and what it will be."""
+
+    colorway: StringProperty()
+    object: StringProperty()
+    wanted: srgb("Wanted")
+    reached: srgb("Reached")
+    difference: FloatProperty(description="CIEDE2000 of the color reached to the wanted one")
+    reason: StringProperty(description="Why the wanted color cannot be reached")
+
+
+class KARF_PG_colorways(bpy.types.PropertyGroup):
+    """The sheet of colorways that is looked at."""
+
+    colors: CollectionProperty(type=KARF_PG_color)
+    active: IntProperty()
+
+
 class KARF_PG_progress(bpy.types.PropertyGroup):
     """The running job, and why the last one failed."""
 
@@ -163,7 +192,15 @@ class KARF_PG_progress(bpy.types.PropertyGroup):
     hint: StringProperty()
 
 
-CLASSES = (KARF_PG_swatch, KARF_PG_object, KARF_PG_view, KARF_PG_scene, KARF_PG_progress)
+CLASSES = (
+    KARF_PG_swatch,
+    KARF_PG_object,
+    KARF_PG_view,
+    KARF_PG_scene,
+    KARF_PG_color,
+    KARF_PG_colorways,
+    KARF_PG_progress,
+)
 
 
 def register():
@@ -172,12 +209,14 @@ def register():
         bpy.utils.register_class(each)
     bpy.types.Scene.karf = PointerProperty(type=KARF_PG_scene)
     bpy.types.WindowManager.karf_progress = PointerProperty(type=KARF_PG_progress)
+    bpy.types.WindowManager.karf_colorways = PointerProperty(type=KARF_PG_colorways)
     bpy.types.Object.karf_view = StringProperty(name="KaRF view", description="The captured view of this camera")
 
 
 def unregister():
     """Called when the extension is disabled."""
     del bpy.types.Object.karf_view
+    del bpy.types.WindowManager.karf_colorways
     del bpy.types.WindowManager.karf_progress
     del bpy.types.Scene.karf
     for each in reversed(CLASSES):

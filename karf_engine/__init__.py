@@ -21,7 +21,17 @@ if TYPE_CHECKING:
     from .capture.capture import Capture, View
     from .edit.palette import Edit, Palette, read_edit, write_edit
     from .errors import KarfError
-    from .library import extract_palettes, find_poses, learn, learn_geometry, learn_recoloring, load, render, segment
+    from .library import (
+        colorways,
+        extract_palettes,
+        find_poses,
+        learn,
+        learn_geometry,
+        learn_recoloring,
+        load,
+        render,
+        segment,
+    )
     from .model import Frame, Model
     from .settings import PRESETS, Settings
 
@@ -36,6 +46,7 @@ _HOME = {  # name -> the module that defines it
     "Palette": "edit.palette",
     "Settings": "settings",
     "View": "capture.capture",
+    "colorways": "library",
     "extract_palettes": "library",
     "find_poses": "library",
     "learn": "library",
@@ -61,6 +72,7 @@ __all__ = [
     "Settings",
     "View",
     "__version__",
+    "colorways",
     "extract_palettes",
     "find_poses",
     "learn",

@@ -14,11 +14,12 @@ from importlib import metadata
 from pathlib import Path
 
 from . import library
-from .errors import Cancelled, DataError, KarfError, MissingDependency
+from .errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency
 from .failures import known_failure
 from .files import read_json
 from .progress import Emit, TerminalEmit
 from .project import STAGE_ORDER, Project
+from .project.edit import edit_of
 from .settings import PRESETS, describe
 from .stages.dispatch import run_request
 from .version import __version__
@@ -90,9 +91,15 @@ def _parser() -> argparse.ArgumentParser:
     verb.add_argument("project", metavar="DIR", help="project folder")
     verb.add_argument("--masks", required=True, metavar="DIR", help="coarse masks: DIR/<object>/<photo stem>.png")
 
-    verb = _verb(verbs, "palette", "extract palettes; with --json only print the learned ones", _extract_palettes)
+    verb = _verb(
+        verbs, "palette", "extract palettes; with --json or --out only show the learned ones", _extract_palettes
+    )
     verb.add_argument("project", metavar="DIR", help="project folder")
     verb.add_argument("--json", action="store_true", help="print the palettes as JSON; nothing is computed")
+    verb.add_argument(
+        "--out", metavar="FILE", help="write their colors as .gpl, .ase or EDIT.json; nothing is computed"
+    )
+    verb.add_argument("--edit", metavar="FILE", help="of --out: the colors that an edit or a palette file gives them")
 
     verb = _verb(verbs, "recoloring", "learn palette weights", _learn_recoloring)
     verb.add_argument("project", metavar="DIR", help="project folder")
@@ -113,12 +120,24 @@ def _parser() -> argparse.ArgumentParser:
         "--views", default="test", help="train, test, val, all, names with commas, or CAMERAS.json (transforms.json "
         "with sizes) (default: %(default)s)",
     )  # fmt: skip
-    verb.add_argument("--edit", metavar="FILE", help="EDIT.json: write recolored frames too")
+    verb.add_argument("--edit", metavar="FILE", help="EDIT.json, or a palette file: write recolored frames too")
     verb.add_argument("--out", required=True, metavar="DIR", help="folder for render/, masks/, recolor/")
     verb.add_argument("--base", choices=("photo", "render"), help="what an edit of a captured view changes (default: "
                       "photo; with the preset paper: render)")  # fmt: skip
     verb.add_argument("--depth", action="store_true", help="write depth/ too")
     verb.add_argument("--planes", action="store_true", help="write planes/ too (what Blender recolors from)")
+    verb.add_argument("--layers", action="store_true", help="write layers/ too (OpenEXR for compositors)")
+    verb.add_argument("--skip-existing", action="store_true", help="keep frames that are there already, made from the "
+                      "same: goes on where a job was stopped")  # fmt: skip
+
+    verb = _verb(verbs, "colorways", "render every colorway of a sheet in every view", _render_colorways)
+    verb.add_argument("project", metavar="DIR", help="project folder")
+    verb.add_argument("--sheet", required=True, metavar="FILE", help="CSV or JSON: colorway, object, and a color as hex, "
+                      "lab, srgb or srgb8")  # fmt: skip
+    verb.add_argument("--views", default="all", help="as for render (default: %(default)s)")
+    verb.add_argument("--out", required=True, metavar="DIR", help="folder for <colorway>/, colorways.csv and the contact "
+                      "sheet; pictures that are there already are not made again")  # fmt: skip
+    verb.add_argument("--predict-only", action="store_true", help="only write colorways.csv: what will be reached")
 
     verb = verbs.add_parser("settings", help="list all settings with defaults and ranges")
     verb.set_defaults(action=_list_settings)
@@ -180,6 +199,11 @@ def _extract_palettes(options: argparse.Namespace) -> int:
         project.require("palette")
         print(json.dumps(read_json(project.palette_file, "palettes"), indent=1))
         return 0
+    if options.out or options.edit:
+        if not options.out:
+            raise BadRequest("The palette verb was given an edit and no file to write.", "Add --out FILE.")
+        edit_of(Project(options.project), options.edit).save(options.out)
+        return 0
     library.extract_palettes(options.project, **_run_of(options))
     return 0
 
@@ -201,8 +225,15 @@ def _match(options: argparse.Namespace) -> int:
 
 
 def _render(options: argparse.Namespace) -> int:
-    chosen = {name: getattr(options, name) for name in ("views", "edit", "base", "depth", "planes")}
+    names = ("views", "edit", "base", "depth", "planes", "layers", "skip_existing")
+    chosen = {name: getattr(options, name) for name in names}
     library.render(options.project, options.out, **chosen, **_run_of(options))
+    return 0
+
+
+def _render_colorways(options: argparse.Namespace) -> int:
+    chosen = {"views": options.views, "predict_only": options.predict_only}
+    library.colorways(options.project, options.sheet, options.out, **chosen, **_run_of(options))
     return 0
 
 

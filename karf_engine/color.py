@@ -68,6 +68,20 @@ def srgb_to_lab(color: np.ndarray) -> np.ndarray:
     return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
 
 
+def lab_to_srgb(lab: np.ndarray) -> np.ndarray:
+    """sRGB of CIE L*a*b* colors [..., 3]; not clipped, so that what no screen shows lies outside 0..1.
+
+    Examples:
+        >>> lab_to_srgb(srgb_to_lab(np.array([0.2, 0.4, 0.9]))).round(6).tolist()
+        [0.2, 0.4, 0.9]
+    """
+    lab = np.asarray(lab, np.float64)
+    y = (lab[..., 0] + 16) / 116
+    f = np.stack([y + lab[..., 1] / 500, y, y - lab[..., 2] / 200], axis=-1)
+    ratio = np.where(f > 6 / 29, f**3, 3 * (6 / 29) ** 2 * (f - 4 / 29))
+    return linear_to_srgb(ratio * _WHITE @ np.linalg.inv(_LINEAR_TO_XYZ).T)
+
+
 def lab_hue(lab: np.ndarray) -> np.ndarray:
     """Hue angle of Lab colors [..., 3] in radians, -pi..pi; 0 for exact greys.
 
@@ -86,3 +100,35 @@ def lab_chroma(lab: np.ndarray) -> np.ndarray:
         5.0
     """
     return np.hypot(lab[..., 1], lab[..., 2])
+
+
+def ciede2000(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Color difference CIEDE2000 of two arrays of Lab colors [..., 3]; about 1 is just visible side by side.
+
+    Sharma, Wu and Dalal (2005), "The CIEDE2000 color-difference formula: implementation notes, supplementary test data
+    and mathematical observations"; k_L = k_C = k_H = 1.
+
+    Examples:
+        >>> ciede2000(np.array([50, 2.6772, -79.7751]), np.array([50, 0, -82.7485])).round(4).item()
+        2.0425
+    """
+    first, second = np.broadcast_arrays(np.asarray(first, np.float64), np.asarray(second, np.float64))
+    grey = ((lab_chroma(first) + lab_chroma(second)) / 2) ** 7
+    stretch = np.array(1 + 0.5 * (1 - np.sqrt(grey / (grey + 25.0**7))))
+    (c1, h1), (c2, h2) = (
+        (np.hypot(lab[..., 1] * stretch, lab[..., 2]), np.arctan2(lab[..., 2], lab[..., 1] * stretch))
+        for lab in (first, second)
+    )
+    turn = (h2 - h1 + np.pi) % (2 * np.pi) - np.pi
+    d_light, d_chroma, d_hue = second[..., 0] - first[..., 0], c2 - c1, 2 * np.sqrt(c1 * c2) * np.sin(turn / 2)
+    light, chroma = (first[..., 0] + second[..., 0]) / 2, (c1 + c2) / 2
+    hue = np.where(c1 * c2 == 0, h1 + h2, h1 + turn / 2)
+    waves = ((-0.17, 1, -30), (0.24, 2, 0), (0.32, 3, 6), (-0.20, 4, -63))
+    t = 1 + sum(height * np.cos(n * hue + np.radians(shift)) for height, n, shift in waves)
+    offset = (light - 50) ** 2
+    s_light = 1 + 0.015 * offset / np.sqrt(20 + offset)
+    s_chroma, s_hue = 1 + 0.045 * chroma, 1 + 0.015 * chroma * t
+    from_blue = (np.degrees(hue) % 360 - 275) / 25
+    rotation = -2 * np.sqrt(chroma**7 / (chroma**7 + 25.0**7)) * np.sin(np.radians(60) * np.exp(-(from_blue**2)))
+    d_light, d_chroma, d_hue = d_light / s_light, d_chroma / s_chroma, d_hue / s_hue
+    return np.sqrt(d_light**2 + d_chroma**2 + d_hue**2 + rotation * d_chroma * d_hue)

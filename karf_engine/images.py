@@ -7,6 +7,8 @@ value at [row, column] belongs to the position (u, v) = (column + 0.5, row + 0.5
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,7 @@ from .failures import is_out_of_memory
 from .files import atomic_write
 
 MOST_PIXELS_OF_SMALL_EXR = 8_000_000  # of up to four channels: each takes several copies of floats
+BACK = {6: 8, 8: 6}  # the Exif orientation that undoes another; all others undo themselves
 MOST_PIXELS_OF_SMALL_MASK = 100_000_000  # of drawings, which pack well
 
 Image.MAX_IMAGE_PIXELS = MOST_PIXELS  # sizes are checked here, before a picture is decoded
@@ -46,33 +49,50 @@ def read_photo(path: Path, upright: bool = True) -> np.ndarray:
     Raises:
         DataError: The file is missing, damaged, no picture, or claims more pixels than are read.
     """
-    pixels, header = _read_pixels(path, upright)
+    pixels, header = read_pixels(path, upright)
     colors = _as_colors(pixels)
-    if header.premultiplied and header.kind != "exr" and colors.shape[-1] == 4:
+    is_premultiplied = header.premultiplied and header.kind == "tiff" and header.deep  # Pillow divides by itself
+    if is_premultiplied and colors.shape[-1] == 4:
         colors[..., :3] = straight(colors)
     return colors
 
 
-def _read_pixels(path: Path, upright: bool, of_small: int = MOST_PIXELS_OF_SMALL) -> tuple[np.ndarray, ImageHeader]:
-    """Pixels [H, W] or [H, W, C] as deep as they are stored, and the file's header; of EXR display colors.
+def read_pixels(path: Path, upright: bool, of_small: int = MOST_PIXELS_OF_SMALL) -> tuple[np.ndarray, ImageHeader]:
+    """Pixels as deep as they are stored; of EXR display colors.
 
-    of_small: how many pixels are read of the smallest file. Raises as `read_photo`.
+    Args:
+        path: The file.
+        upright: Whether to apply its Exif orientation.
+        of_small: How many pixels are read of the smallest file.
+
+    Returns:
+        Pixels [H, W] or [H, W, C], and the file's header.
+
+    Raises:
+        DataError: As `read_photo`.
     """
-    try:
+    with decoding(path):
         header = find_header(path) or ImageHeader(0, 0)  # Pillow knows more kinds than `find_header`
         check_pixels(path, *header.stored, of_small)
         if header.kind == "exr":
             return _read_exr(path, header), header
         pixels = _read_deep(path) if header.deep else _read_plain(path, upright, of_small)
+    if header.kind == "tiff":  # decoders always turn these
+        orientation = 1 if upright else BACK.get(header.orientation, header.orientation)
+    else:
+        orientation = header.orientation if header.deep and upright else 1
+    return oriented(pixels, orientation), header
+
+
+@contextmanager
+def decoding(path: Path) -> Iterator[None]:
+    """What a decoder raises in the body becomes a DataError that names the file."""
+    try:
+        yield
     except Exception as error:  # damaged files make decoders raise nearly anything
         if isinstance(error, KarfError | PermissionError) or is_out_of_memory(error):
             raise
         raise unreadable(path, str(error) or type(error).__name__) from error
-    if header.kind == "tiff":  # decoders always turn these
-        orientation = 1 if upright else {6: 8, 8: 6}.get(header.orientation, header.orientation)
-    else:
-        orientation = header.orientation if header.deep and upright else 1
-    return _oriented(pixels, orientation), header
 
 
 def _read_plain(path: Path, upright: bool, of_small: int) -> np.ndarray:
@@ -87,8 +107,8 @@ def _read_deep(path: Path) -> np.ndarray:
     return iio.imread(path.read_bytes(), plugin="opencv", index=0, flags=cv2.IMREAD_UNCHANGED)
 
 
-def _oriented(pixels: np.ndarray, orientation: int) -> np.ndarray:
-    """Stored pixels as a viewer shows them (Exif 2.3, tag 0x0112)."""
+def oriented(pixels: np.ndarray, orientation: int) -> np.ndarray:
+    """Stored pixels [H, W, ..] as a viewer shows them (Exif 2.3, tag 0x0112)."""
     if orientation >= 5:
         pixels = pixels.swapaxes(0, 1)
     if orientation in (2, 3, 6, 7):
@@ -99,6 +119,23 @@ def _oriented(pixels: np.ndarray, orientation: int) -> np.ndarray:
 
 
 def _read_exr(path: Path, header: ImageHeader) -> np.ndarray:
+    return display_colors(read_light(path, header)[0].astype(np.float32, copy=False))
+
+
+def read_light(path: Path, header: ImageHeader) -> tuple[np.ndarray, str]:
+    """Linear light of an EXR file on its display window, and the name of the channels that hold it.
+
+    Args:
+        path: The file.
+        header: Its header.
+
+    Returns:
+        [H, W, 1, 3 or 4] as deep as it is stored, premultiplied; and the name, for example `RGBA`.
+
+    Raises:
+        DataError: The file claims more pixels than are read.
+        ValueError: It holds no colors.
+    """
     for part in OpenEXR.File(str(path), header_only=True).parts:
         first, last = part.header["dataWindow"]
         width, height = (last.astype(int) - first + 1).tolist()
@@ -111,9 +148,14 @@ def _read_exr(path: Path, header: ImageHeader) -> np.ndarray:
     name = next((name for name in ("RGBA", "RGB", "Y", *layers) if name in channels), None)
     if name is None:
         raise ValueError(f"it has no colors among its channels {', '.join(channels)}")
-    stored = np.atleast_3d(channels[name]).astype(np.float32)
-    light = np.zeros((header.height, header.width, stored.shape[-1]), np.float32)
-    _paste(stored, light, file.header()["dataWindow"][0] - file.header()["displayWindow"][0])
+    stored = np.atleast_3d(channels[name])
+    light = np.zeros((header.height, header.width, stored.shape[-1]), stored.dtype)
+    paste(stored, light, file.header()["dataWindow"][0] - file.header()["displayWindow"][0])
+    return light, name
+
+
+def display_colors(light: np.ndarray) -> np.ndarray:
+    """sRGB float32 [H, W, 3 or 4], clipped, with straight alpha, of premultiplied light [H, W, 1, 3 or 4] in float32."""
     light = np.nan_to_num(light, posinf=np.finfo(np.float32).max)
     if light.shape[-1] == 4:
         light[..., :3] = straight(light)
@@ -122,7 +164,7 @@ def _read_exr(path: Path, header: ImageHeader) -> np.ndarray:
     return np.concatenate([colors, np.clip(light[..., 3:], 0, 1)], -1).astype(np.float32)
 
 
-def _paste(stored: np.ndarray, canvas: np.ndarray, corner: np.ndarray) -> None:
+def paste(stored: np.ndarray, canvas: np.ndarray, corner: np.ndarray) -> None:
     """Copy the part of `stored` that lies on the canvas, its first pixel at `corner` (column, row)."""
     left, top = map(int, corner)
     stored = stored[max(0, -top) :, max(0, -left) :]
@@ -143,11 +185,11 @@ def _as_colors(pixels: np.ndarray) -> np.ndarray:
     if pixels.ndim == 2:
         pixels = np.repeat(pixels[..., None], 3, axis=-1)
     colors = pixels.astype(np.float32)
-    colors /= _full(pixels)
+    colors /= full_value(pixels)
     return np.clip(colors, 0, 1, out=colors)
 
 
-def _full(pixels: np.ndarray) -> int:
+def full_value(pixels: np.ndarray) -> int:
     """The stored value of full brightness."""
     return 255 if pixels.dtype == np.uint8 else 65535 if pixels.dtype.kind in "ui" else 1
 
@@ -188,9 +230,9 @@ def read_mask(path: Path) -> np.ndarray:
     Raises:
         DataError: As `read_photo`.
     """
-    pixels, _ = _read_pixels(path, True, MOST_PIXELS_OF_SMALL_MASK)  # no floats: masks of large photos are small files
+    pixels, _ = read_pixels(path, True, MOST_PIXELS_OF_SMALL_MASK)  # no floats: masks of large photos are small files
     pixels = np.atleast_3d(pixels)
-    full = _full(pixels)
+    full = full_value(pixels)
     color = pixels[..., :3].max(-1)
     brightest = color.max()
     inside = color > (full / 2 if brightest > 1.5 / 255 * full else brightest / 2)

@@ -129,6 +129,8 @@ def render(
     base: str | None = None,
     depth: bool = False,
     planes: bool = False,
+    layers: bool = False,
+    skip_existing: bool = False,
     **run: Unpack[Run],
 ) -> None:
     """Write frames of many views as files: OUT/render, OUT/masks/<object>, and with an edit OUT/recolor.
@@ -142,14 +144,46 @@ def render(
             compositing the rendering.
         depth: write OUT/depth too, float32 .npy along the optical axis, world units.
         planes: write OUT/planes too, what Blender recolors from.
+        layers: write OUT/layers too, OpenEXR files for compositors.
+        skip_existing: keep frames that an earlier call has finished with the same model, camera, edit and arguments.
         **run: see the module's docstring.
 
     Raises:
         KarfError: a view or an object of the edit is unknown, or what they need is not learned.
     """
-    options = {"out": str(out), "views": views, "depth": depth, "planes": planes}
+    options = {"out": str(out), "views": views, "depth": depth, "planes": planes, "layers": layers}
+    options["skip_existing"] = skip_existing
     options |= {name: str(value) for name, value in (("edit", edit), ("base", base)) if value is not None}
     _run("render", project, options, run)
+
+
+def colorways(
+    project: PathLike,
+    sheet: PathLike,
+    out: PathLike,
+    *,
+    views: str = "all",
+    predict_only: bool = False,
+    **run: Unpack[Run],
+) -> None:
+    """Write every colorway of a sheet in every view: OUT/<colorway>/<view>, OUT/colorways.csv, OUT/contact_sheet.png.
+
+    The table says of each color what it will be, how far that is from the wish, and why not closer; after the
+    pictures, what was measured in them. Pictures of an earlier call that would come out the same are kept.
+
+    Args:
+        project: one whose palettes are learned.
+        sheet: CSV or JSON with a colorway, an object and a color a row; see `edit.color_sheet`.
+        out: the folder to write to.
+        views: as for `render`.
+        predict_only: render nothing; only write the table.
+        **run: see the module's docstring.
+
+    Raises:
+        KarfError: the sheet has a row that is wrong, a view is unknown, or palettes are not learned.
+    """
+    options = {"sheet": str(sheet), "out": str(out), "views": views, "predict_only": predict_only}
+    _run("colorways", project, options, run)
 
 
 def find_poses(photos: PathLike, out: PathLike, *, matching: str = "auto", **run: Unpack[Run]) -> None:

@@ -6,15 +6,18 @@ they are sharp and hold the highlights. For any other camera from F_w, which is 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 
 from .capture.camera import Camera
 from .capture.capture import Capture, View
+from .capture.distortion import straighten
 from .color import to_bytes
 from .edit.compositing import delta_composite, paper_composite, stack_palettes
 from .edit.palette import Edit, Palette, read_palettes
@@ -22,20 +25,25 @@ from .errors import BadRequest
 from .failures import translated
 from .fields.files import load_scene
 from .fields.scene import Picture
+from .finishing import PhotoView
 from .heads.fields import RecoloringField, SegmentationField
 from .heads.files import load_recoloring, load_segmentation
 from .heads.rendering import ObjectSamples, object_samples, segment_cache, weigh_cache
 from .locking import consistent, opened
+from .matting.matte import Matte, dense_coverage
+from .matting.refine import NEGLIGIBLE, mattes_of
 from .palette.star_weights import palette_weights_of_image
-from .plates import Plate, load_views
+from .photos import open_photo
+from .photos.stored import from_camera
+from .plates import Plate, image_of, load_views
 from .project import Project
 from .project.contents import capture_of, settings_for
 from .project.edit import ProjectEdit, edit_of
 from .runtime import find_device
+from .settings import Settings
 
 BASES = {"delta": "photo", "paper": "render"}  # what an edit of a captured view changes, where nothing is said
 MASK_SAMPLES, WEIGHT_SAMPLES = 3, 8  # quantile samples a ray: colors need more of them than classes
-NEGLIGIBLE = 1 / 512  # probability of an object: less cannot change an 8-bit pixel
 
 
 @dataclass(frozen=True)
@@ -43,7 +51,7 @@ class Frame:
     """One rendered view of a model with K objects, whose palettes have up to M colors. Arrays are numpy, row 0 on top.
 
     Attributes:
-        picture: the scene as learned, as tensors on the model's device.
+        picture: the scene as learned, as tensors on the model's device; of a preview smaller than the rest.
         probabilities: [K, H, W] float32, of each object in each pixel (Eq. 8).
         palette_weights: [K, M, H, W] float32, probabilities times weights (Eq. 9); None before palettes are learned.
         base: [H, W, 3] float32 sRGB in [0, 1], the picture that an edit changes: the photo, or the rendering.
@@ -81,7 +89,7 @@ class Model:
 
     Attributes:
         project: the project's folder and its files.
-        settings: those that its stages were run with.
+        settings: those that its stages were run with, and how it renders.
         capture: the photos and cameras that it was learned from.
         scene: the radiance field, frozen.
         objects: names of the segmented objects, K of them; empty before segmentation.
@@ -90,11 +98,14 @@ class Model:
         recoloring: F_w, or None before palettes are learned.
     """
 
-    def __init__(self, project: Project, device: torch.device | str = "cpu") -> None:
-        """Load what is finished of a project. Raises BadRequest where nothing is, DataError where a file is damaged."""
+    def __init__(self, project: Project, device: torch.device | str = "cpu", settings: Settings | None = None) -> None:
+        """Load what is finished of a project, by default with its own settings.
+
+        Raises BadRequest where nothing is finished, DataError where a file is damaged.
+        """
         project.require("geometry")
         self.project, self.device = project, torch.device(device)
-        self.settings = settings_for(project, "render")
+        self.settings = settings or settings_for(project, "render")
         self.scene = load_scene(project.checked(project.geometry_file), self.device)
         self.objects: list[str] = []
         self.palettes: tuple[Palette, ...] = ()
@@ -108,6 +119,7 @@ class Model:
             self.palettes = read_palettes(project.checked(project.palette_file), objects=self.objects)
             path, bounds = project.checked(project.recoloring_file), self.segmentation.bounds
             self.recoloring = load_recoloring(path, bounds, n_features, self.palettes, self.device)
+        self._looked: tuple[Any, Frame | None] = (None, None)
 
     @classmethod
     def load(cls, folder: Path | str, device: str | None = None) -> Model:
@@ -147,7 +159,9 @@ class Model:
         return self.frame_of(picture, picture.color.cpu().numpy(), from_field)
 
     def render_view(self, view: View, base: str | None = None) -> Frame:
-        """A captured view at the working size (`settings.geometry.long_side`).
+        """A captured view as its pinhole shows it, at the working size (`settings.geometry.long_side`).
+
+        Objects end where the field says; see `preview` and `photo_view` for the edges of the photo.
 
         Args:
             view: of the capture.
@@ -156,11 +170,76 @@ class Model:
         Raises:
             DataError: the photo is missing or damaged.
         """
-        if (base or BASES[self.settings.compositing]) == "photo":
+        if self.base_of(base) == "photo":
             return self.render_plate(self.plate(view))
+        return self.render(self.working_camera(view))
+
+    def base_of(self, base: str | None) -> str:
+        """What an edit of a captured view changes, `photo` or `render`, where `base` was asked for."""
+        return base or BASES[self.settings.compositing]
+
+    def working_camera(self, view: View) -> Camera:
+        """The camera of a captured view at the working size, with its lens."""
         camera = view.camera
         factor = min(1.0, self.settings.geometry.long_side / max(camera.width, camera.height))
-        return self.render(camera.scaled(max(1, round(camera.width * factor)), max(1, round(camera.height * factor))))
+        return camera.scaled(max(1, round(camera.width * factor)), max(1, round(camera.height * factor)))
+
+    @translated()
+    def look(self, camera: Camera) -> Frame:
+        """What the field alone says, in the grid of a camera with its lens: no palette weights, itself as base.
+
+        The last one is remembered. Raises OutOfMemory where the device has too little.
+        """
+        known, frame = self._looked
+        asked = (replace(camera, camera_to_world=None), camera.camera_to_world.tobytes())
+        if known != asked:
+            picture = self.scene.render(camera, MASK_SAMPLES)
+            frame = Frame(picture, self._probabilities(picture), None, picture.color.cpu().numpy())
+            if not camera.is_pinhole:  # where a lens shows nothing, the rays are those of another pixel
+                beyond = np.isnan(straighten(camera, camera.pixel_centers())).any(1).reshape(frame.depth.shape)
+                frame.probabilities[:, beyond] = 0
+            self._looked = asked, frame
+        return frame
+
+    def preview(self, view: View, long_side: int | None = None) -> Frame:
+        """A captured view as its pinhole shows it, at a size to look at and to recolor quickly.
+
+        Base, probabilities (coverages, as `settings.render.edges` says) and palette weights are of this size; the
+        picture is of the working size.
+
+        Args:
+            view: of the capture.
+            long_side: pixels, at most the photo's; by default `settings.render.preview`.
+
+        Raises:
+            DataError: the photo is missing or damaged.
+        """
+        plate = load_views([view], long_side or self.settings.render.preview)[0]
+        seen, base = self.look(self.working_camera(view).without_distortion()), _on_white(plate)
+        mattes = mattes_of(self.settings.render.edges, to_bytes(base), seen.probabilities, seen.depth)
+        coverages = dense_coverage(mattes, base.shape[:2])
+        weights = None if self.recoloring is None else self.weights_of_mattes(base, mattes, coverages)
+        return Frame(seen.picture, coverages, weights, base)
+
+    def photo_view(self, view: View, size: str | int = "photo") -> PhotoView:
+        """A captured view in its photo's own pixels, to be recolored any number of times.
+
+        Args:
+            view: of the capture.
+            size: `photo`, or a long side in pixels to which the photo is reduced.
+
+        Raises:
+            DataError: the photo is missing, damaged or of another size than its camera.
+        """
+        photo = open_photo(image_of(view))
+        orientation = photo.orientation_for(view.camera)
+        if size != "photo":
+            photo = photo.resized(int(size))
+        seen = self.look(self.working_camera(view))
+        probabilities = np.stack([from_camera(own, orientation) for own in seen.probabilities] or [np.zeros((1, 1))])
+        depth = from_camera(seen.depth, orientation)
+        mattes = mattes_of(self.settings.render.edges, photo.shown(), probabilities[: len(self.objects)], depth)
+        return PhotoView(photo, orientation, self.objects, mattes, self.palettes)
 
     @translated()
     def render_plate(self, plate: Plate, weights_from: str = "photo") -> Frame:
@@ -204,6 +283,18 @@ class Model:
             weights[k, : len(palette.colors), inside] = own * probabilities[k][inside, None]
         return weights
 
+    def weights_of_mattes(self, base: np.ndarray, mattes: Sequence[Matte], coverages: np.ndarray) -> np.ndarray:
+        """Palette weights [K, M, H, W] of the objects' own colors in a picture [H, W, 3] and their coverages [K, H, W]."""
+        weights = np.zeros((len(self.objects), self.learned_colors.shape[1], *base.shape[:2]), np.float32)
+        for k, (palette, matte) in enumerate(zip(self.palettes, mattes, strict=True)):
+            pixels = to_bytes(base)
+            rows, columns = slice(*matte.rows), slice(*matte.columns)
+            pixels[rows, columns] = matte.colors(pixels[rows, columns], 0, matte.rows[1] - matte.rows[0])
+            inside = coverages[k] > NEGLIGIBLE
+            own = palette_weights_of_image(pixels[inside][None], palette.colors)[0]
+            weights[k, : len(palette.colors), inside] = own * coverages[k][inside, None]
+        return weights
+
     def weights_of_field(self, picture: Picture, samples: ObjectSamples | None = None) -> np.ndarray:
         """Palette weights [K, M, H, W] of F_w (Eq. 9 on top of Eq. 8). samples: the picture's, where they are known."""
         height, width = picture.opacity.shape
@@ -219,9 +310,29 @@ class Model:
         """An edit that changes nothing yet, or what a file says. Raises BadRequest before palettes are learned."""
         return edit_of(self.project, path)
 
-    def recolor(self, view: View, edit: Edit) -> np.ndarray:
-        """A captured view with an edit, [H, W, 3] float32 sRGB; see `render_view` for its size and base."""
-        return self.composite(self.render_view(view), edit)
+    def recolor(self, view: View, edit: Edit, size: str | int = "photo") -> np.ndarray:
+        """A captured view with an edit.
+
+        Args:
+            view: of the capture.
+            edit: of this model's palettes.
+            size: `photo`: all pixels of the photo, with its lens; a long side in pixels: the same, reduced; `learned`: as
+                its pinhole shows it at the working size, as the rendering, which always is the base with the paper's
+                compositing.
+
+        Returns:
+            [H, W, 3] float32 sRGB in [0, 1], as its camera is turned. `photo_view` writes what the photo's file held.
+
+        Raises:
+            BadRequest: no palettes are learned.
+            DataError: the photo is missing or damaged.
+        """
+        if self.base_of(None) == "render":
+            return self.composite(self.render_view(view), edit)
+        if size == "learned":
+            return self.composite(self.preview(view, self.settings.geometry.long_side), edit)
+        finished = self.photo_view(view, size)
+        return finished.shown(finished.recolored(edit))
 
     def composite(self, frame: Frame, edit: Edit) -> np.ndarray:
         """The base of a frame with an edit, [H, W, 3] float32 sRGB. Raises BadRequest before palettes are learned."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -91,18 +92,28 @@ def _load_view(view: View, long_side: int) -> Plate:
 
 def _photo_of(view: View) -> np.ndarray:
     """The view's photo in the orientation that its camera was made for."""
-    if view.image is None:
-        raise DataError(f"View {view.name!r} is a bare camera without a photo.", "Give a capture with photos.")
+    path = image_of(view)
     size = (view.camera.height, view.camera.width)
     for upright in (True, False):
-        photo = read_photo(view.image, upright)
+        photo = read_photo(path, upright)
         if photo.shape[:2] == size:
             return photo
         found, photo = photo.shape, None  # never two of them in memory
     raise DataError(
-        f"{view.image} is {found[1]}x{found[0]} pixels where its camera has {size[1]}x{size[0]}.",
+        f"{path} is {found[1]}x{found[0]} pixels where its camera has {size[1]}x{size[0]}.",
         "Import the capture again.",
     )
+
+
+def image_of(view: View) -> Path:
+    """The view's photo.
+
+    Raises:
+        DataError: It has none.
+    """
+    if view.image is None:
+        raise DataError(f"View {view.name!r} is a bare camera without a photo.", "Give a capture with photos.")
+    return view.image
 
 
 def undistort(image: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera, np.ndarray]:

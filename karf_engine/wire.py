@@ -24,7 +24,7 @@ PROTOCOL = 1
 REQUEST_FILE = "request.json"
 EVENTS_FILE = "events.jsonl"
 LOG_FILE = "engine.log"
-STAGES = ("geometry", "segmentation", "palette", "recoloring", "render", "match", "poses", "all")
+STAGES = ("geometry", "segmentation", "palette", "recoloring", "render", "match", "colorways", "poses", "all")
 FINAL_EVENTS = ("done", "error", "cancelled")
 MOST_THREADS = 256
 EVENT_VALUES: dict[str, dict[str, Any]] = {  # what a reader may rely on; other values are an event's own
@@ -39,10 +39,10 @@ EVENT_VALUES: dict[str, dict[str, Any]] = {  # what a reader may rely on; other 
 }
 OPTION_TYPES: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(("capture", "preset", "nerf", "masks", "device", "views", "out", "base"), (str,)),
-    **dict.fromkeys(("photos", "matching", "object", "source", "target", "rule"), (str,)),
-    **dict.fromkeys(("depth", "planes"), (bool,)),
+    **dict.fromkeys(("photos", "matching", "object", "source", "target", "rule", "sheet"), (str,)),
+    **dict.fromkeys(("depth", "planes", "predict_only", "skip_existing"), (bool,)),
     "edit": (str, list),
-    "overrides": (list,),
+    **dict.fromkeys(("overrides", "locked"), (list,)),
     "threads": (int,),
 }
 

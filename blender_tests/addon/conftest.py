@@ -4,6 +4,7 @@ import importlib
 import json
 import os
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,6 +14,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULE = "bl_ext.karf_test.karf"
+ENGINE_PYTHON = os.environ.get("KARF_ENGINE_PYTHON")  # tests of the extension replace it by the fake engine's
 FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 # the modules that tests use, by their room ("" is karf_blender itself); the fixture `addon` has each by its own name
 MODULES = {
@@ -20,11 +22,12 @@ MODULES = {
     "host": "compat rendering",
     "engine": "environment jobs probing report",
     "project": "captures contents disk folders saving",
-    "pictures": "editors images masks photos",
+    "pictures": "editors images masks photos sequences chips",
     "rig": "camera_paths cameras frames lens placement points reprojection",
     "swatches": "edits palettes planes recolor",
     "tasks": "ownership runner task",
-    "panels": "chips sidebar",
+    "operators": "colorways",
+    "panels": "sidebar",
 }
 _exit_code = None
 _has_blender = False
@@ -122,6 +125,17 @@ def two_splits(bpy, addon, tmp_path):
 def learned_files(tmp_path_factory):
     """Where the first test that needs a learned project leaves it for the others."""
     return tmp_path_factory.mktemp("learned")
+
+
+@pytest.fixture(scope="session")
+def layers_file(tmp_path_factory):
+    """A layered picture of the fake engine's objects, 40 x 30 pixels, written by the engine's own code."""
+    python = ENGINE_PYTHON or ROOT / ".venv" / "engine" / "bin" / "python"
+    folder = tmp_path_factory.mktemp("layers")
+    script = Path(__file__).parent / "compositor" / "make_layers.py"
+    made = subprocess.run([python, script, folder], capture_output=True, text=True)
+    assert made.returncode == 0, made.stderr
+    return folder / "layers" / "photo_0.exr"
 
 
 @pytest.fixture

@@ -16,6 +16,14 @@ class Layout:
         known = self._bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items
         assert icon in known
 
+    def split(self, **_):
+        return Layout(self._bpy, self._drawn)
+
+    def template_list(self, kind, name, data, collection, active_data, active, **_):
+        assert hasattr(self._bpy.types, kind)
+        assert collection in data.bl_rna.properties and active in active_data.bl_rna.properties
+        self._drawn.append(kind)
+
     def label(self, text="", **options):
         self._check(**options)
         self._drawn.append(text)

@@ -33,7 +33,7 @@ FLOORS = (
     ("preferences",),
     ("project",),
     ("pictures",),
-    ("rig", "swatches", "tasks"),
+    ("compositor", "rig", "swatches", "tasks"),
     ("properties", "steps"),
     ("headless", "operators", "panels"),
     ("__init__",),

@@ -12,8 +12,8 @@ pytest.importorskip("scipy")
 
 import karf_engine
 
-RUN = ("rendering", "kan", "palette", "edit")  # rooms whose examples are run
-ROOMS = ("rendering", "kan", "palette", "edit")  # rooms of which every public function must have an example
+RUN = ("rendering", "kan", "palette", "edit", "handover")  # rooms whose examples are run
+ROOMS = ("rendering", "kan", "palette", "edit", "handover")  # rooms of which every public function must have an example
 FLAGS = doctest.NORMALIZE_WHITESPACE
 
 

@@ -44,3 +44,67 @@ def set_brush_color(tool_settings: bpy.types.ToolSettings, color: tuple[float, f
     # brushes are assets since 4.3: there may be none before the first stroke
     if paint.brush is not None:
         paint.brush.color = color
+
+
+# --- the compositor, whose trees and nodes changed in 4.5 and 5.0 ----------------------------------------------------
+def compositing_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
+    """The scene's compositing nodes, switched on; an empty tree is made where there is none."""
+    if bpy.app.version < (5, 0, 0):
+        is_new = scene.node_tree is None
+        scene.use_nodes = True
+        if is_new:  # it comes with nodes that nobody asked for
+            scene.node_tree.nodes.clear()
+        return scene.node_tree
+    if scene.compositing_node_group is None:
+        scene.compositing_node_group = bpy.data.node_groups.new("Compositor", "CompositorNodeTree")
+    return scene.compositing_node_group
+
+
+def compositing_tree_or_none(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
+    """The scene's compositing nodes, if it has some."""
+    return scene.node_tree if bpy.app.version < (5, 0, 0) else scene.compositing_node_group
+
+
+def compositing_output(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
+    """The socket whose picture is rendered; the output node is made where there is none."""
+    if bpy.app.version < (5, 0, 0):
+        node = _first(tree, "COMPOSITE") or tree.nodes.new("CompositorNodeComposite")
+        return node.inputs["Image"]
+    outputs = [item for item in tree.interface.items_tree if getattr(item, "in_out", "") == "OUTPUT"]
+    if not any(item.socket_type == "NodeSocketColor" for item in outputs):
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    node = _first(tree, "GROUP_OUTPUT") or tree.nodes.new("NodeGroupOutput")
+    return next(socket for socket in node.inputs if socket.type == "RGBA")
+
+
+def _first(tree: bpy.types.NodeTree, kind: str) -> bpy.types.Node | None:
+    return next((node for node in tree.nodes if node.type == kind), None)
+
+
+def new_color_math(tree: bpy.types.NodeTree, operation: str, clips: bool = False) -> bpy.types.Node:
+    """A node that adds, subtracts or multiplies two colors (`ADD`, `SUBTRACT`, `MULTIPLY`), see `color_math_sockets`.
+
+    clips: Whether to clip the result to 0..1.
+    """
+    if bpy.app.version < (4, 5, 0):
+        node = tree.nodes.new("CompositorNodeMixRGB")
+        node.use_clamp = clips
+    else:
+        node = tree.nodes.new("ShaderNodeMix")
+        node.data_type, node.clamp_result = "RGBA", clips
+    node.blend_type = operation
+    node.inputs[0].default_value = 1.0
+    return node
+
+
+def color_math_sockets(node: bpy.types.Node) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket, bpy.types.NodeSocket]:
+    """The two inputs and the result of such a node, which has sockets of other types too."""
+    first, second = [socket for socket in node.inputs if socket.type == "RGBA"]
+    return first, second, next(socket for socket in node.outputs if socket.type == "RGBA")
+
+
+# --- the sequencer, whose strips are called strips since 4.4 ---------------------------------------------------------
+def strips_of(scene: bpy.types.Scene) -> bpy.types.bpy_prop_collection:
+    """The strips of the scene's sequencer, which is made where there is none."""
+    editor = scene.sequence_editor or scene.sequence_editor_create()
+    return editor.sequences if bpy.app.version < (4, 4, 0) else editor.strips

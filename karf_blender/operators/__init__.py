@@ -2,9 +2,9 @@
 
 import bpy
 
-from . import cameras, cancel, capture, edit, failure, learn, masks, probing, render
+from . import cameras, cancel, capture, colorways, edit, failure, learn, masks, probing, render
 
-FILES = (capture, masks, learn, probing, edit, render, cameras, cancel, failure)
+FILES = (capture, masks, learn, probing, edit, render, colorways, cameras, cancel, failure)
 CLASSES = tuple(each for file in FILES for each in file.CLASSES)
 
 

@@ -6,6 +6,7 @@ import bpy
 from bpy.props import IntProperty, StringProperty
 
 from .. import steps
+from ..engine_api import EDIT_SUFFIXES
 from ..swatches import edits
 from .reporting import ProjectSwatchStep, SwatchStep, reports_errors
 
@@ -43,14 +44,14 @@ class KARF_OT_becomes(ProjectSwatchStep, bpy.types.Operator):
 
 
 class KARF_OT_load_edit(SwatchStep, bpy.types.Operator):
-    """Set the swatches to those of an edit file"""
+    """Set the swatches to those of an edit file, or of a palette of GIMP (.gpl) or Adobe (.ase)"""
 
     bl_idname = "karf.load_edit"
     bl_label = "Load Edit"
     bl_options = {"REGISTER", "UNDO"}
 
     filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
-    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+    filter_glob: StringProperty(default=";".join(f"*{suffix}" for suffix in EDIT_SUFFIXES), options={"HIDDEN"})
 
     def invoke(self, context, event):
         if self.filepath:  # a file was dropped
@@ -65,13 +66,13 @@ class KARF_OT_load_edit(SwatchStep, bpy.types.Operator):
 
 
 class KARF_OT_save_edit(SwatchStep, bpy.types.Operator):
-    """Write the swatches to an edit file, for other scenes of the same objects and for scripts"""
+    """Write the swatches to an edit file, for other scenes and scripts, or as a palette (.gpl, .ase)"""
 
     bl_idname = "karf.save_edit"
     bl_label = "Save Edit"
 
     filepath: StringProperty(subtype="FILE_PATH", default="edit.json")
-    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+    filter_glob: StringProperty(default=";".join(f"*{suffix}" for suffix in EDIT_SUFFIXES), options={"HIDDEN"})
     check_existing: bpy.props.BoolProperty(default=True, options={"HIDDEN"})
 
     def invoke(self, context, event):
@@ -91,7 +92,7 @@ class KARF_FH_edit(bpy.types.FileHandler):
     bl_idname = "KARF_FH_edit"
     bl_label = "KaRF edit"
     bl_import_operator = KARF_OT_load_edit.bl_idname
-    bl_file_extensions = ".json"
+    bl_file_extensions = ";".join(EDIT_SUFFIXES)
 
     @classmethod
     def poll_drop(cls, context):

@@ -1,7 +1,7 @@
 """Step 7: pictures."""
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import BoolProperty, StringProperty
 
 from .. import steps
 from ..project import folders
@@ -50,4 +50,68 @@ class KARF_OT_render_camera(PaletteStep, bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (KARF_OT_render_view, KARF_OT_render_capture, KARF_OT_render_camera)
+class KARF_OT_build_compositor(PaletteStep, bpy.types.Operator):
+    """Recolor the active view by nodes in the compositor, with a color socket for each swatch"""
+
+    bl_idname = "karf.build_compositor"
+    bl_label = "Build Compositor"
+
+    view: StringProperty(name="View", description="Name of a captured view; empty: the active one")
+    driven: BoolProperty(
+        name="Follow Swatches",
+        description="The sockets follow the swatches; else they begin with them, and are set by hand",
+        options={"SKIP_SAVE"},
+    )
+
+    @reports_errors
+    def execute(self, context):
+        runner.launch(steps.build_compositor(context.scene, self.view, self.driven))
+        return {"FINISHED"}
+
+
+class FramesStep:
+    """Mix-in of operators that need rendered frames."""
+
+    @classmethod
+    def poll(cls, context):
+        if not context.scene.karf.frames:
+            cls.poll_message_set("Render captured views or a camera's frames first")
+            return False
+        return True
+
+
+class KARF_OT_show_frames(FramesStep, bpy.types.Operator):
+    """Show the frames that were rendered last in the Image Editor"""
+
+    bl_idname = "karf.show_frames"
+    bl_label = "Show Frames"
+
+    @reports_errors
+    def execute(self, context):
+        image = steps.show_frames(context.scene)
+        self.report({"INFO"}, f"{image.name!r} is in the Image Editors")
+        return {"FINISHED"}
+
+
+class KARF_OT_add_strip(FramesStep, bpy.types.Operator):
+    """Put the frames that were rendered last into the video sequencer, as one strip"""
+
+    bl_idname = "karf.add_strip"
+    bl_label = "Add Strip"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @reports_errors
+    def execute(self, context):
+        strip = steps.add_strip(context.scene)
+        self.report({"INFO"}, f"{strip.name!r} is on channel {strip.channel} of the sequencer")
+        return {"FINISHED"}
+
+
+CLASSES = (
+    KARF_OT_render_view,
+    KARF_OT_render_capture,
+    KARF_OT_render_camera,
+    KARF_OT_build_compositor,
+    KARF_OT_show_frames,
+    KARF_OT_add_strip,
+)

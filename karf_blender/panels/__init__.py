@@ -2,14 +2,13 @@
 
 import bpy
 
-from . import chips, sidebar
+from . import sidebar
 
 CLASSES = sidebar.CLASSES
 
 
 def register():
     """Called when the extension is enabled."""
-    chips.register()
     for each in CLASSES:
         bpy.utils.register_class(each)
 
@@ -18,4 +17,3 @@ def unregister():
     """Called when the extension is disabled."""
     for each in reversed(CLASSES):
         bpy.utils.unregister_class(each)
-    chips.unregister()

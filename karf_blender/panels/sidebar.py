@@ -9,9 +9,9 @@ import textwrap
 import bpy
 
 from ... import __package__ as extension
+from ..pictures import chips
 from ..project import disk
 from ..rig import reprojection
-from . import chips
 
 LINE = 34  # characters of a message that fit the sidebar's usual width
 
@@ -218,6 +218,14 @@ def draw_render(layout, context):
     column.operator("karf.render_view", icon="IMAGE_DATA")
     column.operator("karf.render_capture", icon="RENDERLAYERS")
     column.operator("karf.render_camera", icon="RENDER_ANIMATION")
+    column.operator("karf.colorways", icon="COLOR")
+    layout.prop(context.scene.karf, "skip_existing")
+    row = layout.row(align=True)
+    row.operator("karf.show_frames", icon="IMAGE_DATA")
+    row.operator("karf.add_strip", icon="SEQUENCE")
+    row = layout.row(align=True)
+    row.operator("karf.build_compositor", icon="NODETREE")
+    row.operator("karf.build_compositor", text="", icon="DRIVER").driven = True
     row = layout.row(align=True)
     row.operator("karf.import_cameras", icon="IMPORT")
     row.operator("karf.export_cameras", icon="EXPORT")

@@ -8,7 +8,7 @@ import bpy
 from ... import __package__ as extension
 from ..engine_api import BadRequest, Project
 
-PATH_PROPERTIES = ("project", "capture", "masks", "out", "nerf")
+PATH_PROPERTIES = ("project", "capture", "masks", "out", "frames", "nerf")
 
 
 def absolute(stored: str, blend: str | None = None) -> Path:

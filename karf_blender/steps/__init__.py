@@ -6,15 +6,22 @@ others are done when they return. All raise KarfError for what a user can mend.
 
 from .cameras import export_cameras, frame_range, import_cameras
 from .capture import find_poses, import_capture
+from .colorways import colorways_folder, predict_colorways, render_colorways
+from .compositing import build_compositor, compositor_node, place_layers
 from .edit import becomes, load_edit, save_edit
 from .learn import extract_palette, learn_scene, prepare_views, segment, show_view
 from .masks import paint_mask, save_mask
 from .render import camera_folder, render_camera, render_captured, render_view
+from .sequences import add_strip, show_frames
 from .view import look_through, reprojection_error
 
 __all__ = [
+    "add_strip",
     "becomes",
+    "build_compositor",
     "camera_folder",
+    "colorways_folder",
+    "compositor_node",
     "export_cameras",
     "extract_palette",
     "find_poses",
@@ -25,13 +32,17 @@ __all__ = [
     "load_edit",
     "look_through",
     "paint_mask",
+    "place_layers",
+    "predict_colorways",
     "prepare_views",
     "render_camera",
     "render_captured",
+    "render_colorways",
     "render_view",
     "reprojection_error",
     "save_edit",
     "save_mask",
     "segment",
+    "show_frames",
     "show_view",
 ]

@@ -11,9 +11,9 @@ from ..engine_api import (
     match_becomes,
     match_fewest,
     nearest_weights,
-    read_edit,
+    read_edit_file,
     read_object_colors,
-    write_edit,
+    write_edit_file,
 )
 from ..project import folders
 from ..swatches import colors, edits
@@ -38,10 +38,10 @@ def becomes(scene: bpy.types.Scene, name: str, source: Sequence[float], target: 
 
 
 def load_edit(scene: bpy.types.Scene, path: Path) -> None:
-    """Set the swatches to an edit file; what it does not name becomes as learned."""
-    edits.apply_edit(scene, read_edit(path, edits.learned(scene)))
+    """Set the swatches to an edit or palette file; what it does not name becomes as learned."""
+    edits.apply_edit(scene, read_edit_file(path, edits.learned(scene), scene.karf.compositing))
 
 
 def save_edit(scene: bpy.types.Scene, path: Path) -> None:
-    """Write the swatches as an edit file."""
-    write_edit(path, edits.current_edit(scene))
+    """Write the swatches as an edit file, or as the palette file that the ending says."""
+    write_edit_file(path, edits.current_edit(scene))

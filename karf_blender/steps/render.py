@@ -1,17 +1,20 @@
 """Step 7: recolored pictures as files."""
 
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 
 import bpy
 
-from ..engine_api import BadRequest, write_cameras, write_edit
+from .. import progress
+from ..engine_api import BadRequest, Request, write_cameras, write_edit
 from ..pictures import images
 from ..project import folders
 from ..rig import frames
 from ..swatches import edits, planes, recolor
+from ..tasks.ownership import Owner
 from ..tasks.task import Task
-from . import requests
+from . import requests, sequences
 from .cameras import camera_of
 from .edit import save_edit
 
@@ -34,7 +37,7 @@ def render_captured(scene: bpy.types.Scene, views: str = "all") -> Task:
     out = folders.out_folder(scene)
     edit = out / "edit.json"
     save_edit(scene, edit)
-    return requests.task(scene, "Render Capture", requests.pictures(views, str(edit), out, "photo"))
+    return _frames_task(scene, "Render Capture", requests.pictures(scene, views, str(edit), out, "photo"))
 
 
 def render_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None, numbers: Iterable[int]) -> Task:
@@ -59,7 +62,26 @@ def render_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None, numbe
     if not views:
         raise BadRequest("There are no frames to render.", "Give at least one frame.")
     write_cameras(out / "cameras.json", views)
-    return requests.task(scene, "Render Camera", requests.pictures(str(out / "cameras.json"), files, out, "render"))
+    job = requests.pictures(scene, str(out / "cameras.json"), files, out, "render")
+    return _frames_task(scene, "Render Camera", job)
+
+
+def _frames_task(scene: bpy.types.Scene, title: str, job: tuple[str, dict]) -> Task:
+    """A task that shows the frames which it has written."""
+    stage, options = job
+    owner, folder = Owner.of(scene), Path(options["out"]) / "recolor"
+    scene.karf.frames = folders.stored(folder)
+    request = Request(stage, folders.project_of(scene).folder, options | requests.threads())
+    return Task(title, (request,), partial(_show_frames, owner, folder), owner)
+
+
+def _show_frames(owner: Owner, folder: Path, request: Request) -> None:
+    del request
+    scene = owner.find()
+    if scene is None:
+        progress.warn(f"The scene that asked for this is gone or has another project. The frames are in {folder}.")
+    else:
+        sequences.show_frames(scene, folder, is_wanted=False)
 
 
 def camera_folder(scene: bpy.types.Scene, camera: bpy.types.Object | None = None) -> Path:

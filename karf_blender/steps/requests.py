@@ -32,10 +32,16 @@ def planes(views: str) -> tuple[str, dict]:
     return "render", {"views": views, "edit": None, "out": None, "planes": True, "depth": False, "base": "photo"}
 
 
-def pictures(views: str, edit: str | list[str], out: Path, base: str) -> tuple[str, dict]:
+def pictures(scene: bpy.types.Scene, views: str, edit: str | list[str], out: Path, base: str) -> tuple[str, dict]:
     """The job that recolors views, on their photos (base `photo`) or on what the engine renders (`render`)."""
     options = {"views": views, "edit": edit, "out": str(out), "planes": False, "depth": False, "base": base}
-    return "render", options
+    return "render", options | {"skip_existing": scene.karf.skip_existing}
+
+
+def layers(view: str, out: Path) -> tuple[str, dict]:
+    """The job that writes the layers of a captured view."""
+    options = {"views": view, "edit": None, "out": str(out), "planes": False, "depth": False, "base": "photo"}
+    return "render", options | {"layers": True}
 
 
 def import_results(owner: Owner, request: Request) -> None:

@@ -14,6 +14,10 @@ import numpy as np
 
 from .camera import Camera
 
+NEWTON_STEPS = 25
+SLOPE_STEP = 1e-3  # pixels, of difference quotients
+NEAR_ENOUGH = 1e-4  # pixels
+
 
 def distort(camera: Camera, pixels: np.ndarray) -> np.ndarray:
     """Where the photo, as stored, shows what the camera's pinhole shows.
@@ -32,6 +36,42 @@ def distort(camera: Camera, pixels: np.ndarray) -> np.ndarray:
     plane = (np.asarray(pixels, np.float64) - center) / focal
     bent = _fisheye(plane, camera.distortion) if camera.fisheye else _perspective(plane, camera.distortion)
     return center + focal * bent
+
+
+def straighten(camera: Camera, pixels: np.ndarray) -> np.ndarray:
+    """Where the camera's pinhole shows what the photo, as stored, shows: the inverse of `distort`, by Newton's method.
+
+    Args:
+        camera: With its distortion.
+        pixels: Positions in the photo, [n, 2].
+
+    Returns:
+        Positions in the pinhole's picture, [n, 2] float64; nan where the lens shows nothing there.
+    """
+    pixels = np.asarray(pixels, np.float64)
+    if camera.is_pinhole:
+        return pixels
+    center, found, left = np.array([camera.cx, camera.cy]), pixels.copy(), np.arange(len(pixels))
+    for _ in range(NEWTON_STEPS):
+        seen = distort(camera, found[left])
+        far = ~(np.abs(seen - pixels[left]).max(1) < NEAR_ENOUGH)  # nan is far
+        left, seen = left[far], seen[far]
+        found[left] += _newton_step(camera, found[left], seen, pixels[left] - seen, center)
+    found[left] = np.nan
+    return found
+
+
+def _newton_step(
+    camera: Camera, found: np.ndarray, seen: np.ndarray, error: np.ndarray, center: np.ndarray
+) -> np.ndarray:
+    across, down = ((distort(camera, found + step) - seen) / SLOPE_STEP for step in np.eye(2) * SLOPE_STEP)
+    with np.errstate(all="ignore"):
+        area = across[:, 0] * down[:, 1] - across[:, 1] * down[:, 0]
+        u = (error[:, 0] * down[:, 1] - error[:, 1] * down[:, 0]) / area
+        v = (error[:, 1] * across[:, 0] - error[:, 0] * across[:, 1]) / area
+    step = np.stack([u, v], 1)
+    # beyond the radius at which the polynomials fold over: back towards the center
+    return np.where(np.isfinite(step).all(1, keepdims=True), step, (center - found) / 4)
 
 
 def _perspective(plane: np.ndarray, distortion: tuple[float, ...]) -> np.ndarray:

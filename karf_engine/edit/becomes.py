@@ -19,6 +19,7 @@ from .palette import BRIGHTEST
 
 HUE_GATE = 0.65  # radians of Lab hue at which a color counts as another pigment
 GREY_CHROMA, CHROMA_GATE = 6.0, 25.0  # Lab chroma below which a source has no hue; and the gate that then stands in
+NEAR = 5.0  # Lab distance within which a color looks like another one of the same paint
 STILL = 1e-4  # a move of a swatch under this, 1/40 of a step of 8 bits, is rounding
 RIDGE = 1e-3  # per unit of counts: what keeps swatches still that hardly any pixel uses
 
@@ -85,6 +86,7 @@ def match_becomes(
     source: np.ndarray,
     target: np.ndarray,
     locked: Iterable[int] = (),
+    emphasis: float = 0.0,
 ) -> np.ndarray:
     """The palette with which the source's paint becomes the target's, on the whole object, shading and gloss kept.
 
@@ -96,6 +98,7 @@ def match_becomes(
         source: sRGB [3] in [0, 1], a color of the object now.
         target: sRGB [3] in [0, 1], what it is to become.
         locked: Entries that stay as they are.
+        emphasis: How many times the whole object the source itself counts: more of it meets the target more exactly.
 
     Returns:
         The edited palette [M, 3] float32 in [0, BRIGHTEST].
@@ -113,6 +116,10 @@ def match_becomes(
          [0.1 0.2 0.7]]
     """
     targets = reflection_target(colors, source, target)
+    if emphasis:
+        own = mean_weights(colors, counts, palette_weights, source)
+        palette_weights, colors = np.vstack([palette_weights, own]), np.vstack([colors, source])
+        targets, counts = np.vstack([targets, target]), np.append(counts, emphasis * np.sum(counts))
     return match_pixels(palette_weights, colors, targets, palette, counts, locked)
 
 
@@ -211,6 +218,37 @@ def nearest_weights(colors: np.ndarray, palette_weights: np.ndarray, color: np.n
     """
     distance = np.linalg.norm(srgb_to_lab(colors) - srgb_to_lab(color), axis=1)
     return palette_weights[int(distance.argmin())]
+
+
+def near(colors: np.ndarray, color: np.ndarray, or_nearest: bool = True) -> np.ndarray:
+    """Which colors [n, 3] look like a color [3]: those within 5 of it in Lab.
+
+    Args:
+        colors: sRGB [n, 3].
+        color: sRGB [3].
+        or_nearest: Where none does, take the nearest.
+
+    Returns:
+        bool [n].
+
+    Examples:
+        >>> near(np.array([[0.5, 0.5, 0.5], [0.52, 0.5, 0.5], [0.9, 0.5, 0.5]]), np.array([0.51, 0.5, 0.5])).tolist()
+        [True, True, False]
+    """
+    distance = np.linalg.norm(srgb_to_lab(colors) - srgb_to_lab(color), axis=1)
+    return distance <= (max(NEAR, distance.min()) if or_nearest else NEAR)
+
+
+def mean_weights(colors: np.ndarray, counts: np.ndarray, palette_weights: np.ndarray, color: np.ndarray) -> np.ndarray:
+    """Palette weights [M] of what looks like a color; arguments as those of `match_becomes`.
+
+    Examples:
+        >>> colors = np.array([[1.0, 0, 0], [0.99, 0, 0], [0, 0, 1.0]])
+        >>> mean_weights(colors, np.array([3, 1, 9]), np.eye(3), np.array([1.0, 0, 0])).tolist()
+        [0.75, 0.25, 0.0]
+    """
+    alike = near(colors, color)
+    return np.average(palette_weights[alike], axis=0, weights=np.maximum(counts[alike], 1e-9))
 
 
 def _shared_pull(

@@ -62,10 +62,10 @@ class Scene:
 
     @torch.no_grad()
     def render(self, camera: Camera, n_quantiles: int) -> Picture:
-        """Render all pixels of a pinhole camera. Not differentiable.
+        """Render all pixels of a camera. Not differentiable.
 
         Args:
-            camera: In world units.
+            camera: In world units; with a lens distortion the picture is in the grid of the photo as stored.
             n_quantiles: Surface samples a ray, >= 1.
         """
         device = self.field.bounds.device

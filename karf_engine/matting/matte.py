@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,3 +50,24 @@ class Matte:
         result = photo.copy()
         result.reshape(-1, 3)[self.mixed[first:last] - top * width] = self.mixed_colors[first:last]
         return result
+
+
+def dense_coverage(mattes: Sequence[Matte], shape: tuple[int, int]) -> np.ndarray:
+    """Coverages of a whole picture.
+
+    Args:
+        mattes: Of K objects.
+        shape: Height and width of the picture.
+
+    Returns:
+        float32 [K, H, W] in [0, 1].
+
+    Examples:
+        >>> matte = Matte((0, 1), (1, 2), np.array([[0.5]], np.float16), np.zeros(0, int), np.zeros((0, 3), np.uint8))
+        >>> dense_coverage([matte], (1, 3)).tolist()
+        [[[0.0, 0.5, 0.0]]]
+    """
+    result = np.zeros((len(mattes), *shape), np.float32)
+    for matte, coverage in zip(mattes, result, strict=True):
+        coverage[slice(*matte.rows), slice(*matte.columns)] = matte.coverage
+    return result

@@ -10,7 +10,8 @@ import numpy as np
 
 from ..edit.becomes import match_becomes, match_fewest, nearest_weights
 from ..edit.object_colors import read_object_colors
-from ..edit.palette import BRIGHTEST, Edit, Palette, hex_to_rgb, read_edit, read_palettes, write_edit
+from ..edit.palette import BRIGHTEST, Edit, Palette, hex_to_rgb, read_palettes
+from ..edit.palette_files import read_edit_file, write_edit_file
 from ..errors import BadRequest
 from ..settings import from_dict
 from .folder import Project
@@ -68,8 +69,8 @@ class ProjectEdit(Edit):
         return replace(self, colors=self.colors | {name: colors})
 
     def save(self, path: Path | str) -> None:
-        """Write the edit as JSON, atomically; `read_edit` and the command line read it."""
-        write_edit(Path(path), self)
+        """Write the edit, atomically: as JSON, or the palette file that the ending says (`edit.palette_files`)."""
+        write_edit_file(Path(path), self)
 
     def _palette(self, name: str) -> Palette:
         for palette in self.palettes:
@@ -90,7 +91,7 @@ def edit_of(project: Project, path: Path | str | None = None) -> ProjectEdit:
     compositing = from_dict(project.state()["settings"]).compositing
     edit = Edit({palette.name: palette.colors for palette in palettes}, compositing)
     if path is not None:
-        edit = read_edit(Path(path), palettes, compositing)
+        edit = read_edit_file(Path(path), palettes, compositing)
     return ProjectEdit(edit.colors, edit.compositing, project=project, palettes=palettes)
 
 

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from ..capture.camera import Camera
+from ..capture.distortion import straighten
 from ..color import to_bytes
 from ..runtime import Runtime
 
@@ -36,10 +37,11 @@ class Rays:
 
 
 def camera_rays(camera: Camera, device: torch.device | str = "cpu") -> Rays:
-    """Rays through all pixel centers of a pinhole camera.
+    """Rays through all pixel centers of a camera.
 
     Args:
-        camera: Its lens distortion must have been taken out of the photo.
+        camera: With a lens distortion they are the rays of the photo as stored; where its lens shows nothing, the ray
+            is that of the principal point.
         device: Where the rays' tensors live.
 
     Returns:
@@ -50,7 +52,7 @@ def camera_rays(camera: Camera, device: torch.device | str = "cpu") -> Rays:
         >>> rays.viewdirs.tolist()  # cameras look down -z
         [[0.0, 0.0, -1.0]]
     """
-    origins, directions = camera.rays(camera.pixel_centers())
+    origins, directions = _unit_depth_rays(camera)
     viewdirs = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     return Rays(_tensor(origins, device), _tensor(viewdirs, device))
 
@@ -59,7 +61,7 @@ def depth_per_distance(camera: Camera) -> np.ndarray:
     """Factor from distance along the ray to depth along the optical axis, for all pixels.
 
     Args:
-        camera: A pinhole camera.
+        camera: As for `camera_rays`.
 
     Returns:
         Factors [height * width] in (0, 1], float64, row by row from the top left.
@@ -68,8 +70,13 @@ def depth_per_distance(camera: Camera) -> np.ndarray:
         >>> depth_per_distance(Camera(1, 1, 1.0, 1.0, 0.5, 0.5, np.eye(4))).tolist()
         [1.0]
     """
-    _, directions = camera.rays(camera.pixel_centers())
+    _, directions = _unit_depth_rays(camera)
     return 1.0 / np.linalg.norm(directions, axis=1)
+
+
+def _unit_depth_rays(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    pixels = straighten(camera, camera.pixel_centers())
+    return camera.rays(np.where(np.isnan(pixels), (camera.cx, camera.cy), pixels))
 
 
 def _tensor(array: np.ndarray, device: torch.device | str) -> Tensor:

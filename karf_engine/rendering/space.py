@@ -229,7 +229,7 @@ class Frustum:
         farthest = torch.full((3,), torch.inf, device=device)
         for camera in cameras:
             corners = [0, camera.width - 1, (camera.height - 1) * camera.width, camera.height * camera.width - 1]
-            rays = camera_rays(camera, device)[corners]
+            rays = camera_rays(camera.without_distortion(), device)[corners]
             ends.append(self.paths(rays, -farthest, farthest).reshape(-1, 3))
         ends = torch.cat(ends)
         low, high = ends.amin(0), ends.amax(0)

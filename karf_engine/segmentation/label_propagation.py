@@ -28,7 +28,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from .mixtures import class_log_densities
+from ..mixtures import class_log_densities
 from .neighbor_graph import conjugate_gradients, neighbor_graph
 
 SMOOTHNESS = 20.0  # lambda: weight of the pairwise terms

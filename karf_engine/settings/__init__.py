@@ -16,6 +16,7 @@ from .stages import (
     OpenSettings,
     PaletteSettings,
     RecoloringSettings,
+    RenderSettings,
     SegmentationSettings,
     Settings,
 )
@@ -33,6 +34,7 @@ __all__ = [
     "OpenSettings",
     "PaletteSettings",
     "RecoloringSettings",
+    "RenderSettings",
     "SegmentationSettings",
     "Settings",
     "describe",

@@ -183,6 +183,19 @@ class RecoloringSettings(HeadSettings):
 
 
 @dataclass(frozen=True)
+class RenderSettings:
+    """What is written in the end. Nothing is learned again when these change."""
+
+    edges: str = option(
+        "photo",
+        "Where objects end in captured views; photo: where the photo says; field: where the voxels do",
+        choices=("photo", "field"),
+    )
+    preview: int = option(1280, "Long side of captured views in Blender, pixels; the photo's at most", 64, 16384)
+    supersampling: int = option(1, "Rays a pixel along each side, of cameras that took no photo", 1, 4)
+
+
+@dataclass(frozen=True)
 class Settings:
     """All stages, the seed, and the name of the preset they came from."""
 
@@ -197,3 +210,4 @@ class Settings:
     segmentation: SegmentationSettings = SegmentationSettings()
     palette: PaletteSettings = PaletteSettings()
     recoloring: RecoloringSettings = RecoloringSettings()
+    render: RenderSettings = RenderSettings()

@@ -2,13 +2,16 @@
 
 Options: views (train | test | val | all | name,name | CAMERAS.json), edit (EDIT.json, or a list with one for each view,
 in their order), out (folder), base (photo | render, for captured views; by default the photo, with the paper's
-compositing the render, as there), planes, depth (bools). Writes
+compositing the render, as there), planes, layers, depth, skip_existing (bools; the last keeps frames that are there
+already, made from the same). Writes
 
     OUT/render/<view>.png            the scene as learned
     OUT/masks/<object>/<view>.png    0 or 255
     OUT/recolor/<view>.png           the edited base picture
     OUT/depth/<view>.npy             float32 along the optical axis, world units, 0 where empty
+    OUT/layers/<view>.exr            base, coverage, weights, depth and mattes for compositors (handover.layers)
     OUT/planes/<view>.npz            edit planes; of captured views also in the project, where Blender finds them
+    OUT/finished.jsonl               what each frame was made from
 """
 
 from __future__ import annotations
@@ -19,18 +22,21 @@ from pathlib import Path
 
 import numpy as np
 
-from ..capture import open_capture
 from ..capture.capture import View
 from ..color import to_bytes
 from ..edit.compositing import Planes, write_planes
-from ..edit.palette import Edit, Palette, read_edit
-from ..errors import BadRequest, DataError
+from ..edit.palette import Edit, Palette
+from ..edit.palette_files import read_edit_file
+from ..errors import BadRequest
 from ..files import atomic_write
+from ..handover.layers import Layers, write_layers
 from ..images import write_png
 from ..locking import consistent, opened, writing
 from ..model import Frame, Model
 from ..progress import Emit
 from ..wire import Request
+from .chosen_views import select_views
+from .finished_frames import unfinished_frames
 from .job import Job, open_job
 
 
@@ -47,45 +53,31 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
 
 def _render(job: Job, model: Model) -> None:
     options = job.options
-    if options.get("edit") or options.get("planes"):
+    if options.get("edit") or options.get("planes") or options.get("layers"):
         job.project.require("recoloring")
     if not options.get("out") and not options.get("planes"):
         raise BadRequest("The render stage was given nowhere to write.", "Name a folder with --out.")
     views, captured = select_views(job, options.get("views", "test"))
     edits = read_edits(options.get("edit"), views, model.palettes, job.settings.compositing)
-    progress = job.progress("render", len(views))
+    frames = unfinished_frames(job, views, edits)
     job.emit("stage", name="render", text=f"{len(views)} views")
-    for view, edit in zip(views, edits, strict=True):
+    progress = job.progress("render", len(views))
+    progress.resume_at(len(views) - len(frames.todo))
+    for view, edit, mark in frames.todo:
         frame = model.render_view(view, options.get("base")) if captured else model.render(view.camera)
-        if options.get("out"):
-            _write_frame(job, Path(options["out"]), view.name, frame, model, edit)
+        files = _write_frame(job, Path(options["out"]), view.name, frame, model, edit) if options.get("out") else []
         if options.get("planes"):
-            _write_planes(job, view, frame, model, captured)
+            files += _write_planes(job, view, frame, model, captured)
+        frames.note(view.name, mark, files)
         progress.step()
     if options.get("out"):
         job.artifact("frames", Path(options["out"]))
 
 
-def select_views(job: Job, wanted: str) -> tuple[list[View], bool]:
-    """The views that `views` names, and whether they are captured ones.
-
-    Raises DataError where a name is unknown or a split is empty.
-    """
-    capture = job.capture()
-    if wanted in ("train", "test", "val", "all"):
-        views = list(capture.split(wanted))
-        if not views:
-            raise DataError(f"{capture.source} has no {wanted} views.", "Use another split, or all.")
-        return views, True
-    if wanted.endswith(".json"):
-        return list(open_capture(Path(wanted), photos=False).views), False
-    return [capture.view(name.strip()) for name in wanted.split(",")], True
-
-
 def read_edits(
     wanted: str | list[str] | None, views: Sequence[View], palettes: Sequence[Palette], compositing: str
 ) -> list[Edit | None]:
-    """The edit of each view: wanted is one file for all, one for each, or None. compositing: see `read_edit`.
+    """The edit of each view: wanted is one file for all, one for each, or None. compositing: see `read_edit_file`.
 
     Raises BadRequest where there are as many files as views in no way, DataError where one is no edit of these palettes.
     """
@@ -95,29 +87,44 @@ def read_edits(
             f"The render stage was given {len(paths)} edits for {len(views)} views.",
             "Give one edit file for all, or a list with one for each view.",
         )
-    known = {path: read_edit(Path(path), palettes, compositing) for path in set(paths) if path}
+    known = {path: read_edit_file(Path(path), palettes, compositing) for path in set(paths) if path}
     return [known.get(path) for path in paths]
 
 
-def _write_frame(job: Job, out: Path, name: str, frame: Frame, model: Model, edit: Edit | None) -> None:
-    write_png(out / "render" / f"{name}.png", frame.color)
-    for object_name, mask in zip(model.objects, frame.masks, strict=True):
-        write_png(out / "masks" / object_name / f"{name}.png", mask)
+def _write_frame(job: Job, out: Path, name: str, frame: Frame, model: Model, edit: Edit | None) -> list[Path]:
+    """Write what is asked for of a frame; returns its files."""
+    files = [_png(out / "render" / f"{name}.png", frame.color)]
+    files += [_png(out / "masks" / k / f"{name}.png", mask) for k, mask in zip(model.objects, frame.masks, strict=True)]
     if edit is not None:
-        write_png(out / "recolor" / f"{name}.png", model.composite(frame, edit))
+        files.append(_png(out / "recolor" / f"{name}.png", model.composite(frame, edit)))
     if job.options.get("depth"):
-        atomic_write(out / "depth" / f"{name}.npy", lambda temporary: np.save(temporary, frame.depth))
+        files.append(out / "depth" / f"{name}.npy")
+        atomic_write(files[-1], lambda temporary: np.save(temporary, frame.depth))
+    if job.options.get("layers"):
+        layers = Layers(model.palettes, frame.base, frame.probabilities, frame.palette_weights, frame.depth)
+        files.append(out / "layers" / f"{name}.exr")
+        write_layers(files[-1], layers)
+    return files
 
 
-def _write_planes(job: Job, view: View, frame: Frame, model: Model, captured: bool) -> None:
+def _png(path: Path, picture: np.ndarray) -> Path:
+    write_png(path, picture)
+    return path
+
+
+def _write_planes(job: Job, view: View, frame: Frame, model: Model, captured: bool) -> list[Path]:
+    """Write a frame's planes; returns those in the output folder."""
     planes = Planes(
         tuple(model.objects),
         frame.palette_weights.astype(np.float16),
         frame.probabilities.astype(np.float16),
         to_bytes(frame.base),
     )
-    if job.options.get("out"):
-        write_planes(Path(job.options["out"]) / "planes" / f"{view.name}.npz", planes)
     if captured:
         write_planes(job.project.planes_file(view.name), planes)
         job.artifact("planes", job.project.planes_file(view.name))
+    if not job.options.get("out"):
+        return []
+    path = Path(job.options["out"]) / "planes" / f"{view.name}.npz"
+    write_planes(path, planes)
+    return [path]

@@ -24,6 +24,7 @@ from karf_engine.edit.compositing import Planes, write_planes
 from karf_engine.edit.palette import Palette, read_edit, read_palettes, write_palettes
 from karf_engine.files import read_json, write_json
 from karf_engine.project import Project
+from karf_engine.project.colorways import plan_colorways
 from karf_engine.wire import PROTOCOL, EventWriter, Request
 
 LEARNED = {"lid": [[0, 0, 0], [0.2, 0.4, 0.6], [1, 1, 1]], "pot": [[0, 0, 0], [0.8, 0.2, 0.1], [0.9, 0.9, 0.5]]}
@@ -113,12 +114,28 @@ def render(project, options):
     if options["planes"]:
         for view in views:
             write_view_planes(project, view)
+    if options.get("layers"):  # this Python writes no EXR files
+        for view in views:
+            path = Path(options["out"]) / "layers" / f"{view.name}.exr"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(os.environ["FAKE_LAYERS"], path)
     if options["edit"]:
         files = options["edit"] if isinstance(options["edit"], list) else [options["edit"]] * len(views)
         for view, file in zip(views, files, strict=True):
             edit = read_edit(Path(file), read_palettes(project.palette_file))
             picture = np.broadcast_to(edit.colors["pot"][1], (view.camera.height, view.camera.width, 3))
-            write_png(Path(options["out"]) / "recolor" / f"{view.name}.png", picture)
+            path = Path(options["out"]) / "recolor" / f"{view.name}.png"
+            if not (options.get("skip_existing") and path.exists()):
+                write_png(path, picture)
+
+
+def colorways(project, options):
+    for planned in plan_colorways(project, Path(options["sheet"])):
+        for view in views_of(project, options["views"]):
+            picture = np.broadcast_to(
+                planned.edit.colors["pot"][1].clip(0, 1), (view.camera.height, view.camera.width, 3)
+            )
+            write_png(Path(options["out"]) / planned.colorway.folder / f"{view.name}.png", picture)
 
 
 def views_of(project, which):
@@ -151,7 +168,7 @@ def write_png(path, picture):
     path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunks))
 
 
-STAGES = {stage.__name__: stage for stage in (poses, geometry, segmentation, palette, recoloring, render)}
+STAGES = {stage.__name__: stage for stage in (poses, geometry, segmentation, palette, recoloring, render, colorways)}
 
 if __name__ == "__main__":
     assert sys.argv[1] == "run", json.dumps(sys.argv)

@@ -116,6 +116,18 @@ def test_an_edit_file_gives_the_same_swatches_back(bpy, addon, learned, tmp_path
     np.testing.assert_allclose(learned.karf.objects["pot"].swatches[2].color[:], (0.1, 0.2, 0.3), atol=1e-7)
 
 
+@pytest.mark.parametrize("suffix", [".gpl", ".ase"])
+def test_palettes_of_other_programs_are_saved_and_loaded_as_edits(bpy, addon, learned, tmp_path, suffix):
+    path, color = tmp_path / f"blue{suffix}", np.array((51, 102, 255), np.float32) / 255
+    addon.headless.set_swatch("pot", 2, color)
+    addon.headless.save_edit(path)
+    addon.edits.reset(learned, "pot")
+    learned.karf.compositing = "paper"
+    assert bpy.ops.karf.load_edit(filepath=str(path)) == {"FINISHED"}
+    np.testing.assert_allclose(learned.karf.objects["pot"].swatches[2].color, color, atol=1e-6)
+    assert learned.karf.compositing == "paper"
+
+
 def test_becomes_moves_the_source_to_the_target_and_leaves_locked_swatches(bpy, addon, learned):
     item = learned.karf.objects["pot"]
     item.source, item.target = (0.8, 0.2, 0.1), (0.1, 0.3, 0.8)

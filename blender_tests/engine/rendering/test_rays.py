@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 torch = pytest.importorskip("torch")
 
 from karf_engine.capture.camera import Camera
+from karf_engine.capture.distortion import distort
 from karf_engine.rendering.rays import PixelBank, camera_rays, depth_per_distance
 
 
@@ -64,3 +65,12 @@ def test_depth_along_the_axis_follows_from_distance_along_the_ray():
     points = rays.origins.double().numpy() + 2.5 * rays.viewdirs.double().numpy()
     _, depth = camera.project(points)
     assert_allclose(2.5 * depth_per_distance(camera), depth, rtol=1e-6)
+
+
+def test_rays_of_a_lens_are_those_of_the_photo_as_stored():
+    camera = Camera(16, 12, 13.0, 12.0, 8.3, 5.7, random_camera(5, 4, 4).camera_to_world, (-0.2, 0.05, 0.01, -0.01))
+    rays, factors = camera_rays(camera), depth_per_distance(camera)
+    points = rays.origins.numpy() + rays.viewdirs.numpy() * (3 / factors)[:, None]
+    pixels, depth = camera.without_distortion().project(points.astype(np.float64))
+    assert_allclose(distort(camera, pixels), camera.pixel_centers(), atol=1e-3)
+    assert_allclose(depth, 3, atol=1e-5)

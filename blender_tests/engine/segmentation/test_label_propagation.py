@@ -9,8 +9,8 @@ from numpy.testing import assert_allclose
 pytest.importorskip("scipy")
 
 from karf_engine.color import srgb_to_lab
+from karf_engine.mixtures import class_log_densities
 from karf_engine.segmentation.label_propagation import _Propagation, has_seeds, propagate_labels
-from karf_engine.segmentation.mixtures import class_log_densities
 from karf_engine.segmentation.neighbor_graph import PATTERN, conjugate_gradients, neighbor_graph
 
 VOXEL = 0.05

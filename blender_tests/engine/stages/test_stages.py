@@ -5,6 +5,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import OpenEXR
 import pytest
 
 pytest.importorskip("torch")
@@ -14,7 +15,9 @@ from blender_tests.engine.reference.still_life import camera_at, take_photo
 from karf_engine.capture import open_capture, write_cameras
 from karf_engine.capture.capture import View
 from karf_engine.cli import main
+from karf_engine.color import linear_to_srgb
 from karf_engine.edit.compositing import read_planes
+from karf_engine.edit.layers import read_layer_names
 from karf_engine.edit.palette import read_edit, read_palettes, rgb_to_hex
 from karf_engine.errors import BadRequest
 from karf_engine.images import read_mask, read_photo
@@ -197,6 +200,26 @@ def test_free_cameras_are_rendered_and_recolored_without_a_photo(learned, green,
     assert not (learned.project / "planes" / "frame_0.npz").exists()
 
 
+@pytest.mark.parametrize("views", ["test_r_0", "a camera"])
+def test_layers_recompose_what_the_engine_recolors(learned, green, tmp_path, views):
+    if views == "a camera":
+        views = str(tmp_path / "path.json")
+        write_cameras(Path(views), [View("frame_0", "frame_0", camera_at(1.0, 0.5, size=24), None, "train")])
+    options = ["--views", views, "--edit", str(green), "--layers", "--depth", "--out", str(tmp_path), "--threads", "1"]
+    assert main(["render", str(learned.project), *options]) == 0
+    (path,) = (tmp_path / "layers").iterdir()
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        planes = {name: channel.pixels.astype(np.float32) for name, channel in file.channels().items()}
+    edit = read_edit(green, read_palettes(learned.project / "palette.json"))
+    result = linear_to_srgb(np.stack([planes[letter] for letter in "RGB"], -1))
+    for each in read_layer_names(path):
+        for name, change in zip(each.weights, edit.colors[each.name] - each.colors, strict=True):
+            result += planes[f"{name}.V"][..., None] * change
+    recolored = read_photo(tmp_path / "recolor" / f"{path.stem}.png")
+    assert np.abs(np.clip(result, 0, 1) - recolored).max() < 1 / 255
+    np.testing.assert_array_equal(planes["Depth.Z"], np.load(tmp_path / "depth" / f"{path.stem}.npy"))
+
+
 def test_an_edit_may_change_the_rendering_instead_of_the_photo(learned, tmp_path):
     (tmp_path / "same.json").write_text('{"schema": "karf-edit/1", "objects": {}}')
     options = ["--views", "test_r_0", "--base", "render", "--edit", str(tmp_path / "same.json"), "--out", str(tmp_path)]
@@ -212,6 +235,22 @@ def test_palettes_are_printed_as_json_without_computing(learned, capsys):
     assert printed == json.loads((learned.project / "palette.json").read_text())
     for entry in printed["objects"]:
         assert entry["colors"][0] == [0, 0, 0] and len(entry["colors"]) >= 2
+
+
+@pytest.mark.parametrize("suffix", [".gpl", ".ase", ".json"])
+def test_palettes_go_to_other_programs_and_come_back_as_an_edit(learned, green, tmp_path, suffix):
+    palettes, foreign, back = (
+        read_palettes(learned.project / "palette.json"),
+        tmp_path / f"p{suffix}",
+        tmp_path / "b.json",
+    )
+    assert main(["palette", str(learned.project), "--edit", str(green), "--out", str(foreign)]) == 0
+    assert main(["palette", str(learned.project), "--edit", str(foreign), "--out", str(back)]) == 0
+    before, after = read_edit(green, palettes), read_edit(back, palettes)
+    for name, colors in before.colors.items():
+        assert np.abs(np.clip(colors, 0, 1) - np.clip(after.colors[name], 0, 1)).max() <= 0.5 / 255 + 1e-6
+    assert main(["palette", str(learned.project), "--out", str(foreign)]) == 0
+    assert main(["palette", str(learned.project), "--edit", str(foreign)]) == 2
 
 
 @pytest.mark.parametrize("rule", ["becomes", "fewest"])

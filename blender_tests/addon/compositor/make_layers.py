@@ -1,0 +1,34 @@
+"""Run by the engine's Python: writes a layered picture of the fake engine's objects, and what the engine makes of it.
+
+FOLDER/layers/photo_0.exr, and FOLDER/truth.npz: `coverage` [2, 30, 40], `edited` [2, 3, 3] and `recolored` [30, 40, 3].
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
+
+from karf_engine.edit.compositing import delta_composite, stack_palettes
+from karf_engine.edit.palette import Palette
+from karf_engine.handover.layers import Layers, write_layers
+
+LEARNED = {"lid": [[0, 0, 0], [0.2, 0.4, 0.6], [1, 1, 1]], "pot": [[0, 0, 0], [0.8, 0.2, 0.1], [0.9, 0.9, 0.5]]}
+EDITED = {"lid": [[0, 0, 0], [0.9, 0.1, 0.6], [0.3, 1.4, 0.2]], "pot": [[0, 0, 0], [0.1, 0.3, 0.9], [0.9, 0.9, 0.5]]}
+
+folder = Path(sys.argv[1])
+random = np.random.default_rng(1)
+base = random.integers(0, 256, (30, 40, 3), dtype=np.uint8)
+shares = random.dirichlet(np.ones(3), (2, 30, 40)).transpose(0, 3, 1, 2)
+ramp = np.linspace(0, 1, 40)[None, :] * np.linspace(0.5, 1, 30)[:, None]
+coverage = np.stack([ramp, (1 - ramp) * (ramp > 0.25)]).astype(np.float16)
+weights = (shares * coverage[:, None]).astype(np.float16)
+palettes = tuple(Palette(name, np.array(colors, np.float32)) for name, colors in LEARNED.items())
+write_layers(folder / "layers" / "photo_0.exr", Layers(palettes, base, coverage, weights, ramp))
+
+learned, edited = (
+    stack_palettes(list(LEARNED), {n: np.array(c) for n, c in each.items()}) for each in (LEARNED, EDITED)
+)
+recolored = delta_composite(base.astype(np.float32) / 255, weights.astype(np.float32), learned, edited)
+np.savez(folder / "truth.npz", coverage=coverage.astype(np.float32), edited=edited, recolored=recolored)

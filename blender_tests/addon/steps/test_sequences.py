@@ -1,0 +1,79 @@
+"""Rendered frames come back: as an image sequence, and as a strip in the sequencer."""
+
+import pytest
+
+
+@pytest.fixture
+def film(addon, learned, tmp_path):
+    """The scene with five frames of its camera rendered."""
+    learned.frame_start, learned.frame_end = 3, 7
+    addon.headless.render_sequence(out=tmp_path / "out")
+    return learned
+
+
+def test_a_cameras_frames_are_loaded_as_a_sequence(bpy, addon, film):
+    image = bpy.data.images[addon.sequences.NAME]
+    assert image.source == "SEQUENCE" and image.filepath.endswith("frame_0003.png")
+
+
+def test_an_editor_shows_the_frame_of_the_scene(bpy, addon, film):
+    (area,) = [area for area in bpy.context.screen.areas if area.type == "IMAGE_EDITOR"] or [
+        bpy.context.screen.areas[0]
+    ]
+    kind, area.type = area.type, "IMAGE_EDITOR"
+    try:
+        image, user = addon.headless.show_frames(), area.spaces.active.image_user
+        assert area.spaces.active.image == image
+        assert (user.frame_start, user.frame_offset, user.frame_duration, user.use_auto_refresh) == (3, 2, 5, True)
+    finally:
+        area.type = kind
+
+
+def test_frames_loaded_again_are_the_same_image(bpy, addon, film):
+    first = bpy.data.images[addon.sequences.NAME]
+    assert first.name == addon.headless.show_frames().name
+    assert len([image for image in bpy.data.images if image.name.startswith(addon.sequences.NAME)]) == 1
+
+
+def test_one_click_makes_a_strip(bpy, addon, film):
+    assert bpy.ops.karf.add_strip() == {"FINISHED"}
+    (strip,) = addon.compat.strips_of(film)
+    assert (strip.frame_final_start, strip.frame_final_duration, strip.channel) == (3, 5, 1)
+    assert [element.filename for element in strip.elements] == [f"frame_{number:04d}.png" for number in range(3, 8)]
+    assert bpy.path.abspath(strip.directory).rstrip("/").endswith("recolor")
+    bpy.ops.karf.add_strip()  # beside the first
+    assert sorted(strip.channel for strip in addon.compat.strips_of(film)) == [1, 2]
+
+
+def test_frames_of_an_earlier_longer_job_are_left_out(addon, film, tmp_path):
+    film.frame_end = 5
+    addon.headless.render_sequence(out=tmp_path / "out")
+    assert addon.headless.add_strip().frame_final_duration == 3
+
+
+def test_captured_views_are_loaded_in_their_order(addon, learned, tmp_path):
+    folder = addon.headless.render_captured("all", tmp_path / "out")
+    assert addon.headless.show_frames().source == "SEQUENCE"  # photo_0, photo_1 ..
+    strip = addon.headless.add_strip(folder)
+    assert [element.filename for element in strip.elements] == ["photo_0.png", "photo_1.png", "photo_2.png"]
+    assert strip.frame_final_start == 1
+
+
+def test_the_engine_is_asked_to_skip_what_is_there(addon, learned, tmp_path):
+    folder = addon.headless.render_captured("all", tmp_path / "out")
+    before = {path: path.stat().st_mtime_ns for path in folder.iterdir()}
+    addon.headless.render_captured("all")
+    assert before == {path: path.stat().st_mtime_ns for path in folder.iterdir()}
+    addon.headless.render_captured("all", skip_existing=False)
+    assert before != {path: path.stat().st_mtime_ns for path in folder.iterdir()}
+
+
+def test_the_buttons_wait_for_frames(bpy, addon, learned):
+    assert not bpy.ops.karf.add_strip.poll() and not bpy.ops.karf.show_frames.poll()
+    with pytest.raises(addon.engine_api.BadRequest, match="No frames have been rendered"):
+        addon.headless.show_frames()
+
+
+def test_a_folder_without_frames_is_told(addon, learned, tmp_path):
+    with pytest.raises(addon.engine_api.BadRequest, match="There are no frames in"):
+        addon.headless.add_strip(tmp_path)

@@ -1,0 +1,276 @@
+"""Edited copies of photos: own format, depth, profile and metadata; what no edit reaches keeps its bits."""
+
+import io
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+cv2 = pytest.importorskip("cv2")
+Image = pytest.importorskip("PIL.Image")
+ImageCms = pytest.importorskip("PIL.ImageCms")
+OpenEXR = pytest.importorskip("OpenEXR")
+from PIL.TiffImagePlugin import IFDRational, ImageFileDirectory_v2
+
+from blender_tests.engine.reference.pictures import random_bytes
+from karf_engine.color import linear_to_srgb, srgb_to_linear
+from karf_engine.images import read_photo
+from karf_engine.photos import open_photo, suffix_for, write_photo
+
+PROFILE = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+ROWS, COLUMNS = slice(2, 5), slice(1, 4)
+REDDER = np.array([0.2, -0.1, 0.0], np.float32)
+
+
+def words(*shape):
+    return np.random.default_rng(5).integers(0, 65536, size=shape, dtype=np.uint16)
+
+
+def exif(orientation=1):
+    tags = Image.Exif()
+    tags[0x0112], tags[0x010F] = orientation, "Camera"
+    tags.get_ifd(0x8769)[0x829A] = IFDRational(1, 125)  # exposure time
+    return tags
+
+
+def write_deep_tiff(path, pixels, orientation):
+    """Uncompressed 16-bit TIFF with profile, resolution and Exif."""
+    height, width, channels = pixels.shape
+    tags = ImageFileDirectory_v2()
+    values = {
+        256: width, 257: height, 258: (16,) * channels, 259: 1, 262: 2, 271: "Camera", 273: (0,), 274: orientation,
+        277: channels, 278: height, 279: (pixels.nbytes,), 282: 300.0, 283: 300.0, 296: 2, 34675: PROFILE,
+        34665: {0x829A: IFDRational(1, 125)}, **({338: (2,)} if channels == 4 else {}),
+    }  # fmt: skip
+    tags.tagtype[34665] = tags.tagtype[273] = tags.tagtype[279] = 4
+    for tag, value in values.items():
+        tags[tag] = value
+    with path.open("wb") as file:
+        tags.save(file)
+        file.write(pixels.tobytes())
+
+
+def saved(path, pixels, **options):
+    mode = {"gray": "L", "palette": "P"}.get(path.stem.split("_")[0])
+    picture = Image.fromarray(pixels)
+    if mode is not None:
+        picture = picture.convert(mode)
+    picture.save(path, **options)
+
+
+def save_sample(path, orientation=1):
+    """A photo of the kind that the file's name says, with metadata where the kind has some."""
+    name, suffix = path.stem, path.suffix
+    facts = {"exif": exif(orientation).tobytes(), "icc_profile": PROFILE, "dpi": (300, 300)}
+    if name == "deep" and suffix == ".png":
+        exif_bytes, profile = (np.frombuffer(data, np.uint8) for data in (exif(orientation).tobytes()[6:], PROFILE))
+        cv2.imwriteWithMetadata(str(path), words(7, 5, 3), [0, 2], [exif_bytes[None], profile[None]])
+    elif name == "deep_alpha" and suffix == ".png":
+        cv2.imwrite(str(path), words(7, 5, 4))
+    elif name.startswith("deep"):
+        write_deep_tiff(path, words(7, 5, 4 if "alpha" in name else 3), orientation)
+    elif name == "float":
+        cv2.imwrite(str(path), np.random.default_rng(1).random((7, 5, 3), np.float32))
+    else:
+        saved(path, random_bytes(7, 5, 4 if "alpha" in name else 3), **(facts if suffix != ".bmp" else {}))
+
+
+SAMPLES = [
+    "plain.png", "alpha.png", "gray.png", "palette.png", "deep.png", "deep_alpha.png", "plain.jpg", "plain.webp",
+    "plain.bmp", "plain.tif", "alpha.tif", "deep.tif", "deep_alpha.tif", "float.tif",
+]  # fmt: skip
+
+
+def edited_copy(path):
+    """The path of a photo's copy in which some pixels became redder, and the photo."""
+    photo = open_photo(path)
+    copy = photo.copy()
+    copy.change(ROWS, COLUMNS, np.broadcast_to(REDDER, (3, 3, 3)).copy())
+    result = path.with_name(f"edited{suffix_for(photo)}")
+    write_photo(result, copy)
+    return result, photo
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+def test_pixels_that_no_edit_reaches_keep_their_bits(tmp_path, name):
+    save_sample(tmp_path / name)
+    result, photo = edited_copy(tmp_path / name)
+    again = open_photo(result)
+    assert result.suffix == (".tif" if name.endswith("tif") else ".png")
+    assert again.pixels.dtype == photo.pixels.dtype
+    untouched = np.ones(photo.pixels.shape[:2], bool)
+    untouched[ROWS, COLUMNS] = False
+    assert_array_equal(again.pixels[untouched], photo.pixels[untouched])
+    assert_array_equal(again.pixels[..., 3:], photo.pixels[..., 3:])
+    wish = np.clip(photo.colors(ROWS, COLUMNS) + REDDER, 0, 1)
+    steps = 65535 if photo.pixels.dtype == np.uint16 else 255
+    assert_allclose(again.colors(ROWS, COLUMNS), wish, atol=0.51 / steps)
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+def test_a_photo_is_read_as_the_engine_reads_it(tmp_path, name):
+    save_sample(tmp_path / name)
+    photo = open_photo(tmp_path / name)
+    assert_allclose(photo.colors(), read_photo(tmp_path / name, upright=False)[..., :3], atol=1e-7)
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+@pytest.mark.parametrize("name", ["plain.png", "deep.png", "plain.jpg", "plain.tif", "deep.tif"])
+def test_a_copy_takes_the_place_of_a_turned_photo(tmp_path, name, orientation):
+    save_sample(tmp_path / name, orientation)
+    result, photo = edited_copy(tmp_path / name)
+    again = open_photo(result)
+    assert again.header.orientation == photo.header.orientation == orientation
+    assert again.size == photo.size == (5, 7)
+    changed = read_photo(result) - read_photo(tmp_path / name)  # upright
+    assert changed.shape[:2] == ((5, 7) if orientation >= 5 else (7, 5)) and changed.any()
+
+
+@pytest.mark.parametrize("name", ["plain.png", "deep.png", "plain.jpg", "plain.webp", "plain.tif", "deep.tif"])
+def test_profile_and_exif_are_kept(tmp_path, name):
+    save_sample(tmp_path / name)
+    result, _ = edited_copy(tmp_path / name)
+    with Image.open(result) as file:
+        assert file.info["icc_profile"] == PROFILE
+        tags = file.getexif()
+        assert tags[0x010F] == "Camera" and float(tags.get_ifd(0x8769)[0x829A]) == pytest.approx(1 / 125)
+
+
+@pytest.mark.parametrize("name", ["plain.png", "plain.jpg", "plain.tif", "deep.tif"])
+def test_the_resolution_is_kept(tmp_path, name):
+    save_sample(tmp_path / name)
+    with Image.open(edited_copy(tmp_path / name)[0]) as file:
+        assert np.allclose(np.array(file.info["dpi"], float), 300, atol=0.1)
+
+
+def test_eight_bit_tiffs_with_premultiplied_alpha_become_straight(tmp_path):
+    pixels, tags = np.full((7, 5, 4), 64, np.uint8), ImageFileDirectory_v2()
+    pixels[..., 3] = 128
+    tags.tagtype[273] = tags.tagtype[279] = 4
+    values = {256: 5, 257: 7, 258: (8,) * 4, 259: 1, 262: 2, 273: (0,), 277: 4, 278: 7, 279: (140,), 338: (1,)}
+    for tag, value in values.items():
+        tags[tag] = value
+    with (tmp_path / "a.tif").open("wb") as file:
+        tags.save(file)
+        file.write(pixels.tobytes())
+    assert_allclose(read_photo(tmp_path / "a.tif")[0, 0], [0.5, 0.5, 0.5, 0.5], atol=0.01)
+    result, photo = edited_copy(tmp_path / "a.tif")
+    assert_array_equal(read_photo(result)[0], read_photo(tmp_path / "a.tif")[0])
+    assert not photo.is_premultiplied
+
+
+def test_texts_of_a_png_are_kept_and_a_gray_profile_is_not(tmp_path):
+    from PIL.PngImagePlugin import PngInfo
+
+    texts = PngInfo()
+    texts.add_text("Author", "someone")
+    gray = bytearray(PROFILE)
+    gray[16:20] = b"GRAY"
+    Image.fromarray(random_bytes(7, 5)).save(tmp_path / "gray.png", pnginfo=texts, icc_profile=bytes(gray))
+    with Image.open(edited_copy(tmp_path / "gray.png")[0]) as file:
+        assert file.mode == "RGB" and file.info["Author"] == "someone" and "icc_profile" not in file.info
+
+
+def test_a_jpeg_stays_one_where_that_is_asked_for(tmp_path):
+    noise = np.kron(random_bytes(2, 2, 3), np.ones((8, 8, 1), np.uint8))
+    Image.fromarray(noise).save(tmp_path / "a.jpg", subsampling=2, quality=80, exif=exif(6), icc_profile=PROFILE)
+    photo = open_photo(tmp_path / "a.jpg")
+    assert suffix_for(photo, jpeg=True) == ".jpg"
+    write_photo(tmp_path / "b.jpg", photo)
+    with Image.open(tmp_path / "b.jpg") as file:
+        assert file.format == "JPEG" and file.info["icc_profile"] == PROFILE and file.getexif()[0x0112] == 6
+        assert file.layer[0][1:3] == (2, 2)
+    assert np.abs(open_photo(tmp_path / "b.jpg").pixels.astype(int) - photo.pixels).max() < 20
+
+
+# ------------------------------------------------------------------------------------------------------------------ EXR
+def light(*shape):
+    return np.random.default_rng(3).random(shape, np.float32) * 1.5
+
+
+def write_exr(path, channels, **header):
+    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | header, channels).write(
+        str(path)
+    )
+
+
+@pytest.mark.parametrize("compression", ["ZIP_COMPRESSION", "DWAA_COMPRESSION"])
+@pytest.mark.parametrize("kind", [np.float16, np.float32])
+def test_linear_light_is_edited_as_it_is_seen_and_keeps_its_depth(tmp_path, kind, compression):
+    pixels = light(7, 5, 3).astype(kind)
+    pixels[0, 0], pixels[0, 1] = np.inf, -0.5
+    write_exr(
+        tmp_path / "a.exr", {"RGB": pixels, "Z": light(7, 5)}, compression=getattr(OpenEXR, compression), owner="me"
+    )
+    result, photo = edited_copy(tmp_path / "a.exr")
+    written = OpenEXR.File(str(result))
+    again, before = written.channels()["RGB"].pixels, photo.pixels
+    assert again.dtype == kind and written.header()["owner"] == "me"
+    untouched = np.ones((7, 5), bool)
+    untouched[ROWS, COLUMNS] = False
+    assert again[untouched].tobytes() == before[untouched].tobytes()
+    seen = np.clip(before[ROWS, COLUMNS].astype(float), 0, 1)
+    excess = before[ROWS, COLUMNS].astype(float) - seen
+    wish = srgb_to_linear(np.clip(linear_to_srgb(seen) + REDDER, 0, 1)) + excess
+    assert_allclose(again[ROWS, COLUMNS], wish, atol=2e-3 if kind == np.float16 else 1e-5)
+    assert_array_equal(written.channels()["Z"].pixels, OpenEXR.File(str(photo.path)).channels()["Z"].pixels)
+
+
+def test_exr_alpha_stays_and_premultiplied_light_is_edited_straight(tmp_path):
+    colors, alpha = np.full((7, 5, 3), 0.5, np.float32), np.full((7, 5, 1), 0.25, np.float32)
+    write_exr(tmp_path / "a.exr", {"RGBA": np.concatenate([colors * alpha, alpha], -1)})
+    result, _ = edited_copy(tmp_path / "a.exr")
+    again = OpenEXR.File(str(result)).channels()["RGBA"].pixels
+    assert_array_equal(again[..., 3:], alpha)
+    wish = srgb_to_linear(np.clip(linear_to_srgb(np.full(3, 0.5)) + REDDER, 0, 1)) * 0.25
+    assert_allclose(again[3, 2, :3], wish, atol=1e-5)
+
+
+def test_an_exr_of_luminance_becomes_one_of_colors(tmp_path):
+    write_exr(tmp_path / "a.exr", {"Y": light(7, 5)})
+    result, photo = edited_copy(tmp_path / "a.exr")
+    again = OpenEXR.File(str(result)).channels()
+    assert set(again) == {"RGB"}
+    assert_array_equal(again["RGB"].pixels[0], np.repeat(photo.pixels[0], 3, -1))
+
+
+def test_a_data_window_stays_where_it_is(tmp_path):
+    window = {"dataWindow": (np.array([1, 2], np.int32), np.array([7, 9], np.int32))}
+    shown = {"displayWindow": (np.array([0, 0], np.int32), np.array([9, 11], np.int32))}
+    pixels = light(8, 7, 3)
+    write_exr(tmp_path / "a.exr", {"RGB": pixels}, **window, **shown)
+    result, photo = edited_copy(tmp_path / "a.exr")
+    assert photo.size == (10, 12)
+    again = OpenEXR.File(str(result))
+    assert again.header()["dataWindow"][0].tolist() == [1, 2]
+    assert_array_equal(again.channels()["RGB"].pixels[3:], pixels[3:])
+    assert (again.channels()["RGB"].pixels[:3, :3] != pixels[:3, :3]).any()
+
+
+@pytest.mark.parametrize("name", ["alpha.png", "deep.tif", "plain.jpg"])
+def test_a_reduced_photo_is_as_deep_and_no_photo_is_enlarged(tmp_path, name):
+    save_sample(tmp_path / name)
+    photo = open_photo(tmp_path / name)
+    small = photo.resized(4)
+    assert small.size == (3, 4) and small.pixels.dtype == photo.pixels.dtype
+    assert photo.resized(9) is photo
+    write_photo(tmp_path / f"small{suffix_for(photo)}", small)
+    assert_array_equal(open_photo(tmp_path / f"small{suffix_for(photo)}").pixels, small.pixels)
+
+
+def test_reading_is_refused_as_elsewhere(tmp_path):
+    from karf_engine.errors import DataError
+
+    (tmp_path / "a.png").write_bytes(b"no picture")
+    for name in ("a.png", "missing.jpg"):
+        with pytest.raises(DataError, match=name):
+            open_photo(tmp_path / name)
+
+
+def test_profile_bytes_survive_in_a_png_made_of_a_jpeg(tmp_path):
+    stream = io.BytesIO()
+    Image.fromarray(random_bytes(7, 5, 3)).save(stream, "jpeg", xmp=b"<x:xmpmeta/>", icc_profile=PROFILE)
+    (tmp_path / "a.jpg").write_bytes(stream.getvalue())
+    with Image.open(edited_copy(tmp_path / "a.jpg")[0]) as file:
+        file.load()
+        assert b"xmpmeta" in (file.info.get("xmp") or b"")

@@ -1,0 +1,173 @@
+"""Long sequences: frames that are finished are kept where they would come out the same, and memory does not grow."""
+
+import gc
+import json
+import shutil
+import tracemalloc
+import weakref
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+pytest.importorskip("scipy")
+
+import karf_engine as karf
+from blender_tests.engine.reference.still_life import camera_at
+from karf_engine.capture import write_cameras
+from karf_engine.capture.capture import View
+from karf_engine.edit.palette import Edit, write_edit
+from karf_engine.errors import Cancelled
+from karf_engine.model import Model
+from karf_engine.project import Project
+from karf_engine.stages.finished_frames import NOTE, FinishedFrames
+
+BLUE = np.array([0.1, 0.2, 0.8])
+
+
+class Sequence:
+    """A path of cameras round the still life, and an edit."""
+
+    def __init__(self, project, folder, count, size=8):
+        self.project, self.folder, self.out = project, folder, folder / "out"
+        self.cameras, self.edit = folder / "cameras.json", folder / "edit.json"
+        self.angles = [0.02 * number for number in range(count)]
+        self.size = size
+        self.paint(BLUE)
+        self.move()
+
+    def paint(self, color):
+        palettes = karf.load(self.project, device="cpu").palettes
+        colors = {palette.name: palette.colors.copy() for palette in palettes}
+        colors["ball"][1] = color
+        write_edit(self.edit, Edit(colors))
+
+    def move(self, number=0, angle=0.0):
+        self.angles[number] = angle
+        views = [
+            View(f"f_{n:03d}", f"f_{n:03d}", camera_at(angle, 0.5, size=self.size), None, "train")
+            for n, angle in enumerate(self.angles)
+        ]
+        write_cameras(self.cameras, views)
+
+    def render(self, **options):
+        """Render what is not there; returns the names of the frames that were written."""
+        before = self.times()
+        options = {"views": str(self.cameras), "edit": self.edit, "skip_existing": True} | options
+        karf.render(self.project, self.out, threads=1, device="cpu", **options)
+        return sorted(name for name, time in self.times().items() if before.get(name) != time)
+
+    def times(self):
+        return {path.stem: path.stat().st_mtime_ns for path in (self.out / "recolor").glob("*.png")}
+
+
+@pytest.fixture
+def sequence(learned, tmp_path):
+    project = shutil.copytree(learned.project, tmp_path / "project")
+    return Sequence(project, tmp_path, 4)
+
+
+ALL = ["f_000", "f_001", "f_002", "f_003"]
+
+
+def test_without_the_option_every_frame_is_rendered_again(sequence):
+    assert sequence.render() == ALL and sequence.render() == []
+    assert sequence.render(skip_existing=False) == ALL
+
+
+def test_a_frame_is_rendered_again_where_its_camera_moved(sequence):
+    sequence.render()
+    sequence.move(2, 1.5)
+    assert sequence.render() == ["f_002"]
+
+
+def test_frames_are_rendered_again_where_the_edit_changed(sequence):
+    sequence.render()
+    sequence.paint(BLUE * 0.5)
+    assert sequence.render() == ALL
+    same = json.loads(sequence.edit.read_text())
+    sequence.edit.write_text(json.dumps(same, indent=4))
+    assert sequence.render() == []
+
+
+def test_frames_are_rendered_again_where_more_is_asked_for(sequence):
+    sequence.render()
+    assert sequence.render(depth=True) == ALL and sequence.render(depth=True) == []
+
+
+def test_frames_are_rendered_again_where_the_model_changed(sequence):
+    sequence.render()
+    project = Project(sequence.project)
+    project.finish("recoloring", "another", **{k: v for k, v in project.finished("recoloring").items() if k == "files"})
+    assert sequence.render() == ALL
+
+
+def test_a_frame_that_is_missing_or_cut_off_is_rendered_again(sequence):
+    sequence.render()
+    (sequence.out / "recolor" / "f_001.png").unlink()
+    (sequence.out / "render" / "f_003.png").write_bytes(b"\x89PNG")
+    assert sequence.render() == ["f_001", "f_003"]
+
+
+@pytest.mark.parametrize("damage", ["", "\0\0\n{]\n[]\n7\n", '{"frame": "f_000", "made_from": "x"}\n'])
+def test_a_damaged_note_costs_frames_and_nothing_else(sequence, damage):
+    sequence.render()
+    note = sequence.out / NOTE
+    lines = note.read_text().split("\n")
+    note.write_text(damage + "\n".join(lines)[:-40])  # killed while writing the last line
+    assert sequence.render() == ["f_003"]
+    assert sequence.render() == []
+
+
+def test_a_cancelled_sequence_keeps_its_frames_and_goes_on(sequence):
+    asked = []
+
+    def stop_after_two():
+        asked.append(None)
+        return len(asked) > 2
+
+    with pytest.raises(Cancelled):
+        sequence.render(should_stop=stop_after_two)
+    kept = sorted(sequence.times())
+    assert kept == ALL[: len(kept)] and 0 < len(kept) < 4
+    assert sequence.render() == ALL[len(kept) :]
+
+
+def test_progress_counts_what_was_there_already(sequence):
+    sequence.render()
+    (sequence.out / "recolor" / "f_001.png").unlink()
+    steps = []
+    sequence.render(emit=lambda event, **values: steps.append(values) if event == "progress" else None)
+    assert [(step["step"], step["total"]) for step in steps] == [(4, 4)]
+
+
+def test_the_note_says_what_each_frame_was_made_from(sequence):
+    sequence.render()
+    finished = FinishedFrames.read(sequence.out)
+    assert sorted(finished.frames) == ALL
+    entry = finished.frames["f_001"]
+    assert set(entry["files"]) == {f"{kind}/f_001.png" for kind in ("render", "recolor", "masks/ball", "masks/block")}
+    assert finished.has("f_001", entry["made_from"]) and not finished.has("f_001", "other")
+
+
+def test_memory_does_not_grow_with_the_number_of_frames(learned, tmp_path, monkeypatch):
+    """Neither frames nor their pictures outlive their turn, and what Python allocates between two turns stays level."""
+    sequence = Sequence(learned.project, tmp_path, 160, size=16)
+    alive, sizes, render = [], [], Model.render
+
+    def counted(model, camera):
+        frame = render(model, camera)
+        alive.append(weakref.ref(frame.picture))
+        sizes.append(tracemalloc.get_traced_memory()[0])
+        return frame
+
+    monkeypatch.setattr(Model, "render", counted)
+    tracemalloc.start()
+    try:
+        assert len(sequence.render()) == 160
+    finally:
+        tracemalloc.stop()
+    gc.collect()
+    assert not [picture for picture in alive if picture() is not None]
+    growth = (np.mean(sizes[-40:]) - np.mean(sizes[40:80])) / 80
+    assert growth < 2500  # bytes a frame: the note of its files; one plane of its pictures more would be too many

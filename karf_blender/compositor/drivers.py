@@ -1,0 +1,71 @@
+"""Sockets that follow a scene's swatches.
+
+A file may be opened where the extension is not installed and the swatches are unknown: then a driver takes its fallback
+value, which is the swatch's as the file was saved.
+"""
+
+from collections.abc import Iterator
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ..host import compat, handlers
+from . import group
+
+# of Blender's simple expressions, which run without the right to run scripts
+TO_LINEAR = "v / 12.92 if v <= 0.04045 else pow((v + 0.055) / 1.055, 2.4)"
+
+
+def drive(node: bpy.types.Node, name: str, index: int, scene: bpy.types.Scene, source: str) -> None:
+    """Let the socket of a swatch follow an sRGB color, whose path from the scene is `source`."""
+    socket = node.inputs[group.swatch_socket(name, index)]
+    for channel in range(3):
+        driver = socket.driver_add("default_value", channel).driver
+        driver.type, driver.expression = "SCRIPTED", TO_LINEAR
+        variable = driver.variables.new()
+        variable.name = "v"
+        target = variable.targets[0]
+        target.id_type, target.id = "SCENE", scene
+        target.data_path = f"{source}[{channel}]"
+        target.use_fallback_value = True
+        target.fallback_value = scene.path_resolve(target.data_path)
+
+
+def remove(node: bpy.types.Node) -> None:
+    """Let all sockets of a node keep the values that they have."""
+    if node.id_data.animation_data is not None:
+        for socket in node.inputs:
+            if hasattr(socket, "default_value"):
+                socket.driver_remove("default_value")
+
+
+def _targets(scene: bpy.types.Scene) -> Iterator[bpy.types.DriverTarget]:
+    """What follows swatches in a scene's compositor."""
+    tree = compat.compositing_tree_or_none(scene)
+    curves = tree.animation_data.drivers if tree is not None and tree.animation_data is not None else ()
+    for curve in curves:
+        if curve.driver.expression == TO_LINEAR:
+            yield from (target for variable in curve.driver.variables for target in variable.targets)
+
+
+@persistent
+def _before_save(*_):
+    for scene in bpy.data.scenes:
+        for target in _targets(scene):
+            try:
+                target.fallback_value = target.id.path_resolve(target.data_path)
+            except (AttributeError, ValueError):  # the scene or the swatch is gone
+                continue
+
+
+HANDLERS = (("save_pre", _before_save),)
+
+
+def register():
+    """Called when the extension is enabled."""
+    handlers.add(HANDLERS)
+
+
+def unregister():
+    """Called when the extension is disabled."""
+    handlers.remove(HANDLERS)

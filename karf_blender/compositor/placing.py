@@ -1,0 +1,110 @@
+"""The group in the scene's compositor: a layered picture's node, the group's, and what they are linked to.
+
+Of the user's nodes none is removed, and no link is replaced.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..engine_api import DataError, ObjectLayers
+from ..host import compat
+from . import drivers, group
+
+COMBINED = "Combined"  # how Blender calls the channels R, G and B
+
+
+def build(
+    scene: bpy.types.Scene,
+    path: Path,
+    filepath: str,
+    objects: Sequence[ObjectLayers],
+    edited: Mapping[str, np.ndarray],
+) -> bpy.types.Node:
+    """Recolor a layered picture in the scene's compositor; built anew, its nodes are the same ones with new values.
+
+    Args:
+        scene: The scene.
+        path: The picture.
+        filepath: The same as the .blend stores it.
+        objects: Its layers.
+        edited: Palettes [M, 3] that sockets begin with, by the object's name; others begin as learned.
+
+    Returns:
+        The group's node.
+
+    Raises:
+        DataError: The picture has not the layers that its header names.
+    """
+    tree, name = compat.compositing_tree(scene), node_name(path.stem)
+    picture = _node(tree, f"{name} Layers", "CompositorNodeImage", (-700, 0))
+    picture.image = _load(path, filepath)
+    node = _node(tree, name, "CompositorNodeGroup", (-300, 0))
+    node.width = 200
+    targets = [link.to_socket for link in node.outputs[0].links] if node.outputs else []
+    drivers.remove(node)
+    if node.node_tree is None:
+        node.node_tree = bpy.data.node_groups.new(name, "CompositorNodeTree")
+    group.fill(node.node_tree, objects)
+    _link_layers(tree, picture, node, objects, path)
+    for each in objects:
+        colors = edited.get(each.name, each.colors)
+        for index in range(1, len(each.colors)):
+            node.inputs[group.swatch_socket(each.name, index)].default_value = group.scene_linear(colors[index])
+    for target in targets or _free_targets(tree, node):
+        tree.links.new(node.outputs[0], target)
+    return node
+
+
+def node_name(view: str) -> str:
+    """What the group's node of a view is called."""
+    return f"KaRF {view}"
+
+
+def find(scene: bpy.types.Scene, view: str) -> bpy.types.Node | None:
+    """The group's node of a view, if there is one."""
+    return compat.compositing_tree(scene).nodes.get(node_name(view))
+
+
+def _node(tree: bpy.types.NodeTree, name: str, kind: str, location: tuple[float, float]) -> bpy.types.Node:
+    """The node by this name, made where there is none of this kind."""
+    node = tree.nodes.get(name)
+    if node is None or node.bl_idname != kind:
+        node = tree.nodes.new(kind)
+        node.name = node.label = name
+        node.location = location
+    return node
+
+
+def _load(path: Path, filepath: str) -> bpy.types.Image:
+    """The picture as the disk has it now."""
+    image = bpy.data.images.load(str(path), check_existing=True)
+    image.filepath = filepath
+    image.reload()
+    return image
+
+
+def _link_layers(tree, picture, node, objects: Sequence[ObjectLayers], path: Path) -> None:
+    pairs = [(COMBINED, group.BASE), *((name, name) for each in objects for name in each.weights[1:])]
+    for layer, socket in pairs:
+        if layer not in picture.outputs:
+            raise DataError(f"{path} has no layer {layer!r}.", "Render the layers again.")
+        tree.links.new(picture.outputs[layer], node.inputs[socket])
+
+
+def _free_targets(tree: bpy.types.NodeTree, node: bpy.types.Node) -> list[bpy.types.NodeSocket]:
+    """What a new group is linked to: the rendered picture and the viewer, where nothing else is linked to them."""
+    viewers = [each for each in tree.nodes if each.bl_idname == "CompositorNodeViewer"]
+    if not viewers:
+        viewers = [tree.nodes.new("CompositorNodeViewer")]
+        viewers[0].location = node.location.x + 300, node.location.y - 150
+    sockets = [compat.compositing_output(tree), viewers[0].inputs[0]]
+    return [socket for socket in sockets if not socket.is_linked]
+
+
+def is_rendered(node: bpy.types.Node) -> bool:
+    """Whether what the node gives is what the scene renders."""
+    output = compat.compositing_output(node.id_data)
+    return any(link.to_socket == output for link in node.outputs[0].links)

@@ -1,0 +1,106 @@
+"""Step 7: colorways, with what each color will be before anything is rendered."""
+
+from pathlib import Path
+
+import bpy
+from bpy.props import StringProperty
+
+from .. import steps
+from ..pictures import chips
+from ..tasks import runner
+from .reporting import PaletteStep, reports_errors
+
+WIDTH, ROWS = 720, 14  # of the dialog: pixels, and colors that show without scrolling
+
+
+class KARF_UL_colorways(bpy.types.UIList):
+    """Colors of a sheet: wanted, what it will be, and why not closer."""
+
+    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
+        draw_color(layout, item)
+
+
+def draw_color(layout, item):
+    """A row: names, chips of the wanted and the predicted color, their difference, and the reason."""
+    names, rest = split(layout, 0.4)
+    names.label(text=item.colorway)
+    names.label(text=item.object)
+    numbers, reason = split(rest, 0.3)
+    numbers.label(text="", icon_value=chips.icon(item.wanted))
+    numbers.label(text=f"{item.difference:.1f}", icon_value=chips.icon(item.reached))
+    if item.reason:
+        reason.label(text=item.reason, icon="ERROR")
+
+
+def split(layout, factor):
+    """Two rows side by side."""
+    both = layout.split(factor=factor)
+    return both.row(), both.row()
+
+
+class KARF_OT_colorways(PaletteStep, bpy.types.Operator):
+    """Choose a sheet of colorways (CSV or JSON), see what each color will be, and recolor all views by each"""
+
+    bl_idname = "karf.colorways"
+    bl_label = "Colorways"
+
+    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
+    filter_glob: StringProperty(default="*.csv;*.json", options={"HIDDEN"})
+
+    def invoke(self, context, event):
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    @reports_errors
+    def execute(self, context):
+        show_predictions(context, Path(bpy.path.abspath(self.filepath)))
+        return bpy.ops.karf.render_colorways("INVOKE_DEFAULT", filepath=self.filepath)
+
+
+class KARF_OT_render_colorways(PaletteStep, bpy.types.Operator):
+    """Recolor views by each colorway of a sheet"""
+
+    bl_idname = "karf.render_colorways"
+    bl_label = "Render Colorways"
+
+    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
+    views: StringProperty(
+        name="Views", default="all", description="all, train, test, names with commas, or the path of a camera file"
+    )
+
+    def invoke(self, context, event):
+        return context.window_manager.invoke_props_dialog(self, width=WIDTH)
+
+    def draw(self, context):
+        shown, layout = context.window_manager.karf_colorways, self.layout
+        missed = sum(bool(item.reason) for item in shown.colors)
+        layout.label(text=f"{len(shown.colors)} colors; {missed} cannot be reached. Numbers: CIEDE2000 to the wanted")
+        rows = min(ROWS, len(shown.colors))
+        layout.template_list(KARF_UL_colorways.__name__, "", shown, "colors", shown, "active", rows=rows)
+        if shown.active < len(shown.colors) and (reason := shown.colors[shown.active].reason):
+            layout.label(text=f"Cannot be reached, because {reason}", icon="ERROR")
+        layout.prop(self, "views")
+
+    @reports_errors
+    def execute(self, context):
+        sheet = Path(bpy.path.abspath(self.filepath))
+        runner.launch(steps.render_colorways(context.scene, sheet, self.views))
+        self.report({"INFO"}, f"Pictures go to {steps.colorways_folder(context.scene, sheet)}")
+        return {"FINISHED"}
+
+
+def show_predictions(context, sheet):
+    """Fill the list with what each color of a sheet will be. Raises KarfError where the sheet is wrong."""
+    planned = steps.predict_colorways(context.scene, sheet)
+    shown = context.window_manager.karf_colorways
+    shown.colors.clear()
+    shown.active = 0
+    for plan in planned:
+        for prediction in plan.predictions:
+            item = shown.colors.add()
+            item.colorway, item.object = plan.colorway.name, prediction.wish.name
+            item.wanted, item.reached = prediction.target, prediction.reached
+            item.difference, item.reason = prediction.ciede2000, prediction.reason
+
+
+CLASSES = (KARF_UL_colorways, KARF_OT_colorways, KARF_OT_render_colorways)

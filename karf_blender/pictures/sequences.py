@@ -1,0 +1,102 @@
+"""Frames on disk as one picture in the Image Editors, and as a strip in the sequencer."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import bpy
+
+from ..engine_api import DataError
+from ..host import compat, rendering, windows
+from . import editors
+
+NAME = f"{editors.PREFIX} frames"
+SUFFIXES = (".png", ".tif", ".exr", ".jpg")  # of pictures that the engine writes
+
+
+def files_in(folder: Path, names: Sequence[str] | None = None) -> list[Path]:
+    """The pictures of a folder, in the order of their names.
+
+    Args:
+        folder: It need not exist.
+        names: Take these alone, in their order; of several files of one name the newest.
+
+    Returns:
+        Their paths.
+    """
+    found: dict[str, Path] = {}
+    for path in sorted(folder.glob("*"), key=lambda path: path.stat().st_mtime_ns):
+        if path.suffix.lower() in SUFFIXES and not path.name.startswith("."):
+            found[path.stem] = path
+    return [found[name] for name in (sorted(found) if names is None else names) if name in found]
+
+
+def show(files: Sequence[Path], first: int, is_wanted: bool = True) -> bpy.types.Image:
+    """Show frames in the Image Editors: as a sequence where their names count up, else the first of them.
+
+    Args:
+        files: In their order.
+        first: The frame of the scene that shows the first.
+        is_wanted: The user asked for them now; else a picture that is being painted on is left alone.
+
+    Returns:
+        The one image of frames.
+
+    Raises:
+        BadRequest: Blender renders.
+        DataError: The first is unreadable.
+    """
+    rendering.refuse()
+    old = bpy.data.images.get(NAME)
+    try:
+        image = bpy.data.images.load(str(files[0]))
+    except RuntimeError as error:
+        raise DataError(f"{files[0]} cannot be read as a picture.", "Render the frames again.") from error
+    numbers = [number_of(path) for path in files]
+    counts_up = None not in numbers and len({path.stem.rstrip("0123456789") for path in files}) == 1
+    image.source = "SEQUENCE" if counts_up and len(files) > 1 else "FILE"
+    if old is not None:
+        old.user_remap(image)
+        bpy.data.images.remove(old)
+    image.name = NAME
+    editors.reveal(image, is_wanted)
+    for area in windows.areas("IMAGE_EDITOR"):
+        if area.spaces.active.image == image and image.source == "SEQUENCE":
+            _follow_frames(area.spaces.active.image_user, numbers, first)
+    return image
+
+
+def _follow_frames(user: bpy.types.ImageUser, numbers: Sequence[int], first: int) -> None:
+    """Let an editor show the file of the scene's current frame."""
+    user.frame_start, user.frame_offset = first, numbers[0] - 1
+    user.frame_duration = numbers[-1] - numbers[0] + 1
+    user.use_auto_refresh = True
+
+
+def number_of(path: Path) -> int | None:
+    """The number at the end of a file's name, by which Blender counts a sequence."""
+    match = re.search(r"\d+$", path.stem)
+    return int(match[0]) if match else None
+
+
+def add_strip(scene: bpy.types.Scene, files: Sequence[Path], first: int, name: str) -> "bpy.types.Strip":
+    """Put frames into the scene's sequencer as one strip, on the first channel that is free there.
+
+    Args:
+        scene: The scene.
+        files: In their order, in one folder.
+        first: The frame at which the strip begins.
+        name: Of the strip.
+    """
+    strips = compat.strips_of(scene)
+    taken = {strip.channel for strip in strips if _overlaps(strip, first, first + len(files))}
+    channel = next(number for number in range(1, len(taken) + 2) if number not in taken)
+    strip = strips.new_image(name=name, filepath=str(files[0]), channel=channel, frame_start=first, fit_method="FIT")
+    for path in files[1:]:
+        strip.elements.append(path.name)
+    strip.frame_final_duration = len(files)
+    return strip
+
+
+def _overlaps(strip: "bpy.types.Strip", first: int, behind: int) -> bool:
+    return strip.frame_final_start < behind and first < strip.frame_final_end

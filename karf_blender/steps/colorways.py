@@ -1,0 +1,61 @@
+"""Step 7: every colorway of a sheet in every view."""
+
+from functools import partial
+from pathlib import Path
+
+import bpy
+
+from .. import progress
+from ..engine_api import PlannedColorway, Request, plan_colorways
+from ..project import folders
+from ..tasks.ownership import Owner
+from ..tasks.task import Task
+from . import requests
+
+
+def predict_colorways(scene: bpy.types.Scene, sheet: Path) -> tuple[PlannedColorway, ...]:
+    """What each color of a sheet will be, without the engine; locked swatches stay.
+
+    Raises:
+        BadRequest: The scene has no project, or that has no palettes.
+        DataError: The sheet has a row that is wrong, or a file of the project is damaged.
+    """
+    return plan_colorways(folders.project_of(scene), sheet, _locked(scene))
+
+
+def _locked(scene: bpy.types.Scene) -> dict[str, list[int]]:
+    """Numbers of the locked swatches of each object that has some."""
+    locked = {item.name: [i for i, swatch in enumerate(item.swatches) if swatch.locked] for item in scene.karf.objects}
+    return {name: numbers for name, numbers in locked.items() if numbers}
+
+
+def render_colorways(scene: bpy.types.Scene, sheet: Path, views: str = "all", out: Path | None = None) -> Task:
+    """Have the engine write every colorway in every view (`all`, `train`, `test`, names, or a camera file).
+
+    Pictures that are there already and would come out the same are kept.
+
+    Args:
+        scene: The scene.
+        sheet: CSV or JSON, see docs/files.md.
+        views: Which views.
+        out: The folder; default: `colorways/<sheet>` in the output folder.
+
+    Returns:
+        The task; its folder is `colorways_folder`.
+    """
+    predict_colorways(scene, sheet)  # a wrong sheet is told now, and not by a job
+    out, owner = out or colorways_folder(scene, sheet), Owner.of(scene)
+    locked = [f"{name}/{number}" for name, numbers in _locked(scene).items() for number in numbers]
+    options = {"sheet": str(sheet), "views": views, "out": str(out), "locked": locked} | requests.threads()
+    request = Request("colorways", folders.project_of(scene).folder, options)
+    return Task("Colorways", (request,), partial(_say_where, out), owner)
+
+
+def colorways_folder(scene: bpy.types.Scene, sheet: Path) -> Path:
+    """Where the colorways of a sheet go."""
+    return folders.out_folder(scene) / "colorways" / sheet.stem
+
+
+def _say_where(out: Path, request: Request) -> None:
+    del request
+    progress.warn(f"Colorways, their table and a contact sheet are in {out}.")

@@ -1,0 +1,48 @@
+"""Step 7: rendered frames back in Blender, as an image sequence and as a strip."""
+
+from pathlib import Path
+
+import bpy
+
+from ..engine_api import BadRequest, open_capture
+from ..pictures import sequences
+from ..project import folders
+
+
+def show_frames(scene: bpy.types.Scene, folder: Path | None = None, is_wanted: bool = True) -> bpy.types.Image:
+    """Show rendered frames in the Image Editors, as a sequence where their names count up.
+
+    Args:
+        scene: The scene.
+        folder: Of the pictures; None: those rendered last.
+        is_wanted: The user asked for them now; else a picture that is being painted on is left alone.
+
+    Raises:
+        BadRequest: There are none.
+    """
+    files = frames_in(scene, folder)
+    return sequences.show(files, _first_frame(files), is_wanted)
+
+
+def add_strip(scene: bpy.types.Scene, folder: Path | None = None) -> "bpy.types.Strip":
+    """Put rendered frames into the scene's sequencer; folder and errors as those of `show_frames`."""
+    files = frames_in(scene, folder)
+    return sequences.add_strip(scene, files, _first_frame(files), f"KaRF {files[0].parent.parent.name}")
+
+
+def frames_in(scene: bpy.types.Scene, folder: Path | None = None) -> list[Path]:
+    """The pictures of a folder (None: those rendered last); of a camera's frames those of its last job alone."""
+    if folder is None and not scene.karf.frames:
+        raise BadRequest("No frames have been rendered yet.", "Render captured views or a camera's frames first.")
+    folder = folder or folders.absolute(scene.karf.frames)
+    cameras = folder.parent / "cameras.json"
+    names = [view.name for view in open_capture(cameras, photos=False).views] if cameras.is_file() else None
+    files = sequences.files_in(folder, names)
+    if not files:
+        raise BadRequest(f"There are no frames in {folder}.", "Render captured views or a camera's frames first.")
+    return files
+
+
+def _first_frame(files: list[Path]) -> int:
+    """The scene's frame of the first picture: a camera's frame says it, captured views begin with the first."""
+    return sequences.number_of(files[0]) if files[0].stem.startswith("frame_") else 1

@@ -1,0 +1,1 @@
+"""What other programs take over: pictures in layers, and mattes by the Cryptomatte specification."""

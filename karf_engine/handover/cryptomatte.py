@@ -1,0 +1,103 @@
+"""Object mattes by the Cryptomatte specification 1.2.0 (Friedman and Jones, Psyop 2016), which compositors pick from.
+
+Every pixel holds pairs of an object's id and its coverage, in the order of falling coverage ("ranks"), two pairs an RGBA
+layer. An id is the hash of the object's name, as the bits of a float.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+
+import numpy as np
+
+NAME = "CryptoObject"
+CHANNELS = "RGBA"
+BAND_ROWS = 128
+
+
+def murmur3(data: bytes) -> int:
+    """MurmurHash3_x86_32 of some bytes with seed 0 (Appleby 2011), in 0..2^32-1.
+
+    Written here because it hashes a few names a picture, which is not worth a compiled package.
+
+    Examples:
+        >>> hex(murmur3(b"hello, world"))
+        '0x149bbb7f'
+    """
+    state, mask = 0, 0xFFFFFFFF
+    for start in range(0, len(data), 4):
+        block = data[start : start + 4]
+        mixed = int.from_bytes(block, "little") * 0xCC9E2D51 & mask
+        mixed = (mixed << 15 | mixed >> 17) * 0x1B873593 & mask
+        state ^= mixed
+        if len(block) == 4:
+            state = ((state << 13 | state >> 19) & mask) * 5 + 0xE6546B64 & mask
+    state ^= len(data)
+    state = (state ^ state >> 16) * 0x85EBCA6B & mask
+    state = (state ^ state >> 13) * 0xC2B2AE35 & mask
+    return state ^ state >> 16
+
+
+def object_id(name: str) -> int:
+    """An object's id: the hash of its name, changed by one bit where its float would be no normal number.
+
+    Examples:
+        >>> hex(object_id("hello, world"))
+        '0x149bbb7f'
+    """
+    bits = murmur3(name.encode("utf-8"))
+    exponent = bits >> 23 & 255
+    return bits ^ 1 << 23 if exponent in (0, 255) else bits
+
+
+def header(objects: Sequence[str]) -> dict[str, str]:
+    """The file's metadata: whose ids its layers hold.
+
+    Examples:
+        >>> for name, value in header(["pot"]).items():
+        ...     print(name, value)
+        cryptomatte/3ae39a5/name CryptoObject
+        cryptomatte/3ae39a5/hash MurmurHash3_32
+        cryptomatte/3ae39a5/conversion uint32_to_float32
+        cryptomatte/3ae39a5/manifest {"pot":"d4fca1b2"}
+    """
+    key = f"cryptomatte/{murmur3(NAME.encode()):08x}"[:19]  # seven letters of the hash
+    manifest = {name: f"{object_id(name):08x}" for name in objects}
+    return {
+        f"{key}/name": NAME,
+        f"{key}/hash": "MurmurHash3_32",
+        f"{key}/conversion": "uint32_to_float32",
+        f"{key}/manifest": json.dumps(manifest, ensure_ascii=False, separators=(",", ":")),
+    }
+
+
+def channels(objects: Sequence[str], coverage: np.ndarray) -> dict[str, np.ndarray]:
+    """The layers CryptoObject00, CryptoObject01 and so on, as many as the pixel with the most objects needs.
+
+    Args:
+        objects: Names of the K objects.
+        coverage: [K, H, W] in [0, 1], of any type of float.
+
+    Returns:
+        float32 [H, W] by the channel's name.
+
+    Examples:
+        >>> planes = channels(["pot", "mug"], np.array([[[0.25]], [[0.75]]]))
+        >>> [float(planes[f"CryptoObject00.{letter}"][0, 0]) for letter in "GA"]
+        [0.75, 0.25]
+    """
+    _, height, width = coverage.shape
+    bands = [slice(top, top + BAND_ROWS) for top in range(0, height, BAND_ROWS)]
+    most = max((int((coverage[:, rows] > 0).sum(0).max(initial=0)) for rows in bands), default=0)
+    n_layers = max(1, -(-most // 2))
+    names = [f"{NAME}{layer:02}.{letter}" for layer in range(n_layers) for letter in CHANNELS]
+    planes = {name: np.zeros((height, width), np.float32) for name in names}
+    ids = np.array([object_id(name) for name in objects], np.uint32).view(np.float32)
+    for rows in bands:
+        order = np.argsort(-coverage[:, rows], axis=0, kind="stable")[: 2 * n_layers]
+        shares = np.take_along_axis(coverage[:, rows], order, axis=0)
+        for rank, (share, which) in enumerate(zip(shares, order, strict=True)):
+            planes[names[2 * rank]][rows] = np.where(share > 0, ids[which], 0)
+            planes[names[2 * rank + 1]][rows] = share
+    return planes
