@@ -20,16 +20,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from karf_engine.finishing import PhotoView
-from karf_engine.photos import StoredPhoto, open_photo
 
 import karf_engine as karf
 from karf_engine.capture.capture import View
 from karf_engine.edit.palette import Edit
 from karf_engine.files import write_json
+from karf_engine.finishing import PhotoView
 from karf_engine.matting.matte import Matte, dense_coverage
 from karf_engine.metrics.images import mse_outside
 from karf_engine.model import Model
+from karf_engine.photos import StoredPhoto, open_photo
 
 from ..judging.edges import BAND, EdgeScore, border_band, mean_scores, score_edges
 from ..judging.matting_ways import WAYS, Evidence, larger_field

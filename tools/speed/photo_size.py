@@ -21,15 +21,15 @@ from typing import Any
 import cv2
 import numpy as np
 import OpenEXR
-from karf_engine.finishing import PhotoView
-from karf_engine.photos import open_photo, suffix_for, write_photo
 
 import karf_engine as karf
 from karf_engine.capture.capture import View
 from karf_engine.color import srgb_to_linear
 from karf_engine.edit.palette import Edit, Palette
+from karf_engine.finishing import PhotoView
 from karf_engine.matting.refine import mattes_of
 from karf_engine.model import Model
+from karf_engine.photos import open_photo, suffix_for, write_photo
 from karf_engine.progress import peak_memory_bytes
 
 MEGAPIXELS, OBJECTS = (1, 12, 24), (1, 3)
