@@ -56,7 +56,7 @@ def measured(project: Path, model: Model, folder: Path, name: str, megapixels: i
     return {"photo": name[1:], "megapixels": megapixels, "objects": count} | json.loads(done.stdout.splitlines()[-1])
 
 
-def enlarged(model: Model, megapixels: int) -> np.ndarray:
+def enlarged(model: Model, megapixels: float) -> np.ndarray:
     """The first test photo at another size, with noise: float32 sRGB [H, W, 3] in [0, 1]."""
     small = open_photo(model.capture.split("test")[0].image).colors()
     factor = (megapixels * 1e6 / (small.shape[0] * small.shape[1])) ** 0.5
@@ -128,10 +128,16 @@ def other_colors(palettes: Sequence[Palette]) -> Edit:
 def outside_is_equal(ready: PhotoView, out: Path) -> bool:
     """Whether what was written has the photo's bits in every pixel that no object covers, and others in some."""
     before, after = ready.photo.pixels, open_photo(out).pixels
-    covered = np.zeros(before.shape[:2], bool)
-    for matte in ready.mattes:
-        covered[slice(*matte.rows), slice(*matte.columns)] |= matte.coverage > 0
+    covered = covered_by(ready)
     return bool((before[~covered] == after[~covered]).all() and (before[covered] != after[covered]).any())
+
+
+def covered_by(ready: PhotoView) -> np.ndarray:
+    """Pixels that an object covers, bool [H, W]."""
+    result = np.zeros(ready.photo.pixels.shape[:2], bool)
+    for matte in ready.mattes:
+        result[slice(*matte.rows), slice(*matte.columns)] |= matte.coverage > 0
+    return result
 
 
 if __name__ == "__main__":
