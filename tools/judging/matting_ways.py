@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
 from karf_engine.color import srgb_to_linear
 from karf_engine.matting.closed_form import closed_form_matting
-from karf_engine.matting.foreground import object_matte
 from karf_engine.matting.matte import Matte
-from karf_engine.matting.refine import field_mattes, refine_mattes
+from karf_engine.matting.refine import field_mattes, mattes_of
 
 from .edges import distance
 
 GUIDED_RADIUS, GUIDED_EPSILON = 8, 1e-4
+NEAR = 8  # pixels, within which a thing keeps its color
 KNOWN_BAND = 3  # pixels of the field on either side of its border, which matting alone decides
 
 
@@ -41,12 +42,12 @@ class Evidence:
 
 def enlarged_field(evidence: Evidence) -> list[Matte]:
     """The field's probabilities, enlarged."""
-    return field_mattes(evidence.photo.shape[:2], evidence.probabilities)
+    return mattes_of("field", evidence.photo, evidence.probabilities, evidence.depth)
 
 
 def ours(evidence: Evidence) -> list[Matte]:
     """The field says roughly where, the photo exactly where."""
-    return refine_mattes(evidence.photo, evidence.probabilities, evidence.depth)
+    return mattes_of("photo", evidence.photo, evidence.probabilities, evidence.depth)
 
 
 def bicubic(evidence: Evidence) -> list[Matte]:
@@ -90,12 +91,12 @@ def matting_alone(evidence: Evidence) -> list[Matte]:
 
 def larger_field(evidence: Evidence) -> list[Matte]:
     """The probabilities of a field that was learned from larger photos."""
-    return field_mattes(evidence.photo.shape[:2], evidence.larger)
+    return field_mattes(evidence.photo.shape[1::-1], evidence.larger)
 
 
 def true_coverage(evidence: Evidence) -> list[Matte]:
     """The truth: what no matte can beat."""
-    return as_mattes_with_colors(evidence.photo, evidence.coverage)
+    return [with_own_colors(matte, evidence.photo) for matte in as_mattes(evidence.coverage)]
 
 
 WAYS: dict[str, Callable[[Evidence], list[Matte]]] = {
@@ -110,13 +111,16 @@ WAYS: dict[str, Callable[[Evidence], list[Matte]]] = {
 
 def as_mattes(planes: np.ndarray) -> list[Matte]:
     """Coverages [K, H, W] as mattes that know no colors but the photo's."""
-    return field_mattes(planes.shape[1:], planes.astype(np.float32))
+    return field_mattes((planes.shape[2], planes.shape[1]), planes.astype(np.float32))
 
 
-def as_mattes_with_colors(photo: np.ndarray, planes: np.ndarray) -> list[Matte]:
-    """Coverages [K, H, W] as mattes with the objects' own colors in mixed pixels."""
-    classes = np.concatenate([1 - planes.sum(0, keepdims=True), planes]).clip(0, 1)
-    return [object_matte(photo, classes, number) for number in range(1, len(classes))]
+def with_own_colors(matte: Matte, photo: np.ndarray) -> Matte:
+    """The matte with the color of the nearest pixel that the object fills, wherever it does not fill the pixel."""
+    colors = photo[slice(*matte.rows), slice(*matte.columns)]
+    full, mixed = matte.coverage == 1, (matte.coverage > 0) & (matte.coverage < 1)
+    away, nearest = distance_transform_edt(~full, return_indices=True)
+    mixed &= away < NEAR
+    return replace(matte, mixed=np.flatnonzero(mixed), mixed_colors=colors[tuple(nearest)][mixed])
 
 
 def enlarged(planes: np.ndarray, width: int, height: int, interpolation: int) -> np.ndarray:

@@ -19,17 +19,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import imageio.v3 as iio
 import numpy as np
 
 import karf_engine as karf
 from karf_engine.capture.capture import View
 from karf_engine.edit.palette import Edit
 from karf_engine.files import write_json
-from karf_engine.matting.matte import Matte
+from karf_engine.finishing import PhotoView
+from karf_engine.matting.matte import Matte, dense_coverage
 from karf_engine.metrics.images import mse_outside
 from karf_engine.model import Model
-from karf_engine.palette.star_weights import palette_weights_of_image
+from karf_engine.photos import StoredPhoto, open_photo
 
 from ..judging.edges import BAND, EdgeScore, border_band, mean_scores, score_edges
 from ..judging.matting_ways import WAYS, Evidence, larger_field
@@ -51,15 +51,44 @@ TITLES = {
 
 
 @dataclass(frozen=True)
-class Judged:
-    """What one way came to in one view: scores of each object, MSE outside each edit's objects, seconds of the mattes,
-    the objects' coverage [K, H, W], and the recolored picture of each edit, float sRGB."""
+class Scene:
+    """A capture with truth, what was learned of it, maybe also from larger photos, and the edits by name."""
+
+    truth: Truth
+    model: Model
+    larger: Model | None
+    edits: dict[str, Edit]
+
+    def changed(self, edit: str) -> list[int]:
+        """Numbers of the objects that an edit changes."""
+        return [k for k, name in enumerate(self.model.objects) if name in self.truth.edits[edit]["objects"]]
+
+
+@dataclass(frozen=True)
+class JudgedView:
+    """A test view: the photo, what ways to mattes know of it, and the true recolor of each edit."""
+
+    photo: StoredPhoto
+    evidence: Evidence
+    recolored: dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Result:
+    """What one way came to in one view: coverage [K, H, W], the recolor of each edit, seconds that the mattes took."""
+
+    coverage: np.ndarray
+    recolored: dict[str, np.ndarray]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Score:
+    """What a result is worth: each object's edges, and MSE outside the objects of an edit, mean over edits."""
 
     objects: dict[str, EdgeScore]
     mse_outside: float
     seconds: float
-    coverage: np.ndarray
-    recolored: dict[str, np.ndarray]
 
 
 def main() -> None:
@@ -95,84 +124,61 @@ def project_of(learned: Path, scene: str) -> Path:
 def judge(capture: Path, project: Path, larger: Path | None, options: argparse.Namespace) -> dict:
     """Judge every row in every test view of a capture, write the crops, and return the means of each row."""
     model, truth = karf.load(project), Truth(capture)
-    other = karf.load(larger) if larger else None
-    ways = {name: WAYS[name] for name in options.rows} | ({"larger": larger_field} if other else {})
     edits = {name: edit_to_judge(model, truth, name) for name in truth.edits}
-    judged: dict[str, list[Judged]] = {name: [] for name in ways}
-    crops: dict[str, list[tuple[float, list[np.ndarray]]]] = {name: [] for name in model.objects}
+    scene = Scene(truth, model, karf.load(larger) if larger else None, edits)
+    ways = {name: WAYS[name] for name in options.rows} | ({"larger": larger_field} if larger else {})
+    scores: dict[str, list[Score]] = {name: [] for name in ways}
+    crops: list[dict[str, Crop]] = []
     for number, view in enumerate(karf.open_capture(capture).split("test")):
-        evidence = evidence_of(view, model, other, truth, number)
-        of_view = {name: judge_way(evidence, ways[name], model, truth, edits, number) for name in ways}
-        for name, result in of_view.items():
-            judged[name].append(result)
+        judged = look_at(scene, view, number)
+        results = {name: result_of(scene, judged, way) for name, way in ways.items()}
+        for name, result in results.items():
+            scores[name].append(score(scene, judged, result))
         if {"field", "photo"} <= set(ways):
-            for name, crop in crops_of(evidence, of_view, model, truth, number).items():
-                crops[name].append(crop)
-    rows = [row for name in model.objects for _, row in sorted(crops[name], key=lambda crop: -crop[0])[:1]]
-    if rows:
-        write_sheet(options.out / f"{capture.name}.png", rows)
-    return {name: mean_of_views(views, model.objects) for name, views in judged.items()}
+            crops.append(crops_of(scene, judged, results))
+    if crops:
+        worst = [max((crop[name] for crop in crops), key=lambda crop: crop.wrong) for name in model.objects]
+        write_sheet(options.out / f"{capture.name}.png", [crop.pictures for crop in worst])
+    return {name: mean_of_views(views, model.objects) for name, views in scores.items()}
 
 
-def evidence_of(view: View, model: Model, larger: Model | None, truth: Truth, number: int) -> Evidence:
-    """What all ways know of a test view."""
-    frame = model.render_view(view, "photo")
-    return Evidence(
-        photo=iio.imread(view.image)[..., :3],
-        probabilities=frame.probabilities,
-        depth=frame.depth,
-        larger=larger.render_view(view, "photo").probabilities if larger else None,
-        coverage=np.stack([truth.coverage(name)[number] for name in model.objects]),
+def look_at(scene: Scene, view: View, number: int) -> JudgedView:
+    """A test view and its truth; number: its place among the test views."""
+    photo, model, larger = open_photo(view.image), scene.model, scene.larger
+    seen = model.look(model.working_camera(view))
+    evidence = Evidence(
+        photo=photo.shown(),
+        probabilities=seen.probabilities,
+        depth=seen.depth,
+        larger=larger.look(larger.working_camera(view)).probabilities if larger else None,
+        coverage=np.stack([scene.truth.coverage(name)[number] for name in model.objects]),
     )
+    return JudgedView(photo, evidence, {name: scene.truth.recolored(name)[number] for name in scene.edits})
 
 
-def judge_way(
-    evidence: Evidence,
-    way: Callable[[Evidence], list[Matte]],
-    model: Model,
-    truth: Truth,
-    edits: dict[str, Edit],
-    number: int,
-) -> Judged:
-    """Make the mattes of a view in one way, recolor by them and compare with the truth."""
+def result_of(scene: Scene, view: JudgedView, way: Callable[[Evidence], list[Matte]]) -> Result:
+    """Make the mattes of a view in one way, and recolor it by them."""
     start = time.process_time()
-    mattes = way(evidence)
+    mattes = way(view.evidence)
     seconds = time.process_time() - start
-    coverage = np.stack([whole(matte, evidence.photo.shape[:2]) for matte in mattes])
-    recolored = {name: recolor(evidence.photo, mattes, model, edit) for name, edit in edits.items()}
-    photo, scores, outside = evidence.photo / 255, {}, []
-    for k, name in enumerate(model.objects):
-        chosen = [edit for edit in edits if name in truth.edits[edit]["objects"]]
-        pictures = [recolored[edit] for edit in chosen], [truth.recolored(edit)[number] for edit in chosen]
-        scores[name] = score_edges(coverage[k], evidence.coverage[k], *pictures)
-    for edit, picture in recolored.items():
-        inside = [
-            evidence.coverage[k] > 0 for k, name in enumerate(model.objects) if name in truth.edits[edit]["objects"]
-        ]
-        outside.append(mse_outside(picture, photo, np.any(inside, 0)))
-    return Judged(scores, float(np.mean(outside)), seconds, coverage, recolored)
+    ready = PhotoView(view.photo, 1, scene.model.objects, mattes, scene.model.palettes)
+    recolored = {name: ready.shown(ready.recolored(edit)) for name, edit in scene.edits.items()}
+    return Result(dense_coverage(mattes, view.evidence.photo.shape[:2]), recolored, seconds)
 
 
-def recolor(photo: np.ndarray, mattes: list[Matte], model: Model, edit: Edit) -> np.ndarray:
-    """The photo with an edit: each object's own colors change by its palette, as much as it covers of the pixel."""
-    result = photo / 255
-    for matte, palette in zip(mattes, model.palettes, strict=True):
-        box = slice(*matte.rows), slice(*matte.columns)
-        colors = matte.colors(photo[box], 0, matte.rows[1] - matte.rows[0])
-        change = np.asarray(edit.colors[palette.name]) - palette.colors
-        if change.any() and colors.size:
-            result[box] += matte.coverage[..., None] * (palette_weights_of_image(colors, palette.colors) @ change)
-    return np.rint(result.clip(0, 1) * 255) / 255
+def score(scene: Scene, view: JudgedView, result: Result) -> Score:
+    """Compare a result with the truth; outside an edit's objects with the photo."""
+    true, photo, objects, outside = view.evidence.coverage, view.evidence.photo / np.float32(255), {}, []
+    for k, name in enumerate(scene.model.objects):
+        edits = [edit for edit in scene.edits if k in scene.changed(edit)]
+        pictures = [result.recolored[edit] for edit in edits], [view.recolored[edit] for edit in edits]
+        objects[name] = score_edges(result.coverage[k], true[k], *pictures)
+    for edit, picture in result.recolored.items():
+        outside.append(mse_outside(picture, photo, (true[scene.changed(edit)] > 0).any(0)))
+    return Score(objects, float(np.mean(outside)), result.seconds)
 
 
-def whole(matte: Matte, size: tuple[int, int]) -> np.ndarray:
-    """A matte's coverage of the whole photo, float32 [H, W]."""
-    result = np.zeros(size, np.float32)
-    result[slice(*matte.rows), slice(*matte.columns)] = matte.coverage
-    return result
-
-
-def mean_of_views(views: list[Judged], objects: list[str]) -> dict:
+def mean_of_views(views: list[Score], objects: list[str]) -> dict:
     """Means over the views, of each object, and over objects."""
     table = {name: mean_scores([view.objects[name] for view in views]) for name in objects}
     known = {key: [row[key] for row in table.values() if key in row] for key in EdgeScore.__dataclass_fields__}
@@ -183,23 +189,29 @@ def mean_of_views(views: list[Judged], objects: list[str]) -> dict:
 
 
 # --------------------------------------------------------------------------------------------------------------- results
-def crops_of(
-    evidence: Evidence, ways: dict[str, Judged], model: Model, truth: Truth, number: int
-) -> dict[str, tuple[float, list[np.ndarray]]]:
-    """Of each object, where the field is most wrong near the border: how wrong, and photo, field, ours and truth there."""
-    result = {}
-    for k, name in enumerate(model.objects):
-        edit = next(edit for edit, facts in truth.edits.items() if name in facts["objects"])
-        true = evidence.coverage[k]
-        wrong = np.abs(ways["field"].coverage[k] - true) * border_band(true > 0.5)
+@dataclass(frozen=True)
+class Crop:
+    """Photo, field, ours and truth in a square, and how wrong the field is near the border there."""
+
+    wrong: float
+    pictures: list[np.ndarray]
+
+
+def crops_of(scene: Scene, view: JudgedView, results: dict[str, Result]) -> dict[str, Crop]:
+    """Of each object the square in which the field is most wrong near the border."""
+    crops = {}
+    for k, name in enumerate(scene.model.objects):
+        edit = next(edit for edit in scene.edits if k in scene.changed(edit))
+        true = view.evidence.coverage[k]
+        wrong = np.abs(results["field"].coverage[k] - true) * border_band(true > 0.5)
         side = min(CROP, *wrong.shape)
         sums = np.pad(wrong.cumsum(0).cumsum(1), ((1, 0), (1, 0)))
         in_crop = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
         top, left = np.unravel_index(in_crop.argmax(), in_crop.shape)
         here = slice(top, top + side), slice(left, left + side)
-        pictures = [evidence.photo / 255, *(ways[way].recolored[edit] for way in ("field", "photo"))]
-        result[name] = (float(in_crop.max()), [picture[here] for picture in (*pictures, truth.recolored(edit)[number])])
-    return result
+        recolors = results["field"].recolored[edit], results["photo"].recolored[edit], view.recolored[edit]
+        crops[name] = Crop(float(in_crop.max()), [picture[here] for picture in (view.evidence.photo / 255, *recolors)])
+    return crops
 
 
 def report(scene: str, rows: dict) -> None:

@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,9 +23,11 @@ import numpy as np
 import OpenEXR
 
 import karf_engine as karf
+from karf_engine.capture.capture import View
 from karf_engine.color import srgb_to_linear
-from karf_engine.edit.palette import Edit
+from karf_engine.edit.palette import Edit, Palette
 from karf_engine.finishing import PhotoView
+from karf_engine.matting.refine import mattes_of
 from karf_engine.model import Model
 from karf_engine.photos import open_photo, suffix_for, write_photo
 from karf_engine.progress import peak_memory_bytes
@@ -54,7 +56,7 @@ def measured(project: Path, model: Model, folder: Path, name: str, megapixels: i
     return {"photo": name[1:], "megapixels": megapixels, "objects": count} | json.loads(done.stdout.splitlines()[-1])
 
 
-def enlarged(model: Model, megapixels: int) -> np.ndarray:
+def enlarged(model: Model, megapixels: float) -> np.ndarray:
     """The first test photo at another size, with noise: float32 sRGB [H, W, 3] in [0, 1]."""
     small = open_photo(model.capture.split("test")[0].image).colors()
     factor = (megapixels * 1e6 / (small.shape[0] * small.shape[1])) ** 0.5
@@ -94,30 +96,48 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("project", type=Path)
     parser.add_argument("photo", type=Path)
-    parser.add_argument("objects", type=int, help="the project's first so many; the others count as background")
+    parser.add_argument("objects", type=int, help="the project's first so many")
     options = parser.parse_args()
     model = karf.load(options.project)
-    model.objects, model.palettes = model.objects[: options.objects], model.palettes[: options.objects]
-    edit = Edit({p.name: np.concatenate([p.colors[:1], 1 - p.colors[1:]]) for p in model.palettes}, "delta")
     view = model.capture.split("test")[0]
     width, height = open_photo(options.photo).size
     view = replace(view, image=options.photo, camera=view.camera.scaled(width, height))
     start = time.process_time()
-    ready = model.photo_view(view)
-    recolored = ready.recolored(edit)
+    ready = photo_view(model, view, options.objects)
+    recolored = ready.recolored(other_colors(ready.palettes))
     out = options.photo.with_name(f"recolored{suffix_for(recolored)}")
     write_photo(out, recolored)
     figures = {"seconds": round(time.process_time() - start, 2), "peak_gib": round(peak_memory_bytes() / 2**30, 2)}
     print(json.dumps(figures | {"outside_equal": outside_is_equal(ready, out)}))
 
 
+def photo_view(model: Model, view: View, count: int) -> PhotoView:
+    """`Model.photo_view` of a project that had only the first so many objects."""
+    photo, seen = open_photo(view.image), model.look(model.working_camera(view))
+    mattes = mattes_of(model.settings.render.edges, photo.shown(), seen.probabilities[:count], seen.depth)
+    return PhotoView(photo, 1, model.objects[:count], mattes, model.palettes[:count])
+
+
+def other_colors(palettes: Sequence[Palette]) -> Edit:
+    """An edit that changes every swatch but black."""
+    return Edit(
+        {palette.name: np.concatenate([palette.colors[:1], 1 - palette.colors[1:]]) for palette in palettes}, "delta"
+    )
+
+
 def outside_is_equal(ready: PhotoView, out: Path) -> bool:
     """Whether what was written has the photo's bits in every pixel that no object covers, and others in some."""
     before, after = ready.photo.pixels, open_photo(out).pixels
-    covered = np.zeros(before.shape[:2], bool)
-    for matte in ready.mattes:
-        covered[slice(*matte.rows), slice(*matte.columns)] |= matte.coverage > 0
+    covered = covered_by(ready)
     return bool((before[~covered] == after[~covered]).all() and (before[covered] != after[covered]).any())
+
+
+def covered_by(ready: PhotoView) -> np.ndarray:
+    """Pixels that an object covers, bool [H, W]."""
+    result = np.zeros(ready.photo.pixels.shape[:2], bool)
+    for matte in ready.mattes:
+        result[slice(*matte.rows), slice(*matte.columns)] |= matte.coverage > 0
+    return result
 
 
 if __name__ == "__main__":
