@@ -179,8 +179,9 @@ def test_a_job_may_edit_every_view_in_its_own_way(learned, green, tmp_path):
         lambda event, **values: events.append((event, values)),
         lambda: False,
     )
-    plain, changed, again = ((tmp_path / "recolor" / f"frame_{i}.png").read_bytes() for i in range(3))
-    assert plain == again == (tmp_path / "render" / "frame_0.png").read_bytes() != changed
+    plain, changed, again = (read_photo(tmp_path / "recolor" / f"frame_{i}.png") for i in range(3))
+    unedited = read_photo(tmp_path / "render" / "frame_0.png")
+    assert (plain == unedited).all() and (again == unedited).all() and (changed != unedited).any()
     assert {values["total"] for kind, values in events if kind == "progress"} == {3}
     options["edit"] = edits[:2]
     with pytest.raises(BadRequest, match="2 edits for 3 views"):
