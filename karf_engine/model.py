@@ -199,7 +199,7 @@ class Model:
         """
         plate = load_views([view], long_side or self.settings.render.preview)[0]
         seen, base = self.look(self.working_camera(view).without_distortion()), _on_white(plate)
-        mattes = mattes_of(self.settings.render.edges, to_bytes(base), seen.probabilities, seen.depth)
+        mattes = mattes_of(self.settings.render.edges, to_bytes(base), seen.probabilities, to_bytes(seen.color))
         coverages = dense_coverage(mattes, base.shape[:2])
         weights = None
         if self.recoloring is not None:
@@ -222,8 +222,8 @@ class Model:
             photo = photo.resized(int(size))
         seen = self.look(self.working_camera(view))
         probabilities = np.stack([from_camera(own, orientation) for own in seen.probabilities] or [np.zeros((1, 1))])
-        depth = from_camera(seen.depth, orientation)
-        mattes = mattes_of(self.settings.render.edges, photo.shown(), probabilities[: len(self.objects)], depth)
+        rendered = from_camera(to_bytes(seen.color), orientation)
+        mattes = mattes_of(self.settings.render.edges, photo.shown(), probabilities[: len(self.objects)], rendered)
         return PhotoView(photo, orientation, self.objects, mattes, self.palettes)
 
     @translated()

@@ -114,7 +114,7 @@ def main() -> None:
 def photo_view(model: Model, view: View, count: int) -> PhotoView:
     """`Model.photo_view` of a project that had only the first so many objects."""
     photo, seen = open_photo(view.image), model.look(model.working_camera(view))
-    mattes = mattes_of(model.settings.render.edges, photo.shown(), seen.probabilities[:count], seen.depth)
+    mattes = mattes_of(model.settings.render.edges, photo.shown(), seen.probabilities[:count], to_bytes(seen.color))
     return PhotoView(photo, 1, model.objects[:count], mattes, model.palettes[:count])
 
 
