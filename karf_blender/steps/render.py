@@ -6,7 +6,6 @@ from pathlib import Path
 
 import bpy
 
-from .. import progress
 from ..engine_api import BadRequest, Request, write_cameras, write_edit
 from ..pictures import images
 from ..project import folders
@@ -81,19 +80,16 @@ def render_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None, numbe
 
 def _frames_task(scene: bpy.types.Scene, title: str, job: tuple[str, dict]) -> Task:
     """A task that shows the frames which it has written."""
-    stage, options = job
-    owner, folder = Owner.of(scene), Path(options["out"]) / "recolor"
+    _, options = job
+    folder = Path(options["out"]) / "recolor"
     scene.karf.frames = folders.stored(folder)
-    request = Request(stage, folders.project_of(scene).folder, options | requests.threads())
-    return Task(title, (request,), partial(_show_frames, owner, folder), owner)
+    return requests.task(scene, title, job, finish=partial(_show_frames, folder))
 
 
-def _show_frames(owner: Owner, folder: Path, request: Request) -> None:
+def _show_frames(folder: Path, owner: Owner, request: Request) -> None:
     del request
-    scene = owner.find()
-    if scene is None:
-        progress.warn(f"The scene that asked for this is gone or has another project. The frames are in {folder}.")
-    else:
+    scene = requests.find_scene(owner, f"The frames are in {folder}.")
+    if scene is not None:
         sequences.show_frames(scene, folder, is_wanted=False)
 
 
