@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .capture.capture import View
+from .color import to_bytes
 from .edit.compositing import hard_masks
 from .edit.palette import Edit, Palette
 from .errors import BadRequest
@@ -186,9 +187,10 @@ def look_closer(
     orientation = photo.orientation_for(view.camera)
     if size != "photo":
         photo = photo.resized(int(size))
-    depth = from_camera(seen.depth, orientation)
-    probabilities = np.array([from_camera(own, orientation) for own in seen.probabilities]).reshape(-1, *depth.shape)
-    return PhotoView(photo, orientation, objects, mattes_of(edges, photo.shown(), probabilities, depth), palettes)
+    rendered = from_camera(to_bytes(seen.color), orientation)
+    seen_objects = [from_camera(own, orientation) for own in seen.probabilities]
+    probabilities = np.array(seen_objects).reshape(-1, *rendered.shape[:2])
+    return PhotoView(photo, orientation, objects, mattes_of(edges, photo.shown(), probabilities, rendered), palettes)
 
 
 def _nearest(few: int, many: int) -> np.ndarray:

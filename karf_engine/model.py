@@ -195,7 +195,7 @@ class Model:
         """
         plate = load_views([view], long_side or self.settings.render.preview)[0]
         seen, base = self.look(self.working_camera(view).without_distortion()), over(plate.color, plate.alpha)
-        mattes = mattes_of(self.settings.render.edges, to_bytes(base), seen.probabilities, seen.depth)
+        mattes = mattes_of(self.settings.render.edges, to_bytes(base), seen.probabilities, to_bytes(seen.color))
         coverages = dense_coverage(mattes, base.shape[:2])
         weights = None
         if self.recoloring is not None:
