@@ -33,11 +33,17 @@ FORMAT_ITEMS = [
     ("OPEN_EXR", "OpenEXR", "Scene-linear light, for compositing"),
 ]
 DEPTH_ITEMS = [
-    ("8", "8", "8 bits a channel; of OpenEXR half floats"),
+    ("8", "8", "8 bits a channel"),
     ("16", "16", "16 bits a channel; of OpenEXR half floats"),
-    ("32", "32", "Full floats; of PNG 16 bits"),
+    ("32", "32", "32 bits a channel: full floats"),
 ]
+FORMAT_DEPTHS = {"PNG": ("8", "16"), "OPEN_EXR": ("16", "32")}  # that a format has
 MODE_ITEMS = [("RGB", "RGB", "Opaque"), ("RGBA", "RGBA", "What is behind the scene is transparent")]
+SIZE_ITEMS = [
+    ("PHOTO", "Photo's Size", "All pixels of the photo, in a file of its kind"),
+    ("LEARNED", "Learned Size", "As small as what was learned from: quick, for a look"),
+    ("PIXELS", "Long Side", "So many pixels at the longer side"),
+]
 RULE_ITEMS = [
     ("becomes", "Material", "Paint the whole object anew, light and highlights kept"),
     ("fewest", "Fewest swatches", "Reach the color with as few changed swatches as possible"),
@@ -55,6 +61,11 @@ def _view_chosen(self, context):
 
 def _masks_chosen(self, context):
     disk.refresh()
+
+
+def _format_chosen(self, context):
+    if self.color_depth not in FORMAT_DEPTHS[self.file_format]:
+        self.color_depth = "16"  # which both have
 
 
 def _overlay_switched(self, context):
@@ -139,7 +150,13 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         options=PATH_OPTIONS,
         description="Folder of the frames that were rendered last",
     )
-    file_format: EnumProperty(name="File Format", items=FORMAT_ITEMS, description="Of a camera's frames")
+    captured_size: EnumProperty(name="Size", items=SIZE_ITEMS, description="Of recolored photos")
+    captured_pixels: IntProperty(
+        name="Long Side", subtype="PIXEL", default=1024, min=16, max=65536, description="Of recolored photos"
+    )
+    file_format: EnumProperty(
+        name="File Format", items=FORMAT_ITEMS, description="Of a camera's frames", update=_format_chosen
+    )
     color_mode: EnumProperty(name="Color", items=MODE_ITEMS, description="Of a camera's frames")
     color_depth: EnumProperty(name="Color Depth", items=DEPTH_ITEMS, description="Of a camera's frames")
     skip_existing: BoolProperty(

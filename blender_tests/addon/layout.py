@@ -19,6 +19,13 @@ class Layout:
     def split(self, **_):
         return Layout(self._bpy, self._drawn)
 
+    def panel(self, name, default_closed=False):
+        return self.row(), self.row()
+
+    def prop_enum(self, data, name, value):
+        self.prop(data, name)
+        assert value in data.bl_rna.properties[name].enum_items
+
     def template_list(self, kind, name, data, collection, active_data, active, **_):
         assert hasattr(self._bpy.types, kind)
         assert collection in data.bl_rna.properties and active in active_data.bl_rna.properties

@@ -13,7 +13,7 @@ from ..tasks import runner
 from .context import scene_of
 
 
-def render_view(scene: bpy.types.Scene | None = None, size: str | int = "photo") -> Path:
+def render_view(scene: bpy.types.Scene | None = None, size: str | int | None = None) -> Path:
     """Write the active view recolored.
 
     Args:
@@ -36,7 +36,7 @@ def render_captured(
     out: str | Path | None = None,
     scene: bpy.types.Scene | None = None,
     skip_existing: bool | None = None,
-    size: str | int = "photo",
+    size: str | int | None = None,
 ) -> Path:
     """Write captured views recolored, and load them.
 
@@ -46,7 +46,7 @@ def render_captured(
         scene: Default: the context's.
         skip_existing: Whether to keep pictures that would come out the same; default: the panel's.
         size: `photo`: all pixels of the photos, in files of their kind (PNG, TIFF or EXR); `learned`: what was learned
-            from; or the long side in pixels.
+            from; or the long side in pixels. Default: the panel's.
 
     Returns:
         The folder of the pictures.

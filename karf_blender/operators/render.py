@@ -67,6 +67,12 @@ class KARF_OT_build_compositor(PaletteStep, bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
 
+    @classmethod
+    def description(cls, context, properties):
+        if properties.driven:
+            return f"{cls.__doc__} that follows it, keyframes too"
+        return f"{cls.__doc__} that begins with it and is then set by hand"
+
     @reports_errors
     def execute(self, context):
         runner.launch(steps.build_compositor(context.scene, self.view, self.driven))

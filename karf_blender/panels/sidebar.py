@@ -10,6 +10,7 @@ from ... import __package__ as extension
 from ..pictures import chips
 from ..project import disk
 from ..rig import reprojection
+from . import rendering
 from .status import draw_status, draw_text, has_status
 
 
@@ -150,36 +151,6 @@ def draw_becomes(layout, item):
     row.operator("karf.becomes", text="Apply").object_name = item.name
 
 
-# --- step 7: pictures ----------------------------------------------------------------------------------------------
-def draw_render(layout, context):
-    """Step 7."""
-    layout.prop(context.scene.karf, "out")
-    column = layout.column(align=True)
-    column.operator("karf.render_view", icon="IMAGE_DATA")
-    column.operator("karf.render_capture", icon="RENDERLAYERS")
-    column.operator("karf.render_camera", icon="RENDER_ANIMATION")
-    column.operator("karf.colorways", icon="COLOR")
-    draw_output(layout, context.scene.karf)
-    row = layout.row(align=True)
-    row.operator("karf.build_compositor", icon="NODETREE")
-    row.operator("karf.build_compositor", text="", icon="DRIVER").driven = True
-    row = layout.row(align=True)
-    row.operator("karf.import_cameras", icon="IMPORT")
-    row.operator("karf.export_cameras", icon="EXPORT")
-
-
-def draw_output(layout, karf):
-    """How a camera's frames are written, as in Blender's output panel, and where frames are once they are."""
-    layout.prop(karf, "file_format")
-    row = layout.row(align=True)
-    row.prop(karf, "color_mode", expand=True)
-    row.prop(karf, "color_depth", expand=True)
-    layout.prop(karf, "skip_existing")
-    row = layout.row(align=True)
-    row.operator("karf.show_frames", icon="IMAGE_DATA")
-    row.operator("karf.add_strip", icon="SEQUENCE")
-
-
 # --- the panels ----------------------------------------------------------------------------------------------------
 def has_stage(stage):
     """Whether the engine's stage is done, as a question to a scene."""
@@ -200,7 +171,7 @@ SECTIONS = (
     ("segment", "4  Segment", draw_segment, has_stage("segmentation")),
     ("palette", "5  Palette", draw_palette, lambda scene: bool(scene.karf.objects)),
     ("edit", "6  Edit", draw_edit, never),
-    ("render", "7  Render", draw_render, never),
+    ("render", "7  Render", rendering.draw_render, never),
 )
 EDITORS = (("VIEW_3D", "view3d"), ("IMAGE_EDITOR", "image"))
 

@@ -31,25 +31,31 @@ def save_shown(scene: bpy.types.Scene) -> Path:
     return path
 
 
-def render_view(scene: bpy.types.Scene, size: str | int = "photo") -> Task:
+def render_view(scene: bpy.types.Scene, size: str | int | None = None) -> Task:
     """Recolor the active view with the swatches as they stand, on its photo; size as of `render_captured`."""
     return render_captured(scene, scene.karf.active_view, size)
 
 
-def render_captured(scene: bpy.types.Scene, views: str = "all", size: str | int = "photo") -> Task:
+def render_captured(scene: bpy.types.Scene, views: str = "all", size: str | int | None = None) -> Task:
     """Recolor captured views with the swatches as they stand, on their photos.
 
     Args:
         scene: The scene.
         views: `all`, `train`, `test` or names.
         size: `photo`: all pixels of the photo, in a file of its kind; `learned`: what was learned from; or the long
-            side in pixels.
+            side in pixels. Default: the panel's.
     """
     out = folders.out_folder(scene)
     edit = out / "edit.json"
     save_edit(scene, edit)
-    job = requests.pictures(scene, views, str(edit), out, "photo", size)
+    job = requests.pictures(scene, views, str(edit), out, "photo", _captured_size(scene) if size is None else size)
     return _frames_task(scene, "Render Capture", job)
+
+
+def _captured_size(scene: bpy.types.Scene) -> str | int:
+    """The panel's size of captured views, as the engine takes it."""
+    karf = scene.karf
+    return karf.captured_pixels if karf.captured_size == "PIXELS" else karf.captured_size.lower()
 
 
 def render_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None, numbers: Iterable[int]) -> Task:

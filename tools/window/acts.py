@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
@@ -15,6 +16,8 @@ from . import desk, hands
 from .hands import Wait, Where
 
 TAB = "KaRF"
+FILM_FRAMES = 60
+GROUPS_HEIGHT = 420  # in which the groups of a panel are, pixels
 SIDEBAR = Where("IMAGE_EDITOR")
 PICTURE = Where("IMAGE_EDITOR", "WINDOW")
 VIEW = Where("VIEW_3D", "WINDOW")
@@ -236,3 +239,27 @@ def render_animation(story: Story, number: int, frames: int) -> Wait:
 def save_facts(story: Story) -> None:
     """Keep what a new Blender must know after a crash."""
     Path(story.job["facts"]).write_text(json.dumps(story.facts))
+
+
+def open_group(above: str, wanted: str) -> Wait:
+    """Open the group of a panel that has a button: a click on each row below another button that has no button."""
+    x, top = yield from hands.find(SIDEBAR, above)
+    for y in range(top - hands.ROW, top - GROUPS_HEIGHT, -hands.ROW):
+        yield from hands.move((x, y))
+        if hands.meaning(SIDEBAR):
+            continue
+        yield from hands.click((x, y))
+        for below in range(1, 5):
+            yield from hands.move((x, y - below * hands.ROW))
+            if re.search(wanted, hands.meaning(SIDEBAR)):
+                return
+        yield from hands.click((x, y))  # it was another group
+    raise Broken(f"no group below {above} has {wanted}")
+
+
+def render_image(file: Path) -> Wait:
+    """F12, and what it has rendered as a file."""
+    yield from hands.press("F12", hands.middle_of(VIEW))
+    yield 1.0
+    yield from until(lambda: not bpy.app.is_job_running("RENDER"), "the render's end", 60)
+    bpy.data.images["Render Result"].save_render(str(file))

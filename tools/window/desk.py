@@ -6,6 +6,7 @@ import hashlib
 import re
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -91,3 +92,22 @@ def brush_radius() -> float:
     unified = own or settings.unified_paint_settings
     size = unified.size if unified.use_unified_size else settings.image_paint.brush.size
     return size / 2 if own else size
+
+
+def pixels_of(file: Path) -> np.ndarray:
+    """A picture file's pixels [H, W, 3], as its numbers are."""
+    image = bpy.data.images.load(str(file))
+    try:
+        return _bytes(image)[..., :3].astype(int)
+    finally:
+        bpy.data.images.remove(image)
+
+
+def output() -> Path:
+    """The folder that pictures go to."""
+    return module("project.folders").out_folder(scene())
+
+
+def photo_of(view: str) -> Path:
+    """A captured view's photo."""
+    return module("project.captures").view_of(scene(), view).image

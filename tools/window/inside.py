@@ -13,7 +13,8 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # Blender runs this file by its path
 from tools.window import acts, hands, record
-from tools.window.story import STEPS, Step
+from tools.window.story import STEPS
+from tools.window.telling import Step
 
 SHOT_SECONDS = 5.0
 

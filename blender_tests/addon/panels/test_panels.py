@@ -68,6 +68,21 @@ def test_a_running_job_and_a_failed_one_are_shown(bpy, draw):
     assert not {"Learn Scene failed", "The lid is dark.", "karf.dismiss"} & set(draw())
 
 
+def test_a_format_offers_the_depths_that_it_has(addon, learned, draw):
+    karf = learned.karf
+    assert draw().count("color_depth") == 2 and karf.color_depth == "8"
+    karf.file_format = "OPEN_EXR"
+    assert karf.color_depth == "16"
+    karf.color_depth, karf.file_format = "32", "PNG"
+    assert karf.color_depth == "16"
+
+
+def test_a_long_side_is_asked_for_where_it_is_chosen(learned, draw):
+    assert "captured_size" in draw() and "captured_pixels" not in draw()
+    learned.karf.captured_size = "PIXELS"
+    assert "captured_pixels" in draw()
+
+
 def test_every_section_is_in_both_editors(bpy, addon):
     spaces = [panel.bl_space_type for panel in addon.sidebar.CLASSES]
     assert spaces.count("VIEW_3D") == spaces.count("IMAGE_EDITOR") == len(addon.sidebar.SECTIONS)

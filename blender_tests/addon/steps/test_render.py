@@ -59,6 +59,17 @@ def test_captured_views_are_rendered_with_the_edit(addon, learned, tmp_path):
     np.testing.assert_allclose(addon.images.read_picture(folder / "photo_1.png")[0, 0] * 255, (32, 64, 96), atol=1e-4)
 
 
+def test_photos_have_the_size_that_the_panel_says_unless_a_call_says_another(addon, learned):
+    def asked(*size):
+        return addon.steps.render_captured(learned, "all", *size).requests[0].options["size"]
+
+    assert asked() == "photo"
+    learned.karf.captured_size = "LEARNED"
+    assert asked() == "learned" and asked("photo") == "photo"
+    learned.karf.captured_size, learned.karf.captured_pixels = "PIXELS", 900
+    assert asked() == 900 and asked(64) == 64
+
+
 def test_a_cameras_frames_are_rendered_with_keyframed_swatches(bpy, addon, learned, tmp_path):
     swatch = learned.karf.objects["pot"].swatches[1]
     for frame, color in ((1, (0.0, 0.2, 0.2)), (3, (0.4, 0.2, 0.2))):

@@ -1,0 +1,58 @@
+"""Swatches by mouse and keys. Runs inside Blender."""
+
+from __future__ import annotations
+
+from . import acts, desk, hands
+from .acts import FILM_FRAMES, VIEW, Story, check
+from .hands import Wait
+from .telling import Chapter
+
+CHAPTER = Chapter()
+
+
+@CHAPTER.step("drag", "mouse: a swatch's picker is opened, its color dragged")
+def drag(story: Story) -> Wait:
+    before = acts.color_of("pot", 1)
+    seen = yield from acts.drag_swatch(story, "pot", 1, 10, (-45, 25))
+    yield from story.shoot("dragged")
+    story.note(f"{before} became {acts.color_of('pot', 1)}; {seen} pictures on the way")
+    check(acts.color_of("pot", 1) != before, "the swatch did not change")
+    check(seen >= 4, f"the picture followed only {seen} times")
+    check(desk.is_in_step(), "the picture is not what the swatches say")
+    story.facts["dragged"] = desk.picture()
+
+
+@CHAPTER.step("undo, redo", "keys: Ctrl Z, Ctrl Shift Z")
+def undo(story: Story) -> Wait:
+    yield from hands.press("Z", hands.middle_of(VIEW), ctrl=True)
+    yield 0.5
+    check(desk.picture() == story.facts["learned"], "undo did not bring the picture back")
+    check(desk.is_in_step(), "after undo the picture is not what the swatches say")
+    yield from hands.press("Z", hands.middle_of(VIEW), ctrl=True, shift=True)
+    yield 0.5
+    check(desk.picture() == story.facts["dragged"], "redo did not bring the edit back")
+
+
+@CHAPTER.step("keyframe", "keys: I over a swatch, Shift Right, another drag, I; then Left and Right")
+def keyframe(story: Story) -> Wait:
+    scene = desk.scene()
+    scene.frame_start, scene.frame_end = 1, FILM_FRAMES
+    scene.frame_set(1)
+    yield from acts.key_swatch("mug", 1)
+    yield from hands.press("RIGHT_ARROW", hands.middle_of(VIEW), shift=True)
+    check(scene.frame_current == FILM_FRAMES, f"Shift Right went to frame {scene.frame_current}")
+    yield from acts.drag_swatch(story, "mug", 1, 6, (50, -10))
+    yield from acts.key_swatch("mug", 1)
+    check(desk.animated_objects() == {"mug"}, f"keyframes are on {desk.animated_objects()}")
+    last = desk.picture()
+    for _ in range(3):
+        yield from hands.press("LEFT_ARROW", hands.middle_of(VIEW))
+    yield from story.shoot("keyframed")
+    check(scene.frame_current == FILM_FRAMES - 3, f"three times Left went to frame {scene.frame_current}")
+    check(desk.picture() != last, "the picture does not follow the frame")
+    check(desk.is_in_step(), "the picture is not what the swatches say in this frame")
+
+
+@CHAPTER.step("save again", "keys: Ctrl S")
+def save_again(story: Story) -> Wait:
+    yield from acts.save_file()

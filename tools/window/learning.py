@@ -1,0 +1,119 @@
+"""From a capture to swatches: installation, import, learning, masks, palette. Runs inside Blender."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from . import acts, desk, hands, remains
+from .acts import JOB_SECONDS, PICTURE, SIDEBAR, TAB, VIEW, Story, check, until
+from .hands import Wait, Where
+from .telling import Chapter
+
+CHAPTER = Chapter()
+
+
+@CHAPTER.step("install", "script: Install from Disk, the engine's Python in the preferences")
+def install(story: Story) -> Wait:
+    view = bpy.context.preferences.view
+    view.show_splash = view.show_tooltips = False
+    view.filebrowser_display_type, view.render_display_type = "SCREEN", "NONE"
+    # the sidebar beside the picture, not over it, where strokes would hit it
+    bpy.context.preferences.system.use_region_overlap = False
+    bpy.ops.extensions.package_install_files(filepath=story.job["package"], repo="user_default", enable_on_install=True)
+    check(desk.PACKAGE in bpy.context.preferences.addons, "the extension is not enabled after its installation")
+    held = remains.remains(desk.PACKAGE)
+    for kind in ("handler", "drawing", "class", "property"):
+        check(any(line.startswith(kind) for line in held), f"no {kind} of the extension is found: the check is blind")
+    story.note(f"the extension holds {len(held)} things in Blender")
+    preferences = desk.module("preferences").current()
+    preferences.engine_python, preferences.threads = story.job["engine_python"], story.job["threads"]
+    bpy.ops.karf.examine_engine()
+    probing, python = desk.module("engine.probing"), Path(preferences.engine_python)
+    yield from until(lambda: probing.verdict_on(python) is not None, "Test Engine's verdict", 120)
+    verdict = probing.verdict_on(python)
+    story.note(verdict.sentence)
+    check(verdict.is_ready, f"Test Engine says {verdict.sentence!r}")
+    bpy.ops.wm.save_userpref()
+
+
+@CHAPTER.step("sidebar", "keys: Esc closes the splash screen; script: editors and sidebars are opened")
+def sidebar(story: Story) -> Wait:
+    yield from hands.press("ESC", hands.middle_of(VIEW))  # a first start's splash screen takes the next key
+    yield from acts.set_up_screen()
+    first = {kind: hands.region_of(Where(kind)).active_panel_category for kind in ("VIEW_3D", "IMAGE_EDITOR")}
+    yield from acts.show_tab()
+    yield from story.shoot("sidebar")
+    check(TAB not in first.values(), f"{TAB} takes the place of the first tab: {first}")
+
+
+@CHAPTER.step("save", "keys: Ctrl Shift S; path by script, button clicked")
+def save(story: Story) -> Wait:
+    yield from acts.save_file_as(story.home / "story.blend")
+    story.facts["blend"] = bpy.data.filepath
+
+
+@CHAPTER.step("import", "mouse: Import Capture; path by script, button clicked")
+def import_capture(story: Story) -> Wait:
+    yield from hands.press_button(SIDEBAR, r"karf\.import_capture")
+    yield from acts.file_browser(story.desk / "pots")
+    karf = desk.scene().karf
+    story.note(f"{len(karf.views)} views, project {karf.project}")
+    yield from story.shoot("import")
+    check(len(karf.views) == story.job["views"], f"{len(karf.views)} views, not {story.job['views']}")
+    check(karf.project == "//pots_karf", f"the project is {karf.project!r}")
+    yield from acts.save_file()
+
+
+@CHAPTER.step("learn, cancel", "mouse: Learn Scene with the preset, then the cross")
+def learn_cancel(story: Story) -> Wait:
+    yield from hands.press_button(SIDEBAR, r"karf\.learn_scene")
+    progress = bpy.data.window_managers[0].karf_progress
+    yield from until(lambda: progress.fraction > 0, "progress", JOB_SECONDS)
+    check(any("timer" in line for line in remains.remains(desk.PACKAGE)), "no timer is found: the check is blind")
+    yield from story.shoot("learning")
+    yield from hands.press_button(SIDEBAR, r"karf\.cancel", hands.RIGHT)
+    yield from acts.job_end(story, "cancelled")
+    check(
+        "geometry" not in desk.module("project.contents").finished_stages(desk.scene()),
+        "a cancelled stage counts as done",
+    )
+
+
+@CHAPTER.step("learn (tiny)", "script: the panel's job with smaller settings, which the panel has not")
+def learn(story: Story) -> Wait:
+    desk.module("tasks.runner").launch(desk.module("steps").learn_scene(desk.scene(), "demo", story.job["tiny"]))
+    yield from acts.job_end(story)
+    check("geometry" in desk.module("project.contents").finished_stages(desk.scene()), "the scene is not learned")
+    yield from story.shoot("learned")
+    yield from acts.save_file()
+
+
+@CHAPTER.step("mark", "mouse: name typed, Paint Mask, strokes, Save Mask")
+def mark(story: Story) -> Wait:
+    karf = desk.scene().karf
+    karf.active_view = story.job["masked_view"]
+    for name in ("mug", "pot"):
+        yield from acts.paint(story, name)
+    counts = desk.module("project.contents").mask_counts(desk.scene())
+    check(counts == {"mug": 1, "pot": 1}, f"the masks are {counts}")
+    yield from acts.save_file()
+
+
+@CHAPTER.step("segment", "mouse: Segment")
+def segment(story: Story) -> Wait:
+    yield from acts.button_job(story, r"karf\.segment\(")
+    check("segmentation" in desk.module("project.contents").finished_stages(desk.scene()), "nothing is segmented")
+
+
+@CHAPTER.step("palette", "mouse: Extract Palette")
+def palette(story: Story) -> Wait:
+    yield from acts.button_job(story, r"karf\.extract_palette")
+    with hands.inside(PICTURE):
+        bpy.ops.image.view_all(fit_view=True)
+    yield from story.shoot("palette")
+    check(set(desk.swatches()) == {"mug", "pot"}, f"the objects are {list(desk.swatches())}")
+    check(desk.is_in_step(), "the picture is not what the swatches say")
+    story.facts["learned"] = desk.picture()
+    yield from acts.save_file()
