@@ -66,6 +66,11 @@ class PhotoView:
                     copy.change(rows, columns, change)
             yield from copies
 
+    @property
+    def disputed(self) -> list[str]:
+        """Objects about which photo and field disagree, so that their edges are the field's."""
+        return [name for name, matte in zip(self.objects, self.mattes, strict=True) if matte.disputed]
+
     def masks(self) -> np.ndarray:
         """The likeliest class of each pixel as masks in the stored grid, [K, H, W] bool."""
         width, height = self.photo.size

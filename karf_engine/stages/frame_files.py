@@ -38,18 +38,18 @@ def check_format(wanted: str | None) -> None:
         raise BadRequest(f"Unknown format {wanted!r:.200}.", f"Use one of: {', '.join(FORMATS)}.")
 
 
-def write_view(job: Job, model: Model, view: View, edit: Edit | None, captured: bool) -> list[Path]:
+def write_view(job: Job, model: Model, view: View, edit: Edit | None, captured: bool) -> tuple[list[Path], list[str]]:
     """Write what the job asks for of a view.
 
     Returns:
-        The files in its output folder.
+        The files in its output folder, and the objects about which photo and field disagree.
     """
     files = _Files(job, model, view, edit, captured)
     if captured and model.base_of(job.options.get("base")) == "photo":
         files.write_photo()
     else:
         files.write_rendering()
-    return files.written
+    return files.written, files.disputed
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,7 @@ class _Files:
     edit: Edit | None
     captured: bool
     written: list[Path] = field(default_factory=list)
+    disputed: list[str] = field(default_factory=list)
 
     def write_rendering(self) -> None:
         camera = self.model.working_camera(self.view) if self.captured else self.view.camera
@@ -103,6 +104,7 @@ class _Files:
 
     def _photo(self, finished: PhotoView) -> None:
         """The same in the photo's own pixels."""
+        self.disputed.extend(finished.disputed)
         for name, mask in zip(finished.objects, finished.masks(), strict=True):
             write_mask(self._path(f"masks/{name}", ".png"), mask, finished.photo.header.orientation)
         if self.edit is not None:

@@ -20,6 +20,7 @@ from karf_engine.cli import main
 from karf_engine.color import to_bytes
 from karf_engine.errors import BadRequest, DataError
 from karf_engine.images import BACK, oriented, read_mask, read_photo
+from karf_engine.matting.refine import field_mattes
 from karf_engine.metrics.masks import iou
 from karf_engine.photos import open_photo, write_photo
 
@@ -186,6 +187,18 @@ def test_only_settings_of_rendering_change_while_rendering(learned, tmp_path, ca
     assert render(learned, tmp_path, "--views", "test_r_0", "--set", "render.edges=field") == 0
     assert render(learned, tmp_path, "--set", "geometry.long_side=64") == BadRequest.exit_code
     assert "Only settings of render" in capsys.readouterr().err
+
+
+def test_what_photo_and_scene_disagree_about_is_told(learned, tmp_path, capsys, monkeypatch):
+    def disputing(edges, photo, probabilities, rendered):
+        first, *others = field_mattes(photo.shape[1::-1], probabilities)
+        return [replace(first, disputed=True), *others]
+
+    monkeypatch.setattr("karf_engine.finishing.mattes_of", disputing)
+    assert render(learned, tmp_path, "--views", "test_r_0,train_r_0") == 0
+    printed = "".join(capsys.readouterr())
+    assert printed.count("disagree") == 1
+    assert "disagree about ball in test_r_0, train_r_0: its edges there are the scene's" in printed
 
 
 def test_projects_without_settings_of_rendering_open(learned, tmp_path):
