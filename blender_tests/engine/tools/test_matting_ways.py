@@ -22,7 +22,8 @@ def disk() -> Evidence:
     noise = np.random.default_rng(0).normal(0, 2, (SIZE, SIZE, 3))
     photo = coverage[..., None] * [200, 30, 30] + (1 - coverage[..., None]) * [120, 130, 130] + noise
     pixels = np.rint(photo).clip(0, 255).astype(np.uint8)
-    return Evidence(pixels, rough[None], np.ones((COARSE, COARSE), np.float32), coverage[None], coverage[None])
+    rendered = cv2.resize(pixels, (COARSE, COARSE), interpolation=cv2.INTER_AREA)
+    return Evidence(pixels, rough[None], rendered, coverage[None], coverage[None])
 
 
 def error(way, evidence: Evidence) -> float:
