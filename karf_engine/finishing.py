@@ -1,7 +1,7 @@
 """Recoloring in a photo's own pixels: its objects' mattes and its own colors, at the photo's size and depth.
 
 The picture is linear in the edit, as in `edit.compositing`: photo + sum over objects and palette entries of
-coverage x weight(own color) x (edited - learned). Where a pixel is a mixture, the own color is that of the object in it.
+coverage x weight(own color) x (edited - learned). Where a pixel is a mixture, the own color is the object's in it.
 Pixels are done in bands of rows, so that memory grows with what the files hold and not with what is computed.
 """
 
@@ -81,8 +81,8 @@ class PhotoView:
     def layers(self, depth: np.ndarray) -> Layers:
         """The photo in layers, as its camera sees it, on white where it is transparent.
 
-        depth: [h, w] along the optical axis in the camera's grid, of any size; each pixel takes the nearest one, as what
-        lies between two surfaces is on neither.
+        depth: [h, w] along the optical axis in the camera's grid, of any size; each pixel takes the nearest one, as
+        what lies between two surfaces is on neither.
         """
         is_deep = self.photo.pixels.dtype != np.uint8
         base = self.shown(self.photo) if is_deep else turned(self.photo.shown(), self.orientation)
@@ -149,14 +149,14 @@ class PhotoView:
     def _shares(
         self, rows: slice, columns: slice, coverages: np.ndarray
     ) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-        """Of each object in a band: its number, its coverage [h, w], and the weights [n, M] of its colors where it is."""
+        """Of each object in a band: its number, its coverage [h, w], and weights [n, M] of its colors where it is."""
         for k, (palette, matte, coverage) in enumerate(zip(self.palettes, self.mattes, coverages, strict=True)):
             inside = coverage > 0
             if inside.any():
                 yield k, coverage, _weights(self._own_colors(matte, rows, columns, inside), palette)
 
     def _own_colors(self, matte: Matte, rows: slice, columns: slice, inside: np.ndarray) -> np.ndarray:
-        """Own colors of an object in the pixels of a band that it covers: uint8 [n, 3], of deep photos float in [0, 1]."""
+        """Own colors of an object in the pixels of a band that it covers: uint8 [n, 3], or float of deep photos."""
         top, bottom = max(rows.start, matte.rows[0]), min(rows.stop, matte.rows[1])
         place = slice(top, bottom), slice(*matte.columns)
         is_deep = self.photo.pixels.dtype != np.uint8

@@ -1,4 +1,4 @@
-"""Frames of any camera as files, in the kinds of Blender's output panel: PNG of 8 or 16 bits, EXR of halves or floats."""
+"""Frames of any camera as files, as in Blender's output panel: PNG of 8 or 16 bits, EXR of halves or floats."""
 
 from __future__ import annotations
 

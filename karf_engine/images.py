@@ -160,7 +160,7 @@ def read_light(path: Path, header: ImageHeader) -> tuple[np.ndarray, str]:
 
 
 def display_colors(light: np.ndarray) -> np.ndarray:
-    """sRGB float32 [H, W, 3 or 4], clipped, with straight alpha, of premultiplied light [H, W, 1, 3 or 4] in float32."""
+    """sRGB float32 [H, W, 3 or 4], clipped, with straight alpha, of premultiplied float32 light [H, W, 1, 3 or 4]."""
     light = np.nan_to_num(light, posinf=np.finfo(np.float32).max)
     if light.shape[-1] == 4:
         light[..., :3] = straight(light)

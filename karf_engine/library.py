@@ -147,9 +147,9 @@ def render(
         edit: file of an edit (`ProjectEdit.save`).
         base: what an edit of a captured view changes, `photo` or `render`; by default the photo, with the paper's
             compositing the rendering.
-        size: of masks and recolored pictures of captured views: `photo`, all pixels of the photo as stored; `learned`, as
-            its pinhole shows it at the size that was learned from, as all with the rendering as base; or the long side
-            in pixels to which the photo is reduced.
+        size: of masks and recolored pictures of captured views: `photo`, all pixels of the photo as stored; `learned`,
+            as its pinhole shows it at the size that was learned from, as all with the rendering as base; or the long
+            side in pixels to which the photo is reduced.
         depth: write OUT/depth too, float32 .npy along the optical axis, world units.
         planes: write OUT/planes too, what Blender recolors from.
         alpha: write renderings without what is behind the scene, with alpha.

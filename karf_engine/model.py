@@ -117,8 +117,8 @@ class Model:
 
         Args:
             camera: in world units.
-            supersampling: rays a pixel along each side; their colors, opacities, probabilities and weights are averaged,
-                of their depths the median counts.
+            supersampling: rays a pixel along each side; their colors, opacities, probabilities and weights are
+                averaged, of their depths the median counts.
 
         Raises:
             OutOfMemory: the device has too little.
@@ -271,9 +271,9 @@ class Model:
         Args:
             view: of the capture.
             edit: of this model's palettes.
-            size: `photo`: all pixels of the photo, with its lens; a long side in pixels: the same, reduced; `learned`: as
-                its pinhole shows it at the working size, as the rendering, which always is the base with the paper's
-                compositing.
+            size: `photo`: all pixels of the photo, with its lens; a long side in pixels: the same, reduced; `learned`:
+                as its pinhole shows it at the working size, as the rendering, which always is the base with the
+                paper's compositing.
 
         Returns:
             [H, W, 3] float32 sRGB in [0, 1], as its camera is turned. `photo_view` writes what the photo's file held.

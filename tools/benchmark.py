@@ -1,14 +1,14 @@
-"""Measured times beside their targets: python3 tools/dev.py bench [kan] [cache] [compositing] [swatch] [stages] [photos].
+"""Measured times beside their targets: python3 tools/dev.py bench [NAME ...].
 
     kan          the Gaussian layer against the matrix products alone, the form that stores every basis, and B-splines
     cache        an iteration of F_w on the surface cache against one on 192 samples a ray, at width 256
     compositing  a swatch change on cached planes, the arithmetic alone
     swatch       the same in Blender, from setting the swatch to the pixels in the image
     stages       seconds and peak memory of each stage: of --project DIR, else of the demo, learned for this
-    photos       seconds and peak memory of recoloring a photo of 1, 12 and 24 megapixels, of the same project; bits kept
+    photos       seconds and peak memory of recoloring a photo of 1, 12 and 24 megapixels, of the same project
 
-Without names: all but `stages` and `photos`. Times are those of this machine at this moment; the ratios say more than the seconds,
-and a load average near the number of cores makes both worthless. Paths are relative to the checkout.
+Without names: all but `stages` and `photos`. Times are those of this machine at this moment; the ratios say more than
+the seconds, and a load average near the number of cores makes both worthless. Paths are relative to the checkout.
 """
 
 from __future__ import annotations

@@ -42,8 +42,8 @@ def render_captured(scene: bpy.types.Scene, views: str = "all", size: str | int 
     Args:
         scene: The scene.
         views: `all`, `train`, `test` or names.
-        size: `photo`: all pixels of the photo, in a file of its kind; `learned`: what was learned from; or the long side
-            in pixels. Default: the panel's.
+        size: `photo`: all pixels of the photo, in a file of its kind; `learned`: what was learned from; or the long
+            side in pixels. Default: the panel's.
     """
     out = folders.out_folder(scene)
     edit = out / "edit.json"

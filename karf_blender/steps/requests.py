@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import bpy
 
@@ -60,7 +61,7 @@ def threads() -> dict[str, int]:
 
 def planes(views: str) -> tuple[str, dict]:
     """The job that makes edit planes of captured views: a view's name, `train`, `test` or `all`."""
-    return "render", {"views": views, "edit": None, "out": None, "planes": True, "depth": False, "base": "photo"}
+    return _render(views, planes=True)
 
 
 def pictures(
@@ -70,20 +71,33 @@ def pictures(
 
     size: of photos, `photo`, `learned` or the long side in pixels.
     """
-    options = {"views": views, "edit": edit, "out": str(out), "planes": False, "depth": False, "base": base}
-    karf, kind = scene.karf, FORMATS[scene.karf.file_format][scene.karf.color_depth]
-    return "render", options | {
-        "size": size,
-        "skip_existing": karf.skip_existing,
-        "format": kind,
-        "alpha": karf.color_mode == "RGBA",
-    }
+    karf = scene.karf
+    return _render(
+        views,
+        edit=edit,
+        out=str(out),
+        base=base,
+        size=size,
+        skip_existing=karf.skip_existing,
+        format=FORMATS[karf.file_format][karf.color_depth],
+        alpha=karf.color_mode == "RGBA",
+    )
 
 
 def layers(view: str, out: Path) -> tuple[str, dict]:
     """The job that writes the layers of a captured view."""
-    options = {"views": view, "edit": None, "out": str(out), "planes": False, "depth": False, "base": "photo"}
-    return "render", options | {"layers": True}
+    return _render(view, out=str(out), layers=True)
+
+
+def _render(views: str, **chosen: Any) -> tuple[str, dict]:
+    return "render", {
+        "views": views,
+        "edit": None,
+        "out": None,
+        "planes": False,
+        "depth": False,
+        "base": "photo",
+    } | chosen
 
 
 def find_scene(owner: Owner, result: str) -> bpy.types.Scene | None:

@@ -1,7 +1,7 @@
 """Object mattes by the Cryptomatte specification 1.2.0 (Friedman and Jones, Psyop 2016), which compositors pick from.
 
-Every pixel holds pairs of an object's id and its coverage, in the order of falling coverage ("ranks"), two pairs an RGBA
-layer. An id is the hash of the object's name, as the bits of a float.
+Every pixel holds pairs of an object's id and its coverage, in the order of falling coverage ("ranks"), two pairs an
+RGBA layer. An id is the hash of the object's name, as the bits of a float.
 """
 
 from __future__ import annotations

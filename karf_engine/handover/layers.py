@@ -1,12 +1,14 @@
 """Layered pictures: an OpenEXR file with all that recoloring a view needs, for compositors.
 
-| channels                      | type  | what                                                                     |
-|-------------------------------|-------|--------------------------------------------------------------------------|
-| R, G, B                       | half  | the base picture, scene-linear                                           |
-| <object>_coverage.V           | half  | how much of each pixel is the object's                                   |
-| <object>_color_<j>.V          | half  | the coverage times the share of palette color j; 0 is black              |
-| Depth.Z                       | float | along the optical axis, world units, 0 where empty                       |
-| CryptoObject00.R .. A, 01, .. | float | mattes of all objects, see `cryptomatte`                                 |
+=============================  =====  ====================================================================
+channels                       type   what
+=============================  =====  ====================================================================
+R, G, B                        half   the base picture, scene-linear
+<object>_coverage.V            half   how much of each pixel is the object's
+<object>_color_<j>.V           half   the coverage times the share of palette color j; 0 is black
+Depth.Z                        float  along the optical axis, world units, 0 where empty
+CryptoObject00.R .. A, 01, ..  float  mattes of all objects, see `cryptomatte`
+=============================  =====  ====================================================================
 
 The names and the learned colors are in the header, see `edit.layers`. Scene-linear: the inverse of the piecewise sRGB
 curve (IEC 61966-2-1), as OpenColorIO's texture transform of sRGB gives it, with the primaries of Rec. 709.

@@ -73,11 +73,9 @@ class _Files:
 
     def write_photo(self) -> None:
         if self.job.options.get("out"):
-            pinhole, size = (
-                self.model.working_camera(self.view).without_distortion(),
-                size_of(self.job.options.get("size")),
-            )
+            pinhole = self.model.working_camera(self.view).without_distortion()
             self._scene(self.model.look(pinhole), self.model.behind(pinhole) if self.job.options.get("alpha") else None)
+            size = size_of(self.job.options.get("size"))
             if size == "learned":
                 self._frame(self.model.preview(self.view, self.job.settings.geometry.long_side), None)
             else:

@@ -3,9 +3,9 @@
 Options: views (train | test | val | all | name,name | CAMERAS.json), edit (EDIT.json, or a list with one for each view,
 in their order), out (folder), base (photo | render, for captured views; by default the photo, with the paper's
 compositing the render, as there), size (photo | learned | pixels of the long side, for captured views with the photo as
-base), format (png8 | png16 | exr16 | exr32, of recolored pictures that are none of a photo's size), planes, layers, depth,
-alpha, jpeg (bools), overrides (texts render.field=value), skip_existing (bool: keep frames
-that are there already, made from the same). Writes
+base), format (png8 | png16 | exr16 | exr32, of recolored pictures that are none of a photo's size), planes, layers,
+depth, alpha, jpeg (bools), overrides (texts render.field=value), skip_existing (bool: keep frames that are there
+already, made from the same). Writes
 
     OUT/render/<view>.png            the scene as learned; with alpha without what is behind it
     OUT/masks/<object>/<view>.png    0 or 255

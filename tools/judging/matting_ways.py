@@ -28,7 +28,7 @@ class Evidence:
     Attributes:
         photo: uint8 [H, W, 3] sRGB.
         probabilities: [K, h, w] float32, of the field.
-        rendered: [h, w, 3] uint8 sRGB, the scene as the field shows it.
+        rendered: uint8 [h, w, 3] sRGB, the scene as the field shows it.
         larger: Probabilities of a field that was learned from larger photos, or None.
         coverage: [K, H, W] float32, the truth.
     """

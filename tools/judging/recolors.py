@@ -26,7 +26,7 @@ from .views import TestViews
 
 
 def edit_to_judge(model: Model, truth: Truth, name: str) -> Edit:
-    """What one does who knows one color pair an object, read in the reference view: each object "becomes" the second."""
+    """The edit of one who knows one color pair an object, read in the reference view: it "becomes" the second."""
     palettes = {palette.name: palette for palette in model.palettes}
     colors = {key: palette.colors for key, palette in palettes.items()}
     for key in truth.edits[name]["objects"]:

@@ -44,7 +44,7 @@ class Truth:
         ]
 
     def coverage(self, name: str, split: str = "test") -> list[np.ndarray]:
-        """The share of each pixel that shows an object, float32 [H, W] of each view: of its labels where no file has it."""
+        """The share of each pixel that shows an object, float32 [H, W] of each view; where no file has it, its labels."""
         paths = sorted((self.folder / "coverage" / name / split).glob("*.png"))
         if not paths:
             return [mask.astype(np.float32) for mask in self.masks(split)[name]]

@@ -1,7 +1,7 @@
 """A capture as it is, with a few of its test views at a larger size: what recolors of whole photos are judged by.
 
-Cameras, training photos and rough masks are those of the capture, to the byte. The larger test views have photo, labels,
-depth and true recolors as before, and the share of each pixel that each object covers.
+Cameras, training photos and rough masks are those of the capture, to the byte. The larger test views have photo,
+labels, depth and true recolors as before, and the share of each pixel that each object covers.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from .rendering import render_photos, render_truth, set_up_render
 README = """
 Larger test views
   {views} of the test views are {size} x {size} pixels (up to {samples} samples per pixel); all else is as above.
-  coverage/<object>/test/   share of each pixel that shows the object, 255 = all: {subpixels} x {subpixels} rays per pixel
+  coverage/<object>/test/   share of each pixel that shows the object, 255 = all: {subpixels} x {subpixels} rays a pixel
 """
 OF_TEST_VIEWS = ("test", "labels/test", "depth/test", "recolor/*/test", "transforms_test.json")
 

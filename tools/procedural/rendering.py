@@ -129,7 +129,7 @@ def render_truth(out: Path, views: list[View], names: dict[str, int], subpixels:
 
 
 def coverage(mask: np.ndarray, subpixels: int) -> np.ndarray:
-    """Return the share of each pixel that ``mask`` covers, 255 = all; ``mask`` has subpixels times the pixels a side."""
+    """Return the share of each pixel that ``mask`` covers, 255 = all; it has ``subpixels`` times the pixels a side."""
     height, width = (length // subpixels for length in mask.shape)
     share = mask.reshape(height, subpixels, width, subpixels).mean((1, 3))
     return np.rint(255 * share).astype(np.uint8)

@@ -2,13 +2,13 @@
 
     .venv/engine/bin/python -m tools.scenes.judge_edges CAPTURES LEARNED [SCENE ...] --out OUT [--larger LEARNED]
 
-CAPTURES/<scene> is a capture with truth: test views at a larger size and their coverage (`make_captures --full`), or one
-as it is otherwise, whose labels then stand for the coverage. LEARNED/<scene> is its project, or has it in `project`; it
-may have been learned from any capture of the same views. With --larger, projects that were learned from larger photos.
+CAPTURES/<scene> is a capture with truth: test views at a larger size and their coverage (`make_captures --full`), or
+one as it is otherwise, whose labels then stand for the coverage. LEARNED/<scene> is its project, or has it in
+`project`; it may have been learned from any capture of the same views. With --larger, projects that were learned from
+larger photos.
 
-Rows: `field` (the field's probabilities, enlarged: edges=field), `bicubic`, `guided` filter, `matting` alone,
-`photo` (ours: edges=photo), `larger` (the field as learned from larger photos), `truth` (the
-true coverage). Edits are those of the capture, from one color pair an object.
+Rows: `field` (the field's probabilities, enlarged: edges=field), `bicubic`, `guided` filter, `matting` alone, `photo`
+(ours: edges=photo), `larger` (the field as learned from larger photos), `truth` (the true coverage). Edits are those of the capture, from one color pair an object.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Recoloring a photo in its own pixels: seconds, peak memory, and whether all that no object covers keeps its bits.
 
 A test photo of a learned project is enlarged, noise is added as a sensor does, and a process of its own reads it, finds
-its mattes, recolors it and writes it. The seconds are those of the processor from reading to having written; the memory is the
-process's highest, with all that is loaded.
+its mattes, recolors it and writes it. The seconds are those of the processor from reading to having written; the memory
+is the process's highest, with all that is loaded.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The photos of the bench are of the size and format that they are named by, and recoloring one keeps what is outside."""
+"""The photos of the bench have the size and format that they are named by; recoloring one keeps what is outside."""
 
 from __future__ import annotations
 
