@@ -33,7 +33,8 @@ def _place(owner: Owner, path: Path, driven: bool, request: Request) -> None:
     if scene is None:
         progress.warn(f"The scene that asked for this is gone or has another project. The layers are in {path}.")
         return
-    place_layers(scene, path, driven)
+    node = place_layers(scene, path, driven)
+    progress.warn(f"The compositor recolors {path} by the node {node.name}.")
 
 
 def compositor_node(scene: bpy.types.Scene, view: str = "") -> bpy.types.Node | None:

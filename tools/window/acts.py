@@ -17,7 +17,6 @@ from .hands import Wait, Where
 
 TAB = "KaRF"
 FILM_FRAMES = 60
-GROUPS_HEIGHT = 420  # in which the groups of a panel are, pixels
 SIDEBAR = Where("IMAGE_EDITOR")
 PICTURE = Where("IMAGE_EDITOR", "WINDOW")
 VIEW = Where("VIEW_3D", "WINDOW")
@@ -244,7 +243,7 @@ def save_facts(story: Story) -> None:
 def open_group(above: str, wanted: str) -> Wait:
     """Open the group of a panel that has a button: a click on each row below another button that has no button."""
     x, top = yield from hands.find(SIDEBAR, above)
-    for y in range(top - hands.ROW, top - GROUPS_HEIGHT, -hands.ROW):
+    for y in range(top - hands.ROW, hands.region_of(SIDEBAR).y + 4 * hands.ROW, -hands.ROW):
         yield from hands.move((x, y))
         if hands.meaning(SIDEBAR):
             continue
