@@ -240,9 +240,10 @@ def save_facts(story: Story) -> None:
     Path(story.job["facts"]).write_text(json.dumps(story.facts))
 
 
-def open_group(above: str, wanted: str) -> Wait:
-    """Open the group of a panel that has a button: a click on each row below another button that has no button."""
-    x, top = yield from hands.find(SIDEBAR, above)
+def open_group(wanted: str) -> Wait:
+    """Open the group of step 7 that has a button: a click on each row below the first group that has no button."""
+    _, top = yield from hands.find(SIDEBAR, r"karf\.captured_size")
+    x, _ = hands.middle_of(SIDEBAR, hands.COLUMNS[0])
     for y in range(top - hands.ROW, hands.region_of(SIDEBAR).y + 4 * hands.ROW, -hands.ROW):
         yield from hands.move((x, y))
         if hands.meaning(SIDEBAR):
@@ -253,7 +254,7 @@ def open_group(above: str, wanted: str) -> Wait:
             if re.search(wanted, hands.meaning(SIDEBAR)):
                 return
         yield from hands.click((x, y))  # it was another group
-    raise Broken(f"no group below {above} has {wanted}")
+    raise Broken(f"no group has {wanted}")
 
 
 def render_image(file: Path) -> Wait:
