@@ -134,9 +134,8 @@ def colorways(story: Story) -> Wait:
     yield from acts.job_end(story)
     yield from story.shoot("colorways-written")
     folder = desk.output() / "colorways" / sheet.stem
-    written = sorted(str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file())
-    story.note(f"wrote {', '.join(written)}")
-    pictures = [name for name in written if name.endswith(f"{view}.png")]
+    pictures, others = list(folder.glob(f"*/{view}.png")), [file.name for file in folder.iterdir() if file.is_file()]
+    story.note(f"wrote {len(pictures)} pictures of {view}, {', '.join(sorted(others))}")
     check(len(pictures) == 2, f"{len(pictures)} pictures of {view} were written, not 2")
 
 
