@@ -38,7 +38,7 @@ def render_captured(
     skip_existing: bool | None = None,
     size: str | int | None = None,
 ) -> Path:
-    """Write captured views recolored, and load them.
+    """Write captured views recolored.
 
     Args:
         views: `all`, `train`, `test` or names with commas.

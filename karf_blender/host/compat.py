@@ -110,6 +110,13 @@ def strips_of(scene: bpy.types.Scene) -> bpy.types.bpy_prop_collection:
     return editor.sequences if bpy.app.version < (4, 4, 0) else editor.strips
 
 
+def show_in_sequencers(scene: bpy.types.Scene) -> None:
+    """Let sequencers that show no scene show this one; since 5.0 that is the workspace's and not the window's."""
+    for workspace in bpy.data.workspaces:
+        if getattr(workspace, "sequencer_scene", scene) is None:
+            workspace.sequencer_scene = scene
+
+
 def strip_range(strip: "bpy.types.Strip") -> tuple[int, int]:
     """The first frame of a strip and the one behind its last; its ends are called handles since 5.1."""
     if bpy.app.version < (5, 1, 0):

@@ -74,7 +74,8 @@ class KARF_OT_render_colorways(PaletteStep, bpy.types.Operator):
     def draw(self, context):
         shown, layout = context.window_manager.karf_colorways, self.layout
         missed = sum(bool(item.reason) for item in shown.colors)
-        layout.label(text=f"{len(shown.colors)} colors; {missed} cannot be reached. Numbers: CIEDE2000 to the wanted")
+        outcome = f"{missed} cannot be reached" if missed else "all can be reached"
+        layout.label(text=f"{len(shown.colors)} colors; {outcome}. Numbers: CIEDE2000 to the wanted")
         rows = min(ROWS, len(shown.colors))
         layout.template_list(KARF_UL_colorways.__name__, "", shown, "colors", shown, "active", rows=rows)
         if shown.active < len(shown.colors) and (reason := shown.colors[shown.active].reason):

@@ -113,7 +113,9 @@ class KARF_OT_add_strip(FramesStep, bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         strip = steps.add_strip(context.scene)
-        self.report({"INFO"}, f"{strip.name!r} is on channel {strip.channel} of the sequencer")
+        self.report(
+            {"INFO"}, f"{strip.name!r} is on channel {strip.channel} of the sequencer of {context.scene.name!r}"
+        )
         return {"FINISHED"}
 
 

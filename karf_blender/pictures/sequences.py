@@ -94,6 +94,7 @@ def add_strip(scene: bpy.types.Scene, files: Sequence[Path], first: int, name: s
     strip = strips.new_image(name=name, filepath=str(files[0]), channel=channel, frame_start=first, fit_method="FIT")
     for path in files[1:]:
         strip.elements.append(path.name)
+    compat.show_in_sequencers(scene)
     return strip
 
 

@@ -29,7 +29,8 @@ def _place(path: Path, driven: bool, owner: Owner, request: Request) -> None:
     del request
     scene = requests.find_scene(owner, f"The layers are in {path}.")
     if scene is not None:
-        place_layers(scene, path, driven)
+        node = place_layers(scene, path, driven)
+        progress.warn(f"The compositor recolors {path} by the node {node.name}.")
 
 
 def compositor_node(scene: bpy.types.Scene, view: str = "") -> bpy.types.Node | None:
@@ -59,6 +60,7 @@ def place_layers(scene: bpy.types.Scene, path: Path, driven: bool = False) -> bp
         for index in range(1, len(each.colors)):
             source = f'karf.objects["{bpy.utils.escape_identifier(each.name)}"].swatches[{index}].color'
             drivers.drive(node, each.name, index, scene, source)
+    _say_others(scene, [each.name for each in objects if each not in known])
     _say_differences(scene, node, find_header(path).shown)
     return node
 
@@ -67,6 +69,16 @@ def _fits(scene: bpy.types.Scene, layers: ObjectLayers) -> bool:
     """Whether the scene has the swatches that the layers were made with."""
     item = scene.karf.objects.get(layers.name)
     return item is not None and colors.learned(item).tolist() == layers.colors.tolist()
+
+
+def _say_others(scene: bpy.types.Scene, names: list[str]) -> None:
+    """Warn of objects whose swatches in the scene are not those that the layers were made with."""
+    others = [name for name in names if name in scene.karf.objects]
+    if others:
+        progress.warn(
+            f"The swatches of {', '.join(others)} are of other palettes than the layers: the sockets begin as learned. "
+            "Choose the project anew in step 1 to bring its palettes, then build again."
+        )
 
 
 def _say_differences(scene: bpy.types.Scene, node: bpy.types.Node, size: tuple[int, int]) -> None:

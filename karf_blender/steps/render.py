@@ -6,6 +6,7 @@ from pathlib import Path
 
 import bpy
 
+from .. import progress
 from ..engine_api import BadRequest, Request, write_cameras, write_edit
 from ..pictures import images
 from ..project import folders
@@ -33,7 +34,7 @@ def save_shown(scene: bpy.types.Scene) -> Path:
 
 def render_view(scene: bpy.types.Scene, size: str | int | None = None) -> Task:
     """Recolor the active view with the swatches as they stand, on its photo; size as of `render_captured`."""
-    return render_captured(scene, scene.karf.active_view, size)
+    return _captured_task(scene, "This View", scene.karf.active_view, size)
 
 
 def render_captured(scene: bpy.types.Scene, views: str = "all", size: str | int | None = None) -> Task:
@@ -45,11 +46,16 @@ def render_captured(scene: bpy.types.Scene, views: str = "all", size: str | int 
         size: `photo`: all pixels of the photo, in a file of its kind; `learned`: what was learned from; or the long
             side in pixels. Default: the panel's.
     """
+    return _captured_task(scene, "Captured Views", views, size)
+
+
+def _captured_task(scene: bpy.types.Scene, title: str, views: str, size: str | int | None) -> Task:
+    """What is shown stays: it is a preview of these pictures, and follows the swatches."""
     out = folders.out_folder(scene)
     edit = out / "edit.json"
     save_edit(scene, edit)
     job = requests.pictures(scene, views, str(edit), out, "photo", _captured_size(scene) if size is None else size)
-    return _frames_task(scene, "Render Capture", job)
+    return _frames_task(scene, title, job, are_shown=False)
 
 
 def _captured_size(scene: bpy.types.Scene) -> str | int:
@@ -81,21 +87,24 @@ def render_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None, numbe
         raise BadRequest("There are no frames to render.", "Give at least one frame.")
     write_cameras(out / "cameras.json", views)
     job = requests.pictures(scene, str(out / "cameras.json"), files, out, "render")
-    return _frames_task(scene, "Render Camera", job)
+    return _frames_task(scene, "Camera's Frames", job, are_shown=True)
 
 
-def _frames_task(scene: bpy.types.Scene, title: str, job: tuple[str, dict]) -> Task:
-    """A task that shows the frames which it has written."""
+def _frames_task(scene: bpy.types.Scene, title: str, job: tuple[str, dict], are_shown: bool) -> Task:
+    """A task that says where the pictures are which it has written, and shows them or not."""
     _, options = job
     folder = Path(options["out"]) / "recolor"
     scene.karf.frames = folders.stored(folder)
-    return requests.task(scene, title, job, finish=partial(_show_frames, folder))
+    return requests.task(scene, title, job, finish=partial(_present_frames, folder, are_shown))
 
 
-def _show_frames(folder: Path, owner: Owner, request: Request) -> None:
+def _present_frames(folder: Path, are_shown: bool, owner: Owner, request: Request) -> None:
     del request
     scene = requests.find_scene(owner, f"The frames are in {folder}.")
-    if scene is not None:
+    if scene is None:
+        return
+    progress.warn(f"The pictures are in {folder}.")
+    if are_shown:
         sequences.show_frames(scene, folder, is_wanted=False)
 
 

@@ -15,6 +15,7 @@ from scipy import sparse
 from scipy.sparse.linalg import cg
 
 REGULARIZATION = 1e-5  # epsilon of the paper, for colors in [0, 1]: noise tells nothing of coverage
+GUESS = 0.01  # what the guess counts in each pixel: a line one pixel wide has no certain pixel to be told from
 TOLERANCE = 1e-3
 WINDOWS_AT_ONCE = 1 << 15  # 21 MB of window matrices
 WINDOW = [(row, column) for row in (-1, 0, 1) for column in (-1, 0, 1)]
@@ -47,6 +48,8 @@ def closed_form_matting(colors: np.ndarray, coverage: np.ndarray, unknown: np.nd
     if not asked.any():
         return result
     system, pulls = _system(colors, coverage, asked)
+    system += GUESS * sparse.eye_array(len(pulls))
+    pulls += GUESS * coverage[asked]
     precondition = sparse.diags_array(1 / system.diagonal())
     solved, _ = cg(system, pulls, x0=coverage[asked].astype(np.float64), rtol=TOLERANCE, M=precondition)
     result[inner[unknown]] = np.clip(solved, 0, 1)

@@ -54,6 +54,8 @@ def refine_mattes(photo: np.ndarray, probabilities: np.ndarray, rendered: np.nda
         One matte for each object.
     """
     probabilities = without_strays(probabilities)
+    if not _masks(probabilities).any():
+        return unmixed(photo, np.zeros_like(probabilities))
     start = probabilities.shape[1:]
     classes, models = decide(lab_of(_resized(photo, start)), probabilities, lab_of(rendered))
     # what the photo's lens has blurred is a mixture over many of its pixels: it is decided where they are few

@@ -16,7 +16,7 @@ BLUR_AGAIN = 1.0  # s0
 STEEPEST = 0.8  # only gradients above this quantile of a tile's are edges
 NEARLY = 0.9  # a photo that is as sharp as one that much smaller stays as it is
 TYPICAL = 0.25  # this quantile of the deviations: edges of light and shade are soft in sharp photos too
-LEAST_STEEP = 8.0  # of 255 a pixel: less is noise
+LEAST_STEEP = 5.0  # of 255 a pixel: less is noise
 FEWEST = 50
 TILE, MARGIN = 512, 8
 

@@ -17,7 +17,6 @@ from .hands import Wait, Where
 
 TAB = "KaRF"
 FILM_FRAMES = 60
-GROUPS_HEIGHT = 420  # in which the groups of a panel are, pixels
 SIDEBAR = Where("IMAGE_EDITOR")
 PICTURE = Where("IMAGE_EDITOR", "WINDOW")
 VIEW = Where("VIEW_3D", "WINDOW")
@@ -241,10 +240,11 @@ def save_facts(story: Story) -> None:
     Path(story.job["facts"]).write_text(json.dumps(story.facts))
 
 
-def open_group(above: str, wanted: str) -> Wait:
-    """Open the group of a panel that has a button: a click on each row below another button that has no button."""
-    x, top = yield from hands.find(SIDEBAR, above)
-    for y in range(top - hands.ROW, top - GROUPS_HEIGHT, -hands.ROW):
+def open_group(wanted: str) -> Wait:
+    """Open the group of step 7 that has a button: a click on each row below the first group that has no button."""
+    _, top = yield from hands.find(SIDEBAR, r"karf\.captured_size")
+    x, _ = hands.middle_of(SIDEBAR, hands.COLUMNS[0])
+    for y in range(top - hands.ROW, hands.region_of(SIDEBAR).y + 4 * hands.ROW, -hands.ROW):
         yield from hands.move((x, y))
         if hands.meaning(SIDEBAR):
             continue
@@ -254,7 +254,7 @@ def open_group(above: str, wanted: str) -> Wait:
             if re.search(wanted, hands.meaning(SIDEBAR)):
                 return
         yield from hands.click((x, y))  # it was another group
-    raise Broken(f"no group below {above} has {wanted}")
+    raise Broken(f"no group has {wanted}")
 
 
 def render_image(file: Path) -> Wait:

@@ -66,7 +66,7 @@ def _recolored(view: str) -> Path:
 def camera_frames(story: Story) -> Wait:
     scene = desk.scene()
     scene.frame_end = 3
-    yield from acts.open_group(r"karf\.captured_size", r"karf\.render_camera")
+    yield from acts.open_group(r"karf\.render_camera")
     yield from story.shoot("camera-group")
     try:
         yield from acts.button_job(story, r"karf\.render_camera")
@@ -81,7 +81,7 @@ def camera_frames(story: Story) -> Wait:
 def show_frames(story: Story) -> Wait:
     editor = hands.area_of("IMAGE_EDITOR").spaces.active
     editor.image = desk.scene().karf.result
-    yield from acts.open_group(r"karf\.export_cameras", r"karf\.show_frames")
+    yield from acts.open_group(r"karf\.show_frames")
     yield from hands.press_button(SIDEBAR, r"karf\.show_frames")
     yield from story.shoot("frames")
     check(editor.image.source == "SEQUENCE", f"the Image Editor shows {editor.image.name}, {editor.image.source}")
@@ -94,11 +94,16 @@ def add_strip(story: Story) -> Wait:
     scene, compat = desk.scene(), desk.module("host.compat")
     yield from hands.press_button(SIDEBAR, r"karf\.add_strip", 0.68)
     (strip,) = compat.strips_of(scene)
+    shown = getattr(hands.window().workspace, "sequencer_scene", scene)  # before 5.0 the window's
+    check(shown == scene, "the sequencer does not show the scene that has the strip")
     check(compat.strip_range(strip) == (1, 4), f"the strip covers {compat.strip_range(strip)}")
     frame, area = scene.frame_current, hands.area_of("VIEW_3D")
     scene.frame_set(2)
     area.ui_type = "SEQUENCE_EDITOR"
     area.spaces.active.view_type = "SEQUENCER_PREVIEW"
+    yield 1.0
+    with hands.inside(Where("SEQUENCE_EDITOR", "WINDOW")):
+        bpy.ops.sequencer.view_all()
     yield 1.0
     yield from story.shoot("strip")
     area.ui_type = "VIEW_3D"
@@ -108,26 +113,30 @@ def add_strip(story: Story) -> Wait:
     yield from acts.show_tab()
 
 
-@CHAPTER.step("colorways", "mouse: a group is opened, Colorways; path and views by script; Return in the dialog")
+@CHAPTER.step(
+    "colorways", "mouse: a group is opened, Colorways, Cancel; Return in the dialog; script: path, then a single view"
+)
 def colorways(story: Story) -> Wait:
-    manager, view = bpy.data.window_managers[0], story.job["masked_view"]
-    (story.desk / "catalog.csv").write_text(SHEET)
-    manager.operator_properties_last("karf.render_colorways").views = view
-    yield from acts.open_group(r"karf\.add_strip", r"karf\.colorways")
+    manager, view, sheet = bpy.data.window_managers[0], story.job["masked_view"], story.desk / "catalog.csv"
+    sheet.write_text(SHEET)
+    yield from acts.open_group(r"karf\.colorways")
     yield from hands.press_button(SIDEBAR, r"karf\.colorways")
-    yield from acts.file_browser(story.desk, "catalog.csv")
+    yield from acts.file_browser(story.desk, sheet.name)
     yield 0.5
     yield from story.shoot("colorways")
     check(len(manager.karf_colorways.colors) == 3, f"the dialog lists {len(manager.karf_colorways.colors)} colors")
     yield from hands.press("RET", hands.middle_of(PICTURE))
     yield from until(lambda: desk.module("tasks.runner").is_running(), "the job", 10)
+    yield from hands.press_button(SIDEBAR, r"karf\.cancel", hands.RIGHT)
+    yield from acts.job_end(story, "cancelled")
+    with hands.inside(SIDEBAR):
+        bpy.ops.karf.render_colorways(filepath=str(sheet), views=view)
     yield from acts.job_end(story)
     yield from story.shoot("colorways-written")
-    folder = desk.output() / "colorways" / "catalog"
-    written = sorted(str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file())
-    story.note(f"wrote {', '.join(written)}")
-    pictures = [name for name in written if name.endswith(f"{view}.png")]
-    check(len(pictures) == 2, f"{len(pictures)} pictures were written, not 2")
+    folder = desk.output() / "colorways" / sheet.stem
+    pictures, others = list(folder.glob(f"*/{view}.png")), [file.name for file in folder.iterdir() if file.is_file()]
+    story.note(f"wrote {len(pictures)} pictures of {view}, {', '.join(sorted(others))}")
+    check(len(pictures) == 2, f"{len(pictures)} pictures of {view} were written, not 2")
 
 
 for _number in (1, 2, 3):
@@ -147,7 +156,7 @@ def compositor(story: Story) -> Wait:
     height, width, _ = engine.shape
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = width, height, 100
     scene.view_settings.view_transform = "Standard"
-    yield from acts.open_group(r"karf\.colorways", r"karf\.build_compositor")
+    yield from acts.open_group(r"karf\.build_compositor")
     yield from acts.button_job(story, r"karf\.build_compositor\(driven=True\)")
     yield from story.shoot("compositor-built")
     yield from acts.render_image(story.desk / "composite_1.png")

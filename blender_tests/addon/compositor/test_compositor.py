@@ -198,6 +198,7 @@ def test_layers_of_other_palettes_do_not_follow_the_swatches(bpy, addon, learned
     driven = {curve.data_path for curve in node.id_data.animation_data.drivers}
     numbers = {socket.name: number for number, socket in enumerate(node.inputs)}
     assert driven == {f'nodes["{node.name}"].inputs[{numbers[name]}].default_value' for name in ("lid 1", "lid 2")}
+    assert "The swatches of pot are of other palettes" in addon.progress.state().warnings
 
 
 def test_a_picture_without_layers_is_refused(bpy, addon, learned, tmp_path):

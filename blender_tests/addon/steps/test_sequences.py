@@ -41,6 +41,7 @@ def test_one_click_makes_a_strip(bpy, addon, film):
     assert (addon.compat.strip_range(strip), strip.channel) == ((3, 8), 1)
     assert [element.filename for element in strip.elements] == [f"frame_{number:04d}.png" for number in range(3, 8)]
     assert bpy.path.abspath(strip.directory).rstrip("/").endswith("recolor")
+    assert all(getattr(workspace, "sequencer_scene", film) == film for workspace in bpy.data.workspaces)
     bpy.ops.karf.add_strip()  # beside the first
     assert sorted(strip.channel for strip in addon.compat.strips_of(film)) == [1, 2]
 

@@ -1,0 +1,60 @@
+"""The parts of matting by themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from karf_engine.matting.closed_form import closed_form_matting
+from karf_engine.matting.color_models import fit_color_models, posterior
+from karf_engine.matting.random_walk import random_walk
+from karf_engine.matting.tiles import enlarged, tiles
+
+
+def test_matting_finds_the_coverage_of_a_line_of_colors():
+    random = np.random.default_rng(0)
+    coverage = np.clip(np.linspace(-1, 2, 40), 0, 1)[None].repeat(12, 0).astype(np.float32)
+    colors = coverage[..., None] * [0.7, 0.1, 0.1] + (1 - coverage[..., None]) * [0.1, 0.2, 0.5]
+    colors += random.normal(0, 0.002, colors.shape)
+    unknown = (coverage > 0) & (coverage < 1)
+    unknown[[0, -1]] = False
+    found = closed_form_matting(colors.astype(np.float32), np.where(unknown, 0.5, coverage), unknown)
+    assert np.abs(found - coverage[unknown]).max() < 0.05
+
+
+def test_labels_of_a_random_walk_sum_to_one_and_stop_at_edges():
+    lab = np.zeros((20, 20, 3), np.float32)
+    lab[:, 10:] = 50
+    free = np.zeros((20, 20), bool)
+    free[:, 2:18] = True
+    opinions = np.full((2, 20, 20), 0.5, np.float32)
+    opinions[:, :, :2] = [[[1]], [[0]]]
+    opinions[:, :, 18:] = [[[0]], [[1]]]
+    labels = random_walk(lab, opinions, free, 1e-4)
+    assert labels.sum(0) == pytest.approx(1, abs=0.01)
+    assert labels[0].reshape(20, 16)[:, :8].min() > 0.9 > 0.1 > labels[0].reshape(20, 16)[:, 8:].max()
+
+
+def test_a_color_that_two_classes_have_belongs_to_the_one_that_has_it_thereabouts():
+    lab = np.zeros((60, 60, 3), np.float32)
+    lab[:, 30:] = 60  # on the left class 0 has 0 and class 1 has 60; on the right it is the other way round
+    lab[30:] = 60 - lab[30:]
+    strengths = np.zeros((2, 60, 60))
+    strengths[0, :, :30] = strengths[1, :, 30:] = 1
+    models = fit_color_models(lab, strengths, np.random.default_rng(0))
+    above, below = np.array([[0.1, 0.2]]), np.array([[0.9, 0.2]])
+    even = np.ones((2, 1))
+    dark = np.zeros((1, 3))
+    assert posterior(models, dark, above, even)[0] > 0.7 > 0.3 > posterior(models, dark, below, even)[0]
+
+
+def test_tiles_cover_a_picture_once_and_enlarge_as_one():
+    counted = np.zeros((70, 50), int)
+    planes = np.random.default_rng(0).random((2, 20, 15))
+    whole = enlarged(planes, (70, 50), next(tiles((70, 50), side=100, margin=0)))
+    pieces = np.zeros_like(whole)
+    for tile in tiles((70, 50), side=32, margin=4):
+        counted[tile.place] += 1
+        pieces[(slice(None), *tile.place)] = enlarged(planes, (70, 50), tile)[(slice(None), *tile.inner)]
+    assert (counted == 1).all()
+    assert np.abs(pieces - whole).max() < 1e-3

@@ -1,0 +1,151 @@
+"""The field says roughly where an object is, the photo exactly where, and each is right where the other cannot know."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import cv2
+import numpy as np
+import pytest
+
+from blender_tests.engine.reference.cut_outs import CutOut, canvas, paint
+from karf_engine.color import linear_to_srgb, srgb_to_linear, to_bytes
+from karf_engine.matting.matte import Matte, dense_coverage
+from karf_engine.matting.photo_mattes import refine_mattes, steps
+from karf_engine.matting.refine import field_mattes
+from karf_engine.matting.sharpness import sharp_size
+from karf_engine.metrics.masks import iou
+
+SIZE, SMALL = 192, 48
+GRAY, RED, GREEN = (188, 192, 196), (190, 40, 35), (20, 100, 30)
+
+
+def disk(x: float, y: float, radius: float) -> np.ndarray:
+    columns, rows = canvas(SIZE)
+    return np.hypot(columns - x, rows - y) < radius
+
+
+def plain(color: tuple[int, int, int] = GRAY) -> np.ndarray:
+    return np.full((SIZE, SIZE, 3), color, np.uint8)
+
+
+def mattes_of(scene: CutOut) -> list[Matte]:
+    return refine_mattes(scene.photo, scene.probabilities, scene.rendered)
+
+
+def found(scene: CutOut) -> np.ndarray:
+    return dense_coverage(mattes_of(scene), scene.photo.shape[:2])
+
+
+def error(coverage: np.ndarray, scene: CutOut) -> float:
+    return float(np.abs(coverage - scene.coverage).sum() / scene.coverage.sum())
+
+
+@pytest.fixture(scope="module")
+def ball() -> CutOut:
+    """A red ball on gray that the field has learned one of its pixels too large."""
+    return paint([disk(96, 96, 50)], [RED], plain(), [disk(96, 96, 54)], SMALL)
+
+
+def test_an_edge_lies_where_the_photo_has_it(ball):
+    field = dense_coverage(field_mattes((SIZE, SIZE), ball.probabilities), (SIZE, SIZE))
+    assert error(field, ball) > 0.1
+    assert error(found(ball), ball) < 0.01
+
+
+def test_a_mixed_pixel_knows_the_object_s_own_color(ball):
+    matte = mattes_of(ball)[0]
+    mostly = matte.coverage.ravel()[matte.mixed] > 0.5
+    assert mostly.sum() > 30
+    photo = ball.photo[slice(*matte.rows), slice(*matte.columns)].reshape(-1, 3)[matte.mixed]
+    off, as_seen = (np.abs(colors[mostly].astype(int) - RED).mean() for colors in (matte.mixed_colors, photo))
+    assert off < as_seen / 4
+
+
+def test_touching_objects_share_their_border():
+    columns, _ = canvas(SIZE)
+    whole = disk(96, 96, 60)
+    left, right = whole & (columns < 96.5), whole & (columns >= 96.5)
+    rough_left, rough_right = whole & (columns < 99), whole & (columns >= 99)
+    scene = paint([left, right], [RED, GREEN], plain(), [rough_left, rough_right], SMALL)
+    coverage = found(scene)
+    assert error(coverage, scene) < 0.02
+    assert coverage.sum(0).max() <= 1.001
+
+
+def test_between_things_of_one_color_the_field_decides():
+    neighbor = disk(140, 96, 40)
+    behind = np.where((_reduced(neighbor) > 0.5)[..., None], np.uint8(RED), plain())
+    ball = disk(60, 96, 40)
+    scene = paint([ball], [RED], behind, [ball], SMALL)
+    assert iou(found(scene)[0] > 0.5, scene.coverage[0] > 0.5) > 0.97
+
+
+def test_a_thin_part_that_the_field_has_lost_grows_back():
+    columns, rows = canvas(SIZE)
+    stem = (np.abs(columns - 96 - 4 * np.sin(rows / 9)) < 1.8) & (rows > 20) & (rows < 60)
+    ball = disk(96, 100, 42)
+    scene = paint([ball | stem], [GREEN], plain(), [ball], SMALL)
+    tip = np.s_[0, 24:50]
+    assert (scene.coverage[tip] > 0.5).sum() > 40
+    assert iou(found(scene)[tip] > 0.5, scene.coverage[tip] > 0.5) > 0.6
+
+
+def test_nothing_grows_into_a_neighbor_of_the_same_color_that_the_field_knows():
+    columns, rows = canvas(SIZE)
+    post = (np.abs(columns - 96) < 4) & (rows < 60)  # touches the ball
+    behind = np.where((_reduced(post) > 0.5)[..., None], np.uint8(GREEN), plain())
+    ball = disk(96, 100, 42)
+    scene = paint([ball], [GREEN], behind, [ball], SMALL)
+    assert found(scene)[0, :30].max() < 0.05
+
+
+def test_a_stray_patch_far_from_the_object_is_none(ball):
+    probabilities = ball.probabilities.copy()
+    probabilities[0, 44:46, 44:46] = 0.9
+    mattes = refine_mattes(ball.photo, probabilities, ball.rendered)
+    assert dense_coverage(mattes, (SIZE, SIZE))[0, 160:, 160:].max() == 0
+
+
+def test_where_photo_and_field_disagree_the_field_is_right_and_the_matte_says_so(ball):
+    mattes = mattes_of(ball)
+    assert not mattes[0].disputed
+    # the field says that a thin ring about the ball is the object, and the photo that all of it looks like the wall
+    columns, rows = canvas(SIZE)
+    ring = np.abs(np.hypot(columns - 96, rows - 96) - 58) < 6
+    claimed = cv2.resize(ring.astype(np.float32), (SMALL, SMALL), interpolation=cv2.INTER_AREA)[None] * 0.75
+    matte = refine_mattes(ball.photo, claimed, ball.rendered)[0]
+    field = field_mattes((SIZE, SIZE), claimed)[0]
+    agree = iou(*(dense_coverage([m], (SIZE, SIZE))[0] > 0.5 for m in (matte, field))) > 0.95
+    assert matte.disputed and agree
+
+
+def test_a_soft_photo_is_decided_where_it_is_sharp(ball):
+    soft = to_bytes(linear_to_srgb(cv2.GaussianBlur(srgb_to_linear(ball.photo / 255), (0, 0), 2.5)))
+    near = np.ones((SMALL, SMALL), bool)
+    assert sharp_size(ball.photo, near) == (SIZE, SIZE)
+    assert SIZE / 4 < sharp_size(soft, near)[0] < SIZE / 2
+    coverage = cv2.GaussianBlur(ball.coverage[0], (0, 0), 2.5)[None]
+    refined = dense_coverage(refine_mattes(soft, ball.probabilities, ball.rendered), (SIZE, SIZE))
+    assert np.abs(refined - coverage).sum() / coverage.sum() < 0.06
+
+
+def test_an_object_that_is_not_seen_covers_nothing(ball):
+    assert refine_mattes(ball.photo, 0 * ball.probabilities, ball.rendered)[0].coverage.size == 0
+
+
+def test_an_object_that_fills_the_photo_covers_all_of_it():
+    everywhere = np.ones((SIZE * 8, SIZE * 8), bool)
+    scene = paint([everywhere], [RED], plain(), [everywhere], SMALL)
+    assert found(scene).min() == 1
+
+
+def test_sizes_grow_at_most_twofold():
+    sizes = steps((48, 64), (400, 530))
+    assert sizes[0] == (48, 64) and sizes[-1] == (400, 530)
+    assert all(b[0] / a[0] <= 2.1 for a, b in pairwise(sizes))
+    assert steps((48, 64), (48, 64)) == [(48, 64)]
+
+
+def _reduced(shape: np.ndarray) -> np.ndarray:
+    return cv2.resize(shape.astype(np.float32), (SIZE, SIZE), interpolation=cv2.INTER_AREA)

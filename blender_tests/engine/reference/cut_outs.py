@@ -1,0 +1,68 @@
+"""Painted scenes whose coverage is known: shapes drawn many times larger than the photo, mixed in linear light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from karf_engine.color import linear_to_srgb, srgb_to_linear, to_bytes
+
+FINE = 8  # sub-pixels along a side of a photo's pixel
+
+
+@dataclass(frozen=True)
+class CutOut:
+    """A photo, the true coverage of its objects, and what a field of a smaller size says.
+
+    Attributes:
+        photo: uint8 [H, W, 3].
+        coverage: [K, H, W] in [0, 1].
+        probabilities: [K, h, w].
+        rendered: uint8 [h, w, 3].
+    """
+
+    photo: np.ndarray
+    coverage: np.ndarray
+    probabilities: np.ndarray
+    rendered: np.ndarray
+
+
+def paint(
+    shapes: list[np.ndarray], colors: list[tuple[int, int, int]], behind: np.ndarray, field: list[np.ndarray], size: int
+) -> CutOut:
+    """A photo of objects that do not overlap.
+
+    Args:
+        shapes: bool [H * FINE, W * FINE], where each object is.
+        colors: Of each object, sRGB of 255.
+        behind: uint8 [H, W, 3].
+        field: The same shapes as the field has learned them, which may lack parts.
+        size: Height and width of the field's picture.
+    """
+    height, width = behind.shape[:2]
+    coverage = np.stack([_reduced(shape, (width, height)) for shape in shapes])
+    probabilities = np.stack([_reduced(shape, (size, size)) for shape in field])
+    learned = np.stack([_reduced(shape, (width, height)) for shape in field])
+    noise = np.random.default_rng(0).normal(0, 1.5, behind.shape)
+    photo = np.rint(_mixed(coverage, colors, behind) + noise).clip(0, 255).astype(np.uint8)
+    rendered = cv2.resize(_mixed(learned, colors, behind), (size, size), interpolation=cv2.INTER_AREA)
+    return CutOut(photo, coverage, probabilities, rendered)
+
+
+def canvas(size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Columns and rows of the sub-pixels of a photo of this size, in its pixels."""
+    rows, columns = (np.indices((size * FINE, size * FINE)) + 0.5) / FINE
+    return columns, rows
+
+
+def _reduced(shape: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    return cv2.resize(shape.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+
+
+def _mixed(coverage: np.ndarray, colors: list[tuple[int, int, int]], behind: np.ndarray) -> np.ndarray:
+    light = srgb_to_linear(behind / 255) * (1 - coverage.sum(0))[..., None]
+    for own, color in zip(coverage, colors, strict=True):
+        light += own[..., None] * srgb_to_linear(np.array(color) / 255)
+    return to_bytes(linear_to_srgb(light))
