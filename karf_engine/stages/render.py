@@ -102,7 +102,7 @@ def read_edits(
 ) -> list[Edit | None]:
     """The edit of each view: wanted is one file for all, one for each, or None. compositing: see `read_edit_file`.
 
-    Raises BadRequest where there are as many files as views in no way, DataError where one is no edit of these palettes.
+    Raises BadRequest where their number is not that of the views, DataError where one is no edit of these palettes.
     """
     paths = wanted if isinstance(wanted, list) else [wanted] * len(views)
     if len(paths) != len(views) or not all(path is None or isinstance(path, str) for path in paths):
