@@ -103,6 +103,9 @@ class _Files:
 
     def _photo(self, finished: PhotoView) -> None:
         """The same in the photo's own pixels."""
+        if disputed := [name for name, matte in zip(finished.objects, finished.mattes, strict=True) if matte.disputed]:
+            sentence = f"{self.view.name}: photo and learned scene disagree about {', '.join(disputed)}; edges are the"
+            self.job.emit("warning", code="edges", sentence=f"{sentence} scene's there.")
         for name, mask in zip(finished.objects, finished.masks(), strict=True):
             write_mask(self._path(f"masks/{name}", ".png"), mask, finished.photo.header.orientation)
         if self.edit is not None:
