@@ -112,15 +112,18 @@ class UnfinishedFrames:
             self.finished.note(frame, made_from, files)
 
 
-def unfinished_frames(job: Job, views: Sequence[View], edits: Sequence[Edit | None]) -> UnfinishedFrames:
-    """All frames of a request; with its option `skip_existing` those that are not there, or made from other things."""
+def unfinished_frames(job: Job, learned: str, views: Sequence[View], edits: Sequence[Edit | None]) -> UnfinishedFrames:
+    """All frames of a request; with its option `skip_existing` those that are not there, or made from other things.
+
+    learned: `model_mark` as it was when the model was loaded.
+    """
     out = job.options.get("out")
     if not out:
         return UnfinishedFrames([(view, edit, "") for view, edit in zip(views, edits, strict=True)], None)
     own = {name: value for name, value in job.options.items() if name not in NOT_OF_A_FRAME and value}
-    model, finished = model_mark(job), FinishedFrames.read(Path(out))
+    finished = FinishedFrames.read(Path(out))
     frames = [
-        (view, edit, frame_mark(view_mark(model, view, own), edit)) for view, edit in zip(views, edits, strict=True)
+        (view, edit, frame_mark(view_mark(learned, view, own), edit)) for view, edit in zip(views, edits, strict=True)
     ]
     if job.options.get("skip_existing"):
         frames = [frame for frame in frames if not finished.has(frame[0].name, frame[2])]

@@ -36,7 +36,7 @@ from ..progress import Emit
 from ..settings import with_overrides
 from ..wire import Request
 from .chosen_views import select_views
-from .finished_frames import unfinished_frames
+from .finished_frames import model_mark, unfinished_frames
 from .frame_files import check_format, size_of, write_view
 from .job import Job, open_job
 
@@ -50,11 +50,12 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     with writing(project) if request.options.get("planes") else nullcontext():
         with consistent(project):
             job = _with_overrides(open_job(request, emit, should_stop))
-            model = Model(project, job.runtime.device, job.settings)
-        _render(job, model)
+            model, learned = Model(project, job.runtime.device, job.settings), model_mark(job)
+        _render(job, model, learned)
 
 
-def _render(job: Job, model: Model) -> None:
+def _render(job: Job, model: Model, learned: str) -> None:
+    """Render what is not finished. learned: `model_mark` of the model."""
     options = job.options
     if options.get("edit") or options.get("planes") or options.get("layers"):
         job.project.require("recoloring")
@@ -64,7 +65,7 @@ def _render(job: Job, model: Model) -> None:
     check_format(options.get("format"))
     views, captured = select_views(job, options.get("views", "test"))
     edits = read_edits(options.get("edit"), views, model.palettes, job.settings.compositing)
-    frames = unfinished_frames(job, views, edits)
+    frames = unfinished_frames(job, learned, views, edits)
     job.emit("stage", name="render", text=f"{len(views)} views")
     progress = job.progress("render", len(views))
     progress.resume_at(len(views) - len(frames.todo))

@@ -206,7 +206,8 @@ class Bench:
         self.look.mkdir()
         planes = "recoloring" in dict(self.chain()) if planes is None else planes
         shown = run(self.render(*(["--planes"] if planes else [])))
-        paths = [path for path in sorted(self.look.rglob("*")) if path.is_file()]
+        # what frames were made from differs with the options of a render, their pixels do not
+        paths = [path for path in sorted(self.look.rglob("*")) if path.is_file() and path.name != "finished.jsonl"]
         return {str(path.relative_to(self.look)): digest(path) for path in paths}, shown
 
     # --- the questions after a fault -------------------------------------------------------------------------------
