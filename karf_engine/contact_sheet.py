@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from .color import to_bytes
-from .images import read_photo, resize, write_png
+from .images import over, read_photo, resize, write_png
 
 THUMBNAIL = 192  # pixels of a picture's longer side
 LABEL, LINE, CHIP, GAP = 260, 18, 12, 6  # pixels: width of a row's label, height of a line, side of a chip, between all
@@ -59,7 +59,7 @@ def _thumbnail(path: Path) -> np.ndarray:
     """A picture with no side longer than a thumbnail, on white, uint8 [h, w, 3]."""
     picture = read_photo(path)
     if picture.shape[-1] == 4:
-        picture = picture[..., :3] * picture[..., 3:] + (1 - picture[..., 3:])
+        picture = over(picture[..., :3], picture[..., 3])
     factor = THUMBNAIL / max(picture.shape[:2])
     return to_bytes(resize(picture, *(max(1, round(side * factor)) for side in picture.shape[1::-1])))
 

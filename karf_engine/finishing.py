@@ -12,14 +12,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .capture.capture import View
+from .color import to_bytes
+from .edit.compositing import hard_masks
 from .edit.palette import Edit, Palette
 from .errors import BadRequest
+from .frames import Frame
 from .handover.layers import Layers
-from .images import BACK, oriented, turned
-from .matting.matte import Matte
-from .matting.refine import NEGLIGIBLE
+from .images import BACK, oriented, over, turned
+from .matting.matte import NEGLIGIBLE, Matte
+from .matting.refine import mattes_of
 from .palette.star_weights import palette_weights_of_image, star_weights
-from .photos import StoredPhoto
+from .photos import StoredPhoto, open_photo
+from .photos.stored import from_camera
+from .plates import image_of
 
 BAND_PIXELS = 1 << 19
 COPIES_BYTES = 400 << 20  # of edited photos at once: the weights of a band serve them all
@@ -65,15 +71,12 @@ class PhotoView:
         width, height = self.photo.size
         result = np.zeros((len(self.mattes), height, width), bool)
         for rows, columns in self._bands(self.mattes):
-            result[:, rows, columns] = self._winners(rows, columns)
+            result[:, rows, columns] = hard_masks(self._coverages(rows, columns))
         return result
 
     def shown(self, photo: StoredPhoto) -> np.ndarray:
         """An edited copy as its camera sees it, on white where it is transparent: float32 sRGB [H, W, 3]."""
-        colors, alpha = photo.colors(), photo.alpha()
-        if alpha is not None:
-            colors = colors * alpha[..., None] + (1 - alpha[..., None])
-        return oriented(colors, self.orientation)
+        return oriented(over(photo.colors(), photo.alpha()), self.orientation)
 
     def layers(self, depth: np.ndarray) -> Layers:
         """The photo in layers, as its camera sees it, on white where it is transparent.
@@ -124,14 +127,10 @@ class PhotoView:
                 coverage[top - rows.start : bottom - rows.start, left:right] = own
         return result
 
-    def _winners(self, rows: slice, columns: slice) -> np.ndarray:
-        coverages = self._coverages(rows, columns)
-        background = 1 - coverages.sum(0)
-        return (coverages > background) & (coverages == coverages.max(0, initial=0))
-
     def _changes(self, rows: slice, columns: slice, edits: Sequence[Edit]) -> list[np.ndarray]:
         """Change of the straight colors of a band by each edit, [h, w, 3] float32."""
-        coverages, winners = self._coverages(rows, columns), self._winners(rows, columns)
+        coverages = self._coverages(rows, columns)
+        winners = hard_masks(coverages)
         alpha = self.photo.alpha(rows, columns)
         if alpha is not None:  # a matte's coverage counts what is seen through the pixel, colors are straight
             coverages = np.divide(coverages, alpha, out=np.zeros_like(coverages), where=alpha > 0).clip(0, 1)
@@ -166,6 +165,32 @@ class PhotoView:
         left, right = (side - columns.start for side in matte.columns)
         own = own[inside[top - rows.start : bottom - rows.start, left:right]]
         return own if own.dtype == np.uint8 else own / 255
+
+
+def look_closer(
+    view: View, size: str | int, seen: Frame, edges: str, objects: Sequence[str], palettes: Sequence[Palette]
+) -> PhotoView:
+    """A captured view in its photo's own pixels.
+
+    Args:
+        view: Of the capture.
+        size: `photo`, or a long side in pixels to which the photo is reduced.
+        seen: What the field says, in the grid of the view's camera with its lens, at any size.
+        edges: As for `matting.refine.mattes_of`.
+        objects: Names of the K objects that were seen.
+        palettes: Of the objects, as learned; empty before palettes are learned.
+
+    Raises:
+        DataError: The photo is missing, damaged or of another size than its camera.
+    """
+    photo = open_photo(image_of(view))
+    orientation = photo.orientation_for(view.camera)
+    if size != "photo":
+        photo = photo.resized(int(size))
+    rendered = from_camera(to_bytes(seen.color), orientation)
+    seen_objects = [from_camera(own, orientation) for own in seen.probabilities]
+    probabilities = np.array(seen_objects).reshape(-1, *rendered.shape[:2])
+    return PhotoView(photo, orientation, objects, mattes_of(edges, photo.shown(), probabilities, rendered), palettes)
 
 
 def _nearest(few: int, many: int) -> np.ndarray:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 import OpenEXR
 
 from .color import srgb_to_linear, to_bytes
 from .files import atomic_write
+from .images import encoded
 
 FORMATS = {"png8": ".png", "png16": ".png", "exr16": ".exr", "exr32": ".exr"}  # kind -> suffix
 
@@ -35,11 +35,7 @@ def _write_png16(path: Path, color: np.ndarray) -> None:
 
 
 def _write_png(path: Path, pixels: np.ndarray) -> None:
-    order = cv2.COLOR_RGBA2BGRA if pixels.shape[-1] == 4 else cv2.COLOR_RGB2BGR
-    done, encoded = cv2.imencode(".png", cv2.cvtColor(pixels, order))
-    if not done:
-        raise OSError(f"OpenCV cannot encode {pixels.dtype} {pixels.shape} as PNG.")
-    path.write_bytes(encoded)
+    path.write_bytes(encoded(".png", pixels))
 
 
 def _write_exr16(path: Path, color: np.ndarray) -> None:

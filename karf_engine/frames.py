@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from .capture.camera import Camera
+from .edit.compositing import hard_masks
 from .fields.scene import Picture
 
 BAND_RAYS = 1 << 20  # rendered at once: with their surface samples they take about half a gigabyte
@@ -48,8 +49,7 @@ class Frame:
     @property
     def masks(self) -> np.ndarray:
         """The likeliest class of each pixel as masks, [K, H, W] bool (argmax of Eq. 8)."""
-        background = 1 - self.probabilities.sum(0)
-        return (self.probabilities > background) & (self.probabilities == self.probabilities.max(0, initial=0))
+        return hard_masks(self.probabilities)
 
 
 def bands_of(camera: Camera, supersampling: int) -> list[Camera]:

@@ -7,7 +7,7 @@ value at [row, column] belongs to the position (u, v) = (column + 0.5, row + 0.5
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -221,6 +221,18 @@ def write_png(path: Path, array: np.ndarray) -> None:
     atomic_write(path, lambda file: iio.imwrite(file, array, plugin="pillow", extension=".png", is_batch=False))
 
 
+def encoded(suffix: str, pixels: np.ndarray, options: Sequence[int] = ()) -> memoryview:
+    """A picture file of pixels [H, W, 3 or 4] by OpenCV, which wants blue first; options: its flags and their values.
+
+    Raises OSError where this kind of file cannot hold them.
+    """
+    order = cv2.COLOR_RGBA2BGRA if pixels.shape[-1] == 4 else cv2.COLOR_RGB2BGR
+    done, content = cv2.imencode(suffix, cv2.cvtColor(pixels, order), options)
+    if not done:
+        raise OSError(f"OpenCV cannot encode {pixels.dtype} {pixels.shape} as {suffix}.")
+    return content.data
+
+
 def read_mask(path: Path) -> np.ndarray:
     """Read a mask: what is over one half in alpha where that varies, else in the brightest channel.
 
@@ -269,6 +281,16 @@ def resize(image: np.ndarray, width: int, height: int) -> np.ndarray:
         if size != resized.shape[1::-1]:
             resized = cv2.resize(resized, size, interpolation=method)
     return resized.reshape(height, width, *image.shape[2:])
+
+
+def over(colors: np.ndarray, alpha: np.ndarray | None, gray: float = 1.0) -> np.ndarray:
+    """Straight colors [H, W, 3] with alpha [H, W] on a gray, by default white; as they are where alpha is None.
+
+    Examples:
+        >>> over(np.array([[[1.0, 0.0, 0.0]]]), np.array([[0.5]])).tolist()
+        [[[1.0, 0.5, 0.5]]]
+    """
+    return colors if alpha is None else colors * alpha[..., None] + gray * (1 - alpha[..., None])
 
 
 def straight(photo: np.ndarray) -> np.ndarray:

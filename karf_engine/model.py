@@ -24,17 +24,16 @@ from .errors import BadRequest
 from .failures import translated
 from .fields.files import load_scene
 from .fields.scene import Picture
-from .finishing import PhotoView, dense_weights
+from .finishing import PhotoView, dense_weights, look_closer
 from .frames import BAND_RAYS, Frame, averaged, bands_of, joined
 from .heads.fields import RecoloringField, SegmentationField
 from .heads.files import load_recoloring, load_segmentation
 from .heads.rendering import ObjectSamples, object_samples, segment_cache, weigh_cache
+from .images import over
 from .locking import consistent, opened
 from .matting.matte import dense_coverage
 from .matting.refine import mattes_of
-from .photos import open_photo
-from .photos.stored import from_camera
-from .plates import Plate, image_of, load_views
+from .plates import Plate, load_views
 from .project import Project
 from .project.contents import capture_of, settings_for
 from .project.edit import ProjectEdit, edit_of
@@ -114,8 +113,7 @@ class Model:
     def render(self, camera: Camera, supersampling: int = 1) -> Frame:
         """The scene from any camera, whose lens distortion is left out; palette weights are those of F_w.
 
-        Not differentiable. Its base is the rendering itself. Large pictures are rendered in bands of rows, which no
-        surface cache is kept of.
+        Not differentiable. Its base is the rendering itself. No surface cache is kept of large pictures.
 
         Args:
             camera: in world units.
@@ -163,9 +161,7 @@ class Model:
 
     def working_camera(self, view: View) -> Camera:
         """The camera of a captured view at the working size, with its lens."""
-        camera = view.camera
-        factor = min(1.0, self.settings.geometry.long_side / max(camera.width, camera.height))
-        return camera.scaled(max(1, round(camera.width * factor)), max(1, round(camera.height * factor)))
+        return view.camera.reduced(self.settings.geometry.long_side)
 
     @translated()
     def look(self, camera: Camera) -> Frame:
@@ -198,8 +194,8 @@ class Model:
             DataError: the photo is missing or damaged.
         """
         plate = load_views([view], long_side or self.settings.render.preview)[0]
-        seen, base = self.look(self.working_camera(view).without_distortion()), _on_white(plate)
-        mattes = mattes_of(self.settings.render.edges, to_bytes(base), seen.probabilities, seen.depth)
+        seen, base = self.look(self.working_camera(view).without_distortion()), over(plate.color, plate.alpha)
+        mattes = mattes_of(self.settings.render.edges, to_bytes(base), seen.probabilities, to_bytes(seen.color))
         coverages = dense_coverage(mattes, base.shape[:2])
         weights = None
         if self.recoloring is not None:
@@ -216,15 +212,8 @@ class Model:
         Raises:
             DataError: the photo is missing, damaged or of another size than its camera.
         """
-        photo = open_photo(image_of(view))
-        orientation = photo.orientation_for(view.camera)
-        if size != "photo":
-            photo = photo.resized(int(size))
         seen = self.look(self.working_camera(view))
-        probabilities = np.stack([from_camera(own, orientation) for own in seen.probabilities] or [np.zeros((1, 1))])
-        depth = from_camera(seen.depth, orientation)
-        mattes = mattes_of(self.settings.render.edges, photo.shown(), probabilities[: len(self.objects)], depth)
-        return PhotoView(photo, orientation, self.objects, mattes, self.palettes)
+        return look_closer(view, size, seen, self.settings.render.edges, self.objects, self.palettes)
 
     @translated()
     def render_plate(self, plate: Plate, weights_from: str = "photo") -> Frame:
@@ -232,7 +221,7 @@ class Model:
         F_w (`field`)."""
         from_field = self.recoloring is not None and weights_from == "field"
         picture = self.scene.render(plate.camera, WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
-        return self.frame_of(picture, _on_white(plate), from_field)
+        return self.frame_of(picture, over(plate.color, plate.alpha), from_field)  # on the same ground as a rendering
 
     def frame_of(self, picture: Picture, base: np.ndarray, from_field: bool) -> Frame:
         """The frame of a picture that this scene has rendered: what F_s and the palettes add to it.
@@ -310,10 +299,3 @@ class Model:
         if edit.compositing == "paper":
             return paper_composite(frame.base, frame.palette_weights, frame.probabilities, edited)
         return delta_composite(frame.base, frame.palette_weights, self.learned_colors, edited)
-
-
-def _on_white(plate: Plate) -> np.ndarray:
-    """The photo's colors [H, W, 3]; of a matte capture on the same ground as its rendering."""
-    if plate.alpha is None:
-        return plate.color
-    return plate.color * plate.alpha[..., None] + (1 - plate.alpha[..., None])

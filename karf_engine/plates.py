@@ -65,8 +65,8 @@ def load_views(views: Sequence[View], long_side: int) -> list[Plate]:
 def _load_view(view: View, long_side: int) -> Plate:
     photo = _photo_of(view)
     camera = view.camera
-    factor = min(1.0, long_side / max(camera.width, camera.height))
-    width, height = max(1, round(camera.width * factor)), max(1, round(camera.height * factor))
+    small = camera.reduced(long_side)
+    width, height = small.width, small.height
     opaque = photo.shape[-1] == 3 or bool((photo[..., 3] == 1).all())
     if opaque:
         photo = photo[..., :3]

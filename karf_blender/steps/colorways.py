@@ -44,11 +44,10 @@ def render_colorways(scene: bpy.types.Scene, sheet: Path, views: str = "all", ou
         The task; its folder is `colorways_folder`.
     """
     predict_colorways(scene, sheet)  # a wrong sheet is told now, and not by a job
-    out, owner = out or colorways_folder(scene, sheet), Owner.of(scene)
+    out = out or colorways_folder(scene, sheet)
     locked = [f"{name}/{number}" for name, numbers in _locked(scene).items() for number in numbers]
-    options = {"sheet": str(sheet), "views": views, "out": str(out), "locked": locked} | requests.threads()
-    request = Request("colorways", folders.project_of(scene).folder, options)
-    return Task("Colorways", (request,), partial(_say_where, out), owner)
+    options = {"sheet": str(sheet), "views": views, "out": str(out), "locked": locked}
+    return requests.task(scene, "Colorways", ("colorways", options), finish=partial(_say_where, out))
 
 
 def colorways_folder(scene: bpy.types.Scene, sheet: Path) -> Path:
@@ -56,6 +55,6 @@ def colorways_folder(scene: bpy.types.Scene, sheet: Path) -> Path:
     return folders.out_folder(scene) / "colorways" / sheet.stem
 
 
-def _say_where(out: Path, request: Request) -> None:
-    del request
+def _say_where(out: Path, owner: Owner, request: Request) -> None:
+    del owner, request
     progress.warn(f"Colorways, their table and a contact sheet are in {out}.")

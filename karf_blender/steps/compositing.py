@@ -20,21 +20,17 @@ STANDARD = ("Standard", "Raw")  # view transforms that show sRGB colors as they 
 def build_compositor(scene: bpy.types.Scene, view: str = "", driven: bool = False) -> Task:
     """Have the engine write the layers of a captured view (default: the active one), then recolor it by nodes."""
     view = captures.view_of(scene, view).name
-    out, owner = folders.out_folder(scene), Owner.of(scene)
-    stage, options = requests.layers(view, out)
-    request = Request(stage, folders.project_of(scene).folder, options | requests.threads())
-    path = out / "layers" / f"{view}.exr"
-    return Task("Build Compositor", (request,), partial(_place, owner, path, driven), owner)
+    out = folders.out_folder(scene)
+    finish = partial(_place, out / "layers" / f"{view}.exr", driven)
+    return requests.task(scene, "Build Compositor", requests.layers(view, out), finish=finish)
 
 
-def _place(owner: Owner, path: Path, driven: bool, request: Request) -> None:
+def _place(path: Path, driven: bool, owner: Owner, request: Request) -> None:
     del request
-    scene = owner.find()
-    if scene is None:
-        progress.warn(f"The scene that asked for this is gone or has another project. The layers are in {path}.")
-        return
-    node = place_layers(scene, path, driven)
-    progress.warn(f"The compositor recolors {path} by the node {node.name}.")
+    scene = requests.find_scene(owner, f"The layers are in {path}.")
+    if scene is not None:
+        node = place_layers(scene, path, driven)
+        progress.warn(f"The compositor recolors {path} by the node {node.name}.")
 
 
 def compositor_node(scene: bpy.types.Scene, view: str = "") -> bpy.types.Node | None:

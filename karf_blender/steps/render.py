@@ -92,18 +92,16 @@ def render_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None, numbe
 
 def _frames_task(scene: bpy.types.Scene, title: str, job: tuple[str, dict], are_shown: bool) -> Task:
     """A task that says where the pictures are which it has written, and shows them or not."""
-    stage, options = job
-    owner, folder = Owner.of(scene), Path(options["out"]) / "recolor"
+    _, options = job
+    folder = Path(options["out"]) / "recolor"
     scene.karf.frames = folders.stored(folder)
-    request = Request(stage, folders.project_of(scene).folder, options | requests.threads())
-    return Task(title, (request,), partial(_present_frames, owner, folder, are_shown), owner)
+    return requests.task(scene, title, job, finish=partial(_present_frames, folder, are_shown))
 
 
-def _present_frames(owner: Owner, folder: Path, are_shown: bool, request: Request) -> None:
+def _present_frames(folder: Path, are_shown: bool, owner: Owner, request: Request) -> None:
     del request
-    scene = owner.find()
+    scene = requests.find_scene(owner, f"The frames are in {folder}.")
     if scene is None:
-        progress.warn(f"The scene that asked for this is gone or has another project. The frames are in {folder}.")
         return
     progress.warn(f"The pictures are in {folder}.")
     if are_shown:

@@ -1,5 +1,6 @@
 """What steps ask of the engine, and what becomes of the results."""
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -20,11 +21,35 @@ FORMATS = {
 }
 
 
-def task(scene: bpy.types.Scene, title: str, *jobs: tuple[str, dict]) -> Task:
-    """A task of the scene's project: pairs of a stage and its options, run in a row."""
+def import_results(owner: Owner, request: Request) -> None:
+    """Import what a job has learned into the scenes of its project in the file that began it; else say where it is."""
+    brings_planes = request.stage == "render" and request.options["planes"]
+    if request.stage != "recoloring" and not brings_planes:
+        return
+    scenes = list(owner.scenes())
+    if not scenes:
+        progress.warn(
+            f"The scene that asked for this is gone or has another project. The result is in {request.project}; choose "
+            "that as the project to bring it in."
+        )
+    for scene in scenes:
+        if request.stage == "recoloring":
+            recolor.forget()
+            palettes.load_palettes(scene, read_palettes(Project(request.project).palette_file))
+        elif contents.is_prepared(scene):
+            editors.reveal(recolor.show(scene))
+
+
+def task(
+    scene: bpy.types.Scene,
+    title: str,
+    *jobs: tuple[str, dict],
+    finish: Callable[[Owner, Request], None] = import_results,
+) -> Task:
+    """A task of the scene's project: pairs of a stage and its options, run in a row; `finish` is called after each."""
     project, owner = folders.project_of(scene).folder, Owner.of(scene)
     requests = tuple(Request(stage, project, options | threads()) for stage, options in jobs)
-    return Task(title, requests, partial(import_results, owner), owner)
+    return Task(title, requests, partial(finish, owner), owner)
 
 
 def threads() -> dict[str, int]:
@@ -61,20 +86,9 @@ def layers(view: str, out: Path) -> tuple[str, dict]:
     return "render", options | {"layers": True}
 
 
-def import_results(owner: Owner, request: Request) -> None:
-    """Import what a job has learned into the scenes of its project in the file that began it; else say where it is."""
-    brings_planes = request.stage == "render" and request.options["planes"]
-    if request.stage != "recoloring" and not brings_planes:
-        return
-    scenes = list(owner.scenes())
-    if not scenes:
-        progress.warn(
-            f"The scene that asked for this is gone or has another project. The result is in {request.project}; choose "
-            "that as the project to bring it in."
-        )
-    for scene in scenes:
-        if request.stage == "recoloring":
-            recolor.forget()
-            palettes.load_palettes(scene, read_palettes(Project(request.project).palette_file))
-        elif contents.is_prepared(scene):
-            editors.reveal(recolor.show(scene))
+def find_scene(owner: Owner, result: str) -> bpy.types.Scene | None:
+    """The scene that began a job; where it is gone, None and a warning that says where the result is."""
+    scene = owner.find()
+    if scene is None:
+        progress.warn(f"The scene that asked for this is gone or has another project. {result}")
+    return scene

@@ -73,6 +73,11 @@ class Camera:
             self, width=width, height=height, fx=self.fx * sx, fy=self.fy * sy, cx=self.cx * sx, cy=self.cy * sy
         )
 
+    def reduced(self, long_side: int) -> Camera:
+        """The same view with no side longer than so many pixels; never enlarged."""
+        factor = min(1.0, long_side / max(self.width, self.height))
+        return self.scaled(max(1, round(self.width * factor)), max(1, round(self.height * factor)))
+
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Project world points with the pinhole, without distortion.
 

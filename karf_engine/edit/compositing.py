@@ -203,13 +203,31 @@ def _add_block(
         block[..., channel] = np.clip(summed, 0, 1, out=total)
 
 
+def hard_masks(probabilities: np.ndarray) -> np.ndarray:
+    """The likeliest class of each pixel as masks (argmax of Eq. 8): in no mask where that is the background.
+
+    Args:
+        probabilities: [K, H, W] in [0, 1], of the objects; what is left of 1 is the background's.
+
+    Returns:
+        bool [K, H, W].
+
+    Examples:
+        >>> hard_masks(np.array([[[0.5, 0.3, 0.1]], [[0.2, 0.4, 0.1]]])).tolist()
+        [[[True, False, False]], [[False, True, False]]]
+    """
+    background = 1 - probabilities.sum(axis=0, dtype=np.float32)
+    winner = np.concatenate([background[None], probabilities]).argmax(axis=0) - 1
+    return winner == np.arange(len(probabilities))[:, None, None]
+
+
 def paper_composite(
     base: np.ndarray, palette_weights: np.ndarray, probabilities: np.ndarray, edited: np.ndarray
 ) -> np.ndarray:
     """Inside each object's hard mask the base becomes the palette's own color, sum_j weights_kj / prob_k edited_kj.
 
-    The mask of an object: pixels where it is more probable than every other object and than the background. Keeps the
-    decomposition error of the palette even where nothing is edited; `delta_composite` does not.
+    Keeps the decomposition error of the palette even where nothing is edited; `delta_composite` does not. The masks are
+    those of `hard_masks`.
 
     Args:
         base: [H, W, 3] in [0, 1].
@@ -229,10 +247,9 @@ def paper_composite(
         [[[0.0, 0.5, 0.0], [1.0, 1.0, 1.0]]]
     """
     result = np.array(base, np.float32)
-    background = 1 - probabilities.sum(axis=0, dtype=np.float32)
-    winner = np.concatenate([background[None], probabilities]).argmax(axis=0) - 1
+    masks = hard_masks(probabilities)
     for k, palette in enumerate(np.asarray(edited, np.float32)):
-        mask = winner == k
+        mask = masks[k]
         share = palette_weights[k][:, mask].astype(np.float32)
         share /= probabilities[k][mask].astype(np.float32)
         for channel in range(3):

@@ -89,3 +89,21 @@ def _windowed(plane: np.ndarray) -> np.ndarray:
     height, width = plane.shape
     size = (-(-width // STRIDE), -(-height // STRIDE))
     return cv2.GaussianBlur(cv2.resize(plane, size, interpolation=cv2.INTER_AREA), (0, 0), REACH / STRIDE)
+
+
+def posterior(models: ColorModels, lab: np.ndarray, places: np.ndarray, priors: np.ndarray) -> np.ndarray:
+    """What n colors and prior probabilities make of each class.
+
+    Args:
+        models: Colors of C classes.
+        lab: [n, 3] CIE Lab.
+        places: [n, 2] where in the photo, (row, column) in [0, 1].
+        priors: [C, n] >= 0.
+
+    Returns:
+        float32 [C, n]; sums to 1 over C.
+    """
+    with np.errstate(divide="ignore"):
+        logs = models.log_densities(lab, places).T + np.log(priors)
+    odds = np.exp(logs - logs.max(0))
+    return (odds / odds.sum(0)).astype(np.float32)

@@ -21,6 +21,7 @@ class Matte:
         mixed: [n] int64, running numbers (row by row, in the box) of pixels in which the object's color is known to
             differ from the photo's, because they show something else too; ascending.
         mixed_colors: [n, 3] uint8, the object's own color there, sRGB.
+        disputed: Whether photo and field disagree about the object so far that the coverage is the field's.
     """
 
     rows: tuple[int, int]
@@ -28,6 +29,7 @@ class Matte:
     coverage: np.ndarray
     mixed: np.ndarray
     mixed_colors: np.ndarray
+    disputed: bool = False
 
     def colors(self, photo: np.ndarray, top: int, bottom: int) -> np.ndarray:
         """The object's own colors in some rows of its box.

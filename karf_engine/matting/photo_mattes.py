@@ -7,15 +7,19 @@ in steps of two: labels far from any border are enlarged as they are, those near
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 
 from .closed_form import closed_form_matting
-from .color_models import ColorModels, fit_color_models
+from .color_models import ColorModels, fit_color_models, posterior
 from .foreground import LINEAR, unmixed
+from .lost_parts import difference_nearby, lost_parts
 from .matte import Matte
 from .random_walk import random_walk
 from .sharpness import sharp_size
+from .strays import without_strays
 from .tiles import enlarged, tiles
 
 BAND = 6  # how far from an object's border of the field its border in the photo may lie, pixels of the field's picture
@@ -25,32 +29,72 @@ SURE, NONE = 0.8, 0.02  # probability of what is surely an object; and at most, 
 LEAST_PROBABILITY = 0.005  # the field never outvotes a color altogether
 LEAST_CORE = 20  # pixels from which colors can be told
 TRUST = 0.05  # of a pixel's own opinion, see random_walk
+RESOLVED, TRUST_RESOLVED = 5.0, 1.0  # the same where the field is sure and shows the photo's color, Lab units: between
+# things of one color nothing else tells
+LOST_PARTS_AT = 1  # after how many enlargements what the field has lost is looked for: thin parts must be seen
 STEP_BAND = 3  # pixels about a border that are decided again after each enlargement
 DECIDED = 0.98
 LEAST_CARRIED = 0.05  # of a class near the border, when an enlarged label is asked again
 BORDER = 1.5  # pixels to either side of a border whose coverage is found by matting
 CERTAIN, UNSURE = 0.99, 0.3  # labels above are no mixtures, however near the border: a stem is all border; labels
 # that far from 0 and 1 are, however far from it
+LEAST_AGREEMENT = 0.5  # IoU of photo and field, below which the field is right
 TILE, MARGIN = 512, 16
 
 
-def refine_mattes(photo: np.ndarray, probabilities: np.ndarray, depth: np.ndarray | None = None) -> list[Matte]:
+def refine_mattes(photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray) -> list[Matte]:
     """Mattes of K objects from the field's soft answer and the photo.
 
     Args:
         photo: uint8 [H, W, 3] sRGB.
         probabilities: [K, h, w] float32 of the objects, of the field, on the photo's own grid, h <= H and w <= W.
+        rendered: uint8 [h, w, 3] sRGB, the scene as the field shows it there.
 
     Returns:
         One matte for each object.
     """
+    probabilities = without_strays(probabilities)
     start = probabilities.shape[1:]
-    classes, models = decide(lab_of(_resized(photo, start)), probabilities)
+    classes, models = decide(lab_of(_resized(photo, start)), probabilities, lab_of(rendered))
     # what the photo's lens has blurred is a mixture over many of its pixels: it is decided where they are few
     end = np.maximum(sharp_size(photo, _near_border(classes)), start)
-    for size in steps(start, tuple(end.tolist()))[1:]:
-        classes = sharpen(_resized(photo, size), classes, models)
-    return unmixed(photo, cover(_resized(photo, classes.shape[1:]), classes))
+    sizes = steps(start, tuple(end.tolist()))[1:]
+    for number, size in enumerate(sizes):
+        reduced = _resized(photo, size)
+        if number == min(LOST_PARTS_AT, len(sizes) - 1):
+            classes = with_lost_parts(reduced, lab_of(rendered), classes, models)
+        classes = sharpen(reduced, classes, models)
+    coverage = cover(_resized(photo, classes.shape[1:]), classes)
+    disputed = [_disagree(own, field) for own, field in zip(coverage, _masks(probabilities), strict=True)]
+    for own, probability, is_disputed in zip(coverage, probabilities, disputed, strict=True):
+        if is_disputed:
+            own[:] = cv2.resize(probability, own.shape[::-1], interpolation=cv2.INTER_LINEAR)
+    mattes = unmixed(photo, coverage)
+    return [replace(matte, disputed=is_disputed) for matte, is_disputed in zip(mattes, disputed, strict=True)]
+
+
+def _disagree(coverage: np.ndarray, mask: np.ndarray) -> bool:
+    """Whether an object's coverage has little to do with the field's mask, bool [h, w]."""
+    found = cv2.resize(coverage.astype(np.float32), mask.shape[::-1], interpolation=cv2.INTER_AREA) > 0.5
+    return bool((found & mask).sum() < LEAST_AGREEMENT * (found | mask).sum())
+
+
+def _masks(probabilities: np.ndarray) -> np.ndarray:
+    """Where each of K objects is likelier than the others and than none, bool [K, h, w]."""
+    return (probabilities > 1 - probabilities.sum(0)) & (probabilities == probabilities.max(0))
+
+
+def with_lost_parts(photo: np.ndarray, rendered: np.ndarray, classes: np.ndarray, models: ColorModels) -> np.ndarray:
+    """Classes [K+1, H, W] at the size of a photo, uint8 [H, W, 3], where parts that the field has lost are open.
+
+    rendered: CIE Lab [h, w, 3], as the field shows the scene.
+    """
+    width, height = photo.shape[1::-1]
+    classes = np.stack([cv2.resize(plane.astype(np.float32), (width, height)) for plane in classes])
+    for k, lost in enumerate(lost_parts(lab_of(photo), rendered, classes, models), start=1):
+        classes[:, lost] = 0
+        classes[0][lost] = classes[k][lost] = 0.5
+    return classes
 
 
 def steps(start: tuple[int, int], end: tuple[int, int]) -> list[tuple[int, int]]:
@@ -61,11 +105,10 @@ def steps(start: tuple[int, int], end: tuple[int, int]) -> list[tuple[int, int]]
     return [tuple(start), *between, *([tuple(end)] if tuple(end) != tuple(start) else [])]
 
 
-def decide(lab: np.ndarray, probabilities: np.ndarray) -> tuple[np.ndarray, ColorModels]:
+def decide(lab: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray) -> tuple[np.ndarray, ColorModels]:
     """Classes [K+1, h, w] at the field's picture size, class 0 being no object, and the colors that they have."""
     classes = np.concatenate([np.clip(1 - probabilities.sum(0), 0, 1)[None], probabilities])
-    hard = classes.argmax(0)
-    masks = [hard == k for k in range(1, len(classes))]
+    masks = _masks(probabilities)
     cores = [_core(mask, own) for mask, own in zip(masks, probabilities, strict=True)]
     away = np.stack([_distance(~mask) for mask in masks])
     nearest = away.min(0)
@@ -75,8 +118,9 @@ def decide(lab: np.ndarray, probabilities: np.ndarray) -> tuple[np.ndarray, Colo
     priors = np.maximum(classes, LEAST_PROBABILITY)
     priors[1:][away > BAND] = 0
     opinions = np.stack([~np.any(cores, 0), *cores]).astype(np.float32)
-    opinions[:, free] = _posterior(models, lab[free], _places(free), priors[:, free])
-    opinions[:, free] = random_walk(lab, opinions, free, TRUST)
+    opinions[:, free] = posterior(models, lab[free], _places(free), priors[:, free])
+    resolved = (classes.max(0)[free] > DECIDED) & (difference_nearby(lab, rendered, free, 1) < RESOLVED)
+    opinions[:, free] = random_walk(lab, opinions, free, np.where(resolved, TRUST_RESOLVED, TRUST))
     return opinions, models
 
 
@@ -90,7 +134,7 @@ def sharpen(photo: np.ndarray, classes: np.ndarray, models: ColorModels) -> np.n
         if free.any():
             lab = lab_of(photo[tile.outer])
             places = (np.argwhere(free) + [tile.rows.start + 0.5, tile.columns.start + 0.5]) / size
-            labels[:, free] = _posterior(models, lab[free], places, np.maximum(labels[:, free], LEAST_CARRIED))
+            labels[:, free] = posterior(models, lab[free], places, np.maximum(labels[:, free], LEAST_CARRIED))
             labels[:, free] = random_walk(lab, labels, free, TRUST)
         result[(slice(None), *tile.place)] = labels[(slice(None), *tile.inner)]
     return result
@@ -129,14 +173,6 @@ def _near_border(classes: np.ndarray) -> np.ndarray:
     hard = classes.argmax(0).astype(np.uint8)
     border = cv2.dilate(hard, kernel) != cv2.erode(hard, kernel)
     return unsure | border
-
-
-def _posterior(models: ColorModels, lab: np.ndarray, places: np.ndarray, priors: np.ndarray) -> np.ndarray:
-    """Probabilities [C, n] of classes from colors [n, 3] at places [n, 2] and prior probabilities [C, n]."""
-    with np.errstate(divide="ignore"):
-        logs = models.log_densities(lab, places).T + np.log(priors)
-    odds = np.exp(logs - logs.max(0))
-    return (odds / odds.sum(0)).astype(np.float32)
 
 
 def _places(chosen: np.ndarray) -> np.ndarray:

@@ -11,23 +11,23 @@ from .photo_mattes import refine_mattes
 NEGLIGIBLE = 1 / 512  # coverage: less cannot change an 8-bit pixel
 
 
-def mattes_of(edges: str, photo: np.ndarray, probabilities: np.ndarray, depth: np.ndarray) -> list[Matte]:
+def mattes_of(edges: str, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray) -> list[Matte]:
     """Mattes of the K objects of a photo.
 
     Args:
         edges: `photo`: refined in the photo; `field`: the probabilities alone.
         photo: uint8 sRGB [H, W, 3].
         probabilities: [K, h, w] of each object, in the grid of the photo at any size.
-        depth: [h, w] along the optical axis, 0 where nothing is.
+        rendered: uint8 sRGB [h, w, 3], the scene as the field shows it there.
 
     Example:
-        >>> mattes = mattes_of("field", np.zeros((2, 4, 3), np.uint8), np.array([[[0.0, 1.0]]]), np.ones((1, 2)))
+        >>> mattes = mattes_of("field", np.zeros((2, 4, 3), np.uint8), np.array([[[0.0, 1.0]]]), np.zeros((1, 2, 3)))
         >>> mattes[0].columns, mattes[0].coverage.tolist()
         ((1, 4), [[0.25, 0.75, 1.0], [0.25, 0.75, 1.0]])
     """
     if edges == "field" or not len(probabilities):
         return field_mattes((photo.shape[1], photo.shape[0]), probabilities)
-    return refine_mattes(photo, probabilities, depth)
+    return refine_mattes(photo, probabilities, rendered)
 
 
 def field_mattes(size: tuple[int, int], probabilities: np.ndarray) -> list[Matte]:

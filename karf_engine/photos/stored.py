@@ -16,7 +16,18 @@ from ..capture.camera import Camera
 from ..capture.image_size import ImageHeader, find_header
 from ..color import srgb_to_linear, to_bytes
 from ..errors import DataError
-from ..images import BACK, decoding, display_colors, full_value, oriented, read_light, read_pixels, resize, straight
+from ..images import (
+    BACK,
+    decoding,
+    display_colors,
+    full_value,
+    oriented,
+    over,
+    read_light,
+    read_pixels,
+    resize,
+    straight,
+)
 
 WHOLE = slice(None)
 LARGEST_HALF = float(np.finfo(np.float16).max)
@@ -96,8 +107,7 @@ class StoredPhoto:
         stored = self.pixels[rows, columns]
         if stored.dtype == np.uint8 and self.is_opaque:
             return stored[..., :3]
-        colors, alpha = self.colors(rows, columns), self.alpha(rows, columns)
-        return to_bytes(colors if alpha is None else colors * alpha[..., None] + (1 - alpha[..., None]))
+        return to_bytes(over(self.colors(rows, columns), self.alpha(rows, columns)))
 
     def copy(self) -> StoredPhoto:
         """The same photo with pixels of its own, gray ones as colors."""

@@ -21,7 +21,7 @@ from PIL import Image, JpegImagePlugin, PngImagePlugin
 from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
 from ..files import atomic_write
-from ..images import paste
+from ..images import encoded, paste
 from .stored import StoredPhoto
 
 SUFFIXES = {"png": ".png", "tiff": ".tif", "exr": ".exr"}  # all else becomes PNG
@@ -78,14 +78,14 @@ def write_mask(path: Path, mask: np.ndarray, orientation: int) -> None:
 
 # ------------------------------------------------------------------------------------------------------------------ PNG
 def _write_png(path: Path, photo: StoredPhoto) -> None:
-    encoded = _encoded(".png", photo.pixels, [cv2.IMWRITE_PNG_COMPRESSION, PNG_LEVEL])
+    coded = encoded(".png", photo.pixels, [cv2.IMWRITE_PNG_COMPRESSION, PNG_LEVEL])
     header_end = len(PNG_SIGNATURE) + 25  # the IHDR chunk is first and 25 bytes long
     with path.open("wb") as file:
-        file.write(encoded[:header_end])
+        file.write(coded[:header_end])
         for kind, content in _png_facts(photo):
             file.write(struct.pack(">I", len(content)) + kind + content)
             file.write(struct.pack(">I", zlib.crc32(content, zlib.crc32(kind))))
-        file.write(encoded[header_end:])
+        file.write(coded[header_end:])
 
 
 def _png_facts(photo: StoredPhoto) -> Iterator[tuple[bytes, bytes]]:
@@ -141,8 +141,8 @@ def _write_jpeg(path: Path, photo: StoredPhoto) -> None:
 
 # ----------------------------------------------------------------------------------------------------------------- TIFF
 def _write_tiff(path: Path, photo: StoredPhoto) -> None:
-    encoded = _encoded(".tif", photo.pixels, [])
-    coded, facts = _directory(io.BytesIO(encoded)), _tiff_facts(photo)
+    content = encoded(".tif", photo.pixels)
+    coded, facts = _directory(io.BytesIO(content)), _tiff_facts(photo)
     directory = ImageFileDirectory_v2()
     for tag in TIFF_LAYOUT:
         if tag in coded:
@@ -159,7 +159,7 @@ def _write_tiff(path: Path, photo: StoredPhoto) -> None:
     with path.open("wb") as file:
         directory.save(file)
         for first, size in zip(coded[STRIP_OFFSETS], sizes, strict=True):
-            file.write(encoded[first : first + size])
+            file.write(content[first : first + size])
 
 
 def _directory(file: BinaryIO, tag: int | None = None, at: int | None = None) -> ImageFileDirectory_v2:
@@ -220,12 +220,3 @@ def _write_new_exr(path: Path, photo: StoredPhoto, compression: OpenEXR.Compress
 def _lossless(compression: OpenEXR.Compression) -> OpenEXR.Compression:
     """What keeps the pixels that no edit reaches."""
     return OpenEXR.ZIP_COMPRESSION if compression.name in LOSSY_EXR else compression
-
-
-def _encoded(suffix: str, pixels: np.ndarray, options: list[int]) -> memoryview:
-    """A picture file by OpenCV, which wants blue first."""
-    order = cv2.COLOR_RGBA2BGRA if pixels.shape[-1] == 4 else cv2.COLOR_RGB2BGR
-    done, encoded = cv2.imencode(suffix, cv2.cvtColor(pixels, order), options)
-    if not done:
-        raise OSError(f"OpenCV cannot encode {pixels.dtype} {pixels.shape} as {suffix}.")
-    return encoded.data

@@ -28,7 +28,7 @@ from ..fields.registry import start_fit
 from ..fields.scene import Scene, psnr_of_views
 from ..fields.spaces import choose_space
 from ..files import write_json
-from ..images import write_png
+from ..images import over, write_png
 from ..locking import opened
 from ..plates import Plate, background_kind, solid_pixels
 from ..poses.triangulation import triangulate
@@ -201,10 +201,7 @@ def make_bank(plates: list[Plate], kind: str, job: Job) -> PixelBank:
 
 def _over_gray(plate: Plate, gray: float) -> Plate:
     """The plate composited over a gray, without its matte."""
-    if plate.alpha is None:
-        return plate
-    matte = plate.alpha[..., None]
-    return replace(plate, color=plate.color * matte + gray * (1 - matte), alpha=None)
+    return replace(plate, color=over(plate.color, plate.alpha, gray), alpha=None)
 
 
 def _with_alpha(plate: Plate) -> np.ndarray:

@@ -28,26 +28,26 @@ class Evidence:
     Attributes:
         photo: uint8 [H, W, 3] sRGB.
         probabilities: [K, h, w] float32, of the field.
-        depth: [h, w] float32, of the field, along the optical axis.
+        rendered: [h, w, 3] uint8 sRGB, the scene as the field shows it.
         larger: Probabilities of a field that was learned from larger photos, or None.
         coverage: [K, H, W] float32, the truth.
     """
 
     photo: np.ndarray
     probabilities: np.ndarray
-    depth: np.ndarray
+    rendered: np.ndarray
     larger: np.ndarray | None
     coverage: np.ndarray
 
 
 def enlarged_field(evidence: Evidence) -> list[Matte]:
     """The field's probabilities, enlarged."""
-    return mattes_of("field", evidence.photo, evidence.probabilities, evidence.depth)
+    return mattes_of("field", evidence.photo, evidence.probabilities, evidence.rendered)
 
 
 def ours(evidence: Evidence) -> list[Matte]:
     """The field says roughly where, the photo exactly where."""
-    return mattes_of("photo", evidence.photo, evidence.probabilities, evidence.depth)
+    return mattes_of("photo", evidence.photo, evidence.probabilities, evidence.rendered)
 
 
 def bicubic(evidence: Evidence) -> list[Matte]:

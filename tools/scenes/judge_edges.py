@@ -23,6 +23,7 @@ import numpy as np
 
 import karf_engine as karf
 from karf_engine.capture.capture import View
+from karf_engine.color import to_bytes
 from karf_engine.edit.palette import Edit
 from karf_engine.files import write_json
 from karf_engine.finishing import PhotoView
@@ -149,7 +150,7 @@ def look_at(scene: Scene, view: View, number: int) -> JudgedView:
     evidence = Evidence(
         photo=photo.shown(),
         probabilities=seen.probabilities,
-        depth=seen.depth,
+        rendered=to_bytes(seen.color),
         larger=larger.look(larger.working_camera(view)).probabilities if larger else None,
         coverage=np.stack([scene.truth.coverage(name)[number] for name in model.objects]),
     )

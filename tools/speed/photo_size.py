@@ -26,8 +26,7 @@ import karf_engine as karf
 from karf_engine.capture.capture import View
 from karf_engine.color import srgb_to_linear
 from karf_engine.edit.palette import Edit, Palette
-from karf_engine.finishing import PhotoView
-from karf_engine.matting.refine import mattes_of
+from karf_engine.finishing import PhotoView, look_closer
 from karf_engine.model import Model
 from karf_engine.photos import open_photo, suffix_for, write_photo
 from karf_engine.progress import peak_memory_bytes
@@ -113,9 +112,10 @@ def main() -> None:
 
 def photo_view(model: Model, view: View, count: int) -> PhotoView:
     """`Model.photo_view` of a project that had only the first so many objects."""
-    photo, seen = open_photo(view.image), model.look(model.working_camera(view))
-    mattes = mattes_of(model.settings.render.edges, photo.shown(), seen.probabilities[:count], seen.depth)
-    return PhotoView(photo, 1, model.objects[:count], mattes, model.palettes[:count])
+    seen = model.look(model.working_camera(view))
+    seen = replace(seen, probabilities=seen.probabilities[:count])
+    edges = model.settings.render.edges
+    return look_closer(view, "photo", seen, edges, model.objects[:count], model.palettes[:count])
 
 
 def other_colors(palettes: Sequence[Palette]) -> Edit:

@@ -11,8 +11,7 @@ pytest.importorskip("scipy")
 pytest.importorskip("imageio")
 
 from blender_tests.engine.conftest import run_engine
-from karf_engine import cli
-from karf_engine.cli import main
+from karf_engine.cli import main, verbs
 from karf_engine.images import write_png
 from karf_engine.project import Project
 
@@ -25,6 +24,7 @@ VERBS = [
     "recoloring",
     "match",
     "render",
+    "colorways",
     "settings",
     "doctor",
     "run",
@@ -177,7 +177,7 @@ def test_internal_errors_end_with_seventy_and_show_their_trace(monkeypatch, caps
     def break_down(_):
         raise ZeroDivisionError("of all things")
 
-    monkeypatch.setattr(cli, "_list_settings", break_down)
+    monkeypatch.setattr(verbs, "list_settings", break_down)
     assert main(["settings"]) == 70
     printed = capsys.readouterr().err
     assert "Traceback" in printed and "error: Internal error: ZeroDivisionError('of all things')." in printed

@@ -13,8 +13,8 @@ import pytest
 pytest.importorskip("scipy")
 pytest.importorskip("imageio")
 
-import karf_engine.cli as cli
 from blender_tests.engine.conftest import ROOT
+from karf_engine.cli import job, main
 from karf_engine.errors import BadRequest, Cancelled, OutOfMemory
 from karf_engine.wire import EventReader, Request
 
@@ -33,7 +33,7 @@ def end(capsys, monkeypatch, error):
         raise error
 
     monkeypatch.setattr("karf_engine.library.run_request", raising)
-    code = cli.main(["palette", "project"])
+    code = main(["palette", "project"])
     return code, capsys.readouterr().err
 
 
@@ -121,9 +121,9 @@ def test_a_job_whose_events_cannot_be_written_keeps_its_exit_code_and_says_why(
         raise error
 
     Request("palette", tmp_path).write(tmp_path / "job")
-    monkeypatch.setattr(cli, "EventWriter", lambda job: FullDisk())
-    monkeypatch.setattr(cli, "run_request", raising)
-    assert cli.run_job(tmp_path / "job") == code
+    monkeypatch.setattr(job, "EventWriter", lambda job: FullDisk())
+    monkeypatch.setattr(job, "run_request", raising)
+    assert job.run_job(tmp_path / "job") == code
     assert error.sentence in capsys.readouterr().err
 
 
@@ -153,7 +153,7 @@ def test_events_on_a_full_disk_end_the_job_with_a_sentence(tmp_path):
 # -------------------------------------------------------------------------------------------------------------- options
 @pytest.mark.parametrize("threads", ["1000000", "-1", "0", "9" * 30])
 def test_an_impossible_number_of_threads_is_a_bad_request(tmp_path, capsys, threads):
-    assert cli.main(["palette", str(tmp_path), "--threads", threads]) == 2
+    assert main(["palette", str(tmp_path), "--threads", threads]) == 2
     assert f"threads = {threads} is out of range" in capsys.readouterr().err
 
 
@@ -175,6 +175,6 @@ def test_an_impossible_number_of_threads_is_a_bad_request(tmp_path, capsys, thre
 )
 def test_options_of_another_type_are_named_to_the_caller(tmp_path, options, words):
     Request("render", tmp_path, options).write(tmp_path)
-    assert cli.run_job(tmp_path) == BadRequest.exit_code
+    assert job.run_job(tmp_path) == BadRequest.exit_code
     last = list(EventReader(tmp_path).poll())[-1]
     assert last.kind == "error" and last["code"] == "request" and words in last["sentence"] and last["hint"]

@@ -1,0 +1,47 @@
+"""Every step for scripts: `blender --background --python script.py`, or a running Blender's console.
+
+    from bl_ext.user_default.karf.karf_blender import headless as karf
+
+Each function blocks until its work is done and raises KarfError (sentence and hint) where it fails. `scene` defaults to
+the context's. Colors are sRGB triples in [0, 1] or "#rrggbb". See docs/blender.md for a whole script.
+"""
+
+from .editing import Color, apply_edit, becomes, prepare_views, save, save_edit, set_swatch, show_view
+from .learning import extract_palette, find_poses, import_capture, learn_scene, reprojection_error, segment
+from .rendering import (
+    add_strip,
+    build_compositor,
+    colorways,
+    export_cameras,
+    import_cameras,
+    render_captured,
+    render_sequence,
+    render_view,
+    show_frames,
+)
+
+__all__ = [
+    "Color",
+    "add_strip",
+    "apply_edit",
+    "becomes",
+    "build_compositor",
+    "colorways",
+    "export_cameras",
+    "extract_palette",
+    "find_poses",
+    "import_cameras",
+    "import_capture",
+    "learn_scene",
+    "prepare_views",
+    "render_captured",
+    "render_sequence",
+    "render_view",
+    "reprojection_error",
+    "save",
+    "save_edit",
+    "segment",
+    "set_swatch",
+    "show_frames",
+    "show_view",
+]

@@ -1,0 +1,87 @@
+"""Swatches, the view that shows them, and the .blend that keeps them."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import bpy
+
+from .. import steps
+from ..engine_api import Edit, hex_to_rgb
+from ..swatches import edits
+from ..tasks import runner
+from .context import scene_of
+
+Color = str | Sequence[float]
+
+
+def set_swatch(object_name: str, index: int, color: Color, scene: bpy.types.Scene | None = None) -> None:
+    """Give a swatch a color.
+
+    Args:
+        object_name: Name of the object.
+        index: Number of the swatch, from 1: swatch 0 is black and frozen.
+        color: sRGB in [0, 2], or "#rrggbb".
+        scene: Default: the context's.
+    """
+    edits.set_color(scene_of(scene), object_name, index, _color(color))
+
+
+def becomes(
+    object_name: str, source: Color, target: Color, rule: str = "becomes", scene: bpy.types.Scene | None = None
+) -> None:
+    """Set an object's swatches so that one color of it becomes another.
+
+    Args:
+        object_name: Name of the object.
+        source: A color of the object as it is in the photos: sRGB in [0, 1], or "#rrggbb".
+        target: What it shall become.
+        rule: `becomes` (the whole object gets a new paint) or `fewest` (as few changed swatches as possible).
+        scene: Default: the context's.
+    """
+    steps.becomes(scene_of(scene), object_name, _color(source), _color(target), rule)
+
+
+def apply_edit(edit: str | Path | Edit, scene: bpy.types.Scene | None = None) -> None:
+    """Set the swatches to an edit, or to that in an edit file."""
+    if isinstance(edit, Edit):
+        edits.apply_edit(scene_of(scene), edit)
+    else:
+        steps.load_edit(scene_of(scene), Path(edit))
+
+
+def save_edit(path: str | Path, scene: bpy.types.Scene | None = None) -> None:
+    """Write the swatches as an edit file."""
+    steps.save_edit(scene_of(scene), Path(path))
+
+
+def show_view(view: str = "", scene: bpy.types.Scene | None = None) -> bpy.types.Image:
+    """Show a captured view recolored, preparing it where needed.
+
+    Args:
+        view: Name of the view; default: the active one.
+        scene: Default: the context's.
+
+    Returns:
+        The result image.
+    """
+    task = steps.show_view(scene_of(scene), view)
+    if task is not None:
+        runner.wait(task)
+    return scene_of(scene).karf.result
+
+
+def prepare_views(views: str = "all", scene: bpy.types.Scene | None = None) -> None:
+    """Prepare captured views (`all`, `train`, `test` or names), so that they show without the engine."""
+    runner.wait(steps.prepare_views(scene_of(scene), views))
+
+
+def save(path: str | Path | None = None) -> None:
+    """Save the .blend (at `path`, else where it is)."""
+    if path is None:
+        bpy.ops.wm.save_mainfile()
+    else:
+        bpy.ops.wm.save_as_mainfile(filepath=str(Path(path).absolute()))
+
+
+def _color(color: Color) -> Sequence[float]:
+    return hex_to_rgb(color) if isinstance(color, str) else color

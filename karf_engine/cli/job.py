@@ -1,0 +1,76 @@
+"""A job folder as a child process: events to its file, cancel by standard input (see wire)."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+import threading
+from importlib import metadata
+from pathlib import Path
+
+from ..errors import DataError, KarfError
+from ..progress import Emit
+from ..project import STAGE_ORDER, Project
+from ..stages.dispatch import run_request
+from ..version import __version__
+from ..wire import PROTOCOL, EventWriter, Request
+from .failing import as_karf_error, say_error
+
+
+def run_job(job: Path) -> int:
+    """Run a job folder as a child process: events to its file, cancel by standard input; returns the exit code.
+
+    Raises DataError where there is no such folder.
+    """
+    if not job.is_dir():
+        raise DataError(f"{job} is no job folder.", "Give the folder that holds request.json.")
+    emit = EventWriter(job)
+    cancelled = threading.Event()
+    threading.Thread(target=_watch_input, args=(cancelled,), daemon=True).start()
+    try:
+        emit("hello", protocol=PROTOCOL, engine=__version__, python=platform.python_version(), torch=_version("torch"),
+             pid=os.getpid())  # fmt: skip
+        request = Request.read(job)
+        run_request(request, emit, cancelled.is_set)
+        emit("done", summary=_summary(request))
+    except Exception as raised:
+        error = as_karf_error(raised)
+        _tell_end(emit, error)
+        return error.exit_code
+    return 0
+
+
+def _tell_end(emit: Emit, error: KarfError) -> None:
+    """The job's last event; on standard error where the events cannot be written."""
+    try:
+        if error.code == "cancelled":
+            emit("cancelled", sentence=error.sentence)
+        else:
+            emit("error", code=error.code, sentence=error.sentence, hint=error.hint)
+    except OSError:
+        say_error(error)
+
+
+def _version(package: str) -> str | None:
+    """Version of an installed package without importing it, or None."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _summary(request: Request) -> dict:
+    """What the project notes of the stages that the request ran."""
+    project = Project(request.project)
+    if not project.state_file.exists():  # poses need no project
+        return {}
+    return {stage: facts for stage in STAGE_ORDER if (facts := project.finished(stage))}
+
+
+def _watch_input(cancelled: threading.Event) -> None:
+    """The line `cancel`, or the end of input (the caller is gone), asks the job to stop."""
+    for line in sys.stdin:
+        if line.strip() == "cancel":
+            break
+    cancelled.set()

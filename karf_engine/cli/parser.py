@@ -1,0 +1,139 @@
+"""What the command line takes: verbs, arguments and their help."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+
+from ..settings import PRESETS
+from ..version import __version__
+from . import verbs
+
+Commands = argparse._SubParsersAction
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """The parser; what it gives has the verb's function as `action`."""
+    parser = argparse.ArgumentParser(
+        prog="karf_engine",
+        description="KaRF: segment objects in a captured scene from coarse masks and recolor them by palettes.",
+        epilog="Exit codes: 0 done, 2 bad request, 3 missing dependency, 4 bad data, 5 out of memory, 6 cancelled, "
+        "7 diverged, 70 internal error.",
+    )
+    parser.add_argument("--version", action="version", version=f"karf_engine {__version__}")
+    commands = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
+    _add_learning(commands)
+    _add_editing(commands)
+    _add_others(commands)
+    return parser
+
+
+def _add_learning(commands: Commands) -> None:
+    verb = _verb(commands, "poses", "make a capture of photos without camera poses, or of a video", verbs.find_poses)
+    verb.add_argument("photos", metavar="PHOTOS", help="folder of photos, or a video file")
+    verb.add_argument("--out", required=True, metavar="DIR", help="the new capture's folder")
+    verb.add_argument("--matching", default="auto", choices=("auto", "exhaustive", "sequential"), help="which pairs of "
+                      "photos are compared: all, or neighbors by name (default: all of up to 250)")  # fmt: skip
+
+    verb = _verb(commands, "all", "learn everything: geometry, segmentation, palette, recoloring", verbs.learn_all)
+    _add_geometry_options(verb)
+    verb.add_argument("--masks", required=True, metavar="DIR", help="coarse masks: DIR/<object>/<photo stem>.png")
+    verb.add_argument("--project", required=True, metavar="DIR", help="project folder, made if needed")
+
+    verb = _verb(commands, "geometry", "learn the scene from photos with poses", verbs.learn_geometry)
+    _add_geometry_options(verb)
+    verb.add_argument("--project", required=True, metavar="DIR", help="project folder, made if needed")
+
+    verb = _verb(commands, "segmentation", "turn coarse masks into objects in all views", verbs.segment)
+    verb.add_argument("project", metavar="DIR", help="project folder")
+    verb.add_argument("--masks", required=True, metavar="DIR", help="coarse masks: DIR/<object>/<photo stem>.png")
+
+    verb = _verb(
+        commands, "palette", "extract palettes; with --json or --out only show the learned ones", verbs.extract_palettes
+    )
+    verb.add_argument("project", metavar="DIR", help="project folder")
+    verb.add_argument("--json", action="store_true", help="print the palettes as JSON; nothing is computed")
+    verb.add_argument(
+        "--out", metavar="FILE", help="write their colors as .gpl, .ase or EDIT.json; nothing is computed"
+    )
+    verb.add_argument("--edit", metavar="FILE", help="of --out: the colors that an edit or a palette file gives them")
+
+    verb = _verb(commands, "recoloring", "learn palette weights", verbs.learn_recoloring)
+    verb.add_argument("project", metavar="DIR", help="project folder")
+
+
+def _add_editing(commands: Commands) -> None:
+    verb = _verb(commands, "match", "write the edit with which one color of an object becomes another", verbs.match)
+    verb.add_argument("project", metavar="DIR", help="project folder")
+    verb.add_argument("--object", required=True, help="which object")
+    verb.add_argument("--from", dest="source", required=True, metavar="COLOR", help="a color it shows, #rrggbb")
+    verb.add_argument("--to", dest="target", required=True, metavar="COLOR", help="the color it shall become, #rrggbb")
+    verb.add_argument("--rule", default="becomes", choices=("becomes", "fewest"), help="becomes: the whole material; "
+                      "fewest: as few swatches as possible (default: %(default)s)")  # fmt: skip
+    verb.add_argument("--edit", metavar="FILE", help="start from this edit (one call an object)")
+    verb.add_argument("--out", required=True, metavar="FILE", help="EDIT.json to write")
+
+    verb = _verb(commands, "render", "render masks, pictures and recolored frames", verbs.render)
+    verb.add_argument("project", metavar="DIR", help="project folder")
+    verb.add_argument(
+        "--views", default="test", help="train, test, val, all, names with commas, or CAMERAS.json (transforms.json "
+        "with sizes) (default: %(default)s)",
+    )  # fmt: skip
+    verb.add_argument("--edit", metavar="FILE", help="EDIT.json, or a palette file: write recolored frames too")
+    verb.add_argument("--out", required=True, metavar="DIR", help="folder for render/, masks/, recolor/")
+    verb.add_argument("--base", choices=("photo", "render"), help="what an edit of a captured view changes (default: "
+                      "photo; with the preset paper: render)")  # fmt: skip
+    verb.add_argument("--size", default="photo", help="of masks and recolored pictures of captured views: photo (all its "
+                      "pixels), learned, or the long side in pixels (default: %(default)s)")  # fmt: skip
+    verb.add_argument("--jpeg", action="store_true", help="write recolored JPEG photos as JPEG, not as PNG")
+    verb.add_argument("--alpha", action="store_true", help="renderings without what is behind the scene, with alpha")
+    verb.add_argument("--format", choices=("png8", "png16", "exr16", "exr32"), default="png8", help="of recolored "
+                      "frames of new cameras; exr is scene-linear (default: %(default)s)")  # fmt: skip
+    verb.add_argument("--depth", action="store_true", help="write depth/ too")
+    verb.add_argument("--planes", action="store_true", help="write planes/ too (what Blender recolors from)")
+    _add_overrides(verb, "change one setting of render, as render.edges=field; may be repeated")
+    verb.add_argument("--layers", action="store_true", help="write layers/ too (OpenEXR for compositors)")
+    verb.add_argument("--skip-existing", action="store_true", help="keep frames that are there already, made from the "
+                      "same: goes on where a job was stopped")  # fmt: skip
+
+    verb = _verb(commands, "colorways", "render every colorway of a sheet in every view", verbs.render_colorways)
+    verb.add_argument("project", metavar="DIR", help="project folder")
+    verb.add_argument("--sheet", required=True, metavar="FILE", help="CSV or JSON: colorway, object, and a color as hex, "
+                      "lab, srgb or srgb8")  # fmt: skip
+    verb.add_argument("--views", default="all", help="as for render (default: %(default)s)")
+    verb.add_argument("--out", required=True, metavar="DIR", help="folder for <colorway>/, colorways.csv and the contact "
+                      "sheet; pictures that are there already are not made again")  # fmt: skip
+    verb.add_argument("--size", default="photo", help="as for render (default: %(default)s)")
+    verb.add_argument("--predict-only", action="store_true", help="only write colorways.csv: what will be reached")
+
+
+def _add_others(commands: Commands) -> None:
+    verb = commands.add_parser("settings", help="list all settings with defaults and ranges")
+    verb.set_defaults(action=verbs.list_settings)
+    verb = commands.add_parser("doctor", help="say whether this Python can run the engine")
+    verb.set_defaults(action=verbs.doctor)
+    verb = commands.add_parser("run", help="run a job folder (used by Blender)")
+    verb.add_argument("job", metavar="JOB", help="folder with request.json")
+    verb.set_defaults(action=verbs.run)
+
+
+def _verb(commands, name: str, text: str, action: Callable) -> argparse.ArgumentParser:
+    verb = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+    verb.set_defaults(action=action)
+    verb.add_argument("--threads", type=int, help="processor threads (default: all cores, at most 4)")
+    verb.add_argument("--device", help="cpu, cuda or cuda:NUMBER (default: cuda where there is one)")
+    return verb
+
+
+def _add_geometry_options(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument("capture", metavar="CAPTURE", help="folder or transforms.json with photos and camera poses")
+    verb.add_argument("--preset", default="demo", choices=tuple(PRESETS), help="quality against time (default: demo)")
+    _add_overrides(verb, "change one setting (see the settings verb); may be repeated")
+    verb.add_argument("--nerf", metavar="FILE", help="import a NeRF that another program has trained on this capture: "
+                      "nerf-pytorch .tar, krrish94 .ckpt")  # fmt: skip
+
+
+def _add_overrides(verb: argparse.ArgumentParser, text: str) -> None:
+    verb.add_argument(
+        "--set", dest="overrides", action="append", default=[], metavar="STAGE.FIELD=VALUE", help=text
+    )  # fmt: skip

@@ -1,0 +1,125 @@
+"""The verbs: each does what its arguments say and returns the exit code."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from .. import library
+from ..errors import BadRequest, MissingDependency
+from ..files import read_json
+from ..progress import TerminalEmit
+from ..project import Project
+from ..project.edit import edit_of
+from ..settings import describe
+from ..stages.dispatch import run_request
+from ..wire import Request
+from .job import run_job
+
+
+def learn_all(options: argparse.Namespace) -> int:
+    """All stages of learning."""
+    learn_geometry(options)
+    segment(options)
+    library.extract_palettes(options.project, **_run_of(options))
+    library.learn_recoloring(options.project, **_run_of(options))
+    return 0
+
+
+def learn_geometry(options: argparse.Namespace) -> int:
+    """The scene."""
+    library.learn_geometry(
+        options.capture,
+        project=options.project,
+        preset=options.preset,
+        overrides=options.overrides,
+        nerf=options.nerf,
+        **_run_of(options),
+    )
+    return 0
+
+
+def segment(options: argparse.Namespace) -> int:
+    """Objects."""
+    library.segment(options.project, options.masks, **_run_of(options))
+    return 0
+
+
+def extract_palettes(options: argparse.Namespace) -> int:
+    """Palettes, or only a look at them."""
+    if options.json:
+        project = Project(options.project)
+        project.require("palette")
+        print(json.dumps(read_json(project.palette_file, "palettes"), indent=1))
+        return 0
+    if options.out or options.edit:
+        if not options.out:
+            raise BadRequest("The palette verb was given an edit and no file to write.", "Add --out FILE.")
+        edit_of(Project(options.project), options.edit).save(options.out)
+        return 0
+    library.extract_palettes(options.project, **_run_of(options))
+    return 0
+
+
+def learn_recoloring(options: argparse.Namespace) -> int:
+    """Palette weights."""
+    library.learn_recoloring(options.project, **_run_of(options))
+    return 0
+
+
+def find_poses(options: argparse.Namespace) -> int:
+    """A capture of photos without poses."""
+    library.find_poses(options.photos, options.out, matching=options.matching, **_run_of(options))
+    return 0
+
+
+def match(options: argparse.Namespace) -> int:
+    """An edit."""
+    values = {name: getattr(options, name) for name in ("object", "source", "target", "rule", "edit", "out")}
+    run_request(Request("match", Path(options.project), values), TerminalEmit(), lambda: False)
+    return 0
+
+
+def render(options: argparse.Namespace) -> int:
+    """Pictures of views."""
+    names = (
+        "views", "edit", "base", "size", "depth", "planes", "layers", "alpha", "jpeg", "overrides", "skip_existing",
+        "format",
+    )  # fmt: skip
+    chosen = {name: getattr(options, name) for name in names}
+    library.render(options.project, options.out, **chosen, **_run_of(options))
+    return 0
+
+
+def render_colorways(options: argparse.Namespace) -> int:
+    """Pictures of views in all colorways."""
+    chosen = {"views": options.views, "size": options.size, "predict_only": options.predict_only}
+    library.colorways(options.project, options.sheet, options.out, **chosen, **_run_of(options))
+    return 0
+
+
+def _run_of(options: argparse.Namespace) -> library.Run:
+    """How the command line runs a stage: events go to the terminal."""
+    return {"threads": options.threads, "device": options.device, "emit": TerminalEmit()}
+
+
+def list_settings(_: argparse.Namespace) -> int:
+    """All settings."""
+    for name, default, text in describe():
+        print(f"{name:34} {default!s:12.60}  {text}")
+    return 0
+
+
+def doctor(_: argparse.Namespace) -> int:
+    """Whether this Python can run the engine."""
+    from ..doctor import examine
+
+    report = examine()
+    print(json.dumps(report, indent=1))
+    return 0 if report["ok"] else MissingDependency.exit_code
+
+
+def run(options: argparse.Namespace) -> int:
+    """A job folder."""
+    return run_job(Path(options.job))
