@@ -17,7 +17,7 @@ Place = tuple[int, int]
 Wait = Generator[float, None, None]
 PAUSE = 0.03  # seconds in which Blender takes an event in
 ROW = 13  # pixels between two rows of a search; the lowest buttons are about 18 high
-EMPTY_ROWS = 18  # so many rows without a button are the end of the panels
+EMPTY_ROWS = 26  # so many rows without a button are the end of the panels
 RIGHT = 0.845  # where a sidebar has the small button at the end of a row
 COLUMNS = (0.45, RIGHT, 0.2, 0.68, 0.32, 0.57)  # of a region's width, in the order of a search
 
