@@ -12,9 +12,7 @@ from ..project import captures, folders
 from ..swatches import colors
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
-from . import requests
-
-STANDARD = ("Standard", "Raw")  # view transforms that show sRGB colors as they are
+from . import requests, sequences
 
 
 def build_compositor(scene: bpy.types.Scene, view: str = "", driven: bool = False) -> Task:
@@ -89,7 +87,4 @@ def _say_differences(scene: bpy.types.Scene, node: bpy.types.Node, size: tuple[i
         progress.warn(f"The compositor's output has other nodes: link {node.name} where you want it.")
     if size != rendered:
         progress.warn(f"The layers have {size[0]} x {size[1]} pixels, the scene renders {rendered[0]} x {rendered[1]}.")
-    if scene.view_settings.view_transform not in STANDARD:
-        progress.warn(
-            f"The view transform {scene.view_settings.view_transform} changes colors: Standard shows them as they are."
-        )
+    sequences.say_view_transform(scene)

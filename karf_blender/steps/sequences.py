@@ -4,9 +4,12 @@ from pathlib import Path
 
 import bpy
 
+from .. import progress
 from ..engine_api import BadRequest, open_capture
 from ..pictures import sequences
 from ..project import folders
+
+STANDARD = ("Standard", "Raw")  # view transforms that show sRGB colors as they are
 
 
 def show_frames(scene: bpy.types.Scene, folder: Path | None = None, is_wanted: bool = True) -> bpy.types.Image:
@@ -27,7 +30,15 @@ def show_frames(scene: bpy.types.Scene, folder: Path | None = None, is_wanted: b
 def add_strip(scene: bpy.types.Scene, folder: Path | None = None) -> "bpy.types.Strip":
     """Put rendered frames into the scene's sequencer; folder and errors as those of `show_frames`."""
     files = frames_in(scene, folder)
+    say_view_transform(scene)
     return sequences.add_strip(scene, files, _first_frame(files), f"KaRF {files[0].parent.parent.name}")
+
+
+def say_view_transform(scene: bpy.types.Scene) -> None:
+    """Warn of a view transform that shows other colors in the compositor and the sequencer than the files have."""
+    transform = scene.view_settings.view_transform
+    if transform not in STANDARD:
+        progress.warn(f"The view transform {transform} changes colors: Standard shows them as they are.")
 
 
 def frames_in(scene: bpy.types.Scene, folder: Path | None = None) -> list[Path]:
