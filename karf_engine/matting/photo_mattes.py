@@ -33,8 +33,9 @@ RESOLVED, TRUST_RESOLVED = 5.0, 1.0  # the same where the field is sure and show
 # things of one color nothing else tells
 LOST_PARTS_AT = 1  # after how many enlargements what the field has lost is looked for: thin parts must be seen
 STEP_BAND = 3  # pixels about a border that are decided again after each enlargement
+PRESENT = 7  # pixels about one of a class, in which others may be found to be of that class too
 DECIDED = 0.98
-LEAST_CARRIED = 0.05  # of a class near the border, when an enlarged label is asked again
+LEAST_CARRIED = 0.05  # of a class that is present near a border, when enlarged labels are asked again
 BORDER = 1.5  # pixels to either side of a border whose coverage is found by matting
 CERTAIN, UNSURE = 0.99, 0.3  # labels above are no mixtures, however near the border: a stem is all border; labels
 # that far from 0 and 1 are, however far from it
@@ -136,10 +137,17 @@ def sharpen(photo: np.ndarray, classes: np.ndarray, models: ColorModels) -> np.n
         if free.any():
             lab = lab_of(photo[tile.outer])
             places = (np.argwhere(free) + [tile.rows.start + 0.5, tile.columns.start + 0.5]) / size
-            labels[:, free] = posterior(models, lab[free], places, np.maximum(labels[:, free], LEAST_CARRIED))
+            priors = np.maximum(labels, LEAST_CARRIED * _present(labels))[:, free]
+            labels[:, free] = posterior(models, lab[free], places, priors)
             labels[:, free] = random_walk(lab, labels, free, TRUST)
         result[(slice(None), *tile.place)] = labels[(slice(None), *tile.inner)]
     return result
+
+
+def _present(labels: np.ndarray) -> np.ndarray:
+    """Whether each class holds a pixel thereabouts: the far end of another object may have any color."""
+    kernel = np.ones((2 * PRESENT + 1,) * 2, np.uint8)
+    return np.stack([cv2.dilate((own > 0.5).astype(np.uint8), kernel) for own in labels])
 
 
 def cover(photo: np.ndarray, classes: np.ndarray) -> np.ndarray:
