@@ -38,7 +38,8 @@ def closed_form_matting(colors: np.ndarray, coverage: np.ndarray, unknown: np.nd
         >>> ramp = np.repeat(np.array([[0, 0, 0.5, 1, 1]], np.float32), 3, 0)
         >>> unknown = np.zeros((3, 5), bool)
         >>> unknown[1, 2] = True
-        >>> closed_form_matting(np.stack([ramp] * 3, -1), (ramp > 0.6).astype(np.float32), unknown).round(2).tolist()
+        >>> guess = np.where(unknown, 0, ramp)
+        >>> closed_form_matting(np.stack([ramp] * 3, -1), guess, unknown).round(2).tolist()
         [0.5]
     """
     inner = np.zeros_like(unknown)
@@ -57,7 +58,7 @@ def closed_form_matting(colors: np.ndarray, coverage: np.ndarray, unknown: np.nd
 
 
 def _system(colors: np.ndarray, coverage: np.ndarray, asked: np.ndarray) -> tuple[sparse.csr_array, np.ndarray]:
-    """The rows and columns of L of the pixels asked for, and what the known pixels beside them add to the right side."""
+    """Rows and columns of L of the pixels asked for, and what known pixels beside them add to the right side."""
     count, width = int(asked.sum()), asked.shape[1]
     number = np.full(asked.size, -1, np.int32)
     number[asked.ravel()] = np.arange(count, dtype=np.int32)

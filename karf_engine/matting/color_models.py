@@ -1,7 +1,7 @@
 """Which colors objects and surroundings have in one photo, and where in it.
 
-All classes share one set of Gaussians in CIE Lab (`mixtures`); a class is its shares of them, and these shares vary over
-the photo: what stands beside a leaf tells more about its edge than what stands elsewhere in the picture.
+All classes share one set of Gaussians in CIE Lab (`mixtures`); a class is its shares of them, and these shares vary
+over the photo: what stands beside a leaf tells more about its edge than what stands elsewhere in the picture.
 """
 
 from __future__ import annotations

@@ -64,7 +64,7 @@ def _own_colors(light: np.ndarray, coverage: np.ndarray, tile: Tile) -> tuple[np
 
 
 def _color_nearby(light: np.ndarray, pure: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean colors [n, 3] of the pure pixels about each chosen one, in the smallest window that has some; and which had."""
+    """Mean colors [n, 3] of the pure pixels about each chosen one, in the smallest window with some; and which had."""
     result, known = np.zeros((int(chosen.sum()), 3), np.float32), np.zeros(int(chosen.sum()), bool)
     weighted = np.concatenate([light * pure[..., None], pure[..., None]], -1, dtype=np.float32)
     for deviation in WINDOWS:

@@ -1,7 +1,7 @@
 """Soft labels of pixels from what each says by itself and what its neighbors of like color say.
 
-Random walks with priors (Grady, "Multilabel Random Walker Image Segmentation Using Prior Models", 2005): the labels x_c
-of class c minimize sum_ij w_ij (x_ci - x_cj)^2 + sum_i g_i (x_ci - p_ci)^2, where p is a pixel's own opinion, g how much
+Random walks with priors (Grady, "Multilabel Random Walker Image Segmentation Using Prior Models", 2005): the labels
+x_c of class c minimize sum_ij w_ij (x_ci - x_cj)^2 + sum_i g_i (x_ci - p_ci)^2, where p is a pixel's own opinion, g how much
 that counts, and w_ij is high between neighbors of like color. It is one sparse, positive definite system for all
 classes, and its solution sums to 1 where the opinions do.
 """
@@ -25,7 +25,8 @@ def random_walk(lab: np.ndarray, opinions: np.ndarray, free: np.ndarray, trust: 
         lab: [h, w, 3] float32 CIE Lab.
         opinions: [C, h, w] float32, sum to 1 over C.
         free: [h, w] bool.
-        trust: What a pixel's own opinion counts beside its links to neighbors, > 0; a number or [n] for the free pixels.
+        trust: What a pixel's own opinion counts beside its links to neighbors, > 0; a number or [n] of the free
+            pixels.
 
     Returns:
         [C, n] float32 of the n free pixels, in [0, 1].

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..images import resize
-from .matte import Matte
+from .matte import NEGLIGIBLE, Matte
 from .photo_mattes import refine_mattes
-
-NEGLIGIBLE = 1 / 512  # coverage: less cannot change an 8-bit pixel
 
 
 def mattes_of(edges: str, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray) -> list[Matte]:

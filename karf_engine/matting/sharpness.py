@@ -1,7 +1,7 @@
 """How sharp a photo is where it matters: many photos are larger than what their lens resolves.
 
-An edge that a Gaussian of deviation s blurs, blurred again by s0, loses a share of its steepness that tells s: the ratio
-of the gradients is sqrt(s^2 + s0^2) / s (Zhuo and Sim, "Defocus map estimation from a single image", 2011).
+An edge that a Gaussian of deviation s blurs, blurred again by s0, loses a share of its steepness that tells s: the
+ratio of the gradients is sqrt(s^2 + s0^2) / s (Zhuo and Sim, "Defocus map estimation from a single image", 2011).
 """
 
 from __future__ import annotations
