@@ -1,8 +1,8 @@
 """Soft labels of pixels from what each says by itself and what its neighbors of like color say.
 
 Random walks with priors (Grady, "Multilabel Random Walker Image Segmentation Using Prior Models", 2005): the labels
-x_c of class c minimize sum_ij w_ij (x_ci - x_cj)^2 + sum_i g_i (x_ci - p_ci)^2, where p is a pixel's own opinion, g how much
-that counts, and w_ij is high between neighbors of like color. It is one sparse, positive definite system for all
+x_c of class c minimize sum_ij w_ij (x_ci - x_cj)^2 + sum_i g_i (x_ci - p_ci)^2, where p is a pixel's own opinion, g how
+much that counts, and w_ij is high between neighbors of like color. It is one sparse, positive definite system for all
 classes, and its solution sums to 1 where the opinions do.
 """
 
