@@ -33,7 +33,7 @@ RESOLVED, TRUST_RESOLVED = 5.0, 1.0  # the same where the field is sure and show
 # things of one color nothing else tells
 LOST_PARTS_AT = 1  # after how many enlargements what the field has lost is looked for: thin parts must be seen
 STEP_BAND = 3  # pixels about a border that are decided again after each enlargement
-PRESENT = 7  # pixels about one of a class, in which others may be found to be of that class too
+PRESENT = 15  # pixels about one of a class, in which others may be found to be of that class too
 DECIDED = 0.98
 LEAST_CARRIED = 0.05  # of a class that is present near a border, when enlarged labels are asked again
 BORDER = 1.5  # pixels to either side of a border whose coverage is found by matting
