@@ -6,6 +6,7 @@ Each function blocks until its work is done and raises KarfError (sentence and h
 the context's. Colors are sRGB triples in [0, 1] or "#rrggbb". See docs/blender.md for a whole script.
 """
 
+from ..engine_api import Edit, KarfError
 from .editing import Color, apply_edit, becomes, prepare_views, save, save_edit, set_swatch, show_view
 from .learning import extract_palette, find_poses, import_capture, learn_scene, reprojection_error, segment
 from .rendering import (
@@ -22,6 +23,8 @@ from .rendering import (
 
 __all__ = [
     "Color",
+    "Edit",
+    "KarfError",
     "add_strip",
     "apply_edit",
     "becomes",

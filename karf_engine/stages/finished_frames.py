@@ -18,6 +18,7 @@ from ..project import STAGE_ORDER
 from ..settings import to_dict
 from .job import Job, file_digest, fingerprint
 
+VERSION = 1  # goes up when the same would be rendered to other pictures
 NOTE = "finished.jsonl"
 NOT_OF_A_FRAME = {"views", "edit", "out", "threads", "device", "skip_existing"}  # options of a request
 
@@ -71,7 +72,7 @@ def model_mark(job: Job) -> str:
     """A text that changes when anything that is learned of a job's project does, or how it renders."""
     stages = {stage: job.project.finished(stage) or {} for stage in STAGE_ORDER}
     learned = {stage: [facts.get("fingerprint"), facts.get("files")] for stage, facts in stages.items()}
-    return fingerprint(learned, to_dict(job.settings.render))
+    return fingerprint(VERSION, learned, to_dict(job.settings.render))
 
 
 def view_mark(model: str, view: View, *options: Any) -> str:

@@ -18,6 +18,14 @@ def test_the_shown_view_is_written_as_shown_whatever_the_view_transform(bpy, add
     assert np.abs(written - expected).max() <= 0.51 / 255
 
 
+def test_a_script_makes_an_edit_of_its_own_and_applies_it(bpy, addon, learned):
+    palettes = {palette.name: palette.colors.copy() for palette in addon.edits.learned(bpy.context.scene)}
+    palettes["pot"][1] = (0.1, 0.2, 0.3)
+    addon.headless.apply_edit(addon.headless.Edit(palettes))
+    edited = addon.edits.current_edit(bpy.context.scene).colors["pot"]
+    np.testing.assert_allclose(edited, palettes["pot"], atol=1e-6)
+
+
 def test_this_view_is_written_by_the_engine_at_the_size_of_its_photo(bpy, addon, learned, tmp_path):
     learned.karf.out = str(tmp_path / "out")
     addon.headless.set_swatch("pot", 1, "#204060")
