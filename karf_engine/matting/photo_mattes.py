@@ -12,6 +12,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from ..edit.compositing import hard_masks
 from .closed_form import closed_form_matting
 from .color_models import ColorModels, fit_color_models, posterior
 from .foreground import LINEAR, unmixed
@@ -55,7 +56,7 @@ def refine_mattes(photo: np.ndarray, probabilities: np.ndarray, rendered: np.nda
         One matte for each object.
     """
     probabilities = without_strays(probabilities)
-    if not _masks(probabilities).any():
+    if not hard_masks(probabilities).any():
         return unmixed(photo, np.zeros_like(probabilities))
     start = probabilities.shape[1:]
     classes, models = decide(lab_of(_resized(photo, start)), probabilities, lab_of(rendered))
@@ -68,7 +69,7 @@ def refine_mattes(photo: np.ndarray, probabilities: np.ndarray, rendered: np.nda
             classes = with_lost_parts(reduced, lab_of(rendered), classes, models)
         classes = sharpen(reduced, classes, models)
     coverage = cover(_resized(photo, classes.shape[1:]), classes)
-    disputed = [_disagree(own, field) for own, field in zip(coverage, _masks(probabilities), strict=True)]
+    disputed = [_disagree(own, field) for own, field in zip(coverage, hard_masks(probabilities), strict=True)]
     for own, probability, is_disputed in zip(coverage, probabilities, disputed, strict=True):
         if is_disputed:
             own[:] = cv2.resize(probability, own.shape[::-1], interpolation=cv2.INTER_LINEAR)
@@ -80,11 +81,6 @@ def _disagree(coverage: np.ndarray, mask: np.ndarray) -> bool:
     """Whether an object's coverage has little to do with the field's mask, bool [h, w]."""
     found = cv2.resize(coverage.astype(np.float32), mask.shape[::-1], interpolation=cv2.INTER_AREA) > 0.5
     return bool((found & mask).sum() < LEAST_AGREEMENT * (found | mask).sum())
-
-
-def _masks(probabilities: np.ndarray) -> np.ndarray:
-    """Where each of K objects is likelier than the others and than none, bool [K, h, w]."""
-    return (probabilities > 1 - probabilities.sum(0)) & (probabilities == probabilities.max(0))
 
 
 def with_lost_parts(photo: np.ndarray, rendered: np.ndarray, classes: np.ndarray, models: ColorModels) -> np.ndarray:
@@ -111,7 +107,7 @@ def steps(start: tuple[int, int], end: tuple[int, int]) -> list[tuple[int, int]]
 def decide(lab: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray) -> tuple[np.ndarray, ColorModels]:
     """Classes [K+1, h, w] at the field's picture size, class 0 being no object, and the colors that they have."""
     classes = np.concatenate([np.clip(1 - probabilities.sum(0), 0, 1)[None], probabilities])
-    masks = _masks(probabilities)
+    masks = hard_masks(probabilities)
     cores = [_core(mask, own) for mask, own in zip(masks, probabilities, strict=True)]
     away = np.stack([_distance(~mask) for mask in masks])
     nearest = away.min(0)
