@@ -91,13 +91,14 @@ picture
 edit = model.edit().becomes("pot", "#b5302c", "#3059b8")
 edit.save(OUT / "blue_pot.json")
 edit = karf.read_edit(OUT / "blue_pot.json", model.palettes)
-recolored = model.recolor(view, edit)
+recolored = model.recolor(view, edit, size="learned")
 picture = shown(frame.base, recolored)
 picture.save(OUT / "recolored.png")
 picture
 
 # %% [markdown]
-# All else is as it was: outside the pot not a bit has changed.
+# All else is as it was: outside the pot not a bit has changed. `size="learned"` is the size of the pictures above; without
+# it the photo comes back with all its pixels, and `model.photo_view(view)` keeps its bit depth as well.
 
 # %%
 pot = frame.probabilities[model.objects.index("pot")]

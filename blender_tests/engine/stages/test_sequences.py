@@ -186,4 +186,4 @@ def test_memory_does_not_grow_with_the_number_of_frames(learned, tmp_path, monke
         tracemalloc.stop()
     gc.collect()
     assert not [picture for picture in alive if picture() is not None]
-    assert sizes[1] - sizes[0] < 80 * 512  # bytes of 80 frames: half of one plane of each would be as many
+    assert sizes[1] - sizes[0] < 80 * 1024  # bytes of 80 frames: one plane of each would be as many
