@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from .color_models import ColorModels, posterior
+from .distances import distance_to
 
 REACH = 32  # how far from the object, pixels of the field's picture
 NEARBY = 2  # where the field may show the pixel's color all the same: it is blurred, and poses are not exact
@@ -40,7 +41,7 @@ def lost_parts(lab: np.ndarray, rendered: np.ndarray, labels: np.ndarray, models
         own = hard == k
         if not own.any():
             continue
-        away = cv2.distanceTransform((~own).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        away = distance_to(own)
         asked = (hard == 0) & (away <= REACH * scale)
         like = np.zeros_like(own)
         like[asked] = _looks_like(k, lab, asked, models)

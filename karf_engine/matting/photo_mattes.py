@@ -15,6 +15,7 @@ import numpy as np
 from ..edit.compositing import hard_masks
 from .closed_form import closed_form_matting
 from .color_models import ColorModels, fit_color_models, posterior
+from .distances import distance_to
 from .foreground import LINEAR, unmixed
 from .lost_parts import difference_nearby, lost_parts
 from .matte import Matte
@@ -59,17 +60,18 @@ def refine_mattes(photo: np.ndarray, probabilities: np.ndarray, rendered: np.nda
     if not hard_masks(probabilities).any():
         return unmixed(photo, np.zeros_like(probabilities))
     start = probabilities.shape[1:]
-    classes, models = decide(lab_of(_resized(photo, start)), probabilities, lab_of(rendered))
+    field = lab_of(rendered)
+    classes, models = decide(lab_of(_resized(photo, start)), probabilities, field)
     # what the photo's lens has blurred is a mixture over many of its pixels: it is decided where they are few
     end = np.maximum(sharp_size(photo, _near_border(classes)), start)
     sizes = steps(start, tuple(end.tolist()))[1:]
     for number, size in enumerate(sizes):
         reduced = _resized(photo, size)
         if number == min(LOST_PARTS_AT, len(sizes) - 1):
-            classes = with_lost_parts(reduced, lab_of(rendered), classes, models)
+            classes = with_lost_parts(reduced, field, classes, models)
         classes = sharpen(reduced, classes, models)
     coverage = cover(_resized(photo, classes.shape[1:]), classes)
-    disputed = [_disagree(own, field) for own, field in zip(coverage, hard_masks(probabilities), strict=True)]
+    disputed = [_disagree(own, mask) for own, mask in zip(coverage, hard_masks(probabilities), strict=True)]
     for own, probability, is_disputed in zip(coverage, probabilities, disputed, strict=True):
         if is_disputed:
             own[:] = cv2.resize(probability, own.shape[::-1], interpolation=cv2.INTER_LINEAR)
@@ -109,7 +111,7 @@ def decide(lab: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray) -> 
     classes = np.concatenate([np.clip(1 - probabilities.sum(0), 0, 1)[None], probabilities])
     masks = hard_masks(probabilities)
     cores = [_core(mask, own) for mask, own in zip(masks, probabilities, strict=True)]
-    away = np.stack([_distance(~mask) for mask in masks])
+    away = np.stack([distance_to(mask) for mask in masks])
     nearest = away.min(0)
     surroundings = (probabilities.sum(0) < NONE) & (nearest < RING)
     models = fit_color_models(lab, np.stack([surroundings, *cores]), np.random.default_rng(0))
@@ -165,7 +167,7 @@ def _border_matted(light: np.ndarray, label: np.ndarray) -> np.ndarray:
     inside = label > 0.5
     if not inside.any() or inside.all():
         return inside.astype(np.float32)
-    border = np.maximum(_distance(inside), _distance(~inside)) <= BORDER
+    border = np.maximum(distance_to(inside), distance_to(~inside)) <= BORDER
     unknown = (border & (label < CERTAIN)) | ((label > UNSURE) & (label < 1 - UNSURE))
     result = np.where(unknown, label, inside.astype(np.float32))
     result[unknown] = closed_form_matting(light, result, unknown)
@@ -186,17 +188,10 @@ def _places(chosen: np.ndarray) -> np.ndarray:
 
 
 def _core(mask: np.ndarray, probability: np.ndarray) -> np.ndarray:
-    core = mask & (probability > SURE) & (_distance(mask) > CORE)
+    core = mask & (probability > SURE) & (distance_to(~mask) > CORE)
     if core.sum() >= LEAST_CORE or not mask.any():
         return core
     return mask & (probability >= np.median(probability[mask]))  # a thin or small object has no deeper pixels
-
-
-def _distance(inside: np.ndarray) -> np.ndarray:
-    """Pixels to the nearest one outside."""
-    if inside.all():
-        return np.full(inside.shape, np.inf, np.float32)
-    return cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
 
 
 def lab_of(photo: np.ndarray) -> np.ndarray:

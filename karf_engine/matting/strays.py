@@ -5,6 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from .distances import distance_to
+
 SMALL = 0.02  # of the area of the object's largest part
 FAR = 0.25  # of the square root of that area, from the larger parts
 
@@ -34,11 +36,7 @@ def _strays(mask: np.ndarray) -> np.ndarray:
         return np.zeros_like(mask)
     areas = figures[1:, cv2.CC_STAT_AREA]
     large = np.isin(parts, 1 + np.flatnonzero(areas >= SMALL * areas.max()))
-    away = _distance_to(large)
+    away = distance_to(large)
     far = [n for n in range(1, count) if away[parts == n].min() > FAR * areas.max() ** 0.5]
     strays = np.isin(parts, far)
-    return _distance_to(strays) < away if far else strays
-
-
-def _distance_to(mask: np.ndarray) -> np.ndarray:
-    return cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return distance_to(strays) < away if far else strays
