@@ -66,9 +66,8 @@ def addon(bpy, monkeypatch):
 @pytest.fixture
 def chosen(addon):
     """The extension's preferences, with no Python chosen before and after the test."""
-    preferences = addon.preferences.current()
-    yield preferences
-    preferences.engine_python = ""
+    yield addon.preferences.current()
+    addon.preferences.current().engine_python = ""  # asked for anew: a test may have loaded other preferences
     addon.probing.cancel()
 
 
