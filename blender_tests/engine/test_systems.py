@@ -8,7 +8,7 @@ from blender_tests.posix_only import unguarded, without_encoding
 PACKAGES = ("karf_engine", "karf_blender")
 
 
-@pytest.mark.parametrize("package", PACKAGES)
+@pytest.mark.parametrize("package", [*PACKAGES, "blender_tests/engine"])
 def test_nothing_that_windows_lacks_is_used_unless_the_system_was_asked(package):
     assert list(unguarded(ROOT / package)) == []
 

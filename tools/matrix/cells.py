@@ -22,8 +22,8 @@ BLENDERS = {
     "addon-4.5": ("3.11", ["bpy>=4.5,<4.6", "numpy>=1.26,<2"]),
     "addon-5.0": ("3.11", ["bpy>=5.0,<5.1", "numpy>=1.26,<2"]),
     "addon-5.1": ("3.13", ["bpy>=5.1,<5.2", "numpy>=2"]),
-    "addon-newest-3.11": ("3.11", ["bpy"]),
-    "addon-newest-3.13": ("3.13", ["bpy"]),
+    "addon-newest-3.11": ("3.11", ["bpy", "numpy"]),
+    "addon-newest-3.13": ("3.13", ["bpy", "numpy"]),
 }
 # What --quick leaves out: tests that learn, kill, or measure for more than some seconds; every room keeps some
 SLOW = ()
