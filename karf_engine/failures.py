@@ -25,7 +25,8 @@ MEMORY_MESSAGES = (
     "larger than the maximum possible size",
 )
 DISK_FULL_MESSAGES = ("disk is full", "requested and")  # SQLite; numpy, which wrote less than was requested
-NUMBER_IN_TEXT = re.compile(r"\(os error (\d+)\)")  # safetensors has the system's number in its message alone
+# safetensors has the system's number in its message alone; the second form is that of its versions before 0.5
+NUMBER_IN_TEXT = re.compile(r"\(os error (\d+)\)|Os \{ code: (\d+)")
 WINDOWS_ERRORS = {  # its own numbers, which libraries that are not written in Python report
     2: errno.ENOENT, 3: errno.ENOENT, 5: errno.EACCES, 8: errno.ENOMEM, 14: errno.ENOMEM, 19: errno.EROFS,
     32: errno.EACCES, 33: errno.EACCES, 39: errno.ENOSPC, 112: errno.ENOSPC, 206: errno.ENAMETOOLONG,
@@ -118,5 +119,5 @@ def _system_number(error: BaseException) -> int | None:
     if any(word in str(error) for word in DISK_FULL_MESSAGES):
         return errno.ENOSPC
     found = NUMBER_IN_TEXT.search(str(error))
-    number = int(found[1]) if found else None
+    number = int(found[1] or found[2]) if found else None
     return WINDOWS_ERRORS.get(number, number) if is_windows else number

@@ -40,7 +40,8 @@ def main() -> int:
     print()
     for result in results:
         running.show(result)
-    return int(any(result.status == "failed" for result in results))
+    bad = ("failed", "skipped") if options.strict else ("failed",)
+    return int(any(result.status in bad for result in results))
 
 
 def describe(cell: Cell) -> str:
@@ -56,6 +57,7 @@ def parse_arguments(known: dict[str, Cell]) -> argparse.Namespace:
     parser.add_argument("cells", nargs="*", metavar="CELL", help=f"which (default: all): {', '.join(known)}")
     parser.add_argument("--quick", action="store_true", help="leave slow tests of the engine out")
     parser.add_argument("--out", default=page.RESULTS, metavar="FILE", help="results as JSON")
+    parser.add_argument("--strict", action="store_true", help="a skipped cell counts as a failed one")
     parser.add_argument("--list", action="store_true", help="only list the cells")
     parser.add_argument("--clean", action="store_true", help="only remove the environments")
     options = parser.parse_args()

@@ -25,8 +25,17 @@ BLENDERS = {
     "addon-newest-3.11": ("3.11", ["bpy", "numpy"]),
     "addon-newest-3.13": ("3.13", ["bpy", "numpy"]),
 }
-# What --quick leaves out: tests that learn, kill, or measure for more than some seconds; every room keeps some
-SLOW = ()
+# What --quick leaves out: files of tests that take nine tenths of the time; every room keeps others
+SLOW = tuple(
+    f"blender_tests/engine/{name}.py"
+    for name in (
+        "test_notebooks", "test_library", "command_line/test_cli", "command_line/test_job_runs",
+        "fields/test_registry", "fields/nerf/test_fit_nerf", "fields/voxels/test_fit", "fields/voxels/test_fit_open",
+        "poses/test_triangulation", "stages/test_commits", "stages/test_geometry", "stages/test_kills",
+        "stages/test_nerf", "stages/test_nothing_seen", "stages/test_poses", "stages/test_sequences",
+        "tools/test_faults", "tools/test_readers", "training/test_resuming",
+    )
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

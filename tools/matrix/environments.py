@@ -92,7 +92,7 @@ def clean() -> None:
 
 def _install(base: Path, folder: Path, python: Path, lock: str) -> None:
     commands = [
-        ("venv", "--clear", "--quiet", "--python", str(base), str(folder)),
+        ("venv", "--clear", "--quiet", "--seed", "--python", str(base), str(folder)),
         ("pip", "install", "--quiet", "--python", str(python), "--requirement", "-"),
     ]
     for command in commands:

@@ -26,8 +26,9 @@ def test_numbers_in_messages_of_libraries_are_windows_own(on_windows, message, e
     assert expected in known_failure(RuntimeError(message)).sentence
 
 
-def test_elsewhere_they_are_those_of_c():
-    assert "The disk is full" in known_failure(RuntimeError("I/O error (os error 28)")).sentence
+@pytest.mark.parametrize("message", ["I/O error (os error 28)", "IoError(Os { code: 28, kind: StorageFull })"])
+def test_elsewhere_they_are_those_of_c(message):
+    assert "The disk is full" in known_failure(RuntimeError(message)).sentence
 
 
 def test_a_path_that_is_too_long_is_not_called_missing(on_windows):
