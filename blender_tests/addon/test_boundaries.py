@@ -14,6 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SHARED = [
     "errors",
     "failures",
+    "findings",
     "inputs",
     "names",
     "files",
