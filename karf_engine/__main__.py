@@ -4,8 +4,9 @@ import sys
 
 if sys.version_info < (3, 11):  # noqa: UP036 - said before anything is imported that an older Python cannot read
     version = f"{sys.version_info[0]}.{sys.version_info[1]}"
-    sys.stderr.write(f"error: {sys.executable} is Python {version}, and the engine needs 3.11 or newer.\n")
-    sys.stderr.write("       Choose another Python, or install one.\n")
+    sys.stderr.write(
+        f"error: {sys.executable} is Python {version}, and the engine needs 3.11 or newer: choose another.\n"
+    )
     sys.exit(3)
 
 if not __package__:

@@ -21,6 +21,7 @@ class Finding:
         status: `ok`, `warning` (it works, with a limit) or `error` (the engine cannot work).
         sentence: What was found.
         remedy: What to do about it; may be there for what is only optional.
+        command: What to type into a terminal where that is the remedy, else empty.
         code: Of an error, the class of error that it leads to (`KarfError.code`).
         seconds: How long it took, of what is timed.
     """
@@ -29,6 +30,7 @@ class Finding:
     status: str
     sentence: str
     remedy: str = ""
+    command: str = ""
     code: str = ""
     seconds: float | None = None
 
@@ -43,8 +45,8 @@ class Finding:
 
     def to_text(self) -> str:
         """The finding for a terminal, with its remedy below it where there is one."""
-        remedy = f"\n{'':9}{self.remedy}" if self.remedy else ""
-        return f"{self.status:9}{self.sentence}{remedy}"
+        lines = filter(None, (self.sentence, self.remedy, self.command))
+        return f"{self.status:9}" + f"\n{'':9}".join(lines)
 
     @classmethod
     def from_line(cls, line: str) -> Finding:
@@ -68,4 +70,4 @@ class Finding:
 
 def failing(name: str, error: KarfError, seconds: float | None = None) -> Finding:
     """An error as a finding."""
-    return Finding(name, ERROR, error.sentence, error.hint, error.code, seconds)
+    return Finding(name, ERROR, error.sentence, error.hint, code=error.code, seconds=seconds)

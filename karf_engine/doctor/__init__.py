@@ -53,15 +53,18 @@ def _verdict(found: list[Finding]) -> Finding:
     concerned = [finding for finding in found if finding.status == worst.status]
     names = ", ".join(finding.name for finding in concerned)
     if worst.status == ERROR:
-        return Finding(VERDICT, ERROR, f"The engine cannot work here: {names}.", _remedy(concerned), worst.code)
+        sentence = f"The engine cannot work here: {names}."
+        return Finding(VERDICT, ERROR, sentence, worst.remedy, _command(concerned), worst.code)
     what = f"Python {platform.python_version()}, torch {packages.installed_version(TORCH)}"
     if worst.status == WARNING:
-        return Finding(VERDICT, WARNING, f"The engine works, with a limit ({names}): {what}.", worst.remedy)
+        return Finding(
+            VERDICT, WARNING, f"The engine works, with a limit ({names}): {what}.", worst.remedy, worst.command
+        )
     return Finding(VERDICT, OK, f"The engine is ready: {what}.")
 
 
-def _remedy(concerned: list[Finding]) -> str:
-    """The first remedy; of missing packages one for all of them."""
+def _command(concerned: list[Finding]) -> str:
+    """What the first of these asks for; of packages that are missing, one command for all of them."""
     names = [finding.name for finding in concerned]
     missing = [package for package in REQUIRED if package.name in names]
-    return packages.install_command(missing) if missing and names[0] == missing[0].name else concerned[0].remedy
+    return packages.install_command(*missing) if missing and names[0] == missing[0].name else concerned[0].command

@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from ..errors import KarfError
+from ..errors import DataError, KarfError
 from ..failures import FREE_SPACE, OTHER_FOLDER, known_failure
 from ..findings import ERROR, OK, WARNING, Finding, failing
 from .versions import PYTHON
@@ -78,7 +78,7 @@ def disk(folder: Path) -> Finding:
         return failing("disk", known_failure(error))
     sentence = f"{free / GB:.1f} GB are free on the disk of {folder}."
     if free < NO_DISK:
-        return Finding("disk", ERROR, sentence, FREE_SPACE, "data")
+        return Finding("disk", ERROR, sentence, FREE_SPACE, code=DataError.code)
     return Finding("disk", OK, sentence) if free >= LITTLE_DISK else Finding("disk", WARNING, sentence, FREE_SPACE)
 
 

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import shutil
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from importlib import import_module, metadata
 
-from ..errors import KarfError
+from ..errors import KarfError, MissingDependency
 from ..failures import first_line
 from ..findings import ERROR, OK, WARNING, Finding, failing
 from .versions import POSES, REQUIRED, Package
 
 GB = 1e9
 PROCESSOR = "the processor"
+INSTALL = "Install it, in a terminal:"
+MISSING = MissingDependency.code
 
 
 def required() -> Iterator[Finding]:
@@ -27,7 +29,7 @@ def optional() -> Iterator[Finding]:
     version = installed_version(POSES)
     if version is None:
         sentence = "pycolmap is not installed: only photos without camera poses need it."
-        yield Finding(POSES.name, OK, sentence, _install(POSES))
+        yield Finding(POSES.name, OK, sentence, INSTALL, install_command(POSES))
     else:
         yield _judged(POSES, version)
 
@@ -38,10 +40,11 @@ def look_at(package: Package) -> Finding:
         module = import_module(package.name)
     except ModuleNotFoundError as error:
         what = package.pip if error.name == package.name else f"{package.pip} needs {error.name}, which"
-        return Finding(package.name, ERROR, f"{what} is not installed.", _install(package), "dependency")
+        return Finding(package.name, ERROR, f"{what} is not installed.", INSTALL, install_command(package), MISSING)
     except Exception as error:  # libraries of the system that are missing or broken raise anything
         sentence = f"{package.pip} is installed, and cannot be loaded: {first_line(error)}."
-        return Finding(package.name, ERROR, sentence, _install(package, "--force-reinstall "), "dependency")
+        command = install_command(package, options="--force-reinstall ")
+        return Finding(package.name, ERROR, sentence, "Install it anew:", command, MISSING)
     return _judged(package, installed_version(package) or getattr(module, "__version__", "?"))
 
 
@@ -72,10 +75,10 @@ def devices(chosen: str | None) -> Iterator[Finding]:
     yield Finding("device", OK, f"Stages compute on {PROCESSOR if device.type == 'cpu' else device}.")
 
 
-def install_command(packages: Sequence[Package], options: str = "") -> str:
-    """The remedy for packages that are missing or of other versions."""
+def install_command(*packages: Package, options: str = "") -> str:
+    """What to type into a terminal where packages are missing or of other versions."""
     wanted = " ".join(f'"{package.requirement}"' for package in packages)
-    return f'Install: "{sys.executable}" -m pip install {options}{wanted}'
+    return f'"{sys.executable}" -m pip install {options}{wanted}'
 
 
 def installed_version(package: Package) -> str | None:
@@ -100,8 +103,4 @@ def _judged(package: Package, version: str) -> Finding:
     if package.range.contains(version):
         return Finding(package.name, OK, f"{package.pip} {version} is among the tested versions ({package.range}).")
     sentence = f"{package.pip} {version} is not among the tested versions ({package.range})."
-    return Finding(package.name, WARNING, sentence, _install(package))
-
-
-def _install(package: Package, options: str = "") -> str:
-    return install_command([package], options)
+    return Finding(package.name, WARNING, sentence, "Install a tested version:", install_command(package))

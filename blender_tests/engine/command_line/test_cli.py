@@ -86,7 +86,7 @@ def test_the_doctor_says_line_by_line_what_it_finds(tmp_path, capsys):
     found = [Finding.from_line(line) for line in capsys.readouterr().out.splitlines()]
     assert text.splitlines() == [line for finding in found for line in finding.to_text().splitlines()]
     assert found[-1].name == VERDICT and all(finding.name != VERDICT for finding in found[:-1])
-    assert set(json.loads(found[0].to_line())) == {"name", "status", "sentence", "remedy", "code", "seconds"}
+    assert set(json.loads(found[0].to_line())) == {"name", "status", "sentence", "remedy", "command", "code", "seconds"}
 
 
 @pytest.mark.parametrize("line", ["", "{", "[]", "null", '{"name": "disk"}', '{"status": "fine"}', "a warning"])

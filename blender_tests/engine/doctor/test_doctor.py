@@ -58,7 +58,7 @@ def test_without_torch_it_says_so_and_how_to_install_it(lacking, tmp_path):
     lacking("torch", ModuleNotFoundError("No module named 'torch'", name="torch"))
     found = examined(tmp_path)
     assert found["torch"].sentence == "torch is not installed."
-    assert f'"{sys.executable}" -m pip install "torch>=' in found["torch"].remedy
+    assert f'"{sys.executable}" -m pip install "torch>=' in found["torch"].command
     assert "device" not in found
     assert found["engine"].exit_code == 3 and "torch" in found["engine"].sentence
 
@@ -66,15 +66,15 @@ def test_without_torch_it_says_so_and_how_to_install_it(lacking, tmp_path):
 def test_one_command_installs_all_that_is_missing(lacking, tmp_path):
     for name in ("scipy", "cv2"):
         lacking(name, ModuleNotFoundError(f"No module named {name!r}", name=name))
-    remedy = examined(tmp_path)["engine"].remedy
-    assert remedy.count("pip install") == 1 and '"scipy>=' in remedy and '"opencv-python-headless>=' in remedy
+    command = examined(tmp_path)["engine"].command
+    assert command.count("pip install") == 1 and '"scipy>=' in command and '"opencv-python-headless>=' in command
 
 
 def test_a_package_that_cannot_be_loaded_is_told_from_one_that_is_missing(lacking):
     lacking("torch", OSError("libcudart.so.12: cannot open shared object file"))
     lacking("scipy", ModuleNotFoundError("No module named 'numpy'", name="numpy"))
     broken, incomplete = packages.look_at(package("torch")), packages.look_at(package("scipy"))
-    assert broken.status == ERROR and "libcudart.so.12" in broken.sentence and "--force-reinstall" in broken.remedy
+    assert broken.status == ERROR and "libcudart.so.12" in broken.sentence and "--force-reinstall" in broken.command
     assert incomplete.sentence == "scipy needs numpy, which is not installed."
 
 
