@@ -35,6 +35,7 @@ from ..karf_engine.edit.palette_files import SUFFIXES as EDIT_SUFFIXES
 from ..karf_engine.edit.palette_files import read_edit_file, write_edit_file
 from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency, error_from_code
 from ..karf_engine.files import atomic_write
+from ..karf_engine.findings import ERROR, OK, VERDICT, WARNING, Finding
 from ..karf_engine.project import Project
 from ..karf_engine.project.colorways import PlannedColorway, plan_colorways
 from ..karf_engine.settings import PRESETS
@@ -52,10 +53,14 @@ __all__ = [
     "COMPOSITING_MODES",
     "EDIT_SUFFIXES",
     "ENGINE_FOLDER",
+    "ERROR",
     "LOG_FILE",
+    "OK",
     "PRESETS",
     "REQUEST_FILE",
+    "VERDICT",
     "VERSION",
+    "WARNING",
     "BadRequest",
     "Camera",
     "Cancelled",
@@ -65,6 +70,7 @@ __all__ = [
     "ErrorSummary",
     "Event",
     "EventReader",
+    "Finding",
     "KarfError",
     "MissingDependency",
     "ObjectLayers",

@@ -43,10 +43,14 @@ class Finding:
         """The finding as a line of JSON, without its end."""
         return json.dumps(asdict(self))
 
+    @property
+    def lines(self) -> list[str]:
+        """The sentence, and the remedy and its command where there are any."""
+        return [line for line in (self.sentence, self.remedy, self.command) if line]
+
     def to_text(self) -> str:
-        """The finding for a terminal, with its remedy below it where there is one."""
-        lines = filter(None, (self.sentence, self.remedy, self.command))
-        return f"{self.status:9}" + f"\n{'':9}".join(lines)
+        """The finding for a terminal, with its remedy below it."""
+        return f"{self.status:9}" + f"\n{'':9}".join(self.lines)
 
     @classmethod
     def from_line(cls, line: str) -> Finding:
