@@ -20,6 +20,7 @@ SHARED = [
     "files",
     "color",
     "npz",
+    "requirements",
     "settings",
     "wire",
     "project",

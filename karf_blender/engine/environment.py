@@ -1,4 +1,4 @@
-"""The engine's Python: never Blender's own. Where it is; installs nothing. No bpy."""
+"""The engine's Python: never Blender's own. Where it is; installs nothing itself. No bpy."""
 
 import os
 from collections.abc import Mapping
@@ -10,8 +10,13 @@ from ..engine_api import MissingDependency
 VARIABLE = "KARF_ENGINE_PYTHON"
 
 
-def chosen_python(preference: str, variables: Mapping[str, str]) -> Path:
-    """The Python of the preference, else of KARF_ENGINE_PYTHON, else of `.venv/engine` beside the engine; there or not.
+def chosen_python(preference: str, variables: Mapping[str, str], managed: Path | None = None) -> Path:
+    """The engine's Python, there or not.
+
+    Args:
+        preference: What the user has set, which comes first.
+        variables: The process's environment, of which KARF_ENGINE_PYTHON comes next.
+        managed: The Python of the finished managed environment; without it that of `.venv/engine` beside the engine.
 
     Raises:
         MissingDependency: Its path is not absolute: what it names would depend on the open file.
@@ -25,21 +30,24 @@ def chosen_python(preference: str, variables: Mapping[str, str]) -> Path:
         )
     if chosen:
         return Path(chosen)
+    if managed is not None:
+        return managed
     folder = engine_api.ENGINE_FOLDER.parent / ".venv" / "engine"
     return folder / "Scripts" / "python.exe" if os.name == "nt" else folder / "bin" / "python"
 
 
-def find_python(preference: str, variables: Mapping[str, str]) -> Path:
-    """The chosen Python.
+def find_python(preference: str, variables: Mapping[str, str], managed: Path | None = None) -> Path:
+    """The chosen Python; arguments are those of `chosen_python`.
 
     Raises:
         MissingDependency: It is no file, or not given by its whole path.
     """
-    python = chosen_python(preference, variables)
+    python = chosen_python(preference, variables, managed)
     if python.is_file():
         return python
     if preference or variables.get(VARIABLE):
         raise MissingDependency(f"The engine's Python {python} does not exist.", "Set it in the KaRF preferences.")
     raise MissingDependency(
-        "No Python with PyTorch is known to KaRF.", "Set Engine Python in the KaRF preferences to one that has it."
+        "No Python with PyTorch is known to KaRF.",
+        "Press Install Engine in the KaRF preferences, or set Engine Python to one that has it.",
     )

@@ -7,7 +7,8 @@ import bpy
 from bpy.props import IntProperty, StringProperty
 
 from ... import __package__ as extension
-from ..engine import environment, probing
+from ..engine import environment, installing, probing
+from ..engine.managed import home
 from ..engine_api import MissingDependency
 from . import testing
 
@@ -40,13 +41,18 @@ def current() -> bpy.types.AddonPreferences:
     return bpy.context.preferences.addons[extension].preferences
 
 
+def engine_folder() -> Path:
+    """Where the managed environment is, or would be made: outside the extension, which updates replace."""
+    return Path(bpy.utils.extension_path_user(extension, path="engine"))
+
+
 def chosen_python() -> Path:
     """The Python that runs the engine, there or not.
 
     Raises:
         MissingDependency: Its path is not absolute.
     """
-    return environment.chosen_python(current().engine_python, os.environ)
+    return environment.chosen_python(current().engine_python, os.environ, home.python_in(engine_folder()))
 
 
 def engine_python() -> Path:
@@ -55,7 +61,7 @@ def engine_python() -> Path:
     Raises:
         MissingDependency: None is known.
     """
-    return environment.find_python(current().engine_python, os.environ)
+    return environment.find_python(current().engine_python, os.environ, home.python_in(engine_folder()))
 
 
 def has_engine() -> bool:
@@ -73,5 +79,6 @@ def register():
 
 def unregister():
     """Called when the extension is disabled."""
+    installing.unregister()
     probing.cancel()
     bpy.utils.unregister_class(KARF_AP_preferences)

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ..findings import ERROR, OK, STATUSES, VERDICT, WARNING, Finding
+from ..requirements import REQUIRED
 from . import machine, packages, smoke
-from .versions import REQUIRED
 
 TORCH = REQUIRED[0]
 

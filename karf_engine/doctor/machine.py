@@ -14,7 +14,7 @@ from pathlib import Path
 from ..errors import DataError, KarfError
 from ..failures import FREE_SPACE, OTHER_FOLDER, known_failure
 from ..findings import ERROR, OK, WARNING, Finding, failing
-from .versions import PYTHON
+from ..requirements import PYTHON
 
 GB = 1e9
 LITTLE_MEMORY = 4 * GB  # the preset demo learns in 1 GB; Blender and the system need as much again

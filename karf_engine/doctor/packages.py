@@ -10,7 +10,7 @@ from importlib import import_module, metadata
 from ..errors import KarfError, MissingDependency
 from ..failures import first_line
 from ..findings import ERROR, OK, WARNING, Finding, failing
-from .versions import POSES, REQUIRED, Package
+from ..requirements import POSES, REQUIRED, Package
 
 GB = 1e9
 PROCESSOR = "the processor"

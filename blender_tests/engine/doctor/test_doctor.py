@@ -15,8 +15,8 @@ pytest.importorskip("torch")
 from blender_tests.engine.conftest import ROOT
 from karf_engine import doctor
 from karf_engine.doctor import machine, packages, smoke
-from karf_engine.doctor.versions import REQUIRED, Range
 from karf_engine.findings import ERROR, OK, WARNING, Finding
+from karf_engine.requirements import REQUIRED, Range
 
 Usage = namedtuple("Usage", "total used free")
 
