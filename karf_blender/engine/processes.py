@@ -12,6 +12,7 @@ LEAKS = ("PYTHON", "LD_LIBRARY_PATH", "LD_PRELOAD", "DYLD_", "OCIO", "BLENDER_")
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 # Windows has no SIGKILL: there both steps end the process at once
 KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
+NO_VARIABLES: Mapping[str, str] = {}
 SIGNAL_NAMES = {each.value: each.name for each in signal.Signals}
 
 
@@ -23,8 +24,16 @@ def child_environment(variables: Mapping[str, str], threads: int = 0) -> dict[st
     return kept
 
 
-def start(command: Sequence[str], threads: int = 0, **options: Any) -> subprocess.Popen:
+def start(
+    command: Sequence[str], threads: int = 0, variables: Mapping[str, str] = NO_VARIABLES, **options: Any
+) -> subprocess.Popen:
     """Start a command in a group of its own, without Blender's environment; options are those of Popen.
+
+    Args:
+        command: The program and its arguments.
+        threads: Of numerical libraries; 0: they choose.
+        variables: What its environment has more than this process's.
+        options: Those of Popen.
 
     Raises:
         OSError: The command cannot be started.
@@ -33,7 +42,9 @@ def start(command: Sequence[str], threads: int = 0, **options: Any) -> subproces
         own_group = {"creationflags": subprocess.CREATE_NO_WINDOW | subprocess.CREATE_NEW_PROCESS_GROUP}
     else:
         own_group = {"start_new_session": True}
-    return subprocess.Popen(command, env=child_environment(os.environ, threads), **own_group, **options)
+    return subprocess.Popen(
+        command, env=child_environment(os.environ, threads) | dict(variables), **own_group, **options
+    )
 
 
 def send(process: subprocess.Popen, number: int) -> None:

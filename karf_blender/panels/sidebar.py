@@ -7,11 +7,12 @@ for which.
 import bpy
 
 from ... import __package__ as extension
+from ..host.labels import draw_text
 from ..pictures import chips
 from ..project import disk
 from ..rig import reprojection
 from . import rendering
-from .status import draw_status, draw_text, has_status
+from .status import draw_status, has_status
 
 
 # --- steps 1 to 5: what is learned ---------------------------------------------------------------------------------

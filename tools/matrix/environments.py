@@ -103,7 +103,7 @@ def _install(base: Path, folder: Path, python: Path, lock: str) -> None:
 
 
 def _uv(*arguments: str, input: str | None = None, **variables: str) -> subprocess.CompletedProcess:
-    """Run uv: the one on the search path, or that of .venv/uv."""
+    """Run uv: the one on the search path, or that of the environment that this runs in."""
     uv = shutil.which("uv") or _own_uv()
     return subprocess.run(
         [uv, *arguments], env=os.environ | variables, input=input, capture_output=True, text=True, encoding="utf-8"

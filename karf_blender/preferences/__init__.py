@@ -6,23 +6,11 @@ from pathlib import Path
 import bpy
 from bpy.props import IntProperty, StringProperty
 
-from .. import __package__ as extension
-from .engine import environment, probing
-from .engine.probing import Verdict
-from .engine_api import MissingDependency
-
-
-def _verdict() -> Verdict | None:
-    """What the last test has found of the chosen Python; a path that is refused needs no test."""
-    try:
-        return probing.verdict_on(chosen_python())
-    except MissingDependency as error:
-        return probing.unfavorable(Path(), error)
-
-
-def _command(_) -> str:
-    verdict = _verdict()
-    return verdict.command if verdict else ""
+from ... import __package__ as extension
+from ..engine import environment, installing, probing
+from ..engine.managed import home
+from ..engine_api import MissingDependency
+from . import testing
 
 
 class KARF_AP_preferences(bpy.types.AddonPreferences):
@@ -40,29 +28,22 @@ class KARF_AP_preferences(bpy.types.AddonPreferences):
     threads: IntProperty(
         name="Threads", min=0, max=256, description="Threads of the engine; 0: the engine chooses. Give free cores only"
     )
-    command: StringProperty(
-        name="In a terminal", get=_command, description="Installs what is missing; copy it into a terminal"
-    )
 
     def draw(self, context):
         layout = self.layout
         layout.prop(self, "engine_python")
         layout.prop(self, "threads")
-        row = layout.row(align=True)
-        is_running = probing.is_running()
-        row.operator("karf.examine_engine", text="Testing ..." if is_running else "Test Engine", icon="CHECKMARK")
-        if is_running:
-            row.operator("karf.cancel_examination", text="", icon="CANCEL")
-        verdict = _verdict()
-        if verdict is not None:
-            layout.label(text=verdict.sentence, icon="CHECKMARK" if verdict.is_ready else "ERROR")
-            if verdict.command:
-                layout.prop(self, "command")
+        testing.draw_test(layout, self.engine_python)
 
 
 def current() -> bpy.types.AddonPreferences:
     """The preferences of this extension."""
     return bpy.context.preferences.addons[extension].preferences
+
+
+def engine_folder() -> Path:
+    """Where the managed environment is, or would be made: outside the extension, which updates replace."""
+    return Path(bpy.utils.extension_path_user(extension, path="engine"))
 
 
 def chosen_python() -> Path:
@@ -71,7 +52,7 @@ def chosen_python() -> Path:
     Raises:
         MissingDependency: Its path is not absolute.
     """
-    return environment.chosen_python(current().engine_python, os.environ)
+    return environment.chosen_python(current().engine_python, os.environ, home.python_in(engine_folder()))
 
 
 def engine_python() -> Path:
@@ -80,7 +61,7 @@ def engine_python() -> Path:
     Raises:
         MissingDependency: None is known.
     """
-    return environment.find_python(current().engine_python, os.environ)
+    return environment.find_python(current().engine_python, os.environ, home.python_in(engine_folder()))
 
 
 def has_engine() -> bool:
@@ -98,5 +79,6 @@ def register():
 
 def unregister():
     """Called when the extension is disabled."""
+    installing.unregister()
     probing.cancel()
     bpy.utils.unregister_class(KARF_AP_preferences)
