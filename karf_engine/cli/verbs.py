@@ -9,6 +9,7 @@ from pathlib import Path
 from .. import library
 from ..errors import BadRequest, MissingDependency
 from ..files import read_json
+from ..path_map import PathMap
 from ..progress import TerminalEmit
 from ..project import Project
 from ..project.edit import edit_of
@@ -122,4 +123,4 @@ def doctor(_: argparse.Namespace) -> int:
 
 def run(options: argparse.Namespace) -> int:
     """A job folder."""
-    return run_job(Path(options.job))
+    return run_job(Path(options.job), PathMap.of(options.folders))
