@@ -37,6 +37,7 @@ from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, Mi
 from ..karf_engine.farm import render_bundle
 from ..karf_engine.files import atomic_write, checksum, read_json, write_json
 from ..karf_engine.findings import ERROR, OK, VERDICT, WARNING, Finding
+from ..karf_engine.names import is_file_name, same_but_for_case
 from ..karf_engine.project import Project
 from ..karf_engine.project.colorways import PlannedColorway, plan_colorways
 from ..karf_engine.requirements import REQUIRED
@@ -91,6 +92,7 @@ __all__ = [
     "error_from_code",
     "find_header",
     "hex_to_rgb",
+    "is_file_name",
     "linear_to_srgb",
     "match_becomes",
     "match_fewest",
@@ -108,6 +110,7 @@ __all__ = [
     "render_bundle",
     "reprojection_errors",
     "rgb_to_hex",
+    "same_but_for_case",
     "srgb_to_lab",
     "srgb_to_linear",
     "stack_palettes",

@@ -67,9 +67,8 @@ def addon(bpy, monkeypatch):
 def chosen(addon):
     """The extension's preferences, with no Python chosen before and after the test."""
     addon.probing.cancel()
-    preferences = addon.preferences.current()
-    yield preferences
-    preferences.engine_python = ""
+    yield addon.preferences.current()
+    addon.preferences.current().engine_python = ""  # asked for anew: a test may have loaded other preferences
     addon.probing.cancel()
 
 
