@@ -69,8 +69,7 @@ class Fetching:
         if self._is_prepared:
             return self._total
         finished = sum(self._sizes.get(name, 0) for name in self._done)
-        most = sum(self._sizes.get(name, self._total) for name in self._active)
-        return min(finished + min(round(self._growing() / self._unpacked), most), self._total)
+        return min(finished + round(self._growing() / self._unpacked), self._total)
 
     def _growing(self) -> int:
         """Bytes of what is being unpacked."""
