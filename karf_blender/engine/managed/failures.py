@@ -54,7 +54,8 @@ def explained(plan: Plan, step: Step, said: Sequence[str], how: str) -> KarfErro
     if any(word in low for word in CERTIFICATE):
         return DataError(
             f"The certificate of {plan.source.sentence} is not accepted.",
-            f"In a network with certificates of its own set SSL_CERT_FILE to them, then start Blender anew. {GO_ON}",
+            f"In a network with certificates of its own set UV_SYSTEM_CERTS=1, or SSL_CERT_FILE to their file, and start "
+            f"Blender anew. {GO_ON}",
         )
     if any(word in low for word in NETWORK):
         return DataError(
