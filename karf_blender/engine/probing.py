@@ -27,7 +27,7 @@ def is_running() -> bool:
     return _Memory.examination is not None and not _Memory.examination.has_ended
 
 
-def findings_on(python: Path) -> tuple[Finding, ...]:
+def findings_on(python: Path | None) -> tuple[Finding, ...]:
     """What the last test has found so far, if it was of this Python."""
     known = _Memory.examination
     return known.findings if known is not None and known.python == python else ()

@@ -7,7 +7,7 @@ folder is KaRF's: nothing else is ever deleted.
 import os
 import shutil
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -155,17 +155,20 @@ def remove(folder: Path) -> None:
             folder.rmdir()
 
 
-def disk_use(folder: Path) -> int:
-    """Bytes that a folder takes; files that are there under two names count once. Takes a second or two."""
-    seen: dict[tuple[int, int], int] = {}
+def measure(folder: Path) -> Iterator[int]:
+    """Bytes that a folder takes, counted so far, after each of its folders; files under two names count once."""
+    seen: set[tuple[int, int]] = set()
+    total = 0
     for root, _, names in os.walk(folder):
         for name in names:
             try:
                 found = os.lstat(Path(root) / name)
             except OSError:
                 continue
-            seen[(found.st_dev, found.st_ino)] = found.st_size
-    return sum(seen.values())
+            if (found.st_dev, found.st_ino) not in seen:
+                seen.add((found.st_dev, found.st_ino))
+                total += found.st_size
+        yield total
 
 
 def _read(path: Path) -> dict[str, Any]:
