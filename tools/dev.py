@@ -2,6 +2,7 @@
 
     python3 tools/dev.py demo [--out DIR]    the main job on the demo capture, through real Blender
     python3 tools/dev.py test                lint and all tests, in both environments (test -k WORD: engine tests by name)
+    python3 tools/dev.py matrix [CELL ...]   the tests on other versions of Blender, Python, packages: docs/versions.md
     python3 tools/dev.py bench [NAME ...]    measured ratios and seconds
     python3 tools/dev.py evaluate [TABLE ..] the paper's tables on the demo capture: docs/results.md
     python3 tools/dev.py faults [NAME ...]   kills, full disks, damage thrown at the engine: docs/reliability.md
@@ -13,7 +14,7 @@
     python3 tools/dev.py setup               only the environments
 
 Two environments are made under .venv/: `engine` has torch, `blender` has Blender as a module, as at a user's desk. The
-verbs `wheel` and `docs` make a small one each. What is in them stands, to the digit, in requirements/.
+verbs `wheel` and `docs` make a small one each, `matrix` one for each of its cells. What is in them stands, to the digit, in requirements/.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ import venv
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PASSING_ON = ("test", "bench", "evaluate", "faults", "fuzz", "window")  # verbs with arguments of another program
-BARE = ("build",)  # verbs that need no environment
+PASSING_ON = ("test", "matrix", "bench", "evaluate", "faults", "fuzz", "window")  # verbs with another program's options
+BARE = ("build", "matrix")  # verbs that need no environment, or make their own
 # of processes that are forked after numpy and torch were imported: they must find no other threads
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
 BLENDER_LIBRARIES = (
@@ -48,6 +49,7 @@ def main() -> int:
     demo.add_argument("--quick", action="store_true", help="leave the comparisons out (ceiling, plain cross-entropy)")
     for name, text in (
         ("test", "lint and all tests"),
+        ("matrix", "the tests on other versions of Blender, Python and packages"),
         ("bench", "measured ratios and seconds"),
         ("evaluate", "the paper's tables on the demo capture"),
         ("faults", "kills, full disks and damage thrown at the engine"),
@@ -69,6 +71,7 @@ def main() -> int:
     actions = {
         "demo": run_demo,
         "test": run_tests,
+        "matrix": run_matrix,
         "bench": run_bench,
         "evaluate": run_evaluate,
         "faults": run_faults,
@@ -143,6 +146,12 @@ def run_tests(options: argparse.Namespace, rest: list[str]) -> int:
         if code:
             return code
     return 0
+
+
+def run_matrix(options: argparse.Namespace, rest: list[str]) -> int:
+    """Run the tests on other versions, in environments that uv makes."""
+    setup("lock")
+    return _run("lock", "-m", "tools.matrix", *rest)
 
 
 def run_bench(options: argparse.Namespace, rest: list[str]) -> int:

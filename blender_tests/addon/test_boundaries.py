@@ -14,11 +14,13 @@ ROOT = Path(__file__).resolve().parents[2]
 SHARED = [
     "errors",
     "failures",
+    "findings",
     "inputs",
     "names",
     "files",
     "color",
     "npz",
+    "requirements",
     "settings",
     "wire",
     "project",
@@ -101,7 +103,15 @@ def test_only_compat_asks_for_blenders_version():
 
 @pytest.mark.parametrize(
     "name",
-    ["engine/environment", "engine/jobs", "engine/processes", "engine/report", "rig/lens", "rig/placement"],
+    [
+        "engine/environment",
+        "engine/examination",
+        "engine/jobs",
+        "engine/processes",
+        "engine/report",
+        "rig/lens",
+        "rig/placement",
+    ],
 )
 def test_files_that_claim_to_need_no_blender_import_none(name):
     assert "bpy" not in [module for _, module in imports(ROOT / "karf_blender" / f"{name}.py")]

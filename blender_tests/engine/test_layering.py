@@ -5,7 +5,7 @@ from blender_tests.layering import violations
 
 FLOORS = (
     ("version", "errors"),
-    ("inputs", "names", "failures", "color", "path_map"),
+    ("inputs", "names", "failures", "color", "findings", "path_map", "requirements"),
     ("files", "npz", "settings"),
     ("wire", "capture", "progress", "runtime"),
     ("images", "edit", "checkpoints", "kan", "mixtures"),

@@ -12,6 +12,7 @@ LEAKS = ("PYTHON", "LD_LIBRARY_PATH", "LD_PRELOAD", "DYLD_", "OCIO", "BLENDER_")
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 # Windows has no SIGKILL: there both steps end the process at once
 KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
+NO_VARIABLES: Mapping[str, str] = {}
 SIGNAL_NAMES = {each.value: each.name for each in signal.Signals}
 
 
@@ -23,8 +24,16 @@ def child_environment(variables: Mapping[str, str], threads: int = 0) -> dict[st
     return kept
 
 
-def start(command: Sequence[str], threads: int = 0, **options: Any) -> subprocess.Popen:
+def start(
+    command: Sequence[str], threads: int = 0, variables: Mapping[str, str] = NO_VARIABLES, **options: Any
+) -> subprocess.Popen:
     """Start a command in a group of its own, without Blender's environment; options are those of Popen.
+
+    Args:
+        command: The program and its arguments.
+        threads: Of numerical libraries; 0: they choose.
+        variables: What its environment has more than this process's.
+        options: Those of Popen.
 
     Raises:
         OSError: The command cannot be started.
@@ -33,18 +42,22 @@ def start(command: Sequence[str], threads: int = 0, **options: Any) -> subproces
         own_group = {"creationflags": subprocess.CREATE_NO_WINDOW | subprocess.CREATE_NEW_PROCESS_GROUP}
     else:
         own_group = {"start_new_session": True}
-    return subprocess.Popen(command, env=child_environment(os.environ, threads), **own_group, **options)
+    return subprocess.Popen(
+        command, env=child_environment(os.environ, threads) | dict(variables), **own_group, **options
+    )
 
 
 def send(process: subprocess.Popen, number: int) -> None:
     """Send a signal to a process and to all it has started; on Windows these are ended whatever the signal."""
-    with contextlib.suppress(OSError):  # they may be gone
-        if os.name == "nt":
+    if os.name == "nt":
+        with contextlib.suppress(OSError):  # a system may lack it
             tree = ["taskkill", "/F", "/T", "/PID", str(process.pid)]
             subprocess.run(tree, capture_output=True, creationflags=subprocess.CREATE_NO_WINDOW)
+        with contextlib.suppress(OSError):  # it may be gone
             process.terminate()
-        else:  # the child leads its own group
-            os.killpg(process.pid, number)
+    else:
+        with contextlib.suppress(OSError):  # it may be gone
+            os.killpg(process.pid, number)  # the child leads its own group
 
 
 def end(process: subprocess.Popen) -> None:

@@ -8,6 +8,7 @@ the context's. Colors are sRGB triples in [0, 1] or "#rrggbb". See docs/blender.
 
 from ..engine_api import Edit, KarfError
 from .editing import Color, apply_edit, becomes, prepare_views, save, save_edit, set_swatch, show_view
+from .installing import engine_files, engine_status, install_engine, plan_engine, remove_engine, repair_engine
 from .learning import extract_palette, find_poses, import_capture, learn_scene, reprojection_error, segment
 from .rendering import (
     add_strip,
@@ -31,17 +32,23 @@ __all__ = [
     "becomes",
     "build_compositor",
     "colorways",
+    "engine_files",
+    "engine_status",
     "export_cameras",
     "extract_palette",
     "farm_bundle",
     "find_poses",
     "import_cameras",
     "import_capture",
+    "install_engine",
     "learn_scene",
+    "plan_engine",
     "prepare_views",
+    "remove_engine",
     "render_captured",
     "render_sequence",
     "render_view",
+    "repair_engine",
     "reprojection_error",
     "save",
     "save_edit",

@@ -124,7 +124,7 @@ def with_test_views(views: list[View]) -> list[View]:
 def unique_names(stems: list[tuple[str, str]]) -> list[str]:
     """Names for (split, stem) pairs: the stem where it is unique in the capture, else split_stem, else numbered.
 
-    NeRF-synthetic captures call the first photo of every split r_0.
+    NeRF-synthetic captures call the first photo of every split r_0. Names that differ by case alone are not unique.
 
     Examples:
         >>> unique_names([("train", "r_0"), ("test", "r_0"), ("train", "r_1")])
@@ -132,14 +132,14 @@ def unique_names(stems: list[tuple[str, str]]) -> list[str]:
     """
     count: dict[str, int] = {}
     for _, stem in stems:
-        count[stem] = count.get(stem, 0) + 1
+        count[stem.casefold()] = count.get(stem.casefold(), 0) + 1
     names, taken, numbers = [], set(), {}
     for split, stem in stems:
-        name = base = stem if count[stem] == 1 else f"{split}_{stem}"
-        while name in taken:
+        name = base = stem if count[stem.casefold()] == 1 else f"{split}_{stem}"
+        while name.casefold() in taken:
             numbers[base] = numbers.get(base, 1) + 1
             name = f"{base}_{numbers[base]}"
-        taken.add(name)
+        taken.add(name.casefold())
         names.append(name)
     return names
 

@@ -138,8 +138,11 @@ def _add_farm(commands: Commands) -> None:
 def _add_others(commands: Commands) -> None:
     verb = commands.add_parser("settings", help="list all settings with defaults and ranges")
     verb.set_defaults(action=verbs.list_settings)
-    verb = commands.add_parser("doctor", help="say whether this Python can run the engine")
-    verb.set_defaults(action=verbs.doctor)
+    verb = _verb(commands, "doctor", "say whether this Python can run the engine, and what to do if not", verbs.doctor)
+    verb.add_argument("--json", action="store_true", help="print each finding as a line of JSON, as it is found")
+    verb.add_argument("--quick", action="store_true", help="do not try the stages, which takes some seconds")
+    verb.add_argument("--folder", metavar="DIR", default=".", help="where projects shall lie: its disk and its locks are "
+                      "tried (default: here)")  # fmt: skip
     verb = commands.add_parser("run", help="run a job folder (used by Blender)")
     verb.add_argument("job", metavar="JOB", help="folder with request.json")
     verb.add_argument("--map", dest="folders", action="append", default=[], metavar="CALLERS=OURS", help="a folder that "

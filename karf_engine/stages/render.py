@@ -37,11 +37,10 @@ from ..model import Model
 from ..progress import Emit
 from ..settings import with_overrides
 from ..wire import Request
+from .disputes import Disputes
 from .finished_frames import model_mark, unfinished_frames
 from .frame_files import check_format, size_of, write_view
 from .job import Job, open_job
-
-MOST_NAMED = 3  # views of one warning
 
 
 def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
@@ -72,25 +71,15 @@ def _render(job: Job, model: Model, learned: str) -> None:
     job.emit("stage", name="render", text=f"{len(views)} views")
     progress = job.progress("render", len(views))
     progress.resume_at(len(views) - len(frames.todo))
-    disputes: dict[str, list[str]] = {}
+    disputes = Disputes()
     for view, edit, mark in frames.todo:
         files, disputed = write_view(job, model, view, edit, captured)
-        for name in disputed:
-            disputes.setdefault(name, []).append(view.name)
+        disputes.add(view.name, disputed)
         frames.note(view.name, mark, files)
         progress.step()
-    _tell(disputes, job)
+    disputes.tell(job.emit)
     if options.get("out"):
         job.artifact("frames", Path(options["out"]))
-
-
-def _tell(disputes: dict[str, list[str]], job: Job) -> None:
-    """Warn of objects about which some photos and the field disagree."""
-    for name, views in disputes.items():
-        more = f" and {len(views) - MOST_NAMED} more" if len(views) > MOST_NAMED else ""
-        where = ", ".join(views[:MOST_NAMED]) + more
-        sentence = f"Photo and learned scene disagree about {name} in {where}: its edges there are the scene's."
-        job.emit("warning", code="edges", sentence=sentence)
 
 
 def _with_overrides(job: Job) -> Job:
