@@ -20,7 +20,9 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 MODULES = {
     "": "engine_api headless preferences progress steps",
     "host": "compat rendering",
-    "engine": "environment examination jobs probing report",
+    "engine": "environment examination installing jobs probing removing report",
+    "engine.managed": "home",
+    "preferences": "managing state",
     "project": "captures contents disk folders saving",
     "pictures": "editors images masks photos sequences chips",
     "rig": "camera_paths cameras frames lens placement points reprojection",
@@ -69,7 +71,7 @@ def chosen(addon):
     addon.probing.cancel()
     preferences = addon.preferences.current()
     yield preferences
-    preferences.engine_python = ""
+    preferences.engine_python = preferences.engine_folder = ""
     addon.probing.cancel()
 
 

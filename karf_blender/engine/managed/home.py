@@ -5,9 +5,8 @@ folder is KaRF's: nothing else is ever deleted.
 """
 
 import os
-import shutil
 import stat
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -141,14 +140,24 @@ def remove(folder: Path) -> None:
         BadRequest: The folder is not KaRF's.
         DataError: A file cannot be deleted.
     """
+    for _ in removing(folder):
+        pass
+
+
+def removing(folder: Path) -> Iterator[None]:
+    """The same bit by bit, folder after folder: tens of thousands of files take their time. Raises as `remove`."""
     home = Home(folder)
     if not _is_ours(folder):
         raise BadRequest(f"{folder} was not made by KaRF; nothing was deleted.", "Delete it by hand if you mean it.")
     with disk_errors():
         home.installed.unlink(missing_ok=True)  # from here on nobody starts it
         for path in (home.environment, home.cache):
-            if path.is_dir():
-                shutil.rmtree(path, onerror=_once_more)
+            for root, folders, names in os.walk(path, topdown=False):
+                links = [name for name in folders if (Path(root) / name).is_symlink()]
+                for name in (*names, *links):
+                    _delete(Path(root) / name)
+                Path(root).rmdir()
+                yield
         for path in (home.log, *folder.glob("*.txt"), home.mark):
             path.unlink(missing_ok=True)
         if not any(folder.iterdir()):
@@ -193,7 +202,9 @@ def _digest_today(mark: dict[str, Any]) -> str:
         return ""
 
 
-def _once_more(function: Callable[[str], Any], path: str, _: Any) -> None:
-    """Delete a file that is set to be read only, which Windows refuses."""
-    Path(path).chmod(stat.S_IWRITE)
-    function(path)
+def _delete(path: Path) -> None:
+    try:
+        path.unlink()
+    except PermissionError:  # Windows refuses a file that is set to be read only
+        path.chmod(stat.S_IWRITE)
+        path.unlink()
