@@ -6,8 +6,6 @@ folder is KaRF's: nothing else is ever deleted.
 
 import os
 import shutil
-import stat
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,7 @@ from ..jobs import disk_errors
 from . import recipes
 
 SCHEMA = "karf-managed/1"
+LISTS = ("packages", "torch", "uv")  # the requirements files
 NONE, UNFINISHED, BROKEN, OUTDATED, READY = "none", "unfinished", "broken", "outdated", "ready"
 
 
@@ -66,7 +65,7 @@ class Status:
     """What is in a folder.
 
     state: `none`, `unfinished`, `broken`, `outdated` or `ready`. sentence: the same for people. build, extras, python
-    and torch: of the environment, or of the one that was begun. download: bytes that it took, as planned.
+    and torch: of the environment, or of the one that was begun.
     """
 
     state: str
@@ -148,8 +147,9 @@ def remove(folder: Path) -> None:
         home.installed.unlink(missing_ok=True)  # from here on nobody starts it
         for path in (home.environment, home.cache):
             if path.is_dir():
-                shutil.rmtree(path, onerror=_once_more)
-        for path in (home.log, *folder.glob("*.txt"), home.mark):
+                # on Windows so written, paths may have any length
+                shutil.rmtree(Path(f"\\\\?\\{path}") if os.name == "nt" else path)
+        for path in (home.log, *map(home.requirements, LISTS), home.mark):
             path.unlink(missing_ok=True)
         if not any(folder.iterdir()):
             folder.rmdir()
@@ -188,9 +188,3 @@ def _digest_today(mark: dict[str, Any]) -> str:
         return recipe.digest(mark["build"], mark["backend"], mark["extras"])
     except KarfError:
         return ""
-
-
-def _once_more(function: Callable[[str], Any], path: str, _: Any) -> None:
-    """Delete a file that is set to be read only, which Windows refuses."""
-    Path(path).chmod(stat.S_IWRITE)
-    function(path)
