@@ -5,7 +5,6 @@ folder is KaRF's: nothing else is ever deleted.
 """
 
 import os
-import stat
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from ..jobs import disk_errors
 from . import recipes
 
 SCHEMA = "karf-managed/1"
+LISTS = ("packages", "torch", "uv")  # the requirements files
 NONE, UNFINISHED, BROKEN, OUTDATED, READY = "none", "unfinished", "broken", "outdated", "ready"
 
 
@@ -65,7 +65,7 @@ class Status:
     """What is in a folder.
 
     state: `none`, `unfinished`, `broken`, `outdated` or `ready`. sentence: the same for people. build, extras, python
-    and torch: of the environment, or of the one that was begun. download: bytes that it took, as planned.
+    and torch: of the environment, or of the one that was begun.
     """
 
     state: str
@@ -152,13 +152,15 @@ def removing(folder: Path) -> Iterator[None]:
     with disk_errors():
         home.installed.unlink(missing_ok=True)  # from here on nobody starts it
         for path in (home.environment, home.cache):
-            for root, folders, names in os.walk(path, topdown=False):
+            # on Windows so written, paths may have any length
+            start = Path(f"\\\\?\\{path}") if os.name == "nt" else path
+            for root, folders, names in os.walk(start, topdown=False):
                 links = [name for name in folders if (Path(root) / name).is_symlink()]
                 for name in (*names, *links):
-                    _delete(Path(root) / name)
+                    (Path(root) / name).unlink()
                 Path(root).rmdir()
                 yield
-        for path in (home.log, *folder.glob("*.txt"), home.mark):
+        for path in (home.log, *map(home.requirements, LISTS), home.mark):
             path.unlink(missing_ok=True)
         if not any(folder.iterdir()):
             folder.rmdir()
@@ -200,11 +202,3 @@ def _digest_today(mark: dict[str, Any]) -> str:
         return recipe.digest(mark["build"], mark["backend"], mark["extras"])
     except KarfError:
         return ""
-
-
-def _delete(path: Path) -> None:
-    try:
-        path.unlink()
-    except PermissionError:  # Windows refuses a file that is set to be read only
-        path.chmod(stat.S_IWRITE)
-        path.unlink()
