@@ -21,6 +21,7 @@ from .rendering import (
     render_view,
     show_frames,
 )
+from .testing import examine_engine
 
 __all__ = [
     "Color",
@@ -33,6 +34,7 @@ __all__ = [
     "colorways",
     "engine_files",
     "engine_status",
+    "examine_engine",
     "export_cameras",
     "extract_palette",
     "find_poses",
