@@ -2,6 +2,13 @@
 
 import sys
 
+if sys.version_info < (3, 11):  # noqa: UP036 - said before anything is imported that an older Python cannot read
+    version = f"{sys.version_info[0]}.{sys.version_info[1]}"
+    sys.stderr.write(
+        f"error: {sys.executable} is Python {version}, and the engine needs 3.11 or newer: choose another.\n"
+    )
+    sys.exit(3)
+
 if not __package__:
     # run as a folder: load it as the package karf_engine without putting its insides on the path
     from importlib.util import module_from_spec, spec_from_file_location

@@ -20,7 +20,7 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 MODULES = {
     "": "engine_api headless preferences progress steps",
     "host": "compat rendering",
-    "engine": "environment jobs probing report",
+    "engine": "environment examination jobs probing report",
     "project": "captures contents disk folders saving",
     "pictures": "editors images masks photos sequences chips",
     "rig": "camera_paths cameras frames lens placement points reprojection",
@@ -66,9 +66,9 @@ def addon(bpy, monkeypatch):
 @pytest.fixture
 def chosen(addon):
     """The extension's preferences, with no Python chosen before and after the test."""
-    preferences = addon.preferences.current()
-    yield preferences
-    preferences.engine_python = ""
+    addon.probing.cancel()
+    yield addon.preferences.current()
+    addon.preferences.current().engine_python = ""  # asked for anew: a test may have loaded other preferences
     addon.probing.cancel()
 
 

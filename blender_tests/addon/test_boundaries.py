@@ -14,16 +14,19 @@ ROOT = Path(__file__).resolve().parents[2]
 SHARED = [
     "errors",
     "failures",
+    "findings",
     "inputs",
     "names",
     "files",
     "color",
     "npz",
+    "requirements",
     "settings",
     "wire",
     "project",
     "capture",
     "edit",
+    "farm",
 ]
 # the rooms of karf_blender from the ground up: each may import those on lower floors, and no others
 FLOORS = (
@@ -100,7 +103,15 @@ def test_only_compat_asks_for_blenders_version():
 
 @pytest.mark.parametrize(
     "name",
-    ["engine/environment", "engine/jobs", "engine/processes", "engine/report", "rig/lens", "rig/placement"],
+    [
+        "engine/environment",
+        "engine/examination",
+        "engine/jobs",
+        "engine/processes",
+        "engine/report",
+        "rig/lens",
+        "rig/placement",
+    ],
 )
 def test_files_that_claim_to_need_no_blender_import_none(name):
     assert "bpy" not in [module for _, module in imports(ROOT / "karf_blender" / f"{name}.py")]

@@ -1,95 +1,77 @@
 """The test of the engine's Python: beside the interface, or blocking in background mode, where timers never fire.
 
-Its verdict belongs to the Python that was asked and to this session.
+What was found belongs to the Python that was asked and to this session.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
 
-from ..engine_api import MissingDependency
+from .. import engine_api
+from ..engine_api import VERDICT, Finding
 from ..host import windows
-from . import environment
-from .environment import Examination, Probe
+from . import examination
+from .examination import Examination
 
 POLL_SECONDS = 0.2
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """What was found. command: what to type into a terminal where packages are missing, else empty."""
-
-    python: Path
-    sentence: str
-    command: str
-    is_ready: bool
-
-
 class _Memory:
-    """The test that is running, and the last verdict."""
+    """The last test, which may be running."""
 
-    probe: Probe | None = None
-    verdict: Verdict | None = None
+    examination: Examination | None = None
 
 
 def is_running() -> bool:
     """True while a Python is being asked."""
-    return _Memory.probe is not None
+    return _Memory.examination is not None and not _Memory.examination.has_ended
 
 
-def verdict_on(python: Path) -> Verdict | None:
-    """The last verdict, if it was on this Python."""
-    known = _Memory.verdict
-    return known if known is not None and known.python == python else None
+def findings_on(python: Path | None) -> tuple[Finding, ...]:
+    """What the last test has found so far, if it was of this Python."""
+    known = _Memory.examination
+    return known.findings if known is not None and known.python == python else ()
 
 
-def launch(python: Path) -> None:
-    """Test a Python beside the interface and return at once; in background mode, block until it is done."""
-    _Memory.verdict = None
-    try:
-        if bpy.app.background:
-            _Memory.verdict = _favorable(environment.examine(python))
-            return
-        _begin(python)
-        bpy.app.timers.register(_tick, first_interval=POLL_SECONDS, persistent=True)
-    except MissingDependency as error:
-        _Memory.verdict = unfavorable(python, error)
+def verdict_on(python: Path) -> Finding | None:
+    """What the last test of this Python came to; None before its end."""
+    found = findings_on(python)
+    return found[-1] if found and found[-1].name == VERDICT else None
+
+
+def launch(python: Path, folder: Path, threads: int = 0) -> None:
+    """Test a Python beside the interface and return at once; in background mode, block until it is done.
+
+    Args:
+        python: Which one.
+        folder: Where projects lie or would lie.
+        threads: Of the engine; 0: it chooses.
+    """
+    if bpy.app.background:
+        _Memory.examination = examination.examine(python, engine_api.ENGINE_FOLDER, folder, threads)
+        return
+    _begin(python, folder, threads)
+    bpy.app.timers.register(_tick, first_interval=POLL_SECONDS, persistent=True)
 
 
 def cancel() -> None:
-    """End the test that is running, without a verdict; no child and no timer is left."""
+    """End the test that is running and forget what was found; no child and no timer is left."""
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
-    if _Memory.probe is not None:
-        _Memory.probe.end()
-        _Memory.probe = None
+    if _Memory.examination is not None:
+        _Memory.examination.end()
+        _Memory.examination = None
 
 
-def _begin(python: Path) -> None:
+def _begin(python: Path, folder: Path, threads: int) -> None:
     cancel()
-    _Memory.probe = Probe(python)
+    _Memory.examination = Examination(python, engine_api.ENGINE_FOLDER, folder, threads)
 
 
 def _tick() -> float | None:
-    """The timer: asks whether there is an answer, and stops itself when there is."""
-    probe = _Memory.probe
-    try:
-        found = probe.poll()
-        if found is None:
-            return POLL_SECONDS
-        _Memory.verdict = _favorable(found)
-    except MissingDependency as error:
-        _Memory.verdict = unfavorable(probe.python, error)
-    _Memory.probe = None
-    windows.redraw("PREFERENCES", *windows.PANEL_AREAS)
-    return None
-
-
-def _favorable(found: Examination) -> Verdict:
-    return Verdict(found.python, found.sentence, found.command, not found.missing)
-
-
-def unfavorable(python: Path, error: MissingDependency) -> Verdict:
-    """The verdict on a Python that cannot be used."""
-    return Verdict(python, f"{error.sentence} {error.hint}", "", False)
+    """The timer: takes in what was found, and stops itself at the end."""
+    before = _Memory.examination.findings
+    has_ended = _Memory.examination.poll()
+    if has_ended or _Memory.examination.findings != before:
+        windows.redraw("PREFERENCES", *windows.PANEL_AREAS)
+    return None if has_ended else POLL_SECONDS

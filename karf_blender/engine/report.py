@@ -1,26 +1,40 @@
-"""A failed job as a text that may be given to others: versions, how it ended, the end of its log. No bpy."""
+"""What failed, or what a test found, as a text that may be given to others: without the user's names. No bpy."""
 
+import getpass
 import json
 import platform
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from ..engine_api import REQUEST_FILE, EventReader
+from ..engine_api import REQUEST_FILE, EventReader, Finding
 from . import jobs
+
+SHORTEST_NAME = 3  # letters: shorter ones are found in every text
 
 
 def compose(job: Path, sentence: str, versions: Mapping[str, str]) -> str:
-    """The report of the job in this folder, which may be gone. versions: of the programs at work, by name."""
-    entries = {
-        **versions,
-        "System": platform.platform(),
-        "Engine": _engine(job),
-        "Stage": _stage(job),
-        "Ended": sentence,
-        "Log": f"\n{jobs.log_tail(job) or 'none'}",
-    }
-    return without_home("".join(f"{name}: {value}\n" for name, value in entries.items()), str(Path.home()))
+    """The report of the failed job in this folder, which may be gone. versions: of the programs at work, by name."""
+    ending = {"Engine": _engine(job), "Stage": _stage(job), "Ended": sentence}
+    return _text({**versions, **ending, "Log": f"\n{jobs.log_tail(job) or 'none'}"})
+
+
+def compose_findings(findings: Sequence[Finding], versions: Mapping[str, str]) -> str:
+    """The report of a test of the engine. versions: of the programs at work, by name."""
+    return _text({**versions, "Test": "".join(f"\n{finding.to_text()}" for finding in findings)})
+
+
+def _text(entries: Mapping[str, str]) -> str:
+    entries = {"System": platform.platform(), **entries}
+    return anonymous("".join(f"{name}: {value}\n" for name, value in entries.items()))
+
+
+def anonymous(text: str) -> str:
+    """The text without the names of the user's own folder, of the user and of the computer."""
+    text = without_home(text, str(Path.home()))
+    for name, stand_in in ((_user(), "<user>"), (platform.node(), "<computer>")):
+        text = without_name(text, name, stand_in)
+    return text
 
 
 def without_home(text: str, home: str) -> str:
@@ -30,6 +44,20 @@ def without_home(text: str, home: str) -> str:
     for spelling in spellings:
         text = re.sub(re.escape(spelling) + r"(?=$|[^\w.-])", "~", text, flags=re.MULTILINE)
     return text
+
+
+def without_name(text: str, name: str, stand_in: str) -> str:
+    """The text with a stand-in for a name where it is a word of its own."""
+    if len(name) < SHORTEST_NAME:
+        return text
+    return re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", stand_in, text, flags=re.IGNORECASE)
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError, ImportError):  # no such user is known, as in containers
+        return ""
 
 
 def _engine(job: Path) -> str:

@@ -4,11 +4,10 @@ from pathlib import Path
 
 import bpy
 
-from .. import preferences
 from ..engine import jobs, report
-from ..engine_api import VERSION, DataError, MissingDependency
-from ..host import compat, windows
-from .reporting import reports_errors
+from ..engine_api import DataError
+from ..host import windows
+from .reporting import reports_errors, versions
 
 LOG_NAME = "KaRF log"
 
@@ -25,15 +24,14 @@ class FailureStep:
 
 
 class KARF_OT_copy_report(FailureStep, bpy.types.Operator):
-    """Copy versions, how the job ended and the end of its log, to send to a developer; your own folder is written as ~"""
+    """Copy versions, how the job ended and the end of its log, to send to a developer; your names are left out"""
 
     bl_idname = "karf.copy_report"
     bl_label = "Copy Report"
 
     def execute(self, context):
         progress = context.window_manager.karf_progress
-        versions = {"KaRF": VERSION, "Blender": compat.BLENDER, "Engine Python": _engine_python()}
-        context.window_manager.clipboard = report.compose(Path(progress.job), progress.error, versions)
+        context.window_manager.clipboard = report.compose(Path(progress.job), progress.error, versions())
         self.report({"INFO"}, "The report is on the clipboard")
         return {"FINISHED"}
 
@@ -67,13 +65,6 @@ def _editor() -> bpy.types.Area:
     area = bpy.context.window_manager.windows[-1].screen.areas[0]
     area.type = "TEXT_EDITOR"
     return area
-
-
-def _engine_python() -> str:
-    try:
-        return str(preferences.chosen_python())
-    except MissingDependency as error:
-        return str(error)
 
 
 CLASSES = (KARF_OT_copy_report, KARF_OT_open_log)

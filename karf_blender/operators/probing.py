@@ -1,14 +1,17 @@
-"""The preferences' buttons: the test of the engine's Python, and its end."""
+"""The preferences' buttons: the test of the engine's Python, its end, and what it found for others to read."""
 
 import bpy
+from bpy.props import StringProperty
 
 from .. import preferences
-from ..engine import probing
-from .reporting import reports_errors
+from ..engine import probing, report
+from ..engine_api import ERROR, MissingDependency
+from ..project import folders
+from .reporting import reports_errors, versions
 
 
 class KARF_OT_examine_engine(bpy.types.Operator):
-    """Ask the engine's Python what it is and what it lacks"""
+    """Ask the engine's Python for its packages, its device and its disk, and try each stage on a tiny scene"""
 
     bl_idname = "karf.examine_engine"
     bl_label = "Test Engine"
@@ -23,12 +26,12 @@ class KARF_OT_examine_engine(bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         python = preferences.chosen_python()
-        probing.launch(python)
+        probing.launch(python, folders.likely_project(context.scene), preferences.current().threads)
         verdict = probing.verdict_on(python)
         if verdict is None:  # it is still being asked; the preferences show its answer
             return {"FINISHED"}
-        self.report({"INFO" if verdict.is_ready else "ERROR"}, f"{verdict.sentence}. {verdict.command}".strip())
-        return {"FINISHED"} if verdict.is_ready else {"CANCELLED"}
+        self.report({"ERROR" if verdict.status == ERROR else "INFO"}, " ".join(verdict.lines))
+        return {"CANCELLED"} if verdict.status == ERROR else {"FINISHED"}
 
 
 class KARF_OT_cancel_examination(bpy.types.Operator):
@@ -42,4 +45,44 @@ class KARF_OT_cancel_examination(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (KARF_OT_examine_engine, KARF_OT_cancel_examination)
+class KARF_OT_copy_findings(bpy.types.Operator):
+    """Copy versions and all that the test has found, to send to a developer; your names are left out"""
+
+    bl_idname = "karf.copy_findings"
+    bl_label = "Copy Report"
+
+    @classmethod
+    def poll(cls, context):
+        if not _findings():
+            cls.poll_message_set("Test the engine first")
+            return False
+        return True
+
+    def execute(self, context):
+        context.window_manager.clipboard = report.compose_findings(_findings(), versions())
+        self.report({"INFO"}, "The report is on the clipboard")
+        return {"FINISHED"}
+
+
+class KARF_OT_copy_command(bpy.types.Operator):
+    """Copy this command, to paste it into a terminal"""
+
+    bl_idname = "karf.copy_command"
+    bl_label = "Copy Command"
+
+    command: StringProperty(name="Command")
+
+    def execute(self, context):
+        context.window_manager.clipboard = self.command
+        self.report({"INFO"}, "The command is on the clipboard")
+        return {"FINISHED"}
+
+
+def _findings():
+    try:
+        return probing.findings_on(preferences.chosen_python())
+    except MissingDependency:
+        return ()
+
+
+CLASSES = (KARF_OT_examine_engine, KARF_OT_cancel_examination, KARF_OT_copy_findings, KARF_OT_copy_command)

@@ -3,8 +3,10 @@
 from collections.abc import Callable
 from functools import wraps
 
+from .. import preferences
 from ..engine import jobs
-from ..engine_api import KarfError
+from ..engine_api import VERSION, KarfError, MissingDependency
+from ..host import compat
 from ..project import disk
 from ..tasks import runner
 
@@ -30,6 +32,15 @@ def reports_errors(execute: Callable) -> Callable:
         return {"CANCELLED"}
 
     return safe
+
+
+def versions() -> dict[str, str]:
+    """The programs at work by their names, for reports."""
+    try:
+        python = str(preferences.chosen_python())
+    except MissingDependency as error:
+        python = str(error)
+    return {"KaRF": VERSION, "Blender": compat.BLENDER, "Engine Python": python}
 
 
 class EngineStep:

@@ -1,10 +1,7 @@
 """What the top of the sidebar says: a project that is gone, the running job, how the last one ended."""
 
-import textwrap
-
+from ..host.labels import draw_text
 from ..project import disk
-
-LINE = 34  # characters of a message that fit the sidebar's usual width
 
 
 def has_status(context):
@@ -52,12 +49,3 @@ def dismissible(layout, text, icon):
     row = layout.row()
     row.label(text=text, icon=icon)
     row.operator("karf.dismiss", text="", icon="X", emboss=False)
-
-
-def draw_text(layout, text, icon):
-    """A long message as labels."""
-    column = layout.column(align=True)
-    for paragraph in text.splitlines():
-        for line in textwrap.wrap(paragraph, LINE):
-            column.label(text=line, icon=icon)
-            icon = "BLANK1"

@@ -52,6 +52,13 @@ def default_project(capture: Path) -> Path:
     return Path(bpy.utils.extension_path_user(extension, path=f"projects/{name}", create=True))
 
 
+def likely_project(scene: bpy.types.Scene) -> Path:
+    """Where the scene's project lies, or its next one would; nothing is made."""
+    if scene.karf.project:
+        return project_of(scene).folder
+    return Path(bpy.data.filepath).parent if bpy.data.filepath else Path(bpy.utils.extension_path_user(extension))
+
+
 class _Memory:
     """Whether paths are being rewritten."""
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
+import signal
 from pathlib import Path
 
 from .. import library
-from ..errors import BadRequest, MissingDependency
+from ..errors import BadRequest
 from ..files import read_json
 from ..progress import TerminalEmit
 from ..project import Project
-from ..project.edit import edit_of
 from ..settings import describe
 from ..stages.dispatch import run_request
 from ..wire import Request
@@ -56,6 +56,8 @@ def extract_palettes(options: argparse.Namespace) -> int:
     if options.out or options.edit:
         if not options.out:
             raise BadRequest("The palette verb was given an edit and no file to write.", "Add --out FILE.")
+        from ..project.edit import edit_of  # needs numpy, without which `doctor` still has something to say
+
         edit_of(Project(options.project), options.edit).save(options.out)
         return 0
     library.extract_palettes(options.project, **_run_of(options))
@@ -85,7 +87,7 @@ def render(options: argparse.Namespace) -> int:
     """Pictures of views."""
     names = (
         "views", "edit", "base", "size", "depth", "planes", "layers", "alpha", "jpeg", "overrides", "skip_existing",
-        "format",
+        "format", "first", "last", "count",
     )  # fmt: skip
     chosen = {name: getattr(options, name) for name in names}
     library.render(options.project, options.out, **chosen, **_run_of(options))
@@ -111,13 +113,15 @@ def list_settings(_: argparse.Namespace) -> int:
     return 0
 
 
-def doctor(_: argparse.Namespace) -> int:
+def doctor(options: argparse.Namespace) -> int:
     """Whether this Python can run the engine."""
     from ..doctor import examine
 
-    report = examine()
-    print(json.dumps(report, indent=1))
-    return 0 if report["ok"] else MissingDependency.exit_code
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that what was tried is removed when it is ended
+    finding = None
+    for finding in examine(Path(options.folder), options.quick, options.device, options.threads):
+        print(finding.to_line() if options.json else finding.to_text(), flush=True)
+    return finding.exit_code
 
 
 def run(options: argparse.Namespace) -> int:

@@ -34,7 +34,7 @@ def install(story: Story) -> Wait:
     yield from until(lambda: probing.verdict_on(python) is not None, "Test Engine's verdict", 120)
     verdict = probing.verdict_on(python)
     story.note(verdict.sentence)
-    check(verdict.is_ready, f"Test Engine says {verdict.sentence!r}")
+    check(verdict.exit_code == 0, f"Test Engine says {verdict.sentence!r}")
     bpy.ops.wm.save_userpref()
 
 

@@ -1,8 +1,5 @@
 """The engine's Python: which one is chosen, and what is said of one that cannot run it."""
 
-import sys
-from pathlib import Path
-
 import pytest
 
 
@@ -38,16 +35,3 @@ def test_a_path_that_depends_on_the_open_file_is_refused(bpy, addon, chosen, tmp
         addon.preferences.engine_python()
     with pytest.raises(RuntimeError, match="whole path"):
         bpy.ops.karf.examine_engine()
-
-
-def test_a_python_without_torch_is_told_what_to_install(bpy, addon):
-    found = addon.environment.examine(Path(sys.executable))
-    assert "torch" in found.missing and "numpy" not in found.missing
-    assert "pip install torch" in found.command
-    with pytest.raises(RuntimeError, match="lacks torch"):
-        bpy.ops.karf.examine_engine()
-
-
-def test_something_that_is_no_python_is_named(addon, tmp_path):
-    with pytest.raises(addon.engine_api.MissingDependency, match="does not run"):
-        addon.environment.examine(tmp_path / "nothing")

@@ -12,6 +12,7 @@ pytest.importorskip("imageio")
 
 from blender_tests.engine.conftest import run_engine
 from karf_engine.cli import main, verbs
+from karf_engine.findings import VERDICT, Finding
 from karf_engine.images import write_png
 from karf_engine.project import Project
 
@@ -72,13 +73,26 @@ def test_commands_that_cannot_be_understood_end_with_two(arguments, capsys):
     assert "usage: karf_engine" in capsys.readouterr().err
 
 
-def test_settings_are_listed_and_the_doctor_is_content(capsys):
-    pytest.importorskip("torch")
+def test_settings_are_listed(capsys):
     assert main(["settings"]) == 0
     assert "geometry.long_side" in capsys.readouterr().out
-    assert main(["doctor"]) == 0
-    report = json.loads(capsys.readouterr().out)
-    assert report["ok"] and report["missing"] == [] and report["versions"]["numpy"] == np.__version__
+
+
+def test_the_doctor_says_line_by_line_what_it_finds(tmp_path, capsys):
+    pytest.importorskip("torch")
+    assert main(["doctor", "--quick", "--folder", str(tmp_path)]) == 0
+    text = capsys.readouterr().out
+    assert main(["doctor", "--quick", "--json", "--folder", str(tmp_path)]) == 0
+    found = [Finding.from_line(line) for line in capsys.readouterr().out.splitlines()]
+    assert text.splitlines() == [line for finding in found for line in finding.to_text().splitlines()]
+    assert found[-1].name == VERDICT and all(finding.name != VERDICT for finding in found[:-1])
+    assert set(json.loads(found[0].to_line())) == {"name", "status", "sentence", "remedy", "command", "code", "seconds"}
+
+
+@pytest.mark.parametrize("line", ["", "{", "[]", "null", '{"name": "disk"}', '{"status": "fine"}', "a warning"])
+def test_what_is_no_finding_is_refused(line):
+    with pytest.raises(ValueError):
+        Finding.from_line(line)
 
 
 # ------------------------------------------------------------------------------------------------------------ exit codes
@@ -200,4 +214,4 @@ def test_without_torch_the_engine_says_what_to_install(still_life, tmp_path):
     assert f"({sys.executable}) has no package 'torch'" in done.stderr and "pip install torch" in done.stderr
     assert "Traceback" not in done.stderr
     done = run_engine("doctor", environment=environment)
-    assert done.returncode == 3 and json.loads(done.stdout)["missing"] == ["torch"]
+    assert done.returncode == 3 and "torch is not installed." in done.stdout and done.stderr == ""

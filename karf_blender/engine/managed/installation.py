@@ -12,9 +12,8 @@ from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
-from ...engine_api import Cancelled, KarfError, write_json
+from ...engine_api import REQUIRED, Cancelled, KarfError, write_json
 from .. import processes
-from ..environment import PACKAGES
 from ..jobs import disk_errors
 from . import failures, home, plan
 from .plan import Plan, Step
@@ -118,7 +117,7 @@ class Installation:
         if planned.unchecked:
             yield planned.put_torch(("torch",) if "torch" in found["damaged"] else ())
         extras = [name for extra in planned.choices.extras for name in EXTRA_IMPORTS[extra]]
-        said = yield self._python("Testing", HERE / "selftest.py", *PACKAGES, *extras)
+        said = yield self._python("Testing", HERE / "selftest.py", *(package.name for package in REQUIRED), *extras)
         tested = _answer(said)
         failures.check_build(planned, tested)
         yield Step("Cleaning up", (planned.uv, "cache", "clean", "--force", "--cache-dir", str(place.cache)))

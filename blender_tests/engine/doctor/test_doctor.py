@@ -1,0 +1,215 @@
+"""The doctor on made-up computers: what it finds, what it advises, and the verdict."""
+
+import importlib
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections import namedtuple
+
+import pytest
+
+pytest.importorskip("torch")
+
+from blender_tests.engine.conftest import ROOT
+from karf_engine import doctor
+from karf_engine.doctor import machine, packages, smoke
+from karf_engine.findings import ERROR, OK, WARNING, Finding
+from karf_engine.requirements import REQUIRED, Range
+
+Usage = namedtuple("Usage", "total used free")
+
+
+def package(name):
+    return next(each for each in REQUIRED if each.name == name)
+
+
+def examined(folder, **options):
+    """The findings by their names, without the stages."""
+    return {finding.name: finding for finding in doctor.examine(folder, quick=True, **options)}
+
+
+@pytest.fixture
+def lacking(monkeypatch):
+    """Takes packages away from this Python: `lacking(name, error)`."""
+    errors, load = {}, importlib.import_module
+
+    def load_or_fail(name):
+        if name in errors:
+            raise errors[name]
+        return load(name)
+
+    monkeypatch.setattr(packages, "import_module", load_or_fail)
+    return lambda name, error: errors.update({name: error})
+
+
+def test_this_computer_passes(tmp_path):
+    found = examined(tmp_path)
+    assert {finding.status for finding in found.values()} <= {OK, WARNING}
+    assert found["engine"].exit_code == 0 and "torch" in found["engine"].sentence
+
+
+def test_every_required_package_is_looked_at(tmp_path):
+    assert {each.name for each in REQUIRED} <= set(examined(tmp_path))
+
+
+def test_without_torch_it_says_so_and_how_to_install_it(lacking, tmp_path):
+    lacking("torch", ModuleNotFoundError("No module named 'torch'", name="torch"))
+    found = examined(tmp_path)
+    assert found["torch"].sentence == "torch is not installed."
+    assert f'"{sys.executable}" -m pip install "torch>=' in found["torch"].command
+    assert "device" not in found
+    assert found["engine"].exit_code == 3 and "torch" in found["engine"].sentence
+
+
+def test_one_command_installs_all_that_is_missing(lacking, tmp_path):
+    for name in ("scipy", "cv2"):
+        lacking(name, ModuleNotFoundError(f"No module named {name!r}", name=name))
+    command = examined(tmp_path)["engine"].command
+    assert command.count("pip install") == 1 and '"scipy>=' in command and '"opencv-python-headless>=' in command
+
+
+def test_a_package_that_cannot_be_loaded_is_told_from_one_that_is_missing(lacking):
+    lacking("torch", OSError("libcudart.so.12: cannot open shared object file"))
+    lacking("scipy", ModuleNotFoundError("No module named 'numpy'", name="numpy"))
+    broken, incomplete = packages.look_at(package("torch")), packages.look_at(package("scipy"))
+    assert broken.status == ERROR and "libcudart.so.12" in broken.sentence and "--force-reinstall" in broken.command
+    assert incomplete.sentence == "scipy needs numpy, which is not installed."
+
+
+@pytest.mark.parametrize(("version", "status"), [("2.5.1", WARNING), ("2.6.0", OK), ("3.0.0", WARNING)])
+def test_versions_outside_the_tested_ones_are_a_warning(monkeypatch, version, status):
+    monkeypatch.setattr(packages, "installed_version", lambda package: version)
+    found = packages.look_at(package("torch"))
+    assert found.status == status and version in found.sentence
+    assert bool(found.remedy) == (status == WARNING)
+
+
+def test_a_python_that_was_not_tested_is_a_warning(monkeypatch):
+    monkeypatch.setattr(machine, "PYTHON", Range("3.90", "3.91"))
+    found = machine.python()
+    assert found.status == WARNING and sys.executable in found.sentence and found.remedy
+
+
+@pytest.mark.parametrize(("free", "status"), [(10**7, ERROR), (10**9, WARNING), (10**11, OK)])
+def test_the_free_disk_is_judged(monkeypatch, tmp_path, free, status):
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: Usage(10**12, 0, free))
+    found = machine.disk(tmp_path)
+    assert found.status == status and str(tmp_path) in found.sentence
+    assert found.exit_code == (4 if status == ERROR else 0)
+
+
+@pytest.mark.parametrize(("total", "status"), [(2 * 10**9, WARNING), (16 * 10**9, OK), (None, OK)])
+def test_the_memory_is_judged(monkeypatch, total, status):
+    monkeypatch.setattr(machine, "total_memory", lambda: total)
+    assert machine.memory().status == status
+
+
+def test_a_disk_that_is_asked_before_the_folder_is_made_answers(tmp_path):
+    found = examined(tmp_path / "films" / "pots_karf")
+    assert str(tmp_path) in found["disk"].sentence and not (tmp_path / "films").exists()
+
+
+def test_locks_are_tried_and_nothing_is_left(tmp_path):
+    assert machine.locks(tmp_path) == Finding("locks", OK, f"Locks work in {tmp_path}.")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_locks_that_do_not_hold_are_a_warning(monkeypatch, tmp_path):
+    import filelock
+
+    class Loose(filelock.FileLock):
+        def _acquire(self):
+            self._context.lock_file_fd = os.open(os.devnull, os.O_RDONLY)
+
+        def _release(self):
+            os.close(self._context.lock_file_fd)
+            self._context.lock_file_fd = None
+
+    monkeypatch.setattr(filelock, "FileLock", Loose)
+    found = machine.locks(tmp_path)
+    assert found.status == WARNING and "two jobs could write at once" in found.sentence
+
+
+@pytest.mark.parametrize("check", [lambda folder: machine.locks(folder), lambda folder: machine.temporary()])
+def test_folders_that_take_no_files_are_errors(monkeypatch, tmp_path, check):
+    def refuse(*_, **__):
+        raise PermissionError(13, "Permission denied", str(tmp_path))
+
+    monkeypatch.setattr(machine.tempfile, "TemporaryDirectory", refuse)
+    monkeypatch.setattr(machine.tempfile, "TemporaryFile", refuse)
+    found = check(tmp_path)
+    assert found.status == ERROR and found.exit_code == 4 and str(tmp_path) in found.sentence and found.remedy
+
+
+def test_a_build_for_cards_that_are_not_there_is_a_warning(monkeypatch):
+    import torch
+
+    monkeypatch.setattr(torch.version, "cuda", "12.8")
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    build, device = packages.devices(None)
+    assert build.status == WARNING and "CUDA 12.8" in build.sentence and "driver" in build.remedy
+    assert device == Finding("device", OK, "Stages compute on the processor.")
+
+
+def test_cards_are_named_with_their_memory(monkeypatch):
+    import torch
+
+    facts = namedtuple("Facts", "name total_memory")("RTX 4090", 24 * 10**9)
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 1)
+    monkeypatch.setattr(torch.cuda, "get_device_properties", lambda number: facts)
+    found = {finding.name: finding.sentence for finding in packages.devices("cpu")}
+    assert found["cuda:0"] == "cuda:0 is RTX 4090 with 24.0 GB of memory."
+
+
+def test_a_device_that_is_not_there_is_an_error_and_no_stage_is_tried(tmp_path):
+    found = {finding.name: finding for finding in doctor.examine(tmp_path, device="cuda:7")}
+    assert found["device"].status == ERROR and found["engine"].exit_code == 2 and "geometry" not in found
+
+
+# ------------------------------------------------------------------------------------------------------------ smoke run
+def test_every_stage_is_run_and_timed(monkeypatch, tmp_path):
+    monkeypatch.setattr(smoke.tempfile, "tempdir", str(tmp_path))
+    found = list(smoke.stages(device="cpu", threads=1))
+    assert [(each.name, each.status) for each in found] == [
+        (stage, OK) for stage in ("geometry", "segmentation", "palette", "recoloring", "render")
+    ]
+    assert all(each.seconds > 0 for each in found)
+    assert list(tmp_path.glob("karf-*")) == []
+
+
+@pytest.mark.skipif(os.name == "nt", reason="ended processes clear nothing up there")
+def test_a_doctor_that_is_ended_leaves_nothing(tmp_path):
+    environment = os.environ | {"TMPDIR": str(tmp_path), "OMP_NUM_THREADS": "1"}
+    process = subprocess.Popen([sys.executable, ROOT / "karf_engine", "doctor"], env=environment, cwd=tmp_path)
+    while not list(tmp_path.glob("karf-doctor-*/capture")):
+        assert process.poll() is None
+        time.sleep(0.02)
+    process.terminate()
+    assert process.wait(60) == 6 and list(tmp_path.glob("karf-*")) == []
+
+
+def test_a_stage_that_fails_is_named_and_later_ones_are_not_tried(monkeypatch, capsys):
+    from karf_engine import library
+
+    def fail(*_, **__):
+        raise ValueError("operands do not fit")
+
+    monkeypatch.setattr(library, "learn_geometry", lambda *_, **__: None)
+    monkeypatch.setattr(library, "segment", fail)
+    geometry, segmentation = smoke.stages()
+    assert geometry.status == OK and segmentation.status == ERROR
+    assert "The stage segmentation does not run: ValueError('operands do not fit')." == segmentation.sentence
+    assert "operands do not fit" in capsys.readouterr().err
+
+
+# -------------------------------------------------------------------------------------------------------- bare Python
+def test_a_python_without_any_package_gets_all_findings_and_no_traceback(tmp_path):
+    command = [sys.executable, "-S", "-I", ROOT / "karf_engine", "doctor", "--json", "--folder", tmp_path]
+    done = subprocess.run(command, capture_output=True, text=True)
+    found = {finding.name: finding for finding in map(Finding.from_line, done.stdout.splitlines())}
+    assert done.returncode == 3 and done.stderr == ""
+    assert all(found[each.name].status == ERROR for each in REQUIRED)
+    assert found["disk"].status != ERROR and found["locks"].status == OK
