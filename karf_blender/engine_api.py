@@ -34,8 +34,10 @@ from ..karf_engine.edit.palette import (
 from ..karf_engine.edit.palette_files import SUFFIXES as EDIT_SUFFIXES
 from ..karf_engine.edit.palette_files import read_edit_file, write_edit_file
 from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency, error_from_code
+from ..karf_engine.farm import render_bundle
 from ..karf_engine.files import atomic_write, checksum, read_json, write_json
 from ..karf_engine.findings import ERROR, OK, VERDICT, WARNING, Finding
+from ..karf_engine.names import is_file_name, same_but_for_case
 from ..karf_engine.project import Project
 from ..karf_engine.project.colorways import PlannedColorway, plan_colorways
 from ..karf_engine.requirements import REQUIRED
@@ -90,6 +92,7 @@ __all__ = [
     "error_from_code",
     "find_header",
     "hex_to_rgb",
+    "is_file_name",
     "linear_to_srgb",
     "match_becomes",
     "match_fewest",
@@ -104,8 +107,10 @@ __all__ = [
     "read_object_colors",
     "read_palettes",
     "read_planes",
+    "render_bundle",
     "reprojection_errors",
     "rgb_to_hex",
+    "same_but_for_case",
     "srgb_to_lab",
     "srgb_to_linear",
     "stack_palettes",

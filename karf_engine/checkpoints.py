@@ -51,7 +51,8 @@ def load_tensors(
             found = header.get("schema")
             if found != schema:
                 raise DataError(f"{path} holds {found!r:.200}, not {schema!r}.", AGAIN)
-            tensors = {name: stored.get_tensor(name) for name in stored.keys()}
+            # copies: as long as the file itself is mapped, Windows lets nobody replace it
+            tensors = {name: stored.get_tensor(name).clone() for name in stored.keys()}
             metadata = header["facts"]
     except FileNotFoundError as error:
         raise DataError(f"{path} does not exist.", "Run the stage that writes it.") from error

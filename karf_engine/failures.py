@@ -6,6 +6,7 @@ Libraries report the same failure by many classes of exceptions; all of them are
 from __future__ import annotations
 
 import errno
+import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -24,7 +25,13 @@ MEMORY_MESSAGES = (
     "larger than the maximum possible size",
 )
 DISK_FULL_MESSAGES = ("disk is full", "requested and")  # SQLite; numpy, which wrote less than was requested
-NUMBER_IN_TEXT = re.compile(r"\(os error (\d+)\)")  # safetensors has the system's number in its message alone
+# safetensors has the system's number in its message alone; the second form is that of its versions before 0.5
+NUMBER_IN_TEXT = re.compile(r"\(os error (\d+)\)|Os \{ code: (\d+)")
+WINDOWS_ERRORS = {  # its own numbers, which libraries that are not written in Python report
+    2: errno.ENOENT, 3: errno.ENOENT, 5: errno.EACCES, 8: errno.ENOMEM, 14: errno.ENOMEM, 19: errno.EROFS,
+    32: errno.EACCES, 33: errno.EACCES, 39: errno.ENOSPC, 112: errno.ENOSPC, 206: errno.ENAMETOOLONG,
+}  # fmt: skip
+WINDOWS_LONGEST_PATH = 259  # characters, where long paths have not been switched on
 FREE_SPACE = "Free some space, or choose a folder on another disk; what was finished is kept."
 OTHER_FOLDER = "Choose a folder of your own, or change its rights; on Windows another program may hold the file open."
 SYSTEM_ERRORS = {  # by number: sentence and remedy
@@ -105,9 +112,12 @@ def translated() -> Iterator[None]:
 
 def _system_number(error: BaseException) -> int | None:
     """The system's number of a failed call, also where a library has it in its message alone."""
+    is_windows = os.name == "nt"
     if isinstance(error, OSError) and error.errno:
-        return error.errno
+        is_long = len(str(error.filename or "")) > WINDOWS_LONGEST_PATH  # Windows says that it is not there
+        return errno.ENAMETOOLONG if is_windows and is_long and error.errno == errno.ENOENT else error.errno
     if any(word in str(error) for word in DISK_FULL_MESSAGES):
         return errno.ENOSPC
     found = NUMBER_IN_TEXT.search(str(error))
-    return int(found[1]) if found else None
+    number = int(found[1] or found[2]) if found else None
+    return WINDOWS_ERRORS.get(number, number) if is_windows else number

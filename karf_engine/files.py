@@ -19,6 +19,8 @@ from .inputs import MOST_JSON, check_file
 
 TEMPORARY = ".tmp"  # how names of files in the making begin, safetensors' own ones too
 STALE_SECONDS = 3600.0  # after which nobody is writing a temporary file any more
+HELD = (5, 32, 33, 1224)  # Windows: access denied, sharing violation, lock violation, mapped by a process
+HELD_SECONDS = 3.0  # for which virus scanners, indexers and thumbnails hold a new file there, at most
 
 
 def atomic_write(path: Path, write: Callable[[Path], None]) -> None:
@@ -47,9 +49,26 @@ def atomic_write(path: Path, write: Callable[[Path], None]) -> None:
         with temporary.open("rb+") as stream:
             os.fsync(stream.fileno())
         temporary.chmod(0o666 & ~_umask())
-        temporary.replace(path)
+        replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def replace(source: Path, target: Path) -> None:
+    """Give a file or folder another name, over what had it; on Windows, wait while another program holds either.
+
+    Raises:
+        OSError: It cannot be renamed, or is held for more than `HELD_SECONDS`.
+    """
+    patient_until = time.monotonic() + HELD_SECONDS
+    while True:
+        try:
+            source.replace(target)
+            return
+        except OSError as error:
+            if getattr(error, "winerror", None) not in HELD or time.monotonic() > patient_until:
+                raise
+        time.sleep(0.05)
 
 
 def _umask() -> int:
@@ -59,13 +78,13 @@ def _umask() -> int:
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write JSON atomically, indented so that a person can read it.
+    """Write JSON atomically, indented so that a person can read it; the same bytes on every system.
 
     Raises:
         ValueError: A number in it is not finite.
     """
     text = json.dumps(content, indent=1, allow_nan=False)
-    atomic_write(path, lambda temporary: temporary.write_text(text + "\n", encoding="utf-8"))
+    atomic_write(path, lambda temporary: temporary.write_text(text + "\n", encoding="utf-8", newline="\n"))
 
 
 def read_json(path: Path, what: str) -> Any:

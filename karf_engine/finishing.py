@@ -20,7 +20,7 @@ from .errors import BadRequest
 from .frames import Frame
 from .handover.layers import Layers
 from .images import BACK, oriented, over, turned
-from .matting.matte import NEGLIGIBLE, Matte
+from .matting.matte import NEGLIGIBLE, Matte, disputed_objects
 from .matting.refine import mattes_of
 from .palette.star_weights import palette_weights_of_image, star_weights
 from .photos import StoredPhoto, open_photo
@@ -67,9 +67,9 @@ class PhotoView:
             yield from copies
 
     @property
-    def disputed(self) -> list[str]:
+    def disputed(self) -> tuple[str, ...]:
         """Objects about which photo and field disagree, so that their edges are the field's."""
-        return [name for name, matte in zip(self.objects, self.mattes, strict=True) if matte.disputed]
+        return disputed_objects(self.objects, self.mattes)
 
     def masks(self) -> np.ndarray:
         """The likeliest class of each pixel as masks in the stored grid, [K, H, W] bool."""

@@ -24,12 +24,14 @@ class Frame:
         probabilities: [K, H, W] float32, of each object in each pixel (Eq. 8).
         palette_weights: [K, M, H, W] float32, probabilities times weights (Eq. 9); None before palettes are learned.
         base: [H, W, 3] float32 sRGB in [0, 1], the picture that an edit changes: the photo, or the rendering.
+        disputed: objects about which photo and field disagree, so that their edges are the field's.
     """
 
     picture: Picture
     probabilities: np.ndarray
     palette_weights: np.ndarray | None
     base: np.ndarray
+    disputed: tuple[str, ...] = ()
 
     @property
     def color(self) -> np.ndarray:

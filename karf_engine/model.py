@@ -31,7 +31,7 @@ from .heads.files import load_recoloring, load_segmentation
 from .heads.rendering import ObjectSamples, object_samples, segment_cache, weigh_cache
 from .images import over
 from .locking import consistent, opened
-from .matting.matte import dense_coverage
+from .matting.matte import dense_coverage, disputed_objects
 from .matting.refine import mattes_of
 from .plates import Plate, load_views
 from .project import Project
@@ -200,7 +200,7 @@ class Model:
         weights = None
         if self.recoloring is not None:
             weights = dense_weights([matte.own_picture(to_bytes(base)) for matte in mattes], self.palettes, coverages)
-        return Frame(seen.picture, coverages, weights, base)
+        return Frame(seen.picture, coverages, weights, base, disputed_objects(self.objects, mattes))
 
     def photo_view(self, view: View, size: str | int = "photo") -> PhotoView:
         """A captured view in its photo's own pixels, to be recolored any number of times.

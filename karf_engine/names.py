@@ -6,6 +6,7 @@ The rules are those of all systems together, so that a project can be moved to a
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,8 @@ from .errors import DataError
 LONGEST = 200  # bytes of a name as UTF-8: file systems hold 255, and endings and temporary names come on top
 LONGEST_MADE = 170  # of one that is made here, to which a split and a number may be added
 FORBIDDEN = re.compile(r'[\x00-\x1f\x7f<>:"/\\|?*\ud800-\udfff]')
-RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)  # devices of Windows, in every folder
+# devices of Windows, in every folder and with every ending
+RESERVED = re.compile(r"(con|prn|aux|nul|conin\$|conout\$|(com|lpt)[\d¹²³]) *(\..*)?", re.IGNORECASE)
 
 
 def file_name(text: str) -> str:
@@ -25,7 +27,7 @@ def file_name(text: str) -> str:
         >>> file_name("IMG_0001"), file_name("a/b?"), file_name("NUL.png")
         ('IMG_0001', 'a_b_', '_NUL.png')
     """
-    name = FORBIDDEN.sub("_", text)
+    name = FORBIDDEN.sub("_", unicodedata.normalize("NFC", text))  # macOS writes letters and accents one by one
     name = name.encode()[:LONGEST_MADE].decode(errors="ignore")
     if name.rstrip(". ") != name:  # Windows drops them
         name = name.rstrip(". ") + "_"
@@ -71,3 +73,17 @@ def check_names(values: Any, path: Path, what: str) -> list[str]:
     if len(set(names)) < len(names):
         raise DataError(f"{path} has {what} twice by one name.", "Run the stage that writes it again.")
     return names
+
+
+def same_but_for_case(names: Iterable[str]) -> tuple[str, str] | None:
+    """The first two names that Windows and macOS take for one; None where there are none.
+
+    Examples:
+        >>> same_but_for_case(["pot", "mug", "Pot"])
+        ('pot', 'Pot')
+    """
+    first: dict[str, str] = {}
+    for name in names:
+        if first.setdefault(name.casefold(), name) != name:
+            return first[name.casefold()], name
+    return None

@@ -113,7 +113,7 @@ def peak_memory_bytes() -> int:
     """Largest resident memory of this process so far, bytes; 0 where the system does not say."""
     status = Path("/proc/self/status")
     if status.exists():
-        for line in status.read_text().splitlines():
+        for line in status.read_text(encoding="utf-8").splitlines():
             if line.startswith("VmHWM"):
                 return int(line.split()[1]) * 1024
     try:

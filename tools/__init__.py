@@ -6,6 +6,7 @@ For everyone: `dev.py` (set up, demo, test, build and all below), `benchmark.py`
 - `scenes/`: captures with known truth: made, learned and judged
 - `experiments/`: the paper's tables, and the page that shows them
 - `reliability/`: faults thrown at the engine, nearly right files at its readers, and the page that tells of them
+- `release/`: the extension's zip, its repository and checksums, without Blender
 - `window/`: real Blender used by mouse and keys
 
 These share `judging/` (held-out views against the truth), `procedural/` (captures made with Cycles) and `speed/` (what

@@ -2,18 +2,19 @@
 
     python3 tools/dev.py demo [--out DIR]    the main job on the demo capture, through real Blender
     python3 tools/dev.py test                lint and all tests, in both environments (test -k WORD: engine tests by name)
+    python3 tools/dev.py matrix [CELL ...]   the tests on other versions of Blender, Python, packages: docs/versions.md
     python3 tools/dev.py bench [NAME ...]    measured ratios and seconds
     python3 tools/dev.py evaluate [TABLE ..] the paper's tables on the demo capture: docs/results.md
     python3 tools/dev.py faults [NAME ...]   kills, full disks, damage thrown at the engine: docs/reliability.md
     python3 tools/dev.py fuzz [READER ...]   nearly right files for every reader: docs/reliability.md
     python3 tools/dev.py window [...]        the extension used by mouse and keys in a real window: docs/window_story.md
-    python3 tools/dev.py build               the extension's zip in dist/
+    python3 tools/dev.py build               the extension's zip, repository and checksums in dist/; sets nothing up
     python3 tools/dev.py wheel               the engine's wheel and source archive in dist/, checked
     python3 tools/dev.py docs                the documentation site in docs_out/; a warning is an error
     python3 tools/dev.py setup               only the environments
 
 Two environments are made under .venv/: `engine` has torch, `blender` has Blender as a module, as at a user's desk. The
-verbs `wheel` and `docs` make a small one each. What is in them stands, to the digit, in requirements/.
+verbs `wheel` and `docs` make a small one each, `matrix` one for each of its cells. What is in them stands, to the digit, in requirements/.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ import venv
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PASSING_ON = ("test", "bench", "evaluate", "faults", "fuzz", "window")  # verbs with arguments of another program
+PASSING_ON = ("test", "matrix", "bench", "evaluate", "faults", "fuzz", "window")  # verbs with another program's options
+BARE = ("build", "matrix")  # verbs that need no environment, or make their own
 # of processes that are forked after numpy and torch were imported: they must find no other threads
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
 BLENDER_LIBRARIES = (
@@ -47,6 +49,7 @@ def main() -> int:
     demo.add_argument("--quick", action="store_true", help="leave the comparisons out (ceiling, plain cross-entropy)")
     for name, text in (
         ("test", "lint and all tests"),
+        ("matrix", "the tests on other versions of Blender, Python and packages"),
         ("bench", "measured ratios and seconds"),
         ("evaluate", "the paper's tables on the demo capture"),
         ("faults", "kills, full disks and damage thrown at the engine"),
@@ -55,18 +58,20 @@ def main() -> int:
     ):
         verb = verbs.add_parser(name, help=text)
         verb.add_argument("rest", nargs=argparse.REMAINDER, help="passed on")
-    verbs.add_parser("build", help="the extension's zip in dist/")
+    verbs.add_parser("build", help="the extension's zip, repository and checksums in dist/; sets nothing up")
     verbs.add_parser("wheel", help="the engine's wheel and source archive in dist/, checked")
     verbs.add_parser("docs", help="the documentation site in docs_out/; a warning is an error")
     verbs.add_parser("setup", help="only the environments")
     options, unknown = parser.parse_known_args()
     if unknown and options.verb not in PASSING_ON:
         parser.error(f"unknown arguments: {' '.join(unknown)}")
-    setup("engine", "blender")
+    if options.verb not in BARE:
+        setup("engine", "blender")
     rest = unknown + list(getattr(options, "rest", []))
     actions = {
         "demo": run_demo,
         "test": run_tests,
+        "matrix": run_matrix,
         "bench": run_bench,
         "evaluate": run_evaluate,
         "faults": run_faults,
@@ -143,6 +148,12 @@ def run_tests(options: argparse.Namespace, rest: list[str]) -> int:
     return 0
 
 
+def run_matrix(options: argparse.Namespace, rest: list[str]) -> int:
+    """Run the tests on other versions, in environments that uv makes."""
+    setup("lock")
+    return _run("lock", "-m", "tools.matrix", *rest)
+
+
 def run_bench(options: argparse.Namespace, rest: list[str]) -> int:
     return _run("engine", "-m", "tools.benchmark", *rest)
 
@@ -165,11 +176,8 @@ def run_window(options: argparse.Namespace, rest: list[str]) -> int:
 
 
 def build(options: argparse.Namespace, rest: list[str]) -> int:
-    """Validate and pack the extension with Blender's own tool."""
-    tool = next((ROOT / ".venv" / "blender").rglob("bl_pkg/cli/blender_ext.py"))
-    (ROOT / "dist").mkdir(exist_ok=True)
-    code = _run("blender", str(tool), "build", "--source-dir", str(ROOT), "--output-dir", str(ROOT / "dist"))
-    return code or max(_run("blender", str(tool), "validate", str(path)) for path in (ROOT / "dist").glob("karf-*.zip"))
+    """Pack the extension by this Python alone."""
+    return subprocess.run([sys.executable, "-m", "tools.release"], cwd=ROOT).returncode
 
 
 def wheel(options: argparse.Namespace, rest: list[str]) -> int:

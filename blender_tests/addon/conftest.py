@@ -69,8 +69,8 @@ def addon(bpy, monkeypatch):
 def chosen(addon):
     """The extension's preferences, with no Python chosen before and after the test."""
     addon.probing.cancel()
-    preferences = addon.preferences.current()
-    yield preferences
+    yield addon.preferences.current()
+    preferences = addon.preferences.current()  # asked for anew: a test may have loaded other preferences
     preferences.engine_python = preferences.engine_folder = ""
     addon.probing.cancel()
 

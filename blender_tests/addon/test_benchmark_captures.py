@@ -58,14 +58,16 @@ def test_no_test_view_is_a_training_view(maker, scene):
     assert np.linalg.norm(places["train"][:, None] - places["test"], axis=-1).min() > 0.03
 
 
-def make(out: Path, *arguments: str) -> str:
+def make(bpy, out: Path, *arguments: str) -> str:
     """Run the command in a process of its own, for it starts from Blender's factory settings; returns its last line."""
+    if bpy.app.version >= (5, 0, 0):
+        pytest.skip("captures are made with the Blender of requirements/, whose compositor has other nodes")
     command = [sys.executable, "-m", "tools.scenes.make_captures", "--out", str(out), *arguments]
     return subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout.splitlines()[-1]
 
 
 def test_a_rendered_scene_has_photos_labels_recolors_and_masks_that_agree_and_is_not_made_twice(bpy, tmp_path):
-    make(tmp_path, "single", *TINY)
+    make(bpy, tmp_path, "single", *TINY)
     folder = tmp_path / "single"
     names = json.loads((folder / "labels" / "names.json").read_text())
     edits = json.loads((folder / "edits.json").read_text())["edits"]
@@ -81,11 +83,11 @@ def test_a_rendered_scene_has_photos_labels_recolors_and_masks_that_agree_and_is
         truth = iio.imread(folder / "labels" / "train" / path.name, mode="P") == 1
         mask = iio.imread(path) > 0
         assert 0.75 <= (mask & truth).sum() / (mask | truth).sum() <= 0.9
-    assert make(tmp_path, "single", *TINY) == f"{folder}: there already"
+    assert make(bpy, tmp_path, "single", *TINY) == f"{folder}: there already"
 
 
 def test_a_copy_with_larger_test_views_has_their_coverage_and_keeps_all_that_is_learned_from(bpy, tmp_path):
-    make(tmp_path, "single", *TINY, "--full", str(tmp_path / "full"), "--full-size", "96", "--full-samples", "1")
+    make(bpy, tmp_path, "single", *TINY, "--full", str(tmp_path / "full"), "--full-size", "96", "--full-samples", "1")
     small, full = tmp_path / "single", tmp_path / "full" / "single"
     for path in (*small.glob("train/*"), *small.glob("coarse_masks/*/*/*"), small / "transforms_train.json"):
         assert (full / path.relative_to(small)).read_bytes() == path.read_bytes()

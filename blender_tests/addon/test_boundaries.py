@@ -26,6 +26,7 @@ SHARED = [
     "project",
     "capture",
     "edit",
+    "farm",
 ]
 # the rooms of karf_blender from the ground up: each may import those on lower floors, and no others
 FLOORS = (

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+LONG_PATH = 180  # characters of a folder: what is in a project needs some more
 QUICK = (
     "geometry.long_side=32",
     'geometry.levels=[{"voxels": 24, "iterations": 70, "step": 1.0}, {"voxels": 36, "iterations": 70, "step": 0.75}]',
@@ -116,6 +117,14 @@ def wheel(tmp_path_factory) -> Path:
     return folder / done.stdout.splitlines()[-1]
 
 
+def odd_folder(parent: Path) -> Path:
+    """A folder as users have them: with a space and letters of other alphabets, and a long path (Windows: 259)."""
+    folder = parent / "Jürgen's Töpfe (壺) & 100 %"
+    folder /= "x" * max(1, LONG_PATH - len(str(folder)) - 1)
+    folder.mkdir(parents=True)
+    return folder
+
+
 @dataclass(frozen=True)
 class StillLife:
     """A tiny capture on disk with rough masks of its ball and block; photos: the truth by split/stem."""
@@ -147,7 +156,7 @@ def still_life(tmp_path_factory) -> StillLife:
     pytest.importorskip("scipy")
     from blender_tests.engine.reference.still_life import write_capture, write_masks
 
-    folder = tmp_path_factory.mktemp("still_life")
+    folder = odd_folder(tmp_path_factory.mktemp("still life"))
     photos = write_capture(folder / "capture")
     write_masks(folder / "masks", photos)
     return StillLife(folder / "capture", folder / "masks", photos)
@@ -165,7 +174,7 @@ class Learned:
 def learned(still_life, tmp_path_factory) -> Learned:
     """The still life, learned once by the command line."""
     pytest.importorskip("torch")
-    project = tmp_path_factory.mktemp("learned") / "project"
+    project = odd_folder(tmp_path_factory.mktemp("learned")) / "project"
     done = run_engine(*still_life.command(project))
     assert done.returncode == 0, done.stderr
     return Learned(project, done.stderr)

@@ -10,7 +10,7 @@ FLOORS = (
     ("wire", "capture", "progress", "runtime"),
     ("images", "edit", "checkpoints", "kan", "mixtures"),
     ("plates", "photos", "matting", "palette", "project", "handover", "contact_sheet", "frame_formats"),
-    ("locking", "training", "rendering", "poses", "metrics"),
+    ("locking", "training", "rendering", "poses", "metrics", "farm"),
     ("fields",),
     ("heads",),
     ("segmentation", "frames"),

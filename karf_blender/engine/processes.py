@@ -49,13 +49,15 @@ def start(
 
 def send(process: subprocess.Popen, number: int) -> None:
     """Send a signal to a process and to all it has started; on Windows these are ended whatever the signal."""
-    with contextlib.suppress(OSError):  # they may be gone
-        if os.name == "nt":
+    if os.name == "nt":
+        with contextlib.suppress(OSError):  # a system may lack it
             tree = ["taskkill", "/F", "/T", "/PID", str(process.pid)]
             subprocess.run(tree, capture_output=True, creationflags=subprocess.CREATE_NO_WINDOW)
+        with contextlib.suppress(OSError):  # it may be gone
             process.terminate()
-        else:  # the child leads its own group
-            os.killpg(process.pid, number)
+    else:
+        with contextlib.suppress(OSError):  # it may be gone
+            os.killpg(process.pid, number)  # the child leads its own group
 
 
 def end(process: subprocess.Popen) -> None:

@@ -3,10 +3,12 @@
 The artist paints on a copy of the photo, in any color that the object has not; what was painted over is the object.
 """
 
+from pathlib import Path
+
 import bpy
 import numpy as np
 
-from ..engine_api import BadRequest, View
+from ..engine_api import BadRequest, View, is_file_name, same_but_for_case
 from ..host import compat
 from ..project import folders
 from . import images, photos
@@ -27,10 +29,11 @@ def start(scene: bpy.types.Scene, name: str, view: View) -> bpy.types.Image:
         The image: a copy of the view's photo.
 
     Raises:
-        BadRequest: The name cannot be a folder's, or the view is held out or has no photo.
+        BadRequest: The name cannot be a folder's, or is another object's but for upper and lower case; or the view is
+            held out or has no photo.
         DataError: The photo is unreadable.
     """
-    _check_name(name)
+    _check_name(name, _folder(scene))
     if view.split != "train":
         raise BadRequest(f"The view {view.name!r} is held out for testing.", "Choose a view of the train split.")
     if view.image is None:
@@ -59,7 +62,7 @@ def save(scene: bpy.types.Scene, view: View) -> tuple[str, float]:
         BadRequest: No mask was begun, or nothing is painted.
     """
     karf = scene.karf
-    _check_name(karf.mask_object)
+    _check_name(karf.mask_object, _folder(scene))
     if karf.mask_image is None:
         raise BadRequest("No mask was begun.", "Press Paint Mask first.")
     painted = images.pixels(karf.mask_image)[..., :3]
@@ -71,12 +74,21 @@ def save(scene: bpy.types.Scene, view: View) -> tuple[str, float]:
         )
     if not karf.masks:
         karf.masks = folders.stored(folders.project_of(scene).masks_folder)
-    file = folders.absolute(karf.masks) / karf.mask_object / f"{view.name}.png"
+    file = _folder(scene) / karf.mask_object / f"{view.name}.png"
     images.write_png(file, np.repeat(mask[..., None], 3, axis=-1).astype(np.float32))
     return str(file), float(mask.mean())
 
 
-def _check_name(name: str) -> None:
+def _folder(scene: bpy.types.Scene) -> Path:
+    """Where masks are kept, one folder an object; it may not exist yet."""
+    chosen = scene.karf.masks
+    return folders.absolute(chosen) if chosen else folders.project_of(scene).masks_folder
+
+
+def _check_name(name: str, folder: Path) -> None:
     # it becomes a folder's name
-    if not name or name != bpy.path.clean_name(name):
+    if not name or name != bpy.path.clean_name(name) or not is_file_name(name):
         raise BadRequest(f"{name!r} is no name for an object.", "Use letters, digits, - and _ only.")
+    others = [path.name for path in folder.glob("*/")]
+    if same := same_but_for_case([*others, name]):
+        raise BadRequest(f"{same[1]!r} and the object {same[0]!r} would be one folder.", "Choose another name.")

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..engine_api import BadRequest, Camera, View
+from ..engine_api import BadRequest, Camera, View, is_file_name
 from ..host import rendering
 from . import lens
 
@@ -46,7 +46,7 @@ def file_name(camera: bpy.types.Object) -> str:
     clean = bpy.path.clean_name(camera.name)
     others = [other for other in bpy.data.objects if other.type == "CAMERA" and other != camera]
     taken = {bpy.path.clean_name(other.name).casefold() for other in others}
-    if clean == camera.name and clean.casefold() not in taken:
+    if clean == camera.name and is_file_name(clean) and clean.casefold() not in taken:
         return clean
     return f"{clean}-{hashlib.sha256(camera.name.encode()).hexdigest()[:8]}"
 

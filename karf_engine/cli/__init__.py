@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 
 from ..errors import Cancelled
@@ -11,6 +12,8 @@ from .parser import make_parser
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the process exit code."""
+    if hasattr(sys.stdout, "reconfigure"):  # a console of Windows may not know a letter of a path
+        sys.stdout.reconfigure(errors="backslashreplace")
     options = make_parser().parse_args(arguments)
     try:
         return options.action(options)

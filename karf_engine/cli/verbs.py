@@ -87,7 +87,7 @@ def render(options: argparse.Namespace) -> int:
     """Pictures of views."""
     names = (
         "views", "edit", "base", "size", "depth", "planes", "layers", "alpha", "jpeg", "overrides", "skip_existing",
-        "format",
+        "format", "first", "last", "count",
     )  # fmt: skip
     chosen = {name: getattr(options, name) for name in names}
     library.render(options.project, options.out, **chosen, **_run_of(options))

@@ -69,6 +69,17 @@ class Matte:
         return result
 
 
+def disputed_objects(objects: Sequence[str], mattes: Sequence[Matte]) -> tuple[str, ...]:
+    """The names of those objects whose mattes are disputed.
+
+    Examples:
+        >>> nothing = np.zeros((0, 0), np.float16), np.zeros(0, int), np.zeros((0, 3), np.uint8)
+        >>> disputed_objects(["pot", "mug"], [Matte((0, 0), (0, 0), *nothing, own) for own in (False, True)])
+        ('mug',)
+    """
+    return tuple(name for name, matte in zip(objects, mattes, strict=True) if matte.disputed)
+
+
 def dense_coverage(mattes: Sequence[Matte], shape: tuple[int, int]) -> np.ndarray:
     """Coverages of a whole picture.
 

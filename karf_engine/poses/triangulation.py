@@ -97,7 +97,8 @@ def _set_cameras(pycolmap: Any, task: _Task) -> None:
 
 def _match_features(pycolmap: Any, task: _Task) -> None:
     pairs = task.folder / "pairs.txt"
-    pairs.write_text("\n".join(f"{task.names[a]} {task.names[b]}" for a, b in neighbor_pairs(task.cameras)))
+    lines = "\n".join(f"{task.names[a]} {task.names[b]}" for a, b in neighbor_pairs(task.cameras))
+    pairs.write_text(lines, encoding="utf-8", newline="\n")
     pycolmap.match_image_pairs(
         task.database,
         pycolmap.FeatureMatchingOptions(num_threads=task.threads, use_gpu=False),

@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import BadRequest, DataError
-from ..files import checksum, remove_temporaries
+from ..files import checksum, remove_temporaries, replace
 from .state import STAGE_ORDER, new_state, read_state, without_stage, write_state
 
 
@@ -237,14 +237,14 @@ class Project:
                 continue
             if path.is_dir() and target.exists():
                 self._set_aside(target)
-            path.replace(target)
-        self._decided_file.replace(self.state_file)
+            replace(path, target)
+        replace(self._decided_file, self.state_file)
 
     def _set_aside(self, folder: Path) -> None:
         """Make way for a new folder: what its files were stays, as the earlier ones."""
         earlier = folder.with_name(f"earlier_{folder.name}")
         shutil.rmtree(earlier, ignore_errors=True)
-        folder.replace(earlier)
+        replace(folder, earlier)
 
     # --- checks ----------------------------------------------------------------------------------------------------
     def checked(self, path: Path) -> Path:

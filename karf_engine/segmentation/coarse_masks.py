@@ -19,7 +19,7 @@ from ..errors import DataError
 from ..files import atomic_write
 from ..images import read_mask, resize
 from ..inputs import check_file
-from ..names import file_name, is_file_name
+from ..names import file_name, is_file_name, same_but_for_case
 from ..plates import Plate, undistort
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".webp")
@@ -52,11 +52,16 @@ def find_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
 
     Raises:
         DataError: there is no mask, a name fits no training photo or several, one is no file, or an object is called
-            `background`, or what no file can be called.
+            `background`, or what no file can be called, or as another but for upper and lower case.
     """
     if not folder.is_dir():
         raise DataError(f"{folder} is no folder of masks.", LAYOUT_HINT)
     objects = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
+    if same := same_but_for_case(path.name for path in objects):
+        raise DataError(
+            f"{folder} names two objects {same[0]!r} and {same[1]!r}, one folder on Windows and macOS.",
+            "Rename one of the folders.",
+        )
     masks = [mask for path in objects for mask in _object_masks(path, capture)]
     if not masks:
         raise DataError(f"{folder} holds no masks.", LAYOUT_HINT)

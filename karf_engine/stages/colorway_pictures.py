@@ -23,9 +23,10 @@ Pixels = tuple[np.ndarray, np.ndarray]  # rows and columns, [n] each
 
 
 class Pictures(Protocol):
-    """A view that can be recolored. suffix: of its files."""
+    """A view that can be recolored. suffix: of its files; disputed: objects about which photo and field disagree."""
 
     suffix: str
+    disputed: tuple[str, ...]
 
     def recolored(self, edits: Sequence[Edit]) -> Iterator[Any]:
         """A picture for each edit."""
@@ -54,7 +55,7 @@ class PhotoPictures:
 
     def __init__(self, model: Model, view: View, size: str | int) -> None:
         self._view = model.photo_view(view, size)
-        self.suffix = suffix_for(self._view.photo)
+        self.suffix, self.disputed = suffix_for(self._view.photo), self._view.disputed
 
     def recolored(self, edits: Sequence[Edit]) -> Iterator[StoredPhoto]:
         return self._view.recolored_by(edits)
@@ -78,7 +79,7 @@ class FramePictures:
     suffix = ".png"
 
     def __init__(self, model: Model, frame: Frame) -> None:
-        self._model, self._frame = model, frame
+        self._model, self._frame, self.disputed = model, frame, frame.disputed
 
     def recolored(self, edits: Sequence[Edit]) -> Iterator[np.ndarray]:
         return (self._model.composite(self._frame, edit) for edit in edits)

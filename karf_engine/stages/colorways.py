@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from ..capture.capture import View
+from ..capture.chosen_views import choose_views
 from ..contact_sheet import Line, Row, write_contact_sheet
 from ..edit.colorways import Prediction
 from ..edit.palette import rgb_to_hex
@@ -27,9 +28,9 @@ from ..model import Model
 from ..progress import Emit
 from ..project.colorways import PlannedColorway, plan_colorways
 from ..wire import Request
-from .chosen_views import select_views
 from .colorway_pictures import Probes, pictures_of
 from .colorway_table import Reached, write_table
+from .disputes import Disputes
 from .finished_frames import FinishedFrames, frame_mark, model_mark, view_mark
 from .frame_files import size_of
 from .job import Job, open_job
@@ -86,7 +87,7 @@ class _Work:
 
     def __init__(self, job: Job, model: Model, planned: Sequence[PlannedColorway], out: Path) -> None:
         self._job, self._model, self._planned, self._out = job, model, planned, out
-        self._views, self._captured = select_views(job, job.options.get("views", "all"))
+        self._views, self._captured = choose_views(job.capture(), job.options.get("views", "all"))
         self._finished = FinishedFrames.read(out)
         self._mark, self._size = model_mark(job), size_of(job.options.get("size"))
 
@@ -95,9 +96,11 @@ class _Work:
         todo = [(view, marks) for view in self._views if (marks := self._unfinished(view))]
         progress = self._job.progress("colorways", len(self._views) * len(self._planned))
         progress.resume_at(len(self._views) * len(self._planned) - sum(len(marks) for _, marks in todo))
+        disputes = Disputes()
         for view, marks in todo:
             progress.step(0)
             pictures = pictures_of(self._model, view, self._size, self._captured)
+            disputes.add(view.name, pictures.disputed)
             probes = Probes(pictures)
             plans = [plan for plan in self._planned if plan.colorway.name in marks]
             for plan, picture in zip(plans, pictures.recolored([plan.edit for plan in plans]), strict=True):
@@ -108,6 +111,7 @@ class _Work:
                 name = self._name(plan.colorway.name, view)
                 self._finished.note(name, marks[plan.colorway.name], [path], reached=measured)
                 progress.step()
+        disputes.tell(self._job.emit)
         self._finished = FinishedFrames.read(self._out)
         write_table(self._out / "colorways.csv", self._planned, self._reached)
         self._write_sheet()

@@ -38,7 +38,7 @@ def check_format(wanted: str | None) -> None:
         raise BadRequest(f"Unknown format {wanted!r:.200}.", f"Use one of: {', '.join(FORMATS)}.")
 
 
-def write_view(job: Job, model: Model, view: View, edit: Edit | None, captured: bool) -> tuple[list[Path], list[str]]:
+def write_view(job: Job, model: Model, view: View, edit: Edit | None, captured: bool) -> tuple[list[Path], set[str]]:
     """Write what the job asks for of a view.
 
     Returns:
@@ -60,7 +60,7 @@ class _Files:
     edit: Edit | None
     captured: bool
     written: list[Path] = field(default_factory=list)
-    disputed: list[str] = field(default_factory=list)
+    disputed: set[str] = field(default_factory=set)
 
     def write_rendering(self) -> None:
         camera = self.model.working_camera(self.view) if self.captured else self.view.camera
@@ -92,6 +92,7 @@ class _Files:
 
     def _frame(self, frame: Frame, behind: np.ndarray | None) -> None:
         """Masks, recolored picture and layers of a frame; behind: what to take out of the picture."""
+        self.disputed.update(frame.disputed)
         for name, mask in zip(self.model.objects, frame.masks, strict=True):
             write_png(self._path(f"masks/{name}", ".png"), mask)
         if self.edit is not None:
@@ -104,7 +105,7 @@ class _Files:
 
     def _photo(self, finished: PhotoView) -> None:
         """The same in the photo's own pixels."""
-        self.disputed.extend(finished.disputed)
+        self.disputed.update(finished.disputed)
         for name, mask in zip(finished.objects, finished.masks(), strict=True):
             write_mask(self._path(f"masks/{name}", ".png"), mask, finished.photo.header.orientation)
         if self.edit is not None:
@@ -115,6 +116,7 @@ class _Files:
             write_layers(self._path("layers", ".exr"), finished.layers(depth))
 
     def _planes(self, frame: Frame) -> None:
+        self.disputed.update(frame.disputed)
         planes = Planes(
             tuple(self.model.objects),
             frame.palette_weights.astype(np.float16),

@@ -63,9 +63,18 @@ def test_an_unpainted_mask_is_refused(bpy, addon, imported):
         bpy.ops.karf.save_mask()
 
 
-def test_a_name_that_is_no_folder_is_refused(bpy, addon, imported):
+@pytest.mark.parametrize("name", ["../pot", "aux", "con.left", "pot."])
+def test_a_name_that_is_no_folder_on_every_system_is_refused(bpy, addon, imported, name):
     with pytest.raises(RuntimeError, match="no name for an object"):
-        bpy.ops.karf.paint_mask(object_name="../pot")
+        bpy.ops.karf.paint_mask(object_name=name)
+
+
+def test_a_name_that_windows_takes_for_another_objects_is_refused(bpy, addon, imported, tmp_path):
+    addon.images.write_png(tmp_path / "given" / "Pot" / "photo_1.png", np.ones((16, 24, 3)))
+    imported.karf.masks = str(tmp_path / "given")
+    with pytest.raises(RuntimeError, match="'pot' and the object 'Pot' would be one folder"):
+        bpy.ops.karf.paint_mask(object_name="pot")
+    assert bpy.ops.karf.paint_mask(object_name="Pot") == {"FINISHED"}
 
 
 def test_a_view_held_out_for_testing_is_refused(bpy, addon, imported, monkeypatch):

@@ -107,7 +107,7 @@ def test_a_sequence_is_one_job_with_an_edit_for_each_of_its_swatches(bpy, addon,
     assert options["base"] == "render"
 
 
-@pytest.mark.parametrize("names", [("Left", "Right"), ("a/b", "a_b"), ("Cam", "cam"), ("..", "__")])
+@pytest.mark.parametrize("names", [("Left", "Right"), ("a/b", "a_b"), ("Cam", "cam"), ("..", "__"), ("aux", "aux.001")])
 def test_two_cameras_never_share_a_picture(bpy, addon, learned, tmp_path, names):
     folders = []
     for name in names:
@@ -116,6 +116,7 @@ def test_two_cameras_never_share_a_picture(bpy, addon, learned, tmp_path, names)
         folders.append((camera, addon.steps.camera_folder(learned, camera)))
     folders = [addon.headless.render_sequence(camera, [1], tmp_path / "out") for camera, _ in folders]
     assert len({str(folder).casefold() for folder in folders}) == 2
+    assert all(addon.engine_api.is_file_name(part) for folder in folders for part in folder.relative_to(tmp_path).parts)
     assert all(folder.parents[2] == tmp_path / "out" and (folder / "frame_0001.png").exists() for folder in folders)
 
 

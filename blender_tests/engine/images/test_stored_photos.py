@@ -29,7 +29,7 @@ def words(*shape):
 def exif(orientation=1):
     tags = Image.Exif()
     tags[0x0112], tags[0x010F] = orientation, "Camera"
-    tags.get_ifd(0x8769)[0x829A] = IFDRational(1, 125)  # exposure time
+    tags[0x8769] = {0x829A: IFDRational(1, 125)}  # exposure time
     return tags
 
 

@@ -11,7 +11,14 @@ from blender_tests.engine.conftest import ROOT
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = PROJECT["optional-dependencies"]
 ENVIRONMENTS = {
-    "engine": [*PROJECT["dependencies"], *EXTRAS["photos"], *EXTRAS["metrics"], *EXTRAS["test"], *EXTRAS["lint"]],
+    "engine": [
+        *PROJECT["dependencies"],
+        *EXTRAS["photos"],
+        *EXTRAS["metrics"],
+        *EXTRAS["farm"],
+        *EXTRAS["test"],
+        *EXTRAS["lint"],
+    ],
     "blender": [*EXTRAS["blender"], *EXTRAS["test"]],
     "docs": EXTRAS["docs"],
 }

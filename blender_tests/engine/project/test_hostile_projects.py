@@ -12,6 +12,7 @@ pytest.importorskip("imageio")
 
 from blender_tests.engine.conftest import run_engine
 from blender_tests.engine.reference.capture_files import centered, put_json, random_rig, write_transforms
+from blender_tests.engine.reference.no_files import NO_FILES
 from karf_engine.capture import open_capture
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import Capture, View, capture_from_json, capture_to_json, unique_names
@@ -316,7 +317,7 @@ def test_extracted_palettes_are_checked_like_learned_ones(tmp_path, initial):
     assert "palette.json: palette of 'pot'" in refusal(read_palettes, tmp_path / "palette.json", "initial")
 
 
-@pytest.mark.parametrize("make", [os.mkfifo, os.mkdir, lambda path: path.symlink_to("/dev/zero")])
+@pytest.mark.parametrize("make", NO_FILES)
 def test_what_lies_in_place_of_a_json_file_is_named_and_never_waited_for(tmp_path, make):
     make(tmp_path / "edit.json")
     assert "not a file" in refusal(read_json, tmp_path / "edit.json", "edit")

@@ -1,11 +1,11 @@
 """The job protocol: requests and events as files, read while they are written."""
 
 import json
-import os
 from pathlib import Path
 
 import pytest
 
+from blender_tests.engine.reference.no_files import NO_FILES
 from karf_engine.errors import ERROR_CLASSES, BadRequest, DataError, KarfError, error_from_code
 from karf_engine.wire import EVENTS_FILE, Event, EventReader, EventWriter, Request
 
@@ -93,7 +93,7 @@ def test_errors_keep_their_class_across_the_border():
 
 
 # ------------------------------------------------------------------------------------------------- what a stranger wrote
-@pytest.mark.parametrize("make", [os.mkfifo, os.mkdir, lambda path: path.symlink_to("/dev/zero")])
+@pytest.mark.parametrize("make", NO_FILES)
 def test_what_lies_in_place_of_a_request_is_named_and_never_waited_for(tmp_path, make):
     make(tmp_path / "request.json")
     with pytest.raises(DataError, match=r"request\.json is a .*, not a file"):

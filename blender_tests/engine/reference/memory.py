@@ -1,7 +1,10 @@
 """How much memory a piece of a test takes."""
 
-import resource
 from contextlib import contextmanager
+
+import pytest
+
+resource = pytest.importorskip("resource", reason="memory is measured, which Windows cannot")
 
 MOST_GROWTH = 1 << 18  # kilobytes of resident memory
 

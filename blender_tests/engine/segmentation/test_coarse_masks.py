@@ -9,6 +9,7 @@ import pytest
 pytest.importorskip("scipy")
 pytest.importorskip("imageio")
 
+from blender_tests.engine.reference.no_files import NO_FILES
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import Capture, View
 from karf_engine.capture.reading import make_views
@@ -148,11 +149,17 @@ def test_masks_in_subfolders_of_no_photo_are_named(tmp_path, rig):
     assert "named after no training photo" in error_of(find_masks, tmp_path / "masks", rig)
 
 
-@pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("/dev/zero"), lambda p: p.symlink_to(p)])
+@pytest.mark.parametrize("make", [*NO_FILES[1:], lambda path: path.symlink_to(path)])
 def test_what_is_no_file_in_place_of_a_mask_is_named_and_never_waited_for(tmp_path, capture, make):
     (tmp_path / "pot").mkdir()
     make(tmp_path / "pot" / "a.png")
     assert str(tmp_path / "pot" / "a.png") in error_of(find_masks, tmp_path, capture)
+
+
+def test_two_objects_that_differ_by_case_alone_are_named(tmp_path, capture):
+    for name in ("pot", "Pot"):
+        write_png(tmp_path / "masks" / name / "a.png", MASK)
+    assert "two objects 'Pot' and 'pot', one folder on Windows" in error_of(find_masks, tmp_path / "masks", capture)
 
 
 @pytest.mark.parametrize("name", ["CON", "a:b", "pot.", "po\nt", os.fsdecode(b"p\xffot")])

@@ -189,16 +189,32 @@ def test_only_settings_of_rendering_change_while_rendering(learned, tmp_path, ca
     assert "Only settings of render" in capsys.readouterr().err
 
 
-def test_what_photo_and_scene_disagree_about_is_told(learned, tmp_path, capsys, monkeypatch):
+@pytest.fixture
+def disputed(monkeypatch):
+    """Photo and field disagree about the first object in every view."""
+
     def disputing(edges, photo, probabilities, rendered):
         first, *others = field_mattes(photo.shape[1::-1], probabilities)
         return [replace(first, disputed=True), *others]
 
     monkeypatch.setattr("karf_engine.finishing.mattes_of", disputing)
-    assert render(learned, tmp_path, "--views", "test_r_0,train_r_0") == 0
+    monkeypatch.setattr("karf_engine.model.mattes_of", disputing)
+
+
+@pytest.mark.parametrize("size", ["photo", "learned"])
+def test_what_photo_and_scene_disagree_about_is_told_once(learned, tmp_path, capsys, disputed, size):
+    assert render(learned, tmp_path, "--views", "test_r_0,train_r_0", "--size", size, "--planes") == 0
     printed = "".join(capsys.readouterr())
     assert printed.count("disagree") == 1
     assert "disagree about ball in test_r_0, train_r_0: its edges there are the scene's" in printed
+
+
+def test_colorways_tell_what_photo_and_scene_disagree_about(learned, tmp_path, capsys, disputed):
+    sheet = tmp_path / "sheet.csv"
+    sheet.write_text("colorway,object,hex\nGreen,ball,#1ec040\nViolet,ball,#8040c0\n")
+    options = ["--sheet", sheet, "--views", "test_r_0", "--out", tmp_path / "out", "--threads", 1]
+    assert main(["colorways", *map(str, (learned.project, *options))]) == 0
+    assert "".join(capsys.readouterr()).count("disagree about ball in test_r_0:") == 1
 
 
 def test_projects_without_settings_of_rendering_open(learned, tmp_path):

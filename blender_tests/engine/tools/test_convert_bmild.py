@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
-pytest.importorskip("resource", reason="memory is measured, which Windows cannot")
 
 from blender_tests.engine.conftest import ROOT
 from blender_tests.engine.reference.checkpoints import Trap, bmild_arrays, vanilla_state, write_arrays

@@ -6,8 +6,8 @@ from blender_tests.engine.conftest import ROOT
 from blender_tests.layering import modules, violations
 
 FLOORS = (
-    ("__init__", "dev", "convert_bmild", "judging", "procedural", "speed", "window"),
-    ("benchmark", "demo", "scenes", "experiments", "reliability"),
+    ("__init__", "dev", "convert_bmild", "judging", "procedural", "release", "speed", "window"),
+    ("benchmark", "demo", "scenes", "experiments", "reliability", "matrix"),
 )
 PRIVATE = "karf_engine.stages"  # what the stages do is offered by the engine's public functions
 ALLOWED = {"reliability.fuzz.readers"}  # feeds damaged files to single readers, of which a stage has one

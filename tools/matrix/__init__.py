@@ -1,0 +1,1 @@
+"""The tests on other versions of Blender, Python and packages than those of `requirements/`."""
