@@ -22,7 +22,7 @@ ESTIMATES = {  # bytes of a build of torch that no recipe has, by system and bui
     ("windows", "cuda"): 2_900_000_000,
 }
 LONGEST_PATH = 259  # on Windows, unless it is told otherwise
-LONGEST_INSIDE = 150  # letters of the longest path below the folder, as measured
+LONGEST_INSIDE = 150  # letters of the longest path below the folder that Python opens; uv itself knows no limit
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,16 @@ class Plan:
     def fetch_uv(self) -> Step:
         """Put uv into the environment, by the pip that it was made with."""
         pip = [str(self.home.python), "-I", "-m", "pip", "install", "--require-hashes", "--no-deps"]
-        pip += ["--only-binary", ":all:", "--disable-pip-version-check", "--no-input", "--progress-bar", "off"]
+        pip += [
+            "--only-binary",
+            ":all:",
+            "--disable-pip-version-check",
+            "--no-input",
+            "--progress-bar",
+            "off",
+            "--retries",
+            "2",
+        ]
         command = [*pip, *self._offline(), "--requirement", str(self.home.requirements("uv"))]
         return Step("Fetching uv", tuple(command), sum(wheel.size for wheel in self.tools))
 
