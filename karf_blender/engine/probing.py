@@ -33,7 +33,7 @@ def findings_on(python: Path | None) -> tuple[Finding, ...]:
     return known.findings if known is not None and known.python == python else ()
 
 
-def verdict_on(python: Path) -> Finding | None:
+def verdict_on(python: Path | None) -> Finding | None:
     """What the last test of this Python came to; None before its end."""
     found = findings_on(python)
     return found[-1] if found and found[-1].name == VERDICT else None

@@ -6,12 +6,12 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from .. import preferences
-from ..engine import installing, probing
-from ..engine.managed import home, machine, recipes, shells
+from ..engine import installing, probing, removing
+from ..engine.managed import machine, recipes, shells
 from ..engine.managed.plan import Choices
 from ..engine_api import KarfError
 from ..host.labels import draw_text
-from .reporting import is_free, reports_errors
+from .reporting import is_free, is_unchanging, reports_errors
 
 BUILDS = {
     "auto": ("Automatic", "By the drivers that are on this computer"),
@@ -20,7 +20,7 @@ BUILDS = {
     "rocm": ("AMD", "ROCm: for AMD cards, on Linux"),
     "mps": ("Apple", "For Apple silicon"),
 }
-WIDTH, LETTERS = 640, 90  # of the dialog in pixels, and what fits into a line of it
+WIDTH, LETTERS = 640, 100  # of the dialog in pixels, and what fits into a line of it
 SHELLS = {"posix": "Linux, macOS", "powershell": "PowerShell", "cmd": "Windows cmd"}
 
 
@@ -54,10 +54,7 @@ asks. What is there already is checked, finished, repaired or updated"""
 
     @classmethod
     def poll(cls, context):
-        if installing.is_running():
-            cls.poll_message_set("The engine is being installed already")
-            return False
-        return is_free(cls)
+        return is_unchanging(cls) and is_free(cls)
 
     def invoke(self, context, event):
         self.folder = self.folder or str(preferences.engine_folder())
@@ -132,10 +129,7 @@ class KARF_OT_remove_engine(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if installing.is_running():
-            cls.poll_message_set("Cancel the installation first")
-            return False
-        return is_free(cls)
+        return is_unchanging(cls) and is_free(cls)
 
     def invoke(self, context, event):
         message = f"{preferences.engine_folder()} is deleted. Projects stay."
@@ -146,8 +140,7 @@ class KARF_OT_remove_engine(bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         probing.cancel()
-        home.remove(preferences.engine_folder())
-        self.report({"INFO"}, "The engine was removed")
+        removing.launch(preferences.engine_folder())
         return {"FINISHED"}
 
 

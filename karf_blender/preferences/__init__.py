@@ -4,7 +4,7 @@ import bpy
 from bpy.props import IntProperty, StringProperty
 
 from ... import __package__ as extension
-from ..engine import installing, probing
+from ..engine import installing, probing, removing
 from . import managing, state, testing
 from .choices import chosen_python, current, engine_folder, engine_python, has_engine
 
@@ -55,6 +55,7 @@ def register():
 def unregister():
     """Called when the extension is disabled."""
     installing.unregister()
+    removing.unregister()
     state.unregister()
     probing.cancel()
     bpy.utils.unregister_class(KARF_AP_preferences)

@@ -2,9 +2,10 @@
 
 import bpy
 
-from ..engine import installing
+from ..engine import installing, removing
 from ..engine.managed.home import BROKEN, NONE, OUTDATED, READY, UNFINISHED
 from ..engine.managed.plan import size_text
+from ..engine_api import Cancelled
 from ..host.labels import draw_text
 from . import state
 from .state import Engine
@@ -24,12 +25,16 @@ def draw_engine(layout):
     if installing.is_running():
         draw_progress(layout)
         return
+    if removing.is_running():
+        layout.label(text="Removing the engine ...", icon="SORTTIME")
+        return
     draw_text(layout, sentence(engine), "ERROR" if engine.problem else "CHECKMARK", WIDTH)
     used = state.disk_use()
     if engine.managed.state != NONE:
         size = f", {size_text(used)}" if used else ""
         draw_text(layout, f"{engine.folder}{size}", "BLANK1", WIDTH)
-    if error := installing.last_error():
+    error = removing.last_error() or installing.last_error()
+    if error and not isinstance(error, Cancelled):  # who has cancelled knows it
         column = layout.column(align=True)
         column.alert = True
         draw_text(column, error.sentence, "CANCEL", WIDTH)
@@ -50,7 +55,7 @@ def sentence(engine: Engine) -> str:
         return f"Engine Python: {engine.python}. Test Engine says whether it works."
     if managed.state != NONE:
         return managed.sentence
-    return f"No engine yet. {engine.problem}"
+    return engine.problem
 
 
 def draw_progress(layout):

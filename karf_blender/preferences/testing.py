@@ -6,7 +6,7 @@ from ..host.labels import draw_text
 from . import state
 
 ICONS = {OK: "CHECKMARK", WARNING: "ERROR", ERROR: "CANCEL"}  # Blender's icon ERROR is the triangle of warnings
-WIDTH = 80  # letters that fit the preferences' usual width
+WIDTH = 96  # letters that fit the preferences' usual width
 
 
 def draw_test(layout):
@@ -17,9 +17,14 @@ def draw_test(layout):
     if is_running:
         row.operator("karf.cancel_examination", text="", icon="CANCEL")
     row.operator("karf.copy_findings", icon="COPYDOWN")
+    python = state.known().python
+    verdict = probing.verdict_on(python)
     column = layout.column(align=True)
-    for finding in probing.findings_on(state.known().python):
-        draw_finding(column, finding)
+    if verdict is not None:  # first: below a long list nobody would see it
+        draw_finding(column.box(), verdict)
+    for finding in probing.findings_on(python):
+        if finding is not verdict:
+            draw_finding(column, finding)
 
 
 def draw_finding(layout, finding: Finding):
