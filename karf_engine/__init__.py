@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .capture.capture import Capture, View
     from .edit.palette import Edit, Palette, read_edit, write_edit
     from .errors import KarfError
+    from .farm import learning_bundle, render_bundle
     from .frames import Frame
     from .library import (
         colorways,
@@ -53,10 +54,12 @@ _HOME = {  # name -> the module that defines it
     "learn": "library",
     "learn_geometry": "library",
     "learn_recoloring": "library",
+    "learning_bundle": "farm",
     "load": "library",
     "open_capture": "capture",
     "read_edit": "edit.palette",
     "render": "library",
+    "render_bundle": "farm",
     "segment": "library",
     "write_edit": "edit.palette",
 }
@@ -79,10 +82,12 @@ __all__ = [
     "learn",
     "learn_geometry",
     "learn_recoloring",
+    "learning_bundle",
     "load",
     "open_capture",
     "read_edit",
     "render",
+    "render_bundle",
     "segment",
     "write_edit",
 ]

@@ -125,6 +125,9 @@ def render(
     out: PathLike,
     *,
     views: str = "test",
+    first: int | None = None,
+    last: int | None = None,
+    count: int | None = None,
     edit: PathLike | None = None,
     base: str | None = None,
     size: str | int = "photo",
@@ -144,7 +147,10 @@ def render(
         project: one whose geometry is learned.
         out: the folder to write to.
         views: `train`, `test`, `val`, `all`, names with commas, or the path of a CAMERAS.json (transforms.json with sizes).
-        edit: file of an edit (`ProjectEdit.save`).
+        first: number of the first of these views to write, counted from 1.
+        last: number of the last one; beyond the end: the end.
+        count: how many views to write at most.
+        edit: file of an edit (`ProjectEdit.save`), or a folder with `<view>.json` for each view.
         base: what an edit of a captured view changes, `photo` or `render`; by default the photo, with the paper's
             compositing the rendering.
         size: of masks and recolored pictures of captured views: `photo`, all pixels of the photo as stored; `learned`,
@@ -174,6 +180,8 @@ def render(
     }
     options |= {"depth": depth, "planes": planes, "layers": layers, "skip_existing": skip_existing}
     options |= {name: str(value) for name, value in (("edit", edit), ("base", base)) if value is not None}
+    part = {"first": first, "last": last, "count": count}
+    options |= {name: number for name, number in part.items() if number is not None}
     _run("render", project, options, run)
 
 

@@ -20,7 +20,9 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 MODULES = {
     "": "engine_api headless preferences progress steps",
     "host": "compat rendering",
-    "engine": "environment examination jobs probing report",
+    "engine": "environment examination installing jobs probing removing report",
+    "engine.managed": "home",
+    "preferences": "managing state",
     "project": "captures contents disk folders saving",
     "pictures": "editors images masks photos sequences chips",
     "rig": "camera_paths cameras frames lens placement points reprojection",
@@ -68,7 +70,8 @@ def chosen(addon):
     """The extension's preferences, with no Python chosen before and after the test."""
     addon.probing.cancel()
     yield addon.preferences.current()
-    addon.preferences.current().engine_python = ""  # asked for anew: a test may have loaded other preferences
+    preferences = addon.preferences.current()  # asked for anew: a test may have loaded other preferences
+    preferences.engine_python = preferences.engine_folder = ""
     addon.probing.cancel()
 
 

@@ -1,5 +1,7 @@
 """A stand-in for the layout that Blender gives to what is drawn."""
 
+from types import SimpleNamespace
+
 
 class Layout:
     """Stands in for Blender's layout: checks what is drawn and remembers it."""
@@ -66,3 +68,10 @@ class Properties:
 
     def __setattr__(self, name, value):
         assert name in self.known
+
+
+def drawn_preferences(bpy, preferences):
+    """All texts of the extension's preferences, in one."""
+    drawn = []
+    type(preferences).draw(SimpleNamespace(layout=Layout(bpy, drawn), bl_rna=preferences.bl_rna), None)
+    return " ".join(drawn)

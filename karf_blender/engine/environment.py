@@ -48,6 +48,6 @@ def find_python(preference: str, variables: Mapping[str, str], managed: Path | N
     if preference or variables.get(VARIABLE):
         raise MissingDependency(f"The engine's Python {python} does not exist.", "Set it in the KaRF preferences.")
     raise MissingDependency(
-        "No Python with PyTorch is known to KaRF.",
-        "Press Install Engine in the KaRF preferences, or set Engine Python to one that has it.",
+        "There is no engine yet.",
+        "Press Install Engine in the KaRF preferences, or set Engine Python there to a Python that has PyTorch.",
     )

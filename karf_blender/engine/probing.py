@@ -27,13 +27,13 @@ def is_running() -> bool:
     return _Memory.examination is not None and not _Memory.examination.has_ended
 
 
-def findings_on(python: Path) -> tuple[Finding, ...]:
+def findings_on(python: Path | None) -> tuple[Finding, ...]:
     """What the last test has found so far, if it was of this Python."""
     known = _Memory.examination
     return known.findings if known is not None and known.python == python else ()
 
 
-def verdict_on(python: Path) -> Finding | None:
+def verdict_on(python: Path | None) -> Finding | None:
     """What the last test of this Python came to; None before its end."""
     found = findings_on(python)
     return found[-1] if found and found[-1].name == VERDICT else None

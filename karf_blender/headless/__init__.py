@@ -15,12 +15,14 @@ from .rendering import (
     build_compositor,
     colorways,
     export_cameras,
+    farm_bundle,
     import_cameras,
     render_captured,
     render_sequence,
     render_view,
     show_frames,
 )
+from .testing import examine_engine
 
 __all__ = [
     "Color",
@@ -33,8 +35,10 @@ __all__ = [
     "colorways",
     "engine_files",
     "engine_status",
+    "examine_engine",
     "export_cameras",
     "extract_palette",
+    "farm_bundle",
     "find_poses",
     "import_cameras",
     "import_capture",

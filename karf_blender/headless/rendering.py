@@ -81,6 +81,32 @@ def render_sequence(
     return steps.camera_folder(scene, camera) / "recolor"
 
 
+def farm_bundle(
+    camera: bpy.types.Object | None = None,
+    frames: Iterable[int] | None = None,
+    out: str | Path | None = None,
+    per_task: int = 10,
+    python: str = "python3",
+    scene: bpy.types.Scene | None = None,
+) -> Path:
+    """Write what a Blender camera sees, recolored, as a job for a render farm; see docs/farm.md.
+
+    Args:
+        camera: Default: the scene's.
+        frames: Numbers of the frames; default: the scene's range.
+        out: The bundle's folder, new or empty; default: a new one, `farm/<camera>` in the output folder.
+        per_task: How many frames a task renders.
+        python: The Python of the farm's machines that has the engine's packages.
+        scene: Default: the context's.
+
+    Returns:
+        The bundle's folder.
+    """
+    scene = scene_of(scene)
+    numbers = steps.frame_range(scene) if frames is None else frames
+    return steps.camera_bundle(scene, camera, numbers, Path(out).absolute() if out else None, per_task, python)
+
+
 def build_compositor(
     view: str = "", layers: str | Path | None = None, driven: bool = False, scene: bpy.types.Scene | None = None
 ) -> bpy.types.Node:

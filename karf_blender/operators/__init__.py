@@ -1,10 +1,10 @@
-"""The operators: a file for each step of the panel, for the test of the engine, and for how a job ends."""
+"""The operators: a file for each step of the panel, for the engine itself, and for how a job ends."""
 
 import bpy
 
-from . import cameras, cancel, capture, colorways, edit, failure, learn, masks, probing, render
+from . import cameras, cancel, capture, colorways, edit, failure, installing, learn, masks, probing, render
 
-FILES = (capture, masks, learn, probing, edit, render, colorways, cameras, cancel, failure)
+FILES = (capture, masks, learn, installing, probing, edit, render, colorways, cameras, cancel, failure)
 CLASSES = tuple(each for file in FILES for each in file.CLASSES)
 
 

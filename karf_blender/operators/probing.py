@@ -7,7 +7,7 @@ from .. import preferences
 from ..engine import probing, report
 from ..engine_api import ERROR, MissingDependency
 from ..project import folders
-from .reporting import reports_errors, versions
+from .reporting import is_unchanging, reports_errors, versions
 
 
 class KARF_OT_examine_engine(bpy.types.Operator):
@@ -20,6 +20,11 @@ class KARF_OT_examine_engine(bpy.types.Operator):
     def poll(cls, context):
         if probing.is_running():
             cls.poll_message_set("A test is running")
+            return False
+        if not is_unchanging(cls):
+            return False
+        if problem := preferences.state.known().problem:
+            cls.poll_message_set(problem)
             return False
         return True
 

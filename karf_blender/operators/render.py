@@ -1,7 +1,7 @@
 """Step 7: pictures."""
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import BoolProperty, IntProperty, StringProperty
 
 from .. import preferences, steps
 from ..project import folders
@@ -51,6 +51,24 @@ class KARF_OT_render_camera(PaletteStep, bpy.types.Operator):
         scene = context.scene
         runner.launch(steps.render_camera(scene, scene.camera, steps.frame_range(scene)))
         self.report({"INFO"}, f"Pictures go to {steps.camera_folder(scene) / 'recolor'}")
+        return {"FINISHED"}
+
+
+class KARF_OT_farm_bundle(ProjectSwatchStep, bpy.types.Operator):
+    """Write the scene's frames as a job for a render farm: a folder with all it needs, by Open Job Description"""
+
+    bl_idname = "karf.farm_bundle"
+    bl_label = "Farm Job"
+
+    directory: StringProperty(name="Folder", subtype="DIR_PATH", description="New or empty; default: in the output")
+    per_task: IntProperty(name="Frames a Task", default=10, min=1, description="How many frames a task renders")
+
+    @reports_errors
+    def execute(self, context):
+        scene = context.scene
+        out = folders.absolute(self.directory) if self.directory else None
+        bundle = steps.camera_bundle(scene, scene.camera, steps.frame_range(scene), out, self.per_task)
+        self.report({"INFO"}, f"The job is in {bundle}")
         return {"FINISHED"}
 
 
@@ -123,6 +141,7 @@ CLASSES = (
     KARF_OT_render_view,
     KARF_OT_render_capture,
     KARF_OT_render_camera,
+    KARF_OT_farm_bundle,
     KARF_OT_build_compositor,
     KARF_OT_show_frames,
     KARF_OT_add_strip,

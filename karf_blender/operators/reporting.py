@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import wraps
 
 from .. import preferences
-from ..engine import jobs
+from ..engine import installing, jobs, removing
 from ..engine_api import VERSION, KarfError, MissingDependency
 from ..host import compat
 from ..project import disk
@@ -81,6 +81,14 @@ def is_free(cls: type) -> bool:
     """For `poll`: whether no job is running; if one is, the operator says so."""
     if runner.is_running():
         cls.poll_message_set("KaRF is busy: wait for the running job, or cancel it")
+        return False
+    return True
+
+
+def is_unchanging(cls: type) -> bool:
+    """For `poll`: whether the engine is neither being installed nor removed; if it is, the operator says so."""
+    if installing.is_running() or removing.is_running():
+        cls.poll_message_set("The engine is being installed or removed")
         return False
     return True
 

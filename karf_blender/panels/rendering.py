@@ -34,6 +34,7 @@ def draw_camera(layout, karf):
     row = layout.row(align=True)
     for depth in properties.FORMAT_DEPTHS[karf.file_format]:
         row.prop_enum(karf, "color_depth", depth)
+    layout.operator("karf.farm_bundle", icon="NETWORK_DRIVE")
     row = layout.row(align=True)
     row.operator("karf.import_cameras", icon="IMPORT")
     row.operator("karf.export_cameras", icon="EXPORT")

@@ -7,8 +7,10 @@ for which.
 import bpy
 
 from ... import __package__ as extension
+from ..engine import installing
 from ..host.labels import draw_text
 from ..pictures import chips
+from ..preferences import state
 from ..project import disk
 from ..rig import reprojection
 from . import rendering
@@ -17,8 +19,10 @@ from .status import draw_status, has_status
 
 # --- steps 1 to 5: what is learned ---------------------------------------------------------------------------------
 def draw_import(layout, context):
-    """Step 1."""
+    """Step 1; where nothing is imported yet, it also says what is missing to go on."""
     karf = context.scene.karf
+    if not karf.project:
+        draw_engine(layout)
     layout.operator("karf.import_capture", icon="IMPORT")
     layout.operator("karf.find_poses", icon="CON_CAMERASOLVER")
     if not karf.project:
@@ -56,11 +60,21 @@ def draw_learn(layout, context):
     """Step 2."""
     layout.prop(context.scene.karf, "preset")
     layout.prop(context.scene.karf, "nerf", text="NeRF")  # the whole name does not fit
-    problem = disk.engine_problem()
-    if problem:
-        draw_text(layout, problem, "INFO")
-        layout.operator("preferences.addon_show", text="KaRF Preferences", icon="PREFERENCES").module = extension
+    if context.scene.karf.project:
+        draw_engine(layout)
     layout.operator("karf.learn_scene", icon="OUTLINER_OB_VOLUME")
+
+
+def draw_engine(layout):
+    """The way to an engine where there is none, or what is happening to it."""
+    problem = state.known().problem
+    if installing.is_running():
+        progress = installing.progress()
+        layout.progress(factor=progress.fraction, text=f"Engine: {progress.title}")
+    elif problem:
+        draw_text(layout, problem, "INFO")
+    if problem or installing.is_running():
+        layout.operator("preferences.addon_show", text="KaRF Preferences", icon="PREFERENCES").module = extension
 
 
 def draw_masks(layout, context):

@@ -1,16 +1,20 @@
-"""The user's settings of this machine: which Python runs the engine, and with how many threads."""
-
-import os
-from pathlib import Path
+"""The user's settings of this machine: which Python runs the engine, how many threads, and how it is installed."""
 
 import bpy
 from bpy.props import IntProperty, StringProperty
 
 from ... import __package__ as extension
-from ..engine import environment, installing, probing
-from ..engine.managed import home
-from ..engine_api import MissingDependency
-from . import testing
+from ..engine import installing, probing, removing
+from . import managing, state, testing
+from .choices import chosen_python, current, engine_folder, engine_python, has_engine
+
+__all__ = ["chosen_python", "current", "engine_folder", "engine_python", "has_engine", "state"]
+
+
+def _make_whole(preferences, _):
+    # a setting of this machine must not depend on the file that is open
+    if preferences.engine_folder.startswith("//"):
+        preferences.engine_folder = bpy.path.abspath(preferences.engine_folder)
 
 
 class KARF_AP_preferences(bpy.types.AddonPreferences):
@@ -22,8 +26,14 @@ class KARF_AP_preferences(bpy.types.AddonPreferences):
     engine_python: StringProperty(
         name="Engine Python",
         subtype="FILE_PATH",
-        description="The whole path of the Python that has PyTorch; empty: the variable KARF_ENGINE_PYTHON, else "
-        ".venv/engine",
+        description="The whole path of a Python that has PyTorch, in place of the installed engine; empty: the variable "
+        "KARF_ENGINE_PYTHON, else the installed engine",
+    )
+    engine_folder: StringProperty(
+        name="Engine Folder",
+        subtype="DIR_PATH",
+        description="Where Install Engine puts the engine; empty: Blender's folder for this extension's own files",
+        update=_make_whole,
     )
     threads: IntProperty(
         name="Threads", min=0, max=256, description="Threads of the engine; 0: the engine chooses. Give free cores only"
@@ -31,45 +41,10 @@ class KARF_AP_preferences(bpy.types.AddonPreferences):
 
     def draw(self, context):
         layout = self.layout
+        managing.draw_engine(layout.box())
         layout.prop(self, "engine_python")
         layout.prop(self, "threads")
-        testing.draw_test(layout, self.engine_python)
-
-
-def current() -> bpy.types.AddonPreferences:
-    """The preferences of this extension."""
-    return bpy.context.preferences.addons[extension].preferences
-
-
-def engine_folder() -> Path:
-    """Where the managed environment is, or would be made: outside the extension, which updates replace."""
-    return Path(bpy.utils.extension_path_user(extension, path="engine"))
-
-
-def chosen_python() -> Path:
-    """The Python that runs the engine, there or not.
-
-    Raises:
-        MissingDependency: Its path is not absolute.
-    """
-    return environment.chosen_python(current().engine_python, os.environ, home.python_in(engine_folder()))
-
-
-def engine_python() -> Path:
-    """The Python that runs the engine.
-
-    Raises:
-        MissingDependency: None is known.
-    """
-    return environment.find_python(current().engine_python, os.environ, home.python_in(engine_folder()))
-
-
-def has_engine() -> bool:
-    """Whether a Python is there to run the engine."""
-    try:
-        return engine_python().is_file()
-    except MissingDependency:
-        return False
+        testing.draw_test(layout)
 
 
 def register():
@@ -80,5 +55,7 @@ def register():
 def unregister():
     """Called when the extension is disabled."""
     installing.unregister()
+    removing.unregister()
+    state.unregister()
     probing.cancel()
     bpy.utils.unregister_class(KARF_AP_preferences)

@@ -1,31 +1,30 @@
 """What the test of the engine has found, line by line, with what to do about it."""
 
-import os
-
-from ..engine import environment, probing
-from ..engine_api import ERROR, OK, WARNING, Finding, MissingDependency
+from ..engine import probing
+from ..engine_api import ERROR, OK, WARNING, Finding
 from ..host.labels import draw_text
+from . import state
 
 ICONS = {OK: "CHECKMARK", WARNING: "ERROR", ERROR: "CANCEL"}  # Blender's icon ERROR is the triangle of warnings
-WIDTH = 80  # letters that fit the preferences' usual width
+WIDTH = 96  # letters that fit the preferences' usual width
 
 
-def draw_test(layout, engine_python: str):
-    """The buttons of the test, and its findings so far. engine_python: the preference."""
+def draw_test(layout):
+    """The buttons of the test, and its findings so far."""
     row = layout.row(align=True)
     is_running = probing.is_running()
     row.operator("karf.examine_engine", text="Testing ..." if is_running else "Test Engine", icon="CHECKMARK")
     if is_running:
         row.operator("karf.cancel_examination", text="", icon="CANCEL")
     row.operator("karf.copy_findings", icon="COPYDOWN")
-    try:
-        findings = probing.findings_on(environment.chosen_python(engine_python, os.environ))
-    except MissingDependency as error:
-        draw_text(layout, str(error), "ERROR", WIDTH)
-        return
+    python = state.known().python
+    verdict = probing.verdict_on(python)
     column = layout.column(align=True)
-    for finding in findings:
-        draw_finding(column, finding)
+    if verdict is not None:  # first: below a long list nobody would see it
+        draw_finding(column.box(), verdict)
+    for finding in probing.findings_on(python):
+        if finding is not verdict:
+            draw_finding(column, finding)
 
 
 def draw_finding(layout, finding: Finding):

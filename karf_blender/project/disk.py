@@ -11,9 +11,9 @@ from pathlib import Path
 import bpy
 from bpy.app.handlers import persistent
 
-from .. import preferences
-from ..engine_api import KarfError, MissingDependency
+from ..engine_api import KarfError
 from ..host import handlers, windows
+from ..preferences import state
 from . import contents, folders
 
 HAS_TIMER = not bpy.app.background
@@ -38,10 +38,9 @@ class Contents:
 
 
 class _Memory:
-    """What was read last: each scene's under what it depends on, and why there is no engine."""
+    """What was read last, each scene's under what it depends on."""
 
     scenes: Mapping[tuple[str, ...], Contents] = {}
-    engine_problem: str = ""
 
 
 def contents_of(scene: bpy.types.Scene) -> Contents:
@@ -50,18 +49,12 @@ def contents_of(scene: bpy.types.Scene) -> Contents:
     return _Memory.scenes.get(_key(scene), Contents())
 
 
-def engine_problem() -> str:
-    """Why there is no Python for the engine, with the remedy; empty where there is one."""
-    _refresh_if_untimed()
-    return _Memory.engine_problem
-
-
 def refresh() -> bool:
     """Read the disk for all scenes of the open file; True where something has changed. Never raises."""
-    before = _Memory.scenes, _Memory.engine_problem
+    before = _Memory.scenes
     _Memory.scenes = {_key(scene): _read(scene) for scene in bpy.data.scenes}
-    _Memory.engine_problem = _find_engine()
-    return before != (_Memory.scenes, _Memory.engine_problem)
+    has_new_engine = state.refresh()
+    return has_new_engine or before != _Memory.scenes
 
 
 def _refresh_if_untimed() -> None:
@@ -84,18 +77,10 @@ def _read(scene: bpy.types.Scene) -> Contents:
         return Contents()
 
 
-def _find_engine() -> str:
-    try:
-        preferences.engine_python()
-    except MissingDependency as error:
-        return f"{error.sentence} {error.hint}"
-    return ""
-
-
 # --- timer and handlers --------------------------------------------------------------------------------------------
 def _tick() -> float:
     if refresh():
-        windows.redraw(*windows.PANEL_AREAS)
+        windows.redraw("PREFERENCES", *windows.PANEL_AREAS)
     return REFRESH_SECONDS
 
 
@@ -120,4 +105,4 @@ def unregister():
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
     handlers.remove(HANDLERS)
-    _Memory.scenes, _Memory.engine_problem = {}, ""
+    _Memory.scenes = {}

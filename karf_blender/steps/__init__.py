@@ -9,6 +9,7 @@ from .capture import find_poses, import_capture
 from .colorways import colorways_folder, predict_colorways, render_colorways
 from .compositing import build_compositor, compositor_node, place_layers
 from .edit import becomes, load_edit, save_edit
+from .farm import camera_bundle
 from .learn import extract_palette, learn_scene, prepare_views, segment, show_view
 from .masks import paint_mask, save_mask
 from .render import camera_folder, render_camera, render_captured, render_view, save_shown
@@ -19,6 +20,7 @@ __all__ = [
     "add_strip",
     "becomes",
     "build_compositor",
+    "camera_bundle",
     "camera_folder",
     "colorways_folder",
     "compositor_node",

@@ -69,10 +69,26 @@ def render_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None, numbe
 
     The pictures are CAMERA_FOLDER/recolor/frame_0001.png and so on, see `camera_folder`.
     """
+    out = camera_folder(scene, camera)
+    cameras, files = write_sequence(scene, camera, numbers, out)
+    job = requests.pictures(scene, str(cameras), files, out, "render")
+    return _frames_task(scene, "Camera's Frames", job, are_shown=True)
+
+
+def write_sequence(
+    scene: bpy.types.Scene, camera: bpy.types.Object | None, numbers: Iterable[int], out: Path
+) -> tuple[Path, list[str]]:
+    """Write what a camera (None: the scene's) is in these frames, and the swatches there; equal edits are one file.
+
+    Returns:
+        The camera file, and the edit's file of each frame.
+
+    Raises:
+        BadRequest: There is no camera, palette or frame.
+    """
     camera = camera_of(scene, camera)
     if not scene.karf.objects:
         raise BadRequest("There is no palette yet.", "Extract the palettes first.")
-    out = camera_folder(scene, camera)
     views, files, known = [], [], {}
     with recolor.batched(scene):
         for view in frames.frames_of(scene, camera, numbers):
@@ -86,8 +102,7 @@ def render_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None, numbe
     if not views:
         raise BadRequest("There are no frames to render.", "Give at least one frame.")
     write_cameras(out / "cameras.json", views)
-    job = requests.pictures(scene, str(out / "cameras.json"), files, out, "render")
-    return _frames_task(scene, "Camera's Frames", job, are_shown=True)
+    return out / "cameras.json", files
 
 
 def _frames_task(scene: bpy.types.Scene, title: str, job: tuple[str, dict], are_shown: bool) -> Task:

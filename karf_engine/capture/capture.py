@@ -1,11 +1,14 @@
 """A capture: cameras with their photos, split into train and test; and its canonical JSON.
 
-The canonical JSON (`capture.json`) holds the same numbers as the dataclasses, with absolute photo paths.
+The canonical JSON (`capture.json`) holds the same numbers as the dataclasses, with the path of each photo twice: absolute,
+and from the folder that the JSON lies in, so that a project that moves with its photos still finds them.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -141,8 +144,13 @@ def unique_names(stems: list[tuple[str, str]]) -> list[str]:
     return names
 
 
-def capture_to_json(capture: Capture) -> dict[str, Any]:
-    """The canonical JSON value of a capture; `capture_from_json` reads it back without loss."""
+def capture_to_json(capture: Capture, folder: Path | None = None) -> dict[str, Any]:
+    """The canonical JSON value of a capture; `capture_from_json` reads it back without loss.
+
+    Args:
+        capture: The capture.
+        folder: Where the JSON will lie; None: photos are told by their absolute paths alone.
+    """
     return {
         "schema": SCHEMA,
         "source": str(capture.source),
@@ -154,6 +162,7 @@ def capture_to_json(capture: Capture) -> dict[str, Any]:
                 "stem": view.stem,
                 "split": view.split,
                 "image": str(view.image) if view.image else None,
+                **_from_folder(view.image, folder),
                 "size": [view.camera.width, view.camera.height],
                 "intrinsics": [view.camera.fx, view.camera.fy, view.camera.cx, view.camera.cy],
                 "distortion": list(view.camera.distortion),
@@ -203,9 +212,28 @@ def _view_from_json(entry: dict[str, Any], label: str, path: Path) -> View:
     check_camera(camera, label, "Import the capture again.")
     if not np.isfinite(camera.camera_to_world).all() or len(camera.distortion) > 8 or entry["split"] not in SPLITS:
         raise ValueError(f"{label}: its pose, lens or split")
-    image = Path(entry["image"]) if entry["image"] else None
+    image = _find_photo(path.parent, entry["image"], entry.get("image_from_here"))
     stem = check_name(entry["stem"], path, "a photo")
     return View(entry["name"], stem, camera, image, entry["split"], _bounds_from_json(entry.get("depth_bounds")))
+
+
+def _from_folder(image: Path | None, folder: Path | None) -> dict[str, str]:
+    if image is None or folder is None:
+        return {}
+    try:
+        return {"image_from_here": Path(os.path.relpath(image, folder)).as_posix()}
+    except ValueError:  # another drive
+        return {}
+
+
+def _find_photo(folder: Path, *told: str | None) -> Path | None:
+    """The first of the told paths at which there is a file, else the first; relative ones lead from the folder."""
+    places = [Path(os.path.normpath(folder / text)) for text in told if text]
+    for place in places:
+        with suppress(OSError):  # a name that no file system holds
+            if place.is_file():
+                return place
+    return places[0] if places else None
 
 
 def _bounds_from_json(value: Any) -> tuple[float, float] | None:

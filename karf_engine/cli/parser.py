@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 
+from ..farm.bundle import PER_TASK, PYTHON
 from ..settings import PRESETS
 from ..version import __version__
-from . import verbs
+from . import farm, verbs
 
 Commands = argparse._SubParsersAction
 
@@ -24,6 +25,7 @@ def make_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
     _add_learning(commands)
     _add_editing(commands)
+    _add_farm(commands)
     _add_others(commands)
     return parser
 
@@ -79,20 +81,15 @@ def _add_editing(commands: Commands) -> None:
         "--views", default="test", help="train, test, val, all, names with commas, or CAMERAS.json (transforms.json "
         "with sizes) (default: %(default)s)",
     )  # fmt: skip
-    verb.add_argument("--edit", metavar="FILE", help="EDIT.json, or a palette file: write recolored frames too")
+    verb.add_argument("--first", type=int, metavar="N", help="the first of these views to write, counted from 1")
+    verb.add_argument("--last", type=int, metavar="N", help="the last one")
+    verb.add_argument("--count", type=int, metavar="N", help="how many at most")
+    verb.add_argument("--edit", metavar="FILE", help="EDIT.json, a palette file, or a folder with <view>.json for each "
+                      "view: write recolored frames too")  # fmt: skip
     verb.add_argument("--out", required=True, metavar="DIR", help="folder for render/, masks/, recolor/")
-    verb.add_argument("--base", choices=("photo", "render"), help="what an edit of a captured view changes (default: "
-                      "photo; with the preset paper: render)")  # fmt: skip
-    verb.add_argument("--size", default="photo", help="of masks and recolored pictures of captured views: photo (all its "
-                      "pixels), learned, or the long side in pixels (default: %(default)s)")  # fmt: skip
-    verb.add_argument("--jpeg", action="store_true", help="write recolored JPEG photos as JPEG, not as PNG")
-    verb.add_argument("--alpha", action="store_true", help="renderings without what is behind the scene, with alpha")
-    verb.add_argument("--format", choices=("png8", "png16", "exr16", "exr32"), default="png8", help="of recolored "
-                      "frames of new cameras; exr is scene-linear (default: %(default)s)")  # fmt: skip
-    verb.add_argument("--depth", action="store_true", help="write depth/ too")
+    _add_picture_options(verb)
     verb.add_argument("--planes", action="store_true", help="write planes/ too (what Blender recolors from)")
     _add_overrides(verb, "change one setting of render, as render.edges=field; may be repeated")
-    verb.add_argument("--layers", action="store_true", help="write layers/ too (OpenEXR for compositors)")
     verb.add_argument("--skip-existing", action="store_true", help="keep frames that are there already, made from the "
                       "same: goes on where a job was stopped")  # fmt: skip
 
@@ -107,6 +104,37 @@ def _add_editing(commands: Commands) -> None:
     verb.add_argument("--predict-only", action="store_true", help="only write colorways.csv: what will be reached")
 
 
+def _add_picture_options(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument("--base", choices=("photo", "render"), help="what an edit of a captured view changes (default: "
+                      "photo; with the preset paper: render)")  # fmt: skip
+    verb.add_argument("--size", default="photo", help="of masks and recolored pictures of captured views: photo (all its "
+                      "pixels), learned, or the long side in pixels (default: %(default)s)")  # fmt: skip
+    verb.add_argument("--jpeg", action="store_true", help="write recolored JPEG photos as JPEG, not as PNG")
+    verb.add_argument("--alpha", action="store_true", help="renderings without what is behind the scene, with alpha")
+    verb.add_argument("--format", choices=("png8", "png16", "exr16", "exr32"), default="png8", help="of recolored "
+                      "frames of new cameras; exr is scene-linear (default: %(default)s)")  # fmt: skip
+    verb.add_argument("--depth", action="store_true", help="write depth/ too")
+    verb.add_argument("--layers", action="store_true", help="write layers/ too (OpenEXR for compositors)")
+
+
+def _add_farm(commands: Commands) -> None:
+    text = "write a job for a render farm: a folder by the Open Job Description specification"
+    verb = _verb(commands, "farm", text, farm.write_bundle)
+    verb.add_argument("source", metavar="SOURCE", help="project folder; with --masks, a capture that is learned first")
+    verb.add_argument("--out", required=True, metavar="DIR", help="the bundle's folder, new or empty")
+    verb.add_argument("--masks", metavar="DIR", help="learn SOURCE first, with these coarse masks")
+    verb.add_argument("--preset", choices=tuple(PRESETS), help="with --masks: quality against time (default: demo)")
+    _add_overrides(verb, "change one setting (see the settings verb); may be repeated")
+    verb.add_argument("--views", default="all", help="as for render (default: %(default)s)")
+    verb.add_argument("--edit", metavar="FILE", help="EDIT.json, or a palette file: write recolored frames too")
+    verb.add_argument(
+        "--per-task", type=int, default=PER_TASK, metavar="N", help="frames a task (default: %(default)s)"
+    )
+    verb.add_argument("--python", default=PYTHON, help="of the farm's machines, with the engine's packages (default: "
+                      "%(default)s)")  # fmt: skip
+    _add_picture_options(verb)
+
+
 def _add_others(commands: Commands) -> None:
     verb = commands.add_parser("settings", help="list all settings with defaults and ranges")
     verb.set_defaults(action=verbs.list_settings)
@@ -117,6 +145,8 @@ def _add_others(commands: Commands) -> None:
                       "tried (default: here)")  # fmt: skip
     verb = commands.add_parser("run", help="run a job folder (used by Blender)")
     verb.add_argument("job", metavar="JOB", help="folder with request.json")
+    verb.add_argument("--map", dest="folders", action="append", default=[], metavar="CALLERS=OURS", help="a folder that "
+                      "the caller knows by another path; may be repeated")  # fmt: skip
     verb.set_defaults(action=verbs.run)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from .. import library
 from ..errors import BadRequest
 from ..files import read_json
+from ..path_map import PathMap
 from ..progress import TerminalEmit
 from ..project import Project
 from ..settings import describe
@@ -87,7 +88,7 @@ def render(options: argparse.Namespace) -> int:
     """Pictures of views."""
     names = (
         "views", "edit", "base", "size", "depth", "planes", "layers", "alpha", "jpeg", "overrides", "skip_existing",
-        "format",
+        "format", "first", "last", "count",
     )  # fmt: skip
     chosen = {name: getattr(options, name) for name in names}
     library.render(options.project, options.out, **chosen, **_run_of(options))
@@ -126,4 +127,4 @@ def doctor(options: argparse.Namespace) -> int:
 
 def run(options: argparse.Namespace) -> int:
     """A job folder."""
-    return run_job(Path(options.job))
+    return run_job(Path(options.job), PathMap.of(options.folders))

@@ -35,11 +35,10 @@ def findings(folder: Path) -> Iterator[Finding]:
 def python() -> Finding:
     """This Python's version, against those that were tested."""
     version = platform.python_version()
-    what = f"Python {version}, {sys.executable},"
     if PYTHON.contains(version):
-        return Finding("python", OK, f"{what} is among the tested versions ({PYTHON}).")
-    remedy = "Use one of the tested versions where something fails."
-    return Finding("python", WARNING, f"{what} is not among the tested versions ({PYTHON}).", remedy)
+        return Finding("python", OK, f"Python {version} is among the tested versions ({PYTHON}): {sys.executable}.")
+    sentence = f"Python {version} is not among the tested versions ({PYTHON}): {sys.executable}."
+    return Finding("python", WARNING, sentence, "Use one of the tested versions where something fails.")
 
 
 def processors() -> Finding:

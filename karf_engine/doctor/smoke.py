@@ -36,10 +36,10 @@ def stages(device: str | None = None, threads: int | None = None) -> Iterator[Fi
 
     Args:
         device: As for the stages.
-        threads: As for the stages.
+        threads: As for the stages, by default one: at this size more only wait for each other.
     """
     with tempfile.TemporaryDirectory(prefix="karf-doctor-", ignore_cleanup_errors=True) as folder:
-        for name, run in _runs(Path(folder), {"device": device, "threads": threads}):
+        for name, run in _runs(Path(folder), {"device": device, "threads": threads or 1}):
             finding = _timed(name, run)
             yield finding
             if finding.status != OK:

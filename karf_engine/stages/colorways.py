@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from ..capture.capture import View
+from ..capture.chosen_views import choose_views
 from ..contact_sheet import Line, Row, write_contact_sheet
 from ..edit.colorways import Prediction
 from ..edit.palette import rgb_to_hex
@@ -27,7 +28,6 @@ from ..model import Model
 from ..progress import Emit
 from ..project.colorways import PlannedColorway, plan_colorways
 from ..wire import Request
-from .chosen_views import select_views
 from .colorway_pictures import Probes, pictures_of
 from .colorway_table import Reached, write_table
 from .disputes import Disputes
@@ -87,7 +87,7 @@ class _Work:
 
     def __init__(self, job: Job, model: Model, planned: Sequence[PlannedColorway], out: Path) -> None:
         self._job, self._model, self._planned, self._out = job, model, planned, out
-        self._views, self._captured = select_views(job, job.options.get("views", "all"))
+        self._views, self._captured = choose_views(job.capture(), job.options.get("views", "all"))
         self._finished = FinishedFrames.read(out)
         self._mark, self._size = model_mark(job), size_of(job.options.get("size"))
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,17 @@ from .job import Job, file_digest, fingerprint
 
 VERSION = 1  # goes up when the same would be rendered to other pictures
 NOTE = "finished.jsonl"
-NOT_OF_A_FRAME = {"views", "edit", "out", "threads", "device", "skip_existing"}  # options of a request
+NOT_OF_A_FRAME = {
+    "views",
+    "first",
+    "last",
+    "count",
+    "edit",
+    "out",
+    "threads",
+    "device",
+    "skip_existing",
+}  # options of a request
 
 
 @dataclass(frozen=True)
@@ -83,7 +93,7 @@ def view_mark(model: str, view: View, *options: Any) -> str:
         view: With its photo, or a bare camera.
         *options: JSON values.
     """
-    camera = capture_to_json(Capture(Path(), "", (view,)))["views"]
+    camera = capture_to_json(Capture(Path(), "", (replace(view, image=None),)))["views"]  # wherever its photo lies
     photo = file_digest(view.image) if view.image and view.image.is_file() else None
     return fingerprint(model, camera, photo, *options)
 

@@ -73,7 +73,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool], capture: 
             scene = learn(job, capture, run)
         else:
             scene = import_scene(job, capture, nerf, networks, run.summary)
-        write_json(run.output(project.capture_file), capture_to_json(capture))
+        write_json(run.output(project.capture_file), capture_to_json(capture, project.folder))
         save_scene(scene, run.output(project.geometry_file))
     job.artifact("geometry", project.geometry_file)
 

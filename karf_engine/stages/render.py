@@ -1,7 +1,8 @@
 """Rendering: masks, pictures, recolored frames and edit planes of captured views or of any cameras.
 
 Options: views (train | test | val | all | name,name | CAMERAS.json), edit (EDIT.json, or a list with one for each view,
-in their order), out (folder), base (photo | render, for captured views; by default the photo, with the paper's
+in their order, or a folder with <view>.json for each), first, last, count (which part of the views, counted from 1;
+count: at most so many), out (folder), base (photo | render, for captured views; by default the photo, with the paper's
 compositing the render, as there), size (photo | learned | pixels of the long side, for captured views with the photo as
 base), format (png8 | png16 | exr16 | exr32, of recolored pictures that are none of a photo's size), planes, layers,
 depth, alpha, jpeg (bools), overrides (texts render.field=value), skip_existing (bool: keep frames that are there
@@ -27,6 +28,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..capture.capture import View
+from ..capture.chosen_views import choose_views, part_of
 from ..edit.palette import Edit, Palette
 from ..edit.palette_files import read_edit_file
 from ..errors import BadRequest
@@ -35,7 +37,6 @@ from ..model import Model
 from ..progress import Emit
 from ..settings import with_overrides
 from ..wire import Request
-from .chosen_views import select_views
 from .disputes import Disputes
 from .finished_frames import model_mark, unfinished_frames
 from .frame_files import check_format, size_of, write_view
@@ -62,8 +63,10 @@ def _render(job: Job, model: Model, learned: str) -> None:
         raise BadRequest("The render stage was given nowhere to write.", "Name a folder with --out.")
     size_of(options.get("size"))  # before anything is rendered
     check_format(options.get("format"))
-    views, captured = select_views(job, options.get("views", "test"))
-    edits = read_edits(options.get("edit"), views, model.palettes, job.settings.compositing)
+    views, captured = choose_views(job.capture(), options.get("views", "test"))
+    part = part_of(views, options.get("first"), options.get("last"), options.get("count"))
+    edits = read_edits(options.get("edit"), views, model.palettes, job.settings.compositing)[part]
+    views = views[part]
     frames = unfinished_frames(job, learned, views, edits)
     job.emit("stage", name="render", text=f"{len(views)} views")
     progress = job.progress("render", len(views))
@@ -90,10 +93,14 @@ def _with_overrides(job: Job) -> Job:
 def read_edits(
     wanted: str | list[str] | None, views: Sequence[View], palettes: Sequence[Palette], compositing: str
 ) -> list[Edit | None]:
-    """The edit of each view: wanted is one file for all, one for each, or None. compositing: see `read_edit_file`.
+    """The edit of each view. compositing: see `read_edit_file`.
+
+    wanted: one file for all, one for each, a folder with `<view>.json` for each, or None.
 
     Raises BadRequest where their number is not that of the views, DataError where one is no edit of these palettes.
     """
+    if isinstance(wanted, str) and Path(wanted).is_dir():
+        wanted = [str(Path(wanted, f"{view.name}.json")) for view in views]
     paths = wanted if isinstance(wanted, list) else [wanted] * len(views)
     if len(paths) != len(views) or not all(path is None or isinstance(path, str) for path in paths):
         raise BadRequest(

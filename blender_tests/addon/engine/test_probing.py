@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from ..layout import Layout
+from ..layout import drawn_preferences as shown
 from ..timers import run_to_end
 
 HERE = Path(sys.executable)
@@ -33,24 +33,6 @@ def saying(addon, folder, *findings, then=""):
     return script(folder, f"cat '{lines}'; {then}")
 
 
-def shown(bpy, preferences):
-    """All texts of the preferences, in one."""
-    drawn = []
-    preferences.__class__.draw(Drawn(preferences, Layout(bpy, drawn)), None)
-    return " ".join(drawn)
-
-
-class Drawn:
-    """Preferences as Blender draws them: with a layout."""
-
-    def __init__(self, preferences, layout):
-        object.__setattr__(self, "_preferences", preferences)
-        self.layout = layout
-
-    def __getattr__(self, name):
-        return getattr(self._preferences, name)
-
-
 @pytest.fixture
 def finding(addon):
     return addon.engine_api.Finding
@@ -70,6 +52,15 @@ def test_a_python_without_torch_is_told_what_to_install(bpy, addon, chosen):
         bpy.ops.karf.examine_engine()
     drawn = shown(bpy, chosen)
     assert "torch is not installed." in drawn and "karf.copy_command" in drawn and '"torch>=' in drawn
+
+
+def test_scripts_get_the_findings_or_the_error_with_its_remedy(addon, chosen, finding, tmp_path, capsys):
+    chosen.engine_python = str(saying(addon, tmp_path, finding("engine", "ok", "The engine is ready.")))
+    (verdict,) = addon.headless.examine_engine()
+    assert verdict.sentence == "The engine is ready." and verdict.sentence in capsys.readouterr().out
+    chosen.engine_python = sys.executable
+    with pytest.raises(addon.engine_api.MissingDependency, match=r"torch.* -m pip install"):
+        addon.headless.examine_engine()
 
 
 def test_findings_are_shown_as_they_come_with_the_remedy_where_something_is_amiss(
@@ -150,9 +141,9 @@ def test_the_findings_are_those_of_the_python_that_was_asked(bpy, addon, chosen,
     assert "torch is not installed." in shown(bpy, chosen)
     chosen.engine_python = str(tmp_path / "another")
     assert "torch" not in shown(bpy, chosen) and not bpy.ops.karf.copy_findings.poll()
-    with pytest.raises(RuntimeError, match="cannot be started"):
+    with pytest.raises(RuntimeError, match="does not exist"):
         bpy.ops.karf.examine_engine()
-    assert "cannot be started" in shown(bpy, chosen)
+    assert "does not exist" in shown(bpy, chosen)
 
 
 def test_the_project_is_where_disk_and_locks_are_tried(bpy, addon, chosen, project_scene, tmp_path):

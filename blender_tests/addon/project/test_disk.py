@@ -19,6 +19,7 @@ DISK += [(Path, name) for name in ("exists", "is_file", "is_dir", "stat", "iterd
 def timed(addon, monkeypatch):
     """The extension as in a window, where a timer reads the disk; the tests are this timer."""
     monkeypatch.setattr(addon.disk, "HAS_TIMER", True)
+    monkeypatch.setattr(addon.preferences.state, "HAS_TIMER", True)
     addon.disk.refresh()
 
 

@@ -11,7 +11,14 @@ from blender_tests.engine.conftest import ROOT
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = PROJECT["optional-dependencies"]
 ENVIRONMENTS = {
-    "engine": [*PROJECT["dependencies"], *EXTRAS["photos"], *EXTRAS["metrics"], *EXTRAS["test"], *EXTRAS["lint"]],
+    "engine": [
+        *PROJECT["dependencies"],
+        *EXTRAS["photos"],
+        *EXTRAS["metrics"],
+        *EXTRAS["farm"],
+        *EXTRAS["test"],
+        *EXTRAS["lint"],
+    ],
     "blender": [*EXTRAS["blender"], *EXTRAS["test"]],
     "docs": EXTRAS["docs"],
 }
@@ -24,7 +31,7 @@ def pins(environment):
     return dict(line.lower().split("==") for line in lines if line)
 
 
-@pytest.mark.parametrize("environment", ["engine", "blender", "docs", "wheel"])
+@pytest.mark.parametrize("environment", ["engine", "blender", "docs", "wheel", "lock"])
 def test_every_version_is_pinned_to_the_digit(environment):
     assert all(re.fullmatch(r"[\d.]+(post\d+|b\d+)?", version) for version in pins(environment).values())
 

@@ -7,22 +7,21 @@ from typing import Any
 from ...engine_api import BadRequest, DataError, KarfError, MissingDependency
 from .plan import Plan, Step
 
-NETWORK = (
-    "error sending request",
-    "dns error",
+NETWORK = (  # the ones that say most first
+    "temporary failure in name resolution",
     "failed to lookup address",
-    "tcp connect error",
     "connection refused",
     "connection reset",
     "network is unreachable",
-    "newconnectionerror",
-    "proxyerror",
-    "temporary failure in name resolution",
-    "failed to establish a new connection",
     "operation timed out",
     "read timed out",
-    "request failed after",
     "error decoding response body",
+    "failed to establish a new connection",
+    "proxyerror",
+    "dns error",
+    "tcp connect error",
+    "error sending request",
+    "request failed after",
 )
 CERTIFICATE = ("invalid peer certificate", "certificate verify failed", "unknownissuer")
 FULL = ("no space left on device", "os error 28", "os error 112", "not enough space on the disk", "disk quota exceeded")
@@ -54,11 +53,12 @@ def explained(plan: Plan, step: Step, said: Sequence[str], how: str) -> KarfErro
     if any(word in low for word in CERTIFICATE):
         return DataError(
             f"The certificate of {plan.source.sentence} is not accepted.",
-            f"In a network with certificates of its own set SSL_CERT_FILE to them, then start Blender anew. {GO_ON}",
+            f"In a network with certificates of its own set UV_SYSTEM_CERTS=1, or SSL_CERT_FILE to their file, and start "
+            f"Blender anew. {GO_ON}",
         )
-    if any(word in low for word in NETWORK):
+    if reason := next((word for word in NETWORK if word in low), None):
         return DataError(
-            f"There is no way to {plan.source.sentence} ({_last(said)}).",
+            f"No connection to {plan.source.sentence} ({reason}).",
             f"Check network and proxy, or choose a folder of wheels. {GO_ON}",
         )
     return MissingDependency(f"{step.title} failed ({how}): {_last(said)}", f"{plan.home.log} tells more. {GO_ON}")
@@ -89,6 +89,6 @@ def _named(text: str) -> str:
 
 
 def _last(said: Sequence[str]) -> str:
-    """The last words that say something, without the marks that uv draws before them."""
-    words = [re.sub(r"^[^\w`(/]+", "", line) for line in said]
+    """The last words that say something, without the marks that uv and pip put before them."""
+    words = [re.sub(r"^([^\w`(/]+|cause: |error: |ERROR: )+", "", line) for line in said]
     return next((line for line in reversed(words) if line), "it said nothing")

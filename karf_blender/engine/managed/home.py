@@ -5,9 +5,7 @@ folder is KaRF's: nothing else is ever deleted.
 """
 
 import os
-import shutil
-import stat
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,7 @@ from ..jobs import disk_errors
 from . import recipes
 
 SCHEMA = "karf-managed/1"
+LISTS = ("packages", "torch", "uv")  # the requirements files
 NONE, UNFINISHED, BROKEN, OUTDATED, READY = "none", "unfinished", "broken", "outdated", "ready"
 
 
@@ -66,7 +65,7 @@ class Status:
     """What is in a folder.
 
     state: `none`, `unfinished`, `broken`, `outdated` or `ready`. sentence: the same for people. build, extras, python
-    and torch: of the environment, or of the one that was begun. download: bytes that it took, as planned.
+    and torch: of the environment, or of the one that was begun.
     """
 
     state: str
@@ -141,31 +140,46 @@ def remove(folder: Path) -> None:
         BadRequest: The folder is not KaRF's.
         DataError: A file cannot be deleted.
     """
+    for _ in removing(folder):
+        pass
+
+
+def removing(folder: Path) -> Iterator[None]:
+    """The same bit by bit, folder after folder: tens of thousands of files take their time. Raises as `remove`."""
     home = Home(folder)
     if not _is_ours(folder):
         raise BadRequest(f"{folder} was not made by KaRF; nothing was deleted.", "Delete it by hand if you mean it.")
     with disk_errors():
         home.installed.unlink(missing_ok=True)  # from here on nobody starts it
         for path in (home.environment, home.cache):
-            if path.is_dir():
-                shutil.rmtree(path, onerror=_once_more)
-        for path in (home.log, *folder.glob("*.txt"), home.mark):
+            # on Windows so written, paths may have any length
+            start = Path(f"\\\\?\\{path}") if os.name == "nt" else path
+            for root, folders, names in os.walk(start, topdown=False):
+                links = [name for name in folders if (Path(root) / name).is_symlink()]
+                for name in (*names, *links):
+                    (Path(root) / name).unlink()
+                Path(root).rmdir()
+                yield
+        for path in (home.log, *map(home.requirements, LISTS), home.mark):
             path.unlink(missing_ok=True)
         if not any(folder.iterdir()):
             folder.rmdir()
 
 
-def disk_use(folder: Path) -> int:
-    """Bytes that a folder takes; files that are there under two names count once. Takes a second or two."""
-    seen: dict[tuple[int, int], int] = {}
+def measure(folder: Path) -> Iterator[int]:
+    """Bytes that a folder takes, counted so far, after each of its folders; files under two names count once."""
+    seen: set[tuple[int, int]] = set()
+    total = 0
     for root, _, names in os.walk(folder):
         for name in names:
             try:
                 found = os.lstat(Path(root) / name)
             except OSError:
                 continue
-            seen[(found.st_dev, found.st_ino)] = found.st_size
-    return sum(seen.values())
+            if (found.st_dev, found.st_ino) not in seen:
+                seen.add((found.st_dev, found.st_ino))
+                total += found.st_size
+        yield total
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -188,9 +202,3 @@ def _digest_today(mark: dict[str, Any]) -> str:
         return recipe.digest(mark["build"], mark["backend"], mark["extras"])
     except KarfError:
         return ""
-
-
-def _once_more(function: Callable[[str], Any], path: str, _: Any) -> None:
-    """Delete a file that is set to be read only, which Windows refuses."""
-    Path(path).chmod(stat.S_IWRITE)
-    function(path)

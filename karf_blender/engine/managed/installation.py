@@ -21,7 +21,7 @@ from .progress import Fetching, Progress
 
 HERE = Path(__file__).parent
 KILL_SECONDS = 5.0
-LOOK_SECONDS = 1.0  # between two looks into the cache
+LOOK_SECONDS = 2.0  # between two looks into the cache
 FETCHED_AT_ONCE = "3"  # large files; what is cancelled loses those that it is at
 KEPT = {"pip", "setuptools", "uv", "wheel"}  # an environment's own tools
 EXTRA_IMPORTS = {"photos": ("pycolmap",)}
@@ -150,7 +150,9 @@ class Installation:
     def _start(self, step: Step) -> None:
         self._step, self._said = step, []
         sizes = {wheel.name: wheel.size for wheel in self.plan.wheels}
-        self._fetching = Fetching(sizes, step.bytes, self.plan.home.cache, plan.UNPACKED) if step.bytes else None
+        self._fetching = (
+            Fetching(sizes, step.bytes, self.plan.home.cache, plan.UNPACKED[self.plan.build]) if step.bytes else None
+        )
         self.progress = Progress(step.title, "", self._before, self.plan.download_bytes)
         variables = {"UV_CONCURRENT_DOWNLOADS": FETCHED_AT_ONCE, **self.plan.source.variables}
         with disk_errors(), self.plan.home.log.open("ab") as log:
@@ -187,7 +189,7 @@ class Installation:
         self._fetching.read(lines)
         if lines or time.monotonic() > self._look_at:
             self._look_at = time.monotonic() + LOOK_SECONDS
-            done = self._before + self._fetching.done
+            done = self._before + self._fetching.done()
             self.progress = Progress(self._step.title, self._fetching.detail, done, self.plan.download_bytes)
 
     def _finish_step(self) -> None:

@@ -14,14 +14,15 @@ from .recipes import Recipe, Wheel
 from .sources import Source
 from .starters import Starter
 
-UNPACKED = 2.1  # bytes on disk for each that is fetched, as measured
+# bytes on disk for each that is fetched, with compiled Python files; measured for cpu and cuda on Linux
+UNPACKED = {"cpu": 3.5, "cuda": 1.9, "rocm": 3.5, "mps": 3.5}
 ESTIMATES = {  # bytes of a build of torch that no recipe has, by system and build
     ("linux", "cpu"): 200_000_000,
     ("linux", "rocm"): 5_000_000_000,
     ("windows", "cuda"): 2_900_000_000,
 }
 LONGEST_PATH = 259  # on Windows, unless it is told otherwise
-LONGEST_INSIDE = 150  # letters of the longest path below the folder, as measured
+LONGEST_INSIDE = 150  # letters of the longest path below the folder that Python opens; uv itself knows no limit
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,7 @@ class Plan:
     @property
     def disk_bytes(self) -> int:
         """How much the environment will take, estimated."""
-        return round(self.download_bytes * UNPACKED)
+        return round(self.download_bytes * UNPACKED[self.build])
 
     @property
     def free_bytes(self) -> int:
@@ -150,7 +151,16 @@ class Plan:
     def fetch_uv(self) -> Step:
         """Put uv into the environment, by the pip that it was made with."""
         pip = [str(self.home.python), "-I", "-m", "pip", "install", "--require-hashes", "--no-deps"]
-        pip += ["--only-binary", ":all:", "--disable-pip-version-check", "--no-input", "--progress-bar", "off"]
+        pip += [
+            "--only-binary",
+            ":all:",
+            "--disable-pip-version-check",
+            "--no-input",
+            "--progress-bar",
+            "off",
+            "--retries",
+            "2",
+        ]
         command = [*pip, *self._offline(), "--requirement", str(self.home.requirements("uv"))]
         return Step("Fetching uv", tuple(command), sum(wheel.size for wheel in self.tools))
 
@@ -166,7 +176,8 @@ class Plan:
 
     def _uv_install(self, requirements: str, anew: tuple[str, ...]) -> list[str]:
         command = [self.uv, "pip", "install", "--python", str(self.home.python), "--cache-dir", str(self.home.cache)]
-        command += ["--only-binary", ":all:"]
+        # the engine's jobs write no compiled files: without them each would read all sources anew
+        command += ["--only-binary", ":all:", "--compile-bytecode"]
         command += [part for name in anew for part in ("--reinstall-package", name)]
         return [*command, *self._offline(), "--requirement", str(self.home.requirements(requirements))]
 

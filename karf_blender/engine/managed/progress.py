@@ -33,20 +33,21 @@ class Progress:
 
 
 class Fetching:
-    """What one run of uv has fetched. It unpacks while it fetches: how far it is with a file shows in its cache only.
+    """What uv has fetched. It unpacks while it fetches: how far it is with a file shows in its cache only.
 
     Args:
         sizes: Bytes of the packages' files by name.
         total: Bytes of all of them.
-        cache: uv's cache.
+        cache: uv's cache, where unpacked files lie in `archive-v0` and unfinished ones in `.tmp` folders.
         unpacked: Bytes on disk for each that is fetched.
     """
 
     def __init__(self, sizes: dict[str, int], total: int, cache: Path, unpacked: float) -> None:
         self._sizes, self._total, self._cache, self._unpacked = sizes, total, cache, unpacked
         self._active: set[str] = set()
-        self._done: set[str] = set()
+        self._finished: set[str] = set()
         self._is_prepared = False
+        self._most = 0
 
     def read(self, lines: Iterable[str]) -> None:
         """Take in what uv has said since the last call."""
@@ -55,39 +56,38 @@ class Fetching:
                 self._active.add(found[1])
             elif found := FETCHED.match(line):
                 self._active.discard(found[1])
-                self._done.add(found[1])
             elif PREPARED.match(line):
                 self._is_prepared = True
 
     @property
     def detail(self) -> str:
+        """The largest files that are being fetched."""
+        if self._is_prepared:
+            return "putting them in place"
         return ", ".join(sorted(self._active, key=lambda name: -self._sizes.get(name, 0))[:3])
 
-    @property
     def done(self) -> int:
-        """Bytes, estimated: those of finished files, and for the others what they have grown to."""
+        """Bytes: those of finished files, also from before, and for the others an estimate by what they have grown to."""
         if self._is_prepared:
             return self._total
-        finished = sum(self._sizes.get(name, 0) for name in self._done)
-        most = sum(self._sizes.get(name, self._total) for name in self._active)
-        return min(finished + min(round(self._growing() / self._unpacked), most), self._total)
-
-    def _growing(self) -> int:
-        """Bytes of what is being unpacked."""
-        folders = [path for path in _listed(self._cache) if path.name.startswith(".tmp")]
-        return sum(_size(folder) for folder in folders)
+        self._finished |= {_package(path) for path in self._cache.glob("archive-v0/*/*.dist-info")}
+        finished = sum(self._sizes.get(name, 0) for name in self._finished)
+        growing = sum(map(_size, self._cache.glob(".tmp*")))
+        # an estimate that proves too high waits for the truth
+        self._most = max(self._most, min(finished + round(growing / self._unpacked), self._total))
+        return self._most
 
 
-def _listed(folder: Path) -> list[Path]:
-    try:
-        return list(folder.iterdir())
-    except OSError:
-        return []
+def _package(info: Path) -> str:
+    """The name of the package that a `.dist-info` folder is of, as indexes write it."""
+    return re.sub(r"[-_.]+", "-", info.name.partition("-")[0]).lower()
 
 
 def _size(folder: Path) -> int:
+    """Bytes in a folder without headers, which are thousands and small: Blender's window waits for this."""
     count = 0
-    for root, _, names in os.walk(folder):
+    for root, folders, names in os.walk(folder):
+        folders[:] = [name for name in folders if name != "include"]
         for name in names:
             try:
                 count += (Path(root) / name).stat().st_size

@@ -38,7 +38,7 @@ def find(variables: Mapping[str, str], wheels: Path | None = None) -> Source:
         url = _index_in(path)
         if url:
             return Source(f"the index {shown(url)} (of {path})", {"UV_DEFAULT_INDEX": url})
-    return Source("the Python Package Index, or what uv.toml names")
+    return Source("the Python Package Index (or another, where uv.toml names one)")
 
 
 def shown(url: str) -> str:

@@ -53,10 +53,11 @@ def find(chosen: str, own_python: str, wanted: Sequence[str], variables: Mapping
     if chosen:
         starter = _chosen(chosen, own_python, wanted, tried)
     else:
+        others = _pythons(own_python, wanted, variables)
         starter = (
             _by_python(own_python, wanted, tried)
             or _by_uv(shutil.which("uv", path=_path(variables)), own_python, wanted, tried)
-            or next(filter(None, (_by_python(path, wanted, tried) for path in _pythons(wanted, variables))), None)
+            or next(filter(None, (_by_python(path, wanted, tried) for path in others)), None)
         )
     if starter is None:
         raise MissingDependency(
@@ -118,9 +119,9 @@ def _ask(python: str) -> dict | str:
         return "is no Python that answers"
 
 
-def _pythons(wanted: Sequence[str], variables: Mapping[str, str]) -> Iterator[str]:
-    """Other Pythons of this computer, newest first of those that have a recipe, without one twice."""
-    seen = set()
+def _pythons(own_python: str, wanted: Sequence[str], variables: Mapping[str, str]) -> Iterator[str]:
+    """Other Pythons of this computer, newest first of those that have a recipe, each once."""
+    seen = {os.path.realpath(own_python)}
     for path in _candidates(wanted[::-1], variables):
         real = os.path.realpath(path)
         if real not in seen:

@@ -8,6 +8,7 @@ import base64
 import csv
 import hashlib
 import json
+import os
 import re
 import shutil
 import sysconfig
@@ -15,7 +16,7 @@ from pathlib import Path
 
 
 def main() -> None:
-    folder = Path(sysconfig.get_path("purelib"))
+    folder = Path(("\\\\?\\" if os.name == "nt" else "") + sysconfig.get_path("purelib"))  # paths of any length
     installed, damaged = {}, []
     for info in sorted(folder.glob("*.dist-info")):
         name, _, version = info.name[: -len(".dist-info")].partition("-")

@@ -58,7 +58,7 @@ def check(folder: Path, wheels: Sequence[Wheel]) -> None:
         more = f" and {len(missing) - MOST_NAMED} more" if len(missing) > MOST_NAMED else ""
         raise DataError(
             f"{folder} lacks {len(missing)} of {len(wheels)} files: {', '.join(missing[:MOST_NAMED])}{more}.",
-            "The list of files and the command that fetches them elsewhere: Copy Offline Commands, or wheel_list().",
+            "Fetch them on another computer: headless.engine_files() gives their list and the command.",
         )
     for wheel in wheels:
         size = (folder / wheel.file).stat().st_size

@@ -1,0 +1,44 @@
+"""The folder: what may be claimed, what is removed, what it takes."""
+
+import pytest
+
+
+def test_a_folder_of_others_is_neither_taken_nor_removed(managed, tmp_path):
+    (tmp_path / "thesis.txt").write_text("years of work")
+    with pytest.raises(managed.api.DataError, match="not of KaRF's engine"):
+        managed.home.claim(managed.home.Home(tmp_path), {})
+    with pytest.raises(managed.api.BadRequest, match="nothing was deleted"):
+        managed.home.remove(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+@pytest.mark.parametrize("below", ["", "engine"])
+def test_a_path_that_is_a_file_is_named(managed, tmp_path, below):
+    file = tmp_path / "engine.txt"
+    file.write_text("")
+    with pytest.raises(managed.api.DataError, match=r"engine\.txt is a file"):
+        managed.home.check_free(file / below)
+
+
+def test_remove_deletes_what_is_ours_and_keeps_what_was_put_beside_it(managed, install, place):
+    install()
+    used, environment = (max(managed.home.measure(folder)) for folder in (place, place / "env"))
+    assert used == environment + sum(p.stat().st_size for p in place.iterdir() if p.is_file())
+    (place / "notes.md").write_text("mine")
+    managed.home.remove(place)
+    assert [path.name for path in place.iterdir()] == ["notes.md"]
+    assert managed.home.status(place).state == "none"
+
+
+def test_remove_leaves_no_empty_folder(managed, install, place):
+    install()
+    managed.home.remove(place)
+    assert not place.exists()
+
+
+def test_a_mark_that_is_damaged_is_nobodys(managed, tmp_path):
+    for text in ("", "[]", "{}", '{"schema": "karf-managed/9"}'):
+        (tmp_path / "karf-engine.json").write_text(text)
+        assert managed.home.status(tmp_path).state == "none"
+        with pytest.raises(managed.api.BadRequest):
+            managed.home.remove(tmp_path)

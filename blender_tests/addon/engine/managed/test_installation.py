@@ -1,0 +1,179 @@
+"""Installing, stopping, going on, repairing and updating, with tiny wheels and without network."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from . import wheels as making
+from .conftest import PYTHON, finish
+
+
+def site(place):
+    """Where the environment's packages lie."""
+    (folder,) = [*place.glob("env/lib/python*/site-packages"), *place.glob("env/Lib/site-packages")]
+    return folder
+
+
+def finished_in(place):
+    """The files that uv's cache holds whole."""
+    return [path for path in place.glob("cache/wheels-*/**/*.http") if path.is_file()]
+
+
+def test_an_installed_engine_is_found_and_leaves_no_cache(addon, managed, install, place):
+    assert managed.home.python_in(place) is None
+    status = install()
+    assert (status.state, status.build, status.python, status.torch) == ("ready", "cuda", PYTHON, "2.0")
+    python = managed.home.python_in(place)
+    assert addon.environment.find_python("", {}, python) == python
+    assert subprocess.run([python, "-c", "import torch, cv2, OpenEXR"]).returncode == 0
+    assert not list((place / "cache").rglob("*.py"))
+
+
+def test_the_preference_and_the_variable_win_over_the_managed_environment(addon, tmp_path):
+    choose, managed = addon.environment.chosen_python, tmp_path / "managed"
+    preferred, variable = tmp_path / "preferred", tmp_path / "variable"
+    assert choose(str(preferred), {"KARF_ENGINE_PYTHON": str(variable)}, managed) == preferred
+    assert choose("", {"KARF_ENGINE_PYTHON": str(variable)}, managed) == variable
+    assert choose("", {}, managed) == managed
+    assert choose("", {}).parts[-4:-2] == (".venv", "engine")
+
+
+def test_extras_are_installed_where_they_are_ticked(install, planned, place):
+    install()
+    assert not (site(place) / "pycolmap").exists()
+    assert install(planned(extras=("photos",))).extras == ("photos",)
+    assert (site(place) / "pycolmap").is_dir()
+    install(planned())
+    assert not (site(place) / "pycolmap").exists()
+
+
+def test_python_alone_makes_it_where_there_is_no_uv(kitchen, managed, install, planned, uv, place):
+    """uv then comes as a file of the recipe, by the pip of the new environment."""
+    if os.name == "nt":
+        pytest.skip("the made wheel has a shell script")
+    script = {"uv-0.1.data/scripts/uv": f'#!/bin/sh\nexec "{uv}" "$@"\n'}
+    kitchen.add("uv", "uv", "0.1", script)
+    kitchen.write()
+    plan = planned(starter=sys.executable)
+    assert plan.starter.uv == "" and len(plan.steps()) == 3
+    assert install(plan).state == "ready"
+    assert managed.home.Home(place).program("uv").is_file()
+
+
+def test_a_wrong_file_is_refused_by_its_name(kitchen, managed, install, place):
+    path = making.make(kitchen.folder, "scipy", "1.0", {"scipy/__init__.py": "name = 'shady'\n"})
+    assert path.stat().st_size == kitchen.wheels[path.name]["size"]
+    with pytest.raises(managed.api.DataError, match=r"scipy==1\.0 is not the file") as caught:
+        install()
+    assert "not installed" in caught.value.hint
+    assert managed.home.status(place).state == "unfinished" and managed.home.python_in(place) is None
+
+
+def test_a_build_that_is_in_no_recipe_is_taken_by_its_version(kitchen, managed, install, planned, place):
+    for path in kitchen.folder.glob("torch-*.whl"):
+        path.unlink()
+    system = {"linux": "linux_x86_64", "windows": "win_amd64", "macos": "macosx_14_0_arm64"}
+    tag = system[kitchen.here.platform.partition("-")[0]]
+    python = f"cp{PYTHON.replace('.', '')}"
+    making.make_torch(kitchen.folder, "2.0+cpu", tag=f"{python}-{python}-{tag}")
+    plan = planned(build="auto")
+    assert plan.unchecked == "torch 2.0 for cpu" and any("no hash of torch" in line for line in plan.sentences)
+    assert install(plan).torch == "2.0+cpu"
+
+
+def test_cancelled_it_keeps_finished_files_and_goes_on_from_there(managed, planned, index, place):
+    index.holding = "torch-"
+    work = managed.installation.Installation(planned(index))
+    while not (index.begun.is_set() and len(index.fetched) == len(finished_in(place)) == len(making.MODULES)):
+        work.poll()
+        assert not work.ended
+    work.cancel()
+    finish(work)
+    with pytest.raises(managed.api.Cancelled, match="cancelled") as caught:
+        work.check()
+    assert "kept" in caught.value.hint
+    assert managed.home.status(place).state == "unfinished" and managed.home.python_in(place) is None
+    index.release.set()
+    index.fetched.clear()
+    again = managed.installation.Installation(planned(index))
+    finish(again)
+    again.check()
+    # the server has noted the half that nobody took, too
+    assert {name.partition("-")[0] for name in index.fetched} == {"torch"}
+    assert managed.home.status(place).state == "ready"
+
+
+def test_killed_it_counts_as_not_installed_and_goes_on(addon, managed, planned, index, place):
+    index.holding = "torch-"
+    work = managed.installation.Installation(planned(index))
+    while not index.begun.is_set():
+        work.poll()
+    addon.environment.processes.send(work._process, addon.environment.processes.KILL)
+    work._process.wait()  # and nobody polls any more: Blender is gone too
+    assert managed.home.status(place).state == "unfinished" and managed.home.python_in(place) is None
+    index.release.set()
+    again = managed.installation.Installation(planned(index))
+    finish(again)
+    again.check()
+    assert managed.home.status(place).is_usable
+
+
+def test_repair_puts_back_what_is_missing_or_changed_and_nothing_else(managed, install, planned, index, place):
+    install(planned(index))
+    (site(place) / "scipy" / "__init__.py").write_text("name = 'other'\n")
+    (site(place) / "cv2" / "__init__.py").unlink()
+    for half in site(place).glob("imageio-*.dist-info/RECORD"):  # as a kill leaves it
+        half.unlink()
+    index.fetched.clear()
+    assert install(planned(index)).state == "ready"
+    assert sorted({name.partition("-")[0] for name in index.fetched}) == ["imageio", "opencv_python_headless", "scipy"]
+    assert (site(place) / "scipy" / "__init__.py").read_text() == "name = 'scipy'\n"
+    assert (site(place) / "cv2" / "__init__.py").is_file()
+
+
+def test_an_environment_whose_python_is_gone_is_broken_and_made_anew(managed, install, place):
+    install()
+    managed.home.Home(place).python.unlink()
+    assert managed.home.status(place).state == "broken" and managed.home.python_in(place) is None
+    assert install().state == "ready"
+
+
+def test_another_recipe_makes_it_outdated_and_an_update_gets_only_what_is_new(
+    kitchen, managed, install, planned, index, place
+):
+    install(planned(index))
+    kitchen.add("base", "scipy", "1.1", {"scipy/__init__.py": "name = 'newer'\n"})
+    kitchen.write()
+    status = managed.home.status(place)
+    assert status.state == "outdated" and status.is_usable and "Update" in status.sentence
+    index.fetched.clear()
+    assert install(planned(index)).state == "ready"
+    assert index.fetched == ["scipy-1.1-py3-none-any.whl"]
+    assert (site(place) / "scipy" / "__init__.py").read_text() == "name = 'newer'\n"
+
+
+def test_an_engine_that_does_not_load_does_not_count(kitchen, managed, install, place):
+    kitchen.add("base", "scipy", "1.0", {"scipy/__init__.py": "raise ImportError('no BLAS on this computer')\n"})
+    kitchen.write()
+    with pytest.raises(managed.api.MissingDependency, match="no BLAS on this computer"):
+        install()
+    assert managed.home.python_in(place) is None
+
+
+def test_another_build_than_the_chosen_one_does_not_count(kitchen, managed, install, place):
+    kitchen.note("torch", making.make_torch(kitchen.folder, "2.0"), "torch", "2.0")
+    kitchen.write()
+    with pytest.raises(managed.api.BadRequest, match="is a cpu build, not the cuda build"):
+        install()
+    assert managed.home.python_in(place) is None
+
+
+def test_without_network_a_sentence_says_so_and_how_to_go_on(managed, planned, index, install, monkeypatch):
+    plan = planned(index)
+    index.close()
+    monkeypatch.setenv("UV_HTTP_RETRIES", "0")
+    with pytest.raises(managed.api.DataError, match=r"^No connection to the index http://127") as caught:
+        install(plan)
+    assert "folder of wheels" in caught.value.hint and "goes on from there" in caught.value.hint

@@ -1,0 +1,102 @@
+"""Which device torch could use, by files of drivers on made computers; and who can make an environment."""
+
+import sys
+
+import pytest
+
+
+@pytest.mark.parametrize(
+    ("system", "processor", "files", "platform", "devices"),
+    [
+        ("Linux", "x86_64", {}, "linux-x86_64", ()),
+        ("Linux", "x86_64", {"proc/driver/nvidia/version": ""}, "linux-x86_64", ("cuda",)),
+        ("Linux", "aarch64", {"dev/nvidiactl": ""}, "linux-aarch64", ("cuda",)),
+        ("Linux", "x86_64", {"usr/lib/wsl/lib/libcuda.so.1": ""}, "linux-x86_64", ("cuda",)),
+        (
+            "Linux",
+            "x86_64",
+            {"dev/kfd": "", "sys/class/kfd/kfd/topology/nodes/1/properties": "gfx_target_version 110000\n"},
+            "linux-x86_64",
+            ("rocm",),
+        ),
+        (
+            "Linux",
+            "x86_64",
+            {"dev/kfd": "", "sys/class/kfd/kfd/topology/nodes/0/properties": "gfx_target_version 0\n"},
+            "linux-x86_64",
+            (),
+        ),
+        ("Windows", "AMD64", {"Windows/System32/nvcuda.dll": ""}, "windows-x86_64", ("cuda",)),
+        ("Windows", "AMD64", {}, "windows-x86_64", ()),
+        ("Darwin", "arm64", {}, "macos-arm64", ("mps",)),
+        ("Darwin", "x86_64", {}, "macos-x86_64", ()),
+        ("FreeBSD", "amd64", {}, "freebsd-x86_64", ()),
+    ],
+)
+def test_drivers_are_found_without_torch(managed, tmp_path, system, processor, files, platform, devices):
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    here = managed.machine.look(system, processor, tmp_path)
+    assert (here.platform, here.devices) == (platform, devices)
+    assert here.device_sentence.endswith(".")
+
+
+# --- starters -----------------------------------------------------------------------------------------------------
+ALL = ("3.11", "3.12", "3.13", "3.14")
+
+
+def program(path, text):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(0o755)
+    return str(path)
+
+
+def python(path, version="3.12", can="true", bits=64):
+    return program(path, f"""echo '{{"version": "{version}", "can": {can}, "bits": {bits}}}'""")
+
+
+@pytest.fixture
+def find(managed, tmp_path):
+    """A function that looks for a starter where the PATH is a made folder."""
+
+    def run(own, chosen=""):
+        return managed.starters.find(chosen, own, ALL, {"PATH": str(tmp_path / "bin")})
+
+    return run
+
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the made programs are shell scripts")
+
+
+def test_blenders_own_python_comes_first_then_uv_then_others(managed, find, tmp_path, monkeypatch):
+    monkeypatch.setattr(managed.starters, "UNIX_FOLDERS", ())
+    can, cannot = python(tmp_path / "own"), python(tmp_path / "bare", "3.14", "false")
+    other = python(tmp_path / "bin" / "python3.13", "3.13")
+    assert find(can) == managed.starters.Starter(can, "3.12")
+    assert find(cannot) == managed.starters.Starter(other, "3.13")
+    uv = program(tmp_path / "bin" / "uv", "")
+    assert find(cannot) == managed.starters.Starter(cannot, "3.14", uv)  # uv needs no ensurepip
+    assert find(python(tmp_path / "old", "3.9")) == managed.starters.Starter("", "3.13", uv)
+    assert find(can, chosen=other).python == other
+    assert find(can, chosen=uv).uv == uv
+
+
+def test_where_nothing_can_make_an_environment_all_that_was_tried_is_listed(managed, find, tmp_path, monkeypatch):
+    monkeypatch.setattr(managed.starters, "UNIX_FOLDERS", ())
+    python(tmp_path / "bin" / "python3.11", "3.11", bits=32)
+    program(tmp_path / "bin" / "python3", "exit 1")
+    with pytest.raises(managed.api.MissingDependency) as caught:
+        find(python(tmp_path / "own", can="false"))
+    text = str(caught.value)
+    for part in (
+        "own (has no venv and ensurepip)",
+        "uv (not on the PATH)",
+        "python3.11 (Python 3.11 of 32 bits)",
+        "python3 (is no Python that answers)",
+        "python3-venv",
+    ):
+        assert part in text
+    with pytest.raises(managed.api.MissingDependency, match=r"gone \(does not start"):
+        find(python(tmp_path / "own"), chosen=str(tmp_path / "gone"))

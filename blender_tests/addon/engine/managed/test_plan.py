@@ -1,0 +1,177 @@
+"""What a plan says before anything happens: sizes, places, commands, and why it cannot be."""
+
+import shlex
+import shutil
+import subprocess
+import sys
+from collections import namedtuple
+from pathlib import Path
+
+import pytest
+
+from .conftest import PYTHON
+
+LINUX, WINDOWS, MAC = "linux-x86_64", "windows-x86_64", "macos-arm64"
+
+
+@pytest.fixture
+def plan(managed, tmp_path):
+    """A function that plans for any computer by the real recipes."""
+
+    def make(platform=LINUX, devices=(), is_online=True, variables=None, **choices):
+        here = managed.machine.Machine(platform, devices)
+        wanted = managed.plan.Choices(**{"folder": tmp_path / "my engine", **choices})
+        return managed.plan.make(wanted, sys.executable, is_online, variables or {"PATH": ""}, here)
+
+    return make
+
+
+def test_it_says_how_much_from_where_and_where_to_and_changes_nothing(managed, plan, tmp_path):
+    made = plan(devices=("cuda",))
+    sizes = [wheel.size for wheel in made.wheels + made.tools]
+    assert made.download_bytes == sum(sizes) > 2.5e9
+    text = "\n".join(made.sentences)
+    assert f"{len(sizes)} checked files, {managed.plan.size_text(sum(sizes))}." in text
+    assert "Found an NVIDIA driver. Build of torch: cuda." in text
+    assert "From the Python Package Index" in text
+    assert f"To {tmp_path / 'my engine'}, about " in text and "are free" in text
+    assert f"made by {sys.executable} (Python {PYTHON})" in text
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("platform", "devices", "choice", "build", "backend"),
+    [
+        (LINUX, ("cuda",), "auto", "cuda", ""),
+        (LINUX, (), "auto", "cpu", "cpu"),
+        (LINUX, ("rocm",), "auto", "rocm", "auto"),
+        (LINUX, ("cuda", "rocm"), "cpu", "cpu", "cpu"),
+        (WINDOWS, (), "auto", "cpu", ""),
+        (WINDOWS, ("cuda",), "auto", "cuda", "auto"),
+        (MAC, ("mps",), "auto", "mps", ""),
+        ("linux-aarch64", ("cuda",), "auto", "cuda", ""),
+    ],
+)
+def test_each_build_comes_from_where_it_is(plan, platform, devices, choice, build, backend):
+    made = plan(platform, devices, build=choice)
+    assert (made.build, made.backend) == (build, backend)
+    torches = [wheel for wheel in made.wheels if wheel.name == "torch"]
+    if backend:
+        assert not torches and "--torch-backend" in made.steps()[-1].command
+        assert any("no hash of torch" in line for line in made.warnings)
+        assert any(", about " in line and f" for {build}" in line for line in made.sentences)
+    else:
+        assert len(torches) == 1 and "--torch-backend" not in made.commands()
+
+
+@pytest.mark.parametrize(("platform", "build"), [(LINUX, "mps"), (WINDOWS, "rocm"), (MAC, "cuda"), (LINUX, "tpu")])
+def test_a_build_that_does_not_exist_is_refused(managed, plan, platform, build):
+    with pytest.raises(managed.api.BadRequest, match=build):
+        plan(platform, build=build)
+
+
+def test_a_computer_without_recipe_is_told_so(managed, plan):
+    with pytest.raises(managed.api.MissingDependency, match="no engine for freebsd-x86_64"):
+        plan("freebsd-x86_64")
+    with pytest.raises(managed.api.MissingDependency, match="photos cannot be had"):
+        plan("linux-aarch64", ("cuda",), extras=("photos",))
+
+
+def test_without_leave_to_use_the_network_the_preference_is_named(managed, plan):
+    with pytest.raises(managed.api.BadRequest, match="may not use the network") as caught:
+        plan(is_online=False)
+    assert "Allow Online Access" in caught.value.hint and "folder of wheels" in caught.value.hint
+
+
+def test_the_source_is_that_of_this_computer_without_its_password(plan, tmp_path):
+    def source(**variables):
+        return plan(variables={"PATH": "", **variables}).source
+
+    secret = "https://name:secret@mirror.example/simple"
+    for name in ("UV_DEFAULT_INDEX", "UV_INDEX_URL"):
+        found = source(**{name: secret})
+        assert "https://mirror.example/simple" in found.sentence and "secret" not in found.sentence
+        assert found.variables == {}
+    assert source(PIP_INDEX_URL=secret).variables == {"UV_DEFAULT_INDEX": secret}
+    settings = tmp_path / "pip.conf"
+    settings.write_text("[global]\nindex-url = https://mirror.example/other\n")
+    found = source(PIP_CONFIG_FILE=str(settings))
+    assert "mirror.example/other" in found.sentence and str(settings) in found.sentence
+    assert found.variables == {"UV_DEFAULT_INDEX": "https://mirror.example/other"}
+    settings.write_text("index-url without section")
+    assert source(PIP_CONFIG_FILE=str(settings), HOME=str(tmp_path)).sentence
+
+
+def test_a_disk_without_space_is_named_with_what_is_needed(managed, plan, monkeypatch):
+    usage = namedtuple("usage", "total used free")
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: usage(9e9, 8e9, 1_000_000_000))
+    with pytest.raises(managed.api.DataError, match=r"has 1\.0 GB free; the engine needs about 5\.\d GB"):
+        plan(devices=("cuda",))
+
+
+def test_a_folder_that_cannot_be_is_refused(managed, plan, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(managed.api.DataError, match="is a file"):
+        plan(folder=tmp_path / "file")
+    with pytest.raises(managed.api.BadRequest, match="whole path"):
+        plan(folder=Path("engine"))
+
+
+def test_long_paths_are_a_warning_on_windows_alone(plan, tmp_path):
+    deep = tmp_path / ("d" * 120)
+    assert any("long paths" in line for line in plan(WINDOWS, folder=deep).warnings)
+    assert not any("long paths" in line for line in plan(MAC, ("mps",), folder=deep).warnings)
+
+
+# --- commands by hand ---------------------------------------------------------------------------------------------
+def test_commands_for_posix_shells_are_those_that_run(plan):
+    made = plan()
+    assert [tuple(shlex.split(line)) for line in made.commands("posix").splitlines()] == [
+        step.command for step in made.steps()
+    ]
+
+
+@pytest.mark.parametrize(
+    "word", ["a b", "it's", "50%", "(x86)", "a&b", "ü", "plain", r"C:\my env\x.exe", "$HOME", "a;b"]
+)
+def test_words_survive_every_shell(managed, word):
+    line = managed.shells.line
+    echo = [sys.executable, "-c", "import sys; print(ascii(sys.argv[1]))", word]
+    done = (
+        subprocess.run(["sh", "-c", line(echo, "posix")], capture_output=True, text=True)
+        if shutil.which("sh")
+        else None
+    )
+    assert done is None or done.stdout.strip() == ascii(word)
+    quoted = line(["run", word], "powershell").removeprefix("& run ")
+    assert quoted == word or quoted == "'" + word.replace("'", "''") + "'"
+    assert line(["run", word], "cmd").removeprefix("run ").strip('"') == word
+    for special in " &()';$":
+        assert special not in word or (line(["run", word], "cmd").endswith('"') and quoted.startswith("'"))
+
+
+# --- without network ----------------------------------------------------------------------------------------------
+def test_a_folder_that_lacks_files_names_them(managed, kitchen, planned):
+    for path in [*kitchen.folder.glob("scipy-*"), *kitchen.folder.glob("pillow-*")]:
+        path.unlink()
+    with pytest.raises(managed.api.DataError, match=r"lacks 2 of 9 files: scipy-1\.0.*whl, pillow-1\.0.*whl\."):
+        planned()
+    next(kitchen.folder.glob("torch-*")).unlink()
+    with pytest.raises(managed.api.DataError, match=r"has no torch 2\.0 for cuda"):
+        planned()
+
+
+def test_a_file_that_is_not_whole_is_named(managed, kitchen, planned):
+    path = next(kitchen.folder.glob("numpy-*"))
+    path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(managed.api.DataError, match=r"numpy-1\.0-py3-none-any\.whl has 100 bytes in place of"):
+        planned()
+
+
+def test_what_must_be_fetched_elsewhere_is_listed_with_hashes(addon, managed):
+    listing, command = addon.headless.engine_files("windows-x86_64", "3.12", "cpu", ("photos",), "cmd")
+    recipe = managed.recipes.find(WINDOWS, "3.12")
+    wheels = recipe.wheels("", ("photos",)) + recipe.parts["uv"]
+    assert [line.partition("  #")[0] for line in listing.splitlines()] == [wheel.requirement for wheel in wheels]
+    assert all(wheel.file in listing for wheel in wheels)
+    assert "--platform win_amd64" in command and "--python-version 3.12" in command and "--require-hashes" in command

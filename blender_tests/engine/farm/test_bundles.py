@@ -1,0 +1,144 @@
+"""Bundles: all that a job reads, with paths that lead from one file of the bundle to another."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+pytest.importorskip("scipy")
+
+import karf_engine as karf
+from blender_tests.engine.conftest import run_engine
+from blender_tests.engine.farm.sequences import write_sequence
+from karf_engine.edit.palette import Edit, write_edit
+from karf_engine.errors import BadRequest, DataError
+from karf_engine.files import read_json
+from karf_engine.project import Project
+from karf_engine.project.contents import capture_of
+
+
+@pytest.fixture
+def sequence(learned, tmp_path):
+    return write_sequence(learned.project, tmp_path, 5)
+
+
+def texts(bundle):
+    """All JSON of a bundle but the engine's."""
+    return {path.name: path.read_text() for path in bundle.rglob("*.json") if "engine" not in path.parts}
+
+
+def test_no_path_of_a_bundle_leads_out_of_it(learned, still_life, sequence, tmp_path):
+    bundle = karf.render_bundle(learned.project, tmp_path / "bundle", views="all", edit=sequence.edit)
+    for name, text in texts(bundle).items():
+        for place in (learned.project, still_life.capture, tmp_path):
+            assert str(place) not in text, name
+    template = read_json(bundle / "template.json", "template")
+    paths = [entry["default"] for entry in template["parameterDefinitions"] if entry["type"] == "PATH"]
+    assert sorted(paths) == ["edit.json", "engine", "frames", "project"]
+    assert all((bundle / path).exists() for path in paths if path != "frames")
+
+
+def test_the_project_of_a_bundle_renders_captured_photos_wherever_it_lies(learned, sequence, tmp_path):
+    bundle = karf.render_bundle(learned.project, tmp_path / "bundle", views="test", edit=sequence.edit)
+    moved = bundle.rename(tmp_path / "moved")
+    for project, out in ((learned.project, "here"), (moved / "project", "there")):
+        karf.render(project, tmp_path / out, views="test", edit=sequence.edit, threads=1, device="cpu")
+    here = {path.name: path.read_bytes() for path in (tmp_path / "here" / "recolor").iterdir()}
+    assert here == {path.name: path.read_bytes() for path in (tmp_path / "there" / "recolor").iterdir()}
+    assert len(here) == 2
+
+
+def test_photos_are_taken_along_only_where_they_are_recolored(learned, sequence, tmp_path):
+    cameras = karf.render_bundle(learned.project, tmp_path / "cameras", views=str(sequence.cameras))
+    photos = karf.render_bundle(learned.project, tmp_path / "photos", views="test")
+    assert not (cameras / "photos").exists()
+    assert len(list((photos / "photos").iterdir())) == 2
+
+
+def test_each_frame_may_have_an_edit_of_its_own(learned, sequence, tmp_path):
+    edits = [tmp_path / f"edit_{number}.json" for number in range(5)]
+    palettes = karf.load(learned.project, device="cpu").palettes
+    for number, path in enumerate(edits):
+        colors = {palette.name: palette.colors.copy() for palette in palettes}
+        colors["ball"][1] = 0.1 * number
+        write_edit(path, Edit(colors))
+    bundle = karf.render_bundle(learned.project, tmp_path / "bundle", views=str(sequence.cameras), edit=edits)
+    views = {"views": str(sequence.cameras), "threads": 1, "device": "cpu"}
+    karf.render(bundle / "project", tmp_path / "all", edit=bundle / "edits", **views)
+    karf.render(bundle / "project", tmp_path / "fourth", edit=edits[3], first=4, count=1, **views)
+    (fourth,) = (tmp_path / "fourth" / "recolor").iterdir()
+    assert fourth.read_bytes() == (tmp_path / "all" / "recolor" / fourth.name).read_bytes()
+    assert len({path.read_bytes() for path in (tmp_path / "all" / "recolor").iterdir()}) == 5
+
+
+def test_a_bundle_is_never_written_over(learned, tmp_path):
+    (tmp_path / "taken").mkdir()
+    (tmp_path / "taken" / "note").write_text("mine")
+    with pytest.raises(BadRequest, match="is not empty"):
+        karf.render_bundle(learned.project, tmp_path / "taken", views="test")
+    assert [path.name for path in (tmp_path / "taken").iterdir()] == ["note"]
+
+
+def test_where_something_is_missing_nothing_is_left_of_the_bundle(still_life, tmp_path):
+    (tmp_path / "masks").mkdir()
+    with pytest.raises(DataError, match="has no masks"):
+        karf.learning_bundle(still_life.capture, tmp_path / "masks", tmp_path / "bundle", views="test")
+    assert [path.name for path in tmp_path.iterdir()] == ["masks"]
+
+
+def test_an_edit_of_another_project_is_refused_before_it_gets_to_the_farm(learned, tmp_path):
+    write_edit(tmp_path / "edit.json", Edit({"kettle": np.zeros((2, 3), np.float32)}))
+    with pytest.raises(DataError, match="kettle"):
+        karf.render_bundle(learned.project, tmp_path / "bundle", views="test", edit=tmp_path / "edit.json")
+
+
+def test_photos_outside_the_captures_folder_are_refused(still_life, tmp_path):
+    capture = shutil.copytree(still_life.capture, tmp_path / "capture")
+    (capture / "train").rename(tmp_path / "train")
+    text = (capture / "transforms_train.json").read_text()
+    (capture / "transforms_train.json").write_text(text.replace("./train", str(tmp_path / "train")))
+    with pytest.raises(BadRequest, match="lies outside"):
+        karf.learning_bundle(capture, still_life.masks, tmp_path / "bundle")
+
+
+def test_a_part_of_the_views_is_rendered_as_it_is_among_all(sequence, tmp_path):
+    sequence.render(tmp_path / "all")
+    sequence.render(tmp_path / "part", first=2, last=4, count=2)
+    part = sorted((tmp_path / "part" / "recolor").iterdir())
+    assert [path.stem for path in part] == ["frame_0002", "frame_0003"]
+    for path in part:
+        assert path.read_bytes() == (tmp_path / "all" / "recolor" / path.name).read_bytes()
+
+
+@pytest.mark.parametrize("part", [{"first": 6}, {"first": 0}, {"first": 3, "last": 2}, {"count": 0}])
+def test_a_part_that_is_empty_is_refused(sequence, tmp_path, part):
+    with pytest.raises(BadRequest, match="There are 5 views"):
+        sequence.render(tmp_path / "out", **part)
+
+
+def test_a_project_that_moves_with_its_photos_still_finds_them(still_life, tmp_path):
+    capture = shutil.copytree(still_life.capture, tmp_path / "film" / "capture")
+    project = tmp_path / "film" / "project"
+    command = still_life.command(project, 'geometry.levels=[{"voxels": 8, "iterations": 1, "step": 1.0}]')
+    masks = command.index("--masks")
+    done = run_engine("geometry", str(capture), *command[2:masks], *command[masks + 2 :])
+    assert done.returncode == 0, done.stderr
+    (tmp_path / "film").rename(tmp_path / "elsewhere")
+    views = capture_of(Project(tmp_path / "elsewhere" / "project")).views
+    assert all(view.image.is_relative_to(tmp_path / "elsewhere" / "capture") for view in views)
+    assert all(view.image.is_file() for view in views)
+
+
+def test_the_verb_writes_the_same_bundle_as_the_library(learned, sequence, tmp_path):
+    chosen = {"views": str(sequence.cameras), "per_task": 2, "alpha": True, "format": "exr16"}
+    karf.render_bundle(learned.project, tmp_path / "library", size="photo", overrides=["render.edges=field"], **chosen)
+    done = run_engine(
+        *("farm", learned.project, "--out", tmp_path / "verb", "--views", sequence.cameras, "--per-task", 2),
+        *("--alpha", "--format", "exr16", "--set", "render.edges=field"),
+    )
+    assert done.returncode == 0, done.stderr
+    library, verb = (read_json(tmp_path / name / "template.json", "template") for name in ("library", "verb"))
+    arguments = [job["steps"][0]["script"]["actions"]["onRun"].pop("args") for job in (library, verb)]
+    assert sorted(arguments[0]) == sorted(arguments[1])
+    assert library == verb

@@ -1,0 +1,108 @@
+"""Bundles at work: `openjd`, the reference program of Open Job Description, checks and runs them on this machine."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("torch")
+pytest.importorskip("scipy")
+
+import karf_engine as karf
+from blender_tests.engine.conftest import QUICK
+from blender_tests.engine.farm.sequences import write_sequence
+from karf_engine.project import STAGE_ORDER, Project
+
+OPENJD = shutil.which("openjd", path=os.pathsep.join((str(Path(sys.executable).parent), os.environ.get("PATH", ""))))
+pytestmark = pytest.mark.skipif(OPENJD is None, reason="openjd-cli is not installed")
+# a Python that dies in its third frame, when its files are written and not yet noted
+DYING = f"""#!{sys.executable}
+import os, signal, sys
+engine, arguments = sys.argv[6], sys.argv[7:]
+sys.path.insert(0, os.path.dirname(engine))
+from karf_engine.cli import main
+from karf_engine.stages.finished_frames import UnfinishedFrames
+note, noted = UnfinishedFrames.note, []
+def dying(self, frame, *told):
+    if len(noted) == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+    noted.append(frame)
+    note(self, frame, *told)
+UnfinishedFrames.note = dying
+sys.exit(main(arguments))
+"""
+
+
+def openjd(verb, bundle, *arguments):
+    return subprocess.run(
+        [OPENJD, verb, bundle / "template.json", *map(str, arguments)],
+        env=os.environ | {"OMP_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+
+
+def succeeds(verb, bundle, *arguments):
+    done = openjd(verb, bundle, *arguments)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def pictures(folder):
+    """The bytes of all files but the note of what they were made from, by path."""
+    files = [path for path in folder.rglob("*") if path.is_file() and path.suffix != ".jsonl"]
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a script is no program there, and no signal kills")
+def test_frames_of_four_tasks_one_of_them_killed_and_run_again_are_those_of_a_single_run(learned, tmp_path):
+    sequence = write_sequence(learned.project, tmp_path, 24)
+    sequence.render(tmp_path / "single")
+    bundle = karf.render_bundle(
+        learned.project, tmp_path / "bundle", views=str(sequence.cameras), edit=sequence.edit, per_task=6, threads=1
+    ).rename(tmp_path / "farm")
+    assert "Total tasks: 4" in succeeds("summary", bundle)
+    dying = tmp_path / "dying_python"
+    dying.write_text(DYING)
+    dying.chmod(0o755)
+    for first in (1, 7, 13, 19):
+        python = dying if first == 7 else sys.executable
+        done = openjd(
+            "run", bundle, "--step", "Render", "--task-param", f"Frame={first}", "-p", f"EnginePython={python}"
+        )
+        assert (done.returncode != 0) == (first == 7), done.stdout + done.stderr
+    assert len(pictures(bundle / "frames" / "recolor")) == 21
+    kept = (bundle / "frames" / "recolor" / "frame_0008.png").stat().st_mtime_ns
+    succeeds("run", bundle, "-p", f"EnginePython={sys.executable}")
+    assert pictures(bundle / "frames") == pictures(tmp_path / "single")
+    assert len(pictures(bundle / "frames" / "recolor")) == 24
+    assert (bundle / "frames" / "recolor" / "frame_0008.png").stat().st_mtime_ns == kept
+
+
+def test_a_capture_is_learned_step_by_step_and_rendered(still_life, learned, tmp_path):
+    bundle = karf.learning_bundle(
+        still_life.capture, still_life.masks, tmp_path / "bundle", overrides=QUICK, views="test", per_task=1, threads=1
+    ).rename(tmp_path / "farm")
+    steps = [line for line in succeeds("summary", bundle).splitlines() if "total Tasks" in line or line[:2] == "5."]
+    succeeds("check", bundle)
+    succeeds("run", bundle, "--step", "Render", "--run-dependencies", "-p", f"EnginePython={sys.executable}")
+    project = Project(bundle / "project")
+    assert all(project.finished(stage) for stage in STAGE_ORDER), steps
+    assert sorted(path.stem for path in (bundle / "frames" / "render").iterdir()) == ["test_r_0", "test_r_1"]
+    assert project.geometry_file.read_bytes() == Project(learned.project).geometry_file.read_bytes()
+
+
+def test_every_kind_of_bundle_is_a_valid_template(still_life, learned, tmp_path):
+    sequence = write_sequence(learned.project, tmp_path, 3)
+    one_each = [sequence.edit] * 3
+    bundles = [
+        karf.render_bundle(learned.project, tmp_path / "photos", views="test", edit=sequence.edit, depth=True),
+        karf.render_bundle(learned.project, tmp_path / "cameras", views=str(sequence.cameras), edit=one_each),
+        karf.learning_bundle(still_life.capture, still_life.masks, tmp_path / "learning", per_task=100),
+    ]
+    for bundle in bundles:
+        succeeds("check", bundle)

@@ -1,0 +1,69 @@
+"""The end of the engine's environment: deleted beside the interface, or at once in background mode."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+
+from ..engine_api import KarfError
+from ..host import windows
+from .managed import home
+
+SLICE_SECONDS = 0.02  # in which the interface stands still
+PAUSE_SECONDS = 0.02
+
+
+class _Memory:
+    """What is being deleted, and how the last time failed."""
+
+    work: Iterator[None] | None = None
+    error: KarfError | None = None
+
+
+def is_running() -> bool:
+    """True while an environment is being deleted."""
+    return _Memory.work is not None
+
+
+def last_error() -> KarfError | None:
+    """How the last time failed; None where it did not."""
+    return _Memory.error
+
+
+def launch(folder: Path) -> None:
+    """Delete the environment in a folder and return at once; in background mode, block until it is done.
+
+    Raises:
+        KarfError: In background mode: the folder is not KaRF's, or a file cannot be deleted.
+    """
+    if bpy.app.background:
+        home.remove(folder)
+        return
+    _begin(folder)
+    bpy.app.timers.register(_tick, persistent=True)
+
+
+def _begin(folder: Path) -> None:
+    _Memory.work, _Memory.error = home.removing(folder), None
+
+
+def _tick() -> float | None:
+    """The timer: deletes for a moment, and stops itself at the end."""
+    until = time.monotonic() + SLICE_SECONDS
+    try:
+        for _ in _Memory.work:
+            if time.monotonic() > until:
+                return PAUSE_SECONDS
+    except KarfError as error:
+        _Memory.error = error
+    _Memory.work = None
+    windows.redraw("PREFERENCES", *windows.PANEL_AREAS)
+    return None
+
+
+def unregister():
+    """Called when the extension is disabled: what is left can be removed later."""
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+    _Memory.work = None

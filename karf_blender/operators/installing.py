@@ -1,0 +1,152 @@
+"""The preferences' buttons: the engine installed, repaired or updated, all by one dialog; cancelled; removed."""
+
+from pathlib import Path
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, StringProperty
+
+from .. import preferences
+from ..engine import installing, probing, removing
+from ..engine.managed import machine, recipes, shells
+from ..engine.managed.plan import Choices
+from ..engine_api import KarfError
+from ..host.labels import draw_text
+from .reporting import is_free, is_unchanging, reports_errors
+
+BUILDS = {
+    "auto": ("Automatic", "By the drivers that are on this computer"),
+    "cpu": ("Processor", "The smallest download; works everywhere"),
+    "cuda": ("NVIDIA", "CUDA: for NVIDIA cards"),
+    "rocm": ("AMD", "ROCm: for AMD cards, on Linux"),
+    "mps": ("Apple", "For Apple silicon"),
+}
+WIDTH, LETTERS = 640, 100  # of the dialog in pixels, and what fits into a line of it
+SHELLS = {"posix": "Linux, macOS", "powershell": "PowerShell", "cmd": "Windows cmd"}
+
+
+class KARF_OT_install_engine(bpy.types.Operator):
+    """Make an environment of its own for the engine; a dialog says what will be fetched, from where and where to, and \
+asks. What is there already is checked, finished, repaired or updated"""
+
+    bl_idname = "karf.install_engine"
+    bl_label = "Install Engine"
+
+    build: EnumProperty(
+        name="PyTorch for", items=[(name, *BUILDS[name]) for name in machine.BUILDS], options={"SKIP_SAVE"}
+    )
+    photos: BoolProperty(
+        name="Camera poses of photos without them (pycolmap)", description=recipes.EXTRAS["photos"],
+        options={"SKIP_SAVE"},
+    )  # fmt: skip
+    folder: StringProperty(
+        name="Folder",
+        subtype="DIR_PATH",
+        description="Where to; a folder of its own, new or empty",
+        options={"SKIP_SAVE"},
+    )
+    wheels: StringProperty(
+        name="Folder of wheels", subtype="DIR_PATH", description="Take the packages' files from here, without network"
+    )
+    starter: StringProperty(
+        name="Starter", subtype="FILE_PATH",
+        description="A Python, or uv, that makes the environment; empty: Blender's own Python, uv, or any that is found",
+    )  # fmt: skip
+
+    @classmethod
+    def poll(cls, context):
+        return is_unchanging(cls) and is_free(cls)
+
+    def invoke(self, context, event):
+        self.folder = self.folder or str(preferences.engine_folder())
+        self.check(context)
+        return context.window_manager.invoke_props_dialog(self, width=WIDTH, confirm_text="Install")
+
+    def check(self, context):
+        """Plan anew after each change; Blender calls it."""
+        self.plan = self.error = None
+        try:
+            self.plan = self._plan()
+        except KarfError as error:
+            self.error = error
+        return True
+
+    def draw(self, context):
+        layout = self.layout
+        layout.prop(self, "build", expand=True)
+        for name in ("photos", "folder", "wheels", "starter"):
+            layout.prop(self, name)
+        box = layout.box().column(align=True)
+        if self.error:
+            draw_text(box, self.error.sentence, "ERROR", LETTERS)
+            draw_text(box, self.error.hint, "BLANK1", LETTERS)
+            return
+        for sentence in self.plan.sentences:
+            draw_text(box, sentence, "DOT", LETTERS)
+        row = layout.row(align=True)
+        row.label(text="The same by hand:")
+        for shell in shells.SHELLS:
+            copy = row.operator("karf.copy_command", text=SHELLS[shell], icon="COPYDOWN")
+            copy.command = self.plan.commands(shell)
+
+    @reports_errors
+    def execute(self, context):
+        planned = self._plan()
+        probing.cancel()  # its Python may be replaced
+        if planned.choices.folder != preferences.engine_folder():
+            preferences.current().engine_folder = str(planned.choices.folder)
+            context.preferences.is_dirty = True
+        installing.launch(planned)
+        return {"FINISHED"}
+
+    def _plan(self):
+        folder = _whole(self.folder) if self.folder else preferences.engine_folder()
+        wheels = _whole(self.wheels) if self.wheels else None
+        starter = str(_whole(self.starter)) if self.starter else ""
+        return installing.plan(Choices(folder, self.build, ("photos",) if self.photos else (), wheels, starter))
+
+
+class KARF_OT_cancel_installation(bpy.types.Operator):
+    """Stop installing; what was fetched is kept"""
+
+    bl_idname = "karf.cancel_installation"
+    bl_label = "Cancel Installation"
+
+    @classmethod
+    def poll(cls, context):
+        return installing.is_running()
+
+    @reports_errors
+    def execute(self, context):
+        installing.cancel()
+        return {"FINISHED"}
+
+
+class KARF_OT_remove_engine(bpy.types.Operator):
+    """Delete the engine's environment and all that was fetched for it; projects stay"""
+
+    bl_idname = "karf.remove_engine"
+    bl_label = "Remove Engine"
+
+    @classmethod
+    def poll(cls, context):
+        return is_unchanging(cls) and is_free(cls)
+
+    def invoke(self, context, event):
+        message = f"{preferences.engine_folder()} is deleted. Projects stay."
+        return context.window_manager.invoke_confirm(
+            self, event, title="Remove the engine?", message=message, confirm_text="Remove", icon="WARNING"
+        )
+
+    @reports_errors
+    def execute(self, context):
+        probing.cancel()
+        removing.launch(preferences.engine_folder())
+        return {"FINISHED"}
+
+
+def _whole(path: str) -> Path:
+    """The path on disk of one from the file browser."""
+    return Path(bpy.path.abspath(path)).absolute()
+
+
+CLASSES = (KARF_OT_install_engine, KARF_OT_cancel_installation, KARF_OT_remove_engine)

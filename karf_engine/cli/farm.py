@@ -1,0 +1,25 @@
+"""The verb `farm`: jobs for a render farm."""
+
+from __future__ import annotations
+
+import argparse
+
+from ..errors import BadRequest
+from ..farm import learning_bundle, render_bundle
+from ..farm.bundle import PICTURES
+from .failing import say
+
+
+def write_bundle(options: argparse.Namespace) -> int:
+    """A bundle that renders a learned project, or with masks one that learns a capture first."""
+    pictures = {name: getattr(options, name) for name in PICTURES if name != "overrides"}
+    chosen = {name: getattr(options, name) for name in ("views", "edit", "per_task", "python")}
+    if options.masks:
+        learning = {"preset": options.preset or "demo", "overrides": options.overrides}
+        out = learning_bundle(options.source, options.masks, options.out, **learning, **chosen, **pictures)
+    elif options.preset:
+        raise BadRequest("A learned project has its preset.", "Leave --preset out, or give --masks to learn a capture.")
+    else:
+        out = render_bundle(options.source, options.out, overrides=options.overrides, **chosen, **pictures)
+    say(f"wrote {out}")
+    return 0
