@@ -98,7 +98,7 @@ def run_engine(*arguments, python=(), environment=None, **options) -> subprocess
         env=os.environ | {"OMP_NUM_THREADS": "1"} | (environment or {}),
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=900,  # a machine may have much else to do
         **options,
     )
 
