@@ -107,6 +107,7 @@ def test_only_compat_asks_for_blenders_version():
         "engine/environment",
         "engine/examination",
         "engine/jobs",
+        *sorted(f"engine/managed/{path.stem}" for path in (ROOT / "karf_blender" / "engine" / "managed").glob("*.py")),
         "engine/processes",
         "engine/report",
         "rig/lens",

@@ -31,7 +31,7 @@ def pins(environment):
     return dict(line.lower().split("==") for line in lines if line)
 
 
-@pytest.mark.parametrize("environment", ["engine", "blender", "docs", "wheel"])
+@pytest.mark.parametrize("environment", ["engine", "blender", "docs", "wheel", "lock"])
 def test_every_version_is_pinned_to_the_digit(environment):
     assert all(re.fullmatch(r"[\d.]+(post\d+|b\d+)?", version) for version in pins(environment).values())
 

@@ -9,10 +9,8 @@ import sys
 
 
 def main() -> None:
-    for name in sys.argv[1:]:
-        importlib.import_module(name)
-    import torch
-
+    loaded = {name: importlib.import_module(name) for name in sys.argv[1:]}
+    torch = loaded["torch"]
     if float(torch.ones(3).sum()) != 3.0:
         sys.exit("torch does not add up")
     if torch.version.cuda:
