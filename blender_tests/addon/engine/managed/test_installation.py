@@ -110,7 +110,7 @@ def test_killed_it_counts_as_not_installed_and_goes_on(addon, managed, planned, 
     work = managed.installation.Installation(planned(index))
     while not index.begun.is_set():
         work.poll()
-    addon.environment.processes.send(work._process, addon.environment.processes.KILL)
+    addon.processes.send(work._process, addon.processes.KILL)
     work._process.wait()  # and nobody polls any more: Blender is gone too
     assert managed.home.status(place).state == "unfinished" and managed.home.python_in(place) is None
     index.release.set()
