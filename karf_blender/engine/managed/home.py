@@ -15,7 +15,7 @@ from ..jobs import disk_errors
 from . import recipes
 
 SCHEMA = "karf-managed/1"
-LISTS = ("packages", "torch", "uv")  # the requirements files
+LISTS = ("packages", "uv")  # the requirements files
 NONE, UNFINISHED, BROKEN, OUTDATED, READY = "none", "unfinished", "broken", "outdated", "ready"
 
 
@@ -45,9 +45,9 @@ class Home:
     def log(self) -> Path:
         return self.folder / "install.log"
 
-    def requirements(self, part: str) -> Path:
-        """The list of files that pip or uv is given."""
-        return self.folder / f"{part}.txt"
+    def requirements(self, name: str) -> Path:
+        """One of the lists of files that pip and uv are given."""
+        return self.folder / f"{name}.txt"
 
     def program(self, name: str) -> Path:
         """A program of the environment."""

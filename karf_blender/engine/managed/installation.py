@@ -15,7 +15,7 @@ from typing import Any
 from ...engine_api import REQUIRED, Cancelled, KarfError, write_json
 from .. import processes
 from ..jobs import disk_errors
-from . import failures, home, plan
+from . import failures, home, lists, plan, recipes
 from .plan import Plan, Step
 from .progress import Fetching, Progress
 
@@ -94,8 +94,7 @@ class Installation:
         mark |= {"platform": planned.recipe.platform, "python": planned.recipe.python}
         home.claim(place, mark)
         with disk_errors():
-            for name, text in planned.requirements.items():
-                place.requirements(name).write_text(text, encoding="utf-8")
+            lists.write(place.folder, planned.recipe.platform, planned.recipe.python, planned.lists, recipes.FILE)
             place.log.write_text("", encoding="utf-8")
 
     def _work(self) -> Generator[Step, list[str], None]:
@@ -149,7 +148,7 @@ class Installation:
 
     def _start(self, step: Step) -> None:
         self._step, self._said = step, []
-        sizes = {wheel.name: wheel.size for wheel in self.plan.wheels}
+        sizes = {wheel.name: wheel.size for wheel in step.wheels}
         self._fetching = (
             Fetching(sizes, step.bytes, self.plan.home.cache, plan.UNPACKED[self.plan.build]) if step.bytes else None
         )

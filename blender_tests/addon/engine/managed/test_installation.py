@@ -1,6 +1,7 @@
 """Installing, stopping, going on, repairing and updating, with tiny wheels and without network."""
 
 import os
+import shutil
 import subprocess
 import sys
 
@@ -57,9 +58,21 @@ def test_python_alone_makes_it_where_there_is_no_uv(kitchen, managed, install, p
     kitchen.add("uv", "uv", "0.1", script)
     kitchen.write()
     plan = planned(starter=sys.executable)
-    assert plan.starter.uv == "" and len(plan.steps()) == 3
+    assert plan.starter.uv == "" and len(plan.steps()) == 4
     assert install(plan).state == "ready"
     assert managed.home.Home(place).program("uv").is_file()
+
+
+def test_the_commands_by_hand_make_the_same(kitchen, managed, planned, place, monkeypatch):
+    beside = kitchen.file.with_name("lists.py")  # as the extension has both
+    shutil.copy(managed.lists.__file__, beside)
+    monkeypatch.setattr(managed.lists, "__file__", str(beside))
+    for step in planned().steps():
+        done = subprocess.run(step.command, capture_output=True, text=True, cwd=kitchen.folder)
+        assert done.returncode == 0, done.stderr
+    python = managed.home.Home(place).python
+    assert subprocess.run([python, "-c", "import torch, scipy, cv2"]).returncode == 0
+    assert managed.home.python_in(place) is None  # what is made by hand is set by hand
 
 
 def test_a_wrong_file_is_refused_by_its_name(kitchen, managed, install, place):
@@ -105,12 +118,12 @@ def test_cancelled_it_keeps_finished_files_and_goes_on_from_there(managed, plann
     assert managed.home.status(place).state == "ready"
 
 
-def test_killed_it_counts_as_not_installed_and_goes_on(addon, managed, planned, index, place):
+def test_killed_it_counts_as_not_installed_and_goes_on(managed, planned, index, place):
     index.holding = "torch-"
     work = managed.installation.Installation(planned(index))
     while not index.begun.is_set():
         work.poll()
-    addon.environment.processes.send(work._process, addon.environment.processes.KILL)
+    managed.processes.send(work._process, managed.processes.KILL)
     work._process.wait()  # and nobody polls any more: Blender is gone too
     assert managed.home.status(place).state == "unfinished" and managed.home.python_in(place) is None
     index.release.set()
