@@ -59,6 +59,11 @@ class Home:
     def python(self) -> Path:
         return self.program("python")
 
+    def has_package(self, name: str) -> bool:
+        """Whether a package (`*`: any) was put into the environment."""
+        below = "Lib" if os.name == "nt" else "lib/*"
+        return any(self.environment.glob(f"{below}/site-packages/{name}-*.dist-info"))
+
 
 @dataclass(frozen=True)
 class Status:
@@ -110,7 +115,7 @@ def python_in(folder: Path) -> Path | None:
 
 
 def claim(home: Home, mark: dict[str, Any]) -> None:
-    """Make the folder KaRF's, and note what shall be in it; what was installed no longer counts as such.
+    """Make the folder KaRF's, and note what shall be in it.
 
     Raises:
         DataError: It is a file, holds what others put there, or cannot be written.
@@ -118,7 +123,6 @@ def claim(home: Home, mark: dict[str, Any]) -> None:
     with disk_errors():
         check_free(home.folder)
         home.folder.mkdir(parents=True, exist_ok=True)
-        home.installed.unlink(missing_ok=True)
         write_json(home.mark, {"schema": SCHEMA, **mark})
 
 

@@ -267,6 +267,8 @@ def make(
 
 def _check_space(plan: Plan) -> None:
     needed = plan.disk_bytes
+    if plan.free_bytes < needed:  # then it is worth to count what is there already
+        needed -= max(home.measure(plan.choices.folder), default=0)
     if plan.free_bytes < needed:
         raise DataError(
             f"The disk of {plan.choices.folder} has {size_text(plan.free_bytes)} free; the engine needs about "

@@ -167,6 +167,28 @@ def test_another_recipe_makes_it_outdated_and_an_update_gets_only_what_is_new(
     assert (site(place) / "scipy" / "__init__.py").read_text() == "name = 'newer'\n"
 
 
+def test_an_update_without_network_leaves_the_engine_that_works(
+    kitchen, managed, install, planned, index, place, monkeypatch
+):
+    install(planned(index))
+    kitchen.add("base", "scipy", "1.1", {"scipy/__init__.py": ""})
+    kitchen.write()
+    monkeypatch.setenv("UV_HTTP_RETRIES", "0")
+    plan = planned(index)
+    index.close()
+    with pytest.raises(managed.api.DataError, match="No connection"):
+        install(plan)
+    assert managed.home.status(place).state == "outdated" and managed.home.python_in(place) is not None
+
+
+def test_an_environment_that_was_hardly_begun_is_made_anew(managed, install, planned, place):
+    plan = planned()
+    managed.home.claim(plan.home, {"build": "cuda", "extras": [], "python": PYTHON})
+    plan.home.python.parent.mkdir(parents=True)
+    plan.home.python.write_text("half a file")
+    assert install(plan).state == "ready"
+
+
 def test_an_engine_that_does_not_load_does_not_count(kitchen, managed, install, place):
     kitchen.add("base", "scipy", "1.0", {"scipy/__init__.py": "raise ImportError('no BLAS on this computer')\n"})
     kitchen.write()

@@ -112,6 +112,12 @@ def test_a_disk_without_space_is_named_with_what_is_needed(managed, plan, monkey
         plan(devices=("cuda",))
 
 
+def test_what_is_there_already_needs_no_more_space(managed, plan, tmp_path, monkeypatch):
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: USAGE(9e9, 8e9, 1_000_000_000))
+    monkeypatch.setattr(managed.home, "measure", lambda folder: iter([1_000_000, 4_900_000_000]))
+    assert plan(devices=("cuda",)).free_bytes < 1.1e9
+
+
 def test_a_folder_that_cannot_be_is_refused(managed, plan, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(managed.api.DataError, match="is a file"):
