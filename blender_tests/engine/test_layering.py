@@ -5,12 +5,12 @@ from blender_tests.layering import violations
 
 FLOORS = (
     ("version", "errors"),
-    ("inputs", "names", "failures", "color", "findings", "requirements"),
+    ("inputs", "names", "failures", "color", "findings", "path_map", "requirements"),
     ("files", "npz", "settings"),
     ("wire", "capture", "progress", "runtime"),
     ("images", "edit", "checkpoints", "kan", "mixtures"),
     ("plates", "photos", "matting", "palette", "project", "handover", "contact_sheet", "frame_formats"),
-    ("locking", "training", "rendering", "poses", "metrics", "farm"),
+    ("locking", "training", "rendering", "poses", "metrics", "farm", "remote"),
     ("fields",),
     ("heads",),
     ("segmentation", "frames"),

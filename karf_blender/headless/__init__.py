@@ -22,6 +22,7 @@ from .rendering import (
     render_view,
     show_frames,
 )
+from .testing import examine_engine
 
 __all__ = [
     "Color",
@@ -34,6 +35,7 @@ __all__ = [
     "colorways",
     "engine_files",
     "engine_status",
+    "examine_engine",
     "export_cameras",
     "extract_palette",
     "farm_bundle",

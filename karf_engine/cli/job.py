@@ -8,8 +8,10 @@ import sys
 import threading
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 from ..errors import DataError, KarfError
+from ..path_map import PathMap
 from ..progress import Emit
 from ..project import STAGE_ORDER, Project
 from ..stages.dispatch import run_request
@@ -17,21 +19,36 @@ from ..version import __version__
 from ..wire import PROTOCOL, EventWriter, Request
 from .failing import as_karf_error, say_error
 
+SAME_PATHS = PathMap()
 
-def run_job(job: Path) -> int:
-    """Run a job folder as a child process: events to its file, cancel by standard input; returns the exit code.
 
-    Raises DataError where there is no such folder.
+def run_job(job: Path, paths: PathMap = SAME_PATHS) -> int:
+    """Run a job folder as a child process: events to its file, cancel by standard input.
+
+    Args:
+        job: The folder, with its request.
+        paths: Of folders that the caller knows by other paths; request and events have the caller's.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        DataError: There is no such folder.
     """
     if not job.is_dir():
         raise DataError(f"{job} is no job folder.", "Give the folder that holds request.json.")
-    emit = EventWriter(job)
+    write = EventWriter(job)
+
+    def emit(kind: str, /, **values: Any) -> None:
+        write(kind, **paths.theirs(values))
+
     cancelled = threading.Event()
     threading.Thread(target=_watch_input, args=(cancelled,), daemon=True).start()
     try:
         emit("hello", protocol=PROTOCOL, engine=__version__, python=platform.python_version(), torch=_version("torch"),
              pid=os.getpid())  # fmt: skip
-        request = Request.read(job)
+        told = Request.read(job)
+        request = Request(told.stage, Path(paths.here(str(told.project))), paths.here(told.options))
         run_request(request, emit, cancelled.is_set)
         emit("done", summary=_summary(request))
     except Exception as raised:

@@ -145,6 +145,8 @@ def _add_others(commands: Commands) -> None:
                       "tried (default: here)")  # fmt: skip
     verb = commands.add_parser("run", help="run a job folder (used by Blender)")
     verb.add_argument("job", metavar="JOB", help="folder with request.json")
+    verb.add_argument("--map", dest="folders", action="append", default=[], metavar="CALLERS=OURS", help="a folder that "
+                      "the caller knows by another path; may be repeated")  # fmt: skip
     verb.set_defaults(action=verbs.run)
 
 

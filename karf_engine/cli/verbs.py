@@ -10,6 +10,7 @@ from pathlib import Path
 from .. import library
 from ..errors import BadRequest
 from ..files import read_json
+from ..path_map import PathMap
 from ..progress import TerminalEmit
 from ..project import Project
 from ..settings import describe
@@ -126,4 +127,4 @@ def doctor(options: argparse.Namespace) -> int:
 
 def run(options: argparse.Namespace) -> int:
     """A job folder."""
-    return run_job(Path(options.job))
+    return run_job(Path(options.job), PathMap.of(options.folders))

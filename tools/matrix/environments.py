@@ -67,8 +67,14 @@ def make(cell: Cell) -> Environment:
     return Environment(python, lock)
 
 
-def resolve(cell: Cell, base: Path) -> str:
+def resolve(cell: Cell, base: Path, platform: str = "", macos: str = "") -> str:
     """The versions that the cell's ranges mean today: `name==version` in each line. Only wheels: nothing is compiled.
+
+    Args:
+        cell: Whose ranges.
+        base: An interpreter; of the cell's version, or of any where a platform is given.
+        platform: Another system than this one, as uv calls it.
+        macos: The oldest macOS that may be needed, as 14.0.
 
     Raises:
         Unavailable: The index does not answer.
@@ -76,7 +82,10 @@ def resolve(cell: Cell, base: Path) -> str:
     """
     options = ["--only-binary", ":all:", "--no-header", "--no-annotate", "--no-emit-options", "--quiet"]
     wanted = "\n".join(cell.requirements)
-    done = _uv("pip", "compile", "-", "--python", str(base), "--resolution", cell.resolution, *options, input=wanted)
+    options += ["--python", str(base), "--resolution", cell.resolution]
+    options += ["--python-platform", platform, "--python-version", cell.python] if platform else []
+    variables = {"MACOSX_DEPLOYMENT_TARGET": macos} if macos else {}
+    done = _uv("pip", "compile", "-", *options, input=wanted, **variables)
     if done.returncode == 0:
         return done.stdout
     print(done.stderr.strip(), flush=True)

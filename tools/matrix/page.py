@@ -1,8 +1,8 @@
-"""The table of docs/versions.md, from docs/versions.json, which the command `matrix` measures.
+"""The tables of docs/versions.md, from docs/versions.json, which the command `matrix` measures.
 
-    python3 -m tools.matrix.page        write the table again
+    python3 -m tools.matrix.page        write the tables again
 
-The text around the table is written by hand; the table lies between the marks `<!-- matrix -->` and `<!-- /matrix -->`.
+The text around the tables is written by hand; a table lies between the marks `<!-- NAME -->` and `<!-- /NAME -->`.
 Standard library only.
 """
 
@@ -22,7 +22,7 @@ TITLES = ["cell", "Python", "packages", "tests", "passed", "failed", "skipped", 
 SHOWN = ("bpy", "torch", "numpy", "scipy", "pillow", "opencv-python-headless", "openexr", "pycolmap")
 
 
-def write(rows: list[dict[str, Any]], made: str, path: Path) -> None:
+def write_cells(rows: list[dict[str, Any]], made: str, path: Path) -> None:
     """Store results; those of cells that were not run again stay. A skipped cell keeps what it had.
 
     Args:
@@ -30,39 +30,55 @@ def write(rows: list[dict[str, Any]], made: str, path: Path) -> None:
         made: Date and command.
         path: The file. The page is written anew only from `RESULTS`.
     """
-    known = read(path)
+    known = {row["cell"]: row for row in read(path)["cells"]}
     for row in rows:
         if row["status"] != "skipped" or known.get(row["cell"], row)["status"] == "skipped":
             known[row["cell"]] = {"made": made, **row}
-    order = [cell.name for cell in all_cells()]
-    content = {
-        "cells": sorted((row for name, row in known.items() if name in order), key=lambda row: order.index(row["cell"]))
-    }
+    _write({"cells": [known[cell.name] for cell in all_cells() if cell.name in known]}, path)
+
+
+def write_wheels(answers: dict[str, dict[str, str]], made: str, path: Path) -> None:
+    """Store for which platforms and Pythons there are wheels; arguments as `wheels.ask` and `write_cells` have them."""
+    _write({"wheels": {"made": made, "answers": answers}}, path)
+
+
+def _write(part: dict[str, Any], path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    path.write_text(json.dumps(read(path) | part, indent=1) + "\n", encoding="utf-8")
     if path.resolve() == RESULTS:
         PAGE.write_text(page(), encoding="utf-8")
 
 
-def read(path: Path) -> dict[str, dict[str, Any]]:
-    """The stored results by cell."""
-    rows = json.loads(path.read_text(encoding="utf-8"))["cells"] if path.exists() else []
-    return {row["cell"]: row for row in rows}
+def read(path: Path) -> dict[str, Any]:
+    """The stored results: `cells` and `wheels`."""
+    stored = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    return {"cells": [], "wheels": {"made": "", "answers": {}}} | stored
 
 
 def page() -> str:
-    """The page with the table as the results have it."""
-    text = PAGE.read_text(encoding="utf-8")
-    inside = table(list(read(RESULTS).values()))
-    return re.sub(
-        r"(<!-- matrix -->\n).*?(<!-- /matrix -->)", lambda marks: marks[1] + inside + marks[2], text, flags=re.DOTALL
-    )
+    """The page with its tables as the results have them."""
+    text, results = PAGE.read_text(encoding="utf-8"), read(RESULTS)
+    for name, inside in (("matrix", cells_table(results["cells"])), ("wheels", wheels_table(results["wheels"]))):
+        marks = rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)"
+        text = re.sub(marks, lambda found, inside=inside: found[1] + inside + found[2], text, flags=re.DOTALL)
+    return text
 
 
-def table(rows: list[dict[str, Any]]) -> str:
+def cells_table(rows: list[dict[str, Any]]) -> str:
     """Cells, one a line, and by which commands they were run."""
-    lines = [TITLES, ["---"] * len(TITLES), *map(_line, rows)]
-    made = sorted({row["made"] for row in rows})
+    return _table([TITLES, *map(_line, rows)], sorted({row["made"] for row in rows}))
+
+
+def wheels_table(wheels: dict[str, Any]) -> str:
+    """Platforms, one a line, and a column for each Python."""
+    answers = wheels["answers"]
+    pythons = sorted({python for row in answers.values() for python in row}, key=lambda name: int(name[2:]))
+    lines = [[platform, *(row[python] for python in pythons)] for platform, row in answers.items()]
+    return _table([["system", *(f"Python {python}" for python in pythons)], *lines], [wheels["made"]])
+
+
+def _table(lines: list[list[Any]], made: list[str]) -> str:
+    lines = [lines[0], ["---"] * len(lines[0]), *lines[1:]]
     table = "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
     return f"{table}\n\n<sub>{'; '.join(made)}.</sub>\n"
 

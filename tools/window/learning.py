@@ -29,13 +29,28 @@ def install(story: Story) -> Wait:
     story.note(f"the extension holds {len(held)} things in Blender")
     preferences = desk.module("preferences").current()
     preferences.engine_python, preferences.threads = story.job["engine_python"], story.job["threads"]
+    bpy.ops.wm.save_userpref()
+
+
+@CHAPTER.step("test engine", "script: the preferences' buttons: Test Engine, its cross, Test Engine, Copy Report")
+def test_engine(story: Story) -> Wait:
+    probing, python = desk.module("engine.probing"), Path(story.job["engine_python"])
+    yield from until(lambda: not desk.module("preferences.state").known().problem, "the engine to be noticed", 10)
     bpy.ops.karf.examine_engine()
-    probing, python = desk.module("engine.probing"), Path(preferences.engine_python)
-    yield from until(lambda: probing.verdict_on(python) is not None, "Test Engine's verdict", 120)
+    yield from until(lambda: probing.findings_on(python), "a finding", 120)
+    bpy.ops.karf.cancel_examination()
+    check(not probing.is_running() and not probing.findings_on(python), "a cancelled test goes on")
+    bpy.ops.karf.examine_engine()
+    yield from until(lambda: probing.verdict_on(python) is not None, "Test Engine's verdict", JOB_SECONDS)
     verdict = probing.verdict_on(python)
     story.note(verdict.sentence)
     check(verdict.exit_code == 0, f"Test Engine says {verdict.sentence!r}")
-    bpy.ops.wm.save_userpref()
+    names = {finding.name for finding in probing.findings_on(python)}
+    check({"geometry", "segmentation", "palette", "recoloring", "render"} <= names, f"tried was only {names}")
+    bpy.ops.karf.copy_findings()
+    report = bpy.context.window_manager.clipboard
+    check(verdict.sentence in report, "the report lacks the verdict")
+    check(str(Path.home()) not in report, "the report has the user's folder")
 
 
 @CHAPTER.step("sidebar", "keys: Esc closes the splash screen; script: editors and sidebars are opened")

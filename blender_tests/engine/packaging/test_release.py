@@ -89,3 +89,14 @@ def test_a_file_that_tells_another_version_stops_the_build(checkout, tmp_path, n
 def test_a_pattern_that_is_not_known_stops_the_build(tmp_path, pattern):
     with pytest.raises(SystemExit, match="does not know"):
         packed_files(tmp_path, [pattern])
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a script is no program there")
+@pytest.mark.parametrize("verdict", [0, 1])
+def test_a_blender_on_the_path_judges_the_package(checkout, tmp_path, verdict):
+    blender = tmp_path / "blender"
+    blender.write_text(f'#!/bin/sh\necho "asked: $*"\nexit {verdict}\n')
+    blender.chmod(0o755)
+    done = build(checkout, tmp_path / "out", PATH=str(tmp_path))
+    assert f"asked: --command extension validate {checkout / 'dist' / PACKAGE}" in done.stdout
+    assert done.returncode == verdict

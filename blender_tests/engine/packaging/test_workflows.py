@@ -5,7 +5,8 @@ import subprocess
 import sys
 
 import pytest
-import yaml
+
+yaml = pytest.importorskip("yaml", reason="it comes with the extra `lint`")
 
 from blender_tests.engine.conftest import ROOT
 from tools.matrix.cells import all_cells

@@ -118,11 +118,21 @@ def row(cell, status, **more):
 
 def test_a_cell_that_is_skipped_later_keeps_what_came_of_it(tmp_path):
     path = tmp_path / "results.json"
-    page.write([row("engine-3.12", "passed", python="3.12.1", packages={}, n_passed=5)], "Monday", path)
-    page.write([row("engine-3.12", "skipped", reason="no network"), row("engine-3.11", "skipped")], "Tuesday", path)
-    known = page.read(path)
+    page.write_cells([row("engine-3.12", "passed", python="3.12.1", packages={}, n_passed=5)], "Monday", path)
+    page.write_cells(
+        [row("engine-3.12", "skipped", reason="no network"), row("engine-3.11", "skipped")], "Tuesday", path
+    )
+    known = {row["cell"]: row for row in page.read(path)["cells"]}
     assert list(known) == ["engine-3.11", "engine-3.12"]
     assert (known["engine-3.12"]["n_passed"], known["engine-3.12"]["made"]) == (5, "Monday")
+
+
+def test_what_is_known_of_wheels_stays_when_cells_run(tmp_path):
+    path = tmp_path / "results.json"
+    page.write_wheels({"Windows": {"3.9": "no", "3.11": "yes"}}, "Monday", path)
+    page.write_cells([row("engine-3.12", "passed", python="3.12.1", packages={})], "Tuesday", path)
+    table = page.wheels_table(page.read(path)["wheels"])
+    assert "| system | Python 3.9 | Python 3.11 |" in table and "| Windows | no | yes |" in table and "Monday" in table
 
 
 def test_the_page_is_what_the_results_give():

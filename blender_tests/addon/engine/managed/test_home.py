@@ -22,6 +22,8 @@ def test_a_path_that_is_a_file_is_named(managed, tmp_path, below):
 
 def test_remove_deletes_what_is_ours_and_keeps_what_was_put_beside_it(managed, install, place):
     install()
+    used, environment = (max(managed.home.measure(folder)) for folder in (place, place / "env"))
+    assert used == environment + sum(p.stat().st_size for p in place.iterdir() if p.is_file())
     (place / "notes.md").write_text("mine")
     managed.home.remove(place)
     assert [path.name for path in place.iterdir()] == ["notes.md"]
