@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 
-from ..farm.bundle import PER_TASK, PYTHON
+from ..farm.options import PER_TASK, PYTHON
 from ..settings import PRESETS
 from ..version import __version__
 from . import farm, verbs

@@ -32,14 +32,11 @@ from ..errors import BadRequest
 from ..files import write_json
 from ..project import Project
 from ..project.contents import capture_of
+from .options import MACHINE, PER_TASK, PICTURES, PYTHON
 from .packing import pack_capture, pack_engine, pack_masks, pack_project
 from .template import CAMERAS, CAPTURE, ENGINE, MASKS, PROJECT, Frames, learning_job, render_job
 
 PathLike = Path | str
-PER_TASK = 10  # frames
-PYTHON = "python3"
-MACHINE = ("threads", "device")
-PICTURES = ("base", "size", "format", "depth", "layers", "alpha", "jpeg", "overrides", *MACHINE)
 
 
 def render_bundle(

@@ -44,7 +44,7 @@ def explained(plan: Plan, step: Step, said: Sequence[str], how: str) -> KarfErro
     if any(word in low for word in HASH):
         return DataError(
             f"{_named(text)} is not the file that KaRF was tested with: its hash is another.",
-            f"It was not installed. Is {plan.source.sentence} to be trusted? {GO_ON}",
+            f"It was not installed. Is {step.source} to be trusted? {GO_ON}",
         )
     if any(word in low for word in FULL):
         return DataError(
@@ -52,13 +52,13 @@ def explained(plan: Plan, step: Step, said: Sequence[str], how: str) -> KarfErro
         )
     if any(word in low for word in CERTIFICATE):
         return DataError(
-            f"The certificate of {plan.source.sentence} is not accepted.",
+            f"The certificate of {step.source} is not accepted.",
             f"In a network with certificates of its own set UV_SYSTEM_CERTS=1, or SSL_CERT_FILE to their file, and start "
             f"Blender anew. {GO_ON}",
         )
     if reason := next((word for word in NETWORK if word in low), None):
         return DataError(
-            f"No connection to {plan.source.sentence} ({reason}).",
+            f"No connection to {step.source} ({reason}).",
             f"Check network and proxy, or choose a folder of wheels. {GO_ON}",
         )
     return MissingDependency(f"{step.title} failed ({how}): {_last(said)}", f"{plan.home.log} tells more. {GO_ON}")
