@@ -45,7 +45,7 @@ class Step:
     """One command.
 
     title: what it does, for people. source: where it fetches from, for people. wheels: the files that it puts in place.
-    estimate: bytes of what it fetches beside them.
+    estimate: bytes of what it fetches beside them. is_needed: whether all fails where it fails.
     """
 
     title: str
@@ -53,6 +53,7 @@ class Step:
     source: str = ""
     wheels: tuple[Wheel, ...] = ()
     estimate: int = 0
+    is_needed: bool = True
 
     @property
     def bytes(self) -> int:

@@ -189,6 +189,15 @@ def test_an_environment_that_was_hardly_begun_is_made_anew(managed, install, pla
     assert install(plan).state == "ready"
 
 
+def test_a_cache_that_cannot_be_cleaned_is_no_failure(install, planned, uv, tmp_path):
+    if os.name == "nt":
+        pytest.skip("the made uv is a shell script")
+    own = tmp_path / "uv"
+    own.write_text(f'#!/bin/sh\n[ "$1" = cache ] && exit 3\nexec "{uv}" "$@"\n')
+    own.chmod(0o755)
+    assert install(planned(starter=str(own))).state == "ready"
+
+
 def test_an_engine_that_does_not_load_does_not_count(kitchen, managed, install, place):
     kitchen.add("base", "scipy", "1.0", {"scipy/__init__.py": "raise ImportError('no BLAS on this computer')\n"})
     kitchen.write()
