@@ -55,7 +55,7 @@ def render_bundle(
         project: The project's folder.
         out: The bundle's folder, new or empty.
         views: A split, names with commas, or the path of a CAMERAS.json, as for `library.render`.
-        edit: File of an edit; or one for each view, in their order.
+        edit: File of an edit; or one for each view, in their order, or a folder with `<view>.json` for each.
         per_task: How many frames a task renders.
         python: The Python of the farm's machines that has the engine's packages.
         **pictures: What else `library.render` takes of `PICTURES`.
@@ -69,6 +69,8 @@ def render_bundle(
     learned = Project(project)
     learned.require("geometry")
     chosen, captured = choose_views(capture_of(learned), views)
+    if isinstance(edit, PathLike) and Path(edit).is_dir():
+        edit = [Path(edit, f"{view.name}.json") for view in chosen]
     _check_edits(learned, edit)
     with _new_folder(Path(out)) as folder:
         pack_project(learned, folder / PROJECT, chosen if captured else ())

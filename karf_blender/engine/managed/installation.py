@@ -129,10 +129,11 @@ class Installation:
         said = yield self._python(TESTING, HERE / "selftest.py", *(package.name for package in REQUIRED), *extras)
         tested = _answer(said)
         failures.check_build(planned, tested)
-        yield Step("Cleaning up", (planned.uv, "cache", "clean", "--force", "--cache-dir", str(place.cache)))
         digest = planned.recipe.digest(planned.build, planned.backend, planned.choices.extras)
         with disk_errors():
             write_json(place.installed, {"schema": home.SCHEMA, "digest": digest, **tested})
+        clean = (planned.uv, "cache", "clean", "--force", "--cache-dir", str(place.cache))
+        yield Step("Cleaning up", clean, is_needed=False)
 
     def _needs_new_environment(self) -> bool:
         """Whether there is none, one of another build or Python, or one that was not finished before it had a package."""
@@ -217,7 +218,7 @@ class Installation:
         if self._is_cancelled:
             kept = "What was fetched is kept; Install goes on from there."
             self._end(Cancelled("The installation was cancelled.", kept))
-        elif code:
+        elif code and self._step.is_needed:
             if self._step.title == TESTING:
                 self._spoil()
             self._end(failures.explained(self.plan, self._step, self._said, processes.ending(self._process)))

@@ -45,7 +45,7 @@ class Step:
     """One command.
 
     title: what it does, for people. source: where it fetches from, for people. wheels: the files that it puts in place.
-    estimate: bytes of what it fetches beside them.
+    estimate: bytes of what it fetches beside them. is_needed: whether all fails where it fails.
     """
 
     title: str
@@ -53,6 +53,7 @@ class Step:
     source: str = ""
     wheels: tuple[Wheel, ...] = ()
     estimate: int = 0
+    is_needed: bool = True
 
     @property
     def bytes(self) -> int:
@@ -66,6 +67,7 @@ class Plan:
 
     build: `cpu`, `cuda`, `rocm` or `mps`. backend: what uv is told to get that build; empty: the recipe has it.
     wheels: the files, with sizes and hashes. unchecked: what else comes, without a hash of ours. estimate: bytes of it.
+    free_bytes: what the folder's disk has. is_begun: whether some of it is there already.
     """
 
     choices: Choices
@@ -78,6 +80,8 @@ class Plan:
     wheels: tuple[Wheel, ...]
     unchecked: str
     estimate: int
+    free_bytes: int
+    is_begun: bool
 
     @property
     def home(self) -> Home:
@@ -104,19 +108,14 @@ class Plan:
         return round(self.download_bytes * UNPACKED[self.build])
 
     @property
-    def free_bytes(self) -> int:
-        """What the disk has."""
-        folder = next(path for path in (self.choices.folder, *self.choices.folder.parents) if path.is_dir())
-        return shutil.disk_usage(folder).free
-
-    @property
     def sentences(self) -> tuple[str, ...]:
         """The plan, for people."""
         count, size = len(self.wheels + self.tools), size_text(self.download_bytes)
         about = "about " if self.estimate else ""
+        begun = " What is there already and whole is not fetched again." if self.is_begun else ""
         lines = [
             f"{self.machine.device_sentence} Build of torch: {self.build}.",
-            f"{count} checked files{f' and {self.unchecked}' if self.unchecked else ''}, {about}{size}.",
+            f"{count} checked files{f' and {self.unchecked}' if self.unchecked else ''}, {about}{size}.{begun}",
             f"From {' and '.join(dict.fromkeys((self.source.sentence, self.torch_source)))}.",
             f"To {self.choices.folder}, about {size_text(self.disk_bytes)}; {size_text(self.free_bytes)} are free.",
             f"The environment is {self.starter.sentence}. Blender's own Python stays as it is.",
@@ -258,11 +257,18 @@ def make(
     unchecked = f"torch {recipe.torch_version} for {build}" if backend else ""
     estimate = ESTIMATES[(here.platform.partition("-")[0], build)] if backend else 0
     source = sources.find(variables, choices.wheels)
-    plan = Plan(choices, here, starter, source, recipe, build, backend, wheels, unchecked, estimate)
+    free = _free_bytes(choices.folder)
+    is_begun = Home(choices.folder).mark.is_file()
+    plan = Plan(choices, here, starter, source, recipe, build, backend, wheels, unchecked, estimate, free, is_begun)
     if choices.wheels is not None:
         wheelhouse.check(choices.wheels, plan.wheels + plan.tools)
     _check_space(plan)
     return plan
+
+
+def _free_bytes(folder: Path) -> int:
+    """What the disk has that a folder is or will be on."""
+    return shutil.disk_usage(next(path for path in (folder, *folder.parents) if path.is_dir())).free
 
 
 def _check_space(plan: Plan) -> None:

@@ -140,7 +140,9 @@ def test_repair_puts_back_what_is_missing_or_changed_and_nothing_else(managed, i
     for half in site(place).glob("imageio-*.dist-info/RECORD"):  # as a kill leaves it
         half.unlink()
     index.fetched.clear()
-    assert install(planned(index)).state == "ready"
+    plan = planned(index)
+    assert any("whole is not fetched again" in line for line in plan.sentences)
+    assert install(plan).state == "ready"
     assert sorted({name.partition("-")[0] for name in index.fetched}) == ["imageio", "opencv_python_headless", "scipy"]
     assert (site(place) / "scipy" / "__init__.py").read_text() == "name = 'scipy'\n"
     assert (site(place) / "cv2" / "__init__.py").is_file()
@@ -187,6 +189,15 @@ def test_an_environment_that_was_hardly_begun_is_made_anew(managed, install, pla
     plan.home.python.parent.mkdir(parents=True)
     plan.home.python.write_text("half a file")
     assert install(plan).state == "ready"
+
+
+def test_a_cache_that_cannot_be_cleaned_is_no_failure(install, planned, uv, tmp_path):
+    if os.name == "nt":
+        pytest.skip("the made uv is a shell script")
+    own = tmp_path / "uv"
+    own.write_text(f'#!/bin/sh\n[ "$1" = cache ] && exit 3\nexec "{uv}" "$@"\n')
+    own.chmod(0o755)
+    assert install(planned(starter=str(own))).state == "ready"
 
 
 def test_an_engine_that_does_not_load_does_not_count(kitchen, managed, install, place):
