@@ -26,13 +26,14 @@ def unguarded(package: Path) -> Iterator[str]:
     """A line for each use of something that Windows lacks where nothing asks for the system first.
 
     A guard is an `if` around it that asks for `os.name`, `sys.platform` or `hasattr`, a condition of the same
-    expression that does, or a `try` that expects an ImportError. What is taken by `getattr` is no use.
+    expression that does, one before it that leaves the function, or a `try` that expects an ImportError. What is taken
+    by `getattr` is no use.
     """
     for path in sorted(package.rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         for node, around in _with_surroundings(tree, ()):
             name = _posix_name(node)
-            if name and not any(map(_is_guard, around)):
+            if name and not any(_is_guard(place, node.lineno) for place in around):
                 yield f"{path.name}:{node.lineno}: {name}"
 
 
@@ -65,9 +66,13 @@ def _posix_name(node: ast.AST) -> str:
     return ".".join(lacking[0]) if lacking else ""
 
 
-def _is_guard(node: ast.AST) -> bool:
+def _is_guard(node: ast.AST, line: int) -> bool:
+    """Whether a surrounding node guards what stands in a line of it."""
     if isinstance(node, ast.If | ast.IfExp):
         return any(word in ast.unparse(node.test) for word in GUARDS)
+    if isinstance(node, ast.FunctionDef):
+        leaving = [part for part in node.body if isinstance(part, ast.If) and isinstance(part.body[-1], ast.Return)]
+        return any(part.lineno < line and _is_guard(part, line) for part in leaving)
     if isinstance(node, ast.Try):
         return any(handler.type and "ImportError" in ast.unparse(handler.type) for handler in node.handlers)
     return False

@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -164,13 +165,24 @@ class EventWriter:
     """Appends events to a job's file, each flushed at once so that a reader sees it."""
 
     def __init__(self, job: Path) -> None:
-        self._stream = (job / EVENTS_FILE).open("a", encoding="utf-8")
+        self._path = job / EVENTS_FILE
+        self._stream = self._path.open("a", encoding="utf-8")
         self._number = 0
 
     def __call__(self, kind: str, /, **values: Any) -> None:
-        self._stream.write(Event(kind, self._number, time.time(), values).encode() + "\n")
-        self._stream.flush()
+        try:
+            self._stream.write(Event(kind, self._number, time.time(), values).encode() + "\n")
+            self._stream.flush()
+        except OSError:
+            self._begin_anew()
+            raise
         self._number += 1
+
+    def _begin_anew(self) -> None:
+        """Let go of what could not be written: the interpreter would try again at its end, and print a trace."""
+        with suppress(OSError):
+            self._stream.close()
+        self._stream = self._path.open("a", encoding="utf-8")
 
 
 class EventReader:

@@ -32,6 +32,7 @@ def test_a_call_that_windows_lacks_is_found(tmp_path, source):
     [
         "import os\nif os.name == 'posix':\n    os.fork()",
         "import os\nn = len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else 1",
+        "import os\ndef f():\n    if os.name == 'nt':\n        return 0\n    return os.sysconf('SC_PAGE_SIZE')",
         "try:\n    import resource\nexcept ImportError:\n    resource = None",
         "import os, signal\ngetattr(signal, 'SIGKILL', signal.SIGTERM)\nos.replace('a', 'b')",
     ],

@@ -13,7 +13,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = PROJECT["optional-dependencies"]
-WHEEL_TEST = ["setuptools>=77", "packaging"]  # with which a test builds the engine's wheel and looks into it
+WHEEL_TEST = ["setuptools>=77", "packaging>=24.2"]  # with which a test builds the engine's wheel and looks into it
 PICTURES = ["imageio"]  # with which tests of the extension look at what it wrote
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 # Blender as a module, and the numpy that Blender itself brings with that version

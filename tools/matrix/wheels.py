@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 from . import environments
-from .cells import PYTHONS, Cell, all_cells
+from .cells import EXTRAS, PROJECT, PYTHONS, Cell
 
 PLATFORMS = {  # as uv calls them
     "Linux (glibc 2.28), x86-64": "x86_64-manylinux_2_28",
@@ -20,21 +19,21 @@ MACOS = "14.0"
 
 
 def ask() -> dict[str, dict[str, str]]:
-    """`yes` or `no` by platform and Python.
+    """By platform and Python: `yes`, `without pycolmap` (the extra `photos`), or `no`.
 
     Raises:
         environments.Unavailable: The index does not answer.
     """
-    newest = next(cell for cell in all_cells() if cell.name == f"engine-{PYTHONS[0]}")
-    return {
-        name: {python: _answer(replace(newest, python=python), uv) for python in PYTHONS}
-        for name, uv in PLATFORMS.items()
-    }
+    return {name: {python: _answer(python, uv) for python in PYTHONS} for name, uv in PLATFORMS.items()}
 
 
-def _answer(cell: Cell, platform: str) -> str:
-    try:
-        environments.resolve(cell, Path(sys.executable), platform, MACOS)
-        return "yes"
-    except environments.Unresolvable:
-        return "no"
+def _answer(python: str, platform: str) -> str:
+    needed = (*PROJECT["dependencies"], *EXTRAS["metrics"])
+    for answer, requirements in (("yes", (*needed, *EXTRAS["photos"])), ("without pycolmap", needed)):
+        cell = Cell("wheels", python, requirements, "highest", "")
+        try:
+            environments.resolve(cell, Path(sys.executable), platform, MACOS)
+            return answer
+        except environments.Unresolvable:
+            continue
+    return "no"

@@ -1,6 +1,5 @@
 """The command `matrix`: what it runs, what it skips and says, and the table that it writes."""
 
-import json
 import subprocess
 import sys
 from dataclasses import asdict
@@ -137,8 +136,3 @@ def test_what_is_known_of_wheels_stays_when_cells_run(tmp_path):
 
 def test_the_page_is_what_the_results_give():
     assert page.PAGE.read_text(encoding="utf-8") == page.page(), "run python3 -m tools.matrix.page"
-
-
-def test_nothing_failed_in_the_committed_results():
-    rows = json.loads(page.RESULTS.read_text(encoding="utf-8"))["cells"]
-    assert rows and {row["cell"]: row["failures"] for row in rows if row["status"] == "failed"} == {}
