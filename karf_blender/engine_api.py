@@ -34,7 +34,7 @@ from ..karf_engine.edit.palette import (
 from ..karf_engine.edit.palette_files import SUFFIXES as EDIT_SUFFIXES
 from ..karf_engine.edit.palette_files import read_edit_file, write_edit_file
 from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency, error_from_code
-from ..karf_engine.farm import render_bundle
+from ..karf_engine.farm.bundle import render_bundle
 from ..karf_engine.files import atomic_write, checksum, read_json, write_json
 from ..karf_engine.findings import ERROR, OK, VERDICT, WARNING, Finding
 from ..karf_engine.names import is_file_name, same_but_for_case

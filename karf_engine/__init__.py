@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from .capture.capture import Capture, View
     from .edit.palette import Edit, Palette, read_edit, write_edit
     from .errors import KarfError
-    from .farm import learning_bundle, render_bundle
+    from .farm.bundle import learning_bundle, render_bundle
     from .frames import Frame
     from .library import (
         colorways,
@@ -54,12 +54,12 @@ _HOME = {  # name -> the module that defines it
     "learn": "library",
     "learn_geometry": "library",
     "learn_recoloring": "library",
-    "learning_bundle": "farm",
+    "learning_bundle": "farm.bundle",
     "load": "library",
     "open_capture": "capture",
     "read_edit": "edit.palette",
     "render": "library",
-    "render_bundle": "farm",
+    "render_bundle": "farm.bundle",
     "segment": "library",
     "write_edit": "edit.palette",
 }

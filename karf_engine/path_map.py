@@ -53,11 +53,17 @@ class PathMap:
             return _each(value, self.here)
         if not self.folders or not isinstance(value, str) or not ABSOLUTE.match(value):
             return value
-        for theirs, ours in self.folders:
-            if re.match(_pattern(theirs), value):
-                return ours + _separated(value[len(theirs) :], ours)
+        if (found := self.shared(value)) is not None:
+            return found
         known = ", ".join(f"{theirs} (here {ours})" for theirs, ours in self.folders)
         raise BadRequest(f"{value} lies in no folder that both computers share: {known}.", "Move it there.")
+
+    def shared(self, text: str) -> str | None:
+        """A caller's path as it is here; None where the text is no path in a shared folder."""
+        for theirs, ours in self.folders:
+            if re.match(_pattern(theirs), text):
+                return ours + _separated(text[len(theirs) :], ours)
+        return None
 
     def theirs(self, value: Any) -> Any:
         """A value of an event, with the paths that its texts name as the caller knows them.

@@ -57,7 +57,8 @@ def remote_command(arguments: Sequence[str], texts: Sequence[str], paths: PathMa
     """What Python is told there, and the job's folder here where it is told to run one.
 
     Args:
-        arguments: What it was told here: the engine's folder becomes the engine that is installed there.
+        arguments: What it was told here: the engine's folder becomes the engine that is installed there, and paths in
+            shared folders what they are there.
         texts: The shared folders, for the engine there.
         paths: The same as a map.
 
@@ -72,7 +73,7 @@ def remote_command(arguments: Sequence[str], texts: Sequence[str], paths: PathMa
             job = Path(argument)
             command += [paths.here(argument), *(part for text in texts for part in ("--map", text))]
         else:
-            command.append(argument)
+            command.append(paths.shared(argument) or argument)
     return command, job
 
 

@@ -20,7 +20,7 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 MODULES = {
     "": "engine_api headless preferences progress steps",
     "host": "compat rendering",
-    "engine": "environment examination installing jobs probing removing report",
+    "engine": "environment examination installing jobs probing processes removing report",
     "engine.managed": "home",
     "preferences": "managing state",
     "project": "captures contents disk folders saving",

@@ -10,8 +10,8 @@ from ..engine_api import KarfError
 from ..host import windows
 from .managed import home
 
-SLICE_SECONDS = 0.02  # in which the interface stands still
-PAUSE_SECONDS = 0.02
+SLICE_SECONDS = 0.05  # in which the interface stands still
+PAUSE_SECONDS = 0.01
 
 
 class _Memory:

@@ -42,7 +42,8 @@ def without_home(text: str, home: str) -> str:
     home = home.rstrip("/\\")
     spellings = {home, home.replace("\\", "\\\\"), home.replace("\\", "/")} - {""}
     for spelling in spellings:
-        text = re.sub(re.escape(spelling) + r"(?=$|[^\w.-])", "~", text, flags=re.MULTILINE)
+        # a point may end a sentence, or belong to another folder's name
+        text = re.sub(re.escape(spelling) + r"(?=$|[^\w.-]|\.(?:\s|$))", "~", text, flags=re.MULTILINE)
     return text
 
 

@@ -8,6 +8,7 @@ from ..engine import installing
 from ..engine.managed import home, machine, recipes, wheelhouse
 from ..engine.managed.home import Status
 from ..engine.managed.plan import Choices, Plan
+from ..engine_api import BadRequest
 
 
 def plan_engine(
@@ -71,6 +72,8 @@ def repair_engine(folder: str | Path | None = None, wheels: str | Path | None = 
         What is installed.
     """
     was = engine_status(folder)
+    if was.state == home.NONE:
+        raise BadRequest(was.sentence, "Use install_engine().")
     return install_engine(was.build, was.extras, folder, wheels)
 
 

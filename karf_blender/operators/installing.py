@@ -132,7 +132,7 @@ class KARF_OT_remove_engine(bpy.types.Operator):
         return is_unchanging(cls) and is_free(cls)
 
     def invoke(self, context, event):
-        message = f"{preferences.engine_folder()} is deleted. Projects stay."
+        message = f"{preferences.engine_folder()} will be deleted. Projects stay."
         return context.window_manager.invoke_confirm(
             self, event, title="Remove the engine?", message=message, confirm_text="Remove", icon="WARNING"
         )

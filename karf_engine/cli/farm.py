@@ -5,13 +5,14 @@ from __future__ import annotations
 import argparse
 
 from ..errors import BadRequest
-from ..farm import learning_bundle, render_bundle
-from ..farm.bundle import PICTURES
+from ..farm.options import PICTURES
 from .failing import say
 
 
 def write_bundle(options: argparse.Namespace) -> int:
     """A bundle that renders a learned project, or with masks one that learns a capture first."""
+    from ..farm.bundle import learning_bundle, render_bundle  # need numpy, without which `doctor` has something to say
+
     pictures = {name: getattr(options, name) for name in PICTURES if name != "overrides"}
     chosen = {name: getattr(options, name) for name in ("views", "edit", "per_task", "python")}
     if options.masks:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 
-from ..farm.bundle import PER_TASK, PYTHON
+from ..farm.options import PER_TASK, PYTHON
 from ..settings import PRESETS
 from ..version import __version__
 from . import farm, verbs
@@ -126,7 +126,7 @@ def _add_farm(commands: Commands) -> None:
     verb.add_argument("--preset", choices=tuple(PRESETS), help="with --masks: quality against time (default: demo)")
     _add_overrides(verb, "change one setting (see the settings verb); may be repeated")
     verb.add_argument("--views", default="all", help="as for render (default: %(default)s)")
-    verb.add_argument("--edit", metavar="FILE", help="EDIT.json, or a palette file: write recolored frames too")
+    verb.add_argument("--edit", metavar="FILE", help="as for render: recolored frames too")
     verb.add_argument(
         "--per-task", type=int, default=PER_TASK, metavar="N", help="frames a task (default: %(default)s)"
     )

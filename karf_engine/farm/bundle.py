@@ -32,14 +32,11 @@ from ..errors import BadRequest
 from ..files import write_json
 from ..project import Project
 from ..project.contents import capture_of
+from .options import MACHINE, PER_TASK, PICTURES, PYTHON
 from .packing import pack_capture, pack_engine, pack_masks, pack_project
 from .template import CAMERAS, CAPTURE, ENGINE, MASKS, PROJECT, Frames, learning_job, render_job
 
 PathLike = Path | str
-PER_TASK = 10  # frames
-PYTHON = "python3"
-MACHINE = ("threads", "device")
-PICTURES = ("base", "size", "format", "depth", "layers", "alpha", "jpeg", "overrides", *MACHINE)
 
 
 def render_bundle(
@@ -58,7 +55,7 @@ def render_bundle(
         project: The project's folder.
         out: The bundle's folder, new or empty.
         views: A split, names with commas, or the path of a CAMERAS.json, as for `library.render`.
-        edit: File of an edit; or one for each view, in their order.
+        edit: File of an edit; or one for each view, in their order, or a folder with `<view>.json` for each.
         per_task: How many frames a task renders.
         python: The Python of the farm's machines that has the engine's packages.
         **pictures: What else `library.render` takes of `PICTURES`.
@@ -72,6 +69,8 @@ def render_bundle(
     learned = Project(project)
     learned.require("geometry")
     chosen, captured = choose_views(capture_of(learned), views)
+    if isinstance(edit, PathLike) and Path(edit).is_dir():
+        edit = [Path(edit, f"{view.name}.json") for view in chosen]
     _check_edits(learned, edit)
     with _new_folder(Path(out)) as folder:
         pack_project(learned, folder / PROJECT, chosen if captured else ())

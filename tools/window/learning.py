@@ -29,13 +29,13 @@ def install(story: Story) -> Wait:
     story.note(f"the extension holds {len(held)} things in Blender")
     preferences = desk.module("preferences").current()
     preferences.engine_python, preferences.threads = story.job["engine_python"], story.job["threads"]
+    yield from until(lambda: not desk.module("preferences.state").known().problem, "the engine to be noticed", 10)
     bpy.ops.wm.save_userpref()
 
 
 @CHAPTER.step("test engine", "script: the preferences' buttons: Test Engine, its cross, Test Engine, Copy Report")
 def test_engine(story: Story) -> Wait:
     probing, python = desk.module("engine.probing"), Path(story.job["engine_python"])
-    yield from until(lambda: not desk.module("preferences.state").known().problem, "the engine to be noticed", 10)
     bpy.ops.karf.examine_engine()
     yield from until(lambda: probing.findings_on(python), "a finding", 120)
     bpy.ops.karf.cancel_examination()

@@ -12,7 +12,7 @@ CREATE_NO_WINDOW, CREATE_NEW_PROCESS_GROUP = 0x08000000, 0x00000200  # as Window
 @pytest.fixture
 def windows(addon, monkeypatch):
     """The module's system and its subprocess as on Windows; gives what was called."""
-    processes = addon.environment.processes
+    processes = addon.processes
     seen = SimpleNamespace(started=[], run=[])
     subprocess = SimpleNamespace(
         CREATE_NO_WINDOW=CREATE_NO_WINDOW,
@@ -69,4 +69,4 @@ def test_one_that_is_gone_already_is_no_error(windows):
 
 @pytest.mark.parametrize(("code", "said"), [(3221225477, "0xc0000005"), (1, "exit code 1"), (-9, "SIGKILL")])
 def test_a_crash_is_told_by_the_number_that_windows_manuals_have(addon, code, said):
-    assert said in addon.environment.processes.ending(SimpleNamespace(returncode=code))
+    assert said in addon.processes.ending(SimpleNamespace(returncode=code))

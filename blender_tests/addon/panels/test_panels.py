@@ -28,6 +28,25 @@ def test_an_empty_file_offers_the_import(draw):
     assert "color" not in drawn and "karf.cancel" not in drawn
 
 
+def test_without_an_engine_the_first_open_step_leads_to_one(bpy, addon, draw, capture_folder, tmp_path, monkeypatch):
+    assert "preferences.addon_show" not in draw()
+    monkeypatch.delenv("KARF_ENGINE_PYTHON")
+    monkeypatch.setattr(addon.engine_api, "ENGINE_FOLDER", tmp_path / "karf_engine")
+    drawn = draw()
+    assert drawn.count("preferences.addon_show") == 1 and "engine yet" in " ".join(drawn)
+    assert drawn.index("preferences.addon_show") < drawn.index("karf.import_capture")
+    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    drawn = draw()
+    assert drawn.count("preferences.addon_show") == 1
+    assert drawn.index("karf.import_capture") < drawn.index("preferences.addon_show") < drawn.index("karf.learn_scene")
+
+
+def test_an_installation_shows_in_the_sidebar_too(addon, draw, monkeypatch):
+    at_work = SimpleNamespace(progress=SimpleNamespace(fraction=0.4, title="Installing torch"))
+    monkeypatch.setattr(addon.installing._Memory, "installation", at_work)
+    assert "Engine: Installing torch" in draw()
+
+
 def test_a_learned_scene_shows_its_swatches_without_the_frozen_black(addon, learned, draw):
     drawn = draw()
     assert drawn.count("color") == 4  # two objects of two colors

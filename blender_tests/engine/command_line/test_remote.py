@@ -163,6 +163,14 @@ def test_an_input_outside_the_share_is_named_in_the_events(shared):
     assert f"{shared.local / 'masks'} lies in no folder" in events[-1]["sentence"]
 
 
+def test_the_doctor_there_is_asked_about_the_shared_folder(shared):
+    asked = (ROOT / "karf_engine", "doctor", "--json", "--quick", "--folder", shared.client / "project")
+    child = shared.start("-I", "-B", "-u", "-X", "utf8", *asked)
+    said, errors = child.communicate(timeout=120)
+    assert str(shared.server / "project") in said, errors
+    assert str(shared.client) not in said
+
+
 def test_whatever_python_is_told_gets_there_as_it_is(computers):
     child = computers.start("-I", "-c", "import sys; print(sys.argv[1:])", "a b", "$HOME", "it's", '"')
     assert child.communicate(timeout=60)[0].strip() == repr(["a b", "$HOME", "it's", '"'])

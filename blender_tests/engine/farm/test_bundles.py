@@ -72,6 +72,18 @@ def test_each_frame_may_have_an_edit_of_its_own(learned, sequence, tmp_path):
     assert len({path.read_bytes() for path in (tmp_path / "all" / "recolor").iterdir()}) == 5
 
 
+def test_a_folder_of_edits_is_taken_along_for_the_views_that_are_rendered(learned, sequence, tmp_path):
+    (tmp_path / "edits").mkdir()
+    for number in range(1, 8):
+        shutil.copy(sequence.edit, tmp_path / "edits" / f"frame_{number:04d}.json")
+    views = {"views": str(sequence.cameras), "edit": tmp_path / "edits"}
+    bundle = karf.render_bundle(learned.project, tmp_path / "bundle", **views)
+    assert sorted(path.stem for path in (bundle / "edits").iterdir()) == [f"frame_{n:04d}" for n in range(1, 6)]
+    (tmp_path / "edits" / "frame_0003.json").unlink()
+    with pytest.raises(DataError, match="frame_0003"):
+        karf.render_bundle(learned.project, tmp_path / "another", **views)
+
+
 def test_a_bundle_is_never_written_over(learned, tmp_path):
     (tmp_path / "taken").mkdir()
     (tmp_path / "taken" / "note").write_text("mine")

@@ -27,6 +27,7 @@ CERTIFICATE = ("invalid peer certificate", "certificate verify failed", "unknown
 FULL = ("no space left on device", "os error 28", "os error 112", "not enough space on the disk", "disk quota exceeded")
 HASH = ("hash mismatch", "do not match the hashes")
 BACKEND_NAMES = {"cuda": ("cuda",), "rocm": ("rocm",), "cpu": ("cpu",), "mps": ("cpu",)}
+OTHER_BUILD = "Or choose the build cuda: the usual index has it, and it computes on processors too. "
 GO_ON = "What was fetched is kept; Install goes on from there."
 
 
@@ -44,7 +45,7 @@ def explained(plan: Plan, step: Step, said: Sequence[str], how: str) -> KarfErro
     if any(word in low for word in HASH):
         return DataError(
             f"{_named(text)} is not the file that KaRF was tested with: its hash is another.",
-            f"It was not installed. Is {plan.source.sentence} to be trusted? {GO_ON}",
+            f"It was not installed. Is {step.source} to be trusted? {GO_ON}",
         )
     if any(word in low for word in FULL):
         return DataError(
@@ -52,14 +53,15 @@ def explained(plan: Plan, step: Step, said: Sequence[str], how: str) -> KarfErro
         )
     if any(word in low for word in CERTIFICATE):
         return DataError(
-            f"The certificate of {plan.source.sentence} is not accepted.",
+            f"The certificate of {step.source} is not accepted.",
             f"In a network with certificates of its own set UV_SYSTEM_CERTS=1, or SSL_CERT_FILE to their file, and start "
             f"Blender anew. {GO_ON}",
         )
     if reason := next((word for word in NETWORK if word in low), None):
+        other = OTHER_BUILD if plan.backend == "cpu" and step.estimate else ""
         return DataError(
-            f"No connection to {plan.source.sentence} ({reason}).",
-            f"Check network and proxy, or choose a folder of wheels. {GO_ON}",
+            f"No connection to {step.source} ({reason}).",
+            f"Check network and proxy, or choose a folder of wheels. {other}{GO_ON}",
         )
     return MissingDependency(f"{step.title} failed ({how}): {_last(said)}", f"{plan.home.log} tells more. {GO_ON}")
 

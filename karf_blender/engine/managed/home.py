@@ -15,7 +15,7 @@ from ..jobs import disk_errors
 from . import recipes
 
 SCHEMA = "karf-managed/1"
-LISTS = ("packages", "torch", "uv")  # the requirements files
+LISTS = ("packages", "uv")  # the requirements files
 NONE, UNFINISHED, BROKEN, OUTDATED, READY = "none", "unfinished", "broken", "outdated", "ready"
 
 
@@ -45,9 +45,9 @@ class Home:
     def log(self) -> Path:
         return self.folder / "install.log"
 
-    def requirements(self, part: str) -> Path:
-        """The list of files that pip or uv is given."""
-        return self.folder / f"{part}.txt"
+    def requirements(self, name: str) -> Path:
+        """One of the lists of files that pip and uv are given."""
+        return self.folder / f"{name}.txt"
 
     def program(self, name: str) -> Path:
         """A program of the environment."""
@@ -58,6 +58,11 @@ class Home:
     @property
     def python(self) -> Path:
         return self.program("python")
+
+    def has_package(self, name: str) -> bool:
+        """Whether a package (`*`: any) was put into the environment."""
+        below = "Lib" if os.name == "nt" else "lib/*"
+        return any(self.environment.glob(f"{below}/site-packages/{name}-*.dist-info"))
 
 
 @dataclass(frozen=True)
@@ -110,7 +115,7 @@ def python_in(folder: Path) -> Path | None:
 
 
 def claim(home: Home, mark: dict[str, Any]) -> None:
-    """Make the folder KaRF's, and note what shall be in it; what was installed no longer counts as such.
+    """Make the folder KaRF's, and note what shall be in it.
 
     Raises:
         DataError: It is a file, holds what others put there, or cannot be written.
@@ -118,7 +123,6 @@ def claim(home: Home, mark: dict[str, Any]) -> None:
     with disk_errors():
         check_free(home.folder)
         home.folder.mkdir(parents=True, exist_ok=True)
-        home.installed.unlink(missing_ok=True)
         write_json(home.mark, {"schema": SCHEMA, **mark})
 
 

@@ -1,10 +1,12 @@
 """The installation at work: one child process after another, which the caller polls. No bpy and no threads.
 
 Installing, going on, repairing and updating are the same: what is there is surveyed, what is missing, changed or of
-another version is put in place, and the result is tested. Only then does the environment count.
+another version is put in place, and the result is tested. Only then does the environment count. One that counted before
+does so until something in it changes: an update without network leaves a working engine.
 """
 
 import json
+import shutil
 import signal
 import subprocess
 import time
@@ -15,7 +17,7 @@ from typing import Any
 from ...engine_api import REQUIRED, Cancelled, KarfError, write_json
 from .. import processes
 from ..jobs import disk_errors
-from . import failures, home, plan
+from . import failures, home, lists, plan, recipes
 from .plan import Plan, Step
 from .progress import Fetching, Progress
 
@@ -23,7 +25,9 @@ HERE = Path(__file__).parent
 KILL_SECONDS = 5.0
 LOOK_SECONDS = 2.0  # between two looks into the cache
 FETCHED_AT_ONCE = "3"  # large files; what is cancelled loses those that it is at
+TESTING = "Testing"
 KEPT = {"pip", "setuptools", "uv", "wheel"}  # an environment's own tools
+CHANGING = ("Prepared ", "Uninstalled ", "Installed ")  # what uv says before and while it changes the environment
 EXTRA_IMPORTS = {"photos": ("pycolmap",)}
 
 
@@ -54,6 +58,8 @@ class Installation:
         has_exited = self._process.poll() is not None
         lines = self._new_lines()
         self._said += lines
+        if any(line.startswith(CHANGING) for line in lines):
+            self._spoil()
         self._show(lines)
         if has_exited:
             self._finish_step()
@@ -94,14 +100,16 @@ class Installation:
         mark |= {"platform": planned.recipe.platform, "python": planned.recipe.python}
         home.claim(place, mark)
         with disk_errors():
-            for name, text in planned.requirements.items():
-                place.requirements(name).write_text(text, encoding="utf-8")
+            lists.write(place.folder, planned.recipe.platform, planned.recipe.python, planned.lists, recipes.FILE)
             place.log.write_text("", encoding="utf-8")
 
     def _work(self) -> Generator[Step, list[str], None]:
         """The commands, each after what the one before has said."""
         planned, place = self.plan, self.plan.home
         if self._needs_new_environment():
+            self._spoil()
+            if not (place.environment / "pyvenv.cfg").is_file():  # uv replaces nothing that is no environment yet
+                shutil.rmtree(place.environment, ignore_errors=True)
             yield planned.make_environment()
         said = yield self._python("Looking at what is there", HERE / "survey.py")
         found = _answer(said)
@@ -112,24 +120,35 @@ class Installation:
         if planned.tools and (found["installed"].get("uv") != planned.tools[0].version or "uv" in found["damaged"]):
             yield planned.fetch_uv()
         if superfluous and not planned.unchecked:
+            self._spoil()
             yield Step("Removing what is not needed", self._uninstall(superfluous))
         yield planned.put_packages(tuple(sorted(set(found["damaged"]) & wanted.keys())))
         if planned.unchecked:
             yield planned.put_torch(("torch",) if "torch" in found["damaged"] else ())
         extras = [name for extra in planned.choices.extras for name in EXTRA_IMPORTS[extra]]
-        said = yield self._python("Testing", HERE / "selftest.py", *(package.name for package in REQUIRED), *extras)
+        said = yield self._python(TESTING, HERE / "selftest.py", *(package.name for package in REQUIRED), *extras)
         tested = _answer(said)
         failures.check_build(planned, tested)
-        yield Step("Cleaning up", (planned.uv, "cache", "clean", "--force", "--cache-dir", str(place.cache)))
         digest = planned.recipe.digest(planned.build, planned.backend, planned.choices.extras)
         with disk_errors():
             write_json(place.installed, {"schema": home.SCHEMA, "digest": digest, **tested})
+        clean = (planned.uv, "cache", "clean", "--force", "--cache-dir", str(place.cache))
+        yield Step("Cleaning up", clean, is_needed=False)
 
     def _needs_new_environment(self) -> bool:
-        """Whether there is none, or one of another build or Python."""
+        """Whether there is none, one of another build or Python, or one that was not finished before it had a package."""
         planned, was = self.plan, self._was
         is_other = (was.build, was.python) != (planned.build, planned.recipe.python)
-        return is_other or not planned.home.python.is_file()
+        return (
+            is_other
+            or not planned.home.python.is_file()
+            or not planned.home.has_package("uv" if planned.tools else "*")
+        )
+
+    def _spoil(self) -> None:
+        """From here on the environment does not count."""
+        with disk_errors():
+            self.plan.home.installed.unlink(missing_ok=True)
 
     def _python(self, title: str, script: Path, *arguments: str) -> Step:
         return Step(title, (str(self.plan.home.python), "-I", "-B", "-X", "utf8", str(script), *arguments))
@@ -149,7 +168,7 @@ class Installation:
 
     def _start(self, step: Step) -> None:
         self._step, self._said = step, []
-        sizes = {wheel.name: wheel.size for wheel in self.plan.wheels}
+        sizes = {wheel.name: wheel.size for wheel in step.wheels}
         self._fetching = (
             Fetching(sizes, step.bytes, self.plan.home.cache, plan.UNPACKED[self.plan.build]) if step.bytes else None
         )
@@ -199,7 +218,9 @@ class Installation:
         if self._is_cancelled:
             kept = "What was fetched is kept; Install goes on from there."
             self._end(Cancelled("The installation was cancelled.", kept))
-        elif code:
+        elif code and self._step.is_needed:
+            if self._step.title == TESTING:
+                self._spoil()
             self._end(failures.explained(self.plan, self._step, self._said, processes.ending(self._process)))
         else:
             self._before += self._step.bytes

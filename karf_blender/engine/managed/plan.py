@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...engine_api import BadRequest, DataError
-from . import home, machine, recipes, shells, sources, starters, wheelhouse
+from . import home, lists, machine, recipes, shells, sources, starters, wheelhouse
 from .home import Home
 from .machine import Machine
 from .recipes import Recipe, Wheel
@@ -15,7 +15,7 @@ from .sources import Source
 from .starters import Starter
 
 # bytes on disk for each that is fetched, with compiled Python files; measured for cpu and cuda on Linux
-UNPACKED = {"cpu": 3.5, "cuda": 1.9, "rocm": 3.5, "mps": 3.5}
+UNPACKED = {"cpu": 4.0, "cuda": 1.9, "rocm": 3.5, "mps": 3.5}
 ESTIMATES = {  # bytes of a build of torch that no recipe has, by system and build
     ("linux", "cpu"): 200_000_000,
     ("linux", "rocm"): 5_000_000_000,
@@ -42,11 +42,23 @@ class Choices:
 
 @dataclass(frozen=True)
 class Step:
-    """One command. title: what it does, for people. bytes: about how many it fetches or unpacks."""
+    """One command.
+
+    title: what it does, for people. source: where it fetches from, for people. wheels: the files that it puts in place.
+    estimate: bytes of what it fetches beside them. is_needed: whether all fails where it fails.
+    """
 
     title: str
     command: tuple[str, ...]
-    bytes: int = 0
+    source: str = ""
+    wheels: tuple[Wheel, ...] = ()
+    estimate: int = 0
+    is_needed: bool = True
+
+    @property
+    def bytes(self) -> int:
+        """How much it fetches or unpacks."""
+        return sum(wheel.size for wheel in self.wheels) + self.estimate
 
 
 @dataclass(frozen=True)
@@ -55,6 +67,7 @@ class Plan:
 
     build: `cpu`, `cuda`, `rocm` or `mps`. backend: what uv is told to get that build; empty: the recipe has it.
     wheels: the files, with sizes and hashes. unchecked: what else comes, without a hash of ours. estimate: bytes of it.
+    free_bytes: what the folder's disk has. is_begun: whether some of it is there already.
     """
 
     choices: Choices
@@ -67,10 +80,17 @@ class Plan:
     wheels: tuple[Wheel, ...]
     unchecked: str
     estimate: int
+    free_bytes: int
+    is_begun: bool
 
     @property
     def home(self) -> Home:
         return Home(self.choices.folder)
+
+    @property
+    def torch_source(self) -> str:
+        """Where torch comes from: where the packages do, but for builds that uv's backend gets."""
+        return "torch's own index, which uv knows" if self.backend and not self.choices.wheels else self.source.sentence
 
     @property
     def tools(self) -> tuple[Wheel, ...]:
@@ -88,20 +108,15 @@ class Plan:
         return round(self.download_bytes * UNPACKED[self.build])
 
     @property
-    def free_bytes(self) -> int:
-        """What the disk has."""
-        folder = next(path for path in (self.choices.folder, *self.choices.folder.parents) if path.is_dir())
-        return shutil.disk_usage(folder).free
-
-    @property
     def sentences(self) -> tuple[str, ...]:
         """The plan, for people."""
         count, size = len(self.wheels + self.tools), size_text(self.download_bytes)
         about = "about " if self.estimate else ""
+        begun = " What is there already and whole is not fetched again." if self.is_begun else ""
         lines = [
             f"{self.machine.device_sentence} Build of torch: {self.build}.",
-            f"{count} checked files{f' and {self.unchecked}' if self.unchecked else ''}, {about}{size}.",
-            f"From {self.source.sentence}.",
+            f"{count} checked files{f' and {self.unchecked}' if self.unchecked else ''}, {about}{size}.{begun}",
+            f"From {' and '.join(dict.fromkeys((self.source.sentence, self.torch_source)))}.",
             f"To {self.choices.folder}, about {size_text(self.disk_bytes)}; {size_text(self.free_bytes)} are free.",
             f"The environment is {self.starter.sentence}. Blender's own Python stays as it is.",
         ]
@@ -121,13 +136,10 @@ class Plan:
         return tuple(found)
 
     @property
-    def requirements(self) -> dict[str, str]:
-        """Name -> text of the lists that pip and uv are given."""
-        lists = {"packages": self.wheels, "uv": self.tools}
-        texts = {
-            name: "".join(f"{wheel.requirement}\n" for wheel in wheels) for name, wheels in lists.items() if wheels
-        }
-        return texts | ({"torch": f"torch=={self.recipe.torch_version}\n"} if self.unchecked else {})
+    def lists(self) -> dict[str, tuple[str, ...]]:
+        """Name -> parts of the recipe, of the lists that pip and uv are given."""
+        packages = self.recipe.parts_of(self.backend, self.choices.extras)
+        return {"packages": packages} | ({"uv": ("uv",)} if self.tools else {})
 
     @property
     def uv(self) -> str:
@@ -136,8 +148,22 @@ class Plan:
 
     def steps(self) -> tuple[Step, ...]:
         """The commands of a first installation, in their order."""
-        known = [self.make_environment(), *([self.fetch_uv()] if self.tools else []), self.put_packages()]
+        known = [
+            self.write_lists(),
+            self.make_environment(),
+            *([self.fetch_uv()] if self.tools else []),
+            self.put_packages(),
+        ]
         return (*known, *([self.put_torch()] if self.unchecked else []))
+
+    def write_lists(self) -> Step:
+        """Write the lists of files. The installation does it itself."""
+        starter = self.starter
+        uv_run = [starter.uv, "run", "--no-project", "--python", starter.version]
+        python = [starter.python, "-I", "-B"] if starter.python else uv_run
+        named = [f"{name}={','.join(parts)}" for name, parts in self.lists.items()]
+        command = [*python, lists.__file__, str(self.choices.folder), self.recipe.platform, self.recipe.python, *named]
+        return Step("Writing the lists of files", tuple(command))
 
     def make_environment(self) -> Step:
         """Make the environment, in place of one that may be there."""
@@ -162,24 +188,26 @@ class Plan:
             "2",
         ]
         command = [*pip, *self._offline(), "--requirement", str(self.home.requirements("uv"))]
-        return Step("Fetching uv", tuple(command), sum(wheel.size for wheel in self.tools))
+        return Step("Fetching uv", tuple(command), self.source.sentence, self.tools)
 
     def put_packages(self, anew: tuple[str, ...] = ()) -> Step:
         """Put the checked files in place; those of the packages `anew` also where they seem to be there."""
-        command = [*self._uv_install("packages", anew), "--no-deps", "--require-hashes"]
-        return Step("Installing packages", tuple(command), sum(wheel.size for wheel in self.wheels))
+        command = [*self._uv_install(anew), "--no-deps", "--require-hashes"]
+        command += ["--requirement", str(self.home.requirements("packages"))]
+        return Step("Installing packages", tuple(command), self.source.sentence, self.wheels)
 
     def put_torch(self, anew: tuple[str, ...] = ()) -> Step:
         """Put the build of torch in place that the recipe does not have."""
         backend = [] if self.choices.wheels else ["--torch-backend", self.backend]
-        return Step("Installing torch", (*self._uv_install("torch", anew), *backend), self.estimate)
+        command = (*self._uv_install(anew), *backend, f"torch=={self.recipe.torch_version}")
+        return Step("Installing torch", command, self.torch_source, estimate=self.estimate)
 
-    def _uv_install(self, requirements: str, anew: tuple[str, ...]) -> list[str]:
+    def _uv_install(self, anew: tuple[str, ...]) -> list[str]:
         command = [self.uv, "pip", "install", "--python", str(self.home.python), "--cache-dir", str(self.home.cache)]
         # the engine's jobs write no compiled files: without them each would read all sources anew
         command += ["--only-binary", ":all:", "--compile-bytecode"]
         command += [part for name in anew for part in ("--reinstall-package", name)]
-        return [*command, *self._offline(), "--requirement", str(self.home.requirements(requirements))]
+        return [*command, *self._offline()]
 
     def _offline(self) -> list[str]:
         return ["--no-index", "--find-links", str(self.choices.wheels)] if self.choices.wheels else []
@@ -229,15 +257,24 @@ def make(
     unchecked = f"torch {recipe.torch_version} for {build}" if backend else ""
     estimate = ESTIMATES[(here.platform.partition("-")[0], build)] if backend else 0
     source = sources.find(variables, choices.wheels)
-    plan = Plan(choices, here, starter, source, recipe, build, backend, wheels, unchecked, estimate)
+    free = _free_bytes(choices.folder)
+    is_begun = Home(choices.folder).mark.is_file()
+    plan = Plan(choices, here, starter, source, recipe, build, backend, wheels, unchecked, estimate, free, is_begun)
     if choices.wheels is not None:
         wheelhouse.check(choices.wheels, plan.wheels + plan.tools)
     _check_space(plan)
     return plan
 
 
+def _free_bytes(folder: Path) -> int:
+    """What the disk has that a folder is or will be on."""
+    return shutil.disk_usage(next(path for path in (folder, *folder.parents) if path.is_dir())).free
+
+
 def _check_space(plan: Plan) -> None:
     needed = plan.disk_bytes
+    if plan.free_bytes < needed:  # then it is worth to count what is there already
+        needed -= max(home.measure(plan.choices.folder), default=0)
     if plan.free_bytes < needed:
         raise DataError(
             f"The disk of {plan.choices.folder} has {size_text(plan.free_bytes)} free; the engine needs about "

@@ -7,12 +7,12 @@ import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 from ...engine_api import MissingDependency, read_json
+from . import lists
 
-FILE = Path(__file__).with_name("recipes.json")
+FILE = lists.RECIPES
 EXTRAS = {"photos": "pycolmap: camera poses of photos that have none"}  # what may be ticked, and what it is for
 
 
@@ -29,7 +29,7 @@ class Wheel:
     @property
     def requirement(self) -> str:
         """The line of a requirements file that allows this file only."""
-        return f"{self.name}=={self.version} --hash=sha256:{self.sha256}"
+        return lists.requirement(self.name, self.version, self.sha256)
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,8 @@ class Recipe:
         """The version of torch, of every build."""
         return next(wheel.version for wheel in self.parts["torch"] if wheel.name == "torch")
 
-    def wheels(self, backend: str, extras: Iterable[str]) -> tuple[Wheel, ...]:
-        """What an environment is made of; a build of torch that comes by uv's backend has no file here.
+    def parts_of(self, backend: str, extras: Iterable[str]) -> tuple[str, ...]:
+        """The parts that make an environment; a build of torch that comes by uv's backend has no file here.
 
         Raises:
             MissingDependency: An extra is not to be had on this system.
@@ -56,8 +56,11 @@ class Recipe:
             raise MissingDependency(
                 f"{', '.join(lacking)} cannot be had for Python {self.python} on {self.platform}.", "Untick it."
             )
-        parts = ["base", *([] if backend else ["torch"]), *sorted(extras)]
-        return tuple(wheel for part in parts for wheel in self.parts[part])
+        return ("base", *(() if backend else ("torch",)), *sorted(extras))
+
+    def wheels(self, backend: str, extras: Iterable[str]) -> tuple[Wheel, ...]:
+        """The files of these parts."""
+        return tuple(wheel for part in self.parts_of(backend, extras) for wheel in self.parts[part])
 
     def digest(self, build: str, backend: str, extras: Iterable[str]) -> str:
         """A fingerprint of what an environment is made of."""

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 from collections.abc import Iterator, Mapping, Sequence
@@ -103,20 +104,34 @@ def _by_uv(uv: str | None, own_python: str, wanted: Sequence[str], tried: list[s
 def _ask(python: str) -> dict | str:
     """What a Python says of itself, or why it says nothing."""
     try:
-        process = processes.start(
-            [python, "-I", "-c", PROBE],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-        )
-    except OSError as error:
-        return f"does not start: {error.strerror or error}"
+        return json.loads(_said([python, "-I", "-c", PROBE]))
+    except ValueError:
+        return "is no Python that answers" if Path(python).exists() else "does not exist"
+
+
+def _said(command: Sequence[str]) -> str:
+    """What a program says within some seconds; nothing where it does not start or end."""
+    options = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+    try:
+        process = processes.start(command, **options)
+    except OSError:
+        return ""
     try:
         said, _ = process.communicate(timeout=PROBE_SECONDS)
-        return json.loads(said)
-    except (subprocess.TimeoutExpired, ValueError):
+    except subprocess.TimeoutExpired:
         processes.end(process)
-        return "is no Python that answers"
+        return ""
+    return said.decode("utf-8", "replace")
+
+
+def listed(said: str) -> list[str]:
+    """The paths in what Windows' launcher lists of Pythons (`py -0p`).
+
+    Examples:
+        >>> listed(" -V:3.12 *        C:\\\\Program Files\\\\Python312\\\\python.exe\\nNo more.")
+        ['C:\\\\Program Files\\\\Python312\\\\python.exe']
+    """
+    return re.findall(r"\s([A-Za-z]:\\.*python\.exe)\s*$", said, re.MULTILINE | re.IGNORECASE)
 
 
 def _pythons(own_python: str, wanted: Sequence[str], variables: Mapping[str, str]) -> Iterator[str]:
@@ -134,6 +149,7 @@ def _candidates(newest_first: Sequence[str], variables: Mapping[str, str]) -> It
     names = [*(f"python{version}" for version in newest_first), "python3", "python"]
     yield from (Path(found) for name in names if (found := shutil.which(name, path=path)))
     if os.name == "nt":
+        yield from map(Path, listed(_said([shutil.which("py", path=path) or "py", "-0p"])))
         for version in newest_first:
             short = version.replace(".", "")
             for variable, folder in (

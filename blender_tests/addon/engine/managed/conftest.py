@@ -14,7 +14,7 @@ import pytest
 from ...conftest import MODULE
 from . import wheels as making
 
-ROOM = "failures home installation machine plan progress recipes shells sources starters wheelhouse".split()
+ROOM = "failures home installation lists machine plan progress recipes shells sources starters wheelhouse".split()
 PYTHON = f"{sys.version_info.major}.{sys.version_info.minor}"
 
 
@@ -22,9 +22,8 @@ PYTHON = f"{sys.version_info.major}.{sys.version_info.minor}"
 def managed(addon):
     """The room's modules by name."""
     package = f"{MODULE}.karf_blender.engine.managed"
-    return SimpleNamespace(
-        **{name: importlib.import_module(f"{package}.{name}") for name in ROOM}, api=addon.engine_api
-    )
+    modules = {name: importlib.import_module(f"{package}.{name}") for name in ROOM}
+    return SimpleNamespace(**modules, api=addon.engine_api, processes=addon.processes)
 
 
 @pytest.fixture

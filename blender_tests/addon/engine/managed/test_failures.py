@@ -1,5 +1,7 @@
 """What pip and uv say when they fail, as sentences."""
 
+import sys
+
 import pytest
 
 PIP_HASH = """Collecting uv==0.13.9
@@ -29,3 +31,12 @@ def test_each_failure_is_a_sentence_with_a_remedy(managed, planned, said, senten
     assert error.hint.endswith("Install goes on from there.")
     with pytest.raises(managed.api.KarfError, match=sentence):
         raise error
+
+
+def test_where_torchs_own_index_cannot_be_reached_the_usual_one_is_offered(managed, tmp_path):
+    here = managed.machine.Machine("linux-x86_64", ())
+    plan = managed.plan.make(managed.plan.Choices(tmp_path / "engine"), sys.executable, True, {"PATH": ""}, here)
+    *_, packages, torch = plan.steps()
+    errors = [managed.failures.explained(plan, step, ["dns error"], "exit code 2") for step in (packages, torch)]
+    assert ["build cuda" in error.hint for error in errors] == [False, True]
+    assert "torch's own index" in errors[1].sentence and "torch's own index" not in errors[0].sentence

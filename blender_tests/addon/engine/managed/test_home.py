@@ -1,4 +1,4 @@
-"""The folder: what may be claimed, what is removed, what it takes."""
+"""The folder: what may be claimed, what is removed, how much it takes."""
 
 import pytest
 
@@ -28,6 +28,14 @@ def test_remove_deletes_what_is_ours_and_keeps_what_was_put_beside_it(managed, i
     managed.home.remove(place)
     assert [path.name for path in place.iterdir()] == ["notes.md"]
     assert managed.home.status(place).state == "none"
+
+
+def test_a_file_under_two_names_is_counted_once(managed, tmp_path):
+    (tmp_path / "below").mkdir()
+    (tmp_path / "below" / "one").write_bytes(b"x" * 1000)
+    (tmp_path / "two").hardlink_to(tmp_path / "below" / "one")
+    (tmp_path / "three").write_bytes(b"x" * 500)
+    assert list(managed.home.measure(tmp_path))[-1] == 1500
 
 
 def test_remove_leaves_no_empty_folder(managed, install, place):

@@ -1,6 +1,7 @@
 """Installing, stopping, going on, repairing and updating, with tiny wheels and without network."""
 
 import os
+import shutil
 import subprocess
 import sys
 
@@ -57,9 +58,21 @@ def test_python_alone_makes_it_where_there_is_no_uv(kitchen, managed, install, p
     kitchen.add("uv", "uv", "0.1", script)
     kitchen.write()
     plan = planned(starter=sys.executable)
-    assert plan.starter.uv == "" and len(plan.steps()) == 3
+    assert plan.starter.uv == "" and len(plan.steps()) == 4
     assert install(plan).state == "ready"
     assert managed.home.Home(place).program("uv").is_file()
+
+
+def test_the_commands_by_hand_make_the_same(kitchen, managed, planned, place, monkeypatch):
+    beside = kitchen.file.with_name("lists.py")  # as the extension has both
+    shutil.copy(managed.lists.__file__, beside)
+    monkeypatch.setattr(managed.lists, "__file__", str(beside))
+    for step in planned().steps():
+        done = subprocess.run(step.command, capture_output=True, text=True, cwd=kitchen.folder)
+        assert done.returncode == 0, done.stderr
+    python = managed.home.Home(place).python
+    assert subprocess.run([python, "-c", "import torch, scipy, cv2"]).returncode == 0
+    assert managed.home.python_in(place) is None  # what is made by hand is set by hand
 
 
 def test_a_wrong_file_is_refused_by_its_name(kitchen, managed, install, place):
@@ -105,12 +118,12 @@ def test_cancelled_it_keeps_finished_files_and_goes_on_from_there(managed, plann
     assert managed.home.status(place).state == "ready"
 
 
-def test_killed_it_counts_as_not_installed_and_goes_on(addon, managed, planned, index, place):
+def test_killed_it_counts_as_not_installed_and_goes_on(managed, planned, index, place):
     index.holding = "torch-"
     work = managed.installation.Installation(planned(index))
     while not index.begun.is_set():
         work.poll()
-    addon.environment.processes.send(work._process, addon.environment.processes.KILL)
+    managed.processes.send(work._process, managed.processes.KILL)
     work._process.wait()  # and nobody polls any more: Blender is gone too
     assert managed.home.status(place).state == "unfinished" and managed.home.python_in(place) is None
     index.release.set()
@@ -127,7 +140,9 @@ def test_repair_puts_back_what_is_missing_or_changed_and_nothing_else(managed, i
     for half in site(place).glob("imageio-*.dist-info/RECORD"):  # as a kill leaves it
         half.unlink()
     index.fetched.clear()
-    assert install(planned(index)).state == "ready"
+    plan = planned(index)
+    assert any("whole is not fetched again" in line for line in plan.sentences)
+    assert install(plan).state == "ready"
     assert sorted({name.partition("-")[0] for name in index.fetched}) == ["imageio", "opencv_python_headless", "scipy"]
     assert (site(place) / "scipy" / "__init__.py").read_text() == "name = 'scipy'\n"
     assert (site(place) / "cv2" / "__init__.py").is_file()
@@ -152,6 +167,37 @@ def test_another_recipe_makes_it_outdated_and_an_update_gets_only_what_is_new(
     assert install(planned(index)).state == "ready"
     assert index.fetched == ["scipy-1.1-py3-none-any.whl"]
     assert (site(place) / "scipy" / "__init__.py").read_text() == "name = 'newer'\n"
+
+
+def test_an_update_without_network_leaves_the_engine_that_works(
+    kitchen, managed, install, planned, index, place, monkeypatch
+):
+    install(planned(index))
+    kitchen.add("base", "scipy", "1.1", {"scipy/__init__.py": ""})
+    kitchen.write()
+    monkeypatch.setenv("UV_HTTP_RETRIES", "0")
+    plan = planned(index)
+    index.close()
+    with pytest.raises(managed.api.DataError, match="No connection"):
+        install(plan)
+    assert managed.home.status(place).state == "outdated" and managed.home.python_in(place) is not None
+
+
+def test_an_environment_that_was_hardly_begun_is_made_anew(managed, install, planned, place):
+    plan = planned()
+    managed.home.claim(plan.home, {"build": "cuda", "extras": [], "python": PYTHON})
+    plan.home.python.parent.mkdir(parents=True)
+    plan.home.python.write_text("half a file")
+    assert install(plan).state == "ready"
+
+
+def test_a_cache_that_cannot_be_cleaned_is_no_failure(install, planned, uv, tmp_path):
+    if os.name == "nt":
+        pytest.skip("the made uv is a shell script")
+    own = tmp_path / "uv"
+    own.write_text(f'#!/bin/sh\n[ "$1" = cache ] && exit 3\nexec "{uv}" "$@"\n')
+    own.chmod(0o755)
+    assert install(planned(starter=str(own))).state == "ready"
 
 
 def test_an_engine_that_does_not_load_does_not_count(kitchen, managed, install, place):

@@ -98,5 +98,15 @@ def test_where_nothing_can_make_an_environment_all_that_was_tried_is_listed(mana
         "python3-venv",
     ):
         assert part in text
-    with pytest.raises(managed.api.MissingDependency, match=r"gone \(does not start"):
+    with pytest.raises(managed.api.MissingDependency, match=r"gone \(does not exist"):
         find(python(tmp_path / "own"), chosen=str(tmp_path / "gone"))
+
+
+def test_the_launcher_of_windows_lists_pythons(managed):
+    said = (
+        " -V:3.13 *        C:\\Program Files\\Python313\\python.exe\r\n"
+        " -V:3.11          D:\\Äpfel\\python.exe\r\n"
+        "No installed Pythons found!\r\n"
+    )
+    assert managed.starters.listed(said) == ["C:\\Program Files\\Python313\\python.exe", "D:\\Äpfel\\python.exe"]
+    assert managed.starters.listed("") == []

@@ -14,9 +14,13 @@ from .conftest import PYTHON
 LINUX, WINDOWS, MAC = "linux-x86_64", "windows-x86_64", "macos-arm64"
 
 
+USAGE = namedtuple("USAGE", "total used free")
+
+
 @pytest.fixture
-def plan(managed, tmp_path):
-    """A function that plans for any computer by the real recipes."""
+def plan(managed, tmp_path, monkeypatch):
+    """A function that plans for any computer, of whatever disk, by the real recipes."""
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: USAGE(200e9, 100e9, 100e9))
 
     def make(platform=LINUX, devices=(), is_online=True, variables=None, **choices):
         here = managed.machine.Machine(platform, devices)
@@ -103,10 +107,15 @@ def test_the_source_is_that_of_this_computer_without_its_password(plan, tmp_path
 
 
 def test_a_disk_without_space_is_named_with_what_is_needed(managed, plan, monkeypatch):
-    usage = namedtuple("usage", "total used free")
-    monkeypatch.setattr(shutil, "disk_usage", lambda folder: usage(9e9, 8e9, 1_000_000_000))
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: USAGE(9e9, 8e9, 1_000_000_000))
     with pytest.raises(managed.api.DataError, match=r"has 1\.0 GB free; the engine needs about 5\.\d GB"):
         plan(devices=("cuda",))
+
+
+def test_what_is_there_already_needs_no_more_space(managed, plan, tmp_path, monkeypatch):
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: USAGE(9e9, 8e9, 1_000_000_000))
+    monkeypatch.setattr(managed.home, "measure", lambda folder: iter([1_000_000, 4_900_000_000]))
+    assert plan(devices=("cuda",)).free_bytes < 1.1e9
 
 
 def test_a_folder_that_cannot_be_is_refused(managed, plan, tmp_path):
