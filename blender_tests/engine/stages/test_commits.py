@@ -1,5 +1,6 @@
 """A project is never changed by a job that does not finish, and a plain rerun mends what was damaged."""
 
+import json
 import os
 import shutil
 
@@ -27,6 +28,16 @@ def contents(folder):
     skipped = {"lock", "commit.lock", "preview.png"}
     files = [path for path in folder.rglob("*") if path.is_file() and path.name not in skipped]
     return {str(path.relative_to(folder)): path.read_bytes() for path in files if "unfinished" not in path.name}
+
+
+def learned_contents(folder):
+    """The contents, but not what another run in another folder rightly changes: seconds, and the way to the photos."""
+    found = contents(folder)
+    del found["project.json"]
+    capture = json.loads(found["capture.json"])
+    for view in capture["views"]:
+        del view["image_from_here"]
+    return found | {"capture.json": capture}
 
 
 def pictures(project, out):
@@ -95,7 +106,7 @@ def test_masks_of_an_earlier_segmentation_are_set_aside(still_life, copy, tmp_pa
     ],
 )
 def test_a_flipped_bit_is_noticed_and_a_plain_rerun_mends_it(still_life, copy, tmp_path, capsys, name, stage):
-    before = contents(copy.folder)
+    before = learned_contents(copy.folder)
     path = copy.folder / name
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
@@ -106,9 +117,7 @@ def test_a_flipped_bit_is_noticed_and_a_plain_rerun_mends_it(still_life, copy, t
         assert not (tmp_path / "out").exists()
     assert main(still_life.command(copy.folder)) == 0
     assert stages_run(capsys.readouterr().err)[0] == stage
-    after = contents(copy.folder)
-    assert after.pop("project.json") != before.pop("project.json")  # other seconds
-    assert after == before
+    assert learned_contents(copy.folder) == before
 
 
 # ------------------------------------------------------------------------------------------------------------ fingerprints
