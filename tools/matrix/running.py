@@ -44,13 +44,13 @@ class Result:
     seconds: int = 0
 
 
-def run(cell: Cell, is_quick: bool, earlier: dict[str, str]) -> Result:
+def run(cell: Cell, is_quick: bool, earlier: dict[tuple[str, str], str]) -> Result:
     """Run a cell's tests, which write to the terminal as they go.
 
     Args:
         cell: Which.
         is_quick: Leave slow tests of the engine out.
-        earlier: Lock -> cell, of what this run has tested; a cell with the very same packages is not tested again.
+        earlier: Python and lock -> cell, of what this run has tested; a cell with the very same is not tested again.
     """
     try:
         environment = environments.make(cell)
@@ -58,7 +58,7 @@ def run(cell: Cell, is_quick: bool, earlier: dict[str, str]) -> Result:
         return Result(cell.name, "skipped", str(reason))
     except environments.Unresolvable as reason:
         return Result(cell.name, "failed", str(reason))
-    same = earlier.setdefault(environment.lock, cell.name)
+    same = earlier.setdefault((cell.python, environment.lock), cell.name)
     if same != cell.name:
         return Result(cell.name, "skipped", f"the same packages as {same}")
     if cell.has_blender:  # with which a test writes the layers that Blender reads

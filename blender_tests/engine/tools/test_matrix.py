@@ -2,7 +2,7 @@
 
 import subprocess
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -66,11 +66,14 @@ def test_packages_that_do_not_go_together_fail_their_cell(uv, monkeypatch):
     assert result.status == "failed" and "no versions of numpy, pytest go together" in result.reason
 
 
-def test_the_very_same_packages_are_not_tested_twice(monkeypatch):
+@pytest.mark.parametrize(("python", "is_the_same"), [("3.12", True), ("3.13", False)])
+def test_the_very_same_packages_are_not_tested_twice_on_the_same_python(monkeypatch, python, is_the_same):
     same = environments.Environment(Path(sys.executable), "numpy==2.0.2\npytest==9.2.0\n")
     monkeypatch.setattr(environments, "make", lambda cell: same)
-    result = running.run(CELL, True, {same.lock: "engine-lowest"})
-    assert (result.status, result.reason) == ("skipped", "the same packages as engine-lowest")
+    monkeypatch.setattr(running, "_tested", lambda result, *_: replace(result, status="passed"))
+    result = running.run(CELL, True, {(python, same.lock): "another"})
+    expected = ("skipped", "the same packages as another") if is_the_same else ("passed", "")
+    assert (result.status, result.reason) == expected
 
 
 # ------------------------------------------------------------------------------------------------------------------- run
