@@ -83,7 +83,9 @@ def test_blender_installs_it_from_the_repository(package, tmp_path):
     assert in_blender(tmp_path, FROM_THE_REPOSITORY, address) == ["bl_ext.karf.karf"]
 
 
-def test_an_upgrade_keeps_preferences_projects_and_edits(addon, package, tmp_path):
+def test_an_upgrade_keeps_preferences_projects_and_edits(bpy, addon, package, tmp_path):
+    if bpy.app.version < (4, 3):
+        pytest.skip("Blender 4.2 as a module crashes where it reads its own preferences")
     capture, user = make_capture(addon, tmp_path / "pots", 3, 24, 16), tmp_path / "user"
     older = next(build_as(OLDER, tmp_path / "older").glob(f"karf-{OLDER}.zip"))
     told = in_blender(user, INSTALL + WORK_WITH_THE_OLDER, older, package, capture, tmp_path, FAKE_ENGINE)
