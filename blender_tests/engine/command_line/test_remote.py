@@ -20,6 +20,7 @@ from karf_engine.project.contents import capture_of
 from karf_engine.wire import EventReader, Request
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="the stand-ins are scripts with a first line")
+SECONDS = 900  # only a hang takes as long: a machine may have much else to do
 # -T -o BatchMode=yes HOST COMMAND
 SSH = """#!/bin/sh
 [ "$1 $2 $3" = "-T -o BatchMode=yes" ] || exit 2
@@ -71,7 +72,7 @@ class Computers:
         job = job or self.client / "project" / "jobs" / "one"
         request.write(job)
         child = self.start("-I", "-B", "-u", "-X", "utf8", ROOT / "karf_engine", "run", job, **where)
-        code = child.wait(120)
+        code = child.wait(SECONDS)
         return code, list(EventReader(job).poll()), child.stderr.read()
 
 
@@ -130,7 +131,7 @@ def test_cancel_gets_there(shared):
     child = shared.start("-I", "-B", "-u", "-X", "utf8", ROOT / "karf_engine", "run", job)
     child.stdin.write("cancel\n")
     child.stdin.flush()
-    assert child.wait(120) == 6
+    assert child.wait(SECONDS) == 6
     assert [event.kind for event in EventReader(job).poll()][-1] == "cancelled"
     assert Project(shared.server / "slow").finished("geometry") is None
 
@@ -166,7 +167,7 @@ def test_an_input_outside_the_share_is_named_in_the_events(shared):
 def test_the_doctor_there_is_asked_about_the_shared_folder(shared):
     asked = (ROOT / "karf_engine", "doctor", "--json", "--quick", "--folder", shared.client / "project")
     child = shared.start("-I", "-B", "-u", "-X", "utf8", *asked)
-    said, errors = child.communicate(timeout=120)
+    said, errors = child.communicate(timeout=SECONDS)
     assert str(shared.server / "project") in said, errors
     assert str(shared.client) not in said
 
