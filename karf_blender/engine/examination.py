@@ -31,19 +31,7 @@ class Examination:
         self._end_by = time.monotonic() + TIMEOUT
         # files take any amount of words; a pipe that nobody reads would hold the child up
         self._said, self._errors = tempfile.TemporaryFile(), tempfile.TemporaryFile()
-        command = [
-            str(python),
-            "-I",
-            "-B",
-            "-u",
-            "-X",
-            "utf8",
-            str(engine),
-            "doctor",
-            "--json",
-            "--folder",
-            str(folder),
-        ]
+        command = processes.engine_command(python, engine, "doctor", "--json", "--folder", folder)
         command += ["--threads", str(threads)] if threads else []
         try:
             self._process = processes.start(

@@ -147,8 +147,7 @@ def start(
     with disk_errors():
         request.write(folder)
         log = (folder / LOG_FILE).open("ab")
-    # -B: no compiled files appear in the extension's folder, which updates replace
-    command = [str(python), "-I", "-B", "-u", "-X", "utf8", str(engine), "run", str(folder)]
+    command = processes.engine_command(python, engine, "run", folder)
     try:
         with log:
             process = processes.start(

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 TERMINATE_SECONDS = 5.0
@@ -22,6 +23,18 @@ def child_environment(variables: Mapping[str, str], threads: int = 0) -> dict[st
     if threads:
         kept.update(dict.fromkeys(THREAD_VARIABLES, str(threads)))
     return kept
+
+
+def engine_command(python: Path, engine: Path, *arguments: str | Path) -> list[str]:
+    """The command line of the engine.
+
+    Args:
+        python: The Python that has the engine's packages.
+        engine: The engine's folder, which that Python executes.
+        arguments: The verb and its arguments.
+    """
+    # -B: no compiled files appear in the extension's folder, which updates replace
+    return [str(python), "-I", "-B", "-u", "-X", "utf8", str(engine), *map(str, arguments)]
 
 
 def start(

@@ -5,7 +5,7 @@ from bpy.props import StringProperty
 
 from .. import preferences
 from ..engine import probing, report
-from ..engine_api import ERROR, MissingDependency
+from ..engine_api import ERROR
 from ..project import folders
 from .reporting import is_unchanging, reports_errors, versions
 
@@ -84,10 +84,7 @@ class KARF_OT_copy_command(bpy.types.Operator):
 
 
 def _findings():
-    try:
-        return probing.findings_on(preferences.chosen_python())
-    except MissingDependency:
-        return ()
+    return probing.findings_on(preferences.state.known().python)  # polls never read the disk
 
 
 CLASSES = (KARF_OT_examine_engine, KARF_OT_cancel_examination, KARF_OT_copy_findings, KARF_OT_copy_command)

@@ -11,8 +11,8 @@ from ..errors import KarfError, MissingDependency
 from ..failures import first_line
 from ..findings import ERROR, OK, WARNING, Finding, failing
 from ..requirements import POSES, REQUIRED, Package
+from .machine import GB
 
-GB = 1e9
 PROCESSOR = "the processor"
 INSTALL = "Install it, in a terminal:"
 MISSING = MissingDependency.code
