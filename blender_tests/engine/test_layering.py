@@ -14,7 +14,7 @@ FLOORS = (
     ("fields",),
     ("heads",),
     ("segmentation", "frames"),
-    ("finishing",),
+    ("finishing", "looks"),
     ("model",),
     ("stages",),
     ("library",),
