@@ -10,7 +10,7 @@ from blender_tests.engine.pretend_device import pretend_device
 from blender_tests.engine.reference.still_life import camera_at
 from blender_tests.engine.training.waits import Waits
 from karf_engine.fields.nerf.field import NerfField, NerfNetwork, NerfSampling, NerfShape
-from karf_engine.fields.nerf.fit import NerfFit
+from karf_engine.fields.nerf.fit import NerfFit, quick_products
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.heads.fields import RecoloringField, SegmentationField
 from karf_engine.heads.fit import ObjectRays, fit_on_points, fit_on_rays, fit_recoloring
@@ -131,3 +131,11 @@ def test_learning_a_nerf_waits_for_nothing(waits, tools):
     for _ in NerfFit(bank, "alpha", settings, runtime, nerf).scenes(progress):
         pass
     assert waits == [[]] * ITERATIONS
+
+
+@pytest.mark.parametrize(("device", "precision"), [("cuda", "high"), ("cpu", "highest")])
+def test_a_nerf_is_learned_with_quick_products_where_a_card_has_them_and_with_no_others(device, precision):
+    with contextlib.suppress(ZeroDivisionError), quick_products(torch.device(device)):
+        assert torch.get_float32_matmul_precision() == precision
+        raise ZeroDivisionError
+    assert torch.get_float32_matmul_precision() == "highest"
