@@ -71,8 +71,11 @@ class _Part:
 def _parts(karf: SegmentationField, scene_field: Field, cache: SurfaceCache) -> Iterator[_Part]:
     """The rays of a cache that touch an object's box, in parts."""
     n_samples = cache.positions.shape[1]
-    inside = karf.inside(cache.positions.view(-1, 3)).any(1).view(-1, n_samples).any(1)
-    for rays in torch.nonzero(inside).squeeze(1).split(max(1, SAMPLES_PER_CHUNK // n_samples)):
+    at_once = max(1, SAMPLES_PER_CHUNK // n_samples)
+    touching = [
+        karf.inside(some.reshape(-1, 3)).any(1).view(-1, n_samples).any(1) for some in cache.positions.split(at_once)
+    ]
+    for rays in torch.nonzero(torch.cat(touching)).squeeze(1).split(at_once):
         distances = cache.distances[rays]
         first = torch.ones_like(distances, dtype=torch.bool)
         first[:, 1:] = distances[:, 1:] != distances[:, :-1]
