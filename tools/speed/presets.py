@@ -31,9 +31,9 @@ from karf_engine.rendering.surface_cache import SurfaceCache
 from karf_engine.runtime import start_runtime
 from karf_engine.settings import PRESETS, Settings
 
-from ..judging.truth import DEMO
 from .machine import machine
 
+DEMO = Path(__file__).resolve().parents[2] / "demo"
 LESS = 100  # of the voxels' iterations, one in so many is run
 FEW = 3  # iterations of the NeRF and of the heads
 RAYS = 20_000  # that the heads learn from
