@@ -76,7 +76,7 @@ class VoxelFit:
     ) -> None:
         self.bank, self.recipe, self.runtime = bank, recipe, runtime
         self.field, self.background = field, background
-        self._rays_per_batch = 1024.0
+        self._rays_per_batch = min(1024.0, recipe.max_rays)
         self._loss_average = 0.1
         self._parts = [part for level in range(len(recipe.levels)) for part in self._parts_of(level)]
         self._number = 0  # of the part that is being learned
