@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-from importlib.util import find_spec
 
 from ...runtime import Runtime
 from .field import VoxelField
 from .renderer import Observing, Renderer
 from .torch_renderer import TorchRenderer
 
-MOST_VERTICES = 2**31 - 1  # that kernels number
+MOST_VERTICES = 2**31 - 1  # that kernels can number
 
 
 def new_renderer(field: VoxelField, runtime: Runtime, unit: float, lottery: float, observing: Observing) -> Renderer:
@@ -23,13 +22,19 @@ def new_renderer(field: VoxelField, runtime: Runtime, unit: float, lottery: floa
         lottery: Samples of less weight get a color with a probability in proportion to it; 0 for none.
         observing: How exactly rays observe points.
     """
-    if not (has_kernels() and runtime.device.type == "cpu" and field.vertex_rows.numel() <= MOST_VERTICES):
-        return TorchRenderer(field, runtime, unit, lottery, observing)
-    from .fused.renderer import FusedRenderer  # numba may be missing
+    if runtime.device.type == "cpu" and field.vertex_rows.numel() <= MOST_VERTICES and has_kernels():
+        from .fused.renderer import FusedRenderer  # needs numba
 
-    return FusedRenderer(field, runtime, unit, lottery, observing)
+        return FusedRenderer(field, runtime, unit, lottery, observing)
+    return TorchRenderer(field, runtime, unit, lottery, observing)
 
 
 def has_kernels() -> bool:
-    """Whether numba is there, and not left out by the variable KARF_KERNELS=off."""
-    return os.environ.get("KARF_KERNELS", "on") != "off" and find_spec("numba") is not None
+    """Whether numba is there and loads, and is not left out by the variable KARF_KERNELS=off."""
+    if os.environ.get("KARF_KERNELS", "on") == "off":
+        return False
+    try:
+        import numba  # noqa: F401
+    except (ImportError, OSError):  # not there, or not made for this numpy or processor
+        return False
+    return True

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ....team import Team
 from .arrays import BOTH, DENSITY, FEATURES, Table
 from .compiled import kernel, share
 from .marching import ONE, TWO, ZERO
@@ -91,13 +92,15 @@ class LazyAdam(torch.optim.Adam):
     All other parameters step as ever. The tables' gradients are those that kernels have added up, not `.grad`.
     """
 
-    def __init__(self, groups: list[dict], betas: tuple[float, float], tables: FieldTables) -> None:
+    def __init__(self, groups: list[dict], betas: tuple[float, float], tables: FieldTables, team: Team) -> None:
         super().__init__(groups, betas=betas, eps=float(EPSILON), fused=True)
-        self._tables = tables
+        self._tables, self._team = tables, team
 
     @torch.no_grad()
     def step(self, closure: None = None) -> None:
         """One step of everything that has a gradient."""
+        if self._team.size > 1:
+            self._tables.touch_others()
         group = self.param_groups[0]
         beta1, beta2 = group["betas"]
         density, features = (self._table(p, g) for p, g in zip(group["params"], self._tables.gradients, strict=True))
@@ -109,6 +112,8 @@ class LazyAdam(torch.optim.Adam):
             adam_rows, len(tables.touched), tables.touched, density, features, tables.n_features, tables.dense,
             tables.vertices, *map(np.float32, (rate, beta1, beta2, correction)),
         )  # fmt: skip
+        for parameter in group["params"]:
+            parameter.grad = None  # its step is done
         super().step(closure)
 
     def _table(self, parameter: Tensor, gradients: np.ndarray) -> Table:

@@ -51,8 +51,7 @@ def share(compiled: Callable[..., None], count: int, *arguments: Any) -> None:
     n_parts = min(count, PARTS * threads)
     cuts = [count * part // n_parts for part in range(n_parts + 1)]
     for future in [
-        _pool(threads).submit(compiled, first, last, *arguments)
-        for first, last in itertools.pairwise(cuts)
+        _pool(threads).submit(compiled, first, last, *arguments) for first, last in itertools.pairwise(cuts)
     ]:
         future.result()
 

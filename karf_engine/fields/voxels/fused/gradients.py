@@ -136,9 +136,7 @@ def slab_gradients(
             else:
                 read_inputs(group, count, ordered, harmonics, len(n_features), inputs)
                 hidden_layers(inputs, network, hidden)
-                network_gradients(
-                    inputs, hidden, logit_gradients, network, own_sums, hidden_gradients, input_gradients
-                )
+                network_gradients(inputs, hidden, logit_gradients, network, own_sums, hidden_gradients, input_gradients)
             for member in range(count):
                 corners = corner_rows(grid, ordered.vertices[group[member]])
                 shares, upper = corner_shares(ordered.places[group[member]])

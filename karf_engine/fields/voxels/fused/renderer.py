@@ -37,7 +37,7 @@ class FusedRenderer:
         self._ordered: Sorted | None = None
 
     def optimizer(self, groups: list[dict], betas: tuple[float, float]) -> LazyAdam:
-        return LazyAdam(groups, betas, self.tables)
+        return LazyAdam(groups, betas, self.tables, self.runtime.team)
 
     def render(self, batch: RayBatch) -> RaySums:
         sums = _Render.apply(self.field.raw_density, self, batch)
@@ -89,6 +89,7 @@ class FusedRenderer:
                 self._harmonics, self._network, tables.gradients, tables.touched, sums, tables.n_features,
                 tables.n_hidden, self._is_diffuse,
             )  # fmt: skip
+        self.tables.show_gradients()
         if not self._is_diffuse:
             first, _, last = self.field.color_network
             w1, b1, w2, b2 = (torch.from_numpy(part.sum(0)) for part in sums)
@@ -191,4 +192,5 @@ class _Differences(torch.autograd.Function):
         difference_gradients(
             *context.pairs, tables.values, tables.gradients, tables.n_features, tables.touched, density, features
         )
+        tables.show_gradients()
         return None, None, None, None

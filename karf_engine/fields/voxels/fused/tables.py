@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from torch import Tensor
+import torch
+from torch import Tensor, nn
 
 from ..field import VoxelField
-from .arrays import Grid, Network
+from .arrays import DENSITY, FEATURES, Grid, Network
 
 
 class FieldTables:
@@ -41,6 +42,11 @@ class FieldTables:
         self.n_features, self.n_hidden = (0,) * field.n_features, (0,) * field.width
 
     @property
+    def parameters(self) -> tuple[nn.Parameter, nn.Parameter]:
+        """Raw densities and features, as torch knows them."""
+        return self.field.raw_density, self.field.feature_table
+
+    @property
     def dense(self) -> np.ndarray:
         """Raw density of every vertex."""
         return self.grid.dense
@@ -48,11 +54,22 @@ class FieldTables:
     @property
     def values(self) -> tuple[np.ndarray, np.ndarray]:
         """Raw densities [n] and features [n * F]."""
-        return flat(self.field.raw_density), flat(self.field.feature_table)
+        density, features = self.parameters
+        return flat(density), flat(features)
 
     def refresh(self) -> None:
         """Read the densities again, which something else than `LazyAdam` has changed."""
         self.dense[self.vertices] = flat(self.field.raw_density)
+
+    def show_gradients(self) -> None:
+        """Let the field's parameters have these gradients, in this very memory: processes that learn together read it."""
+        for parameter, gradients in zip(self.parameters, self.gradients, strict=True):
+            parameter.grad = torch.from_numpy(gradients).view_as(parameter)
+
+    def touch_others(self) -> None:
+        """Note the rows that have gradients of other processes."""
+        density, features = self.gradients
+        self.touched |= DENSITY * (density != 0) | FEATURES * (features.reshape(len(density), -1) != 0).any(1)
 
     def network(self) -> Network:
         """The color network as it is now."""
