@@ -13,6 +13,7 @@ import argparse
 import json
 import tempfile
 import time
+from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,7 @@ from karf_engine.settings import PRESETS, Settings
 from .machine import machine
 
 DEMO = Path(__file__).resolve().parents[2] / "demo"
-LESS = 100  # of the voxels' iterations, one in so many is run
+WARM, LAST = 60, 12  # iterations of each level of voxels but the last, in which something solid is found; of the last
 FEW = 3  # iterations of the NeRF and of the heads
 RAYS = 20_000  # that the heads learn from
 
@@ -48,28 +49,45 @@ def run(preset: str, threads: int = 1) -> dict[str, Any]:
     return {"preset": preset, **parts, "processor_minutes": round(minutes, 1), "peak_gib": memory, **machine(threads)}
 
 
+class _Enough(Exception):
+    """The last iteration is done; what follows is not to be timed."""
+
+
 def geometry(settings: Settings, threads: int) -> dict[str, dict[str, float]]:
     """Seconds an iteration of the NeRF, or of each level of voxels in a box."""
-    own, is_nerf = settings.geometry, settings.geometry.field == "nerf"
-    counts = [FEW] if is_nerf else [max(5, level.iterations // LESS) for level in own.levels]
-    levels = [asdict(level) | {"iterations": count} for level, count in zip(own.levels, counts, strict=False)]
-    overrides = [f"geometry.nerf.iterations={FEW}"] if is_nerf else [f"geometry.levels={json.dumps(levels)}"]
-    marks = [time.process_time()]
-
-    def emit(kind: str, **values: Any) -> None:
-        if kind == "preview":  # is written after each level
-            marks.append(time.process_time())
-
-    with tempfile.TemporaryDirectory() as folder:
-        options = {"preset": settings.preset, "overrides": overrides, "threads": threads, "emit": emit}
-        karf.learn_geometry(DEMO, project=Path(folder), **options)
-    seconds = [(end - start) / count for start, end, count in zip(marks, marks[1:], counts, strict=False)]
-    if is_nerf:
-        return {"nerf": {"seconds": round(seconds[0], 2), "iterations": own.nerf.iterations}}
+    own = settings.geometry
+    if own.field == "nerf":
+        overrides = [f"geometry.nerf.iterations={FEW}", "geometry.nerf.crop_iterations=0"]
+        (seconds,) = _seconds(settings.preset, overrides, [FEW], threads)
+        return {"nerf": {"seconds": round(seconds, 3), "iterations": own.nerf.iterations}}
+    counts = [WARM] * (len(own.levels) - 1) + [LAST]
+    levels = [asdict(level) | {"iterations": count} for level, count in zip(own.levels, counts, strict=True)]
+    taken = _seconds(settings.preset, [f"geometry.levels={json.dumps(levels)}"], counts, threads)
     return {
-        f"voxels {level.voxels}": {"seconds": round(taken, 3), "iterations": level.iterations}
-        for level, taken in zip(own.levels, seconds, strict=True)
+        f"voxels {level.voxels}": {"seconds": round(seconds, 3), "iterations": level.iterations}
+        for level, seconds in zip(own.levels, taken, strict=True)
     }
+
+
+def _seconds(preset: str, overrides: list[str], counts: list[int], threads: int) -> list[float]:
+    """Processor seconds an iteration in each stretch of so many, by the progress that is told of."""
+    told: list[tuple[int, float]] = []
+
+    def emit(kind: str, /, **values: Any) -> None:
+        if kind == "progress" and values["stage"] == "geometry":
+            told.append((values["step"], time.process_time()))
+            if values["step"] == values["total"]:
+                raise _Enough
+
+    with tempfile.TemporaryDirectory() as folder, suppress(_Enough):
+        given = {"preset": preset, "overrides": overrides, "threads": threads, "emit": emit}
+        karf.learn_geometry(DEMO, project=Path(folder), **given)
+    result, before = [], 0
+    for count in counts:
+        own = [(step, at) for step, at in told if before < step <= before + count]
+        result.append((own[-1][1] - own[0][1]) / max(1, own[-1][0] - own[0][0]))
+        before += count
+    return result
 
 
 def heads(settings: Settings, threads: int) -> dict[str, dict[str, float]]:
