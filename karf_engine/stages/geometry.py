@@ -24,7 +24,7 @@ from ..fields.fit import Fit, FitInputs
 from ..fields.nerf.field import NerfNetwork
 from ..fields.nerf.files import read_nerf
 from ..fields.nerf.importing import import_nerf
-from ..fields.registry import start_fit
+from ..fields.registry import field_kind, start_fit
 from ..fields.scene import Scene, psnr_of_views
 from ..fields.spaces import choose_space
 from ..files import write_json
@@ -94,6 +94,7 @@ def _inputs(capture: Capture, nerf: Path | None) -> list:
 def learn(job: Job, capture: Capture, run: StageRun) -> Scene:
     """Fit the field, with previews on the way; what an interrupted run has learned is resumed."""
     settings = job.settings.geometry
+    wait = field_kind(settings.field).prepare(settings, job.runtime.device)
     views = capture.split("train")
     plates = job.plates(views)
     kind = background_kind([_with_alpha(plate) for plate in plates])
@@ -102,6 +103,7 @@ def learn(job: Job, capture: Capture, run: StageRun) -> Scene:
     space = choose_space(kind, views, points, settings)
     job.emit("stage", name="geometry", text=f"{space}, {0 if points is None else len(points)} sparse points")
     where = {"seed": job.settings.seed, "threads": torch.get_num_threads(), "device": job.runtime.device.type}
+    wait(job.emit, job.should_stop)
     task = FitTask(plates, kind, space, views, points, settings, **where)
     team = joined()
     team.share(task)
