@@ -95,16 +95,10 @@ def learn(job: Job, capture: Capture, run: StageRun) -> Scene:
     """Fit the field, with previews on the way; what an interrupted run has learned is resumed."""
     settings = job.settings.geometry
     wait = field_kind(settings.field).prepare(settings, job.runtime.device)
-    views = capture.split("train")
-    plates = job.plates(views)
-    kind = background_kind([_with_alpha(plate) for plate in plates])
-    views = [replace(view, camera=plate.camera) for view, plate in zip(views, plates, strict=True)]
-    points = training_points(job, capture, plates, kind)
-    space = choose_space(kind, views, points, settings)
-    job.emit("stage", name="geometry", text=f"{space}, {0 if points is None else len(points)} sparse points")
-    where = {"seed": job.settings.seed, "threads": torch.get_num_threads(), "device": job.runtime.device.type}
+    task = fit_task(job, capture)
+    points = 0 if task.points is None else len(task.points)
+    job.emit("stage", name="geometry", text=f"{task.space}, {points} sparse points")
     wait(job.emit, job.should_stop)
-    task = FitTask(plates, kind, space, views, points, settings, **where)
     team = joined()
     team.share(task)
     fit = task.start(replace(job.runtime, team=team))
@@ -113,10 +107,10 @@ def learn(job: Job, capture: Capture, run: StageRun) -> Scene:
     team.share(fit.state() if fit.done else None)
     held_out, scores = validation_bank(job, capture), run.unfinished.notes.setdefault("held_out", [])
     for scene in fit.scenes(progress, run.unfinished):
-        preview(job, scene, plates[0])
+        preview(job, scene, task.plates[0])
         if held_out is not None:
             validate(job, scene, held_out, scores)
-    run.summary.update(background=kind, space=space, **scene.field.summary(), held_out=scores)
+    run.summary.update(background=task.kind, space=task.space, **scene.field.summary(), held_out=scores)
     return scene
 
 
@@ -141,6 +135,19 @@ class FitTask:
         """The fresh fit."""
         bank = make_bank(self.plates, self.kind, runtime.device)
         return start_fit(FitInputs(bank, self.kind, self.space, self.views, self.points, self.settings, runtime))
+
+
+def fit_task(job: Job, capture: Capture) -> FitTask:
+    """What the training photos of a capture ask to learn, with sparse points found where there are none."""
+    settings = job.settings.geometry
+    views = capture.split("train")
+    plates = job.plates(views)
+    kind = background_kind([_with_alpha(plate) for plate in plates])
+    views = [replace(view, camera=plate.camera) for view, plate in zip(views, plates, strict=True)]
+    points = training_points(job, capture, plates, kind)
+    space = choose_space(kind, views, points, settings)
+    where = {"seed": job.settings.seed, "threads": torch.get_num_threads(), "device": job.runtime.device.type}
+    return FitTask(plates, kind, space, views, points, settings, **where)
 
 
 def help_to_learn(team: Team) -> None:
