@@ -31,6 +31,7 @@ from .heads.files import load_recoloring, load_segmentation
 from .heads.rendering import ObjectSamples, object_samples, segment_cache, weigh_cache
 from .images import over
 from .locking import consistent, opened
+from .looks import Looks
 from .matting.matte import dense_coverage, disputed_objects
 from .matting.refine import mattes_of
 from .plates import Plate, load_views
@@ -80,6 +81,7 @@ class Model:
             self.palettes = read_palettes(project.checked(project.palette_file), objects=self.objects)
             path, bounds = project.checked(project.recoloring_file), self.segmentation.bounds
             self.recoloring = load_recoloring(path, bounds, n_features, self.palettes, self.device)
+        self._looks = Looks(project)
         self._looked: tuple[Any, Frame | None] = (None, None)
 
     @classmethod
@@ -167,17 +169,24 @@ class Model:
     def look(self, camera: Camera) -> Frame:
         """What the field alone says, in the grid of a camera with its lens: no palette weights, itself as base.
 
-        The last one is remembered. Raises OutOfMemory where the device has too little.
+        It is kept in the project, and the last one in memory. Raises OutOfMemory where the device has too little.
         """
         known, frame = self._looked
         asked = (replace(camera, camera_to_world=None), camera.camera_to_world.tobytes())
         if known != asked:
-            picture = self.scene.render(camera, MASK_SAMPLES)
-            frame = Frame(picture, self._probabilities(picture), None, picture.color.cpu().numpy())
-            if not camera.is_pinhole:  # where a lens shows nothing, the rays are those of another pixel
-                beyond = np.isnan(straighten(camera, camera.pixel_centers())).any(1).reshape(frame.depth.shape)
-                frame.probabilities[:, beyond] = 0
+            frame = self._looks.find(camera, len(self.objects), self.device)
+            if frame is None:
+                frame = self._look(camera)
+                self._looks.keep(camera, frame)
             self._looked = asked, frame
+        return frame
+
+    def _look(self, camera: Camera) -> Frame:
+        picture = self.scene.render(camera, MASK_SAMPLES)
+        frame = Frame(picture, self._probabilities(picture), None, picture.color.cpu().numpy())
+        if not camera.is_pinhole:  # where a lens shows nothing, the rays are those of another pixel
+            beyond = np.isnan(straighten(camera, camera.pixel_centers())).any(1).reshape(frame.depth.shape)
+            frame.probabilities[:, beyond] = 0
         return frame
 
     def preview(self, view: View, long_side: int | None = None) -> Frame:
@@ -228,21 +237,26 @@ class Model:
 
         from_field: palette weights of F_w, else of the colors of the base [H, W, 3].
         """
-        probabilities = self._probabilities(picture)
+        samples = None
+        if self.recoloring is not None and from_field:
+            samples = object_samples(self.segmentation, self.scene.field, picture.cache)
+        probabilities = self._probabilities(picture, samples)
         weights = None
         if self.recoloring is not None:
-            weights = self.weights_of_field(picture) if from_field else self.weights_of_colors(base, probabilities)
+            known = samples is not None
+            weights = self.weights_of_field(picture, samples) if known else self.weights_of_colors(base, probabilities)
         return Frame(picture, probabilities, weights, base)
 
     def plate(self, view: View) -> Plate:
         """The photo of a view at the working size. Raises DataError where it is missing or damaged."""
         return load_views([view], self.settings.geometry.long_side)[0]
 
-    def _probabilities(self, picture: Picture) -> np.ndarray:
+    def _probabilities(self, picture: Picture, samples: ObjectSamples | None = None) -> np.ndarray:
         height, width = picture.opacity.shape
         result = np.zeros((len(self.objects), height * width), np.float32)
         if self.segmentation is not None:
-            classes = segment_cache(self.segmentation, self.scene.field, picture.cache)
+            known = samples is not None
+            classes = samples.rendered if known else segment_cache(self.segmentation, self.scene.field, picture.cache)
             result[:, picture.cache.index.cpu().numpy()] = classes[:, 1:].T.cpu().numpy()
         return result.reshape(-1, height, width)
 

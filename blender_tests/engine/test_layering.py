@@ -15,7 +15,7 @@ FLOORS = (
     ("fields",),
     ("heads",),
     ("segmentation", "frames"),
-    ("finishing",),
+    ("finishing", "looks"),
     ("model",),
     ("stages",),
     ("library",),

@@ -19,7 +19,8 @@ from ..training.course import Course
 from ..training.loop import Schedule, Step, constant, cosine_with_warmup, train
 from ..training.unfinished import Unfinished
 from .fields import RecoloringField, SegmentationField
-from .rendering import features_of, render_classes, render_weights
+from .ray_features import RayFeatures
+from .rendering import render_classes, render_weights
 
 WARMUP = 20  # iterations
 NEAR_SHARE, OBJECT_SHARE = 0.4, 0.4  # of a batch; the rest comes from anywhere
@@ -62,13 +63,13 @@ def fit_on_points(
     n_object = int(settings.batch * OBJECT_SHARE) // max(len(pools), 1)
     optimizer = torch.optim.Adam(karf.parameters(), lr=settings.rate)
 
-    def step(_: int, scale: float) -> tuple[Tensor, dict[str, float]]:
+    def step(_: int, scale: float) -> tuple[Tensor, dict[str, Tensor]]:
         parts = [_draw(pool, int(n_object * scale) + 1, runtime) for pool in pools]
         parts += [_draw(near_pool, int(n_near * scale) + 1, runtime)]
         parts += [_draw(any_pool, max(1, int(settings.batch // 5 * scale)), runtime)]
         index = torch.cat(parts)
         loss = torch.nn.functional.cross_entropy(karf.logits(positions[index], features[index]), classes[index])
-        return loss, {"loss": float(loss.detach())}
+        return loss, {"loss": loss.detach()}
 
     course = Course(settings.iterations, optimizer, karf.state_dict, runtime)
     _learn(course, step, _schedule(settings, 0.05), progress, unfinished)
@@ -102,17 +103,16 @@ def fit_on_rays(
     flat = cache.positions.view(-1, 3)
     karf.standardizer.fit(scene_field.features(flat[:: max(1, len(flat) // 65536)]))
     inside = _pool((targets[:, 1:].sum(1) > 0.99).float())
+    features = RayFeatures(scene_field, cache.positions, settings)
     optimizer = torch.optim.Adam(karf.parameters(), lr=settings.rate)
 
-    def step(_: int, scale: float) -> tuple[Tensor, dict[str, float]]:
+    def step(_: int, scale: float) -> tuple[Tensor, dict[str, Tensor]]:
         count = max(16, int(settings.batch * scale))
         index = torch.cat([_draw(inside, count // 3, runtime), runtime.randint(len(cache), count - count // 3)])
-        positions = cache.positions[index]
-        features = features_of(scene_field, positions)
-        probabilities = render_classes(karf, positions, features, cache.opacity[index])
+        probabilities = render_classes(karf, cache.positions[index], features.of(index), cache.opacity[index])
         allowed = (probabilities * (targets[index] > 0)).sum(1)
         loss = -allowed.clamp_min(1e-6).log().mean()
-        return loss, {"loss": float(loss.detach())}
+        return loss, {"loss": loss.detach()}
 
     course = Course(settings.iterations, optimizer, karf.state_dict, runtime)
     _learn(course, step, _schedule(settings, 0.05), progress, unfinished)
@@ -171,6 +171,7 @@ def fit_recoloring(
     some = slice(None, None, max(1, len(rays.colors) // 65536))
     middle = rays.positions.shape[1] // 2
     karf.standardizer.fit(scene_field.features(rays.positions[some, middle]))
+    features = RayFeatures(scene_field, rays.positions, settings)
     learned = palettes.clone().requires_grad_(True)
     groups = [
         {"params": list(karf.parameters()), "lr": settings.rate},
@@ -179,10 +180,10 @@ def fit_recoloring(
     optimizer = torch.optim.Adam(groups)
     first_palette_iteration = int(settings.iterations * (1 - settings.palette_share))
 
-    def step(iteration: int, scale: float) -> tuple[Tensor, dict[str, float]]:
+    def step(iteration: int, scale: float) -> tuple[Tensor, dict[str, Tensor]]:
         index = runtime.randint(len(rays.colors), max(16, int(settings.batch * scale)))
         block = rays.block[index]
-        all_weights = render_weights(karf, scene_field, rays.positions[index], rays.viewdirs[index])
+        all_weights = render_weights(karf, rays.positions[index], rays.viewdirs[index], features.of(index))
         weights = all_weights[torch.arange(len(index), device=index.device), block]  # [n, M]
         colors = learned if iteration >= first_palette_iteration else palettes
         # black stays black and no color leaves [0, 1]
@@ -192,7 +193,7 @@ def fit_recoloring(
         asked = rays.supervised[index]
         weight_loss = (((weights - rays.weights[index]) ** 2).sum(1) * asked).sum() / asked.sum().clamp_min(1)
         loss = settings.palette_loss * palette_loss + settings.weight_loss * weight_loss
-        return loss, {"palette": float(palette_loss.detach()), "weight": float(weight_loss.detach())}
+        return loss, {"palette": palette_loss.detach(), "weight": weight_loss.detach()}
 
     course = Course(settings.iterations, optimizer, lambda: karf.state_dict() | {"palettes": learned.detach()}, runtime)
     _learn(course, step, _schedule(settings, 0.02), progress, unfinished)

@@ -5,6 +5,7 @@ Because density is frozen, a ray's samples are cached once (rendering.surface_ca
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import torch
@@ -32,11 +33,55 @@ def render_classes(karf: SegmentationField, positions: Tensor, features: Tensor,
     Returns:
         [n, K+1]; rows sum to 1.
     """
-    n_rays, n_samples = positions.shape[:2]
     per_sample = karf(positions.view(-1, 3), features.flatten(0, 1))
-    rendered = per_sample.view(n_rays, n_samples, per_sample.shape[1]).mean(1) * opacity[:, None]
+    return _rendered(per_sample.view(*positions.shape[:2], per_sample.shape[1]), opacity)
+
+
+def _rendered(classes: Tensor, opacity: Tensor) -> Tensor:
+    """Class probabilities [n, K+1] of rays of those of their samples [n, S, K+1]."""
+    rendered = classes.mean(1) * opacity[:, None]
     background = rendered[:, :1] + (1 - opacity)[:, None]
     return torch.cat([background, rendered[:, 1:]], 1)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Some rays of a cache, and F_s at their distinct samples: several quantiles may fall on one.
+
+    Attributes:
+        rays: [r], their numbers in the cache.
+        first: [r, S] bool, the quantiles that fall on a sample none before them does; s of them.
+        positions: [s, 3] grid coordinates.
+        features: [s, F] prior features.
+        classes: [s, K+1] probabilities of F_s.
+    """
+
+    rays: Tensor
+    first: Tensor
+    positions: Tensor
+    features: Tensor
+    classes: Tensor
+
+    @property
+    def sample_of(self) -> Tensor:
+        """Which of the s samples each quantile falls on, [r, S]."""
+        return (torch.cumsum(self.first.view(-1), 0) - 1).view(self.first.shape)
+
+
+def _parts(karf: SegmentationField, scene_field: Field, cache: SurfaceCache) -> Iterator[_Part]:
+    """The rays of a cache that touch an object's box, in parts."""
+    n_samples = cache.positions.shape[1]
+    at_once = max(1, SAMPLES_PER_CHUNK // n_samples)
+    touching = [
+        karf.inside(some.reshape(-1, 3)).any(1).view(-1, n_samples).any(1) for some in cache.positions.split(at_once)
+    ]
+    for rays in torch.nonzero(torch.cat(touching)).squeeze(1).split(at_once):
+        distances = cache.distances[rays]
+        first = torch.ones_like(distances, dtype=torch.bool)
+        first[:, 1:] = distances[:, 1:] != distances[:, :-1]
+        positions = cache.positions[rays][first]
+        features = scene_field.features(positions)
+        yield _Part(rays, first, positions, features, karf(positions, features))
 
 
 @torch.no_grad()
@@ -50,14 +95,15 @@ def segment_cache(karf: SegmentationField, scene_field: Field, cache: SurfaceCac
         scene_field: the frozen radiance field, for its prior features.
         cache: n rays with their surface samples.
     """
+    result = _background(karf, cache)
+    for part in _parts(karf, scene_field, cache):
+        result[part.rays] = _rendered(part.classes[part.sample_of], cache.opacity[part.rays])
+    return result
+
+
+def _background(karf: SegmentationField, cache: SurfaceCache) -> Tensor:
     result = torch.zeros(len(cache), len(karf.boxes) + 1, device=cache.opacity.device)
     result[:, 0] = 1
-    n_samples = cache.positions.shape[1]
-    inside = karf.inside(cache.positions.view(-1, 3)).any(1).view(-1, n_samples).any(1)
-    for part in torch.nonzero(inside).squeeze(1).split(max(1, SAMPLES_PER_CHUNK // n_samples)):
-        positions = cache.positions[part]
-        features = features_of(scene_field, positions)
-        result[part] = render_classes(karf, positions, features, cache.opacity[part])
     return result
 
 
@@ -68,37 +114,43 @@ def features_of(scene_field: Field, positions: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class ObjectSamples:
-    """The s cached samples at which an object's probability is not negligible.
+    """What F_s says of a cache, and the s samples at which an object's probability is not negligible.
 
     Attributes:
+        rendered: [n, K+1] rendered class probabilities of all cached rays, as of `segment_cache`.
         positions: [s, 3] grid coordinates.
         viewdirs: [s, 3], unit length.
         features: [s, F] prior features.
         classes: [s, K] probabilities of F_s, without the background.
         rays: [s] number of each sample's ray in the cache.
+        counts: [s] >= 1, how many of the ray's quantiles fall on the sample.
     """
 
+    rendered: Tensor
     positions: Tensor
     viewdirs: Tensor
     features: Tensor
     classes: Tensor
     rays: Tensor
+    counts: Tensor
 
 
 @torch.no_grad()
 def object_samples(segmentation: SegmentationField, scene_field: Field, cache: SurfaceCache) -> ObjectSamples:
-    """The samples of a cache for which F_w must be asked; not differentiable. Arguments as for `segment_cache`."""
-    n_samples = cache.positions.shape[1]
-    inside = segmentation.inside(cache.positions.view(-1, 3)).any(1).view(-1, n_samples).any(1)
-    parts = []
-    for part in torch.nonzero(inside).squeeze(1).split(max(1, SAMPLES_PER_CHUNK // n_samples)):
-        flat = cache.positions[part].view(-1, 3)
-        features = scene_field.features(flat)
-        classes = segmentation(flat, features)[:, 1:]
+    """F_s along a cache's rays, asked once, and where F_w must be asked; not differentiable.
+
+    Arguments as for `segment_cache`.
+    """
+    rendered, parts = _background(segmentation, cache), []
+    for part in _parts(segmentation, scene_field, cache):
+        sample_of = part.sample_of
+        rendered[part.rays] = _rendered(part.classes[sample_of], cache.opacity[part.rays])
+        classes = part.classes[:, 1:]
         own = torch.nonzero(classes.amax(1) > NEGLIGIBLE).squeeze(1)
-        rays = part[own // n_samples]
-        parts.append((flat[own], cache.viewdirs[rays], features[own], classes[own], rays))
-    return ObjectSamples(*[torch.cat(values) for values in zip(*parts, strict=True)])
+        rays = part.rays[torch.nonzero(part.first)[own, 0]]
+        counts = torch.bincount(sample_of.view(-1), minlength=len(classes))[own]
+        parts.append((part.positions[own], cache.viewdirs[rays], part.features[own], classes[own], rays, counts))
+    return ObjectSamples(rendered, *[torch.cat(values) for values in zip(*parts, strict=True)])
 
 
 @torch.no_grad()
@@ -120,25 +172,24 @@ def weigh_cache(recoloring: RecoloringField, samples: ObjectSamples, cache: Surf
     planes = torch.zeros(len(cache), n_objects, recoloring.n_colors, device=cache.opacity.device)
     for part in torch.arange(len(samples.rays), device=cache.opacity.device).split(SAMPLES_PER_CHUNK):
         weights = recoloring(samples.positions[part], samples.viewdirs[part], samples.features[part])
-        # a shared palette broadcasts
-        planes.index_add_(0, samples.rays[part], samples.classes[part, :, None] * weights)
+        shares = samples.classes[part] * samples.counts[part, None]
+        planes.index_add_(0, samples.rays[part], shares[:, :, None] * weights)  # a shared palette broadcasts
     return planes * (cache.opacity / n_samples)[:, None, None]
 
 
-def render_weights(karf: RecoloringField, scene_field: Field, positions: Tensor, viewdirs: Tensor) -> Tensor:
+def render_weights(karf: RecoloringField, positions: Tensor, viewdirs: Tensor, features: Tensor) -> Tensor:
     """Mean of F_w over the quantile samples of rays: Eq. 8 with w in the place of s, differentiable to F_w.
 
     Args:
         karf: F_w.
-        scene_field: the frozen radiance field, for its prior features.
         positions: [n, S, 3] quantile samples, grid coordinates.
         viewdirs: [n, 3], unit length.
+        features: [n, S, F] prior features there.
 
     Returns:
         [n, blocks, M] >= 0; sums to 1 over M.
     """
     n_rays, n_samples = positions.shape[:2]
-    flat = positions.reshape(-1, 3)
     directions = viewdirs[:, None].expand(-1, n_samples, -1).reshape(-1, 3)
-    weights = karf(flat, directions, scene_field.features(flat))
+    weights = karf(positions.reshape(-1, 3), directions, features.flatten(0, 1))
     return weights.view(n_rays, n_samples, karf.n_blocks, karf.n_colors).mean(1)

@@ -100,8 +100,8 @@ def grbf_reference(x: Tensor, u: Tensor, weight: Tensor, bias: Tensor, bandwidth
 def grbf(x: Tensor, u: Tensor, weight: Tensor, bias: Tensor, bandwidth: Tensor, n_centers: int) -> Tensor:
     """Return the layer's output, keeping only x and u for the backward pass.
 
-    Differentiable once, to its five tensors; not twice. Its Gaussians equal Eq. 5 to 2e-8 for any u. Reading the
-    bandwidth waits for an accelerator once a call.
+    Differentiable once, to its five tensors; not twice. Its Gaussians equal Eq. 5 to 2e-8 for any u. It waits
+    for no accelerator.
 
     Args:
         x: [n, n_in] inputs.
@@ -123,20 +123,24 @@ def grbf(x: Tensor, u: Tensor, weight: Tensor, bias: Tensor, bandwidth: Tensor, 
 
 
 class _Recurrence:
-    """The constants of one layer's recurrence, and the bases it gives."""
+    """The constants of one layer's recurrence, and the bases it gives.
 
-    def __init__(self, bandwidth: float, n_centers: int):
+    What follows from the bandwidth stays on an accelerator: reading it would wait for all that is queued there.
+    """
+
+    def __init__(self, bandwidth: Tensor, n_centers: int):
         self.n_centers = n_centers
         self.anchor = n_centers // 2
         self.spacing = grid_spacing(n_centers)
-        self.kappa = (self.spacing / bandwidth) ** 2
-        margin = _CLAMP_BANDWIDTHS * bandwidth / self.spacing
-        self.lowest = -self.anchor - margin
-        self.highest = n_centers - 1 - self.anchor + margin
+        h = bandwidth.detach().double()
+        kappa = (self.spacing / h) ** 2
+        margin = _CLAMP_BANDWIDTHS * h / self.spacing
+        lowest, highest = -self.anchor - margin, n_centers - 1 - self.anchor + margin
         # Narrow Gaussians: the anchor would underflow at the far end, so all bases carry exp(shift), undone by `scale`.
-        farthest = max(-self.lowest, self.highest)
-        self.shift = max(0.0, self.kappa * farthest**2 / 2 - _LOWEST_EXPONENT)
-        self.scale = math.exp(-self.shift)
+        shift = (kappa * torch.maximum(-lowest, highest) ** 2 / 2 - _LOWEST_EXPONENT).clamp_min(0)
+        constants = torch.stack([kappa, lowest, highest, shift, shift.exp(), (-shift).exp(), (-kappa).exp()])
+        values = constants.tolist() if h.device.type == "cpu" else constants.to(bandwidth.dtype).unbind()
+        self.kappa, self.lowest, self.highest, self.shift, self.raised, self.scale, self.decay = values
 
     def offsets(self, u: Tensor) -> Tensor:
         """Return w: u in spacings from the anchor, clamped to a few bandwidths beyond the grid."""
@@ -146,17 +150,16 @@ class _Recurrence:
     def fill(self, bases: Tensor, w: Tensor) -> None:
         """Write the Gaussians, times exp(shift), into `bases` [rows, N, n_in]."""
         m, last = self.anchor, self.n_centers - 1
-        decay = math.exp(-self.kappa)
         torch.mul(w, w, out=bases[:, m])
-        bases[:, m].mul_(-self.kappa / 2).add_(self.shift).exp_()
+        bases[:, m].mul_(self.kappa * -0.5).add_(self.shift).exp_()
         upward = (w * self.kappa).sub_(self.kappa / 2).exp_()
-        downward = torch.reciprocal(upward).mul_(decay)
+        downward = torch.reciprocal(upward).mul_(self.decay)
         for k in range(m + 1, last + 1):
             torch.mul(bases[:, k - 1], upward, out=bases[:, k])
-            upward.mul_(decay)
+            upward.mul_(self.decay)
         for k in range(m - 1, -1, -1):
             torch.mul(bases[:, k + 1], downward, out=bases[:, k])
-            downward.mul_(decay)
+            downward.mul_(self.decay)
 
 
 class _GRBF(torch.autograd.Function):
@@ -164,15 +167,15 @@ class _GRBF(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx, x, u, weight, bias, bandwidth, n_centers):
-        recurrence = _Recurrence(float(bandwidth), n_centers)
+        recurrence = _Recurrence(bandwidth, n_centers)
         ctx.save_for_backward(x, u, weight, bandwidth)
         ctx.recurrence = recurrence
         output = x.new_empty(x.shape[0], weight.shape[0])
-        buffer = _chunk_buffer(u, n_centers + 1)
+        buffer, scaled = _chunk_buffer(u, n_centers + 1), weight.T * recurrence.scale
         for rows in _chunks(u):
             blocks = buffer[: u[rows].shape[0]]
             _fill_blocks(blocks, x[rows], recurrence.offsets(u[rows]), recurrence)
-            torch.addmm(bias, blocks.flatten(1), weight.T, alpha=recurrence.scale, out=output[rows])
+            torch.addmm(bias, blocks.flatten(1), scaled, out=output[rows])
         return output
 
     @staticmethod
@@ -188,7 +191,7 @@ class _GRBF(torch.autograd.Function):
             w, gradient = recurrence.offsets(u[rows]), grad_output[rows]
             blocks, products = blocks_buffer[: w.shape[0]], products_buffer[: w.shape[0]]
             _fill_blocks(blocks, x[rows], w, recurrence)
-            grad_weight.addmm_(gradient.T, blocks.flatten(1), alpha=scale)
+            grad_weight.addmm_(gradient.T, blocks.flatten(1))
             torch.mm(gradient, weight, out=products.flatten(1))  # dL/dB_k, then dL/dSiLU
             torch.mul(products[:, n], _silu_slope(x[rows]), out=grad_x[rows])
             # With E_j = B_j dL/dB_j, dL/dw = kappa (sum_j j E_j - w sum_j E_j).
@@ -197,6 +200,7 @@ class _GRBF(torch.autograd.Function):
             quadratic += torch.sum(w * (weighted_total - 2 * first_moment))
             torch.sub(first_moment, weighted_total, out=grad_u[rows])
         grad_u.mul_(scale * kappa / recurrence.spacing)
+        grad_weight.mul_(scale)
         # dL/dkappa = -1/2 sum (w - j)^2 E_j. Its part in j^2 needs no bases: summed over rows, E_j is W dL/dW.
         per_center = (grad_weight * weight).unflatten(1, (n + 1, -1))[:, :n].sum(dim=(0, 2))
         steps = torch.arange(n, dtype=u.dtype, device=u.device) - recurrence.anchor
@@ -207,7 +211,7 @@ class _GRBF(torch.autograd.Function):
 def _fill_blocks(blocks: Tensor, x: Tensor, w: Tensor, recurrence: _Recurrence) -> None:
     """Write the Gaussians of w and SiLU(x), all times exp(shift), into `blocks` [rows, N + 1, n_in]."""
     recurrence.fill(blocks[:, :-1], w)
-    torch.sigmoid(x, out=blocks[:, -1]).mul_(x).mul_(math.exp(recurrence.shift))
+    torch.sigmoid(x, out=blocks[:, -1]).mul_(x).mul_(recurrence.raised)
 
 
 def _silu_slope(x: Tensor) -> Tensor:

@@ -15,6 +15,7 @@ A stage's outputs are gathered in a folder of their own until all are there, and
     object_colors.npz            each object's color histogram with its palette weights (see edit.object_colors)
     recoloring.safetensors       the recoloring field F_w
     planes/<view>.npz            edit planes of a captured view (see edit.compositing)
+    looks/<scene>/<camera>.safetensors  what the field says of captured views (see looks)
     photos/<view>-<digest>.png   photos without lens distortion, as Blender shows them behind its cameras
     jobs/<time>-<stage>/         request, events and log of each job
     .outputs/                    outputs of a stage at work
@@ -106,6 +107,11 @@ class Project:
     def planes_file(self, view: str) -> Path:
         """Edit planes of the captured view with this name."""
         return self.planes_folder / f"{view}.npz"
+
+    @property
+    def looks_folder(self) -> Path:
+        """What the field says of captured views; see `looks`."""
+        return self.folder / "looks"
 
     @property
     def photos_folder(self) -> Path:
@@ -287,7 +293,7 @@ class Project:
             shutil.rmtree(self.outputs_folder, ignore_errors=True)
         for folder in (self.folder, self.planes_folder):  # only the engine writes here
             remove_temporaries(folder, older_than=0.0)
-        for folder in (self.photos_folder, *self.masks_folder.glob("*/")):
+        for folder in (self.photos_folder, *self.masks_folder.glob("*/"), *self.looks_folder.glob("*/")):
             remove_temporaries(folder)
 
 

@@ -60,20 +60,28 @@ def conjugate_gradients(
     Returns:
         x [p, c].
     """
-    residual = right - product(x)
-    scaled = residual / diagonal[:, None]
-    direction = scaled
-    energy = (residual * scaled).sum(0)
-    goal = TOLERANCE * np.sqrt((right**2).sum(0))
+    inverse = 1 / diagonal[:, None]
+    x, residual = x.copy(), right - product(x)
+    scaled = residual * inverse
+    direction = scaled.copy()
+    energy = _dots(residual, scaled)
+    goal = TOLERANCE * np.sqrt(_dots(right, right))
     for _ in range(MOST_STEPS):
-        if (np.sqrt((residual**2).sum(0)) <= goal).all():
+        if (np.sqrt(_dots(residual, residual)) <= goal).all():
             break
         image = product(direction)
-        length = energy / np.maximum((direction * image).sum(0), 1e-30)
-        x = x + length * direction
-        residual = residual - length * image
-        scaled = residual / diagonal[:, None]
-        new_energy = (residual * scaled).sum(0)
-        direction = scaled + new_energy / np.maximum(energy, 1e-30) * direction
+        length = energy / np.maximum(_dots(direction, image), 1e-30)
+        x += length * direction
+        image *= length
+        residual -= image
+        np.multiply(residual, inverse, out=scaled)
+        new_energy = _dots(residual, scaled)
+        direction *= new_energy / np.maximum(energy, 1e-30)
+        direction += scaled
         energy = new_energy
     return x
+
+
+def _dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Scalar products [c] of columns [p, c]; no array of all products is made."""
+    return np.einsum("pc,pc->c", a, b)

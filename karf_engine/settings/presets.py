@@ -61,7 +61,7 @@ PRESETS: dict[str, Settings] = {
             schedule="constant",
             cache_views=32,
             cache_long_side=256,
-            samples_per_ray=192,
+            samples_per_ray=64,
         ),
         palette=PaletteSettings(shared=True, colors=6),
         recoloring=RecoloringSettings(

@@ -17,7 +17,7 @@ from torch import Tensor
 
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.heads.fields import RecoloringField
-from karf_engine.heads.rendering import render_weights
+from karf_engine.heads.rendering import features_of, render_weights
 from karf_engine.settings import RecoloringSettings
 
 RAYS, DENSE_SAMPLES, CACHED_SAMPLES, COLORS = 256, 192, (3, 1), 6
@@ -35,7 +35,11 @@ def run(threads: int = 1, repeats: int = 3) -> list[dict[str, Any]]:
     target = torch.rand(RAYS, COLORS)
     cases = {"dense": lambda karf: dense_weights(karf, field, positions, viewdirs)}
     for count in CACHED_SAMPLES:
-        cases[f"cache of {count}"] = lambda karf, k=count: render_weights(karf, field, positions[:, :k], viewdirs)[:, 0]
+        few = positions[:, :count]
+        features = features_of(field, few)  # once for a whole training
+        cases[f"cache of {count}"] = lambda karf, few=few, features=features: render_weights(
+            karf, few, viewdirs, features
+        )[:, 0]
     karf = RecoloringField(field.bounds, field.n_features, [COLORS], RecoloringSettings(width=256))
     optimizer = torch.optim.Adam(karf.parameters())
     seconds: dict[str, list[float]] = {name: [] for name in cases}

@@ -24,9 +24,10 @@ def copy(learned, tmp_path):
 
 
 def contents(folder):
-    # lock files and previews of learning are no results
+    # lock files, previews of learning and kept looks are no results
     skipped = {"lock", "commit.lock", "preview.png"}
     files = [path for path in folder.rglob("*") if path.is_file() and path.name not in skipped]
+    files = [path for path in files if "looks" not in path.relative_to(folder).parts]
     return {str(path.relative_to(folder)): path.read_bytes() for path in files if "unfinished" not in path.name}
 
 

@@ -5,8 +5,8 @@ What is behind the rays is a plain color: white behind a matte or a white backgr
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import torch
 from torch import Tensor
@@ -29,6 +29,20 @@ STRAYS = 0.005  # of the surface on either side of each axis is left out of the 
 BOUNDS_MARGIN = 0.05
 
 
+@contextmanager
+def quick_products(device: torch.device) -> Iterator[None]:
+    """Within it, CUDA rounds the factors of matrix products to TF32 (10 bits behind the point, sums in float32).
+
+    Only for learning: the positions' high frequencies lose digits, which the noise of random rays hides.
+    """
+    before = torch.get_float32_matmul_precision()
+    torch.set_float32_matmul_precision("high" if device.type == "cuda" else before)
+    try:
+        yield
+    finally:
+        torch.set_float32_matmul_precision(before)
+
+
 class NerfFit:
     """A `Fit` (see fields/fit.py) of both networks."""
 
@@ -37,7 +51,7 @@ class NerfFit:
         self._white = kind in ("alpha", "white")
         self._noise = settings.density_noise if field.space.is_forward_facing else 0.0
         self._crop = 0 if kind == "opaque" else settings.crop_iterations
-        self._loss_average = 0.1
+        self._loss_average = number(0.1).to(runtime.device)  # stays there: reading it would wait for the device
         self._yielded = 0  # iterations of which the scene has been yielded
         optimizer = torch.optim.Adam(field.parameters(), lr=settings.rate)
         self._course = Course(settings.iterations, optimizer, field.state_dict, runtime)
@@ -57,7 +71,8 @@ class NerfFit:
         field = self.field
         while self._yielded < self.iterations:
             until = min(self._yielded + self.settings.look_every, self.iterations)
-            train(self._course, until, self._step, self._decay, progress, unfinished)
+            with quick_products(self.runtime.device):
+                train(self._course, until, self._step, self._decay, progress, unfinished)
             field.bounds = surface_bounds(field, self.bank.rays(self.bank.draw(MEASURED_RAYS, self.runtime)))
             self._yielded = until
             yield Scene(field, None, self.background_kind, 1.0)
@@ -76,17 +91,18 @@ class NerfFit:
         check_alike({n: t for n, t in state.items() if not n.startswith("course.")}, self._position())
         yielded = whole_number(state, "looked", self.iterations - 1)
         self._course.resume(course_state)
-        self._yielded, self._loss_average = yielded, float(state["loss_average"])
+        self._yielded = yielded
+        self._loss_average.copy_(state["loss_average"])
 
     def _position(self) -> dict[str, Tensor]:
         """The numbers of a state."""
-        return {"looked": number(self._yielded), "loss_average": number(self._loss_average)}
+        return {"looked": number(self._yielded), "loss_average": self._loss_average}
 
     def _decay(self, iteration: int, _: int) -> float:
         steps = self.settings.decay_steps
         return 0.1 ** (iteration / steps) if steps else 1.0
 
-    def _step(self, iteration: int, batch_scale: float) -> tuple[Tensor, dict[str, float]]:
+    def _step(self, iteration: int, batch_scale: float) -> tuple[Tensor, dict[str, Tensor]]:
         n_rays = max(16, int(self.settings.rays * batch_scale))
         if iteration < self._crop:
             index = self.bank.draw_central(n_rays, CROP_SHARE, self.runtime)
@@ -98,9 +114,9 @@ class NerfFit:
             target = target * matte + (1 - matte)
         coarse, fine = self._render(self.bank.rays(index))
         error = ((fine - target) ** 2).mean()
-        self._loss_average += 0.05 * (float(error.detach()) - self._loss_average)
+        self._loss_average += 0.05 * (error.detach() - self._loss_average)
         loss = error + ((coarse - target) ** 2).mean()
-        return loss, {"psnr": -10 * math.log10(max(self._loss_average, 1e-10))}
+        return loss, {"psnr": -10 * torch.log10(self._loss_average.clamp_min(1e-10))}
 
     def _render(self, rays: Rays) -> tuple[Tensor, Tensor]:
         """Differentiable colors of rays by the coarse and by the fine network, [R, 3] each."""

@@ -1,0 +1,81 @@
+"""Both heads along a frozen scene's rays: each is asked once for each distinct sample, and nothing changes by that."""
+
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from karf_engine.heads.fields import RecoloringField, SegmentationField
+from karf_engine.heads.fit import ObjectRays, fit_recoloring
+from karf_engine.heads.rendering import features_of, object_samples, render_classes, segment_cache, weigh_cache
+from karf_engine.progress import Progress
+from karf_engine.rendering.surface_cache import SurfaceCache
+from karf_engine.runtime import start_runtime
+from karf_engine.settings import RecoloringSettings, SegmentationSettings
+
+
+class Waves:
+    """A field of four features that counts how often it is asked for how many."""
+
+    n_features = 4
+
+    def __init__(self):
+        self.asked = []
+
+    def features(self, positions):
+        self.asked.append(len(positions))
+        return torch.cat([torch.sin(5 * positions), positions[:, :1]], 1)
+
+
+@pytest.fixture
+def cache():
+    """40 rays of 8 quantiles, of which several fall on one sample, and some rays meet no object."""
+    random = torch.Generator().manual_seed(0)
+    distances = torch.randint(0, 5, (40, 8), generator=random).float().sort(1).values
+    origins, viewdirs = torch.rand(40, 3, generator=random) - 0.5, torch.zeros(40, 3)
+    viewdirs[:, 2] = 1.0
+    origins[30:] += 9.0
+    positions = origins[:, None] + 0.1 * distances[..., None] * viewdirs[:, None]
+    return SurfaceCache(positions, distances, viewdirs, torch.rand(40, generator=random), torch.arange(40))
+
+
+@pytest.fixture
+def heads():
+    torch.manual_seed(0)
+    boxes = torch.tensor([[[-1.0, -1.0, -1.0], [0.1, 1.0, 1.0]], [[-0.1, -1.0, -1.0], [1.0, 1.0, 1.0]]])
+    segmentation = SegmentationField(boxes, 4, SegmentationSettings(width=8)).requires_grad_(False)
+    recoloring = RecoloringField(segmentation.bounds, 4, [3, 4], RecoloringSettings(width=8)).requires_grad_(False)
+    return segmentation, recoloring
+
+
+def test_classes_are_those_of_all_quantiles_and_each_sample_is_asked_once(cache, heads):
+    field, (segmentation, _) = Waves(), heads
+    every = render_classes(segmentation, cache.positions, features_of(Waves(), cache.positions), cache.opacity)
+    assert torch.allclose(segment_cache(segmentation, field, cache), every, atol=1e-6)
+    inside = cache.distances[:30]
+    assert sum(field.asked) == int((inside[:, 1:] != inside[:, :-1]).sum()) + 30
+
+
+def test_one_evaluation_gives_the_masks_and_what_the_weights_need(cache, heads):
+    field, (segmentation, recoloring) = Waves(), heads
+    samples = object_samples(segmentation, field, cache)
+    assert torch.equal(samples.rendered, segment_cache(segmentation, Waves(), cache))
+    flat, features = cache.positions.view(-1, 3), features_of(Waves(), cache.positions).flatten(0, 1)
+    directions = cache.viewdirs.repeat_interleave(8, 0)
+    products = segmentation(flat, features)[:, 1:, None] * recoloring(flat, directions, features)
+    plain = products.view(40, 8, 2, 4).mean(1) * cache.opacity[:, None, None]
+    asked = list(field.asked)
+    assert torch.allclose(weigh_cache(recoloring, samples, cache), plain, atol=2 / 1024)
+    assert field.asked == asked
+
+
+@pytest.mark.parametrize(("iterations", "asked"), [(2, [40, 128, 128]), (40, [40, 320])])
+def test_features_of_a_training_are_asked_once_where_that_is_less_work(cache, heads, iterations, asked):
+    """40 rays in batches of 16: two iterations do not draw all of them, forty draw each many times."""
+    field, settings = Waves(), RecoloringSettings(iterations=iterations, batch=16, width=8)
+    palettes, block = torch.rand(2, 4, 3), torch.arange(40) % 2
+    rays = ObjectRays(cache.positions, cache.viewdirs, torch.rand(40, 3), torch.zeros(40).long(), block,
+                      torch.rand(40, 4), torch.ones(40, dtype=torch.bool))  # fmt: skip
+    karf = RecoloringField(heads[0].bounds, 4, [4, 4], settings)
+    progress = Progress(lambda *_, **__: None, lambda: False, "recoloring", iterations)
+    fit_recoloring(karf, field, rays, palettes, settings, start_runtime(0, 1, "cpu"), progress)
+    assert field.asked == asked  # first for the standardizer

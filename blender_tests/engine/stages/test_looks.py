@@ -1,0 +1,117 @@
+"""What the field says of captured views is asked once: kept in the project, and taken again where nothing has changed."""
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("scipy")
+
+import karf_engine.looks
+from karf_engine.cli import main
+from karf_engine.fields.scene import Scene
+from karf_engine.model import Model
+from karf_engine.project import Project
+
+
+@pytest.fixture
+def copy(learned, tmp_path):
+    """A project of one's own, in which nothing has been looked at."""
+    project = Project(shutil.copytree(learned.project, tmp_path / "project"))
+    shutil.rmtree(project.looks_folder, ignore_errors=True)
+    return project
+
+
+@pytest.fixture
+def renders(monkeypatch):
+    """The cameras that the field was rendered for."""
+    cameras, render = [], Scene.render
+
+    def note(scene, camera, n_quantiles):
+        cameras.append(camera)
+        return render(scene, camera, n_quantiles)
+
+    monkeypatch.setattr(Scene, "render", note)
+    return cameras
+
+
+def first_test_view(model):
+    return model.capture.split("test")[0]
+
+
+def seen(frame):
+    return [frame.color, frame.depth, frame.opacity, frame.probabilities]
+
+
+def test_another_model_of_the_project_renders_no_field_again_and_sees_the_same_bits(copy, renders):
+    model = Model(copy)
+    camera = model.working_camera(first_test_view(model))
+    first, again = model.look(camera), Model(copy).look(camera)
+    assert len(renders) == 1
+    assert all(np.array_equal(a, b) for a, b in zip(seen(first), seen(again), strict=True))
+
+
+def test_frames_of_a_second_edit_are_those_of_a_project_that_was_never_looked_at(copy, renders, tmp_path):
+    def frames(name):
+        out = tmp_path / name
+        assert (
+            main(["render", str(copy.folder), "--views", "test", "--depth", "--out", str(out), "--threads", "1"]) == 0
+        )
+        files = [path for path in sorted(out.rglob("*")) if path.is_file() and path.suffix != ".jsonl"]
+        return {path.relative_to(out): path.read_bytes() for path in files}
+
+    first = frames("first")
+    rendered = len(renders)
+    assert frames("second") == first
+    assert len(renders) == rendered
+
+
+def test_a_look_of_another_camera_is_not_taken(copy, renders):
+    model = Model(copy)
+    camera = model.working_camera(first_test_view(model))
+    model.look(camera)
+    Model(copy).look(replace(camera, cx=camera.cx + 1e-6))
+    assert len(renders) == 2
+
+
+def test_what_was_learned_anew_is_looked_at_anew_and_old_looks_go(copy, renders):
+    model = Model(copy)
+    camera = model.working_camera(first_test_view(model))
+    model.look(camera)
+    copy.finish("segmentation", "another", files=copy.finished("segmentation")["files"])
+    Model(copy).look(camera)
+    assert len(renders) == 2
+    assert len(list(copy.looks_folder.rglob("*.safetensors"))) == 1
+
+
+@pytest.mark.parametrize("damage", [b"", b"no tensors at all"])
+def test_a_damaged_look_is_rendered_again(copy, renders, damage):
+    model = Model(copy)
+    camera = model.working_camera(first_test_view(model))
+    first = model.look(camera)
+    (path,) = copy.looks_folder.rglob("*.safetensors")
+    path.write_bytes(damage)
+    assert np.array_equal(Model(copy).look(camera).color, first.color)
+    assert len(renders) == 2
+
+
+def test_a_project_that_cannot_be_written_to_is_rendered_all_the_same(copy, monkeypatch):
+    def refuse(*_, **__):
+        raise PermissionError("read only")
+
+    monkeypatch.setattr(karf_engine.looks, "save_tensors", refuse)
+    model = Model(copy)
+    assert model.look(model.working_camera(first_test_view(model))).color.any()
+
+
+def test_no_more_is_kept_than_may_be(copy, monkeypatch):
+    model = Model(copy)
+    views = model.capture.split("train")[:3]
+    model.look(model.working_camera(views[0]))
+    (one,) = copy.looks_folder.rglob("*.safetensors")
+    monkeypatch.setattr(karf_engine.looks, "MOST_BYTES", int(2.5 * one.stat().st_size))
+    for view in views:
+        model.look(model.working_camera(view))
+    assert len(list(copy.looks_folder.rglob("*.safetensors"))) == 2
