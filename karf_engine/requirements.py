@@ -59,6 +59,7 @@ REQUIRED = (
     Package("OpenEXR", Range("3.4", "4")),
 )
 POSES = Package("pycolmap", Range("4.1", "5"))
+FAST = Package("numba", Range("0.62", "1"))
 
 
 def _numbers(version: str) -> tuple[int, ...]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import torch
 
 from .errors import BadRequest
+from .team import Team
 
 
 @dataclass(frozen=True)
@@ -17,10 +18,12 @@ class Runtime:
     Attributes:
         device: Where tensors live.
         generator: The source of every random number of the stage, on that device.
+        team: The processes that learn together; by default this one alone.
     """
 
     device: torch.device
     generator: torch.Generator
+    team: Team = Team()  # noqa: RUF009 - frozen
 
     def rand(self, *shape: int) -> torch.Tensor:
         """Uniform numbers in [0, 1)."""

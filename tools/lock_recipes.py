@@ -28,7 +28,7 @@ SYSTEMS = {  # as the extension calls them -> as uv does
     "macos-arm64": "aarch64-apple-darwin",
 }
 OLDEST_MACOS = "14.0"  # of which torch has files
-EXTRAS = ("photos",)  # of pyproject.toml
+EXTRAS = ("photos", "fast")  # of pyproject.toml
 TORCH = ("torch", "triton", "nvidia-", "cuda-")  # how the names begin of what only one build of torch needs
 
 

@@ -42,7 +42,7 @@ FLOORS = (
     ("__init__",),
 )
 THREADS = {"threading", "_thread", "concurrent", "multiprocessing", "asyncio"}
-ENGINE_PACKAGES = {"torch", "scipy", "PIL", "imageio", "safetensors", "filelock", "cv2", "OpenEXR", "pycolmap"}
+ENGINE_PACKAGES = {"torch", "scipy", "PIL", "imageio", "safetensors", "filelock", "cv2", "OpenEXR", "pycolmap", "numba"}
 
 
 def sources(folder):

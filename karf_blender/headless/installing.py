@@ -13,7 +13,7 @@ from ..engine_api import BadRequest
 
 def plan_engine(
     build: str = "auto",
-    extras: Sequence[str] = (),
+    extras: Sequence[str] = recipes.USUAL,
     folder: str | Path | None = None,
     wheels: str | Path | None = None,
     starter: str | Path = "",
@@ -22,7 +22,7 @@ def plan_engine(
 
     Args:
         build: Of torch: `auto` (by the drivers that are there), `cpu`, `cuda`, `rocm` or `mps`.
-        extras: Of `photos` (pycolmap).
+        extras: Of `photos` (pycolmap) and `fast` (numba).
         folder: Where to; default: that of the preferences.
         wheels: A folder of wheels, in place of the network.
         starter: A Python, or uv, that makes the environment; default: Blender's own Python, uv, any Python found.
@@ -37,7 +37,7 @@ def plan_engine(
 
 def install_engine(
     build: str = "auto",
-    extras: Sequence[str] = (),
+    extras: Sequence[str] = recipes.USUAL,
     folder: str | Path | None = None,
     wheels: str | Path | None = None,
     starter: str | Path = "",
@@ -83,7 +83,11 @@ def remove_engine(folder: str | Path | None = None) -> None:
 
 
 def engine_files(
-    platform: str = "", python: str = "3.11", build: str = "cpu", extras: Sequence[str] = (), shell: str = "posix"
+    platform: str = "",
+    python: str = "3.11",
+    build: str = "cpu",
+    extras: Sequence[str] = recipes.USUAL,
+    shell: str = "posix",
 ) -> tuple[str, str]:
     """What somebody must fetch on another computer for `wheels`.
 
@@ -91,7 +95,7 @@ def engine_files(
         platform: `linux-x86_64`, `linux-aarch64`, `windows-x86_64` or `macos-arm64`; default: this one.
         python: The version of Blender's own Python, or of the starter.
         build: Of torch.
-        extras: Of `photos`.
+        extras: Of `photos` and `fast`.
         shell: Of the other computer: `posix`, `powershell` or `cmd`.
 
     Returns:

@@ -38,6 +38,10 @@ asks. What is there already is checked, finished, repaired or updated"""
         name="Camera poses of photos without them (pycolmap)", description=recipes.EXTRAS["photos"],
         options={"SKIP_SAVE"},
     )  # fmt: skip
+    fast: BoolProperty(
+        name="Fast learning on the processor (numba)", description=recipes.EXTRAS["fast"],
+        default="fast" in recipes.USUAL, options={"SKIP_SAVE"},
+    )  # fmt: skip
     folder: StringProperty(
         name="Folder",
         subtype="DIR_PATH",
@@ -73,7 +77,7 @@ asks. What is there already is checked, finished, repaired or updated"""
     def draw(self, context):
         layout = self.layout
         layout.prop(self, "build", expand=True)
-        for name in ("photos", "folder", "wheels", "starter"):
+        for name in (*recipes.EXTRAS, "folder", "wheels", "starter"):
             layout.prop(self, name)
         box = layout.box().column(align=True)
         if self.error:
@@ -102,7 +106,8 @@ asks. What is there already is checked, finished, repaired or updated"""
         folder = _whole(self.folder) if self.folder else preferences.engine_folder()
         wheels = _whole(self.wheels) if self.wheels else None
         starter = str(_whole(self.starter)) if self.starter else ""
-        return installing.plan(Choices(folder, self.build, ("photos",) if self.photos else (), wheels, starter))
+        extras = tuple(name for name in recipes.EXTRAS if getattr(self, name))
+        return installing.plan(Choices(folder, self.build, extras, wheels, starter))
 
 
 class KARF_OT_cancel_installation(bpy.types.Operator):

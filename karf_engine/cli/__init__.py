@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 
@@ -10,12 +11,21 @@ from .failing import as_karf_error, say, say_error
 from .parser import make_parser
 
 
+def is_one_of_several() -> bool:
+    """Whether torchrun has started this process beside others."""
+    return "TORCHELASTIC_RUN_ID" in os.environ and int(os.environ["WORLD_SIZE"]) > 1
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the process exit code."""
     if hasattr(sys.stdout, "reconfigure"):  # a console of Windows may not know a letter of a path
         sys.stdout.reconfigure(errors="backslashreplace")
     options = make_parser().parse_args(arguments)
     try:
+        if is_one_of_several():
+            from .together import run_together  # needs torch, without which `doctor` still has something to say
+
+            return run_together(lambda: options.action(options))
         return options.action(options)
     except KeyboardInterrupt:
         say("\ncancelled; what was finished is kept.")

@@ -65,8 +65,8 @@ def ray_weights_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_indices:
     return transmittance_from_optical_depths(optical_depths, ray_indices) * alphas
 
 
-def distortion(ray_weights: Tensor, distances: Tensor, step: float, ray_indices: Tensor) -> Tensor:
-    """Sum over all rays of Mip-NeRF 360's distortion (Eq. 15): how far apart a ray's weight lies.
+def distortion(ray_weights: Tensor, distances: Tensor, step: float, ray_indices: Tensor, n_rays: int) -> Tensor:
+    """Each ray's Mip-NeRF 360's distortion (Eq. 15): how far apart a ray's weight lies.
 
     Differentiable in `ray_weights`.
 
@@ -75,14 +75,15 @@ def distortion(ray_weights: Tensor, distances: Tensor, step: float, ray_indices:
         distances: [S], of the samples along their rays.
         step: Length of the samples' intervals, in the unit of the distances.
         ray_indices: [S], sorted.
+        n_rays: R.
 
     Returns:
-        The sum [] >= 0.
+        Sums [R] >= 0.
 
     Example:
         >>> halves, one_ray = torch.tensor([0.5, 0.5]), torch.tensor([0, 0])
-        >>> distortion(halves, torch.tensor([1.0, 3.0]), 0.0, one_ray)  # 2 * 0.5 * 0.5 * |1 - 3|
-        tensor(1.)
+        >>> distortion(halves, torch.tensor([1.0, 3.0]), 0.0, one_ray, 1)  # 2 * 0.5 * 0.5 * |1 - 3|
+        tensor([1.])
     """
     weights, moments = ray_weights.double(), ray_weights.double() * distances.double()
     before = torch.cumsum(weights, 0) - weights
@@ -90,8 +91,9 @@ def distortion(ray_weights: Tensor, distances: Tensor, step: float, ray_indices:
     moments_before = torch.cumsum(moments, 0) - moments
     moments_before = moments_before - _of_ray_start(moments_before, ray_indices)
     # the double sum over pairs of a ray, from the front: each sample meets all before it
-    pairs = 2 * (moments * before - weights * moments_before).sum()
-    return (pairs + step / 3 * (weights**2).sum()).to(ray_weights.dtype)
+    pairs = 2 * (moments * before - weights * moments_before) + step / 3 * weights**2
+    sums = torch.zeros(n_rays, dtype=pairs.dtype, device=pairs.device)
+    return sums.index_add(0, ray_indices, pairs).to(ray_weights.dtype)
 
 
 def _of_ray_start(values: Tensor, ray_indices: Tensor) -> Tensor:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -17,10 +17,10 @@ import torch
 
 from .. import settings as settings_module
 from ..capture import open_capture
-from ..capture.capture import Capture, SparsePoints, capture_to_json
+from ..capture.capture import Capture, SparsePoints, View, capture_to_json
 from ..errors import BadRequest, Cancelled, DataError, KarfError
 from ..fields.files import save_scene
-from ..fields.fit import FitInputs
+from ..fields.fit import Fit, FitInputs
 from ..fields.nerf.field import NerfNetwork
 from ..fields.nerf.files import read_nerf
 from ..fields.nerf.importing import import_nerf
@@ -32,8 +32,11 @@ from ..images import over, write_png
 from ..locking import opened
 from ..plates import Plate, background_kind, solid_pixels
 from ..poses.triangulation import triangulate
-from ..progress import Emit
+from ..progress import Emit, Progress
 from ..rendering.rays import PixelBank
+from ..runtime import Runtime, start_runtime
+from ..settings import GeometrySettings
+from ..team import Team, joined
 from ..wire import Request
 from .job import Job, StageRun, file_digest, make_job, run_stage
 
@@ -98,10 +101,14 @@ def learn(job: Job, capture: Capture, run: StageRun) -> Scene:
     points = training_points(job, capture, plates, kind)
     space = choose_space(kind, views, points, settings)
     job.emit("stage", name="geometry", text=f"{space}, {0 if points is None else len(points)} sparse points")
-    bank = make_bank(plates, kind, job)
-    fit = start_fit(FitInputs(bank, kind, space, views, points, settings, job.runtime))
+    where = {"seed": job.settings.seed, "threads": torch.get_num_threads(), "device": job.runtime.device.type}
+    task = FitTask(plates, kind, space, views, points, settings, **where)
+    team = joined()
+    team.share(task)
+    fit = task.start(replace(job.runtime, team=team))
     progress = job.progress("geometry", fit.iterations)
     run.unfinished.follow(fit, progress)
+    team.share(fit.state() if fit.done else None)
     held_out, scores = validation_bank(job, capture), run.unfinished.notes.setdefault("held_out", [])
     for scene in fit.scenes(progress, run.unfinished):
         preview(job, scene, plates[0])
@@ -109,6 +116,40 @@ def learn(job: Job, capture: Capture, run: StageRun) -> Scene:
             validate(job, scene, held_out, scores)
     run.summary.update(background=kind, space=space, **scene.field.summary(), held_out=scores)
     return scene
+
+
+@dataclass(frozen=True)
+class FitTask:
+    """What each process of a team learns from: plates with cameras of their size, and what `FitInputs` has.
+
+    seed: of all random numbers. threads: of each process. device: its kind; each process has a card of its own.
+    """
+
+    plates: list[Plate]
+    kind: str
+    space: str
+    views: list[View]
+    points: SparsePoints | None
+    settings: GeometrySettings
+    seed: int
+    threads: int
+    device: str
+
+    def start(self, runtime: Runtime) -> Fit:
+        """The fresh fit."""
+        bank = make_bank(self.plates, self.kind, runtime.device)
+        return start_fit(FitInputs(bank, self.kind, self.space, self.views, self.points, self.settings, runtime))
+
+
+def help_to_learn(team: Team) -> None:
+    """Take part in the fits of the team's first process, until there are no more. Nothing is written or told."""
+    while (task := team.share()) is not None:
+        fit = task.start(replace(start_runtime(task.seed, task.threads, task.device), team=team))
+        state = team.share()
+        if state is not None:
+            fit.resume(state)
+        for _ in fit.scenes(Progress(lambda *_, **__: None, lambda: False, "geometry", fit.iterations)):
+            pass
 
 
 def import_scene(
@@ -119,10 +160,11 @@ def import_scene(
     plates = job.plates(views[:: max(1, len(views) // COMPARED_VIEWS)][:COMPARED_VIEWS], COMPARED_LONG_SIDE)
     kind = background_kind([_with_alpha(plate) for plate in plates])
     grays = {"alpha": 1.0, "black": 0.0} if kind == "alpha" else {kind: 0.0}
-    banks = {name: make_bank([_over_gray(p, value) for p in plates], "opaque", job) for name, value in grays.items()}
+    device = job.runtime.device
+    banks = {name: make_bank([_over_gray(p, value) for p in plates], "opaque", device) for name, value in grays.items()}
     job.emit("stage", name="geometry", text=f"comparing {path.name} with {len(plates)} photos")
     scene, alignment, psnr = import_nerf(
-        networks, list(capture.views), banks, job.settings.geometry.nerf, str(path), job.runtime.device
+        networks, list(capture.views), banks, job.settings.geometry.nerf, str(path), device
     )
     job.emit("stage", name="geometry", text=f"{path.name} is placed {alignment!r} and shows them at {psnr:.1f} dB")
     preview(job, scene, plates[0])
@@ -142,7 +184,9 @@ def validation_bank(job: Job, capture: Capture) -> PixelBank | None:
     """Pixels of some test views, evenly chosen; None where there are none, or one has a matte."""
     views = capture.split("test")
     plates = job.plates(views[:: max(1, len(views) // VALIDATION_VIEWS)])
-    return make_bank(plates, "opaque", job) if plates and all(plate.alpha is None for plate in plates) else None
+    if not plates or any(plate.alpha is not None for plate in plates):
+        return None
+    return make_bank(plates, "opaque", job.runtime.device)
 
 
 def validate(job: Job, scene: Scene, held_out: PixelBank, scores: list[list[float]]) -> None:
@@ -186,7 +230,7 @@ def training_points(job: Job, capture: Capture, plates: list[Plate], kind: str) 
         return None
 
 
-def make_bank(plates: list[Plate], kind: str, job: Job) -> PixelBank:
+def make_bank(plates: list[Plate], kind: str, device: torch.device) -> PixelBank:
     """All pixels of the plates, with what the kind of background says of their opacity."""
     alphas = solids = None
     if kind == "alpha":
@@ -196,7 +240,7 @@ def make_bank(plates: list[Plate], kind: str, job: Job) -> PixelBank:
     valid = None
     if any(plate.valid is not None for plate in plates):
         valid = [np.ones(p.color.shape[:2], bool) if p.valid is None else p.valid for p in plates]
-    return PixelBank([p.camera for p in plates], [p.color for p in plates], alphas, solids, valid, job.runtime.device)
+    return PixelBank([p.camera for p in plates], [p.color for p in plates], alphas, solids, valid, device)
 
 
 def _over_gray(plate: Plate, gray: float) -> Plate:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 
 import torch
 from torch import Tensor
@@ -18,6 +19,7 @@ class Course:
         iterations: Of the whole training.
         done: Of those, so far; the training loop counts.
         optimizer: Adam.
+        team: The processes that learn it together.
     """
 
     def __init__(
@@ -37,7 +39,12 @@ class Course:
         """
         self.iterations, self.optimizer = iterations, optimizer
         self.done = 0
+        self.team = runtime.team
         self._learned, self._random = learned, runtime.generator
+
+    def own_numbers(self) -> AbstractContextManager[None]:
+        """Random numbers that no other process of the team draws, for its share of a batch."""
+        return self.team.own_numbers(self._random)
 
     def state(self) -> dict[str, Tensor]:
         """All that resuming takes."""

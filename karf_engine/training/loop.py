@@ -73,6 +73,7 @@ def train(
     """Run a course's step and optimizer until so many iterations are done.
 
     When memory runs out, the iteration is tried again with the batch in twice as many parts, whose losses are averaged.
+    Processes that learn together take a part each.
 
     Args:
         course: What is learned, and how far it has come.
@@ -96,7 +97,7 @@ def train(
             group["lr"] = rate * schedule(iteration, course.iterations)
         optimizer.zero_grad(set_to_none=True)
         try:
-            loss, metrics = _gradients(step, iteration, parts)
+            loss, metrics = _gradients(course, step, iteration, parts)
         except RuntimeError as error:
             if not is_out_of_memory(error):
                 raise
@@ -108,10 +109,11 @@ def train(
             continue
         # reading the loss waits for the device: every tenth time is soon enough to stop
         is_checked = iteration % CHECK_EVERY == 0 or iteration == until - 1
-        if is_checked and not math.isfinite(float(loss)):
+        if is_checked and not math.isfinite(float(course.team.mean(loss))):
             raise Diverged(
                 f"Training diverged at iteration {iteration}: loss {float(loss)}.", "Lower the learning rate."
             )
+        course.team.average(parameter for group in optimizer.param_groups for parameter in group["params"])
         optimizer.step()
         course.done += 1
         _report(metrics, progress, unfinished)
@@ -119,14 +121,15 @@ def train(
         group["lr"] = rate
 
 
-def _gradients(step: Step, iteration: int, parts: int) -> tuple[Tensor, dict[str, float]]:
-    """Gradients of the loss over a batch in parts; its mean, and the last part's metrics."""
+def _gradients(course: Course, step: Step, iteration: int, parts: int) -> tuple[Tensor, dict[str, float]]:
+    """Gradients of the loss over this process's share of a batch, in parts; its mean, and the last part's metrics."""
     mean = 0.0
-    for _ in range(parts):
-        loss, metrics = step(iteration, 1 / parts)
-        share = loss / parts
-        share.backward()
-        mean = mean + share.detach()
+    with course.own_numbers():
+        for _ in range(parts):
+            loss, metrics = step(iteration, 1 / (parts * course.team.size))
+            share = loss / parts
+            share.backward()
+            mean = mean + share.detach()
     return mean, metrics
 
 

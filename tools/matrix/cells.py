@@ -69,7 +69,8 @@ class Cell:
 
 def all_cells() -> list[Cell]:
     """Blender's cells, then the engine's: the lowest versions of its ranges, then the newest on each Python."""
-    engine = (*PROJECT["dependencies"], *EXTRAS["photos"], *EXTRAS["metrics"], *EXTRAS["test"], *WHEEL_TEST)
+    extras = [wanted for extra in ("photos", "fast", "metrics", "test") for wanted in EXTRAS[extra]]
+    engine = (*PROJECT["dependencies"], *extras, *WHEEL_TEST)
     blender = [
         Cell(name, python, (*wanted, *PICTURES, *EXTRAS["test"]), "highest", "blender_tests/addon")
         for name, (python, wanted) in BLENDERS.items()

@@ -19,7 +19,7 @@ PAGE = ROOT / "docs" / "versions.md"
 RESULTS = ROOT / "docs" / "versions.json"
 TITLES = ["cell", "Python", "packages", "tests", "passed", "failed", "skipped", "seconds"]
 # packages whose version decides most; docs/versions.json has all
-SHOWN = ("bpy", "torch", "numpy", "scipy", "pillow", "opencv-python-headless", "openexr", "pycolmap")
+SHOWN = ("bpy", "torch", "numpy", "scipy", "pillow", "opencv-python-headless", "openexr", "pycolmap", "numba")
 
 
 def write_cells(rows: list[dict[str, Any]], made: str, path: Path) -> None:

@@ -16,10 +16,16 @@ PLATFORMS = {  # as uv calls them
     "macOS 14, Intel": "x86_64-apple-darwin",
 }
 MACOS = "14.0"
+ANSWERS = {  # which extras there are beside what is always needed
+    "yes": ("photos", "fast"),
+    "without pycolmap": ("fast",),
+    "without numba": ("photos",),
+    "without pycolmap and numba": (),
+}
 
 
 def ask() -> dict[str, dict[str, str]]:
-    """By platform and Python: `yes`, `without pycolmap` (the extra `photos`), or `no`.
+    """By platform and Python: `yes`, without the packages of which extras, or `no`.
 
     Raises:
         environments.Unavailable: The index does not answer.
@@ -29,8 +35,9 @@ def ask() -> dict[str, dict[str, str]]:
 
 def _answer(python: str, platform: str) -> str:
     needed = (*PROJECT["dependencies"], *EXTRAS["metrics"])
-    for answer, requirements in (("yes", (*needed, *EXTRAS["photos"])), ("without pycolmap", needed)):
-        cell = Cell("wheels", python, requirements, "highest", "")
+    for answer, extras in ANSWERS.items():
+        optional = [wanted for extra in extras for wanted in EXTRAS[extra]]
+        cell = Cell("wheels", python, (*needed, *optional), "highest", "")
         try:
             environments.resolve(cell, Path(sys.executable), platform, MACOS)
             return answer

@@ -57,7 +57,7 @@ def launched(addon, monkeypatch):
 def dialog(bpy, **values):
     """The text of the dialog of *Install Engine* with these values."""
     kind = bpy.types.KARF_OT_install_engine
-    values = {"build": "auto", "photos": False, "folder": "", "wheels": "", "starter": ""} | values
+    values = {"build": "auto", "photos": False, "fast": True, "folder": "", "wheels": "", "starter": ""} | values
     drawn = []
     shown = SimpleNamespace(layout=Layout(bpy, drawn), bl_rna=bpy.ops.karf.install_engine.get_rna_type(), **values)
     shown._plan = MethodType(kind._plan, shown)
@@ -149,8 +149,14 @@ def test_what_was_chosen_is_installed_and_its_folder_remembered(bpy, addon, chos
     folder, wheels = tmp_path / "my engine", tmp_path / "wheels"
     assert bpy.ops.karf.install_engine(build="cpu", photos=True, folder=str(folder), wheels=str(wheels)) == {"FINISHED"}
     (planned,) = launched
-    assert planned.choices == type(planned.choices)(folder, "cpu", ("photos",), wheels, "")
+    assert planned.choices == type(planned.choices)(folder, "cpu", ("photos", "fast"), wheels, "")
     assert addon.preferences.engine_folder() == folder
+
+
+def test_what_learns_fast_is_installed_unless_it_is_unticked(bpy, addon, chosen, launched, tmp_path):
+    for ticks in ({}, {"fast": False}):
+        bpy.ops.karf.install_engine(folder=str(tmp_path / "engine"), **ticks)
+    assert [planned.choices.extras for planned in launched] == [("fast",), ()]
 
 
 def test_while_it_installs_there_is_progress_and_a_cancel(bpy, addon, chosen, monkeypatch):

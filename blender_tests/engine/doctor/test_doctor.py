@@ -78,6 +78,21 @@ def test_a_package_that_cannot_be_loaded_is_told_from_one_that_is_missing(lackin
     assert incomplete.sentence == "scipy needs numpy, which is not installed."
 
 
+def test_without_what_learns_fast_the_engine_works_and_the_doctor_says_what_it_would_bring(monkeypatch):
+    monkeypatch.setattr(packages, "installed_version", lambda package: None)
+    found = packages.fast()
+    assert found.status == OK and "is not installed" in found.sentence and "as fast" in found.sentence
+    assert f'"{sys.executable}" -m pip install "numba>=' in found.command
+
+
+def test_what_learns_fast_is_no_reason_to_fail_where_it_cannot_be_loaded(monkeypatch, lacking):
+    lacking("numba", ImportError("Numba needs NumPy 2.4 or less"))
+    monkeypatch.setattr(packages, "installed_version", lambda package: "0.68.1")
+    found = packages.fast()
+    assert found.status == WARNING and found.exit_code == 0
+    assert "Numba needs NumPy 2.4 or less" in found.sentence and "--force-reinstall" in found.command
+
+
 @pytest.mark.parametrize(("version", "status"), [("2.5.1", WARNING), ("2.6.0", OK), ("3.0.0", WARNING)])
 def test_versions_outside_the_tested_ones_are_a_warning(monkeypatch, version, status):
     monkeypatch.setattr(packages, "installed_version", lambda package: version)

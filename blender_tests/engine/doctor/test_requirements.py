@@ -7,7 +7,7 @@ from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
 from blender_tests.engine.conftest import ROOT
-from karf_engine.requirements import POSES, PYTHON, REQUIRED, Range
+from karf_engine.requirements import FAST, POSES, PYTHON, REQUIRED, Range
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
@@ -22,6 +22,20 @@ def test_the_packages_and_their_ranges_are_those_that_are_installed():
 def test_the_package_for_poses_is_that_of_its_extra():
     (declared,) = map(Requirement, PROJECT["optional-dependencies"]["photos"])
     assert Requirement(POSES.requirement) == declared
+
+
+def test_the_package_that_learns_fast_is_that_of_its_extra():
+    (declared,) = map(Requirement, PROJECT["optional-dependencies"]["fast"])
+    assert (declared.name, declared.specifier) == (FAST.name, Requirement(FAST.requirement).specifier)
+
+
+@pytest.mark.parametrize(
+    ("system", "processor", "is_asked_for"),
+    [("linux", "x86_64", True), ("win32", "AMD64", True), ("darwin", "arm64", True), ("darwin", "x86_64", False)],
+)
+def test_it_is_asked_for_where_it_has_files(system, processor, is_asked_for):
+    (declared,) = map(Requirement, PROJECT["optional-dependencies"]["fast"])
+    assert declared.marker.evaluate({"sys_platform": system, "platform_machine": processor}) == is_asked_for
 
 
 def test_the_lowest_python_is_the_one_that_is_required_and_all_named_ones_are_tested():

@@ -46,6 +46,14 @@ def test_the_extra_is_there_for_all_systems_that_pycolmap_has_files_for():
         assert all(photos.specifier.contains(version) for version in found.values())
 
 
+def test_what_learns_fast_is_there_for_all_systems():
+    (fast,) = map(Requirement, EXTRAS["fast"])
+    for case in CASES:
+        found = versions(*case, "fast")
+        assert set(found) == {"numba", "llvmlite"} and fast.specifier.contains(found["numba"])
+        assert {name: pins("engine")[name] for name in found} == found
+
+
 def test_uv_is_the_one_that_has_looked_the_files_up():
     assert {versions(*case, "uv")["uv"] for case in CASES} == {pins("lock")["uv"]}
 

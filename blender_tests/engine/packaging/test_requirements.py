@@ -14,6 +14,7 @@ ENVIRONMENTS = {
     "engine": [
         *PROJECT["dependencies"],
         *EXTRAS["photos"],
+        *EXTRAS["fast"],
         *EXTRAS["metrics"],
         *EXTRAS["farm"],
         *EXTRAS["test"],

@@ -28,7 +28,7 @@ FETCHED_AT_ONCE = "3"  # large files; what is cancelled loses those that it is a
 TESTING = "Testing"
 KEPT = {"pip", "setuptools", "uv", "wheel"}  # an environment's own tools
 CHANGING = ("Prepared ", "Uninstalled ", "Installed ")  # what uv says before and while it changes the environment
-EXTRA_IMPORTS = {"photos": ("pycolmap",)}
+EXTRA_IMPORTS = {"photos": ("pycolmap",), "fast": ("numba",)}
 
 
 class Installation:

@@ -13,7 +13,11 @@ from ...engine_api import MissingDependency, read_json
 from . import lists
 
 FILE = lists.RECIPES
-EXTRAS = {"photos": "pycolmap: camera poses of photos that have none"}  # what may be ticked, and what it is for
+EXTRAS = {  # what may be ticked, and what it is for
+    "photos": "pycolmap: camera poses of photos that have none",
+    "fast": "numba: scenes are learned several times as fast on the processor; a graphics card does not need it",
+}
+USUAL = ("fast",)  # ticked unless the user says otherwise
 
 
 @dataclass(frozen=True)

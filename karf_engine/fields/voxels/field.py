@@ -74,7 +74,10 @@ class VoxelField(nn.Module):
 
     def march(self, rays: Rays, step_in_voxels: float, jitter: Tensor | None = None) -> Samples:
         """Samples of these rays inside occupied cells (see rendering.sampling.march)."""
-        paths = self.space.paths(rays, *self.bounds)
+        return self.march_paths(self.space.paths(rays, *self.bounds), step_in_voxels, jitter)
+
+    def march_paths(self, paths: Tensor, step_in_voxels: float, jitter: Tensor | None = None) -> Samples:
+        """Samples along polylines [R, K, 3], likewise."""
         return march(paths, self.minimum, self.voxel, self.occupied, self.coarse, step_in_voxels, jitter)
 
     def trace(self, rays: Rays, step_in_voxels: float) -> Trace:

@@ -17,7 +17,6 @@ from torch import Tensor
 from ...errors import DataError, Diverged
 from ...progress import Progress
 from ...rendering.rays import PixelBank
-from ...rendering.volume import ray_weights_from_sigmas
 from ...runtime import Runtime
 from ...settings import GeometrySettings, Level, OpenSettings
 from ...training.course import Course, below, check_alike, number, prefixed, whole_number
@@ -25,7 +24,12 @@ from ...training.loop import exponential_with_warmup, train
 from ...training.unfinished import Unfinished
 from ..background import Background
 from ..scene import Scene
+from .choice import new_renderer
 from .field import VoxelField
+from .renderer import Observing, Renderer
+
+POINT_MARGIN = 2.0  # voxels; a point's surface is looked for this far round it
+OFF_PATH = 3.0  # voxels; an observation whose point lies farther from its own ray is a mistake
 
 
 @dataclass(frozen=True)
@@ -53,12 +57,14 @@ class VoxelFit:
         background_kind: alpha, black, white or opaque.
         cuts: Shares of a level's iterations after which it is pruned again.
         first_share: Of the samples that the first level takes: in its fog each of them is seen.
+        lottery: Samples of less weight get a color with a probability in proportion to it; 0 for none.
         recipe: The levels with their rates and limits.
     """
 
     background_kind: str
     cuts: tuple[float, ...] = ()
     first_share = 1.0
+    lottery = 0.0
 
     def __init__(
         self,
@@ -70,11 +76,13 @@ class VoxelFit:
     ) -> None:
         self.bank, self.recipe, self.runtime = bank, recipe, runtime
         self.field, self.background = field, background
-        self._rays_per_batch = 1024.0
+        self._rays_per_batch = min(1024.0, recipe.max_rays)
         self._loss_average = 0.1
         self._parts = [part for level in range(len(recipe.levels)) for part in self._parts_of(level)]
         self._number = 0  # of the part that is being learned
         self._course: Course | None = None  # of that part, once it has begun
+        self._renderer: Renderer | None = None  # of the field, likewise
+        self._unit = float((field.bounds[1] - field.bounds[0]).max()) / 2  # of distances along rays
 
     @property
     def iterations(self) -> int:
@@ -114,13 +122,14 @@ class VoxelFit:
         check_alike(own, self._position() | prefixed("own", self._own_tensors()))
         number_of_part = whole_number(state, "part", len(self._parts) - 1)
         field = self._field_like(below("learned.field", course_state), float(state["voxel"]))
-        course = self._course_of(field, self._parts[number_of_part])
+        renderer = self._renderer_of(field)
+        course = self._course_of(field, renderer, self._parts[number_of_part])
         course.resume(course_state)
         self._number = number_of_part
         self._rays_per_batch, self._loss_average = float(state["rays_per_batch"]), float(state["loss_average"])
         for name, tensor in self._own_tensors().items():
             tensor.copy_(state[f"own.{name}"])
-        self._learn(field, course)
+        self._learn(field, renderer, course)
 
     def _position(self) -> dict[str, Tensor]:
         """The numbers of a state."""
@@ -151,14 +160,19 @@ class VoxelFit:
         if part.level and not part.before:
             self.field = self.field.refined(self.recipe.levels[part.level].voxels)
             self._begin_level(self.recipe.levels[part.level])
-        self._learn(self.field, self._course_of(self.field, part))
+        renderer = self._renderer_of(self.field)
+        self._learn(self.field, renderer, self._course_of(self.field, renderer, part))
 
     def _begin_level(self, level: Level) -> None:
         """Called before the iterations of each level but the first, on its field."""
 
-    def _learn(self, field: VoxelField, course: Course) -> None:
+    def _learn(self, field: VoxelField, renderer: Renderer, course: Course) -> None:
         """Train this field from now on."""
-        self.field, self._course = field, course
+        self.field, self._renderer, self._course = field, renderer, course
+
+    def _renderer_of(self, field: VoxelField) -> Renderer:
+        observing = Observing(POINT_MARGIN * field.voxel, OFF_PATH * field.voxel)
+        return new_renderer(field, self.runtime, self._unit, self.lottery, observing)
 
     def _batch(self, number: int, level: Level, n_rays: int) -> Batch:
         raise NotImplementedError
@@ -166,16 +180,12 @@ class VoxelFit:
     def _trained_networks(self, field: VoxelField) -> list:
         return list(field.color_network.parameters())
 
-    def _course_of(self, field: VoxelField, part: Part) -> Course:
-        optimizer = torch.optim.Adam(
-            [
-                {"params": [field.raw_density, field.feature_table], "lr": self.recipe.table_rate},
-                {"params": self._trained_networks(field), "lr": self.recipe.network_rate},
-            ],
-            betas=(0.9, 0.99),
-            eps=1e-12,
-            fused=True,
-        )
+    def _course_of(self, field: VoxelField, renderer: Renderer, part: Part) -> Course:
+        groups = [
+            {"params": [field.raw_density, field.feature_table], "lr": self.recipe.table_rate},
+            {"params": self._trained_networks(field), "lr": self.recipe.network_rate},
+        ]
+        optimizer = renderer.optimizer(groups, betas=(0.9, 0.99))
         return Course(part.iterations, optimizer, lambda: self._learned(field), self.runtime)
 
     def _learned(self, field: VoxelField) -> dict[str, Tensor]:
@@ -209,15 +219,12 @@ class VoxelFit:
     def _pruned(self) -> VoxelField:
         """The field with only the cells that are dense enough and that some training ray sees."""
         field = self.field
-        visibility = torch.zeros(field.occupied.numel(), device=self.runtime.device)
+        visibility = torch.zeros_like(field.occupied, dtype=torch.float32)
         for _ in range(16):
-            index = self.bank.draw(8192, self.runtime)
-            samples = field.march(self.bank.rays(index), 1.0)
-            sigmas = field.density_at(*field.corners(samples.positions, all_occupied=True))
-            weights = ray_weights_from_sigmas(sigmas, samples.step, samples.ray_indices)
-            visibility.scatter_reduce_(0, field.cells(samples.positions), weights, "amax")
+            rays = self.bank.rays(self.bank.draw(8192, self.runtime))
+            visibility = torch.maximum(visibility, self._renderer.visibility(rays))
         keep = (field.cell_alphas() > self.recipe.prune_alpha) & (
-            visibility[field.occupied.view(-1)] > self.recipe.prune_visibility
+            visibility[field.occupied] > self.recipe.prune_visibility
         )
         if not keep.any():
             raise Diverged(

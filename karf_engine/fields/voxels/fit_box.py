@@ -12,13 +12,11 @@ What makes it clean, by kind of background:
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
 
 from ...rendering.rays import PixelBank, Rays
-from ...rendering.volume import VISIBLE_WEIGHT, accumulate, ray_weights_from_sigmas, remainder_from_sigmas
 from ...runtime import Runtime
 from ...settings import GeometrySettings, Level
 from ..background import Background
@@ -26,38 +24,9 @@ from ..extent import box_round_focus
 from ..spaces import OPAQUE_REACH
 from .field import VoxelField
 from .fit import Batch, VoxelFit
+from .renderer import RayBatch, RaySums
 
 AZIMUTH_BINS, ELEVATION_BINS = 36, 36
-
-
-@dataclass(frozen=True)
-class Rendering:
-    """Packed result of one batch: ray_weights [S], the samples seen, their colors, remainder [R]."""
-
-    color: Tensor  # [R, 3], background left out
-    remainder: Tensor  # [R]
-    depth_variance: Tensor  # [R], world units squared
-    mean_alpha: Tensor  # []
-    n_samples: int
-
-
-def render_batch(field: VoxelField, rays: Rays, step: float, jitter: Tensor, diffuse: bool = False) -> Rendering:
-    """Differentiable rendering of a batch of rays."""
-    samples = field.march(rays, step, jitter)
-    rows, weights = field.corners(samples.positions, all_occupied=True)
-    sigmas = field.density_at(rows, weights)
-    ray_weights = ray_weights_from_sigmas(sigmas, samples.step, samples.ray_indices)
-    seen = torch.nonzero(ray_weights.detach() > VISIBLE_WEIGHT).squeeze(1)
-    ray_indices = samples.ray_indices[seen]
-    features = field.features_at(rows[seen], weights[seen], diffuse)
-    colors = field.color(samples.positions[seen], rays.viewdirs[ray_indices], features, diffuse)
-    # one pass over the seen samples for color, distance and its square
-    distances = samples.distances[seen, None]
-    sums = accumulate(ray_weights[seen], torch.cat([colors, distances, distances**2], 1), ray_indices, len(rays))
-    remainder = remainder_from_sigmas(sigmas, samples.step, samples.ray_indices, len(rays))
-    variance = sums[:, 4] - sums[:, 3] ** 2 / (1 - remainder).clamp_min(1e-6)
-    mean_alpha = -torch.expm1(-sigmas * samples.step).mean() if len(samples) else sigmas.sum()
-    return Rendering(sums[:, :3], remainder, variance, mean_alpha, len(samples))
 
 
 class BackgroundSupport:
@@ -118,15 +87,15 @@ class BoxFit(VoxelFit):
         index = self.bank.draw(n_rays, self.runtime)
         rays = self.bank.rays(index)
         target = self.bank.color[index].float() / 255
-        rendering = render_batch(self.field, rays, level.step, self.runtime.rand(n_rays), diffuse=number == 0)
-        behind = self._behind(number, index, rays, rendering)
+        sums = self._renderer.render(RayBatch(rays, level.step, self.runtime.rand(n_rays), number == 0))
+        behind = self._behind(number, index, rays, sums)
         if self.bank.alpha is not None:
             matte = self.bank.alpha[index].float()[:, None] / 255
             target = target * matte + (1 - matte) * behind
-        error = ((rendering.color + rendering.remainder[:, None] * behind - target) ** 2).mean()
-        return Batch(error + self._regularization(number, rendering), error, rendering.n_samples)
+        error = ((sums.color + sums.remainder[:, None] * behind - target) ** 2).mean()
+        return Batch(error + self._regularization(number, sums), error, sums.n_samples)
 
-    def _behind(self, number: int, index: Tensor, rays: Rays, rendering: Rendering) -> Tensor:
+    def _behind(self, number: int, index: Tensor, rays: Rays, sums: RaySums) -> Tensor:
         """The color behind the ray of each pixel, [R, 3]."""
         n_rays = len(rays)
         if self.background_kind == "alpha":
@@ -137,33 +106,35 @@ class BoxFit(VoxelFit):
         color = self.background(rays.viewdirs)
         if number == 0:
             return color
-        free = (rendering.remainder.detach() > 1 - 1e-6)[:, None]
+        free = (sums.remainder.detach() > 1 - 1e-6)[:, None]
         known = self._support.supported(rays.viewdirs)[:, None]
         color = torch.where(free, color, color.detach())
         return torch.where(known | free, color, self.runtime.rand(n_rays, 3))
 
-    def _regularization(self, number: int, rendering: Rendering) -> Tensor:
-        settings, field = self.recipe, self.field
-        loss = settings.total_variation * (
-            self._total_variation(field.raw_density) + self._total_variation(field.feature_table)
-        )
+    def _regularization(self, number: int, sums: RaySums) -> Tensor:
+        settings = self.recipe
+        loss = settings.total_variation * self._total_variation()
         if number == 0:
-            loss = loss + settings.sparsity * rendering.mean_alpha
+            loss = loss + settings.sparsity * sums.alpha.sum() / max(sums.n_samples, 1)
         if self.background is not None:
             falling = settings.depth_variance * (1.0, 0.3, 0.1)[min(number, 2)]
-            loss = loss + falling * rendering.depth_variance.mean() / self._first_voxel**2
+            opacity = (1 - sums.remainder).clamp_min(1e-6)
+            variance = (sums.distance_squared - sums.distance**2 / opacity).mean()
+            loss = loss + falling * variance * (self._unit / self._first_voxel) ** 2
         elif self.bank.alpha is None and number > 0:
-            opacity = (1 - rendering.remainder).clamp(1e-4, 1 - 1e-4)
+            opacity = (1 - sums.remainder).clamp(1e-4, 1 - 1e-4)
             entropy = -(opacity * opacity.log() + (1 - opacity) * (1 - opacity).log())
             loss = loss + settings.opacity_entropy * entropy.mean()
         return loss
 
-    def _total_variation(self, table: Tensor) -> Tensor:
+    def _total_variation(self) -> Tensor:
         """Mean squared difference of neighbors in table order (along z) over a random stretch of an eighth."""
-        length = max(2, len(table) // 8)
-        start = int(self.runtime.randint(len(table) - length + 1, 1))
-        part = table[start : start + length]
-        return ((part[1:] - part[:-1]) ** 2).mean()
+        n_rows = len(self.field.raw_density)
+        length = max(2, n_rows // 8)
+        start = int(self.runtime.randint(n_rows - length + 1, 1))
+        rows = torch.arange(start, start + length, device=self.runtime.device)
+        density, features = self._renderer.differences(rows[:-1], rows[1:])
+        return (density + features / self.field.n_features) / (length - 1)
 
     @torch.no_grad()
     def _learn_support(self, level: Level) -> None:

@@ -10,12 +10,10 @@ from __future__ import annotations
 import math
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from ...rendering.rays import PixelBank
-from ...rendering.sampling import Polylines, Samples, march
 from ...rendering.space import OpenSpace
-from ...rendering.volume import accumulate, distortion, ray_weights_from_sigmas, remainder_from_sigmas
 from ...runtime import Runtime
 from ...settings import Level, OpenSettings
 from ...training.course import Course
@@ -24,12 +22,10 @@ from ..extent import is_free
 from .field import VoxelField
 from .fit import Batch, VoxelFit
 from .observations import Observations
+from .renderer import RayBatch, Renderer
 
 DENSITY_BIAS = -4.5  # fog that is thick enough to be seen at once: everything in open space is opaque somewhere
-ROULETTE_WEIGHT = 0.02  # samples of less are colored with a probability in proportion to it (Russian roulette)
-POINT_MARGIN = 2.0  # voxels; a point's surface is looked for this far round it
 LATE_POINTS = 0.25  # of their weight in the last level, where photos know better than points by some tenths of a pixel
-OFF_PATH = 3.0  # voxels; an observation whose point lies farther from its own ray is a mistake
 TV_VERTICES = 30_000
 
 
@@ -37,6 +33,7 @@ class OpenFit(VoxelFit):
     """The fit of open space. observations may be empty."""
 
     cuts = (1 / 4, 1 / 2)
+    lottery = 0.02
     background_kind = "opaque"
 
     def __init__(
@@ -44,71 +41,39 @@ class OpenFit(VoxelFit):
     ) -> None:
         super().__init__(bank, settings, runtime, field, fit_background(bank, runtime))
         self._observations = observations
-        self._grid_size = float((field.bounds[1] - field.bounds[0]).max()) / 2
 
-    def _learn(self, field: VoxelField, course: Course) -> None:
-        super()._learn(field, course)
+    def _learn(self, field: VoxelField, renderer: Renderer, course: Course) -> None:
+        super()._learn(field, renderer, course)
         self._vertices = torch.nonzero(field.vertex_rows.view(-1) >= 0).squeeze(1)
 
     def _batch(self, number: int, level: Level, n_rays: int) -> Batch:
-        settings, field, runtime, bank = self.recipe, self.field, self.runtime, self.bank
+        settings, runtime, bank = self.recipe, self.runtime, self.bank
         n_observed = int(n_rays * settings.point_share) if len(self._observations) else 0
         index = bank.draw(n_rays, runtime)
-        if n_observed:
-            chosen = runtime.randint(len(self._observations), n_observed)
-            index[n_rays - n_observed :] = self._observations.index[chosen]
-        rays = bank.rays(index)
-        paths = field.space.paths(rays, *field.bounds)
-        samples = march(
-            paths, field.minimum, field.voxel, field.occupied, field.coarse, level.step, runtime.rand(n_rays)
-        )
-        rows, weights = field.corners(samples.positions, all_occupied=True)
-        sigmas = field.density_at(rows, weights)
-        ray_weights = ray_weights_from_sigmas(sigmas, samples.step, samples.ray_indices)
-
-        chance = (ray_weights.detach() / ROULETTE_WEIGHT).clamp_max(1)
-        seen = torch.nonzero(runtime.rand(len(samples)) < chance).squeeze(1)
-        ray_indices, diffuse = samples.ray_indices[seen], number == 0
-        features = field.features_at(rows[seen], weights[seen], diffuse)
-        colors = field.color(samples.positions[seen], rays.viewdirs[ray_indices], features, diffuse)
-        color = accumulate(ray_weights[seen] / chance[seen], colors, ray_indices, n_rays)
-        remainder = remainder_from_sigmas(sigmas, samples.step, samples.ray_indices, n_rays)
+        chosen = runtime.randint(max(1, len(self._observations)), n_observed)
+        index[n_rays - n_observed :] = self._observations.index[chosen]
+        jitter, observed = runtime.rand(n_rays), self._observations.positions[chosen]
+        sums = self._renderer.render(RayBatch(bank.rays(index), level.step, jitter, number == 0, observed))
         # behind everything it is any color, so that rays must end on something
-        error = ((color + remainder[:, None] * runtime.rand(n_rays, 3) - bank.color[index].float() / 255) ** 2).mean()
-
-        size = self._grid_size
-        distortion_sum = distortion(ray_weights, samples.distances / size, samples.step / size, samples.ray_indices)
-        loss = error + settings.distortion * distortion_sum / n_rays + settings.transparency * remainder.mean()
-        for table in (field.raw_density, field.feature_table):
-            loss = loss + settings.total_variation * self._total_variation(table)
+        color = sums.color + sums.remainder[:, None] * runtime.rand(n_rays, 3)
+        error = ((color - bank.color[index].float() / 255) ** 2).mean()
+        loss = error + settings.distortion * sums.distortion.mean() + settings.transparency * sums.remainder.mean()
+        loss = loss + settings.total_variation * self._total_variation()
         if n_observed:
-            is_last = level is settings.levels[-1]
-            strength = settings.point_depth * (LATE_POINTS if is_last else 1.0)
-            loss = loss + strength * self._point_loss(paths, samples, ray_weights, chosen)
-        return Batch(loss, error, len(samples))
+            strength = settings.point_depth * (LATE_POINTS if level is settings.levels[-1] else 1.0)
+            # weight before an observed point, and weight that is missing up to it
+            missed = (sums.before + 1 - sums.up_to) * sums.observes
+            loss = loss + strength * missed.sum() / n_observed
+        return Batch(loss, error, sums.n_samples)
 
-    def _point_loss(self, paths: Tensor, samples: Samples, ray_weights: Tensor, chosen: Tensor) -> Tensor:
-        """Weight before an observed point, and weight that is missing up to it; means over the last rays of the batch."""
-        n_observed, voxel = len(chosen), self.field.voxel
-        first = len(paths) - n_observed
-        at, off = Polylines(paths[first:]).nearest(self._observations.positions[chosen])
-        own = samples.ray_indices >= first
-        ray_indices, distances = samples.ray_indices[own] - first, samples.distances[own]
-        limit, margin = at[ray_indices], POINT_MARGIN * voxel
-        weights = torch.stack([distances < limit - margin, distances < limit + margin], 1)
-        before, up_to = accumulate(ray_weights[own], weights.float(), ray_indices, n_observed).unbind(1)
-        return ((before + 1 - up_to) * (off < OFF_PATH * voxel)).mean()
-
-    def _total_variation(self, table: Tensor) -> Tensor:
+    def _total_variation(self) -> Tensor:
         """Mean squared difference to the next vertex along each axis, over random vertices."""
         flat = self.field.vertex_rows.view(-1)
         vertices = self._vertices[self.runtime.randint(len(self._vertices), TV_VERTICES)]
-        steps = torch.tensor([0, *self.field.vertex_rows.stride()], device=flat.device)
-        rows = flat[(vertices[:, None] + steps).clamp_max(len(flat) - 1)].long()
-        # one gather of all: the gradient of each is as large as the table
-        own, *neighbors = nn.functional.embedding(rows.clamp_min(0), table).unbind(1)
-        exists = (rows >= 0)[..., None]
-        return sum((exists[:, n] * (value - own) ** 2).mean() for n, value in enumerate(neighbors, 1))
+        steps = torch.tensor(self.field.vertex_rows.stride(), device=flat.device)
+        neighbors = flat[(vertices + steps[:, None]).clamp_max(len(flat) - 1)]
+        density, features = self._renderer.differences(flat[vertices].repeat(3), neighbors.view(-1))
+        return (density + features / self.field.n_features) / TV_VERTICES
 
 
 def start_open_fit(

@@ -19,12 +19,16 @@ class WeightedGather(torch.autograd.Function):
     @staticmethod
     def backward(context, gradient: Tensor) -> tuple[Tensor, None, None]:
         rows, weights = context.saved_tensors
-        table_gradient = torch.zeros(context.n_rows, gradient.shape[1], dtype=gradient.dtype, device=gradient.device)
-        if gradient.shape[1] == 1:  # one long scatter is fastest for scalars
-            table_gradient[:, 0].index_add_(0, rows.view(-1), (gradient * weights).view(-1))
-        else:  # eight short ones need no [n, 8, F] copy
-            for k in range(8):
-                table_gradient.index_add_(0, rows[:, k], gradient * weights[:, k : k + 1])
+        n_columns = gradient.shape[1]
+        if gradient.device.type == "cpu":  # scalars, column by column, are scattered four times faster there than rows
+            columns = torch.zeros(n_columns, context.n_rows, dtype=gradient.dtype)
+            at = rows.long().view(-1)
+            for column in range(n_columns):
+                columns[column].scatter_add_(0, at, (gradient[:, column, None] * weights).view(-1))
+            return columns.t().contiguous(), None, None
+        table_gradient = torch.zeros(context.n_rows, n_columns, dtype=gradient.dtype, device=gradient.device)
+        for k in range(8):  # eight short ones need no [n, 8, F] copy
+            table_gradient.index_add_(0, rows[:, k], gradient * weights[:, k : k + 1])
         return table_gradient, None, None
 
 

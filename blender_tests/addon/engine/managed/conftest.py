@@ -49,10 +49,11 @@ class Kitchen:
         self.file = folder / "recipes.json"
         self.here = managed.machine.Machine(managed.machine.look().platform, ())
         monkeypatch.setattr(managed.recipes, "FILE", self.file)
-        self.wheels, self.parts = {}, {"uv": [], "base": [], "torch": [], "photos": []}
+        self.wheels, self.parts = {}, {"uv": [], "base": [], "torch": [], "photos": [], "fast": []}
         for name, module in making.MODULES.items():
             self.add("base", name, "1.0", {f"{module}/__init__.py": f"name = {name!r}\n"})
         self.add("photos", "pycolmap", "4.0", {"pycolmap/__init__.py": ""})
+        self.add("fast", "numba", "0.68", {"numba/__init__.py": ""})
         self.note("torch", making.make_torch(self.folder, "2.0", "13.0"), "torch", "2.0")
         self.add("uv", "uv", "0.1", {"uv/__init__.py": ""})
         self.write()

@@ -17,6 +17,7 @@ from karf_engine.fields.registry import start_fit
 from karf_engine.fields.spaces import choose_space
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.fields.voxels.observations import observations_of
+from karf_engine.fields.voxels.torch_renderer import TorchRenderer
 from karf_engine.metrics.images import psnr
 from karf_engine.progress import Progress
 from karf_engine.rendering.rays import PixelBank
@@ -167,11 +168,11 @@ def test_two_runs_of_the_same_seed_are_bit_identical():
 
 
 def test_total_variation_asks_no_vertex_that_pruning_has_taken_away(monkeypatch):
-    asked, gather, prune = [], torch.nn.functional.embedding, VoxelField.pruned
+    asked, differences, prune = [], TorchRenderer.differences, VoxelField.pruned
 
-    def note(rows, table):
-        asked.append(rows[:, 0])
-        return gather(rows, table)
+    def note(renderer, rows, other_rows):
+        asked.append(rows)
+        return differences(renderer, rows, other_rows)
 
     def prune_half_as_well(field, keep):
         return prune(field, keep & (torch.arange(len(keep)) < len(keep) // 2))
@@ -179,7 +180,8 @@ def test_total_variation_asks_no_vertex_that_pruning_has_taken_away(monkeypatch)
     levels = (Level(12, 40, 1.0), Level(16, 8, 1.0))
     few = replace(SETTINGS, open=replace(SETTINGS.open, levels=levels, samples=3000, max_rays=512))
     state = start(cameras(8), "contraction", True, few)
-    monkeypatch.setattr("karf_engine.fields.voxels.fit_open.nn.functional.embedding", note)
+    monkeypatch.setenv("KARF_KERNELS", "off")
+    monkeypatch.setattr(TorchRenderer, "differences", note)
     monkeypatch.setattr(VoxelField, "pruned", prune_half_as_well)
     for _ in state.scenes(silent()):
         pass

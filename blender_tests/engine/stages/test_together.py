@@ -1,0 +1,136 @@
+"""One scene learned by two processes that torchrun has started: on the processor, by gloo."""
+
+import os
+from contextlib import suppress
+
+import pytest
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("scipy")
+
+from blender_tests.engine.conftest import run_engine
+from karf_engine import team as team_module
+from karf_engine.checkpoints import load_tensors
+from karf_engine.errors import BadRequest, Cancelled
+from karf_engine.stages import geometry
+from karf_engine.team import Team
+from karf_engine.training import loop
+from karf_engine.wire import Request
+
+SETTINGS = (
+    "geometry.long_side=32",
+    'geometry.levels=[{"voxels": 16, "iterations": 60, "step": 1.0}, {"voxels": 24, "iterations": 30, "step": 1.0}]',
+    "geometry.samples=200000",  # more than can be reached: then each share is of 512 rays
+    "geometry.max_rays=1024",
+    "geometry.features=6",
+)
+TORCHRUN = ("-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2")
+needs_gloo = pytest.mark.skipif(
+    os.name == "nt" or not torch.distributed.is_available(), reason="torchrun is tested where its gloo is"
+)
+
+
+def in_turn(course, step, iteration, parts):
+    """`_gradients` of both processes of a team, one after the other in this one."""
+    generator = course._random
+    before = generator.get_state()
+    for rank in range(2):
+        generator.set_state(before)
+        with Team(rank, 2).own_numbers(generator):
+            loss, metrics = step(iteration, 1 / (2 * parts))
+            loss.backward()
+    for parameter in course.optimizer.param_groups[0]["params"] + course.optimizer.param_groups[1]["params"]:
+        if parameter.grad is not None:
+            parameter.grad /= 2
+    return loss.detach(), metrics
+
+
+def learn_in_turn(capture, project, until=1000):
+    """Learn by `in_turn`, at most so many iterations."""
+    done = []
+    request = Request("geometry", project, {"capture": str(capture), "overrides": list(SETTINGS), "threads": 1})
+    with pytest.MonkeyPatch.context() as patch, suppress(Cancelled):
+        patch.setattr(loop, "_gradients", lambda *given: (done.append(1), in_turn(*given))[1])
+        geometry.run(request, lambda *_, **__: None, lambda: len(done) >= until)
+    return project / "geometry.safetensors"
+
+
+def learn_together(capture, project):
+    """Learn by two processes; the finished child process."""
+    settings = [part for text in SETTINGS for part in ("--set", text)]
+    arguments = ("geometry", capture, "--project", project, "--threads", "1", *settings)
+    return run_engine(*arguments, python=TORCHRUN)
+
+
+def tensors(path):
+    return load_tensors(path, "karf-geometry/1")[0]
+
+
+@pytest.fixture(scope="module")
+def expected(still_life, tmp_path_factory):
+    """What one process learns of the shares of both."""
+    return tensors(learn_in_turn(still_life.capture, tmp_path_factory.mktemp("in turn") / "project"))
+
+
+def check_equal(found, expected):
+    assert found.keys() == expected.keys()
+    for name, tensor in expected.items():
+        torch.testing.assert_close(found[name], tensor)
+
+
+@needs_gloo
+def test_two_processes_learn_what_one_learns_of_both_shares_and_one_of_them_writes(still_life, expected, tmp_path):
+    done = learn_together(still_life.capture, tmp_path / "project")
+    assert done.returncode == 0, done.stderr
+    check_equal(tensors(tmp_path / "project" / "geometry.safetensors"), expected)
+    assert (done.stdout + done.stderr).count("held-out views") == 2  # of two levels, each told once
+
+
+@needs_gloo
+def test_what_was_left_unfinished_is_resumed_by_all(still_life, expected, tmp_path):
+    learn_in_turn(still_life.capture, tmp_path / "project", until=70)
+    assert not (tmp_path / "project" / "geometry.safetensors").exists()
+    done = learn_together(still_life.capture, tmp_path / "project")
+    assert done.returncode == 0 and "resuming at iteration 70 of 90" in done.stdout + done.stderr
+    check_equal(tensors(tmp_path / "project" / "geometry.safetensors"), expected)
+
+
+@needs_gloo
+def test_where_one_process_fails_all_end(tmp_path):
+    done = learn_together(tmp_path / "nothing", tmp_path / "project")
+    assert done.returncode != 0 and (done.stdout + done.stderr).count("error: ") >= 1
+
+
+# ------------------------------------------------------------------------------------------------------------- the team
+def test_each_process_draws_its_own_numbers_and_then_all_stand_at_one_place():
+    drawn, after = [], []
+    for rank in range(2):
+        generator = torch.Generator().manual_seed(3)
+        with Team(rank, 2).own_numbers(generator):
+            drawn.append(torch.rand(10 + rank, generator=generator)[:10])
+        after.append(torch.rand(10, generator=generator))
+    assert not torch.equal(*drawn) and torch.equal(*after)
+
+
+def test_a_share_that_is_tried_again_draws_what_it_would_have_drawn():
+    generator = torch.Generator().manual_seed(3)
+    before = generator.get_state()
+    with pytest.raises(MemoryError), Team(1, 2).own_numbers(generator):
+        torch.rand(3, generator=generator)
+        raise MemoryError
+    assert torch.equal(generator.get_state(), before)
+
+
+def test_processes_whose_grids_differ_are_told_apart(monkeypatch):
+    parameter = torch.nn.Parameter(torch.zeros(4))
+    parameter.grad = torch.ones(4)
+    monkeypatch.setattr(team_module.distributed, "all_reduce", lambda sizes, how: sizes.add_(1))
+    with pytest.raises(BadRequest, match="come apart: 4 and 5 numbers"):
+        Team(0, 2).average([parameter])
+
+
+def test_a_process_alone_waits_for_nobody():
+    alone, parameter = Team(), torch.nn.Parameter(torch.zeros(2))
+    parameter.grad = torch.tensor([1.0, 2.0])
+    alone.average([parameter])
+    assert alone.share("value") == "value" and parameter.grad.tolist() == [1.0, 2.0]

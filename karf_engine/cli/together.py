@@ -1,0 +1,21 @@
+"""A command in several processes that torchrun has started: the first runs it, the others help it to learn the scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ..stages.geometry import help_to_learn
+from ..team import join, leave
+
+
+def run_together(command: Callable[[], int]) -> int:
+    """Run the command, or help; returns the exit code. Where one process fails, torchrun ends all."""
+    team = join()
+    if team.rank:
+        help_to_learn(team)
+    elif code := command():
+        return code
+    else:
+        team.share(None)  # there is nothing more to learn
+    leave()
+    return 0

@@ -1,0 +1,126 @@
+"""Adam for tables of which an iteration touches few rows: the others rest (as in `torch.optim.SparseAdam`)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ....team import Team
+from .arrays import BOTH, DENSITY, FEATURES, Table
+from .compiled import kernel, share
+from .marching import ONE, TWO, ZERO
+from .tables import FieldTables, flat
+
+EPSILON = np.float32(1e-12)
+
+
+@kernel
+def adam_value(table, k, step, beta1, beta2, correction):
+    """Adam's step of one value; its gradient is used up."""
+    gradient = table.gradients[k]
+    table.gradients[k] = np.float32(0)
+    mean = beta1 * table.means[k] + (ONE - beta1) * gradient
+    square = beta2 * table.squares[k] + (ONE - beta2) * gradient * gradient
+    table.means[k], table.squares[k] = mean, square
+    value = table.values[k] - step * mean / (np.float32(math.sqrt(square)) * correction + EPSILON)
+    table.values[k] = value
+    return value
+
+
+@kernel
+def adam_rows(first, last, touched, density, features, n_features, dense, vertices, step, beta1, beta2, correction):
+    """Adam's step of the touched rows first to last; `dense` follows the densities.
+
+    step: the learning rate over the first moment's bias correction. correction: one over the root of the second's.
+    """
+    for row in range(first, last):
+        if touched[row] & DENSITY:
+            dense[vertices[row]] = adam_value(density, row, step, beta1, beta2, correction)
+        if touched[row] & FEATURES:
+            at = np.uint64(row) * np.uint64(len(n_features))
+            for number in range(len(n_features)):
+                adam_value(features, at + np.uint64(number), step, beta1, beta2, correction)
+        touched[row] = np.uint8(0)
+
+
+@kernel
+def difference_sums(rows, other_rows, density, features, n_features):
+    """Sums of squared differences of densities and of features; pairs with a row of -1 count nothing."""
+    density_sum, feature_sum = 0.0, 0.0
+    for pair in range(len(rows)):
+        one, other = rows[pair], other_rows[pair]
+        if one < 0 or other < 0:
+            continue
+        density_sum += (density[other] - density[one]) ** 2
+        a = np.uint64(one) * np.uint64(len(n_features))
+        b = np.uint64(other) * np.uint64(len(n_features))
+        total = ZERO
+        for number in range(len(n_features)):
+            k = np.uint64(number)
+            total += (features[b + k] - features[a + k]) ** 2
+        feature_sum += total
+    return density_sum, feature_sum
+
+
+@kernel
+def difference_gradients(rows, other_rows, values, gradients, n_features, touched, density_share, feature_share):
+    """Add the gradients of these sums, times the shares."""
+    for pair in range(len(rows)):
+        one, other = rows[pair], other_rows[pair]
+        if one < 0 or other < 0:
+            continue
+        touched[one] = BOTH
+        touched[other] = BOTH
+        gradient = TWO * density_share * (values[0][other] - values[0][one])
+        gradients[0][one] -= gradient
+        gradients[0][other] += gradient
+        a = np.uint64(one) * np.uint64(len(n_features))
+        b = np.uint64(other) * np.uint64(len(n_features))
+        for number in range(len(n_features)):
+            k = np.uint64(number)
+            gradient = TWO * feature_share * (values[1][b + k] - values[1][a + k])
+            gradients[1][a + k] -= gradient
+            gradients[1][b + k] += gradient
+
+
+class LazyAdam(torch.optim.Adam):
+    """Adam whose first group are the tables of a field: their rows only step in iterations that touch them.
+
+    All other parameters step as ever. The tables' gradients are those that kernels have added up, not `.grad`.
+    """
+
+    def __init__(self, groups: list[dict], betas: tuple[float, float], tables: FieldTables, team: Team) -> None:
+        super().__init__(groups, betas=betas, eps=float(EPSILON), fused=True)
+        self._tables, self._team = tables, team
+
+    @torch.no_grad()
+    def step(self, closure: None = None) -> None:
+        """One step of everything that has a gradient."""
+        if self._team.size > 1:
+            self._tables.touch_others()
+        group = self.param_groups[0]
+        beta1, beta2 = group["betas"]
+        density, features = (self._table(p, g) for p, g in zip(group["params"], self._tables.gradients, strict=True))
+        count = float(self.state[group["params"][0]]["step"])
+        rate = group["lr"] / (1 - beta1**count)
+        correction = 1 / math.sqrt(1 - beta2**count)
+        tables = self._tables
+        share(
+            adam_rows, len(tables.touched), tables.touched, density, features, tables.n_features, tables.dense,
+            tables.vertices, *map(np.float32, (rate, beta1, beta2, correction)),
+        )  # fmt: skip
+        for parameter in group["params"]:
+            parameter.grad = None  # its step is done
+        super().step(closure)
+
+    def _table(self, parameter: Tensor, gradients: np.ndarray) -> Table:
+        """A parameter as kernels see it, after counting the step."""
+        state = self.state[parameter]
+        if not state:
+            state["step"] = torch.zeros(())
+            state["exp_avg"], state["exp_avg_sq"] = torch.zeros_like(parameter), torch.zeros_like(parameter)
+        state["step"] += 1
+        return Table(flat(parameter), gradients, flat(state["exp_avg"]), flat(state["exp_avg_sq"]))

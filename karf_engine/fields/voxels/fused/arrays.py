@@ -1,0 +1,141 @@
+"""The arrays that kernels share, as named tuples: numba reads these without copies."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+# bits of a row's flag: it has a gradient of its density, of its features
+DENSITY, FEATURES, BOTH = np.uint8(1), np.uint8(2), np.uint8(3)
+
+
+class Grid(NamedTuple):
+    """The cells of a field.
+
+    Attributes:
+        minimum: [3], lowest corner, grid coordinates.
+        voxel: Edge of a cell.
+        shape: Cells along each axis, then blocks of `coarse` along each, then bytes of a row of `bits`, [7].
+        bits: Occupied cells, eight a byte along the last axis, [X * Y * bytes].
+        coarse: `sampling.coarse_occupancy`, [CX * CY * CZ].
+        dense: Raw density of every vertex, also of those without a row, [(X+1) * (Y+1) * (Z+1)].
+        rows: Table row of each vertex, -1 for none, likewise.
+        bias: Raw density that stands for empty space.
+    """
+
+    minimum: np.ndarray
+    voxel: np.float32
+    shape: np.ndarray
+    bits: np.ndarray
+    coarse: np.ndarray
+    dense: np.ndarray
+    rows: np.ndarray
+    bias: np.float32
+
+
+class Samples(NamedTuple):
+    """Samples by ray, in chunks of rays that have `capacity` places each.
+
+    Attributes:
+        vertices: [S], the lowest vertex of each sample's cell.
+        rays: [S].
+        places: Fractions along x, y, z within the cell, and distance along the ray, [S, 4].
+        light: Ray weight, share of light that passes the sample, light behind it, and the derivative of its optical depth
+            by the raw density, [S, 4]. The backward pass leaves the gradient of the raw density in the last column.
+        shares: 0 for samples without a color; else what its color counts for, one over the probability of having one, [S].
+        colors: sRGB, [S, 3]. The backward pass leaves the gradient of their logits.
+        counts: Samples of each chunk.
+    """
+
+    vertices: np.ndarray
+    rays: np.ndarray
+    places: np.ndarray
+    light: np.ndarray
+    shares: np.ndarray
+    colors: np.ndarray
+    counts: np.ndarray
+
+
+class Sorted(NamedTuple):
+    """The same samples by their place in the grid: neighbors in memory are then read together.
+
+    Attributes:
+        index: [S], each one's place in `Samples`.
+        vertices: [S].
+        rays: [S].
+        places: Fractions along x, y, z, and the share, [S, 4].
+        features: [S, F].
+        bins: Working space of the sort, samples of each part of a plane.
+        planes: First sample of each plane of the grid, and their number, [X + 2].
+    """
+
+    index: np.ndarray
+    vertices: np.ndarray
+    rays: np.ndarray
+    places: np.ndarray
+    features: np.ndarray
+    bins: np.ndarray
+    planes: np.ndarray
+
+
+class RayArrays(NamedTuple):
+    """What is known of each ray.
+
+    Attributes:
+        paths: Knots of its polyline, [R, K, 3].
+        jitter: Offset of its samples, in steps, [R].
+        observed: Points that the last O rays observe, [O, 3], grid coordinates.
+        first: Its first sample, [R].
+        counts: Its number of samples, [R].
+        reach: Distance to its observed point; -1 where it observes none, or passes it by, [R].
+        sums: What comes out, in the order of SUMS, [R, 10].
+    """
+
+    paths: np.ndarray
+    jitter: np.ndarray
+    observed: np.ndarray
+    first: np.ndarray
+    counts: np.ndarray
+    reach: np.ndarray
+    sums: np.ndarray
+
+
+class Limits(NamedTuple):
+    """Numbers of one batch.
+
+    Attributes:
+        capacity: Samples that a chunk of rays may have.
+        seed: Of the lottery of colors.
+        step: Distance between samples, voxels.
+        lottery: Samples of less weight get a color with a probability in proportion to it; 0 for none.
+        margin: How far before and behind an observed point its surface may lie, grid units.
+        off_path: An observed point farther from its ray is a mistake, grid units.
+        unit: Length in which distances are summed up, grid units.
+    """
+
+    capacity: int
+    seed: int
+    step: np.float32
+    lottery: np.float32
+    margin: np.float32
+    off_path: np.float32
+    unit: np.float32
+
+
+class Network(NamedTuple):
+    """The color network: w1 [F + 9, H], b1 [H], w2 [3, H], b2 [3]."""
+
+    w1: np.ndarray
+    b1: np.ndarray
+    w2: np.ndarray
+    b2: np.ndarray
+
+
+class Table(NamedTuple):
+    """A table with its gradients and Adam's moments, each [n * width]."""
+
+    values: np.ndarray
+    gradients: np.ndarray
+    means: np.ndarray
+    squares: np.ndarray

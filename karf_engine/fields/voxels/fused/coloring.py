@@ -1,0 +1,139 @@
+"""Forward, in the order of places: features and colors of the samples that have one, and their sums by ray."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .compiled import kernel
+from .marching import ONE, RED, ZERO
+
+GROUP = 4  # samples that go through the network together
+
+
+@kernel
+def corner_rows(grid, vertex):
+    """Table rows of a cell's four lower corners; each has the upper one's after it."""
+    row = grid.shape[2] + 1
+    plane = (grid.shape[1] + 1) * row
+    rows = grid.rows
+    return rows[vertex], rows[vertex + row], rows[vertex + plane], rows[vertex + plane + row]
+
+
+@kernel
+def gather(features, corners, x, y, z, n, out):
+    """The n trilinear features of a place."""
+    # unsigned: no test for negative indices
+    a, b = np.uint64(corners[0]) * np.uint64(n), np.uint64(corners[1]) * np.uint64(n)
+    c, d = np.uint64(corners[2]) * np.uint64(n), np.uint64(corners[3]) * np.uint64(n)
+    wa, wb, wc, wd = (ONE - x) * (ONE - y), (ONE - x) * y, x * (ONE - y), x * y
+    low = ONE - z
+    for number in range(n):
+        k = np.uint64(number)
+        above = k + np.uint64(n)
+        out[k] = low * (
+            wa * features[a + k] + wb * features[b + k] + wc * features[c + k] + wd * features[d + k]
+        ) + z * (
+            wa * features[a + above] + wb * features[b + above] + wc * features[c + above] + wd * features[d + above]
+        )
+
+
+@kernel
+def hidden_layers(inputs, network, out):
+    """Before the ReLU, of GROUP inputs [GROUP, F + 9] at once: each weight is read once for all of them."""
+    for unit in range(out.shape[1]):
+        out[0, unit] = out[1, unit] = out[2, unit] = out[3, unit] = network.b1[unit]
+    for k in range(0, inputs.shape[1] // 3 * 3, 3):
+        a0, b0, c0 = inputs[0, k], inputs[0, k + 1], inputs[0, k + 2]
+        a1, b1, c1 = inputs[1, k], inputs[1, k + 1], inputs[1, k + 2]
+        a2, b2, c2 = inputs[2, k], inputs[2, k + 1], inputs[2, k + 2]
+        a3, b3, c3 = inputs[3, k], inputs[3, k + 1], inputs[3, k + 2]
+        for unit in range(out.shape[1]):
+            a, b, c = network.w1[k, unit], network.w1[k + 1, unit], network.w1[k + 2, unit]
+            out[0, unit] += a0 * a + b0 * b + c0 * c
+            out[1, unit] += a1 * a + b1 * b + c1 * c
+            out[2, unit] += a2 * a + b2 * b + c2 * c
+            out[3, unit] += a3 * a + b3 * b + c3 * c
+    for k in range(inputs.shape[1] // 3 * 3, inputs.shape[1]):
+        for member in range(GROUP):
+            for unit in range(out.shape[1]):
+                out[member, unit] += inputs[member, k] * network.w1[k, unit]
+
+
+@kernel
+def logits(features, hidden, network):
+    """Of the three colors: the diffuse ones, plus what the network makes of the hidden layer."""
+    red, green, blue = network.b2[0], network.b2[1], network.b2[2]
+    for unit in range(len(hidden)):
+        value = max(hidden[unit], ZERO)
+        red += value * network.w2[0, unit]
+        green += value * network.w2[1, unit]
+        blue += value * network.w2[2, unit]
+    return features[0] + red, features[1] + green, features[2] + blue
+
+
+@kernel
+def sigmoid(value):
+    return ONE / (ONE + math.exp(-value))
+
+
+@kernel
+def next_group(number, last, ordered, group):
+    """Fill `group` with the next GROUP samples that have a color; how many there were, and where to look on."""
+    count = 0
+    while number < last and count < GROUP:
+        if ordered.places[number, 3] != ZERO:
+            group[count] = number
+            count += 1
+        number += 1
+    return count, number
+
+
+@kernel
+def color_samples(first, last, grid, ordered, samples, features, harmonics, network, n_features, n_hidden, is_diffuse):
+    """Colors of the ordered samples first to last that have one. Lengths of the tuples n_* are sizes."""
+    inputs = np.zeros((GROUP, len(n_features) + 9), np.float32)
+    hidden = np.zeros((GROUP, len(n_hidden)), np.float32)
+    group = np.zeros(GROUP, np.int64)
+    count, number = next_group(first, last, ordered, group)
+    while count:
+        for member in range(count):
+            at = group[member]
+            own = ordered.features[at]
+            x, y, z = ordered.places[at, 0], ordered.places[at, 1], ordered.places[at, 2]
+            gather(features, corner_rows(grid, ordered.vertices[at]), x, y, z, len(n_features), own)
+        if not is_diffuse:
+            read_inputs(group, count, ordered, harmonics, len(n_features), inputs)
+            hidden_layers(inputs, network, hidden)
+        for member in range(count):
+            own = ordered.features[group[member]]
+            red, green, blue = own[0], own[1], own[2]
+            if not is_diffuse:
+                red, green, blue = logits(own, hidden[member], network)
+            color = samples.colors[ordered.index[group[member]]]
+            color[0], color[1], color[2] = sigmoid(red), sigmoid(green), sigmoid(blue)
+        count, number = next_group(number, last, ordered, group)
+
+
+@kernel
+def read_inputs(group, count, ordered, harmonics, n_features, inputs):
+    """Features and harmonics of the direction, of the first `count` members of a group."""
+    for member in range(count):
+        at = group[member]
+        inputs[member, :n_features] = ordered.features[at]
+        inputs[member, n_features:] = harmonics[ordered.rays[at]]
+
+
+@kernel
+def composite(first, last, rays, samples):
+    """Sums of weighted colors of the rays first to last."""
+    for ray in range(first, last):
+        red, green, blue = ZERO, ZERO, ZERO
+        for sample in range(rays.first[ray], rays.first[ray] + rays.counts[ray]):
+            weight = samples.shares[sample] * samples.light[sample, 0]
+            if weight != ZERO:
+                red += weight * samples.colors[sample, 0]
+                green += weight * samples.colors[sample, 1]
+                blue += weight * samples.colors[sample, 2]
+        rays.sums[ray, RED], rays.sums[ray, RED + 1], rays.sums[ray, RED + 2] = red, green, blue

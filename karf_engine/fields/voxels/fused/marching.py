@@ -1,0 +1,254 @@
+"""Forward, ray by ray: samples in occupied cells, their density, how much light is left, and which get a color.
+
+A ray stops where the light is used up: what lies behind cannot be seen and is not computed.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .arrays import Grid, Limits, RayArrays, Samples
+from .compiled import kernel
+
+CHUNK = 32  # rays whose samples lie in one piece of memory
+BLOCK = 4  # cells a side of the coarse grid's blocks, and steps of a coarse stride (sampling.BLOCK)
+DARK = np.float32(1e-4)  # of the light left, a ray ends
+VISIBLE = np.float32(1e-4)  # without a lottery, samples of less weight have no color (volume.VISIBLE_WEIGHT)
+RED, REMAINDER, DISTORTION, BEFORE, UP_TO, DISTANCE, SQUARE, ALPHA, N_SUMS = 0, 3, 4, 5, 6, 7, 8, 9, 10
+ZERO, HALF, ONE, TWO = np.float32(0), np.float32(0.5), np.float32(1), np.float32(2)
+THIRD = np.float32(1 / 3)
+
+
+@kernel
+def uniform(seed, ray, number):
+    """A number in [0, 1) that only depends on these three (a mix of their bits after Wellons, 2018)."""
+    mask = np.uint64(0xFFFFFFFF)  # products of 32 bits are widened to 64: every step is cut again
+    x = (np.uint64(seed) + np.uint64(ray) * np.uint64(0x9E3779B1) + np.uint64(number) * np.uint64(0x85EBCA77)) & mask
+    for _ in range(2):  # neighbors in ray and number need both rounds
+        x ^= x >> np.uint64(16)
+        x = (x * np.uint64(0x7FEB352D)) & mask
+        x ^= x >> np.uint64(15)
+        x = (x * np.uint64(0x846CA68B)) & mask
+        x ^= x >> np.uint64(16)
+    return np.float32(x >> np.uint64(8)) * np.float32(1 / 16777216)
+
+
+@kernel
+def polyline(path, starts, directions):
+    """Distances travelled at the knots, and the directions of the pieces between them."""
+    starts[0] = ZERO
+    for k in range(len(path) - 1):
+        x, y, z = path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1], path[k + 1, 2] - path[k, 2]
+        length = math.sqrt(x * x + y * y + z * z)
+        inverse = ONE / max(length, np.float32(1e-12))
+        directions[k, 0], directions[k, 1], directions[k, 2] = x * inverse, y * inverse, z * inverse
+        starts[k + 1] = starts[k] + length
+
+
+@kernel
+def distance_to(point, path, starts, directions, off_path):
+    """Distance travelled until the path is nearest to a point; -1 if it passes it by."""
+    smallest, at = off_path * off_path, np.float32(-1)
+    for k in range(len(path) - 1):
+        x, y, z = point[0] - path[k, 0], point[1] - path[k, 1], point[2] - path[k, 2]
+        along = x * directions[k, 0] + y * directions[k, 1] + z * directions[k, 2]
+        along = min(max(along, ZERO), starts[k + 1] - starts[k])
+        x, y, z = x - along * directions[k, 0], y - along * directions[k, 1], z - along * directions[k, 2]
+        gap = x * x + y * y + z * z
+        if gap < smallest:
+            smallest, at = gap, starts[k] + along
+    return at
+
+
+@kernel
+def raw_density(dense, lowest, row, plane, x, y, z):
+    """Trilinear in the cell whose lowest vertex is number `lowest`."""
+    a = dense[lowest] + z * (dense[lowest + 1] - dense[lowest])
+    b = dense[lowest + row] + z * (dense[lowest + row + 1] - dense[lowest + row])
+    lowest += plane
+    c = dense[lowest] + z * (dense[lowest + 1] - dense[lowest])
+    d = dense[lowest + row] + z * (dense[lowest + row + 1] - dense[lowest + row])
+    a += y * (b - a)
+    c += y * (d - c)
+    return a + x * (c - a)
+
+
+@kernel
+def march(first_chunk, last_chunk, grid: Grid, rays: RayArrays, samples: Samples, limits: Limits):
+    """Fill `samples`, and all of `rays` but the colors. A chunk that needs more places says so in its count."""
+    n_rays, n_knots = len(rays.jitter), rays.paths.shape[1]
+    starts = np.empty(n_knots, np.float32)
+    directions = np.empty((n_knots, 3), np.float32)
+    for chunk in range(first_chunk, last_chunk):
+        count = chunk * limits.capacity
+        end = count + limits.capacity
+        for ray in range(chunk * CHUNK, min(n_rays, (chunk + 1) * CHUNK)):
+            polyline(rays.paths[ray], starts, directions)
+            observation = ray - (n_rays - len(rays.observed))
+            rays.reach[ray] = np.float32(-1)
+            if observation >= 0:
+                rays.reach[ray] = distance_to(
+                    rays.observed[observation], rays.paths[ray], starts, directions, limits.off_path
+                )
+            rays.first[ray] = count
+            count = march_ray(ray, count, end, starts, directions, grid, rays, samples, limits)
+            rays.counts[ray] = count - rays.first[ray]
+        samples.counts[chunk] = count - chunk * limits.capacity
+
+
+@kernel
+def march_ray(ray, count, end, starts, directions, grid, rays, samples, limits):
+    """Samples of one ray from place `count` on; returns the place after the last one."""
+    path, jitter, reach, sums = rays.paths[ray], rays.jitter[ray], rays.reach[ray], rays.sums[ray]
+    size_x, size_y, size_z = grid.shape[0], grid.shape[1], grid.shape[2]
+    blocks_x, blocks_y, blocks_z, row_bytes = grid.shape[3], grid.shape[4], grid.shape[5], grid.shape[6]
+    row = size_z + 1
+    plane = (size_y + 1) * row
+    step = limits.step * grid.voxel
+    stride = np.float32(BLOCK) * step
+    inverse, unit = ONE / grid.voxel, ONE / limits.unit
+    low_x, low_y, low_z = grid.minimum[0], grid.minimum[1], grid.minimum[2]
+    n_pieces = len(path) - 1
+    is_bent, length = n_pieces > 1, starts[n_pieces]
+    light, depth = ONE, ZERO
+    weight_sum, distance_sum, square_sum, pairs, before, up_to, alpha_sum = ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
+    coarse_piece, piece, block = 0, 0, -1
+    while light > DARK:
+        block += 1
+        distance = (np.float32(block) + HALF) * stride
+        if distance - HALF * stride >= length:
+            break
+        while coarse_piece + 1 < n_pieces and starts[coarse_piece + 1] <= distance:
+            coarse_piece += 1
+        along = distance - starts[coarse_piece]
+        x = (path[coarse_piece, 0] + along * directions[coarse_piece, 0] - low_x) * inverse
+        y = (path[coarse_piece, 1] + along * directions[coarse_piece, 1] - low_y) * inverse
+        z = (path[coarse_piece, 2] + along * directions[coarse_piece, 2] - low_z) * inverse
+        i = min(max(int(x * np.float32(1 / BLOCK)), 0), blocks_x - 1)
+        j = min(max(int(y * np.float32(1 / BLOCK)), 0), blocks_y - 1)
+        k = min(max(int(z * np.float32(1 / BLOCK)), 0), blocks_z - 1)
+        if grid.coarse[(i * blocks_y + j) * blocks_z + k] == 0:
+            continue
+        for number in range(block * BLOCK, (block + 1) * BLOCK):
+            distance = (np.float32(number) + jitter) * step
+            if distance >= length:
+                break
+            while piece + 1 < n_pieces and starts[piece + 1] <= distance:
+                piece += 1
+            along = distance - starts[piece]
+            x = (path[piece, 0] + along * directions[piece, 0] - low_x) * inverse
+            y = (path[piece, 1] + along * directions[piece, 1] - low_y) * inverse
+            z = (path[piece, 2] + along * directions[piece, 2] - low_z) * inverse
+            # bent paths are not clipped to the grid
+            if is_bent and (x < 0 or y < 0 or z < 0 or x >= size_x or y >= size_y or z >= size_z):
+                continue
+            i = min(max(int(x), 0), size_x - 1)
+            j = min(max(int(y), 0), size_y - 1)
+            k = min(max(int(z), 0), size_z - 1)
+            if (grid.bits[(i * size_y + j) * row_bytes + (k >> 3)] >> (k & 7)) & 1 == 0:
+                continue
+            if count == end:
+                return end  # a full chunk is computed again with more places
+            x, y, z = x - np.float32(i), y - np.float32(j), z - np.float32(k)
+            lowest = (i * (size_y + 1) + j) * row + k
+            raw = raw_density(grid.dense, lowest, row, plane, x, y, z) + grid.bias
+            small = math.exp(-abs(raw))
+            softplus = max(raw, ZERO) + (math.log(ONE + small) if small > np.float32(1e-4) or raw > ZERO else small)
+            optical_depth = softplus * limits.step
+            slope = (ONE if raw > ZERO else small) / (ONE + small)
+            through = math.exp(-optical_depth)
+            alpha = ONE - through
+            if optical_depth < np.float32(1e-3):  # the difference would lose its digits
+                alpha = optical_depth * (ONE - HALF * optical_depth)
+            weight = light * alpha
+            scaled = distance * unit
+            pairs += weight * (TWO * (scaled * weight_sum - distance_sum) + step * unit * THIRD * weight)
+            weight_sum += weight
+            distance_sum += weight * scaled
+            square_sum += weight * scaled * scaled
+            alpha_sum += alpha
+            if reach >= ZERO:
+                before += weight if distance < reach - limits.margin else ZERO
+                up_to += weight if distance < reach + limits.margin else ZERO
+            depth += optical_depth
+            light *= through
+            samples.vertices[count] = lowest
+            samples.rays[count] = ray
+            samples.places[count, 0], samples.places[count, 1], samples.places[count, 2] = x, y, z
+            samples.places[count, 3] = distance
+            samples.light[count, 0], samples.light[count, 1], samples.light[count, 2] = weight, through, light
+            samples.light[count, 3] = slope * limits.step
+            samples.shares[count] = share_of(weight, limits, ray, number)
+            count += 1
+            if light <= DARK:
+                break
+    sums[REMAINDER], sums[DISTORTION] = math.exp(-depth), pairs
+    sums[BEFORE], sums[UP_TO] = before, up_to
+    sums[DISTANCE], sums[SQUARE], sums[ALPHA] = distance_sum, square_sum, alpha_sum
+    return count
+
+
+@kernel
+def share_of(weight, limits, ray, number):
+    """What a sample's color counts for: nothing, or one over the probability that it is drawn (Russian roulette)."""
+    if limits.lottery <= ZERO:
+        return ONE if weight > max(VISIBLE, -limits.lottery) else ZERO
+    if weight >= limits.lottery:
+        return ONE
+    if uniform(limits.seed, ray, number) * limits.lottery < weight:
+        return limits.lottery / weight
+    return ZERO
+
+
+@kernel
+def sort_by_place(n_chunks, grid, samples, ordered, capacity):
+    """Stable counting sort of all samples by plane of the grid and part of the plane; returns how many there are."""
+    plane = (grid.shape[1] + 1) * (grid.shape[2] + 1)
+    n_planes = grid.shape[0] + 1
+    parts = len(ordered.bins) // n_planes  # of each plane
+    ordered.bins[:] = 0
+    for chunk in range(n_chunks):
+        for sample in range(chunk * capacity, chunk * capacity + samples.counts[chunk]):
+            ordered.bins[bin_of(samples.vertices[sample], plane, parts)] += 1
+    total = 0
+    for number in range(n_planes * parts):
+        if number % parts == 0:
+            ordered.planes[number // parts] = total
+        total, ordered.bins[number] = total + ordered.bins[number], total
+    ordered.planes[n_planes] = total
+    for chunk in range(n_chunks):
+        for sample in range(chunk * capacity, chunk * capacity + samples.counts[chunk]):
+            number = bin_of(samples.vertices[sample], plane, parts)
+            to = ordered.bins[number]
+            ordered.bins[number] = to + 1
+            ordered.index[to] = sample
+            ordered.vertices[to] = samples.vertices[sample]
+            ordered.rays[to] = samples.rays[sample]
+            for axis in range(3):
+                ordered.places[to, axis] = samples.places[sample, axis]
+            ordered.places[to, 3] = samples.shares[sample]
+    return total
+
+
+@kernel
+def bin_of(vertex, plane, parts):
+    """Number of the part of a plane that a vertex lies in."""
+    i = vertex // plane
+    return i * parts + (vertex - i * plane) * parts // plane
+
+
+@kernel
+def mark_visible(n_chunks, grid, samples, capacity, visibility):
+    """Raise `visibility` [X * Y * Z] of each cell to the largest weight of a sample in it."""
+    row = grid.shape[2] + 1
+    plane = (grid.shape[1] + 1) * row
+    for chunk in range(n_chunks):
+        for sample in range(chunk * capacity, chunk * capacity + samples.counts[chunk]):
+            vertex = samples.vertices[sample]
+            i = vertex // plane
+            j = (vertex - i * plane) // row
+            k = vertex - i * plane - j * row
+            cell = (i * grid.shape[1] + j) * grid.shape[2] + k
+            visibility[cell] = max(visibility[cell], samples.light[sample, 0])

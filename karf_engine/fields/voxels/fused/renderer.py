@@ -1,0 +1,196 @@
+"""The kernels in their order: a `Renderer` (see ../renderer.py) for fields on the processor."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ....rendering.rays import Rays
+from ....rendering.spherical_harmonics import spherical_harmonics
+from ....runtime import Runtime
+from ..field import VoxelField
+from ..renderer import Observing, RayBatch, RaySums
+from .adam import LazyAdam, difference_gradients, difference_sums
+from .arrays import Limits, Network, RayArrays, Samples, Sorted
+from .coloring import color_samples, composite
+from .compiled import share
+from .gradients import ray_gradients, slab_gradients
+from .marching import CHUNK, N_SUMS, march, mark_visible, sort_by_place
+from .tables import FieldTables
+
+BINS = 65536  # of the sort by place
+SLABS = 24  # of the grid, whose gradients are computed side by side
+
+
+class FusedRenderer:
+    """Renders and learns one field of the processor's memory."""
+
+    def __init__(self, field: VoxelField, runtime: Runtime, unit: float, lottery: float, observing: Observing) -> None:
+        """See ../renderer.py: new_renderer."""
+        self.field, self.runtime = field, runtime
+        self.tables = FieldTables(field)
+        self._limits = Limits(
+            64 * CHUNK, 0, np.float32(1), *map(np.float32, (lottery, observing.margin, observing.off_path, unit))
+        )
+        self._samples: Samples | None = None
+        self._ordered: Sorted | None = None
+
+    def optimizer(self, groups: list[dict], betas: tuple[float, float]) -> LazyAdam:
+        return LazyAdam(groups, betas, self.tables, self.runtime.team)
+
+    def render(self, batch: RayBatch) -> RaySums:
+        sums = _Render.apply(self.field.raw_density, self, batch)
+        color, rest = sums[:, :3], sums[:, 3:].unbind(1)
+        remainder, distortion, before, up_to, distance, square, alpha = rest
+        observes = torch.from_numpy(self._rays.reach >= 0)
+        n_samples = int(self._rays.counts.sum())
+        return RaySums(color, remainder, distortion, before, up_to, observes, distance, square, alpha, n_samples)
+
+    def differences(self, rows: Tensor, other_rows: Tensor) -> tuple[Tensor, Tensor]:
+        return _Differences.apply(self.field.raw_density, self, rows.int().numpy(), other_rows.int().numpy()).unbind(0)
+
+    def visibility(self, rays: Rays) -> Tensor:
+        jitter = torch.full((len(rays),), 0.5)
+        self._march(RayBatch(rays, 1.0, jitter))
+        visibility = np.zeros(self.field.occupied.numel(), np.float32)
+        mark_visible(self._n_chunks, self.tables.grid, self._samples, self._limits.capacity, visibility)
+        return torch.from_numpy(visibility).view(self.field.occupied.shape)
+
+    # ------------------------------------------------------------------------------------------------------ kernels
+    def forward(self, batch: RayBatch) -> Tensor:
+        """Sums of each ray, [R, 10], in the order of marching.N_SUMS."""
+        self._march(batch)
+        grid, samples, ordered, tables = self.tables.grid, self._samples, self._ordered, self.tables
+        total = sort_by_place(self._n_chunks, grid, samples, ordered, self._limits.capacity)
+        self._harmonics = spherical_harmonics(batch.rays.viewdirs).numpy()
+        self._network, self._is_diffuse = tables.network(), batch.is_diffuse
+        self._total = total
+        share(
+            color_samples, total, grid, ordered, samples, tables.values[1], self._harmonics, self._network,
+            tables.n_features, tables.n_hidden, batch.is_diffuse,
+        )  # fmt: skip
+        share(composite, len(batch.rays), self._rays, samples)
+        return torch.from_numpy(self._rays.sums)
+
+    def backward(self, gradients: Tensor) -> None:
+        """Add up the gradients of tables and network, from those of the last batch's sums [R, 10]."""
+        tables, limits, samples, ordered = self.tables, self._limits, self._samples, self._ordered
+        share(
+            ray_gradients, len(gradients), self._rays, samples, gradients.contiguous().numpy(), limits.margin,
+            limits.unit, np.float32(limits.step * self.field.voxel),
+        )  # fmt: skip
+        cuts = self._cuts()
+        n_slabs = len(cuts) - 1
+        sums = Network(*(np.zeros((n_slabs, *part.shape), np.float32) for part in self._network))
+        for offset in range(2):  # even slabs share no vertex, nor do odd ones
+            share(
+                slab_gradients, (n_slabs + 1 - offset) // 2, offset, cuts, tables.grid, ordered, samples,
+                self._harmonics, self._network, tables.gradients, tables.touched, sums, tables.n_features,
+                tables.n_hidden, self._is_diffuse,
+            )  # fmt: skip
+        self.tables.show_gradients()
+        if not self._is_diffuse:
+            first, _, last = self.field.color_network
+            w1, b1, w2, b2 = (torch.from_numpy(part.sum(0)) for part in sums)
+            for parameter, gradient in ((first.weight, w1.T), (first.bias, b1), (last.weight, w2), (last.bias, b2)):
+                parameter.grad = gradient.contiguous() if parameter.grad is None else parameter.grad + gradient
+
+    def _cuts(self) -> np.ndarray:
+        """First sample of each slab, and their number: slabs of whole planes, with about as many samples each."""
+        wanted = np.searchsorted(self._ordered.planes, self._total * np.arange(1, SLABS) / SLABS)
+        return np.concatenate([[0], self._ordered.planes[np.unique(wanted)], [self._total]])
+
+    def _march(self, batch: RayBatch) -> None:
+        n_rays = len(batch.rays)
+        self._n_chunks = -(-n_rays // CHUNK)
+        if self._samples is None:
+            self.tables.refresh()
+        observed = np.zeros((0, 3), np.float32) if batch.observed is None else batch.observed.numpy()
+        paths = self.field.space.paths(batch.rays, *self.field.bounds).contiguous().numpy()
+        self._rays = RayArrays(
+            paths,
+            batch.jitter.numpy(),
+            observed,
+            np.empty(n_rays, np.int64),
+            np.empty(n_rays, np.int64),
+            np.empty(n_rays, np.float32),
+            np.zeros((n_rays, N_SUMS), np.float32),
+        )
+        seed = int(self.runtime.randint(2**31 - 1, 1)) if self._limits.lottery else 0
+        self._limits = self._limits._replace(seed=seed, step=np.float32(batch.step))
+        self._make_room(self._limits.capacity)
+        while True:
+            share(march, self._n_chunks, self.tables.grid, self._rays, self._samples, self._limits)
+            if self._samples.counts[: self._n_chunks].max(initial=0) < self._limits.capacity:
+                return
+            self._make_room(self._limits.capacity * 3 // 2)
+
+    def _make_room(self, capacity: int) -> None:
+        """Memory for as many samples a chunk; it only grows."""
+        size = self._n_chunks * capacity
+        self._limits = self._limits._replace(capacity=capacity)
+        if self._samples is not None and len(self._samples.rays) >= size:
+            return
+        n_planes = self.field.occupied.shape[0] + 1
+
+        def room(kind: type, *shape: int) -> np.ndarray:
+            return np.empty(shape, kind)
+
+        self._samples = Samples(
+            room(np.int32, size),
+            room(np.int32, size),
+            room(np.float32, size, 4),
+            room(np.float32, size, 4),
+            room(np.float32, size),
+            room(np.float32, size, 3),
+            room(np.int64, self._n_chunks),
+        )
+        self._ordered = Sorted(
+            room(np.int32, size),
+            room(np.int32, size),
+            room(np.int32, size),
+            room(np.float32, size, 4),
+            room(np.float32, size, self.field.n_features),
+            room(np.int64, max(1, BINS // n_planes) * n_planes),
+            room(np.int64, n_planes + 1),
+        )
+
+
+class _Render(torch.autograd.Function):
+    """Kernels as an operation of torch. The densities stand for all that is learned, whose gradients take another way."""
+
+    @staticmethod
+    def forward(context, densities: Tensor, renderer: FusedRenderer, batch: RayBatch) -> Tensor:
+        del densities
+        context.renderer = renderer
+        return renderer.forward(batch)
+
+    @staticmethod
+    def backward(context, gradients: Tensor) -> tuple[None, None, None]:
+        context.renderer.backward(gradients)
+        return None, None, None
+
+
+class _Differences(torch.autograd.Function):
+    """Squared differences between rows, of densities and of features, [2]."""
+
+    @staticmethod
+    def forward(
+        context, densities: Tensor, renderer: FusedRenderer, rows: np.ndarray, other_rows: np.ndarray
+    ) -> Tensor:
+        del densities
+        context.renderer, context.pairs = renderer, (rows, other_rows)
+        tables = renderer.tables
+        sums = difference_sums(rows, other_rows, *tables.values, tables.n_features)
+        return torch.tensor(sums, dtype=torch.float32)
+
+    @staticmethod
+    def backward(context, gradient: Tensor) -> tuple[None, None, None, None]:
+        tables = context.renderer.tables
+        density, features = (np.float32(value) for value in gradient.tolist())
+        difference_gradients(
+            *context.pairs, tables.values, tables.gradients, tables.n_features, tables.touched, density, features
+        )
+        tables.show_gradients()
+        return None, None, None, None

@@ -1,0 +1,87 @@
+"""A field's grid and tables as kernels see them, with the gradients that they add up."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from ..field import VoxelField
+from .arrays import DENSITY, FEATURES, Grid, Network
+
+
+class FieldTables:
+    """Arrays of one field; its parameters are shared, not copied.
+
+    Attributes:
+        grid: The cells; its dense densities are those of `refresh`, and of `LazyAdam` from then on.
+        gradients: Of densities [n] and of features [n * F], added up since the last step.
+        touched: Which rows have gradients, bits of adam.DENSITY and adam.FEATURES, [n] uint8.
+        vertices: Number of each row's vertex, [n].
+        n_features, n_hidden: Tuples as long as there are features and hidden units: lengths are constants to numba.
+    """
+
+    def __init__(self, field: VoxelField) -> None:
+        self.field = field
+        rows = field.vertex_rows.view(-1).numpy()
+        occupied = field.occupied.numpy()
+        bits = np.packbits(occupied, axis=2, bitorder="little")
+        self.vertices = np.flatnonzero(rows >= 0).astype(np.int32)
+        self.grid = Grid(
+            field.minimum.numpy(),
+            np.float32(field.voxel),
+            np.array([*occupied.shape, *field.coarse.shape, bits.shape[2]]),
+            bits.ravel(),
+            field.coarse.numpy().view(np.uint8).ravel(),
+            np.zeros(len(rows), np.float32),
+            rows,
+            np.float32(field.density_bias),
+        )
+        self.gradients = np.zeros(len(self.vertices), np.float32), np.zeros(field.feature_table.numel(), np.float32)
+        self.touched = np.zeros(len(self.vertices), np.uint8)
+        self.n_features, self.n_hidden = (0,) * field.n_features, (0,) * field.width
+
+    @property
+    def parameters(self) -> tuple[nn.Parameter, nn.Parameter]:
+        """Raw densities and features, as torch knows them."""
+        return self.field.raw_density, self.field.feature_table
+
+    @property
+    def dense(self) -> np.ndarray:
+        """Raw density of every vertex."""
+        return self.grid.dense
+
+    @property
+    def values(self) -> tuple[np.ndarray, np.ndarray]:
+        """Raw densities [n] and features [n * F]."""
+        density, features = self.parameters
+        return flat(density), flat(features)
+
+    def refresh(self) -> None:
+        """Read the densities again, which something else than `LazyAdam` has changed."""
+        self.dense[self.vertices] = flat(self.field.raw_density)
+
+    def show_gradients(self) -> None:
+        """Let the field's parameters have these gradients, in this very memory: processes that learn together read it."""
+        for parameter, gradients in zip(self.parameters, self.gradients, strict=True):
+            parameter.grad = torch.from_numpy(gradients).view_as(parameter)
+
+    def touch_others(self) -> None:
+        """Note the rows that have gradients of other processes."""
+        density, features = self.gradients
+        self.touched |= DENSITY * (density != 0) | FEATURES * (features.reshape(len(density), -1) != 0).any(1)
+
+    def network(self) -> Network:
+        """The color network as it is now."""
+        first, _, last = self.field.color_network
+        return Network(
+            np.ascontiguousarray(first.weight.detach().numpy().T),
+            first.bias.detach().numpy(),
+            last.weight.detach().numpy(),
+            last.bias.detach().numpy(),
+        )
+
+
+def flat(tensor: Tensor) -> np.ndarray:
+    """A tensor's own memory as one row."""
+    return tensor.detach().numpy().reshape(-1)

@@ -1,0 +1,102 @@
+"""A `Renderer` of torch's own operations: on any device, and what the compiled kernels are measured against."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from ...rendering.rays import Rays
+from ...rendering.sampling import Polylines, Samples
+from ...rendering.volume import (
+    VISIBLE_WEIGHT,
+    accumulate,
+    distortion,
+    ray_weights_from_sigmas,
+    remainder_from_sigmas,
+)
+from ...runtime import Runtime
+from .field import VoxelField
+from .renderer import Observing, RayBatch, RaySums
+
+
+class TorchRenderer:
+    """Renders and learns one field where its tensors are."""
+
+    def __init__(self, field: VoxelField, runtime: Runtime, unit: float, lottery: float, observing: Observing) -> None:
+        """See renderer.py: new_renderer."""
+        self.field, self.runtime = field, runtime
+        self._unit, self._lottery, self._observing = unit, lottery, observing
+
+    def optimizer(self, groups: list[dict], betas: tuple[float, float]) -> torch.optim.Adam:
+        return torch.optim.Adam(groups, betas=betas, eps=1e-12, fused=True)
+
+    def render(self, batch: RayBatch) -> RaySums:
+        field, rays, n_rays = self.field, batch.rays, len(batch.rays)
+        paths = field.space.paths(rays, *field.bounds)
+        samples = field.march_paths(paths, batch.step, batch.jitter)
+        rows, corner_weights = field.corners(samples.positions, all_occupied=True)
+        sigmas = field.density_at(rows, corner_weights)
+        weights = ray_weights_from_sigmas(sigmas, samples.step, samples.ray_indices)
+        shares = self._shares(weights.detach())
+        seen = torch.nonzero(shares).squeeze(1)
+        ray_indices = samples.ray_indices[seen]
+        features = field.features_at(rows[seen], corner_weights[seen], batch.is_diffuse)
+        colors = field.color(samples.positions[seen], rays.viewdirs[ray_indices], features, batch.is_diffuse)
+        scaled = samples.distances / self._unit
+        moments = accumulate(weights, torch.stack([scaled, scaled**2], 1), samples.ray_indices, n_rays)
+        alphas = -torch.expm1(-sigmas * samples.step)
+        before, up_to, observes = self._observed(batch, paths, samples, weights)
+        return RaySums(
+            accumulate(weights[seen] * shares[seen], colors, ray_indices, n_rays),
+            remainder_from_sigmas(sigmas, samples.step, samples.ray_indices, n_rays),
+            distortion(weights, scaled, samples.step / self._unit, samples.ray_indices, n_rays),
+            before,
+            up_to,
+            observes,
+            moments[:, 0],
+            moments[:, 1],
+            accumulate(alphas, None, samples.ray_indices, n_rays)[:, 0],
+            len(samples),
+        )
+
+    def _shares(self, weights: Tensor) -> Tensor:
+        """What each sample's color counts for: 0, or one over the probability that it is drawn."""
+        if not self._lottery:
+            return (weights > VISIBLE_WEIGHT).to(weights.dtype)
+        chance = (weights / self._lottery).clamp_max(1)
+        return torch.where(self.runtime.rand(len(weights)) < chance, 1 / chance, torch.zeros_like(chance))
+
+    def _observed(
+        self, batch: RayBatch, paths: Tensor, samples: Samples, weights: Tensor
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """Weight before the observed points and up to them, and which rays observe one, [R] each."""
+        n_rays, none = len(paths), torch.zeros(len(paths), device=paths.device)
+        if batch.observed is None or not len(batch.observed):
+            return none, none, none > 0
+        first = n_rays - len(batch.observed)
+        at, gap = Polylines(paths[first:]).nearest(batch.observed)
+        reach = torch.full_like(none, -1.0)
+        reach[first:] = torch.where(gap < self._observing.off_path, at, torch.full_like(at, -1.0))
+        limit, margin = reach[samples.ray_indices], self._observing.margin
+        nearer = torch.stack([samples.distances < limit - margin, samples.distances < limit + margin], 1)
+        before, up_to = accumulate(weights, nearer & (limit >= 0)[:, None], samples.ray_indices, n_rays).unbind(1)
+        return before, up_to, reach >= 0
+
+    def differences(self, rows: Tensor, other_rows: Tensor) -> tuple[Tensor, Tensor]:
+        exists = ((rows >= 0) & (other_rows >= 0))[:, None]
+        both = torch.stack([rows, other_rows]).long().clamp_min(0)
+
+        def squares(table: Tensor) -> Tensor:
+            # one gather of both: the gradient of each is as large as the table
+            one, other = nn.functional.embedding(both, table)
+            return (exists * (one - other) ** 2).sum()
+
+        return squares(self.field.raw_density), squares(self.field.feature_table)
+
+    @torch.no_grad()
+    def visibility(self, rays: Rays) -> Tensor:
+        field = self.field
+        visibility = torch.zeros(field.occupied.numel(), device=field.occupied.device)
+        trace = field.trace(rays, 1.0)
+        visibility.scatter_reduce_(0, field.cells(trace.samples.positions), trace.ray_weights, "amax")
+        return visibility.view(field.occupied.shape)
