@@ -4,10 +4,13 @@
     cache        an iteration of F_w on the surface cache against one on 192 samples a ray, at width 256
     compositing  a swatch change on cached planes, the arithmetic alone
     swatch       the same in Blender, from setting the swatch to the pixels in the image
+    geometry     a scene learned by torch and by the compiled kernels: held-out PSNR over seconds, and milliseconds an
+                 iteration; of --capture DIR ..., else of the demo, with --preset
     stages       seconds and peak memory of each stage: of --project DIR, else of the demo, learned for this
     photos       seconds and peak memory of recoloring a photo of 1, 12 and 24 megapixels, of the same project
+    detail       pixels that a voxel spans, the PSNR that photos keep without so much detail, and what the scene reaches
 
-Without names: all but `stages` and `photos`. Times are those of this machine at this moment; the ratios say more than
+Without names: all but the last four. Times are those of this machine at this moment; the ratios say more than
 the seconds, and a load average near the number of cores makes both worthless. Paths are relative to the checkout.
 """
 
@@ -18,23 +21,21 @@ import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # this file is also run by its path
 
 from tools.dev import ROOT, python_of
 from tools.speed.machine import machine
+from tools.speed.rows import Row, print_rows
 
-NAMES = ("kan", "cache", "compositing", "swatch", "stages", "photos")
-OF_A_PROJECT = ("stages", "photos")
+NAMES = ("kan", "cache", "compositing", "swatch", "geometry", "stages", "photos", "detail")
+LONG = ("geometry", "stages", "photos", "detail")
 SWATCH_TARGET_MS = 16.0  # one picture of sixty a second
 SWATCH_CASES = ((1, 1), (1, 5), (3, 1))  # objects, swatches of the first that differ; 5 are all but black
 STAGES = ("geometry", "segmentation", "palette", "recoloring")
-
-Row = dict[str, Any]
 
 
 def main() -> None:
@@ -44,7 +45,9 @@ def main() -> None:
         "--threads", type=int, default=1, help="of kan, cache and of learning the demo (default: %(default)s)"
     )
     parser.add_argument("--repeats", type=int, default=5, help="rounds of kan and cache (default: %(default)s)")
-    parser.add_argument("--project", type=Path, metavar="DIR", help="a learned project, for stages and photos")
+    parser.add_argument("--project", type=Path, metavar="DIR", help="a learned project, for stages, photos and detail")
+    parser.add_argument("--capture", type=Path, nargs="+", metavar="DIR", help="captures, for geometry")
+    parser.add_argument("--preset", default="demo", help="settings, for geometry (default: %(default)s)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows there too")
     options = parser.parse_args()
     unknown = [name for name in options.names if name not in NAMES]
@@ -55,13 +58,15 @@ def main() -> None:
         "cache": bench_cache,
         "compositing": bench_compositing,
         "swatch": bench_swatch,
+        "geometry": bench_geometry,
         "stages": bench_stages,
         "photos": bench_photos,
+        "detail": bench_detail,
     }
     measured_on = machine(options.threads)
     print("  ".join(f"{name} {value}" for name, value in measured_on.items()), flush=True)
     rows: list[Row] = []
-    for name in options.names or [name for name in NAMES if name not in OF_A_PROJECT]:
+    for name in options.names or [name for name in NAMES if name not in LONG]:
         print(f"\n--- {name}", flush=True)
         rows += [{"bench": name, **row} for row in benches[name](options)]
     if options.json:
@@ -111,6 +116,19 @@ def bench_swatch(options: argparse.Namespace) -> list[Row]:
     return rows
 
 
+def bench_geometry(options: argparse.Namespace) -> list[Row]:
+    """Both ways to learn a field; the kernels' gain is the last column of the second table."""
+    from karf_engine.settings import preset
+    from tools.speed import geometry
+
+    rows = []
+    for capture in options.capture or [ROOT / "demo"]:
+        for table in geometry.run(capture, preset(options.preset), options.threads, list(geometry.WAYS)):
+            print_rows(table)
+            rows += table
+    return rows
+
+
 def bench_stages(options: argparse.Namespace) -> list[Row]:
     """Seconds and peak memory of each finished stage of a project."""
     with learned_project(options) as project:
@@ -127,6 +145,16 @@ def bench_photos(options: argparse.Namespace) -> list[Row]:
         rows = photo_size.run(project)
     print_rows(rows)
     print(f"target: <= {photo_size.TARGET_GIB:g} GiB at 24 megapixels with three objects, and all outside equal")
+    return rows
+
+
+def bench_detail(options: argparse.Namespace) -> list[Row]:
+    """PSNR in dB, of the test views: at the scene's center, everywhere, on each object, and what photos keep anyway."""
+    from tools.speed import detail
+
+    with learned_project(options) as project:
+        rows = detail.run(project)
+    print_rows(rows)
     return rows
 
 
@@ -159,14 +187,6 @@ def stage_rows(project: Path) -> list[Row]:
         {"stage": stage, "seconds": entry["seconds"], "peak_gib": round(entry["peak_memory"] / 2**30, 2)}
         for stage, entry in finished
     ]
-
-
-def print_rows(rows: Iterable[Row]) -> None:
-    """Rows with the same keys as a table."""
-    table = [list(rows[0]), *[[str(value) for value in row.values()] for row in rows]] if rows else []
-    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    for line in table:
-        print("  ".join(f"{cell:>{width}}" for cell, width in zip(line, widths, strict=True)), flush=True)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,6 @@ SETTINGS = (
     'geometry.levels=[{"voxels": 24, "iterations": 100, "step": 1.0}]',
     "geometry.samples=8000",
     "geometry.max_rays=1024",
-    "geometry.features=4",
     "segmentation.iterations=60",
     "segmentation.rate=0.01",
     "segmentation.batch=128",

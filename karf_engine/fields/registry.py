@@ -10,13 +10,17 @@ import torch
 from torch import Tensor
 
 from ..errors import BadRequest
-from ..settings import FIELD_KINDS
+from ..progress import Emit
+from ..settings import FIELD_KINDS, GeometrySettings
 from .fit import Fit, FitInputs
 from .nerf.field import NerfField
 from .nerf.start import start_nerf_fit
 from .protocol import Field
+from .voxels.choice import prepare_kernels
 from .voxels.field import VoxelField
 from .voxels.start import start_voxel_fit
+
+Wait = Callable[[Emit, Callable[[], bool]], None]  # receives events; is asked whether to stop
 
 
 @dataclass(frozen=True)
@@ -27,11 +31,13 @@ class FieldKind:
         name: That `geometry.field` and files give it.
         start: A fresh fit from photos.
         restore: The field of a config and tensors (see `Field.restore`).
+        prepare: Begins what may run beside the reading of the photos; what it returns waits until that is done.
     """
 
     name: str
     start: Callable[[FitInputs], Fit]
     restore: Callable[[dict[str, Any], dict[str, Tensor], torch.device | str], Field]
+    prepare: Callable[[GeometrySettings, torch.device], Wait] = lambda settings, device: lambda emit, should_stop: None
 
 
 _KINDS: dict[str, FieldKind] = {}
@@ -74,5 +80,5 @@ def start_fit(inputs: FitInputs) -> Fit:
     return field_kind(inputs.settings.field).start(inputs)
 
 
-register_field(FieldKind(VoxelField.kind, start_voxel_fit, VoxelField.restore))
+register_field(FieldKind(VoxelField.kind, start_voxel_fit, VoxelField.restore, prepare_kernels))
 register_field(FieldKind(NerfField.kind, start_nerf_fit, NerfField.restore))

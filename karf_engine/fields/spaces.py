@@ -12,7 +12,7 @@ from ..capture.capture import SparsePoints, View
 from ..errors import BadRequest
 from ..rendering.space import Contraction, Frustum, Similarity
 from ..settings import GeometrySettings, OpenSettings
-from .extent import box_round_focus, focus_point, looks_one_way, middle_pose, nearest_depth
+from .extent import box_round_focus, looks_one_way, middle_pose, nearest_depth
 
 OPAQUE_REACH = 1.2  # half-width of the box before a real background, in units of what a camera sees at the focus point
 IN_BOX = 0.98  # of the sparse points: then the box holds all there is to learn
@@ -48,10 +48,10 @@ def choose_space(kind: str, views: list[View], points: SparsePoints | None, sett
 
 
 def contraction_round_focus(cameras: list[Camera], recipe: OpenSettings) -> Contraction:
-    """The contraction whose inner ball lies round the cameras' focus point."""
-    center = focus_point(cameras)
+    """The contraction whose inner ball lies round the cameras' focus point, as large as what they see there."""
+    center, radius = box_round_focus(cameras, recipe.radius)
     distance = float(np.mean([np.linalg.norm(camera.position - center.numpy()) for camera in cameras]))
-    return Contraction(center.float(), recipe.radius * distance, recipe.room, NEAR * distance)
+    return Contraction(center.float(), radius, recipe.room, NEAR * distance)
 
 
 def middle_frustum(views: list[View], points: SparsePoints | None) -> Frustum:

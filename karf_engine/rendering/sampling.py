@@ -51,10 +51,36 @@ def coarse_occupancy(occupied: Tensor) -> Tensor:
         >>> coarse_occupancy(occupied).flatten()
         tensor([ True, False, False])
     """
-    grid = occupied[None, None].float()
-    # a fine sample may lie up to half a coarse stride from the point where the block is looked up
-    grid = torch.nn.functional.max_pool3d(grid, BLOCK + 1, stride=1, padding=BLOCK // 2)
-    return torch.nn.functional.max_pool3d(grid, BLOCK, stride=BLOCK, ceil_mode=True)[0, 0] > 0
+    for axis in range(3):
+        # a fine sample may lie up to half a coarse stride from the point where the block is looked up
+        occupied = spread(occupied, axis, BLOCK // 2)
+    rest = [-size % BLOCK for size in occupied.shape]
+    padded = torch.nn.functional.pad(occupied, (0, rest[2], 0, rest[1], 0, rest[0]))
+    blocks = [size // BLOCK for size in padded.shape]
+    return padded.view(blocks[0], BLOCK, blocks[1], BLOCK, blocks[2], BLOCK).any(5).any(3).any(1)
+
+
+def spread(occupied: Tensor, axis: int, cells: int) -> Tensor:
+    """Cells within `cells` of an occupied one along one axis; as bytes, since large grids would fill memory as floats.
+
+    Args:
+        occupied: Cells [X, Y, Z] bool.
+        axis: 0, 1 or 2.
+        cells: How far.
+
+    Returns:
+        Cells of the same shape, bool.
+
+    Example:
+        >>> spread(torch.tensor([[[True, False, False, False]]]), 2, 2)
+        tensor([[[ True,  True,  True, False]]])
+    """
+    wide, size = occupied.clone(), occupied.shape[axis]
+    for distance in range(1, min(cells, size - 1) + 1):
+        length = size - distance
+        wide.narrow(axis, distance, length).logical_or_(occupied.narrow(axis, 0, length))
+        wide.narrow(axis, 0, length).logical_or_(occupied.narrow(axis, distance, length))
+    return wide
 
 
 def cell_indices(positions: Tensor, minimum: Tensor, voxel: float, shape: tuple[int, ...]) -> Tensor:

@@ -44,7 +44,9 @@ class OpenSettings:
     point_share: float = option(0.2, "Share of the rays that go to sparse points", 0.0, 0.9)
     prune_alpha: float = option(0.0, "Cells below this opacity are dropped", 0.0, 0.5)
     prune_visibility: float = option(0.015, "Cells that no training ray sees by this weight are dropped", 0.0, 0.5)
-    radius: float = option(0.6, "Radius that the contraction keeps, in mean camera distances", 0.05, 10.0)
+    radius: float = option(
+        1.0, "Radius that the contraction keeps, in half-widths of what a typical camera sees at the middle", 0.05, 10.0
+    )
     frustum_detail: float = option(1.4, "How much finer the cells of a frustum are: it holds less space", 0.5, 4.0)
     room: float = option(1.0, "Grid for what lies outside that radius, in radii", 0.1, 4.0)
 

@@ -7,6 +7,7 @@ trained, which becomes the geometry), threads, device.
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
@@ -19,12 +20,13 @@ from .. import settings as settings_module
 from ..capture import open_capture
 from ..capture.capture import Capture, SparsePoints, View, capture_to_json
 from ..errors import BadRequest, Cancelled, DataError, KarfError
+from ..fields.detail import kept_psnr, typical_pixels_per_voxel
 from ..fields.files import save_scene
 from ..fields.fit import Fit, FitInputs
 from ..fields.nerf.field import NerfNetwork
 from ..fields.nerf.files import read_nerf
 from ..fields.nerf.importing import import_nerf
-from ..fields.registry import start_fit
+from ..fields.registry import field_kind, start_fit
 from ..fields.scene import Scene, psnr_of_views
 from ..fields.spaces import choose_space
 from ..files import write_json
@@ -43,6 +45,9 @@ from .job import Job, StageRun, file_digest, make_job, run_stage
 VERSION = 1
 VALIDATION_VIEWS = 8
 COMPARED_VIEWS, COMPARED_LONG_SIDE = 3, 200  # photos that a foreign NeRF must show
+DETAIL_PHOTOS = 8  # that are asked how much they lose with detail
+SERIOUS_LOSS = 25.0  # dB that photos keep without the detail that voxels cannot hold; less is worth a warning
+ENOUGH_PIXELS = 2.0  # that a voxel may span: most photos keep about 29 dB then
 WORSE = 0.5  # dB that held-out views may lose from level to level without a warning
 
 
@@ -94,15 +99,11 @@ def _inputs(capture: Capture, nerf: Path | None) -> list:
 def learn(job: Job, capture: Capture, run: StageRun) -> Scene:
     """Fit the field, with previews on the way; what an interrupted run has learned is resumed."""
     settings = job.settings.geometry
-    views = capture.split("train")
-    plates = job.plates(views)
-    kind = background_kind([_with_alpha(plate) for plate in plates])
-    views = [replace(view, camera=plate.camera) for view, plate in zip(views, plates, strict=True)]
-    points = training_points(job, capture, plates, kind)
-    space = choose_space(kind, views, points, settings)
-    job.emit("stage", name="geometry", text=f"{space}, {0 if points is None else len(points)} sparse points")
-    where = {"seed": job.settings.seed, "threads": torch.get_num_threads(), "device": job.runtime.device.type}
-    task = FitTask(plates, kind, space, views, points, settings, **where)
+    wait = field_kind(settings.field).prepare(settings, job.runtime.device)
+    task = fit_task(job, capture)
+    points = 0 if task.points is None else len(task.points)
+    job.emit("stage", name="geometry", text=f"{task.space}, {points} sparse points")
+    wait(job.emit, job.should_stop)
     team = joined()
     team.share(task)
     fit = task.start(replace(job.runtime, team=team))
@@ -111,10 +112,14 @@ def learn(job: Job, capture: Capture, run: StageRun) -> Scene:
     team.share(fit.state() if fit.done else None)
     held_out, scores = validation_bank(job, capture), run.unfinished.notes.setdefault("held_out", [])
     for scene in fit.scenes(progress, run.unfinished):
-        preview(job, scene, plates[0])
+        preview(job, scene, task.plates[0])
         if held_out is not None:
             validate(job, scene, held_out, scores)
-    run.summary.update(background=kind, space=space, **scene.field.summary(), held_out=scores)
+    run.summary.update(background=task.kind, space=task.space, **scene.field.summary(), held_out=scores)
+    if settings.field == "voxels":
+        pixels = typical_pixels_per_voxel(scene.field.space, scene.field.voxel, task.views, task.points)
+        run.summary["pixels_per_voxel"] = round(pixels, 2)
+        warn_of_lost_detail(job, pixels, task.plates, task.space)
     return scene
 
 
@@ -139,6 +144,19 @@ class FitTask:
         """The fresh fit."""
         bank = make_bank(self.plates, self.kind, runtime.device)
         return start_fit(FitInputs(bank, self.kind, self.space, self.views, self.points, self.settings, runtime))
+
+
+def fit_task(job: Job, capture: Capture) -> FitTask:
+    """What the training photos of a capture ask to learn, with sparse points found where there are none."""
+    settings = job.settings.geometry
+    views = capture.split("train")
+    plates = job.plates(views)
+    kind = background_kind([_with_alpha(plate) for plate in plates])
+    views = [replace(view, camera=plate.camera) for view, plate in zip(views, plates, strict=True)]
+    points = training_points(job, capture, plates, kind)
+    space = choose_space(kind, views, points, settings)
+    where = {"seed": job.settings.seed, "threads": torch.get_num_threads(), "device": job.runtime.device.type}
+    return FitTask(plates, kind, space, views, points, settings, **where)
 
 
 def help_to_learn(team: Team) -> None:
@@ -202,6 +220,26 @@ def validate(job: Job, scene: Scene, held_out: PixelBank, scores: list[list[floa
             "the photos do not settle the geometry. More photos between these, or fewer iterations, would.",
         )
     scores.append([mean, worst])
+
+
+def warn_of_lost_detail(job: Job, pixels: float, plates: list[Plate], space: str) -> None:
+    """Warn where voxels that span so many pixels lose most of what the photos show, with the number that would do."""
+    some = [plate.color for plate in plates[:: max(1, len(plates) // DETAIL_PHOTOS)]]
+    kept = float(np.mean(kept_psnr(some, pixels)))
+    if kept >= SERIOUS_LOSS:
+        return
+    settings = job.settings.geometry
+    name, levels = (
+        ("geometry.levels", settings.levels) if space == "box" else ("geometry.open.levels", settings.open.levels)
+    )
+    voxels = levels[-1].voxels
+    job.emit(
+        "warning",
+        code="detail",
+        sentence=f"A voxel spans {pixels:.1f} pixels where the photos look, and without so much detail the photos "
+        f"themselves are {kept:.1f} dB from what they were: what is finer is blurred. {name} ends at {voxels} voxels; "
+        f"{math.ceil(voxels * pixels / ENOUGH_PIXELS)} would do, with more memory and time.",
+    )
 
 
 def training_points(job: Job, capture: Capture, plates: list[Plate], kind: str) -> SparsePoints | None:

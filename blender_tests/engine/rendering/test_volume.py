@@ -110,11 +110,15 @@ def test_distortion_is_the_double_sum_over_each_ray():
     sigmas, deltas, ray_indices = random_rays(12)
     ray_weights = ray_weights_from_sigmas(sigmas, 0.1, ray_indices)
     distances = torch.cumsum(deltas, 0) + 5
-    expected = 0.0
+    expected = []
     for ray in range(12):
         own = ray_indices == ray
         weights, places = ray_weights[own], distances[own]
-        expected += (weights[:, None] * weights * (places[:, None] - places).abs()).sum() + 0.1 / 3 * (weights**2).sum()
-    assert_allclose(distortion(ray_weights, distances, 0.1, ray_indices), expected, rtol=1e-10)
-    together = distortion(torch.tensor([1.0, 0, 0]), torch.tensor([2.0, 3, 4]), 0.0, torch.zeros(3, dtype=torch.long))
+        pairs = weights[:, None] * weights * (places[:, None] - places).abs()
+        expected.append(pairs.sum() + 0.1 / 3 * (weights**2).sum())
+    assert_allclose(
+        distortion(ray_weights, distances, 0.1, ray_indices, 12), torch.stack(expected), rtol=1e-8, atol=1e-10
+    )
+    one_ray = torch.zeros(3, dtype=torch.long)
+    together = distortion(torch.tensor([1.0, 0, 0]), torch.tensor([2.0, 3, 4]), 0.0, one_ray, 1)
     assert together == 0

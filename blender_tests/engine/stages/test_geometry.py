@@ -71,7 +71,8 @@ def test_the_space_and_how_well_held_out_views_did_are_noted(capture, monkeypatc
     assert facts["space"] == "contraction"
     assert len(facts["held_out"]) == 2
     assert all(5 < worst <= mean < 40 for mean, worst in facts["held_out"])
-    assert not warnings(events)
+    assert 1 < facts["pixels_per_voxel"] < 6
+    assert warnings(events) == ["detail"]  # 16 voxels are few
 
 
 def test_other_sparse_points_are_another_scene_to_learn(capture, monkeypatch, tmp_path):
@@ -127,3 +128,15 @@ def test_held_out_views_that_become_worse_are_warned_of(monkeypatch, tmp_path, e
         geometry.validate(job, None, None, scores)
     assert scores == [[23.0, 22.0], [22.9, 21.8], [21.5, 20.0]]
     assert warnings(events) == ["held_out"]
+
+
+def test_voxels_that_lose_most_of_the_photos_are_warned_of_with_the_number_that_would_do(capture, tmp_path, events):
+    job, plates = job_on(tmp_path, events), load_views(capture.split("train"), 64)
+    geometry.warn_of_lost_detail(job, 1.2, plates, "contraction")
+    assert not warnings(events)
+    geometry.warn_of_lost_detail(job, 5.0, plates, "contraction")
+    assert warnings(events) == ["detail"]
+    sentence = events[-1][1]["sentence"]
+    assert "5.0 pixels" in sentence and "geometry.open.levels ends at 16 voxels; 40 would do" in sentence
+    geometry.warn_of_lost_detail(job, 5.0, plates, "box")
+    assert "geometry.levels ends at 136 voxels; 340 would do" in events[-1][1]["sentence"]

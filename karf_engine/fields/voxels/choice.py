@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import os
+import time
+from collections.abc import Callable
 
+import torch
+
+from ...progress import Emit
 from ...runtime import Runtime
+from ...settings import GeometrySettings
 from .field import VoxelField
 from .renderer import Observing, Renderer
 from .torch_renderer import TorchRenderer
@@ -38,3 +44,28 @@ def has_kernels() -> bool:
     except (ImportError, OSError):  # not there, or not made for this numpy or processor
         return False
     return True
+
+
+def prepare_kernels(settings: GeometrySettings, device: torch.device) -> Callable[[Emit, Callable[[], bool]], None]:
+    """Begin to compile what a fit will call, in a process beside.
+
+    Returns:
+        Call it to wait for that, with a message, until it is done or should be no longer.
+    """
+    if device.type != "cpu" or not has_kernels():
+        return lambda emit, should_stop: None
+    from .fused.preparing import begin  # needs numba
+
+    process = begin(settings.features)
+
+    def wait(emit: Emit, should_stop: Callable[[], bool]) -> None:
+        if process is None:
+            return
+        if process.poll() is None:
+            emit("stage", name="geometry", text="compiling for this processor, once: up to a minute")
+        while process.poll() is None and not should_stop():
+            time.sleep(0.1)
+        if process.poll() is None:
+            process.kill()
+
+    return wait

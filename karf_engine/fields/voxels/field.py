@@ -206,9 +206,12 @@ class VoxelField(nn.Module):
         high = torch.minimum(high, self.bounds[1])
         voxel = float((high - low).max()) / voxels_along_longest_side
         shape = [max(1, math.ceil(float(side) / voxel - 1e-3)) for side in high - low]
-        grid = torch.stack(torch.meshgrid(*[torch.arange(n, device=low.device) for n in shape], indexing="ij"), -1)
-        occupied = torch.cat([self.is_occupied(p) for p in (low + (grid.view(-1, 3) + 0.5) * voxel).split(1 << 20)])
-        return self._rebuilt(occupied.view(shape), low, voxel)
+        occupied = self.occupied
+        for axis, n in enumerate(shape):  # the coarse cell that each fine one lies in
+            centers = low[axis] + (torch.arange(n, device=low.device) + 0.5) * voxel
+            parents = ((centers - self.minimum[axis]) / self.voxel).long()
+            occupied = occupied.index_select(axis, parents.clamp_max(self.occupied.shape[axis] - 1))
+        return self._rebuilt(occupied, low, voxel)
 
     def _rebuilt(self, occupied: Tensor, minimum: Tensor | None = None, voxel: float | None = None) -> VoxelField:
         same_grid = minimum is None

@@ -18,6 +18,7 @@ from ...runtime import Runtime
 from ...settings import Level, OpenSettings
 from ...training.course import Course
 from ..background import Background
+from ..extent import is_free
 from .field import VoxelField
 from .fit import Batch, VoxelFit
 from .observations import Observations
@@ -81,15 +82,20 @@ def start_open_fit(
     settings: OpenSettings,
     n_features: int,
     observations: Observations,
+    depths: list[float],
     runtime: Runtime,
 ) -> OpenFit:
-    """A fresh field in all of a space, on the runtime's device, that at least two cameras see."""
+    """A fresh field in all of a space, on the runtime's device, that at least two cameras see and none sees through.
+
+    depths: up to which each of the bank's cameras sees nothing, world units.
+    """
     low, high = space.grid_bounds(bank.cameras)
     voxel = float((high - low).max()) / settings.levels[0].voxels
     shape = [max(1, math.ceil(float(side) / voxel - 1e-3)) for side in high - low]
     occupied = torch.ones(shape, dtype=torch.bool, device=runtime.device)
     cells = low + (torch.nonzero(occupied) + 0.5) * voxel
-    occupied = space.is_seen(cells, bank.cameras).view(shape)
+    free = is_free(space.to_world(cells).double().cpu().numpy(), bank.cameras, depths)
+    occupied = (space.is_seen(cells, bank.cameras) & ~torch.from_numpy(free).to(cells.device)).view(shape)
     field = VoxelField(low, voxel, occupied, n_features, 64, DENSITY_BIAS, space)
     return OpenFit(bank, settings, runtime, field, observations)
 

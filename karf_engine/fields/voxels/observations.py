@@ -11,8 +11,7 @@ from torch import Tensor
 from ...capture.capture import SparsePoints
 from ...rendering.rays import PixelBank
 from ...rendering.space import Space
-
-RELIABLE_ERROR = 1.5  # pixels of reprojection error, over the median: points above it are left out
+from ..extent import is_reliable
 
 
 @dataclass(frozen=True)
@@ -35,8 +34,7 @@ def observations_of(bank: PixelBank, space: Space, points: SparsePoints | None) 
     """The pixels of the bank that see a reliable sparse point."""
     index, positions = [torch.zeros(0, dtype=torch.long)], [torch.zeros(0, 3)]
     if points is not None and len(points):
-        limit = np.nanmedian(points.errors) + RELIABLE_ERROR
-        reliable = ~(points.errors > limit)
+        reliable = is_reliable(points)
         for number, camera in enumerate(bank.cameras):
             seen = points.point[points.view == number]
             world = points.positions[seen[reliable[seen]]]

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from ...rendering.space_values import space_on
 from ...settings import Level
+from ..extent import free_depths
 from ..fit import FitInputs
 from ..spaces import contraction_round_focus, middle_frustum
 from .fit import VoxelFit
@@ -31,7 +32,8 @@ def start_voxel_fit(inputs: FitInputs) -> VoxelFit:
         space = contraction_round_focus(bank.cameras, recipe)
     space = space_on(space, runtime.device)
     observations = observations_of(bank, space, inputs.points)
-    return start_open_fit(bank, space, recipe, settings.features, observations, runtime)
+    depths = free_depths(inputs.views, inputs.points)
+    return start_open_fit(bank, space, recipe, settings.features, observations, depths, runtime)
 
 
 def _finer(level: Level, factor: float) -> Level:

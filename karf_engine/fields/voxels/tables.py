@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import max_pool3d, softplus
+from torch.nn.functional import softplus
+
+from ...rendering.sampling import spread
 
 
 class WeightedGather(torch.autograd.Function):
@@ -39,14 +41,17 @@ def rescaled_raw(raw: Tensor, ratio: float, bias: float) -> Tensor:
     return optical_depth + torch.log(-torch.expm1(-optical_depth)) - bias
 
 
-def dilate(occupied: Tensor, cells: int = 1) -> Tensor:
-    """Occupied cells and all within `cells` of them, [X, Y, Z] bool."""
-    return max_pool3d(occupied[None, None].float(), 2 * cells + 1, stride=1, padding=cells)[0, 0] > 0
+def dilate(occupied: Tensor) -> Tensor:
+    """Occupied cells and their neighbors, also diagonal ones, [X, Y, Z] bool."""
+    for axis in range(3):
+        occupied = spread(occupied, axis, 1)
+    return occupied
 
 
 def vertex_rows(occupied: Tensor) -> Tensor:
     """Row number of each vertex that touches an occupied cell, else -1; [X+1, Y+1, Z+1] int32."""
-    padded = nn.functional.pad(occupied[None, None].float(), (1, 1, 1, 1, 1, 1))
-    touches = max_pool3d(padded, 2, stride=1)[0, 0] > 0
+    touches = nn.functional.pad(occupied, (0, 1, 0, 1, 0, 1))
+    for axis in range(3):  # a vertex touches the cells before and after it
+        touches = touches | touches.roll(1, axis)
     rows = torch.cumsum(touches.view(-1), 0, dtype=torch.int32).view(touches.shape) - 1
-    return torch.where(touches, rows, torch.full_like(rows, -1))
+    return rows.masked_fill_(~touches, -1)

@@ -1,0 +1,60 @@
+"""Kernels compiled ahead, in a process beside: half a minute, once on a machine for each version of them.
+
+    python -m karf_engine.fields.voxels.fused.preparing FEATURES
+
+Without it they are compiled where they are first called, which takes as long and says nothing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+import sys
+from pathlib import Path
+
+import llvmlite.binding
+import numba
+import torch
+
+from ....rendering.rays import Rays
+from ....runtime import start_runtime
+from ..field import VoxelField
+from ..renderer import Observing, RayBatch
+from .compiled import cache_folder
+from .renderer import FusedRenderer
+
+
+def stamp_of(n_features: int) -> Path:
+    """The empty file that says: these kernels are compiled for this processor, this Python and this numba."""
+    sources = b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
+    names = f"{n_features} {numba.__version__} {sys.version} {llvmlite.binding.get_host_cpu_name()} {Path(__file__)}"
+    return cache_folder() / f"compiled-{hashlib.sha256(sources + names.encode()).hexdigest()[:20]}"
+
+
+def begin(n_features: int) -> subprocess.Popen | None:
+    """Start compiling in a process beside; None if all is there already."""
+    if stamp_of(n_features).exists():
+        return None
+    command = [sys.executable, "-m", __spec__.name, str(n_features)]
+    # beside the first photos nobody waits; an error will show itself where the kernels are called
+    return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def prepare(n_features: int) -> None:
+    """Call every kernel once, as a fit does."""
+    runtime = start_runtime(0, 1, "cpu")
+    rays = Rays(torch.tensor([[0.5, 0.5, -1.0]]), torch.tensor([[0.0, 0.0, 1.0]]))
+    field = VoxelField(torch.zeros(3), 0.5, torch.ones(2, 2, 2, dtype=torch.bool), n_features)
+    renderer = FusedRenderer(field, runtime, 1.0, 0.02, Observing(0.1, 0.1))
+    groups = [{"params": [field.raw_density, field.feature_table]}, {"params": list(field.color_network.parameters())}]
+    optimizer = renderer.optimizer(groups, (0.9, 0.99))
+    renderer.visibility(rays)
+    color = renderer.render(RayBatch(rays, 1.0, torch.full((1,), 0.5))).color
+    density, features = renderer.differences(torch.tensor([0]), torch.tensor([1]))
+    (color.sum() + density + features).backward()
+    optimizer.step()
+    stamp_of(n_features).touch()
+
+
+if __name__ == "__main__":
+    prepare(int(sys.argv[1]))

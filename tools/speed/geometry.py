@@ -1,0 +1,172 @@
+"""How fast a voxel field is learned by torch and by the compiled kernels, and what held-out photos say of it by then.
+
+    python -m tools.speed.geometry CAPTURE [--preset demo] [--threads 1] [--override geometry.long_side=400 ...]
+
+Each way learns the scene for its curve, in seconds that exclude the judging. Then both take the same state late in the
+last level, and do its next iterations in turns, in one process: milliseconds of processor time, medians.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import statistics
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from karf_engine import settings as settings_module
+from karf_engine.capture import open_capture
+from karf_engine.errors import Cancelled
+from karf_engine.fields.fit import Fit
+from karf_engine.fields.scene import psnr_of_views
+from karf_engine.images import over
+from karf_engine.plates import Plate
+from karf_engine.progress import Progress, peak_memory_bytes
+from karf_engine.project import Project
+from karf_engine.runtime import start_runtime
+from karf_engine.stages.geometry import FitTask, fit_task, make_bank
+from karf_engine.stages.job import Job
+from tools.speed.rows import Row, print_rows
+
+PIXELS = 6000  # of each held-out photo
+WAYS = {"torch": "off", "kernels": "on"}
+LATE = 0.85  # of all iterations: where iterations are timed
+TURNS, PER_TURN = 4, 6  # of each way; the first iteration of a turn warms up
+
+
+@dataclass
+class Clock(Progress):
+    """Progress that notes processor and wall seconds, without those of the judging between, and stops after so many.
+
+    Attributes:
+        stop_after: Steps after which the fit is cancelled; 0 for never.
+        steps: Processor seconds at the end of each step.
+    """
+
+    stop_after: int = 0
+    steps: list[float] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        super().__init__(lambda *_, **__: None, self._is_over, "geometry", 1)
+        self._pause_cpu = self._pause_wall = 0.0
+        self._start_cpu, self._start_wall = time.process_time(), time.perf_counter()
+
+    def step(self, count: int = 1, **metrics: float) -> None:
+        self.steps.append(time.process_time())
+        super().step(count, **metrics)
+
+    def _is_over(self) -> bool:
+        return bool(self.stop_after) and len(self.steps) >= self.stop_after
+
+    @property
+    def seconds(self) -> tuple[float, float]:
+        """Processor and wall seconds so far."""
+        cpu, wall = time.process_time() - self._start_cpu, time.perf_counter() - self._start_wall
+        return cpu - self._pause_cpu, wall - self._pause_wall
+
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        cpu, wall = time.process_time(), time.perf_counter()
+        yield
+        self._pause_cpu += time.process_time() - cpu
+        self._pause_wall += time.perf_counter() - wall
+
+
+def run(capture: Path, settings: settings_module.Settings, threads: int, ways: list[str]) -> list[list[Row]]:
+    """Two tables: held-out PSNR after each level of each way, and milliseconds of an iteration."""
+    task, tests = prepare(capture, settings, threads)
+    curves: list[Row] = []
+    for way in ways:
+        state, rows = curve(task, tests, way, capture.name)
+        curves += rows
+    return [curves, iterations(task, state, ways, capture.name)]
+
+
+def prepare(capture: Path, settings: settings_module.Settings, threads: int) -> tuple[FitTask, list[Plate]]:
+    """What a fit of the training photos starts from, and the held-out photos, over white where they have a matte."""
+    content = open_capture(capture)
+    runtime = start_runtime(settings.seed, threads, "cpu")
+    job = Job(Project(Path()), {}, settings, runtime, lambda *_, **__: None, lambda: False)
+    tests = job.plates(content.split("test"))
+    tests = [p if p.alpha is None else replace(p, color=over(p.color, p.alpha, 1.0), alpha=None) for p in tests]
+    return fit_task(job, content), tests
+
+
+def start(task: FitTask, way: str) -> Fit:
+    """A fresh fit, learned this way."""
+    os.environ["KARF_KERNELS"] = WAYS[way]
+    return task.start(start_runtime(task.seed, task.threads, task.device))
+
+
+def curve(task: FitTask, tests: list[Plate], way: str, name: str) -> tuple[dict[str, Tensor], list[Row]]:
+    """The state after LATE of all iterations, and a row for each level."""
+    fit = start(task, way)
+    clock = Clock(stop_after=int(LATE * fit.iterations))
+    bank = make_bank(tests, "opaque", torch.device("cpu"))
+    rows: list[Row] = []
+    state: dict[str, Tensor] = {}
+    while fit.done < fit.iterations:
+        try:
+            for scene in fit.scenes(clock):
+                with clock.paused():
+                    values = psnr_of_views(scene, bank, PIXELS)
+                    cpu, wall = clock.seconds
+                    rows.append(
+                        {
+                            "scene": name, "threads": task.threads, "way": way, "iterations": fit.done,
+                            "cpu_s": round(cpu, 1), "wall_s": round(wall, 1), "psnr": round(statistics.mean(values), 2),
+                            "worst": round(min(values), 2), "peak_gib": round(peak_memory_bytes() / 2**30, 2),
+                        }
+                    )  # fmt: skip
+        except Cancelled:
+            with clock.paused():
+                state = {key: value.detach().clone() for key, value in fit.state().items()}
+            clock.stop_after = 0
+    return state, rows
+
+
+def iterations(task: FitTask, state: dict[str, Tensor], ways: list[str], name: str) -> list[Row]:
+    """Median milliseconds of an iteration from this state, of each way, taken in turns."""
+    seconds: dict[str, list[float]] = {way: [] for way in ways}
+    for turn in range(TURNS * len(ways)):
+        way = ways[turn % len(ways)]
+        fit = start(task, way)
+        fit.resume(state)
+        clock = Clock(stop_after=PER_TURN)
+        with suppress(Cancelled):
+            for _ in fit.scenes(clock):
+                pass
+        seconds[way] += [b - a for a, b in pairwise(clock.steps)]
+    medians = {way: 1000 * statistics.median(values) for way, values in seconds.items()}
+    return [
+        {
+            "scene": name, "threads": task.threads, "way": way, "ms_an_iteration": round(milliseconds, 1),
+            "times_faster": round(medians[ways[0]] / milliseconds, 2),
+        }
+        for way, milliseconds in medians.items()
+    ]  # fmt: skip
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("captures", nargs="+", type=Path, metavar="CAPTURE")
+    parser.add_argument("--preset", default="demo")
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--override", action="append", default=[], metavar="STAGE.FIELD=VALUE")
+    parser.add_argument("--ways", nargs="+", choices=list(WAYS), default=list(WAYS))
+    options = parser.parse_args()
+    settings = settings_module.with_overrides(settings_module.preset(options.preset), options.override)
+    for capture in options.captures:
+        for table in run(capture, settings, options.threads, options.ways):
+            print_rows(table)
+
+
+if __name__ == "__main__":
+    main()
