@@ -16,14 +16,28 @@ from .stages import (
 PRESETS: dict[str, Settings] = {
     # two processor cores, a few minutes on photos of 256 pixels
     "demo": Settings(),
-    # a laptop, 400 pixels: more and finer cells, more samples an iteration
+    # a laptop, two to three minutes on photos of 400 pixels: more and finer cells, more samples an iteration
     "fast": Settings(
         preset="fast",
         geometry=GeometrySettings(
             long_side=400,
-            levels=(Level(48, 150, 1.0), Level(112, 300, 0.75), Level(240, 700, 0.6)),
-            samples=160_000,
-            open=OpenSettings(levels=(Level(64, 150, 1.0), Level(128, 300, 1.0), Level(224, 900, 1.0))),
+            levels=(Level(48, 120, 1.0), Level(112, 250, 0.75), Level(240, 500, 0.6)),
+            samples=120_000,
+            open=OpenSettings(levels=(Level(64, 150, 1.0), Level(128, 250, 1.0), Level(256, 600, 1.0))),
+        ),
+        segmentation=SegmentationSettings(cache_long_side=200, iterations=300),
+        recoloring=RecoloringSettings(iterations=1000),
+    ),
+    # a laptop, ten minutes: as fine as 4 GB of memory hold
+    "fine": Settings(
+        preset="fine",
+        geometry=GeometrySettings(
+            long_side=400,
+            levels=(Level(48, 120, 1.0), Level(112, 250, 0.75), Level(240, 500, 0.6), Level(360, 1500, 0.6)),
+            samples=120_000,
+            open=OpenSettings(
+                levels=(Level(64, 150, 1.0), Level(128, 250, 1.0), Level(256, 600, 1.0), Level(400, 2000, 1.0))
+            ),
         ),
         segmentation=SegmentationSettings(cache_long_side=200, iterations=300),
         recoloring=RecoloringSettings(iterations=1000),

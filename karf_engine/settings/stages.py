@@ -34,8 +34,8 @@ class OpenSettings:
     samples: int = option(110_000, "Samples an iteration; the number of rays follows", 1000, 10_000_000)
     max_rays: int = option(8192, "Rays an iteration at most", 64, 1_000_000)
     table_rate: float = option(0.3, "Learning rate of the voxel tables", 1e-5, 1.0)
-    network_rate: float = option(9e-3, "Learning rate of the color network", 1e-6, 0.1)
-    total_variation: float = option(3e-3, "Weight of the difference between neighboring vertices", 0.0, 1.0)
+    network_rate: float = option(2e-2, "Learning rate of the color network", 1e-6, 0.1)
+    total_variation: float = option(1e-3, "Weight of the difference between neighboring vertices", 0.0, 1.0)
     distortion: float = option(1e-2, "Weight of the spread of a ray's samples (Mip-NeRF 360)", 0.0, 1.0)
     transparency: float = option(1e-3, "Weight of what rays do not end on", 0.0, 1.0)
     point_depth: float = option(
@@ -86,13 +86,13 @@ class GeometrySettings:
         choices=("auto", "box", "contraction", "frustum"),
     )
     levels: tuple[Level, ...] = option(
-        (Level(40, 120, 1.0), Level(80, 250, 0.75), Level(136, 450, 0.75)), "Coarse-to-fine levels"
+        (Level(40, 100, 1.0), Level(80, 200, 0.75), Level(136, 350, 0.75)), "Coarse-to-fine levels"
     )
-    samples: int = option(110_000, "Samples an iteration; the number of rays follows", 1000, 10_000_000)
+    samples: int = option(80_000, "Samples an iteration; the number of rays follows", 1000, 10_000_000)
     max_rays: int = option(8192, "Rays an iteration at most", 64, 1_000_000)
     features: int = option(12, "Prior features of the field", 3, 256)
-    table_rate: float = option(0.1, "Learning rate of the voxel tables", 1e-5, 1.0)
-    network_rate: float = option(3e-3, "Learning rate of the color and background networks", 1e-6, 0.1)
+    table_rate: float = option(0.3, "Learning rate of the voxel tables", 1e-5, 1.0)
+    network_rate: float = option(1e-2, "Learning rate of the color and background networks", 1e-6, 0.1)
     depth_variance: float = option(1e-4, "Weight of the spread of a ray's samples (opaque captures)", 0.0, 1.0)
     total_variation: float = option(1e-5, "Weight of the difference between neighboring vertices", 0.0, 1.0)
     sparsity: float = option(2e-3, "Weight of the mean sample alpha in the first level", 0.0, 1.0)

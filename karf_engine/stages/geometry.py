@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -18,26 +18,24 @@ import torch
 
 from .. import settings as settings_module
 from ..capture import open_capture
-from ..capture.capture import Capture, SparsePoints, View, capture_to_json
+from ..capture.capture import Capture, SparsePoints, capture_to_json
 from ..errors import BadRequest, Cancelled, DataError, KarfError
 from ..fields.detail import kept_psnr, typical_pixels_per_voxel
 from ..fields.files import save_scene
-from ..fields.fit import Fit, FitInputs
 from ..fields.nerf.field import NerfNetwork
 from ..fields.nerf.files import read_nerf
 from ..fields.nerf.importing import import_nerf
-from ..fields.registry import field_kind, start_fit
+from ..fields.registry import field_kind
 from ..fields.scene import Scene, psnr_of_views
-from ..fields.spaces import choose_space
+from ..fields.task import background_of, make_bank, task_of
 from ..files import write_json
 from ..images import over, write_png
 from ..locking import opened
-from ..plates import Plate, background_kind, solid_pixels
+from ..plates import Plate
 from ..poses.triangulation import triangulate
 from ..progress import Emit, Progress
 from ..rendering.rays import PixelBank
-from ..runtime import Runtime, start_runtime
-from ..settings import GeometrySettings
+from ..runtime import start_runtime
 from ..team import Team, joined
 from ..wire import Request
 from .job import Job, StageRun, file_digest, make_job, run_stage
@@ -100,9 +98,12 @@ def learn(job: Job, capture: Capture, run: StageRun) -> Scene:
     """Fit the field, with previews on the way; what an interrupted run has learned is resumed."""
     settings = job.settings.geometry
     wait = field_kind(settings.field).prepare(settings, job.runtime.device)
-    task = fit_task(job, capture)
-    points = 0 if task.points is None else len(task.points)
-    job.emit("stage", name="geometry", text=f"{task.space}, {points} sparse points")
+    views = capture.split("train")
+    plates = job.plates(views)
+    kind = background_of(plates)
+    points = training_points(job, capture, plates, kind)
+    task = task_of(views, plates, kind, points, settings, job.settings.seed, job.runtime.device)
+    job.emit("stage", name="geometry", text=f"{task.space}, {0 if points is None else len(points)} sparse points")
     wait(job.emit, job.should_stop)
     team = joined()
     team.share(task)
@@ -123,42 +124,6 @@ def learn(job: Job, capture: Capture, run: StageRun) -> Scene:
     return scene
 
 
-@dataclass(frozen=True)
-class FitTask:
-    """What each process of a team learns from: plates with cameras of their size, and what `FitInputs` has.
-
-    seed: of all random numbers. threads: of each process. device: its kind; each process has a card of its own.
-    """
-
-    plates: list[Plate]
-    kind: str
-    space: str
-    views: list[View]
-    points: SparsePoints | None
-    settings: GeometrySettings
-    seed: int
-    threads: int
-    device: str
-
-    def start(self, runtime: Runtime) -> Fit:
-        """The fresh fit."""
-        bank = make_bank(self.plates, self.kind, runtime.device)
-        return start_fit(FitInputs(bank, self.kind, self.space, self.views, self.points, self.settings, runtime))
-
-
-def fit_task(job: Job, capture: Capture) -> FitTask:
-    """What the training photos of a capture ask to learn, with sparse points found where there are none."""
-    settings = job.settings.geometry
-    views = capture.split("train")
-    plates = job.plates(views)
-    kind = background_kind([_with_alpha(plate) for plate in plates])
-    views = [replace(view, camera=plate.camera) for view, plate in zip(views, plates, strict=True)]
-    points = training_points(job, capture, plates, kind)
-    space = choose_space(kind, views, points, settings)
-    where = {"seed": job.settings.seed, "threads": torch.get_num_threads(), "device": job.runtime.device.type}
-    return FitTask(plates, kind, space, views, points, settings, **where)
-
-
 def help_to_learn(team: Team) -> None:
     """Take part in the fits of the team's first process, until there are no more. Nothing is written or told."""
     while (task := team.share()) is not None:
@@ -176,7 +141,7 @@ def import_scene(
     """The scene of a NeRF that another program has trained, once it has been seen to show some training photos."""
     views = capture.split("train")
     plates = job.plates(views[:: max(1, len(views) // COMPARED_VIEWS)][:COMPARED_VIEWS], COMPARED_LONG_SIDE)
-    kind = background_kind([_with_alpha(plate) for plate in plates])
+    kind = background_of(plates)
     grays = {"alpha": 1.0, "black": 0.0} if kind == "alpha" else {kind: 0.0}
     device = job.runtime.device
     banks = {name: make_bank([_over_gray(p, value) for p in plates], "opaque", device) for name, value in grays.items()}
@@ -268,23 +233,6 @@ def training_points(job: Job, capture: Capture, plates: list[Plate], kind: str) 
         return None
 
 
-def make_bank(plates: list[Plate], kind: str, device: torch.device) -> PixelBank:
-    """All pixels of the plates, with what the kind of background says of their opacity."""
-    alphas = solids = None
-    if kind == "alpha":
-        alphas = [np.ones(plate.color.shape[:2]) if plate.alpha is None else plate.alpha for plate in plates]
-    if kind in ("black", "white"):
-        solids = [solid_pixels(plate.color, kind) for plate in plates]
-    valid = None
-    if any(plate.valid is not None for plate in plates):
-        valid = [np.ones(p.color.shape[:2], bool) if p.valid is None else p.valid for p in plates]
-    return PixelBank([p.camera for p in plates], [p.color for p in plates], alphas, solids, valid, device)
-
-
 def _over_gray(plate: Plate, gray: float) -> Plate:
     """The plate composited over a gray, without its matte."""
     return replace(plate, color=over(plate.color, plate.alpha, gray), alpha=None)
-
-
-def _with_alpha(plate: Plate) -> np.ndarray:
-    return plate.color if plate.alpha is None else np.dstack([plate.color, plate.alpha])

@@ -15,6 +15,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 
@@ -26,13 +27,12 @@ from karf_engine.capture import open_capture
 from karf_engine.errors import Cancelled
 from karf_engine.fields.fit import Fit
 from karf_engine.fields.scene import psnr_of_views
+from karf_engine.fields.task import FitTask, background_of, make_bank, task_of
 from karf_engine.images import over
-from karf_engine.plates import Plate
+from karf_engine.plates import Plate, load_views
+from karf_engine.poses.triangulation import triangulate
 from karf_engine.progress import Progress, peak_memory_bytes
-from karf_engine.project import Project
 from karf_engine.runtime import start_runtime
-from karf_engine.stages.geometry import FitTask, fit_task, make_bank
-from karf_engine.stages.job import Job
 from tools.speed.rows import Row, print_rows
 
 PIXELS = 6000  # of each held-out photo
@@ -91,12 +91,17 @@ def run(capture: Path, settings: settings_module.Settings, threads: int, ways: l
 
 def prepare(capture: Path, settings: settings_module.Settings, threads: int) -> tuple[FitTask, list[Plate]]:
     """What a fit of the training photos starts from, and the held-out photos, over white where they have a matte."""
-    content = open_capture(capture)
-    runtime = start_runtime(settings.seed, threads, "cpu")
-    job = Job(Project(Path()), {}, settings, runtime, lambda *_, **__: None, lambda: False)
-    tests = job.plates(content.split("test"))
+    content, seed, long_side = open_capture(capture), settings.seed, settings.geometry.long_side
+    runtime = start_runtime(seed, threads, "cpu")
+    views = content.split("train")
+    plates, tests = load_views(views, long_side), load_views(content.split("test"), long_side)
     tests = [p if p.alpha is None else replace(p, color=over(p.color, p.alpha, 1.0), alpha=None) for p in tests]
-    return fit_task(job, content), tests
+    kind, points = background_of(plates), None
+    if kind == "opaque" and content.points is not None:
+        points = content.points.seen_by([n for n, view in enumerate(content.views) if view.split == "train"])
+    elif kind == "opaque" and find_spec("pycolmap"):
+        points = triangulate(plates, threads, Clock())
+    return task_of(views, plates, kind, points, settings.geometry, seed, runtime.device), tests
 
 
 def start(task: FitTask, way: str) -> Fit:
