@@ -66,16 +66,28 @@ def tensors(path):
     return load_tensors(path, "karf-geometry/1")[0]
 
 
-@pytest.fixture(scope="module")
-def expected(still_life, tmp_path_factory):
-    """What one process learns of the shares of both."""
-    return tensors(learn_in_turn(still_life.capture, tmp_path_factory.mktemp("in turn") / "project"))
+# kernels add the gradients of both shares up in another order, and Adam makes that large where gradients are tiny
+TOLERANCES = {"off": {}, "on": {"rtol": 1e-3, "atol": 1e-3}}
+
+
+@pytest.fixture(scope="module", params=TOLERANCES)
+def expected(still_life, tmp_path_factory, request):
+    """What one process learns of the shares of both, by torch and by the kernels, and how near two are to be."""
+    if request.param == "on":
+        pytest.importorskip("numba")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("KARF_KERNELS", request.param)
+        yield (
+            tensors(learn_in_turn(still_life.capture, tmp_path_factory.mktemp("in turn") / "project")),
+            TOLERANCES[request.param],
+        )
 
 
 def check_equal(found, expected):
+    expected, tolerance = expected
     assert found.keys() == expected.keys()
     for name, tensor in expected.items():
-        torch.testing.assert_close(found[name], tensor)
+        torch.testing.assert_close(found[name], tensor, **tolerance)
 
 
 @needs_gloo
