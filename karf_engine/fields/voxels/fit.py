@@ -7,7 +7,6 @@ iteration.
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -77,7 +76,7 @@ class VoxelFit:
         self.bank, self.recipe, self.runtime = bank, recipe, runtime
         self.field, self.background = field, background
         self._rays_per_batch = min(1024.0, recipe.max_rays)
-        self._loss_average = 0.1
+        self._loss_average = torch.tensor(0.1, dtype=torch.float64, device=runtime.device)
         self._parts = [part for level in range(len(recipe.levels)) for part in self._parts_of(level)]
         self._number = 0  # of the part that is being learned
         self._course: Course | None = None  # of that part, once it has begun
@@ -126,7 +125,8 @@ class VoxelFit:
         course = self._course_of(field, renderer, self._parts[number_of_part])
         course.resume(course_state)
         self._number = number_of_part
-        self._rays_per_batch, self._loss_average = float(state["rays_per_batch"]), float(state["loss_average"])
+        self._rays_per_batch = float(state["rays_per_batch"])
+        self._loss_average = state["loss_average"].to(self.runtime.device)
         for name, tensor in self._own_tensors().items():
             tensor.copy_(state[f"own.{name}"])
         self._learn(field, renderer, course)
@@ -137,7 +137,7 @@ class VoxelFit:
             "voxel": number(self.field.voxel),
             "part": number(self._number),
             "rays_per_batch": number(self._rays_per_batch),
-            "loss_average": number(self._loss_average),
+            "loss_average": self._loss_average.detach().cpu(),
         }
 
     def _own_tensors(self) -> dict[str, Tensor]:
@@ -212,8 +212,9 @@ class VoxelFit:
             share = self.first_share if number == 0 else 1.0
             wanted = n_rays * share * self.recipe.samples / batch.n_samples
             self._rays_per_batch = min(0.8 * self._rays_per_batch + 0.2 * wanted, self.recipe.max_rays)
-        self._loss_average += 0.05 * (float(batch.error.detach()) - self._loss_average)
-        return batch.loss, {"psnr": -10 * math.log10(max(self._loss_average, 1e-10))}
+        # stays a tensor: reading it would wait for the device
+        self._loss_average = torch.lerp(self._loss_average, batch.error.detach().double(), 0.05)
+        return batch.loss, {"psnr": -10 * self._loss_average.clamp_min(1e-10).log10()}
 
     @torch.no_grad()
     def _pruned(self) -> VoxelField:

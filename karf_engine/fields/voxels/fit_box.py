@@ -131,8 +131,8 @@ class BoxFit(VoxelFit):
         """Mean squared difference of neighbors in table order (along z) over a random stretch of an eighth."""
         n_rows = len(self.field.raw_density)
         length = max(2, n_rows // 8)
-        start = int(self.runtime.randint(n_rows - length + 1, 1))
-        rows = torch.arange(start, start + length, device=self.runtime.device)
+        start = self.runtime.randint(n_rows - length + 1, 1)
+        rows = start + torch.arange(length, device=self.runtime.device)
         density, features = self._renderer.differences(rows[:-1], rows[1:])
         return (density + features / self.field.n_features) / (length - 1)
 

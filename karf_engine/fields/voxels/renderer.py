@@ -14,6 +14,8 @@ from torch import Tensor
 
 from ...rendering.rays import Rays
 
+DARK = 1e-4  # of the light left, a ray ends
+
 
 @dataclass(frozen=True)
 class Observing:

@@ -13,10 +13,11 @@ from ...rendering.volume import (
     distortion,
     ray_weights_from_sigmas,
     remainder_from_sigmas,
+    transmittance_from_optical_depths,
 )
 from ...runtime import Runtime
 from .field import VoxelField
-from .renderer import Observing, RayBatch, RaySums
+from .renderer import DARK, Observing, RayBatch, RaySums
 
 
 class TorchRenderer:
@@ -33,8 +34,7 @@ class TorchRenderer:
     def render(self, batch: RayBatch) -> RaySums:
         field, rays, n_rays = self.field, batch.rays, len(batch.rays)
         paths = field.space.paths(rays, *field.bounds)
-        samples = field.march_paths(paths, batch.step, batch.jitter)
-        rows, corner_weights = field.corners(samples.positions, all_occupied=True)
+        samples, rows, corner_weights = self._lit_samples(paths, batch)
         sigmas = field.density_at(rows, corner_weights)
         weights = ray_weights_from_sigmas(sigmas, samples.step, samples.ray_indices)
         shares = self._shares(weights.detach())
@@ -58,6 +58,18 @@ class TorchRenderer:
             accumulate(alphas, None, samples.ray_indices, n_rays)[:, 0],
             len(samples),
         )
+
+    @torch.no_grad()
+    def _lit_samples(self, paths: Tensor, batch: RayBatch) -> tuple[Samples, Tensor, Tensor]:
+        """Samples that some light reaches, with the corners of their cells: what lies behind cannot be seen."""
+        field = self.field
+        samples = field.march_paths(paths, batch.step, batch.jitter)
+        rows, corner_weights = field.corners(samples.positions, all_occupied=True)
+        optical_depths = field.density_at(rows, corner_weights) * samples.step
+        light = transmittance_from_optical_depths(optical_depths, samples.ray_indices)
+        lit = torch.nonzero(light > DARK).squeeze(1)
+        kept = Samples(samples.ray_indices[lit], samples.distances[lit], samples.positions[lit], samples.step)
+        return kept, rows[lit], corner_weights[lit]
 
     def _shares(self, weights: Tensor) -> Tensor:
         """What each sample's color counts for: 0, or one over the probability that it is drawn."""
