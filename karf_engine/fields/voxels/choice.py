@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
 
@@ -12,10 +11,9 @@ from ...progress import Emit
 from ...runtime import Runtime
 from ...settings import GeometrySettings
 from .field import VoxelField
+from .kernels import has_kernels, suit_kernels
 from .renderer import Observing, Renderer
 from .torch_renderer import TorchRenderer
-
-MOST_VERTICES = 2**31 - 1  # that kernels can number
 
 
 def new_renderer(field: VoxelField, runtime: Runtime, unit: float, lottery: float, observing: Observing) -> Renderer:
@@ -28,22 +26,11 @@ def new_renderer(field: VoxelField, runtime: Runtime, unit: float, lottery: floa
         lottery: Samples of less weight get a color with a probability in proportion to it; 0 for none.
         observing: How exactly rays observe points.
     """
-    if runtime.device.type == "cpu" and field.vertex_rows.numel() <= MOST_VERTICES and has_kernels():
+    if suit_kernels(field.vertex_rows):
         from .fused.renderer import FusedRenderer  # needs numba
 
         return FusedRenderer(field, runtime, unit, lottery, observing)
     return TorchRenderer(field, runtime, unit, lottery, observing)
-
-
-def has_kernels() -> bool:
-    """Whether numba is there and loads, and is not left out by the variable KARF_KERNELS=off."""
-    if os.environ.get("KARF_KERNELS", "on") == "off":
-        return False
-    try:
-        import numba  # noqa: F401
-    except (ImportError, OSError):  # not there, or not made for this numpy or processor
-        return False
-    return True
 
 
 def prepare_kernels(settings: GeometrySettings, device: torch.device) -> Callable[[Emit, Callable[[], bool]], None]:

@@ -3,74 +3,38 @@
 Vertices of occupied cells carry one raw density and F prior features; everything between is trilinear. Density is
 interpolated raw and activated after, so that a surface can be sharper than a voxel. Color is a sigmoid of the first
 three features plus a small network of all features and the viewing direction.
-
-Cells [X, Y, Z], vertices [X+1, Y+1, Z+1]; `vertex_rows` maps a vertex to its table row, -1 where it has none.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 from torch.nn.functional import softplus
 
 from ...rendering.rays import Rays
-from ...rendering.sampling import Samples, cell_indices, coarse_occupancy, march
-from ...rendering.space import Box, Space
+from ...rendering.sampling import Samples, cell_indices, march
 from ...rendering.space_values import space_from_json, space_to_json
 from ...rendering.spherical_harmonics import spherical_harmonics
 from ...rendering.volume import Trace, outward_normals, trace_of
-from .tables import WeightedGather, dilate, rescaled_raw, vertex_rows
+from .grid import VoxelGrid
+from .kernels import suit_kernels
+from .tables import WeightedGather, dilate, rescaled_raw
+
+if TYPE_CHECKING:
+    from .fused.frozen import FrozenField
 
 CORNERS = torch.tensor([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
 
 
-class VoxelField(nn.Module):
-    """Sparse voxels, a `Field` (see fields/protocol.py).
-
-    minimum: [3] corner of the grid and voxel: cell edge, in grid coordinates, as are all positions below; `space` says
-    where they lie in the world (a box, whose coordinates are the world's, for None). occupied: [X, Y, Z] bool.
-    density_bias: raw density that stands for empty space; alpha of one voxel starts at softplus(bias).
-    """
+class VoxelField(VoxelGrid):
+    """Sparse voxels (see grid.py) as a `Field` (see fields/protocol.py). All positions are in grid coordinates."""
 
     kind = "voxels"
 
-    def __init__(
-        self,
-        minimum: Tensor,
-        voxel: float,
-        occupied: Tensor,
-        n_features: int = 12,
-        width: int = 64,
-        density_bias: float = -5.5,
-        space: Space | None = None,
-    ) -> None:
-        super().__init__()
-        self.space = Box() if space is None else space
-        self.voxel = float(voxel)
-        self.n_features = n_features
-        self.width = width
-        self.density_bias = density_bias
-        self.register_buffer("minimum", minimum.float())
-        self.register_buffer("occupied", occupied)
-        self.register_buffer("vertex_rows", vertex_rows(occupied), persistent=False)
-        self.register_buffer("coarse", coarse_occupancy(occupied), persistent=False)
-        n_rows = int(self.vertex_rows.max()) + 1
-        self.raw_density = nn.Parameter(torch.zeros(n_rows, 1, device=minimum.device))
-        self.feature_table = nn.Parameter(torch.zeros(n_rows, n_features, device=minimum.device))
-        self.color_network = nn.Sequential(nn.Linear(n_features + 9, width), nn.ReLU(), nn.Linear(width, 3)).to(
-            minimum.device
-        )
-        nn.init.zeros_(self.color_network[2].weight)
-        nn.init.zeros_(self.color_network[2].bias)
-
-    @property
-    def bounds(self) -> Tensor:
-        """Minimum and maximum corner, [2, 3]."""
-        size = self.voxel * torch.tensor(self.occupied.shape, device=self.minimum.device)
-        return torch.stack([self.minimum, self.minimum + size])
+    _frozen: FrozenField | None = None  # what kernels read of it, once they have
 
     def march(self, rays: Rays, step_in_voxels: float, jitter: Tensor | None = None) -> Samples:
         """Samples of these rays inside occupied cells (see rendering.sampling.march)."""
@@ -82,6 +46,9 @@ class VoxelField(nn.Module):
 
     def trace(self, rays: Rays, step_in_voxels: float) -> Trace:
         """Where these rays end."""
+        frozen = self._in_kernels()
+        if frozen is not None:
+            return frozen.trace(rays, step_in_voxels)
         samples = self.march(rays, step_in_voxels)
         sigmas = self.density_at(*self.corners(samples.positions, all_occupied=True))
         return trace_of(samples, sigmas, len(rays))
@@ -119,7 +86,8 @@ class VoxelField(nn.Module):
 
     def features(self, positions: Tensor) -> Tensor:
         """Prior features at positions [n, 3], [n, F], not standardized."""
-        return self.features_at(*self.corners(positions))
+        frozen = self._in_kernels()
+        return self.features_at(*self.corners(positions)) if frozen is None else frozen.features(positions)
 
     def features_at(self, rows: Tensor, weights: Tensor, diffuse: bool = False) -> Tensor:
         """Prior features from `corners`, [n, F]; only the first three, which hold the diffuse color, for `diffuse`."""
@@ -129,6 +97,9 @@ class VoxelField(nn.Module):
     def color(self, positions: Tensor, viewdirs: Tensor, features: Tensor, diffuse: bool = False) -> Tensor:
         """sRGB color [n, 3] in (0, 1) seen along viewdirs [n, 3]; `diffuse` leaves the direction out."""
         del positions  # the features hold all that depends on the place
+        frozen = None if diffuse else self._in_kernels()
+        if frozen is not None:
+            return frozen.color(viewdirs, features)
         logits = features[:, :3]
         if not diffuse:
             logits = logits + self.color_network(torch.cat([features, spherical_harmonics(viewdirs)], 1))
@@ -153,6 +124,22 @@ class VoxelField(nn.Module):
     def normals(self, positions: Tensor) -> Tensor:
         """Outward surface normals: minus the density's gradient by central differences over one voxel, [n, 3]."""
         return outward_normals(self.density, positions, self.voxel)
+
+    def requires_grad_(self, requires_grad: bool = True) -> VoxelField:
+        """Freeze (False) or release all tensors; returns the field. A frozen one must not change until it is released."""
+        self._frozen = None
+        return super().requires_grad_(requires_grad)
+
+    def _in_kernels(self) -> FrozenField | None:
+        """This field for compiled kernels; None where torch computes: while it is learned, and where they do not run."""
+        table = self.feature_table
+        if table.requires_grad or table.dtype != torch.float32 or not suit_kernels(self.vertex_rows):
+            return None
+        if self._frozen is None:
+            from .fused.frozen import FrozenField  # needs numba
+
+            self._frozen = FrozenField(self)
+        return self._frozen
 
     def summary(self) -> dict[str, Any]:
         """Edge of a voxel in grid coordinates, and number of occupied cells."""

@@ -94,7 +94,7 @@ class VoxelFit:
         return sum(part.iterations for part in self._parts[: self._number]) + (self._course.done if self._course else 0)
 
     def scenes(self, progress: Progress, unfinished: Unfinished | None = None) -> Iterator[Scene]:
-        """Run what is left of the fit; the scene as it stands after each level."""
+        """Run what is left of the fit; the scene as it stands after each level, frozen."""
         if self._course is None:
             self._begin(self._parts[0])
         for part in self._parts[self._number :]:
@@ -104,7 +104,8 @@ class VoxelFit:
             self._train(part, progress, unfinished)
             level = self.recipe.levels[part.level]
             if part.before + part.iterations == level.iterations:
-                yield Scene(self.field, self.background, self.background_kind, level.step)
+                frozen = self.field.requires_grad_(False)  # each part learns a field of its own
+                yield Scene(frozen, self.background, self.background_kind, level.step)
 
     def state(self) -> dict[str, Tensor]:
         """All that resuming takes, once the fit has begun."""

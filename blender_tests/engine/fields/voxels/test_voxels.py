@@ -117,7 +117,7 @@ def test_a_refined_grid_fits_tightly_round_what_is_occupied():
 def test_pruning_keeps_the_named_cells_their_neighbors_and_every_value():
     field = random_field(random_occupancy((8, 8, 8), 0.7))
     keep = torch.rand(int(field.occupied.sum()), generator=torch.Generator().manual_seed(5)) < 0.05
-    small = field.pruned(keep)
+    small = field.pruned(keep).requires_grad_(False)
     named = torch.zeros_like(field.occupied)
     named[field.occupied] = keep
     assert torch.equal(small.occupied, dilate(named) & field.occupied)

@@ -8,6 +8,8 @@ import numpy as np
 
 # bits of a row's flag: it has a gradient of its density, of its features
 DENSITY, FEATURES, BOTH = np.uint8(1), np.uint8(2), np.uint8(3)
+# columns of the sums of a ray
+RED, REMAINDER, DISTORTION, BEFORE, UP_TO, DISTANCE, SQUARE, ALPHA, N_SUMS = 0, 3, 4, 5, 6, 7, 8, 9, 10
 
 
 class Grid(NamedTuple):
@@ -57,6 +59,20 @@ class Samples(NamedTuple):
     counts: np.ndarray
 
 
+def new_samples(n_chunks: int, capacity: int) -> Samples:
+    """Places for the samples of so many chunks, not yet filled."""
+    size = n_chunks * capacity
+    return Samples(
+        np.empty(size, np.int32),
+        np.empty(size, np.int32),
+        np.empty((size, 4), np.float32),
+        np.empty((size, 4), np.float32),
+        np.empty(size, np.float32),
+        np.empty((size, 3), np.float32),
+        np.empty(n_chunks, np.int64),
+    )
+
+
 class Sorted(NamedTuple):
     """The same samples by their place in the grid: neighbors in memory are then read together.
 
@@ -89,7 +105,7 @@ class RayArrays(NamedTuple):
         first: Its first sample, [R].
         counts: Its number of samples, [R].
         reach: Distance to its observed point; -1 where it observes none, or passes it by, [R].
-        sums: What comes out, in the order of SUMS, [R, 10].
+        sums: What comes out, in the order of RED to ALPHA, [R, 10].
     """
 
     paths: np.ndarray
@@ -99,6 +115,20 @@ class RayArrays(NamedTuple):
     counts: np.ndarray
     reach: np.ndarray
     sums: np.ndarray
+
+
+def new_rays(paths: np.ndarray, jitter: np.ndarray, observed: np.ndarray) -> RayArrays:
+    """The arrays of these rays, of which nothing else is known yet."""
+    n_rays = len(paths)
+    return RayArrays(
+        paths,
+        jitter,
+        observed,
+        np.empty(n_rays, np.int64),
+        np.empty(n_rays, np.int64),
+        np.empty(n_rays, np.float32),
+        np.zeros((n_rays, N_SUMS), np.float32),
+    )
 
 
 class Limits(NamedTuple):

@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
+from .arrays import RED
 from .compiled import kernel
-from .marching import ONE, RED, ZERO
+from .marching import ONE, ZERO
 
 GROUP = 4  # samples that go through the network together
 

@@ -45,7 +45,7 @@ def share(compiled: Callable[..., None], count: int, *arguments: Any) -> None:
     The parts must not depend on each other. Kernels release Python's lock while they compute.
     """
     threads = torch.get_num_threads()
-    if threads == 1 or count == 1:
+    if threads == 1 or count <= 1:
         compiled(0, count, *arguments)
         return
     n_parts = min(count, PARTS * threads)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from .arrays import BOTH, DENSITY, Network
+from .arrays import ALPHA, BEFORE, BOTH, DENSITY, DISTANCE, DISTORTION, REMAINDER, SQUARE, UP_TO, Network
 from .coloring import GROUP, corner_rows, hidden_layers, next_group, read_inputs
 from .compiled import kernel
-from .marching import ALPHA, BEFORE, DISTANCE, DISTORTION, ONE, REMAINDER, SQUARE, THIRD, TWO, UP_TO, ZERO
+from .marching import ONE, THIRD, TWO, ZERO
 
 
 @kernel

@@ -10,14 +10,13 @@ import math
 import numpy as np
 
 from .. import renderer
-from .arrays import Grid, Limits, RayArrays, Samples
+from .arrays import ALPHA, BEFORE, DISTANCE, DISTORTION, REMAINDER, SQUARE, UP_TO, Grid, Limits, RayArrays, Samples
 from .compiled import kernel
 
 CHUNK = 32  # rays whose samples lie in one piece of memory
 BLOCK = 4  # cells a side of the coarse grid's blocks, and steps of a coarse stride (sampling.BLOCK)
 DARK = np.float32(renderer.DARK)
 VISIBLE = np.float32(1e-4)  # without a lottery, samples of less weight have no color (volume.VISIBLE_WEIGHT)
-RED, REMAINDER, DISTORTION, BEFORE, UP_TO, DISTANCE, SQUARE, ALPHA, N_SUMS = 0, 3, 4, 5, 6, 7, 8, 9, 10
 ZERO, HALF, ONE, TWO = np.float32(0), np.float32(0.5), np.float32(1), np.float32(2)
 THIRD = np.float32(1 / 3)
 

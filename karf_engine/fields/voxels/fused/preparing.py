@@ -18,6 +18,7 @@ import torch
 
 from ....rendering.rays import Rays
 from ....runtime import start_runtime
+from ...scene import Scene
 from ..field import VoxelField
 from ..renderer import Observing, RayBatch
 from .compiled import cache_folder
@@ -41,7 +42,7 @@ def begin(n_features: int) -> subprocess.Popen | None:
 
 
 def prepare(n_features: int) -> None:
-    """Call every kernel once, as a fit does."""
+    """Call every kernel once, as a fit does, and then whoever looks at what it has learned."""
     runtime = start_runtime(0, 1, "cpu")
     rays = Rays(torch.tensor([[0.5, 0.5, -1.0]]), torch.tensor([[0.0, 0.0, 1.0]]))
     field = VoxelField(torch.zeros(3), 0.5, torch.ones(2, 2, 2, dtype=torch.bool), n_features)
@@ -53,6 +54,7 @@ def prepare(n_features: int) -> None:
     density, features = renderer.differences(torch.tensor([0]), torch.tensor([1]))
     (color.sum() + density + features).backward()
     optimizer.step()
+    Scene(field.requires_grad_(False), None, "black", 1.0).colors(rays)
     stamp_of(n_features).touch()
 
 

@@ -12,11 +12,11 @@ from ....runtime import Runtime
 from ..field import VoxelField
 from ..renderer import Observing, RayBatch, RaySums
 from .adam import LazyAdam, difference_gradients, difference_sums
-from .arrays import Limits, Network, RayArrays, Samples, Sorted
+from .arrays import Limits, Network, Samples, Sorted, new_rays, new_samples
 from .coloring import color_samples, composite
 from .compiled import share
 from .gradients import ray_gradients, slab_gradients
-from .marching import CHUNK, N_SUMS, march, mark_visible, sort_by_place
+from .marching import CHUNK, march, mark_visible, sort_by_place
 from .tables import FieldTables
 
 BINS = 65536  # of the sort by place
@@ -59,7 +59,7 @@ class FusedRenderer:
 
     # ------------------------------------------------------------------------------------------------------ kernels
     def forward(self, batch: RayBatch) -> Tensor:
-        """Sums of each ray, [R, 10], in the order of marching.N_SUMS."""
+        """Sums of each ray, [R, 10], in the order of arrays.RED to ALPHA."""
         self._march(batch)
         grid, samples, ordered, tables = self.tables.grid, self._samples, self._ordered, self.tables
         total = sort_by_place(self._n_chunks, grid, samples, ordered, self._limits.capacity)
@@ -108,15 +108,7 @@ class FusedRenderer:
             self.tables.refresh()
         observed = np.zeros((0, 3), np.float32) if batch.observed is None else batch.observed.numpy()
         paths = self.field.space.paths(batch.rays, *self.field.bounds).contiguous().numpy()
-        self._rays = RayArrays(
-            paths,
-            batch.jitter.numpy(),
-            observed,
-            np.empty(n_rays, np.int64),
-            np.empty(n_rays, np.int64),
-            np.empty(n_rays, np.float32),
-            np.zeros((n_rays, N_SUMS), np.float32),
-        )
+        self._rays = new_rays(paths, batch.jitter.numpy(), observed)
         seed = int(self.runtime.randint(2**31 - 1, 1)) if self._limits.lottery else 0
         self._limits = self._limits._replace(seed=seed, step=np.float32(batch.step))
         self._make_room(self._limits.capacity)
@@ -137,15 +129,7 @@ class FusedRenderer:
         def room(kind: type, *shape: int) -> np.ndarray:
             return np.empty(shape, kind)
 
-        self._samples = Samples(
-            room(np.int32, size),
-            room(np.int32, size),
-            room(np.float32, size, 4),
-            room(np.float32, size, 4),
-            room(np.float32, size),
-            room(np.float32, size, 3),
-            room(np.int64, self._n_chunks),
-        )
+        self._samples = new_samples(self._n_chunks, capacity)
         self._ordered = Sorted(
             room(np.int32, size),
             room(np.int32, size),

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from ..field import VoxelField
+from ..grid import VoxelGrid
 from .arrays import DENSITY, FEATURES, Grid, Network
 
 
@@ -21,22 +21,10 @@ class FieldTables:
         n_features, n_hidden: Tuples as long as there are features and hidden units: lengths are constants to numba.
     """
 
-    def __init__(self, field: VoxelField) -> None:
+    def __init__(self, field: VoxelGrid) -> None:
         self.field = field
-        rows = field.vertex_rows.view(-1).numpy()
-        occupied = field.occupied.numpy()
-        bits = np.packbits(occupied, axis=2, bitorder="little")
-        self.vertices = np.flatnonzero(rows >= 0).astype(np.int32)
-        self.grid = Grid(
-            field.minimum.numpy(),
-            np.float32(field.voxel),
-            np.array([*occupied.shape, *field.coarse.shape, bits.shape[2]]),
-            bits.ravel(),
-            field.coarse.numpy().view(np.uint8).ravel(),
-            np.zeros(len(rows), np.float32),
-            rows,
-            np.float32(field.density_bias),
-        )
+        self.vertices = vertices_of(field)
+        self.grid = grid_of(field)
         self.gradients = np.zeros(len(self.vertices), np.float32), np.zeros(field.feature_table.numel(), np.float32)
         self.touched = np.zeros(len(self.vertices), np.uint8)
         self.n_features, self.n_hidden = (0,) * field.n_features, (0,) * field.width
@@ -73,13 +61,41 @@ class FieldTables:
 
     def network(self) -> Network:
         """The color network as it is now."""
-        first, _, last = self.field.color_network
-        return Network(
-            np.ascontiguousarray(first.weight.detach().numpy().T),
-            first.bias.detach().numpy(),
-            last.weight.detach().numpy(),
-            last.bias.detach().numpy(),
-        )
+        return network_of(self.field)
+
+
+def grid_of(field: VoxelGrid) -> Grid:
+    """The cells of a field, and its densities as they are now."""
+    rows, occupied = field.vertex_rows.view(-1).numpy(), field.occupied.numpy()
+    bits = np.packbits(occupied, axis=2, bitorder="little")
+    dense = np.zeros(len(rows), np.float32)
+    dense[vertices_of(field)] = flat(field.raw_density)
+    return Grid(
+        field.minimum.numpy(),
+        np.float32(field.voxel),
+        np.array([*occupied.shape, *field.coarse.shape, bits.shape[2]]),
+        bits.ravel(),
+        field.coarse.numpy().view(np.uint8).ravel(),
+        dense,
+        rows,
+        np.float32(field.density_bias),
+    )
+
+
+def vertices_of(field: VoxelGrid) -> np.ndarray:
+    """Number of each row's vertex, [n] int32."""
+    return np.flatnonzero(field.vertex_rows.view(-1).numpy() >= 0).astype(np.int32)
+
+
+def network_of(field: VoxelGrid) -> Network:
+    """The color network as it is now."""
+    first, _, last = field.color_network
+    return Network(
+        np.ascontiguousarray(first.weight.detach().numpy().T),
+        first.bias.detach().numpy(),
+        last.weight.detach().numpy(),
+        last.bias.detach().numpy(),
+    )
 
 
 def flat(tensor: Tensor) -> np.ndarray:

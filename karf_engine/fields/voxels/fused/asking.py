@@ -1,0 +1,80 @@
+"""What later stages ask of a frozen field: samples of rays in one row, features at places, colors along directions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .coloring import GROUP, corner_rows, gather, hidden_layers, logits, sigmoid
+from .compiled import kernel
+from .marching import ONE, ZERO
+
+
+@kernel
+def pack(first_chunk, last_chunk, grid, samples, capacity, starts, rays, distances, positions, weights):
+    """Samples without the gaps between chunks. starts: where each chunk's begin there."""
+    row = grid.shape[2] + 1
+    plane = (grid.shape[1] + 1) * row
+    low_x, low_y, low_z = grid.minimum[0], grid.minimum[1], grid.minimum[2]
+    for chunk in range(first_chunk, last_chunk):
+        for number in range(samples.counts[chunk]):
+            sample, at = chunk * capacity + number, starts[chunk] + number
+            vertex = samples.vertices[sample]
+            i = vertex // plane
+            j = (vertex - i * plane) // row
+            k = vertex - i * plane - j * row
+            positions[at, 0] = low_x + (np.float32(i) + samples.places[sample, 0]) * grid.voxel
+            positions[at, 1] = low_y + (np.float32(j) + samples.places[sample, 1]) * grid.voxel
+            positions[at, 2] = low_z + (np.float32(k) + samples.places[sample, 2]) * grid.voxel
+            distances[at] = samples.places[sample, 3]
+            rays[at] = samples.rays[sample]
+            weights[at] = samples.light[sample, 0]
+
+
+@kernel
+def features_at(first, last, grid, positions, features, n_features, out):
+    """Features [n, F] at the positions first to last, as `VoxelField.features` has them."""
+    row = grid.shape[2] + 1
+    plane = (grid.shape[1] + 1) * row
+    for at in range(first, last):
+        x = (positions[at, 0] - grid.minimum[0]) / grid.voxel
+        y = (positions[at, 1] - grid.minimum[1]) / grid.voxel
+        z = (positions[at, 2] - grid.minimum[2]) / grid.voxel
+        i = min(max(int(x), 0), grid.shape[0] - 1)
+        j = min(max(int(y), 0), grid.shape[1] - 1)
+        k = min(max(int(z), 0), grid.shape[2] - 1)
+        x, y, z = x - np.float32(i), y - np.float32(j), z - np.float32(k)
+        vertex = (i * (grid.shape[1] + 1) + j) * row + k
+        if (grid.bits[(i * grid.shape[1] + j) * grid.shape[6] + (k >> 3)] >> (k & 7)) & 1:
+            gather(features, corner_rows(grid, vertex), x, y, z, len(n_features), out[at])
+        else:
+            gather_some(grid.rows, vertex, row, plane, x, y, z, features, len(n_features), out[at])
+
+
+@kernel
+def gather_some(rows, vertex, row, plane, x, y, z, features, n, out):
+    """The n features of a place in a cell that is not occupied: a vertex without a row counts nothing."""
+    out[:] = ZERO
+    for corner in range(8):
+        i, j, k = corner >> 2 & 1, corner >> 1 & 1, corner & 1
+        found = rows[vertex + i * plane + j * row + k]
+        if found >= 0:
+            weight = (x if i else ONE - x) * (y if j else ONE - y) * (z if k else ONE - z)
+            for number in range(n):
+                out[number] += weight * features[np.int64(found) * n + number]
+
+
+@kernel
+def colors_at(first, last, features, harmonics, network, n_features, n_hidden, out):
+    """sRGB colors [n, 3] of the features [n, F] and harmonics of directions [n, 9] first to last."""
+    inputs = np.zeros((GROUP, len(n_features) + 9), np.float32)
+    hidden = np.zeros((GROUP, len(n_hidden)), np.float32)
+    for start in range(first, last, GROUP):
+        count = min(GROUP, last - start)
+        for member in range(count):
+            inputs[member, : len(n_features)] = features[start + member]
+            inputs[member, len(n_features) :] = harmonics[start + member]
+        hidden_layers(inputs, network, hidden)
+        for member in range(count):
+            red, green, blue = logits(features[start + member], hidden[member], network)
+            color = out[start + member]
+            color[0], color[1], color[2] = sigmoid(red), sigmoid(green), sigmoid(blue)
