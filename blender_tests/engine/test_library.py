@@ -18,6 +18,7 @@ from blender_tests.engine.conftest import QUICK, ROOT
 from karf_engine.errors import BadRequest, Cancelled, DataError, OutOfMemory
 
 pytest.importorskip("torch")
+distance_transform_edt = pytest.importorskip("scipy.ndimage").distance_transform_edt
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +73,7 @@ def test_an_edit_changes_its_object_and_nothing_else(model):
     after = model.recolor(view, edit)
     ball = model.render_view(view).masks[model.objects.index("ball")]
     assert after[ball][:, 2].mean() > before[ball][:, 2].mean() + 0.2
-    far = model.render_view(view).probabilities[model.objects.index("ball")] == 0
+    far = distance_transform_edt(~ball) > 3  # pixels: nearer, the ball's border in the photo may be soft
     np.testing.assert_array_equal(after[far], before[far])
 
 

@@ -35,7 +35,7 @@ class OpenSettings:
     max_rays: int = option(8192, "Rays an iteration at most", 64, 1_000_000)
     table_rate: float = option(0.3, "Learning rate of the voxel tables", 1e-5, 1.0)
     network_rate: float = option(2e-2, "Learning rate of the color network", 1e-6, 0.1)
-    total_variation: float = option(1e-3, "Weight of the difference between neighboring vertices", 0.0, 1.0)
+    total_variation: float = option(2e-3, "Weight of the difference between neighboring vertices", 0.0, 1.0)
     distortion: float = option(1e-2, "Weight of the spread of a ray's samples (Mip-NeRF 360)", 0.0, 1.0)
     transparency: float = option(1e-3, "Weight of what rays do not end on", 0.0, 1.0)
     point_depth: float = option(
@@ -48,6 +48,7 @@ class OpenSettings:
         1.0, "Radius that the contraction keeps, in half-widths of what a typical camera sees at the middle", 0.05, 10.0
     )
     frustum_detail: float = option(1.4, "How much finer the cells of a frustum are: it holds less space", 0.5, 4.0)
+    frustum_smoothness: float = option(0.2, "Share of total_variation that counts in a frustum", 0.0, 10.0)
     room: float = option(1.0, "Grid for what lies outside that radius, in radii", 0.1, 4.0)
 
 

@@ -27,7 +27,9 @@ def start_voxel_fit(inputs: FitInputs) -> VoxelFit:
     recipe = settings.open
     if inputs.space == "frustum":
         space = middle_frustum(inputs.views, inputs.points)
-        recipe = replace(recipe, levels=tuple(_finer(level, recipe.frustum_detail) for level in recipe.levels))
+        levels = tuple(_finer(level, recipe.frustum_detail) for level in recipe.levels)
+        smoothness = recipe.frustum_smoothness * recipe.total_variation
+        recipe = replace(recipe, levels=levels, total_variation=smoothness)
     else:
         space = contraction_round_focus(bank.cameras, recipe)
     space = space_on(space, runtime.device)
