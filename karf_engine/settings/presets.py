@@ -23,7 +23,7 @@ PRESETS: dict[str, Settings] = {
             long_side=400,
             levels=(Level(48, 120, 1.0), Level(112, 250, 0.75), Level(240, 500, 0.6)),
             samples=120_000,
-            open=OpenSettings(levels=(Level(64, 150, 1.0), Level(128, 250, 1.0), Level(256, 800, 1.0))),
+            open=OpenSettings(levels=(Level(64, 150, 1.0), Level(128, 250, 1.0), Level(256, 600, 1.0))),
         ),
         segmentation=SegmentationSettings(cache_long_side=200, iterations=300),
         recoloring=RecoloringSettings(iterations=1000),

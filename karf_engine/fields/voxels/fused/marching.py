@@ -76,6 +76,16 @@ def raw_density(dense, lowest, row, plane, x, y, z):
 
 
 @kernel
+def place_at(path, starts, directions, piece, distance, grid):
+    """Where a path is after a distance that lies on one of its pieces, in cells from the grid's corner."""
+    along, cells = distance - starts[piece], ONE / grid.voxel
+    x = (path[piece, 0] + along * directions[piece, 0] - grid.minimum[0]) * cells
+    y = (path[piece, 1] + along * directions[piece, 1] - grid.minimum[1]) * cells
+    z = (path[piece, 2] + along * directions[piece, 2] - grid.minimum[2]) * cells
+    return x, y, z
+
+
+@kernel
 def march(first_chunk, last_chunk, grid: Grid, rays: RayArrays, samples: Samples, limits: Limits):
     """Fill `samples`, and all of `rays` but the colors. A chunk that needs more places says so in its count."""
     n_rays, n_knots = len(rays.jitter), rays.paths.shape[1]
@@ -108,8 +118,7 @@ def march_ray(ray, count, end, starts, directions, grid, rays, samples, limits):
     plane = (size_y + 1) * row
     step = limits.step * grid.voxel
     stride = np.float32(BLOCK) * step
-    inverse, unit = ONE / grid.voxel, ONE / limits.unit
-    low_x, low_y, low_z = grid.minimum[0], grid.minimum[1], grid.minimum[2]
+    unit = ONE / limits.unit
     n_pieces = len(path) - 1
     is_bent, length = n_pieces > 1, starts[n_pieces]
     light, depth = ONE, ZERO
@@ -122,10 +131,7 @@ def march_ray(ray, count, end, starts, directions, grid, rays, samples, limits):
             break
         while coarse_piece + 1 < n_pieces and starts[coarse_piece + 1] <= distance:
             coarse_piece += 1
-        along = distance - starts[coarse_piece]
-        x = (path[coarse_piece, 0] + along * directions[coarse_piece, 0] - low_x) * inverse
-        y = (path[coarse_piece, 1] + along * directions[coarse_piece, 1] - low_y) * inverse
-        z = (path[coarse_piece, 2] + along * directions[coarse_piece, 2] - low_z) * inverse
+        x, y, z = place_at(path, starts, directions, coarse_piece, distance, grid)
         i = min(max(int(x * np.float32(1 / BLOCK)), 0), blocks_x - 1)
         j = min(max(int(y * np.float32(1 / BLOCK)), 0), blocks_y - 1)
         k = min(max(int(z * np.float32(1 / BLOCK)), 0), blocks_z - 1)
@@ -137,10 +143,7 @@ def march_ray(ray, count, end, starts, directions, grid, rays, samples, limits):
                 break
             while piece + 1 < n_pieces and starts[piece + 1] <= distance:
                 piece += 1
-            along = distance - starts[piece]
-            x = (path[piece, 0] + along * directions[piece, 0] - low_x) * inverse
-            y = (path[piece, 1] + along * directions[piece, 1] - low_y) * inverse
-            z = (path[piece, 2] + along * directions[piece, 2] - low_z) * inverse
+            x, y, z = place_at(path, starts, directions, piece, distance, grid)
             # bent paths are not clipped to the grid
             if is_bent and (x < 0 or y < 0 or z < 0 or x >= size_x or y >= size_y or z >= size_z):
                 continue
