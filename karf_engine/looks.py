@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import shutil
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -52,13 +51,20 @@ class Looks:
         """Keep a look through this camera; those of what was learned before go."""
         tensors = {name: getattr(frame.picture, name) for name in ("color", "opacity", "depth")}
         with suppress(OSError, SafetensorError):
-            for folder in self._all.glob("*/"):
-                if folder != self._folder:
-                    shutil.rmtree(folder, ignore_errors=True)
+            self._forget_others()
             new = sum(tensor.nbytes for tensor in tensors.values()) + frame.probabilities.nbytes
             if sum(path.stat().st_size for path in self._folder.glob("*")) + new <= MOST_BYTES:
                 tensors["probabilities"] = torch.from_numpy(frame.probabilities)
                 save_tensors(self._path(camera), tensors, SCHEMA, {})
+
+    def _forget_others(self) -> None:
+        """Remove the looks of what was learned before, and nothing else that may lie there."""
+        for path in self._all.glob("*/*.safetensors"):
+            if path.parent != self._folder and not path.parent.is_symlink():
+                path.unlink()
+        for folder in self._all.glob("*/"):
+            with suppress(OSError):  # not empty
+                folder.rmdir()
 
     def _path(self, camera: Camera) -> Path:
         pose = camera.camera_to_world.tolist()

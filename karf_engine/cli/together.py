@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 
 from ..stages.geometry import help_to_learn
@@ -13,9 +14,10 @@ def run_together(command: Callable[[], int]) -> int:
     team = join()
     if team.rank:
         help_to_learn(team)
-    elif code := command():
+        leave()
+        os._exit(0)  # gloo's threads may still run, and abort a process that is taken down round them
+    if code := command():
         return code
-    else:
-        team.share(None)  # there is nothing more to learn
+    team.share(None)  # there is nothing more to learn
     leave()
     return 0

@@ -36,14 +36,24 @@ def adam_rows(first, last, touched, density, features, n_features, dense, vertic
 
     step: the learning rate over the first moment's bias correction. correction: one over the root of the second's.
     """
+    n = len(n_features)
     for row in range(first, last):
-        if touched[row] & DENSITY:
+        if touched[row] & DENSITY and density.gradients[row] != ZERO:
             dense[vertices[row]] = adam_value(density, row, step, beta1, beta2, correction)
-        if touched[row] & FEATURES:
-            at = np.uint64(row) * np.uint64(len(n_features))
-            for number in range(len(n_features)):
+        at = np.uint64(row) * np.uint64(n)
+        if touched[row] & FEATURES and has_gradient(features.gradients, at, n):
+            for number in range(n):
                 adam_value(features, at + np.uint64(number), step, beta1, beta2, correction)
         touched[row] = np.uint8(0)
+
+
+@kernel
+def has_gradient(gradients, at, n):
+    """Whether any of n values is not 0: processes that learn together know no more of each other's rows."""
+    for number in range(n):
+        if gradients[at + np.uint64(number)] != ZERO:
+            return True
+    return False
 
 
 @kernel
