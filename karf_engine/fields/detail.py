@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 import torch
 
 from ..capture.camera import Camera
 from ..capture.capture import SparsePoints, View
 from ..images import resize
-from ..metrics.images import psnr
 from ..rendering.space import Space
 from ..rendering.space_values import space_on
 from .extent import focus_point
@@ -81,4 +81,4 @@ def without_detail(photo: np.ndarray, pixels: float) -> np.ndarray:
 
 def kept_psnr(photos: Sequence[np.ndarray], pixels: float) -> list[float]:
     """PSNR that each photo keeps without detail of so many pixels, dB: about what such voxels can reach in it."""
-    return [psnr(without_detail(photo, pixels), photo) for photo in photos]
+    return [cv2.PSNR(np.float64(without_detail(photo, pixels)), np.float64(photo), 1.0) for photo in photos]

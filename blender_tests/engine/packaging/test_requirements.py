@@ -1,6 +1,8 @@
 """The ranges that pyproject.toml allows against the versions that requirements/ pins."""
 
 import re
+import subprocess
+import sys
 import tomllib
 
 import pytest
@@ -48,3 +50,11 @@ def test_the_pinned_versions_lie_in_the_allowed_ranges(environment):
 def test_every_range_has_both_ends():
     ranges = [Requirement(text) for text in PROJECT["dependencies"]]
     assert all({part.operator for part in wanted.specifier} == {">=", "<"} for wanted in ranges)
+
+
+def test_what_learns_and_renders_is_imported_without_any_extra():
+    extras = ("skimage", "numba", "pycolmap", "openjd")
+    code = f"import sys; sys.modules.update(dict.fromkeys({extras!r})); import karf_engine.stages.dispatch; "
+    code += "from karf_engine.stages import geometry, palette, recoloring, render, segmentation"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
