@@ -16,6 +16,7 @@ from torch.testing import assert_close
 from karf_engine.errors import Diverged
 from karf_engine.fields.voxels.choice import new_renderer
 from karf_engine.fields.voxels.field import VoxelField
+from karf_engine.fields.voxels.fused import preparing
 from karf_engine.fields.voxels.fused.compiled import kernel
 from karf_engine.fields.voxels.fused.marching import share_of, uniform
 from karf_engine.fields.voxels.fused.renderer import FusedRenderer
@@ -264,3 +265,12 @@ def test_no_kernel_reads_or_writes_outside_its_arrays(tmp_path):
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", __file__, "-k", names]
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout[-3000:]
+
+
+def test_kernels_are_compiled_beside_also_where_the_engine_runs_as_a_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # of the child: it calls them all, in plain Python
+    monkeypatch.chdir(tmp_path)
+    assert preparing.begin(12).wait(120) == 0
+    assert preparing.stamp_of(12).exists()
+    assert preparing.begin(12) is None

@@ -1,7 +1,5 @@
 """Kernels compiled ahead, in a process beside: half a minute, once on a machine for each version of them.
 
-    python -m karf_engine.fields.voxels.fused.preparing FEATURES
-
 Without it they are compiled where they are first called, which takes as long and says nothing.
 """
 
@@ -36,8 +34,11 @@ def begin(n_features: int) -> subprocess.Popen | None:
     """Start compiling in a process beside; None if all is there already."""
     if stamp_of(n_features).exists():
         return None
-    command = [sys.executable, "-m", __spec__.name, str(n_features)]
+    # the engine may run as a folder, off the path that a child gets
+    root = str(Path(__file__).parents[4])
+    code = f"import sys; sys.path.insert(0, {root!r}); from {__spec__.name} import prepare; prepare({n_features})"
     # beside the first photos nobody waits; an error will show itself where the kernels are called
+    command = [sys.executable, "-I", "-B", "-c", code]
     return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
@@ -55,8 +56,5 @@ def prepare(n_features: int) -> None:
     (color.sum() + density + features).backward()
     optimizer.step()
     Scene(field.requires_grad_(False), None, "black", 1.0).colors(rays)
+    stamp_of(n_features).parent.mkdir(parents=True, exist_ok=True)
     stamp_of(n_features).touch()
-
-
-if __name__ == "__main__":
-    prepare(int(sys.argv[1]))
