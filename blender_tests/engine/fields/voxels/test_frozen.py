@@ -1,7 +1,5 @@
 """A frozen field looks the same through the compiled kernels as through torch, however its rays are split."""
 
-import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -12,7 +10,7 @@ pytest.importorskip("numba")
 
 from torch.testing import assert_close
 
-from blender_tests.engine.fields.voxels.test_kernels import SPACES, random_batch, random_field
+from blender_tests.engine.fields.voxels.test_kernels import SPACES, check_bounds, random_batch, random_field
 from karf_engine.fields import scene as scenes
 from karf_engine.fields.scene import Scene
 from karf_engine.fields.voxels.field import VoxelField
@@ -128,11 +126,7 @@ def test_a_field_that_is_released_and_learns_is_seen_anew_when_it_is_frozen_agai
 
 
 def test_no_kernel_reads_or_writes_outside_its_arrays(tmp_path):
-    names = "rays_end or features_and_colors or more_room or nothing"
-    environment = os.environ | {"NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path), "OMP_NUM_THREADS": "1"}
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", __file__, "-k", names]
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout[-3000:]
+    check_bounds(__file__, "rays_end or features_and_colors or more_room or nothing", tmp_path)
 
 
 def test_without_kernels_torch_renders(monkeypatch):
