@@ -1,6 +1,6 @@
 """Step 7, Render: what pictures share, and below it a group that can be closed for each kind of result."""
 
-from .. import properties
+from ..properties.scene import FORMAT_DEPTHS
 
 
 def draw_render(layout, context):
@@ -32,7 +32,7 @@ def draw_camera(layout, karf):
     layout.prop(karf, "file_format", text="")
     layout.row(align=True).prop(karf, "color_mode", expand=True)
     row = layout.row(align=True)
-    for depth in properties.FORMAT_DEPTHS[karf.file_format]:
+    for depth in FORMAT_DEPTHS[karf.file_format]:
         row.prop_enum(karf, "color_depth", depth)
     layout.operator("karf.farm_bundle", icon="NETWORK_DRIVE")
     row = layout.row(align=True)

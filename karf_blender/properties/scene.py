@@ -1,22 +1,14 @@
-"""What the .blend keeps (Scene.karf: saved, undone, keyframed) and what it does not (WindowManager.karf_progress)."""
+"""What the .blend keeps of a scene's project: Scene.karf."""
 
 import bpy
-from bpy.props import (
-    BoolProperty,
-    CollectionProperty,
-    EnumProperty,
-    FloatProperty,
-    FloatVectorProperty,
-    IntProperty,
-    PointerProperty,
-    StringProperty,
-)
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntProperty, PointerProperty, StringProperty
 
-from .engine_api import BRIGHTEST, COMPOSITING_MODES, PRESETS
-from .host.compat import PATH_OPTIONS
-from .project import disk, folders
-from .rig import reprojection
-from .swatches import palettes, recolor
+from ..engine_api import COMPOSITING_MODES, PRESETS
+from ..host.compat import PATH_OPTIONS
+from ..project import disk, folders
+from ..rig import reprojection
+from ..swatches import palettes, recolor
+from .swatches import KARF_PG_object, edit_changed
 
 PRESET_ITEMS = [
     (name, name.capitalize(), f"Learn from pictures of at most {settings.geometry.long_side} pixels")
@@ -44,14 +36,6 @@ SIZE_ITEMS = [
     ("LEARNED", "Learned Size", "As small as what was learned from: quick, for a look"),
     ("PIXELS", "Long Side", "So many pixels at the longer side"),
 ]
-RULE_ITEMS = [
-    ("becomes", "Material", "Paint the whole object anew, light and highlights kept"),
-    ("fewest", "Fewest swatches", "Reach the color with as few changed swatches as possible"),
-]
-
-
-def _edit_changed(self, context):
-    recolor.refresh(self.id_data)
 
 
 def _view_chosen(self, context):
@@ -77,41 +61,6 @@ def _project_chosen(self, context):
     if not folders.is_rebasing():
         palettes.import_learned(self.id_data)
         disk.refresh()
-
-
-def srgb(name: str, default: float = 0.0, highest: float = 1.0, **options):
-    """A color property of sRGB numbers, as palettes are learned; the picker's bar ends at white."""
-    limits = {"min": 0.0, "max": highest, "soft_max": 1.0}
-    return FloatVectorProperty(name=name, subtype="COLOR_GAMMA", size=3, default=(default,) * 3, **limits, **options)
-
-
-class KARF_PG_swatch(bpy.types.PropertyGroup):
-    """One palette color of an object: as learned, and as the artist wants it."""
-
-    learned: srgb("Learned", description="The color that was found in the photos")
-    color: srgb(
-        "Color",
-        highest=BRIGHTEST,
-        description="The color it shall have; it may be brighter than white, which bright paint can need",
-        update=_edit_changed,
-    )
-    locked: BoolProperty(name="Lock", description="'Becomes' leaves this swatch alone")
-
-
-class KARF_PG_object(bpy.types.PropertyGroup):
-    """One object of the masks. Its first swatch is black and stays black."""
-
-    swatches: CollectionProperty(type=KARF_PG_swatch)
-    source: srgb(
-        "Source",
-        0.5,
-        description="A color of the object as it is in the photo, before any edit; pick it from the picture",
-    )
-    target: srgb("Target", 0.5, description="The color that the source shall become")
-    rule: EnumProperty(name="Rule", items=RULE_ITEMS)
-    show_becomes: BoolProperty(
-        name="One color becomes another", description="Pick a color of the object and what it shall become"
-    )
 
 
 class KARF_PG_view(bpy.types.PropertyGroup):
@@ -172,7 +121,7 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         description="Checkpoint of a NeRF that another program has trained on this capture, taken as the geometry "
         "(nerf-pytorch, krrish94); empty: learn it",
     )
-    compositing: EnumProperty(name="Compositing", items=COMPOSITING_ITEMS, update=_edit_changed)
+    compositing: EnumProperty(name="Compositing", items=COMPOSITING_ITEMS, update=edit_changed)
     rig: PointerProperty(name="Rig", type=bpy.types.Object, description="The Empty that holds the captured cameras")
     views: CollectionProperty(type=KARF_PG_view)
     n_points: IntProperty(name="Points", description="Sparse points of the capture")
@@ -190,64 +139,4 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
     mask_image: PointerProperty(name="Mask", type=bpy.types.Image, description="The photo that is painted on")
 
 
-class KARF_PG_color(bpy.types.PropertyGroup):
-    """One color of a sheet of colorways, and what it will be."""
-
-    colorway: StringProperty()
-    object: StringProperty()
-    wanted: srgb("Wanted")
-    reached: srgb("Reached")
-    difference: FloatProperty(description="CIEDE2000 of the color reached to the wanted one")
-    reason: StringProperty(description="Why the wanted color cannot be reached")
-
-
-class KARF_PG_colorways(bpy.types.PropertyGroup):
-    """The sheet of colorways that is looked at."""
-
-    colors: CollectionProperty(type=KARF_PG_color)
-    active: IntProperty()
-
-
-class KARF_PG_progress(bpy.types.PropertyGroup):
-    """The running job, and why the last one failed."""
-
-    running: BoolProperty()
-    stage: StringProperty()
-    fraction: FloatProperty(min=0.0, max=1.0)
-    text: StringProperty()
-    figures: StringProperty()
-    warnings: StringProperty(description="What the last task warned of, a line each")
-    error: StringProperty()
-    job: StringProperty(description="Folder of the failed job, where its log tells more of why")
-    hint: StringProperty()
-
-
-CLASSES = (
-    KARF_PG_swatch,
-    KARF_PG_object,
-    KARF_PG_view,
-    KARF_PG_scene,
-    KARF_PG_color,
-    KARF_PG_colorways,
-    KARF_PG_progress,
-)
-
-
-def register():
-    """Called when the extension is enabled."""
-    for each in CLASSES:
-        bpy.utils.register_class(each)
-    bpy.types.Scene.karf = PointerProperty(type=KARF_PG_scene)
-    bpy.types.WindowManager.karf_progress = PointerProperty(type=KARF_PG_progress)
-    bpy.types.WindowManager.karf_colorways = PointerProperty(type=KARF_PG_colorways)
-    bpy.types.Object.karf_view = StringProperty(name="KaRF view", description="The captured view of this camera")
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    del bpy.types.Object.karf_view
-    del bpy.types.WindowManager.karf_colorways
-    del bpy.types.WindowManager.karf_progress
-    del bpy.types.Scene.karf
-    for each in reversed(CLASSES):
-        bpy.utils.unregister_class(each)
+CLASSES = (KARF_PG_view, KARF_PG_scene)

@@ -1,0 +1,72 @@
+"""Steps 1, 2, 4 and 5: the capture, and what is learned of it."""
+
+from ... import __package__ as extension
+from ..engine import installing
+from ..host.labels import draw_text
+from ..preferences import state
+from ..rig import reprojection
+from .views import draw_view
+
+
+def draw_import(layout, context):
+    """Step 1; where nothing is imported yet, it also says what is missing to go on."""
+    karf = context.scene.karf
+    if not karf.project:
+        draw_engine(layout)
+    layout.operator("karf.import_capture", icon="IMPORT")
+    layout.operator("karf.find_poses", icon="CON_CAMERASOLVER")
+    if not karf.project:
+        return
+    row = layout.row(align=True)
+    draw_view(row, karf)
+    row.operator("karf.look_through", text="", icon="VIEW_CAMERA")
+    n_train = sum(view.split == "train" for view in karf.views)
+    layout.label(text=f"{len(karf.views)} photos: {n_train} to learn, {len(karf.views) - n_train} to test")
+    draw_reprojection(layout, context.scene)
+    layout.prop(karf, "project")
+
+
+def draw_reprojection(layout, scene):
+    """The sparse points, and how far they are from where the photo that is looked through shows them."""
+    if not scene.karf.n_points:
+        layout.label(text="No sparse points to check cameras by")
+        return
+    layout.prop(scene.karf, "show_reprojection")
+    known = reprojection.of_camera(scene, scene.camera)
+    if known is None:
+        layout.label(text="Look through a view to see its errors")
+    elif not known.summary.count:
+        layout.label(text="No point is known to be in this photo")
+    else:
+        draw_text(layout, str(known.summary), "BLANK1")
+
+
+def draw_learn(layout, context):
+    """Step 2."""
+    layout.prop(context.scene.karf, "preset")
+    layout.prop(context.scene.karf, "nerf", text="NeRF")  # the whole name does not fit
+    if context.scene.karf.project:
+        draw_engine(layout)
+    layout.operator("karf.learn_scene", icon="OUTLINER_OB_VOLUME")
+
+
+def draw_engine(layout):
+    """The way to an engine where there is none, or what is happening to it."""
+    problem = state.known().problem
+    if installing.is_running():
+        progress = installing.progress()
+        layout.progress(factor=progress.fraction, text=f"Engine: {progress.title}")
+    elif problem:
+        draw_text(layout, problem, "INFO")
+    if problem or installing.is_running():
+        layout.operator("preferences.addon_show", text="KaRF Preferences", icon="PREFERENCES").module = extension
+
+
+def draw_segment(layout, context):
+    """Step 4."""
+    layout.operator("karf.segment", icon="MOD_MASK")
+
+
+def draw_palette(layout, context):
+    """Step 5."""
+    layout.operator("karf.extract_palette", icon="COLOR")

@@ -1,0 +1,30 @@
+"""What the .blend keeps (Scene.karf: saved, undone, keyframed) and what it does not (WindowManager.karf_progress)."""
+
+import bpy
+from bpy.props import PointerProperty, StringProperty
+
+from . import scene, session, swatches
+from .scene import KARF_PG_scene
+from .session import KARF_PG_colorways, KARF_PG_progress
+
+CLASSES = (*swatches.CLASSES, *scene.CLASSES, *session.CLASSES)
+
+
+def register():
+    """Called when the extension is enabled."""
+    for each in CLASSES:
+        bpy.utils.register_class(each)
+    bpy.types.Scene.karf = PointerProperty(type=KARF_PG_scene)
+    bpy.types.WindowManager.karf_progress = PointerProperty(type=KARF_PG_progress)
+    bpy.types.WindowManager.karf_colorways = PointerProperty(type=KARF_PG_colorways)
+    bpy.types.Object.karf_view = StringProperty(name="KaRF view", description="The captured view of this camera")
+
+
+def unregister():
+    """Called when the extension is disabled."""
+    del bpy.types.Object.karf_view
+    del bpy.types.WindowManager.karf_colorways
+    del bpy.types.WindowManager.karf_progress
+    del bpy.types.Scene.karf
+    for each in reversed(CLASSES):
+        bpy.utils.unregister_class(each)
