@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from .. import karf_engine
-from ..karf_engine.capture import FORMATS, open_capture, write_cameras
+from ..karf_engine.capture import FORMATS, hold_out, open_capture, write_cameras
 from ..karf_engine.capture.camera import Camera
 from ..karf_engine.capture.capture import Capture, SparsePoints, View
 from ..karf_engine.capture.distortion import distort
@@ -92,6 +92,7 @@ __all__ = [
     "error_from_code",
     "find_header",
     "hex_to_rgb",
+    "hold_out",
     "is_file_name",
     "linear_to_srgb",
     "match_becomes",

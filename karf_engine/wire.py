@@ -45,7 +45,7 @@ OPTION_TYPES: dict[str, tuple[type, ...]] = {
     "edit": (str, list),
     "size": (str, int),
     **dict.fromkeys(("overrides", "locked"), (list,)),
-    **dict.fromkeys(("threads", "first", "last", "count"), (int,)),
+    **dict.fromkeys(("threads", "first", "last", "count", "holdout"), (int,)),
 }
 
 

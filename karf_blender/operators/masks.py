@@ -20,14 +20,7 @@ class KARF_OT_paint_mask(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not has_project(cls, context):
-            return False
-        karf = context.scene.karf
-        view = karf.views.get(karf.active_view)
-        if view is not None and view.split != "train":
-            cls.poll_message_set(f"{view.name} is held out for testing: choose a train view")
-            return False
-        return True
+        return has_project(cls, context)
 
     @reports_errors
     def execute(self, context):

@@ -20,10 +20,17 @@ def draw_import(layout, context):
     row = layout.row(align=True)
     draw_view(row, karf)
     row.operator("karf.look_through", text="", icon="VIEW_CAMERA")
-    n_train = sum(view.split == "train" for view in karf.views)
-    layout.label(text=f"{len(karf.views)} photos: {n_train} to learn, {len(karf.views) - n_train} to test")
+    layout.label(text=count_of_photos(karf.views))
     draw_reprojection(layout, context.scene)
     layout.prop(karf, "project")
+
+
+def count_of_photos(views) -> str:
+    """How many photos there are, and what for."""
+    n_train = sum(view.split == "train" for view in views)
+    if n_train == len(views):
+        return f"{len(views)} photos, all to learn: new views are not judged"
+    return f"{len(views)} photos: {n_train} to learn, {len(views) - n_train} to test"
 
 
 def draw_reprojection(layout, scene):

@@ -23,19 +23,17 @@ def start(scene: bpy.types.Scene, name: str, view: View) -> bpy.types.Image:
     Args:
         scene: Its mask image is replaced.
         name: The object's.
-        view: A view of the train split.
+        view: Any view with a photo.
 
     Returns:
         The image: a copy of the view's photo.
 
     Raises:
-        BadRequest: The name cannot be a folder's, or is another object's but for upper and lower case; or the view is
-            held out or has no photo.
+        BadRequest: The name cannot be a folder's, or is another object's but for upper and lower case; or the view has
+            no photo.
         DataError: The photo is unreadable.
     """
     _check_name(name, _folder(scene))
-    if view.split != "train":
-        raise BadRequest(f"The view {view.name!r} is held out for testing.", "Choose a view of the train split.")
     if view.image is None:
         raise BadRequest(f"The view {view.name!r} has no photo.", "Choose another view.")
     photo = photos.read(view)

@@ -124,6 +124,9 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
     compositing: EnumProperty(name="Compositing", items=COMPOSITING_ITEMS, update=edit_changed)
     rig: PointerProperty(name="Rig", type=bpy.types.Object, description="The Empty that holds the captured cameras")
     views: CollectionProperty(type=KARF_PG_view)
+    holdout: IntProperty(
+        name="Hold Out", default=-1, description="Every how many-th photo is not learned from; -1: as was learned"
+    )
     n_points: IntProperty(name="Points", description="Sparse points of the capture")
     show_reprojection: BoolProperty(
         name="Reprojection Errors",

@@ -20,6 +20,8 @@ def learn_scene(scene: bpy.types.Scene, preset: str = "", overrides: Sequence[st
         "preset": preset or scene.karf.preset,
         "overrides": list(overrides),
         "nerf": str(folders.absolute(scene.karf.nerf)) if scene.karf.nerf else None,
+        "holdout": scene.karf.holdout if scene.karf.holdout >= 0 else None,
+        "masks": str(folders.absolute(scene.karf.masks)) if scene.karf.masks else None,
     }
     return requests.task(scene, "Learn Scene", ("geometry", options))
 

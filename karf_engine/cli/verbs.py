@@ -36,6 +36,8 @@ def learn_geometry(options: argparse.Namespace) -> int:
         preset=options.preset,
         overrides=options.overrides,
         nerf=options.nerf,
+        holdout=options.holdout,
+        masks=options.masks,
         **_run_of(options),
     )
     return 0

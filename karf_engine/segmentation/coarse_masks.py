@@ -28,11 +28,11 @@ LAYOUT_HINT = "Lay masks out as MASKS/<object>/<photo stem>.png, as large as the
 
 @dataclass(frozen=True)
 class CoarseMask:
-    """One object's rough mask in one training view.
+    """One object's rough mask in one view.
 
     Attributes:
         object_name: the object's.
-        view: the training view that it was drawn on.
+        view: the view that it was drawn on, of whatever split: a marked photo is learned from.
         path: the file as the user gave it.
     """
 
@@ -48,10 +48,10 @@ def find_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
 
     Args:
         folder: MASKS/<object>/<photo stem>.png, also .jpg, .jpeg or .webp.
-        capture: whose training photos the masks were drawn on.
+        capture: whose photos the masks were drawn on.
 
     Raises:
-        DataError: there is no mask, a name fits no training photo or several, one is no file, or an object is called
+        DataError: there is no mask, a name fits no photo or several, one is no file, or an object is called
             `background`, or what no file can be called, or as another but for upper and lower case.
     """
     if not folder.is_dir():
@@ -66,6 +66,13 @@ def find_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
     if not masks:
         raise DataError(f"{folder} holds no masks.", LAYOUT_HINT)
     return masks
+
+
+def marked_views(folder: Path, capture: Capture) -> set[str]:
+    """Names of the views that something below MASKS/<object>/ is named after; nothing is checked."""
+    files = [path.relative_to(folder).parts[1:] for path in _mask_files(folder)]
+    found = [fitting_views(Path(*below), capture) for below in files if below]
+    return {views[0].name for views in found if len(views) == 1}
 
 
 def _object_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
@@ -95,20 +102,24 @@ def _mask_files(folder: Path) -> list[Path]:
 
 
 def _view_of(path: Path, below: Path, capture: Capture) -> View:
-    """The training view that a mask was drawn on; below: its path in the object's folder."""
-    training = [view for view in capture.split("train") if _fits(below, view)]
-    named = [view for view in training if view.name == file_name(below.stem)]
-    if named or len(training) == 1:
-        return (named or training)[0]
-    if training:
+    """The view that a mask was drawn on; below: its path in the object's folder."""
+    fitting = fitting_views(below, capture)
+    if len(fitting) == 1:
+        return fitting[0]
+    if fitting:
         raise DataError(
-            f"{path} fits {len(training)} photos, the views {', '.join(view.name for view in training[:3])}.",
+            f"{path} fits {len(fitting)} photos, the views {', '.join(view.name for view in fitting[:3])}.",
             "Name it after its view, or lay masks out in the photos' subfolders.",
         )
-    if any(_fits(below, view) for view in capture.views):
-        raise DataError(f"{path} marks a photo that is held out for testing.", "Mark a training photo instead.")
-    first = next(iter(capture.split("train")), None)
-    raise DataError(f"{path} is named after no training photo.", f"The first one is {first.stem!r}." if first else "")
+    first = next(iter(capture.views), None)
+    raise DataError(f"{path} is named after no photo.", f"The first one is {first.stem!r}." if first else "")
+
+
+def fitting_views(below: Path, capture: Capture) -> list[View]:
+    """The views that a mask's path in its object's folder can mean: the one of its name, else training ones, else any."""
+    fitting = [view for view in capture.views if _fits(below, view)]
+    named = [view for view in fitting if view.name == file_name(below.stem)]
+    return named or [view for view in fitting if view.split == "train"] or fitting
 
 
 def _fits(below: Path, view: View) -> bool:

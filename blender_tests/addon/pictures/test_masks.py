@@ -77,17 +77,6 @@ def test_a_name_that_windows_takes_for_another_objects_is_refused(bpy, addon, im
     assert bpy.ops.karf.paint_mask(object_name="Pot") == {"FINISHED"}
 
 
-def test_a_view_held_out_for_testing_is_refused(bpy, addon, imported, monkeypatch):
-    from dataclasses import replace
-
-    view = replace(addon.captures.view_of(imported, "photo_1"), split="test")
-    with pytest.raises(addon.engine_api.BadRequest, match="held out"):
-        addon.masks.start(imported, "pot", view)
-    imported.karf.views["photo_1"].split = "test"
-    imported.karf.active_view = "photo_1"
-    assert not bpy.ops.karf.paint_mask.poll()
-
-
 def test_painted_masks_segment_without_further_choice(bpy, addon, imported):
     addon.headless.learn_scene()
     addon.steps.paint_mask(imported, "pot")
