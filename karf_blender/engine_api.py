@@ -16,7 +16,7 @@ from ..karf_engine.capture.reprojection import (
     undistorted_near,
 )
 from ..karf_engine.capture.undistortion import undistorted
-from ..karf_engine.color import linear_to_srgb, srgb_to_lab, srgb_to_linear
+from ..karf_engine.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from ..karf_engine.edit.becomes import match_becomes, match_fewest, nearest_weights
 from ..karf_engine.edit.compositing import Planes, delta_composite, paper_composite, read_planes, stack_palettes
 from ..karf_engine.edit.layers import ObjectLayers, read_layer_names
@@ -89,6 +89,7 @@ __all__ = [
     "View",
     "atomic_write",
     "checksum",
+    "ciede2000",
     "delta_composite",
     "distort",
     "error_from_code",

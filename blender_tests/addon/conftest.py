@@ -24,7 +24,7 @@ MODULES = {
     "engine.managed": "home",
     "preferences": "managing state",
     "project": "captures contents disk folders saving",
-    "pictures": "editors images masks photos sequences chips",
+    "pictures": "editors images masks photos sequences chips tints",
     "rig": "camera_paths cameras frames lens placement points reprojection",
     "swatches": "edits palettes planes recolor",
     "tasks": "ownership runner task warm",
