@@ -4,7 +4,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..host import handlers
-from . import history, photo, sheets
+from . import asking, history, sheets
 
 
 @persistent
@@ -14,9 +14,8 @@ def _after_undo(*_):
     except OSError as error:
         print(f"KaRF: masks do not follow undo: {error}")
     for scene in bpy.data.scenes:
-        if sheets.shown(scene) is not None:
-            sheets.reread(scene)
-        photo.follow(scene)
+        sheets.reread(scene)
+        asking.follow(scene)
 
 
 @persistent

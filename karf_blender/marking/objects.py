@@ -5,11 +5,10 @@ from pathlib import Path
 import bpy
 
 from ..engine_api import file_name, masks_of_view, same_but_for_case
+from ..pictures.tints import tint_of
 from ..project import captures, folders
 from . import history
 
-# Okabe and Ito's colors, which color-blind people tell apart too; sRGB
-COLORS = ("#56b4e9", "#e69f00", "#009e73", "#cc79a7", "#f0e442", "#d55e00", "#0072b2")
 FIRST = "object"
 BACKGROUND = "background"  # what no mask covers: the engine's word
 
@@ -60,9 +59,13 @@ def _append(scene: bpy.types.Scene, name: str) -> bpy.types.PropertyGroup:
     items = scene.karf.marking.objects
     item = items.add()
     item["name"] = item.folder = name  # by key: no update, which would rename the folder
-    color = COLORS[(len(items) - 1) % len(COLORS)].lstrip("#")
-    item.color = [int(color[at : at + 2], 16) / 255 for at in (0, 2, 4)]
     return item
+
+
+def tint(item: bpy.types.PropertyGroup) -> tuple[float, float, float]:
+    """The color of an object's overlay, sRGB."""
+    names = sorted(other.folder for other in item.id_data.karf.marking.objects)
+    return tint_of(names.index(item.folder))
 
 
 def usable_name(name: str, others: list[str]) -> str:

@@ -85,7 +85,7 @@ def _layers(scene, sheet):
     items = [item for item in marking.objects if item.folder in masks]
     for item in sorted(items, key=lambda item: item == active):
         look = (TINT, OUTLINE) if item == active else (OTHERS_TINT, OTHERS_OUTLINE)
-        yield ("mask", item.folder), masks[item.folder], 1, tuple(item.color), *look
+        yield ("mask", item.folder), masks[item.folder], 1, objects.tint(item), *look
     if marking.correct and active is not None and active.folder in sheet.corrections:
         layer = sheet.corrections[active.folder]
         yield ("is", active.folder), layer, 1, IS, TINT, OTHERS_OUTLINE

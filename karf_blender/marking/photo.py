@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..engine_api import BadRequest, DataError, KarfError
+from ..engine_api import BadRequest, DataError
 from ..host import rendering, windows
 from ..pictures import editors, photos
 from ..project import captures, folders
@@ -31,16 +31,18 @@ def show(scene: bpy.types.Scene) -> bpy.types.Image:
     return image
 
 
-def follow(scene: bpy.types.Scene) -> None:
-    """Another view was chosen: Image Editors that show the photo to mark show that view's."""
+def follow(scene: bpy.types.Scene) -> bool:
+    """Show the active view's photo in the Image Editors that show one to mark; False if there are none.
+
+    Raises:
+        KarfError: As `show`.
+    """
     image = scene.karf.marking.photo
     spaces = (area.spaces.active for area in windows.areas("IMAGE_EDITOR"))
     if image is None or not any(space.image == image for space in spaces):
-        return
-    try:
-        show(scene)
-    except KarfError as error:
-        print(f"KaRF: {error.sentence} {error.hint}")
+        return False
+    show(scene)
+    return True
 
 
 def _load(scene: bpy.types.Scene) -> bpy.types.Image:

@@ -9,9 +9,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..engine_api import KarfError
 from ..pictures import images
-from ..project import captures, folders
+from ..project import captures
 from . import history, sheets
 from .raster import Place
 
@@ -79,14 +78,7 @@ def note(scene: bpy.types.Scene, proposal: Proposal) -> tuple[int, dict[str, Any
         The step's number, and what the engine is to be asked.
     """
     step = history.record(scene, sheets.root_of(scene, False), {}, proposal)
-    project = folders.project_of(scene)
-    options = {
-        "capture": str(captures.path_of(scene)),
-        "view": proposal.view,
-        "prompts": proposal.prompts(),
-        "project": str(project.folder) if project.geometry_file.exists() else None,
-    }
-    return step, options
+    return step, {"capture": str(captures.path_of(scene)), "view": proposal.view, "prompts": proposal.prompts()}
 
 
 def take(scene: bpy.types.Scene, step: int, proposal: Proposal, file: Path) -> None:

@@ -89,7 +89,10 @@ def open_sheet(scene: bpy.types.Scene) -> Sheet:
         _Memory.sheet = Sheet(
             view,
             {name: Layer(_fitted(images.read_mask(file), view)) for name, file in _found(masks, names, view)},
-            {name: Layer(_fitted(images.read_correction(file), view)) for name, file in _found(corrections, names, view)},
+            {
+                name: Layer(_fitted(images.read_correction(file), view))
+                for name, file in _found(corrections, names, view)
+            },
         )
         _Memory.key = _key(scene)
     return _Memory.sheet

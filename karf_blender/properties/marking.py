@@ -4,8 +4,7 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
 
 from ..engine_api import KarfError
-from ..marking import objects, sheets
-from .colors import srgb
+from ..marking import asking, objects, sheets
 
 
 def _renamed(self, context):
@@ -21,12 +20,18 @@ def _changed(self, context):
     sheets.follow(self.id_data)
 
 
+def _switched(self, context):
+    asking.follow(self.id_data)
+    sheets.follow(self.id_data)
+
+
 class KARF_PG_marked_object(bpy.types.PropertyGroup):
     """An object to mark."""
 
-    name: StringProperty(name="Name", description="Also that of its folder of masks and of its swatches", update=_renamed)
+    name: StringProperty(
+        name="Name", description="Also that of its folder of masks and of its swatches", update=_renamed
+    )
     folder: StringProperty(description="The name of its folder: the name, until that is changed")
-    color: srgb("Color", description="Of its overlay", update=_changed)
 
 
 class KARF_PG_marking(bpy.types.PropertyGroup):
@@ -41,7 +46,7 @@ class KARF_PG_marking(bpy.types.PropertyGroup):
     correct: BoolProperty(
         name="Correct",
         description="Strokes say where the segmentation is wrong, in any view: this is the object, this is not",
-        update=_changed,
+        update=_switched,
     )
     step: IntProperty(description="The number of the last stroke, which undo takes back")
 
