@@ -3,6 +3,7 @@
 from . import operators, panels, preferences, properties
 from .compositor import drivers
 from .host import rendering
+from .marking import following, overlay, tools
 from .pictures import chips
 from .project import disk, saving
 from .rig import reprojection
@@ -19,11 +20,14 @@ MODULES = (
     saving,
     drivers,
     reprojection,
+    overlay,
+    following,
     disk,
     ownership,
     runner,
     warm,
     operators,
+    tools,
     panels,
 )
 

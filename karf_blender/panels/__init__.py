@@ -2,9 +2,9 @@
 
 import bpy
 
-from . import sidebar
+from . import marking, sidebar
 
-CLASSES = sidebar.CLASSES
+CLASSES = (*marking.CLASSES, *sidebar.CLASSES)
 
 
 def register():

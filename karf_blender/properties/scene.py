@@ -5,9 +5,11 @@ from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntPropert
 
 from ..engine_api import COMPOSITING_MODES, PRESETS
 from ..host.compat import PATH_OPTIONS
+from ..marking import asking, objects
 from ..project import disk, folders
 from ..rig import reprojection
 from ..swatches import palettes, recolor
+from .marking import KARF_PG_marking
 from .swatches import KARF_PG_object, edit_changed
 
 PRESET_ITEMS = [
@@ -40,10 +42,13 @@ SIZE_ITEMS = [
 
 def _view_chosen(self, context):
     recolor.refresh(self.id_data)
+    asking.follow(self.id_data)
     disk.refresh()
 
 
 def _masks_chosen(self, context):
+    if not folders.is_rebasing() and self.project:
+        objects.sync(self.id_data)
     disk.refresh()
 
 
@@ -137,9 +142,7 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
     active_view: StringProperty(name="View", description="The captured view that is shown", update=_view_chosen)
     objects: CollectionProperty(type=KARF_PG_object)
     result: PointerProperty(name="Result", type=bpy.types.Image, description="The recolored picture")
-    mask_object: StringProperty(name="Object", description="Name of the object to mark", default="object")
-    mask_view: StringProperty(name="Marked view", description="The view that the painted mask belongs to")
-    mask_image: PointerProperty(name="Mask", type=bpy.types.Image, description="The photo that is painted on")
+    marking: PointerProperty(type=KARF_PG_marking)
 
 
 CLASSES = (KARF_PG_view, KARF_PG_scene)

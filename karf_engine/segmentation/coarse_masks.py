@@ -6,7 +6,6 @@ Photos of several cameras lie in subfolders, and masks may lie in the same: MASK
 from __future__ import annotations
 
 import itertools
-import os
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 
 from ..capture.capture import Capture, View
 from ..capture.image_size import MOST_PHOTO_BYTES
+from ..capture.mask_names import fits_view, mask_files
 from ..errors import DataError
 from ..files import atomic_write
 from ..images import read_mask, resize
@@ -22,7 +22,6 @@ from ..inputs import check_file
 from ..names import file_name, is_file_name, same_but_for_case
 from ..plates import Plate, undistort
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".webp")
 LAYOUT_HINT = "Lay masks out as MASKS/<object>/<photo stem>.png, as large as the photo."
 
 
@@ -80,7 +79,7 @@ def _object_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
         raise DataError(f"{folder} names an object 'background', which is what no mask covers.", "Rename the folder.")
     if not is_file_name(folder.name):
         raise DataError(f"{folder} names an object as no file can be called on every system.", "Rename the folder.")
-    files = _mask_files(folder)
+    files = mask_files(folder)
     if not files:
         raise DataError(f"{folder} holds no mask of the object {folder.name!r}.", LAYOUT_HINT)
     for path in files:
@@ -90,15 +89,6 @@ def _object_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
         if first.view.name == second.view.name:
             raise DataError(f"{first.path} and {second.path} mark the same photo.", "Keep one of them.")
     return masks
-
-
-def _mask_files(folder: Path) -> list[Path]:
-    """All that is named like a picture below a folder, in order; hidden files are not looked at."""
-    found = []
-    for place, folders, names in os.walk(folder):
-        folders[:] = [name for name in folders if not name.startswith(".")]
-        found += [Path(place, name) for name in names if not name.startswith(".")]
-    return sorted(path for path in found if path.suffix.lower() in SUFFIXES)
 
 
 def _view_of(path: Path, below: Path, capture: Capture) -> View:
@@ -117,18 +107,9 @@ def _view_of(path: Path, below: Path, capture: Capture) -> View:
 
 def fitting_views(below: Path, capture: Capture) -> list[View]:
     """The views that a mask's path in its object's folder can mean: the one of its name, else training ones, else any."""
-    fitting = [view for view in capture.views if _fits(below, view)]
+    fitting = [view for view in capture.views if fits_view(below, view)]
     named = [view for view in fitting if view.name == file_name(below.stem)]
     return named or [view for view in fitting if view.split == "train"] or fitting
-
-
-def _fits(below: Path, view: View) -> bool:
-    """Whether a mask's path in its object's folder can mean this view: by the photo's subfolders, else by name."""
-    stem = file_name(below.stem)
-    if len(below.parts) == 1:
-        return stem in (view.name, view.stem)
-    folders = below.parts[:-1]
-    return view.image is not None and stem == view.stem and view.image.parts[:-1][-len(folders) :] == folders
 
 
 def load_mask(mask: CoarseMask, plate: Plate) -> np.ndarray:
