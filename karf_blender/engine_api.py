@@ -43,7 +43,7 @@ from ..karf_engine.project import Project
 from ..karf_engine.project.colorways import PlannedColorway, plan_colorways
 from ..karf_engine.requirements import REQUIRED
 from ..karf_engine.settings import PRESETS
-from ..karf_engine.wire import LOG_FILE, REQUEST_FILE, Event, EventReader, Request
+from ..karf_engine.wire import LOG_FILE, REQUEST_FILE, WARM, Ask, Event, EventReader, Request
 
 # the file or folder by which each known kind of capture is recognized
 CAPTURE_MARKS = tuple(known.marker for known in FORMATS)
@@ -65,7 +65,9 @@ __all__ = [
     "REQUIRED",
     "VERDICT",
     "VERSION",
+    "WARM",
     "WARNING",
+    "Ask",
     "BadRequest",
     "Camera",
     "Cancelled",
