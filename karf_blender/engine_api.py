@@ -19,7 +19,7 @@ from ..karf_engine.capture.reprojection import (
 from ..karf_engine.capture.undistortion import undistorted
 from ..karf_engine.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from ..karf_engine.edit.becomes import match_becomes, match_fewest, nearest_weights
-from ..karf_engine.edit.compositing import Planes, delta_composite, paper_composite, read_planes, stack_palettes
+from ..karf_engine.edit.compositing import Planes, read_planes, stack_palettes
 from ..karf_engine.edit.layers import ObjectLayers, read_layer_names
 from ..karf_engine.edit.object_colors import read_object_colors
 from ..karf_engine.edit.palette import (
@@ -34,6 +34,7 @@ from ..karf_engine.edit.palette import (
 )
 from ..karf_engine.edit.palette_files import SUFFIXES as EDIT_SUFFIXES
 from ..karf_engine.edit.palette_files import read_edit_file, write_edit_file
+from ..karf_engine.edit.swatch_picture import SwatchPicture, palette_only, photo_plus_change
 from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency, error_from_code
 from ..karf_engine.farm.bundle import render_bundle
 from ..karf_engine.files import atomic_write, checksum, read_json, write_json
@@ -87,11 +88,11 @@ __all__ = [
     "Project",
     "Request",
     "SparsePoints",
+    "SwatchPicture",
     "View",
     "atomic_write",
     "checksum",
     "ciede2000",
-    "delta_composite",
     "distort",
     "error_from_code",
     "file_name",
@@ -106,7 +107,8 @@ __all__ = [
     "nearest_weights",
     "observed_points",
     "open_capture",
-    "paper_composite",
+    "palette_only",
+    "photo_plus_change",
     "plan_colorways",
     "read_edit_file",
     "read_json",
