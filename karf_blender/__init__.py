@@ -7,7 +7,7 @@ from .pictures import chips
 from .project import disk, saving
 from .rig import reprojection
 from .swatches import recolor
-from .tasks import ownership, runner
+from .tasks import ownership, runner, warm
 
 # later ones use earlier ones: taken down in reverse
 MODULES = (
@@ -22,6 +22,7 @@ MODULES = (
     disk,
     ownership,
     runner,
+    warm,
     operators,
     panels,
 )

@@ -16,7 +16,7 @@ from ..karf_engine.capture.reprojection import (
     undistorted_near,
 )
 from ..karf_engine.capture.undistortion import undistorted
-from ..karf_engine.color import linear_to_srgb, srgb_to_lab, srgb_to_linear
+from ..karf_engine.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from ..karf_engine.edit.becomes import match_becomes, match_fewest, nearest_weights
 from ..karf_engine.edit.compositing import Planes, delta_composite, paper_composite, read_planes, stack_palettes
 from ..karf_engine.edit.layers import ObjectLayers, read_layer_names
@@ -42,7 +42,7 @@ from ..karf_engine.project import Project
 from ..karf_engine.project.colorways import PlannedColorway, plan_colorways
 from ..karf_engine.requirements import REQUIRED
 from ..karf_engine.settings import PRESETS
-from ..karf_engine.wire import LOG_FILE, REQUEST_FILE, Event, EventReader, Request
+from ..karf_engine.wire import LOG_FILE, REQUEST_FILE, WARM, Ask, Event, EventReader, Request
 
 # the file or folder by which each known kind of capture is recognized
 CAPTURE_MARKS = tuple(known.marker for known in FORMATS)
@@ -64,7 +64,9 @@ __all__ = [
     "REQUIRED",
     "VERDICT",
     "VERSION",
+    "WARM",
     "WARNING",
+    "Ask",
     "BadRequest",
     "Camera",
     "Cancelled",
@@ -87,6 +89,7 @@ __all__ = [
     "View",
     "atomic_write",
     "checksum",
+    "ciede2000",
     "delta_composite",
     "distort",
     "error_from_code",

@@ -24,10 +24,10 @@ MODULES = {
     "engine.managed": "home",
     "preferences": "managing state",
     "project": "captures contents disk folders saving",
-    "pictures": "editors images masks photos sequences chips",
+    "pictures": "editors images masks photos sequences chips tints",
     "rig": "camera_paths cameras frames lens placement points reprojection",
     "swatches": "edits palettes planes recolor",
-    "tasks": "ownership runner task",
+    "tasks": "ownership runner task warm",
     "compositor": "group",
     "operators": "colorways",
     "panels": "sidebar",
@@ -63,6 +63,7 @@ def addon(bpy, monkeypatch):
     modules.recolor.forget()
     yield modules
     assert not modules.runner.is_running()
+    modules.warm.stop()
 
 
 @pytest.fixture

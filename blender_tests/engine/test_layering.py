@@ -18,7 +18,7 @@ FLOORS = (
     ("finishing", "looks"),
     ("model",),
     ("stages",),
-    ("library",),
+    ("library", "warm"),
     ("doctor",),
     ("cli",),
     ("__init__", "__main__"),

@@ -54,7 +54,16 @@ def shown_view(scene: bpy.types.Scene) -> ShownView:
     if not contents.is_prepared(scene):
         what = "is older than the palettes" if file.exists() else "does not exist"
         raise DataError(f"{file} (edit planes) {what}.", "Press Prepare in step 6.")
-    written = file.stat().st_mtime_ns
+    return load(file)
+
+
+def load(file: Path) -> ShownView:
+    """The planes of a file, of any camera, read where they are not the ones in memory.
+
+    Raises:
+        DataError: The file is missing or damaged.
+    """
+    written = file.stat().st_mtime_ns if file.exists() else 0
     known = _Memory.view
     if known is None or (known.file, known.written) != (file, written):
         planes = read_planes(file)
@@ -85,7 +94,15 @@ def composite(scene: bpy.types.Scene) -> np.ndarray:
     Raises:
         KarfError: The view has no planes, or they belong to other palettes.
     """
-    view = shown_view(scene)
+    return recolored(shown_view(scene), scene)
+
+
+def recolored(view: ShownView, scene: bpy.types.Scene) -> np.ndarray:
+    """The picture that planes of any view or camera make with the scene's swatches, as `composite` returns it.
+
+    Raises:
+        DataError: The planes belong to other palettes.
+    """
     items = {item.name: item for item in scene.karf.objects}
     if set(view.objects) != set(items):
         raise DataError(

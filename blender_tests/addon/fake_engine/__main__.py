@@ -26,7 +26,7 @@ from karf_engine.edit.palette import Palette, read_edit, read_palettes, write_pa
 from karf_engine.files import read_json, write_json
 from karf_engine.project import Project
 from karf_engine.project.colorways import plan_colorways
-from karf_engine.wire import PROTOCOL, EventWriter, Request
+from karf_engine.wire import PROTOCOL, WARM, Ask, EventWriter, Request
 
 LEARNED = {"lid": [[0, 0, 0], [0.2, 0.4, 0.6], [1, 1, 1]], "pot": [[0, 0, 0], [0.8, 0.2, 0.1], [0.9, 0.9, 0.5]]}
 SHARES = (0.125, 0.25, 0.125)  # of the three palette entries, each object; exact in float16
@@ -37,6 +37,8 @@ def main(job):
     request = Request.read(job)
     misbehave(request.options.get("behave", ""), emit)
     emit("hello", protocol=PROTOCOL, engine="fake", python="3", torch="none", device="none", pid=os.getpid())
+    if request.stage == WARM:
+        return stay_warm(job, emit)
     emit("stage", name=request.stage)
     emit("progress", stage=request.stage, step=1, total=2, rate=10.0, eta_s=0.1, metrics={"loss": 0.5})
     emit("warning", code="fake", sentence="This is no real engine.")
@@ -44,6 +46,29 @@ def main(job):
     print("threads:", os.environ.get("OMP_NUM_THREADS"))
     emit("done")
     return 0
+
+
+def stay_warm(job, emit):
+    for line in sys.stdin:
+        ask = Ask.decode(line)
+        behave = ask.options.get("behave", "")
+        if behave == "crash":
+            os.abort()
+        elif behave == "idle":  # it ends just when it is asked
+            break
+        elif behave == "refuse":
+            emit("refused", id=ask.number, code="data", sentence="photo_7.png is missing.", hint="Find it.")
+        elif behave == "drop":
+            emit("dropped", id=ask.number)
+        else:
+            emit("answer", id=ask.number, **ANSWERS[ask.kind](job, ask.options))
+    emit("done")
+    return 0
+
+
+def echo(job, options):
+    """What was asked, and by which process."""
+    return {"options": options, "pid": os.getpid()}
 
 
 def misbehave(how, emit):
@@ -170,6 +195,7 @@ def write_png(path, picture):
 
 
 STAGES = {stage.__name__: stage for stage in (poses, geometry, segmentation, palette, recoloring, render, colorways)}
+ANSWERS = {"echo": echo}  # of a warm engine: kind -> function of the job's folder and the options
 
 if __name__ == "__main__":
     if sys.argv[1] == "doctor":  # the true one: it needs no torch to say that there is none
