@@ -66,14 +66,18 @@ def _add_learning(commands: Commands) -> None:
 
 
 def _add_editing(commands: Commands) -> None:
-    verb = _verb(commands, "match", "write the edit with which one color of an object becomes another", verbs.match)
+    text = "write the edit with which one color of an object becomes another, or a view looks as it was painted"
+    verb = _verb(commands, "match", text, verbs.match)
     verb.add_argument("project", metavar="DIR", help="project folder")
-    verb.add_argument("--object", required=True, help="which object")
-    verb.add_argument("--from", dest="source", required=True, metavar="COLOR", help="a color it shows, #rrggbb")
-    verb.add_argument("--to", dest="target", required=True, metavar="COLOR", help="the color it shall become, #rrggbb")
+    verb.add_argument("--object", help="which object")
+    verb.add_argument("--from", dest="source", metavar="COLOR", help="a color it shows, #rrggbb")
+    verb.add_argument("--to", dest="target", metavar="COLOR", help="the color it shall become, #rrggbb")
     verb.add_argument("--rule", default="becomes", choices=("becomes", "fewest"), help="becomes: the whole material; "
                       "fewest: as few swatches as possible (default: %(default)s)")  # fmt: skip
-    verb.add_argument("--edit", metavar="FILE", help="start from this edit (one call an object)")
+    verb.add_argument("--view", help="in place of a color pair: the view that --picture shows")
+    verb.add_argument("--picture", metavar="FILE", help="this view painted over or graded, of any size")
+    verb.add_argument("--edit", metavar="FILE", help="start from this edit (one call an object); with "
+                      "--picture the one that was painted on")  # fmt: skip
     verb.add_argument("--out", required=True, metavar="FILE", help="EDIT.json to write")
 
     verb = _verb(commands, "render", "render masks, pictures and recolored frames", verbs.render)
