@@ -8,6 +8,7 @@ from .project import disk, saving
 from .rig import reprojection
 from .swatches import recolor
 from .tasks import ownership, runner
+from .workspace import folding, statusbar
 
 # later ones use earlier ones: taken down in reverse
 MODULES = (
@@ -22,6 +23,8 @@ MODULES = (
     disk,
     ownership,
     runner,
+    folding,
+    statusbar,
     operators,
     panels,
 )

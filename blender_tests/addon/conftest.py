@@ -30,7 +30,8 @@ MODULES = {
     "tasks": "ownership runner task",
     "compositor": "group",
     "operators": "colorways",
-    "panels": "sidebar",
+    "panels": "sidebar status",
+    "workspace": "folding states statusbar",
 }
 _exit_code = None
 _has_blender = False

@@ -2,9 +2,9 @@
 
 import bpy
 
-from . import sidebar
+from . import sidebar, status
 
-CLASSES = sidebar.CLASSES
+CLASSES = (*status.CLASSES, *sidebar.CLASSES)
 
 
 def register():

@@ -3,11 +3,12 @@
 import bpy
 from bpy.props import PointerProperty, StringProperty
 
-from . import scene, session, swatches
+from . import scene, session, swatches, working
 from .scene import KARF_PG_scene
 from .session import KARF_PG_colorways, KARF_PG_progress
+from .working import KARF_PG_folding
 
-CLASSES = (*swatches.CLASSES, *scene.CLASSES, *session.CLASSES)
+CLASSES = (*swatches.CLASSES, *scene.CLASSES, *session.CLASSES, *working.CLASSES)
 
 
 def register():
@@ -17,12 +18,14 @@ def register():
     bpy.types.Scene.karf = PointerProperty(type=KARF_PG_scene)
     bpy.types.WindowManager.karf_progress = PointerProperty(type=KARF_PG_progress)
     bpy.types.WindowManager.karf_colorways = PointerProperty(type=KARF_PG_colorways)
+    bpy.types.WindowManager.karf_folding = PointerProperty(type=KARF_PG_folding)
     bpy.types.Object.karf_view = StringProperty(name="KaRF view", description="The captured view of this camera")
 
 
 def unregister():
     """Called when the extension is disabled."""
     del bpy.types.Object.karf_view
+    del bpy.types.WindowManager.karf_folding
     del bpy.types.WindowManager.karf_colorways
     del bpy.types.WindowManager.karf_progress
     del bpy.types.Scene.karf

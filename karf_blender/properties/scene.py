@@ -5,7 +5,7 @@ from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntPropert
 
 from ..engine_api import COMPOSITING_MODES, PRESETS
 from ..host.compat import PATH_OPTIONS
-from ..project import disk, folders
+from ..project import contents, disk, folders
 from ..rig import reprojection
 from ..swatches import palettes, recolor
 from .swatches import KARF_PG_object, edit_changed
@@ -60,6 +60,9 @@ def _project_chosen(self, context):
     # while a file is saved elsewhere, its new paths lead from the new place: here they lead anywhere
     if not folders.is_rebasing():
         palettes.import_learned(self.id_data)
+        preset, _ = contents.learned_with(self.id_data)
+        if preset in PRESETS:
+            self.preset = preset
         disk.refresh()
 
 

@@ -14,12 +14,13 @@ from . import requests
 
 
 def learn_scene(scene: bpy.types.Scene, preset: str = "", overrides: Sequence[str] = ()) -> Task:
-    """Geometry from the photos, or of the panel's pretrained NeRF; an empty preset is the panel's."""
+    """Geometry from the photos, or of the panel's pretrained NeRF; a preset becomes the panel's, an empty one is it."""
+    scene.karf.preset = preset or scene.karf.preset
     options = {
         "capture": str(captures.path_of(scene)),
-        "preset": preset or scene.karf.preset,
+        "preset": scene.karf.preset,
         "overrides": list(overrides),
-        "nerf": str(folders.absolute(scene.karf.nerf)) if scene.karf.nerf else None,
+        "nerf": folders.nerf_of(scene) or None,
     }
     return requests.task(scene, "Learn Scene", ("geometry", options))
 
