@@ -8,7 +8,7 @@ from .project import disk, saving
 from .rig import reprojection
 from .swatches import recolor
 from .tasks import ownership, runner
-from .workspace import folding, statusbar
+from .workspace import clicking, folding, statusbar
 
 # later ones use earlier ones: taken down in reverse
 MODULES = (
@@ -25,6 +25,7 @@ MODULES = (
     runner,
     folding,
     statusbar,
+    clicking,
     operators,
     panels,
 )

@@ -25,13 +25,13 @@ MODULES = {
     "preferences": "managing state",
     "project": "captures contents disk folders saving",
     "pictures": "editors images masks photos sequences chips",
-    "rig": "camera_paths cameras frames lens placement points reprojection",
+    "rig": "camera_paths cameras frames lens looking placement points reprojection",
     "swatches": "edits palettes planes recolor",
     "tasks": "ownership runner task",
     "compositor": "group",
     "operators": "colorways",
     "panels": "sidebar status",
-    "workspace": "folding states statusbar",
+    "workspace": "clicking folding states statusbar",
 }
 _exit_code = None
 _has_blender = False

@@ -9,6 +9,7 @@ from ..project import contents, disk, folders
 from ..rig import reprojection
 from ..swatches import palettes, recolor
 from .swatches import KARF_PG_object, edit_changed
+from .working import KARF_PG_looking
 
 PRESET_ITEMS = [
     (name, name.capitalize(), f"Learn from pictures of at most {settings.geometry.long_side} pixels")
@@ -127,6 +128,7 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
     compositing: EnumProperty(name="Compositing", items=COMPOSITING_ITEMS, update=edit_changed)
     rig: PointerProperty(name="Rig", type=bpy.types.Object, description="The Empty that holds the captured cameras")
     views: CollectionProperty(type=KARF_PG_view)
+    looking: PointerProperty(type=KARF_PG_looking)
     n_points: IntProperty(name="Points", description="Sparse points of the capture")
     show_reprojection: BoolProperty(
         name="Reprojection Errors",

@@ -10,11 +10,11 @@ from .colorways import colorways_folder, predict_colorways, render_colorways
 from .compositing import build_compositor, compositor_node, place_layers
 from .edit import becomes, load_edit, save_edit
 from .farm import camera_bundle
-from .learn import extract_palette, learn_scene, prepare_views, segment, show_view
+from .learn import extract_palette, learn_all, learn_scene, prepare_views, segment, show_view
 from .masks import paint_mask, save_mask
 from .render import camera_folder, render_camera, render_captured, render_view, save_shown
 from .sequences import add_strip, show_frames
-from .view import look_through, reprojection_error
+from .view import leave_view, look_through, reprojection_error
 
 __all__ = [
     "add_strip",
@@ -30,7 +30,9 @@ __all__ = [
     "frame_range",
     "import_cameras",
     "import_capture",
+    "learn_all",
     "learn_scene",
+    "leave_view",
     "load_edit",
     "look_through",
     "paint_mask",

@@ -36,7 +36,7 @@ def opened(before: dict[str, str], after: dict[str, str]) -> dict[str, bool]:
     if not done:
         return stale
     last = STEPS.index(done[-1])
-    return dict.fromkeys(STEPS[:last + 1], False) | dict.fromkeys(_next(after), True) | stale
+    return dict.fromkeys(STEPS[: last + 1], False) | dict.fromkeys(_next(after), True) | stale
 
 
 def _next(kinds: dict[str, str]) -> tuple[str, ...]:
