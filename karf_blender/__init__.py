@@ -9,6 +9,7 @@ from .project import disk, saving
 from .rig import reprojection
 from .swatches import recolor
 from .tasks import ownership, runner, warm
+from .workspace import clicking, folding, statusbar
 
 # later ones use earlier ones: taken down in reverse
 MODULES = (
@@ -26,6 +27,9 @@ MODULES = (
     ownership,
     runner,
     warm,
+    folding,
+    statusbar,
+    clicking,
     operators,
     tools,
     panels,

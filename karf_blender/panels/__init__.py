@@ -2,9 +2,9 @@
 
 import bpy
 
-from . import marking, sidebar
+from . import marking, sidebar, status
 
-CLASSES = (*marking.CLASSES, *sidebar.CLASSES)
+CLASSES = (*marking.CLASSES, *status.CLASSES, *sidebar.CLASSES)
 
 
 def register():

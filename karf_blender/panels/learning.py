@@ -20,6 +20,8 @@ def draw_import(layout, context):
     row = layout.row(align=True)
     draw_view(row, karf)
     row.operator("karf.look_through", text="", icon="VIEW_CAMERA")
+    row.prop(karf.looking, "hides_others", text="", icon="HIDE_ON" if karf.looking.hides_others else "HIDE_OFF")
+    row.operator("karf.leave_view", text="", icon="LOOP_BACK")
     layout.label(text=count_of_photos(karf.views))
     draw_reprojection(layout, context.scene)
     layout.prop(karf, "project")
@@ -54,7 +56,9 @@ def draw_learn(layout, context):
     layout.prop(context.scene.karf, "nerf", text="NeRF")  # the whole name does not fit
     if context.scene.karf.project:
         draw_engine(layout)
-    layout.operator("karf.learn_scene", icon="OUTLINER_OB_VOLUME")
+    column = layout.column(align=True)
+    column.operator("karf.learn_scene", icon="OUTLINER_OB_VOLUME")
+    column.operator("karf.learn_all", icon="PLAY")
 
 
 def draw_engine(layout):

@@ -6,11 +6,12 @@ from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntPropert
 from ..engine_api import COMPOSITING_MODES, PRESETS
 from ..host.compat import PATH_OPTIONS
 from ..marking import asking, objects
-from ..project import disk, folders
+from ..project import contents, disk, folders
 from ..rig import reprojection
 from ..swatches import palettes, recolor
 from .marking import KARF_PG_marking
 from .swatches import KARF_PG_object, edit_changed
+from .working import KARF_PG_looking
 
 PRESET_ITEMS = [
     (name, name.capitalize(), f"Learn from pictures of at most {settings.geometry.long_side} pixels")
@@ -65,6 +66,9 @@ def _project_chosen(self, context):
     # while a file is saved elsewhere, its new paths lead from the new place: here they lead anywhere
     if not folders.is_rebasing():
         palettes.import_learned(self.id_data)
+        preset, _ = contents.learned_with(self.id_data)
+        if preset in PRESETS:
+            self.preset = preset
         disk.refresh()
 
 
@@ -132,6 +136,7 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
     holdout: IntProperty(
         name="Hold Out", default=-1, description="Every how many-th photo is not learned from; -1: as was learned"
     )
+    looking: PointerProperty(type=KARF_PG_looking)
     n_points: IntProperty(name="Points", description="Sparse points of the capture")
     show_reprojection: BoolProperty(
         name="Reprojection Errors",

@@ -10,7 +10,7 @@ from .colorways import colorways_folder, predict_colorways, render_colorways
 from .compositing import build_compositor, compositor_node, place_layers
 from .edit import becomes, load_edit, save_edit
 from .farm import camera_bundle
-from .learn import extract_palette, learn_scene, prepare_views, segment, show_view
+from .learn import extract_palette, learn_all, learn_scene, prepare_views, segment, show_view
 from .masks import (
     add_object,
     erase_mask,
@@ -24,7 +24,7 @@ from .masks import (
 )
 from .render import camera_folder, render_camera, render_captured, render_view, save_shown
 from .sequences import add_strip, show_frames
-from .view import look_through, reprojection_error
+from .view import leave_view, look_through, reprojection_error
 
 __all__ = [
     "add_object",
@@ -43,7 +43,9 @@ __all__ = [
     "go_to_view",
     "import_cameras",
     "import_capture",
+    "learn_all",
     "learn_scene",
+    "leave_view",
     "load_edit",
     "look_through",
     "mark_box",

@@ -69,7 +69,7 @@ def find_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
 
 def marked_views(folder: Path, capture: Capture) -> set[str]:
     """Names of the views that something below MASKS/<object>/ is named after; nothing is checked."""
-    files = [path.relative_to(folder).parts[1:] for path in _mask_files(folder)]
+    files = [path.relative_to(folder).parts[1:] for path in mask_files(folder)]
     found = [fitting_views(Path(*below), capture) for below in files if below]
     return {views[0].name for views in found if len(views) == 1}
 
