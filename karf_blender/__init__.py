@@ -7,6 +7,7 @@ from .marking import following, overlay, tools
 from .pictures import chips
 from .project import disk, saving
 from .rig import reprojection
+from .steps import preview
 from .swatches import recolor
 from .tasks import ownership, runner, warm
 from .workspace import clicking, folding, statusbar
@@ -27,6 +28,7 @@ MODULES = (
     ownership,
     runner,
     warm,
+    preview,
     folding,
     statusbar,
     clicking,

@@ -1,6 +1,7 @@
 """Step 7, Render: what pictures share, and below it a group that can be closed for each kind of result."""
 
 from ..properties.scene import FORMAT_DEPTHS
+from .preview import draw_live
 
 
 def draw_render(layout, context):
@@ -61,6 +62,7 @@ def draw_compositor(layout, karf):
 
 # name, title, what it draws, whether it is closed at first
 GROUPS = (
+    ("live", "Live Camera", draw_live, False),
     ("photos", "Photos", draw_photos, False),
     ("camera", "Camera", draw_camera, True),
     ("sequence", "Rendered Frames", draw_sequence, True),

@@ -3,12 +3,13 @@
 import bpy
 from bpy.props import BoolProperty, PointerProperty, StringProperty
 
-from . import marking, scene, session, swatches, working
+from . import marking, preview, scene, session, swatches, working
+from .preview import KARF_PG_preview
 from .scene import KARF_PG_scene
 from .session import KARF_PG_colorways, KARF_PG_progress
 from .working import KARF_PG_folding
 
-CLASSES = (*swatches.CLASSES, *marking.CLASSES, *working.CLASSES, *scene.CLASSES, *session.CLASSES)
+CLASSES = (*swatches.CLASSES, *marking.CLASSES, *working.CLASSES, *preview.CLASSES, *scene.CLASSES, *session.CLASSES)
 
 
 def register():
@@ -19,6 +20,7 @@ def register():
     bpy.types.WindowManager.karf_progress = PointerProperty(type=KARF_PG_progress)
     bpy.types.WindowManager.karf_colorways = PointerProperty(type=KARF_PG_colorways)
     bpy.types.WindowManager.karf_folding = PointerProperty(type=KARF_PG_folding)
+    bpy.types.WindowManager.karf_preview = PointerProperty(type=KARF_PG_preview)
     bpy.types.Object.karf_hidden = BoolProperty(name="Hidden by KaRF")
     bpy.types.Object.karf_view = StringProperty(name="KaRF view", description="The captured view of this camera")
 
@@ -27,6 +29,7 @@ def unregister():
     """Called when the extension is disabled."""
     del bpy.types.Object.karf_view
     del bpy.types.Object.karf_hidden
+    del bpy.types.WindowManager.karf_preview
     del bpy.types.WindowManager.karf_folding
     del bpy.types.WindowManager.karf_colorways
     del bpy.types.WindowManager.karf_progress

@@ -22,6 +22,7 @@ from .masks import (
     remove_object,
     show_photo,
 )
+from .preview import write_preview
 from .render import camera_folder, render_camera, render_captured, render_view, save_shown
 from .sequences import add_strip, show_frames
 from .view import leave_view, look_through, reprojection_error
@@ -67,4 +68,5 @@ __all__ = [
     "show_frames",
     "show_photo",
     "show_view",
+    "write_preview",
 ]
