@@ -52,7 +52,7 @@ class _Live:
     asked: Wanted | None = None
     view: ShownView | None = None
     colors: bytes = b""
-    message: str = ""
+    message: str = "The engine starts"
 
 
 class _Memory:
