@@ -3,11 +3,13 @@
 from . import operators, panels, preferences, properties
 from .compositor import drivers
 from .host import rendering
+from .marking import following, overlay, tools
 from .pictures import chips
 from .project import disk, saving
 from .rig import reprojection
 from .swatches import recolor
 from .tasks import ownership, runner, warm
+from .workspace import clicking, folding, statusbar
 
 # later ones use earlier ones: taken down in reverse
 MODULES = (
@@ -19,11 +21,17 @@ MODULES = (
     saving,
     drivers,
     reprojection,
+    overlay,
+    following,
     disk,
     ownership,
     runner,
     warm,
+    folding,
+    statusbar,
+    clicking,
     operators,
+    tools,
     panels,
 )
 

@@ -3,11 +3,12 @@
 from pathlib import Path
 
 from .. import karf_engine
-from ..karf_engine.capture import FORMATS, open_capture, write_cameras
+from ..karf_engine.capture import FORMATS, hold_out, open_capture, write_cameras
 from ..karf_engine.capture.camera import Camera
 from ..karf_engine.capture.capture import Capture, SparsePoints, View
 from ..karf_engine.capture.distortion import distort
 from ..karf_engine.capture.image_size import find_header
+from ..karf_engine.capture.mask_names import masks_of_view
 from ..karf_engine.capture.reprojection import (
     ErrorSummary,
     observed_points,
@@ -38,7 +39,7 @@ from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, Mi
 from ..karf_engine.farm.bundle import render_bundle
 from ..karf_engine.files import atomic_write, checksum, read_json, write_json
 from ..karf_engine.findings import ERROR, OK, VERDICT, WARNING, Finding
-from ..karf_engine.names import is_file_name, same_but_for_case
+from ..karf_engine.names import file_name, is_file_name, same_but_for_case
 from ..karf_engine.project import Project
 from ..karf_engine.project.colorways import PlannedColorway, plan_colorways
 from ..karf_engine.requirements import REQUIRED
@@ -94,10 +95,13 @@ __all__ = [
     "ciede2000",
     "distort",
     "error_from_code",
+    "file_name",
     "find_header",
     "hex_to_rgb",
+    "hold_out",
     "is_file_name",
     "linear_to_srgb",
+    "masks_of_view",
     "match_becomes",
     "match_fewest",
     "nearest_weights",

@@ -48,11 +48,12 @@ EVENT_VALUES: dict[str, dict[str, Any]] = {  # what a reader may rely on; other 
 OPTION_TYPES: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(("capture", "preset", "nerf", "masks", "device", "views", "out", "base"), (str,)),
     **dict.fromkeys(("photos", "matching", "object", "source", "target", "rule", "sheet", "format"), (str,)),
+    **dict.fromkeys(("view", "picture"), (str,)),
     **dict.fromkeys(("depth", "planes", "layers", "alpha", "jpeg", "predict_only", "skip_existing"), (bool,)),
     "edit": (str, list),
     "size": (str, int),
     **dict.fromkeys(("overrides", "locked"), (list,)),
-    **dict.fromkeys(("threads", "first", "last", "count", "idle_minutes"), (int,)),
+    **dict.fromkeys(("threads", "first", "last", "count", "holdout", "idle_minutes"), (int,)),
 }
 
 

@@ -24,13 +24,15 @@ MODULES = {
     "engine.managed": "home",
     "preferences": "managing state",
     "project": "captures contents disk folders saving",
-    "pictures": "editors images masks photos sequences chips tints",
-    "rig": "camera_paths cameras frames lens placement points reprojection",
+    "pictures": "editors images photos sequences chips tints",
+    "rig": "camera_paths cameras frames lens looking placement points reprojection",
     "swatches": "edits palettes planes recolor",
+    "marking": "asking following gestures history objects overlay photo png proposals raster sheets tools",
     "tasks": "ownership runner task warm",
     "compositor": "group",
     "operators": "colorways",
-    "panels": "sidebar",
+    "panels": "sidebar status",
+    "workspace": "clicking folding states statusbar",
 }
 _exit_code = None
 _has_blender = False

@@ -37,6 +37,7 @@ FLOORS = (
     ("project",),
     ("pictures",),
     ("compositor", "rig", "swatches", "tasks"),
+    ("marking", "workspace"),
     ("properties", "steps"),
     ("headless", "operators", "panels"),
     ("__init__",),

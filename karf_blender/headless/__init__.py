@@ -9,7 +9,7 @@ the context's. Colors are sRGB triples in [0, 1] or "#rrggbb". See docs/blender.
 from ..engine_api import Edit, KarfError
 from .editing import Color, apply_edit, becomes, prepare_views, save, save_edit, set_swatch, show_view
 from .installing import engine_files, engine_status, install_engine, plan_engine, remove_engine, repair_engine
-from .learning import extract_palette, find_poses, import_capture, learn_scene, reprojection_error, segment
+from .learning import extract_palette, find_poses, import_capture, learn_all, learn_scene, reprojection_error, segment
 from .rendering import (
     add_strip,
     build_compositor,
@@ -43,6 +43,7 @@ __all__ = [
     "import_cameras",
     "import_capture",
     "install_engine",
+    "learn_all",
     "learn_scene",
     "plan_engine",
     "prepare_views",

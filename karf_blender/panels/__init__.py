@@ -2,9 +2,9 @@
 
 import bpy
 
-from . import sidebar
+from . import marking, sidebar, status
 
-CLASSES = sidebar.CLASSES
+CLASSES = (*marking.CLASSES, *status.CLASSES, *sidebar.CLASSES)
 
 
 def register():

@@ -16,7 +16,7 @@ from typing import Any
 
 from ..errors import DataError
 from ..files import write_json
-from .capture import SPLITS, Capture, SparsePoints, View, with_test_views
+from .capture import SPLITS, Capture, SparsePoints, View
 from .ply import read_points
 from .reading import FISHEYE_KEYS, LENS_KEYS, PHOTO_SUFFIXES, exists, make_views, merge_notes
 from .transforms_frames import Frame, camera_of, read_frames
@@ -117,9 +117,6 @@ def _read(source: Path, format_name: str, files: list[tuple[Path, str]], photos:
     if missing:
         first = missing[0].fields["file_path"][:200]
         remarks.insert(0, f"{len(missing)} of {len(frames)} photos are missing and were skipped; the first is {first}.")
-    if not any(view.split == "test" for view in views):
-        rest = iter(with_test_views([view for view in views if view.split == "train"]))
-        views = [next(rest) if view.split == "train" else view for view in views]
     return Capture(source.absolute(), format_name, tuple(views), tuple(remarks + remarks_of_points), points)
 
 

@@ -36,6 +36,8 @@ def learn_geometry(options: argparse.Namespace) -> int:
         preset=options.preset,
         overrides=options.overrides,
         nerf=options.nerf,
+        holdout=options.holdout,
+        masks=options.masks,
         **_run_of(options),
     )
     return 0
@@ -79,7 +81,8 @@ def find_poses(options: argparse.Namespace) -> int:
 
 def match(options: argparse.Namespace) -> int:
     """An edit."""
-    values = {name: getattr(options, name) for name in ("object", "source", "target", "rule", "edit", "out")}
+    names = ("object", "source", "target", "rule", "view", "picture", "edit", "out", "device", "threads")
+    values = {name: getattr(options, name) for name in names}
     run_request(Request("match", Path(options.project), values), TerminalEmit(), lambda: False)
     return 0
 
