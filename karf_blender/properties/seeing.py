@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from ..swatches import overlay, recolor
+from ..swatches import drawn_over, recolor
 
 MODE_ITEMS = [
     ("EDITED", "Edited", "With the swatches as they stand", "BRUSH_DATA", 0),
@@ -17,11 +17,11 @@ MODE_ITEMS = [
 def _picture_changed(self, context):
     for scene in bpy.data.scenes:
         recolor.refresh(scene)
-    overlay.redraw()
+    drawn_over.redraw()
 
 
 def _overlay_changed(self, context):
-    overlay.redraw()
+    drawn_over.redraw()
 
 
 class KARF_PG_seeing(bpy.types.PropertyGroup):
@@ -30,7 +30,11 @@ class KARF_PG_seeing(bpy.types.PropertyGroup):
     mode: EnumProperty(name="Show", items=MODE_ITEMS, update=_picture_changed)
     solo_object: StringProperty(name="Object", description="Whose swatch's weights are shown", update=_picture_changed)
     solo_swatch: IntProperty(
-        name="Swatch", description="The swatch whose weights are shown, from 1", default=1, min=1, update=_picture_changed
+        name="Swatch",
+        description="The swatch whose weights are shown, from 1",
+        default=1,
+        min=1,
+        update=_picture_changed,
     )
     is_wiped: BoolProperty(name="Wipe", description="The original on the left of a line", update=_picture_changed)
     wipe: FloatProperty(

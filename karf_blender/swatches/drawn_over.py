@@ -143,7 +143,9 @@ def _draw_scale(scale: float) -> None:
     colors = [(*map(float, color), 1.0) for color in display.HEAT]
     corners = [(float(at), bottom + up * SCALE_HEIGHT * scale) for at in x for up in (0, 1)]
     shader = gpu.shader.from_builtin("SMOOTH_COLOR")
-    batch = batch_for_shader(shader, "TRI_STRIP", {"pos": corners, "color": [color for color in colors for _ in (0, 1)]})
+    batch = batch_for_shader(
+        shader, "TRI_STRIP", {"pos": corners, "color": [color for color in colors for _ in (0, 1)]}
+    )
     batch.draw(shader)
     blf.size(0, TEXT_SIZE * scale)
     for tick in range(TICKS + 1):
@@ -164,7 +166,10 @@ def _write(text: str, x: float, y: float) -> None:
 def register():
     """Called when the extension is enabled."""
     _Memory.handlers = (
-        (bpy.types.SpaceImageEditor, bpy.types.SpaceImageEditor.draw_handler_add(_draw_in_image, (), "WINDOW", "POST_PIXEL")),
+        (
+            bpy.types.SpaceImageEditor,
+            bpy.types.SpaceImageEditor.draw_handler_add(_draw_in_image, (), "WINDOW", "POST_PIXEL"),
+        ),
         (bpy.types.SpaceView3D, bpy.types.SpaceView3D.draw_handler_add(_draw_in_view, (), "WINDOW", "POST_PIXEL")),
     )
 
