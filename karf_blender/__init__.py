@@ -7,7 +7,7 @@ from .marking import following, overlay, tools
 from .pictures import chips
 from .project import disk, saving
 from .rig import reprojection
-from .swatches import recolor
+from .swatches import drawn_over, recolor
 from .tasks import ownership, runner, warm
 from .workspace import clicking, folding, statusbar
 
@@ -22,6 +22,7 @@ MODULES = (
     drivers,
     reprojection,
     overlay,
+    drawn_over,
     following,
     disk,
     ownership,

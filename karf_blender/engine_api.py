@@ -19,9 +19,11 @@ from ..karf_engine.capture.reprojection import (
 from ..karf_engine.capture.undistortion import undistorted
 from ..karf_engine.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from ..karf_engine.edit.becomes import match_becomes, match_fewest, nearest_weights
+from ..karf_engine.edit.colorways import reached_color
+from ..karf_engine.edit.colorways import shown as shown_colors
 from ..karf_engine.edit.compositing import Planes, read_planes, stack_palettes
 from ..karf_engine.edit.layers import ObjectLayers, read_layer_names
-from ..karf_engine.edit.object_colors import read_object_colors
+from ..karf_engine.edit.object_colors import ColorHistogram, read_object_colors
 from ..karf_engine.edit.palette import (
     BRIGHTEST,
     COMPOSITING_MODES,
@@ -73,6 +75,7 @@ __all__ = [
     "Camera",
     "Cancelled",
     "Capture",
+    "ColorHistogram",
     "DataError",
     "Edit",
     "ErrorSummary",
@@ -110,6 +113,7 @@ __all__ = [
     "palette_only",
     "photo_plus_change",
     "plan_colorways",
+    "reached_color",
     "read_edit_file",
     "read_json",
     "read_layer_names",
@@ -120,6 +124,7 @@ __all__ = [
     "reprojection_errors",
     "rgb_to_hex",
     "same_but_for_case",
+    "shown_colors",
     "srgb_to_lab",
     "srgb_to_linear",
     "stack_palettes",

@@ -23,6 +23,7 @@ from .masks import (
     show_photo,
 )
 from .render import camera_folder, render_camera, render_captured, render_view, save_shown
+from .seeing import see_view, show_masks
 from .sequences import add_strip, show_frames
 from .view import leave_view, look_through, reprojection_error
 
@@ -63,8 +64,10 @@ __all__ = [
     "reprojection_error",
     "save_edit",
     "save_shown",
+    "see_view",
     "segment",
     "show_frames",
+    "show_masks",
     "show_photo",
     "show_view",
 ]
