@@ -1,8 +1,8 @@
 """The Blender side: cameras, swatches and pictures. It runs the engine in its own process and never imports torch."""
 
 from . import operators, panels, preferences, properties
-from .compositor import drivers
 from .host import rendering
+from .nodes import drivers
 from .pictures import chips
 from .project import disk, saving
 from .rig import reprojection

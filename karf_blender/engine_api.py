@@ -33,6 +33,7 @@ from ..karf_engine.edit.palette import (
 )
 from ..karf_engine.edit.palette_files import SUFFIXES as EDIT_SUFFIXES
 from ..karf_engine.edit.palette_files import read_edit_file, write_edit_file
+from ..karf_engine.edit.points import ScenePoints, read_points
 from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency, error_from_code
 from ..karf_engine.farm.bundle import render_bundle
 from ..karf_engine.files import atomic_write, checksum, read_json, write_json
@@ -83,6 +84,7 @@ __all__ = [
     "PlannedColorway",
     "Project",
     "Request",
+    "ScenePoints",
     "SparsePoints",
     "View",
     "atomic_write",
@@ -107,6 +109,7 @@ __all__ = [
     "read_object_colors",
     "read_palettes",
     "read_planes",
+    "read_points",
     "render_bundle",
     "reprojection_errors",
     "rgb_to_hex",

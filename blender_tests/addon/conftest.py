@@ -29,6 +29,8 @@ MODULES = {
     "swatches": "edits palettes planes recolor",
     "tasks": "ownership runner task",
     "compositor": "group",
+    "nodes": "drivers sockets",
+    "surface": "mesh placing trees",
     "operators": "colorways",
     "panels": "sidebar",
 }

@@ -3,11 +3,11 @@
 import bpy
 from bpy.props import PointerProperty, StringProperty
 
-from . import scene, session, swatches
+from . import scene, session, surface, swatches
 from .scene import KARF_PG_scene
 from .session import KARF_PG_colorways, KARF_PG_progress
 
-CLASSES = (*swatches.CLASSES, *scene.CLASSES, *session.CLASSES)
+CLASSES = (*swatches.CLASSES, *surface.CLASSES, *scene.CLASSES, *session.CLASSES)
 
 
 def register():

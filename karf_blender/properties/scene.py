@@ -8,6 +8,7 @@ from ..host.compat import PATH_OPTIONS
 from ..project import disk, folders
 from ..rig import reprojection
 from ..swatches import palettes, recolor
+from .surface import KARF_PG_surface
 from .swatches import KARF_PG_object, edit_changed
 
 PRESET_ITEMS = [
@@ -133,6 +134,7 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
     )
     active_view: StringProperty(name="View", description="The captured view that is shown", update=_view_chosen)
     objects: CollectionProperty(type=KARF_PG_object)
+    surface: PointerProperty(type=KARF_PG_surface)
     result: PointerProperty(name="Result", type=bpy.types.Image, description="The recolored picture")
     mask_object: StringProperty(name="Object", description="Name of the object to mark", default="object")
     mask_view: StringProperty(name="Marked view", description="The view that the painted mask belongs to")

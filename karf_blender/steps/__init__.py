@@ -14,6 +14,7 @@ from .learn import extract_palette, learn_scene, prepare_views, segment, show_vi
 from .masks import paint_mask, save_mask
 from .render import camera_folder, render_camera, render_captured, render_view, save_shown
 from .sequences import add_strip, show_frames
+from .surface import export_scene, place_points, show_colors, show_scene
 from .view import look_through, reprojection_error
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "colorways_folder",
     "compositor_node",
     "export_cameras",
+    "export_scene",
     "extract_palette",
     "find_poses",
     "frame_range",
@@ -35,6 +37,7 @@ __all__ = [
     "look_through",
     "paint_mask",
     "place_layers",
+    "place_points",
     "predict_colorways",
     "prepare_views",
     "render_camera",
@@ -46,6 +49,8 @@ __all__ = [
     "save_mask",
     "save_shown",
     "segment",
+    "show_colors",
     "show_frames",
+    "show_scene",
     "show_view",
 ]
