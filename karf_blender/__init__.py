@@ -6,7 +6,7 @@ from .host import rendering
 from .pictures import chips
 from .project import disk, saving
 from .rig import reprojection
-from .swatches import recolor
+from .swatches import groups, recolor
 from .tasks import ownership, runner, warm
 
 # later ones use earlier ones: taken down in reverse
@@ -15,6 +15,7 @@ MODULES = (
     preferences,
     rendering,
     chips,
+    groups,  # before what shows the swatches that it moves
     recolor,
     saving,
     drivers,

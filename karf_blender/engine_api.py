@@ -18,9 +18,11 @@ from ..karf_engine.capture.reprojection import (
 from ..karf_engine.capture.undistortion import undistorted
 from ..karf_engine.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from ..karf_engine.edit.becomes import match_becomes, match_fewest, nearest_weights
+from ..karf_engine.edit.color_text import color_to_text, colors_of_text
 from ..karf_engine.edit.compositing import Planes, delta_composite, paper_composite, read_planes, stack_palettes
 from ..karf_engine.edit.layers import ObjectLayers, read_layer_names
-from ..karf_engine.edit.object_colors import read_object_colors
+from ..karf_engine.edit.object_colors import ColorHistogram, read_object_colors
+from ..karf_engine.edit.painted import ObjectMatch, match_picture
 from ..karf_engine.edit.palette import (
     BRIGHTEST,
     COMPOSITING_MODES,
@@ -71,6 +73,7 @@ __all__ = [
     "Camera",
     "Cancelled",
     "Capture",
+    "ColorHistogram",
     "DataError",
     "Edit",
     "ErrorSummary",
@@ -80,6 +83,7 @@ __all__ = [
     "KarfError",
     "MissingDependency",
     "ObjectLayers",
+    "ObjectMatch",
     "Palette",
     "Planes",
     "PlannedColorway",
@@ -90,6 +94,8 @@ __all__ = [
     "atomic_write",
     "checksum",
     "ciede2000",
+    "color_to_text",
+    "colors_of_text",
     "delta_composite",
     "distort",
     "error_from_code",
@@ -99,6 +105,7 @@ __all__ = [
     "linear_to_srgb",
     "match_becomes",
     "match_fewest",
+    "match_picture",
     "nearest_weights",
     "observed_points",
     "open_capture",

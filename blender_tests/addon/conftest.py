@@ -26,11 +26,11 @@ MODULES = {
     "project": "captures contents disk folders saving",
     "pictures": "editors images masks photos sequences chips tints",
     "rig": "camera_paths cameras frames lens placement points reprojection",
-    "swatches": "edits palettes planes recolor",
+    "swatches": "becomes edits palettes planes recolor",
     "tasks": "ownership runner task warm",
     "compositor": "group",
     "operators": "colorways",
-    "panels": "sidebar",
+    "panels": "sidebar swatching",
 }
 _exit_code = None
 _has_blender = False

@@ -2,9 +2,9 @@
 
 import bpy
 
-from . import sidebar
+from . import sidebar, swatching
 
-CLASSES = sidebar.CLASSES
+CLASSES = (*swatching.CLASSES, *sidebar.CLASSES)
 
 
 def register():

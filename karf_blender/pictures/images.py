@@ -110,6 +110,21 @@ def colors_of(image: bpy.types.Image) -> np.ndarray:
     return colors if alpha.min() == 1 else colors * alpha + (1 - alpha)
 
 
+def resized(colors: np.ndarray, width: int, height: int) -> np.ndarray:
+    """Colors [H, W, 3] in [0, 1] at another size, in 8 bits where that is not their own."""
+    if colors.shape[1::-1] == (width, height):
+        return colors
+    buffer = blank(colors.shape[1], colors.shape[0])
+    upright(buffer)[:] = colors
+    image = new_image("resized", colors.shape[1], colors.shape[0])
+    try:
+        upload(image, buffer)
+        fit(image, width, height)
+        return colors_of(image)
+    finally:
+        bpy.data.images.remove(image)
+
+
 def write_png(path: Path, colors: np.ndarray) -> None:
     """Write [H, W, 3] in [0, 1] as an 8 bit PNG, atomically; the numbers are rounded, no view transform."""
     height, width = colors.shape[:2]

@@ -8,7 +8,7 @@ from ..host.compat import PATH_OPTIONS
 from ..project import disk, folders
 from ..rig import reprojection
 from ..swatches import palettes, recolor
-from .swatches import KARF_PG_object, edit_changed
+from .swatches import KARF_PG_match, KARF_PG_object, edit_changed
 
 PRESET_ITEMS = [
     (name, name.capitalize(), f"Learn from pictures of at most {settings.geometry.long_side} pixels")
@@ -133,6 +133,7 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
     )
     active_view: StringProperty(name="View", description="The captured view that is shown", update=_view_chosen)
     objects: CollectionProperty(type=KARF_PG_object)
+    match: PointerProperty(type=KARF_PG_match)
     result: PointerProperty(name="Result", type=bpy.types.Image, description="The recolored picture")
     mask_object: StringProperty(name="Object", description="Name of the object to mark", default="object")
     mask_view: StringProperty(name="Marked view", description="The view that the painted mask belongs to")

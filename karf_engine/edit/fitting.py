@@ -52,7 +52,7 @@ def match_pixels(
     return moved(palette, change)
 
 
-def room(palette: np.ndarray, locked: Iterable[int], brightest: float) -> tuple[np.ndarray, np.ndarray]:
+def room(palette: np.ndarray, locked: Iterable[int], brightest: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Bounds [M, 3] of a palette change: 0 <= palette + change <= brightest; entry 0 and locked ones stay."""
     palette = np.asarray(palette, np.float64)
     lower, upper = -palette, brightest - palette
