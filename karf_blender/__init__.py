@@ -7,7 +7,7 @@ from .nodes import drivers
 from .pictures import chips
 from .project import disk, saving
 from .rig import reprojection
-from .swatches import drawn_over, recolor
+from .swatches import drawn_over, groups, recolor
 from .tasks import ownership, runner, warm
 from .workspace import clicking, folding, statusbar
 
@@ -17,6 +17,7 @@ MODULES = (
     preferences,
     rendering,
     chips,
+    groups,  # before what shows the swatches that it moves
     recolor,
     saving,
     drivers,

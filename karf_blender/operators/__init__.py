@@ -17,6 +17,7 @@ from . import (
     render,
     seeing,
     surface,
+    swatches,
 )
 
 FILES = (
@@ -27,6 +28,7 @@ FILES = (
     installing,
     probing,
     edit,
+    swatches,
     seeing,
     render,
     surface,
