@@ -26,13 +26,15 @@ MODULES = {
     "project": "captures contents disk folders saving",
     "pictures": "editors images photos sequences chips tints",
     "rig": "camera_paths cameras frames lens looking placement points reprojection",
-    "swatches": "edits palettes planes recolor",
+    "swatches": "becomes display drawn_over edits object_masks palettes planes recolor wishes",
     "marking": "asking following gestures history objects overlay photo png proposals raster sheets tools",
     "steps": "preview",
     "tasks": "ownership runner task warm",
     "compositor": "group",
+    "nodes": "drivers sockets",
+    "surface": "mesh placing trees",
     "operators": "colorways",
-    "panels": "sidebar status",
+    "panels": "sidebar status swatching",
     "workspace": "clicking folding states statusbar",
 }
 _exit_code = None

@@ -7,7 +7,19 @@ the context's. Colors are sRGB triples in [0, 1] or "#rrggbb". See docs/blender.
 """
 
 from ..engine_api import Edit, KarfError
-from .editing import Color, apply_edit, becomes, prepare_views, save, save_edit, set_swatch, show_view
+from .editing import (
+    Color,
+    apply_edit,
+    becomes,
+    link_swatches,
+    match_picture,
+    merge_swatch,
+    prepare_views,
+    save,
+    save_edit,
+    set_swatch,
+    show_view,
+)
 from .installing import engine_files, engine_status, install_engine, plan_engine, remove_engine, repair_engine
 from .learning import extract_palette, find_poses, import_capture, learn_all, learn_scene, reprojection_error, segment
 from .rendering import (
@@ -23,6 +35,7 @@ from .rendering import (
     render_view,
     show_frames,
 )
+from .surface import export_scene, show_scene
 from .testing import examine_engine
 
 __all__ = [
@@ -38,6 +51,7 @@ __all__ = [
     "engine_status",
     "examine_engine",
     "export_cameras",
+    "export_scene",
     "extract_palette",
     "farm_bundle",
     "find_poses",
@@ -46,6 +60,9 @@ __all__ = [
     "install_engine",
     "learn_all",
     "learn_scene",
+    "link_swatches",
+    "match_picture",
+    "merge_swatch",
     "plan_engine",
     "prepare_views",
     "preview_camera",
@@ -60,5 +77,6 @@ __all__ = [
     "segment",
     "set_swatch",
     "show_frames",
+    "show_scene",
     "show_view",
 ]

@@ -16,6 +16,9 @@ from . import (
     preview,
     probing,
     render,
+    seeing,
+    surface,
+    swatches,
 )
 
 FILES = (
@@ -26,8 +29,11 @@ FILES = (
     installing,
     probing,
     edit,
+    swatches,
+    seeing,
     render,
     preview,
+    surface,
     colorways,
     cameras,
     cancel,

@@ -2,6 +2,7 @@
 
 from ..properties.scene import FORMAT_DEPTHS
 from .preview import draw_live
+from .surface import draw_surface
 
 
 def draw_render(layout, context):
@@ -67,5 +68,6 @@ GROUPS = (
     ("camera", "Camera", draw_camera, True),
     ("sequence", "Rendered Frames", draw_sequence, True),
     ("colorways", "Colorways", draw_colorways, True),
+    ("surface", "Scene in 3D", draw_surface, True),
     ("compositor", "Compositor", draw_compositor, True),
 )

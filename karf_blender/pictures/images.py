@@ -155,6 +155,21 @@ def read_correction(path: Path) -> np.ndarray:
     return np.where(rgba[..., 3] > 0.5, said, 0).astype(np.int8)
 
 
+def resized(colors: np.ndarray, width: int, height: int) -> np.ndarray:
+    """Colors [H, W, 3] in [0, 1] at another size, in 8 bits where that is not their own."""
+    if colors.shape[1::-1] == (width, height):
+        return colors
+    buffer = blank(colors.shape[1], colors.shape[0])
+    upright(buffer)[:] = colors
+    image = new_image("resized", colors.shape[1], colors.shape[0])
+    try:
+        upload(image, buffer)
+        fit(image, width, height)
+        return colors_of(image)
+    finally:
+        bpy.data.images.remove(image)
+
+
 def write_png(path: Path, colors: np.ndarray) -> None:
     """Write [H, W, 3] in [0, 1] as an 8 bit PNG, atomically; the numbers are rounded, no view transform."""
     height, width = colors.shape[:2]

@@ -3,13 +3,23 @@
 import bpy
 from bpy.props import BoolProperty, PointerProperty, StringProperty
 
-from . import marking, preview, scene, session, swatches, working
+from . import marking, preview, scene, seeing, session, surface, swatches, working
 from .preview import KARF_PG_preview
 from .scene import KARF_PG_scene
+from .seeing import KARF_PG_seeing
 from .session import KARF_PG_colorways, KARF_PG_progress
 from .working import KARF_PG_folding
 
-CLASSES = (*swatches.CLASSES, *marking.CLASSES, *working.CLASSES, *preview.CLASSES, *scene.CLASSES, *session.CLASSES)
+CLASSES = (
+    *swatches.CLASSES,
+    *marking.CLASSES,
+    *working.CLASSES,
+    *preview.CLASSES,
+    *surface.CLASSES,
+    *scene.CLASSES,
+    *session.CLASSES,
+    *seeing.CLASSES,
+)
 
 
 def register():
@@ -19,6 +29,7 @@ def register():
     bpy.types.Scene.karf = PointerProperty(type=KARF_PG_scene)
     bpy.types.WindowManager.karf_progress = PointerProperty(type=KARF_PG_progress)
     bpy.types.WindowManager.karf_colorways = PointerProperty(type=KARF_PG_colorways)
+    bpy.types.WindowManager.karf_seeing = PointerProperty(type=KARF_PG_seeing)
     bpy.types.WindowManager.karf_folding = PointerProperty(type=KARF_PG_folding)
     bpy.types.WindowManager.karf_preview = PointerProperty(type=KARF_PG_preview)
     bpy.types.Object.karf_hidden = BoolProperty(name="Hidden by KaRF")
@@ -31,6 +42,7 @@ def unregister():
     del bpy.types.Object.karf_hidden
     del bpy.types.WindowManager.karf_preview
     del bpy.types.WindowManager.karf_folding
+    del bpy.types.WindowManager.karf_seeing
     del bpy.types.WindowManager.karf_colorways
     del bpy.types.WindowManager.karf_progress
     del bpy.types.Scene.karf

@@ -10,7 +10,8 @@ from ..project import contents, disk, folders
 from ..rig import reprojection
 from ..swatches import palettes, recolor
 from .marking import KARF_PG_marking
-from .swatches import KARF_PG_object, edit_changed
+from .surface import KARF_PG_surface
+from .swatches import KARF_PG_match, KARF_PG_object, edit_changed
 from .working import KARF_PG_looking
 
 PRESET_ITEMS = [
@@ -146,6 +147,8 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
     )
     active_view: StringProperty(name="View", description="The captured view that is shown", update=_view_chosen)
     objects: CollectionProperty(type=KARF_PG_object)
+    surface: PointerProperty(type=KARF_PG_surface)
+    match: PointerProperty(type=KARF_PG_match)
     result: PointerProperty(name="Result", type=bpy.types.Image, description="The recolored picture")
     marking: PointerProperty(type=KARF_PG_marking)
 

@@ -50,10 +50,37 @@ def test_a_learned_scene_shows_its_swatches_without_the_frozen_black(addon, lear
     drawn = draw()
     assert drawn.count("color") == 4  # two objects of two colors
     assert drawn.count("karf.reset_swatch") == 6  # one a swatch, in its learned color, and one an object
-    assert "karf.becomes" not in drawn and "locked" not in drawn
-    learned.karf.objects["pot"].show_becomes = True
+    assert drawn.count("KARF_MT_swatch") == 4 and drawn.count("KARF_MT_palette") == 2
+    assert "karf.becomes" not in drawn and "karf.match_picture" not in drawn
+    learned.karf.objects["pot"].show_becomes = learned.karf.match.show = True
     drawn = draw()
-    assert drawn.count("karf.becomes") == 1 and drawn.count("locked") == 2
+    assert drawn.count("karf.becomes") == drawn.count("karf.match_picture") == 1
+
+
+def test_a_merged_swatch_is_not_shown_but_its_learned_color_is(addon, learned, draw):
+    addon.headless.merge_swatch("pot", 2, 1)
+    drawn = draw()
+    assert drawn.count("color") == 3 and drawn.count("karf.reset_swatch") == 6
+
+
+def test_the_menus_of_a_swatch_offer_what_can_be_done(bpy, addon, learned):
+    def drawn(name, index=1):
+        entries, item = [], learned.karf.objects["pot"]
+        context = SimpleNamespace(scene=learned, karf_object=item, karf_swatch=item.swatches[index])
+        getattr(addon.swatching, name).draw(SimpleNamespace(layout=Layout(bpy, entries)), context)
+        return entries
+
+    offered = drawn("KARF_MT_swatch")
+    assert {"locked", "karf.copy_swatch", "karf.paste_swatch", "KARF_MT_swap", "KARF_MT_link", "KARF_MT_merge"} <= set(
+        offered
+    )
+    assert "karf.unlink_swatch" not in offered and "karf.split_swatch" not in offered
+    assert [entry for entry in drawn("KARF_MT_swap") if " " in entry] == ["lid 1", "lid 2", "pot 2"]
+    assert [entry for entry in drawn("KARF_MT_merge") if " " in entry] == ["pot 2"]
+    assert "karf.paste_swatch" in drawn("KARF_MT_palette")
+    addon.headless.link_swatches(("pot", 1), ("lid", 1))
+    addon.headless.merge_swatch("pot", 2, 1)
+    assert {"karf.unlink_swatch", "karf.split_swatch"} <= set(drawn("KARF_MT_swatch"))
 
 
 def test_a_view_without_planes_says_so(learned, draw):
