@@ -33,14 +33,14 @@ def session(tmp_path):
 
 
 def asked(learned, model, **more):
-    camera = model.capture.views[0].camera.scaled(300, 200)
-    return {"project": str(learned.project), "camera": camera_to_json(camera), "long_side": 200} | more
+    camera = model.capture.views[0].camera.scaled(450, 300)
+    return {"project": str(learned.project), "camera": camera_to_json(camera), "long_side": 300} | more
 
 
 def test_a_preview_is_the_planes_that_a_frame_of_the_camera_has(session, learned, model):
     answer = preview(session, asked(learned, model))
-    planes, frame = read_planes(Path(answer["planes"])), model.render(model.capture.views[0].camera.scaled(200, 133))
-    assert answer["size"] == [200, 133] and planes.base.shape == (133, 200, 3)
+    planes, frame = read_planes(Path(answer["planes"])), model.render(model.capture.views[0].camera.scaled(300, 200))
+    assert answer["size"] == [300, 200] and planes.base.shape == (200, 300, 3)
     assert planes.objects == tuple(model.objects)
     assert np.abs(planes.palette_weights - frame.palette_weights).max() < 2e-3
     assert np.abs(planes.base / 255 - frame.color).max() < 0.6 / 255
