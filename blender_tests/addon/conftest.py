@@ -29,7 +29,7 @@ MODULES = {
     "swatches": "edits palettes planes recolor",
     "tasks": "ownership runner task",
     "compositor": "group",
-    "operators": "colorways",
+    "operators": "colorways render",
     "panels": "sidebar status",
     "workspace": "clicking folding states statusbar",
 }
