@@ -8,7 +8,7 @@ from .project import disk, saving
 from .rig import reprojection
 from .swatches import recolor
 from .tasks import ownership, runner
-from .workspace import clicking, folding, statusbar
+from .workspace import clicking, folding, opening, statusbar
 
 # later ones use earlier ones: taken down in reverse
 MODULES = (
@@ -26,6 +26,7 @@ MODULES = (
     folding,
     statusbar,
     clicking,
+    opening,
     operators,
     panels,
 )

@@ -31,7 +31,7 @@ MODULES = {
     "compositor": "group",
     "operators": "colorways render",
     "panels": "sidebar status",
-    "workspace": "clicking folding states statusbar",
+    "workspace": "clicking folding opening states statusbar",
 }
 _exit_code = None
 _has_blender = False

@@ -2,9 +2,9 @@
 
 import bpy
 
-from . import cameras, cancel, capture, colorways, edit, failure, installing, learn, masks, probing, render
+from . import cameras, cancel, capture, colorways, edit, failure, installing, learn, masks, probing, render, workspace
 
-FILES = (capture, masks, learn, installing, probing, edit, render, colorways, cameras, cancel, failure)
+FILES = (capture, masks, learn, installing, probing, edit, render, colorways, cameras, cancel, failure, workspace)
 CLASSES = tuple(each for file in FILES for each in file.CLASSES)
 
 

@@ -50,13 +50,8 @@ def build(file: str) -> Generator[float, None, None]:
         area_of(kind).spaces.active.show_region_ui = True
     window().workspace.name = NAME
     yield 0.5
-    for other in [each for each in bpy.data.workspaces if each != window().workspace]:
-        with bpy.context.temp_override(window=window(), workspace=other):
-            bpy.ops.workspace.delete()
-        yield 0.2
-    for data in (bpy.data.objects, bpy.data.brushes, bpy.data.linestyles, bpy.data.palettes):
-        bpy.data.batch_remove(data)
-    bpy.data.orphans_purge(do_recursive=True)
+    bpy.data.batch_remove([each for each in bpy.data.workspaces if each != window().workspace])
+    yield 0.5
     bpy.ops.wm.save_as_mainfile(filepath=file, compress=True, copy=True)
 
 
