@@ -8,7 +8,7 @@ from .project import disk, saving
 from .rig import reprojection
 from .swatches import recolor
 from .tasks import ownership, runner
-from .workspace import clicking, folding, opening, statusbar
+from .workspace import clicking, estimates, folding, opening, statusbar
 
 # later ones use earlier ones: taken down in reverse
 MODULES = (
@@ -27,6 +27,7 @@ MODULES = (
     statusbar,
     clicking,
     opening,
+    estimates,
     operators,
     panels,
 )

@@ -20,7 +20,7 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 MODULES = {
     "": "engine_api headless preferences progress steps",
     "host": "compat rendering",
-    "engine": "environment examination installing jobs probing processes removing report",
+    "engine": "environment examination installing jobs probing processes removing report speed",
     "engine.managed": "home",
     "preferences": "managing state",
     "project": "captures contents disk folders saving",
@@ -30,8 +30,8 @@ MODULES = {
     "tasks": "ownership runner task",
     "compositor": "group",
     "operators": "colorways render",
-    "panels": "sidebar status",
-    "workspace": "clicking folding opening states statusbar",
+    "panels": "learning sidebar status",
+    "workspace": "clicking estimates folding opening states statusbar",
 }
 _exit_code = None
 _has_blender = False
