@@ -24,11 +24,14 @@ MODULES = {
     "engine.managed": "home",
     "preferences": "managing state",
     "project": "captures contents disk folders saving",
-    "pictures": "editors images masks photos sequences chips",
+    "pictures": "editors images photos sequences chips tints",
     "rig": "camera_paths cameras frames lens looking placement points reprojection",
-    "swatches": "edits palettes planes recolor",
-    "tasks": "ownership runner task",
+    "swatches": "display drawn_over edits object_masks palettes planes recolor wishes",
+    "marking": "asking following gestures history objects overlay photo png proposals raster sheets tools",
+    "tasks": "ownership runner task warm",
     "compositor": "group",
+    "nodes": "drivers sockets",
+    "surface": "mesh placing trees",
     "operators": "colorways render",
     "panels": "learning sidebar status",
     "workspace": "clicking estimates folding opening states statusbar",
@@ -64,6 +67,7 @@ def addon(bpy, monkeypatch):
     modules.recolor.forget()
     yield modules
     assert not modules.runner.is_running()
+    modules.warm.stop()
 
 
 @pytest.fixture

@@ -16,7 +16,11 @@ from .context import scene_of
 
 
 def import_capture(
-    path: str | Path, project: str | Path | None = None, scene: bpy.types.Scene | None = None, **options: Any
+    path: str | Path,
+    project: str | Path | None = None,
+    scene: bpy.types.Scene | None = None,
+    holdout: int | None = None,
+    **options: Any,
 ) -> Capture:
     """Build the cameras of a capture in the scene.
 
@@ -24,13 +28,14 @@ def import_capture(
         path: The capture's folder or camera file.
         project: Folder of all that is learned; default: beside the .blend.
         scene: Default: the context's.
+        holdout: Keep every so many-th photo out of learning; default: as the project was learned, else none.
         options: Those of `rig.cameras.Options`.
 
     Returns:
         The capture; its `remarks` say what could not be had.
     """
     folder = Path(project).absolute() if project else None
-    return steps.import_capture(scene_of(scene), Path(path).absolute(), folder, Options(**options))
+    return steps.import_capture(scene_of(scene), Path(path).absolute(), folder, Options(**options), holdout)
 
 
 def find_poses(photos: str | Path, scene: bpy.types.Scene | None = None, **options: Any) -> Capture:

@@ -2,9 +2,41 @@
 
 import bpy
 
-from . import cameras, cancel, capture, colorways, edit, failure, installing, learn, masks, probing, render, workspace
+from . import (
+    cameras,
+    cancel,
+    capture,
+    colorways,
+    edit,
+    failure,
+    installing,
+    learn,
+    marking,
+    masks,
+    probing,
+    render,
+    seeing,
+    surface,
+    workspace,
+)
 
-FILES = (capture, masks, learn, installing, probing, edit, render, colorways, cameras, cancel, failure, workspace)
+FILES = (
+    capture,
+    masks,
+    marking,
+    learn,
+    installing,
+    probing,
+    edit,
+    seeing,
+    render,
+    surface,
+    colorways,
+    cameras,
+    cancel,
+    failure,
+    workspace,
+)
 CLASSES = tuple(each for file in FILES for each in file.CLASSES)
 
 

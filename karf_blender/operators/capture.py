@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from .. import steps
 from ..engine_api import CAPTURE_MARKS
@@ -77,6 +77,15 @@ class KARF_OT_import_capture(RigOptions, bpy.types.Operator):
     project: StringProperty(
         name="Project", subtype="DIR_PATH", description="Empty: beside the .blend", options={"SKIP_SAVE"}
     )
+    holdout: IntProperty(
+        name="Hold Out",
+        default=0,
+        min=0,
+        soft_max=16,
+        description="Keep every so many-th photo out of learning, to measure quality with; 0: learn from all. Where the "
+        "capture declares its test photos, those are kept out; a marked photo is learned from in any case",
+        options={"SKIP_SAVE"},
+    )
     filter_glob: StringProperty(default="*.json;*.npy;*.bin;*.txt", options={"HIDDEN"})
 
     def invoke(self, context, event):
@@ -92,12 +101,15 @@ class KARF_OT_import_capture(RigOptions, bpy.types.Operator):
                 column.label(text=line)
         self.draw_options()
         self.layout.prop(self, "project")
+        self.layout.prop(self, "holdout")
 
     @reports_errors
     def execute(self, context):
         project = Path(bpy.path.abspath(self.project)) if self.project else None
         path = Path(bpy.path.abspath(self.filepath))
-        capture = steps.import_capture(context.scene, path, project, self.rig_options())
+        # untouched, a project that is learned keeps what it was learned without
+        holdout = self.holdout if self.properties.is_property_set("holdout") else None
+        capture = steps.import_capture(context.scene, path, project, self.rig_options(), holdout)
         for remark in capture.remarks:
             self.report({"WARNING"}, remark)
         view_from_camera(context.area, colored_points=self.points and capture.points is not None)

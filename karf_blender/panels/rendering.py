@@ -1,5 +1,7 @@
 """Step 7, Render: the pictures, and below them a group that can be opened for each other kind of result."""
 
+from .surface import draw_surface
+
 
 def draw_render(layout, context):
     """Step 7: the pictures, whose buttons ask for all else in a dialog."""
@@ -47,6 +49,7 @@ def draw_compositor(layout, karf):
 GROUPS = (
     ("sequence", "Rendered Frames", draw_sequence),
     ("colorways", "Colorways", draw_colorways),
+    ("surface", "Scene in 3D", draw_surface),
     ("compositor", "Compositor", draw_compositor),
     ("cameras", "Camera Paths", draw_cameras),
 )

@@ -35,6 +35,8 @@ def _geometry(scene: bpy.types.Scene, preset: str, overrides: Sequence[str]) -> 
         "preset": scene.karf.preset,
         "overrides": list(overrides),
         "nerf": folders.nerf_of(scene) or None,
+        "holdout": scene.karf.holdout if scene.karf.holdout >= 0 else None,
+        "masks": str(folders.absolute(scene.karf.masks)) if scene.karf.masks else None,
     }
 
 

@@ -190,7 +190,7 @@ def _finish(error: KarfError | None) -> None:
     if isinstance(error, Cancelled):
         state.text = "cancelled"
     elif error is not None:
-        state.text, state.error, state.hint = "", error.sentence, error.hint
+        progress.fail(error)
         if error.code in REPORTED:
             job = _running[0].job
             state.job = str(job.folder)

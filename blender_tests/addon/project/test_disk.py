@@ -46,7 +46,7 @@ def poll_all(bpy):
 
 
 def test_drawing_and_polls_never_touch_the_disk(bpy, addon, learned, timed, monkeypatch, tmp_path):
-    addon.steps.paint_mask(learned, "pot")
+    addon.steps.show_photo(learned)
     learned.karf.masks = str(tmp_path)
     learned.karf.out = str(tmp_path / "out")
     draw_all(bpy, addon)  # makes the icons
@@ -73,12 +73,9 @@ def test_what_is_drawn_follows_jobs_masks_and_the_chosen_view(bpy, addon, timed,
     addon.headless.learn_scene()
     assert "learn" in draw_all(bpy, addon)[1]
     scene = bpy.context.scene
-    addon.steps.paint_mask(scene, "pot")
-    pixels = addon.images.pixels(scene.karf.mask_image)
-    pixels[:5] = addon.masks.BRUSH_COLOR + (1,)
-    addon.images.upload(scene.karf.mask_image, pixels[::-1].copy())
-    assert bpy.ops.karf.save_mask() == {"FINISHED"}
-    assert "pot\u00a0(1)" in draw_all(bpy, addon)[0] and bpy.ops.karf.segment.poll()
+    addon.steps.add_object(scene, "pot")
+    addon.steps.mark_stroke(scene, [(5, 5)], 3)
+    assert bpy.ops.karf.segment.poll()
     addon.headless.extract_palette()
     assert "Show" in draw_all(bpy, addon)[0]
     scene.karf.active_view = "photo_2"
@@ -104,7 +101,7 @@ def test_a_missing_project_is_named_and_nothing_waits_on_it(bpy, addon, learned,
         "show_view",
         "render_view",
         "render_capture",
-        "paint_mask",
+        "mark",
         "becomes",
     ):
         with pytest.raises(RuntimeError, match="is missing: bring it back"):
