@@ -9,7 +9,7 @@ from .project import disk, saving
 from .rig import reprojection
 from .swatches import drawn_over, groups, recolor
 from .tasks import ownership, runner, warm
-from .workspace import clicking, folding, statusbar
+from .workspace import clicking, estimates, folding, opening, statusbar
 
 # later ones use earlier ones: taken down in reverse
 MODULES = (
@@ -32,6 +32,8 @@ MODULES = (
     folding,
     statusbar,
     clicking,
+    opening,
+    estimates,
     operators,
     tools,
     panels,

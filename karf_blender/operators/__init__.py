@@ -18,6 +18,7 @@ from . import (
     seeing,
     surface,
     swatches,
+    workspace,
 )
 
 FILES = (
@@ -36,6 +37,7 @@ FILES = (
     cameras,
     cancel,
     failure,
+    workspace,
 )
 CLASSES = tuple(each for file in FILES for each in file.CLASSES)
 
