@@ -23,6 +23,7 @@ TOOLBAR = Where("IMAGE_EDITOR", "TOOLS")
 VIEW = Where("VIEW_3D", "WINDOW")
 JOB_SECONDS = 300.0
 ASKED_SECONDS = 4.0  # in which a busy machine has opened what was asked for, where Blender asks nothing
+LIST_ROW = 20  # pixels between two rows of a list
 BRUSH = 14  # at most: radius, pixels of the screen
 WHEEL = 55, 215  # from a click into a swatch at the left of its row to the middle of the picker's wheel, pixels
 
@@ -190,8 +191,8 @@ def key_swatch(name: str, index: int) -> Wait:
 
 def mark(story: Story, number: int, name: str) -> Wait:
     """Name the object of a number in the list, and paint over it with the brush from the toolbar."""
-    field = yield from hands.find(SIDEBAR, rf'karf\.marking\.objects\[({number}|"object[^"]*")\]\.name', 0.32)
-    yield from hands.write(name, field, ctrl=True)
+    x, y = yield from hands.find(SIDEBAR, r"karf\.marking\.active", 0.2)
+    yield from hands.write(name, (x, y - number * LIST_ROW), ctrl=True)
     item = desk.scene().karf.marking.objects[number]
     check(item.name == name, f"typed {name}, got {item.name}")
     yield from hands.press_button(TOOLBAR, r"karf\.mark_brush", 0.5)
