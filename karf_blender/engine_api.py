@@ -19,9 +19,11 @@ from ..karf_engine.capture.reprojection import (
 from ..karf_engine.capture.undistortion import undistorted
 from ..karf_engine.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from ..karf_engine.edit.becomes import match_becomes, match_fewest, nearest_weights
+from ..karf_engine.edit.colorways import reached_color
+from ..karf_engine.edit.colorways import shown as shown_colors
 from ..karf_engine.edit.compositing import Planes, read_planes, stack_palettes
 from ..karf_engine.edit.layers import ObjectLayers, read_layer_names
-from ..karf_engine.edit.object_colors import read_object_colors
+from ..karf_engine.edit.object_colors import ColorHistogram, read_object_colors
 from ..karf_engine.edit.palette import (
     BRIGHTEST,
     COMPOSITING_MODES,
@@ -34,6 +36,7 @@ from ..karf_engine.edit.palette import (
 )
 from ..karf_engine.edit.palette_files import SUFFIXES as EDIT_SUFFIXES
 from ..karf_engine.edit.palette_files import read_edit_file, write_edit_file
+from ..karf_engine.edit.points import ScenePoints, read_points
 from ..karf_engine.edit.swatch_picture import SwatchPicture, palette_only, photo_plus_change
 from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency, error_from_code
 from ..karf_engine.farm.bundle import render_bundle
@@ -73,6 +76,7 @@ __all__ = [
     "Camera",
     "Cancelled",
     "Capture",
+    "ColorHistogram",
     "DataError",
     "Edit",
     "ErrorSummary",
@@ -87,6 +91,7 @@ __all__ = [
     "PlannedColorway",
     "Project",
     "Request",
+    "ScenePoints",
     "SparsePoints",
     "SwatchPicture",
     "View",
@@ -110,16 +115,19 @@ __all__ = [
     "palette_only",
     "photo_plus_change",
     "plan_colorways",
+    "reached_color",
     "read_edit_file",
     "read_json",
     "read_layer_names",
     "read_object_colors",
     "read_palettes",
     "read_planes",
+    "read_points",
     "render_bundle",
     "reprojection_errors",
     "rgb_to_hex",
     "same_but_for_case",
+    "shown_colors",
     "srgb_to_lab",
     "srgb_to_linear",
     "stack_palettes",

@@ -35,8 +35,8 @@ class Layout:
         self._drawn.append(text)
         getattr(self._bpy.types, panel).draw(SimpleNamespace(layout=self.row()), self._bpy.context)
 
-    def prop_enum(self, data, name, value):
-        self.prop(data, name)
+    def prop_enum(self, data, name, value, **options):
+        self.prop(data, name, **options)
         assert value in data.bl_rna.properties[name].enum_items
 
     def template_list(self, kind, name, data, collection, active_data, active, **_):

@@ -4,7 +4,9 @@ from ... import __package__ as extension
 from ..engine import installing
 from ..host.labels import draw_text
 from ..preferences import state
+from ..project import disk
 from ..rig import reprojection
+from .seeing import draw_masks
 from .views import draw_view
 
 
@@ -76,6 +78,8 @@ def draw_engine(layout):
 def draw_segment(layout, context):
     """Step 4."""
     layout.operator("karf.segment", icon="MOD_MASK")
+    if "segmentation" in disk.contents_of(context.scene).stages:
+        draw_masks(layout, context)
 
 
 def draw_palette(layout, context):

@@ -100,6 +100,31 @@ def is_current(project: Project, view: str) -> bool:
         return False
 
 
+def seen_folder(scene: bpy.types.Scene) -> Path:
+    """Where the engine puts how it sees single views: a rendering, and the objects' masks."""
+    return folders.project_of(scene).folder / "seen"
+
+
+def seen_rendering(scene: bpy.types.Scene) -> Path | None:
+    """What is learned of the active view, rendered; None where there is none since it was learned."""
+    file = seen_folder(scene) / "render" / f"{scene.karf.active_view}.png"
+    return file if _is_newer(file, folders.project_of(scene).geometry_file) else None
+
+
+def seen_masks(scene: bpy.types.Scene) -> dict[str, Path]:
+    """The masks of the active view by object, as they were segmented last; empty where they were not asked for since."""
+    files = sorted(seen_folder(scene).glob(f"masks/*/{scene.karf.active_view}.png"))
+    segmented = folders.project_of(scene).segmentation_report
+    return {file.parent.name: file for file in files if _is_newer(file, segmented)}
+
+
+def _is_newer(file: Path, source: Path) -> bool:
+    try:
+        return source.stat().st_mtime_ns <= file.stat().st_mtime_ns
+    except OSError:
+        return False
+
+
 def mask_counts(scene: bpy.types.Scene) -> dict[str, int]:
     """The objects in the chosen folder of masks, each with its number of masks; empty where there is no folder."""
     folder = folders.absolute(scene.karf.masks) if scene.karf.masks else None

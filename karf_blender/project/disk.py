@@ -30,6 +30,7 @@ class Contents:
         outdated: Those whose result is of other masks or of an earlier stage's former result.
         learned_with: The preset and the pretrained NeRF that the geometry was learned with.
         is_prepared: Whether the active view has edit planes.
+        is_rendered: Whether what is learned was rendered from the active view's camera.
         masks: The number of masks of each object that has some.
     """
 
@@ -38,6 +39,7 @@ class Contents:
     outdated: frozenset[str] = frozenset()
     learned_with: tuple[str, str] = ("", "")
     is_prepared: bool = False
+    is_rendered: bool = False
     masks: Mapping[str, int] = field(default_factory=dict)
 
 
@@ -90,9 +92,15 @@ def _read(scene: bpy.types.Scene) -> Contents:
             return Contents(missing=folder)
         stages, masks = contents.finished_stages(scene), contents.mask_counts(scene)
         outdated, learned_with = contents.outdated(scene), contents.learned_with(scene)
-        return Contents(None, stages, outdated, learned_with, contents.is_prepared(scene), masks)
+        return Contents(None, stages, outdated, learned_with, *_view(scene), masks)
     except (OSError, KarfError):  # unreadable, or gone while it was read
         return Contents()
+
+
+def _view(scene: bpy.types.Scene) -> tuple[bool, bool]:
+    """Whether the active view is prepared, and whether what is learned was rendered from its camera."""
+    is_rendered = bool(scene.karf.project) and contents.seen_rendering(scene) is not None
+    return contents.is_prepared(scene), is_rendered
 
 
 # --- timer and handlers --------------------------------------------------------------------------------------------

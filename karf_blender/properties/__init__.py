@@ -3,12 +3,21 @@
 import bpy
 from bpy.props import BoolProperty, PointerProperty, StringProperty
 
-from . import marking, scene, session, swatches, working
+from . import marking, scene, seeing, session, surface, swatches, working
 from .scene import KARF_PG_scene
+from .seeing import KARF_PG_seeing
 from .session import KARF_PG_colorways, KARF_PG_progress
 from .working import KARF_PG_folding
 
-CLASSES = (*swatches.CLASSES, *marking.CLASSES, *working.CLASSES, *scene.CLASSES, *session.CLASSES)
+CLASSES = (
+    *swatches.CLASSES,
+    *marking.CLASSES,
+    *working.CLASSES,
+    *surface.CLASSES,
+    *scene.CLASSES,
+    *session.CLASSES,
+    *seeing.CLASSES,
+)
 
 
 def register():
@@ -18,6 +27,7 @@ def register():
     bpy.types.Scene.karf = PointerProperty(type=KARF_PG_scene)
     bpy.types.WindowManager.karf_progress = PointerProperty(type=KARF_PG_progress)
     bpy.types.WindowManager.karf_colorways = PointerProperty(type=KARF_PG_colorways)
+    bpy.types.WindowManager.karf_seeing = PointerProperty(type=KARF_PG_seeing)
     bpy.types.WindowManager.karf_folding = PointerProperty(type=KARF_PG_folding)
     bpy.types.Object.karf_hidden = BoolProperty(name="Hidden by KaRF")
     bpy.types.Object.karf_view = StringProperty(name="KaRF view", description="The captured view of this camera")
@@ -28,6 +38,7 @@ def unregister():
     del bpy.types.Object.karf_view
     del bpy.types.Object.karf_hidden
     del bpy.types.WindowManager.karf_folding
+    del bpy.types.WindowManager.karf_seeing
     del bpy.types.WindowManager.karf_colorways
     del bpy.types.WindowManager.karf_progress
     del bpy.types.Scene.karf

@@ -174,6 +174,9 @@ def render(project, options):
             path = Path(options["out"]) / "layers" / f"{view.name}.exr"
             path.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(os.environ["FAKE_LAYERS"], path)
+    if options["out"] and not options["edit"] and not options.get("layers"):
+        for view in views:
+            write_seen(Path(options["out"]), view)
     if options["edit"]:
         files = options["edit"] if isinstance(options["edit"], list) else [options["edit"]] * len(views)
         for view, file in zip(views, files, strict=True):
@@ -182,6 +185,15 @@ def render(project, options):
             path = Path(options["out"]) / "recolor" / f"{view.name}.png"
             if not (options.get("skip_existing") and path.exists()):
                 write_png(path, picture)
+
+
+def write_seen(out, view):
+    """What is learned, flat blue, and masks: the lid left, the pot right of the middle."""
+    height, width = view.camera.height, view.camera.width
+    write_png(out / "render" / f"{view.name}.png", np.broadcast_to([0.0, 0.0, 1.0], (height, width, 3)))
+    left = np.broadcast_to(np.arange(width)[:, None] < width // 2, (height, width, 3))
+    for name, mask in (("lid", left), ("pot", ~left)):
+        write_png(out / "masks" / name / f"{view.name}.png", mask.astype(float))
 
 
 def colorways(project, options):
