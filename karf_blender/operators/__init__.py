@@ -16,9 +16,25 @@ from . import (
     probing,
     render,
     seeing,
+    wiping,
 )
 
-FILES = (capture, masks, marking, learn, installing, probing, edit, seeing, render, colorways, cameras, cancel, failure)
+FILES = (
+    capture,
+    masks,
+    marking,
+    learn,
+    installing,
+    probing,
+    edit,
+    seeing,
+    wiping,
+    render,
+    colorways,
+    cameras,
+    cancel,
+    failure,
+)
 CLASSES = tuple(each for file in FILES for each in file.CLASSES)
 
 
