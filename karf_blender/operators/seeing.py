@@ -1,7 +1,5 @@
 """Looking at the picture: masks over it, before and after, one swatch alone."""
 
-import time
-
 import bpy
 from bpy.props import IntProperty, StringProperty
 
@@ -10,8 +8,6 @@ from ..project import disk
 from ..swatches import drawn_over, edits, object_masks
 from ..tasks import runner
 from .reporting import EngineStep, SwatchStep, has_project, has_stage, reports_errors
-
-HOLD_SECONDS = 0.4  # a key held longer shows the original only until it is let go
 
 
 class KARF_OT_show_masks(bpy.types.Operator):
@@ -96,14 +92,16 @@ class KARF_OT_before_after(LookingStep, bpy.types.Operator):
         self.execute(context)
         if event.type in {"LEFTMOUSE", "RET"} or event.value != "PRESS":
             return {"FINISHED"}
-        self._key, self._pressed_at = event.type, time.monotonic()
+        self._key, self._is_held = event.type, False
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
+        if event.type == self._key and event.value == "PRESS":  # keys repeat while they are held
+            self._is_held = True
         if event.type != self._key or event.value != "RELEASE":
             return {"RUNNING_MODAL"}
-        if time.monotonic() - self._pressed_at > HOLD_SECONDS:
+        if self._is_held:
             self.execute(context)
         return {"FINISHED"}
 
