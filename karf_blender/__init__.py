@@ -1,9 +1,9 @@
 """The Blender side: cameras, swatches and pictures. It runs the engine in its own process and never imports torch."""
 
 from . import operators, panels, preferences, properties
-from .compositor import drivers
 from .host import rendering
 from .marking import following, overlay, tools
+from .nodes import drivers
 from .pictures import chips
 from .project import disk, saving
 from .rig import reprojection

@@ -36,6 +36,7 @@ from ..karf_engine.edit.palette import (
 )
 from ..karf_engine.edit.palette_files import SUFFIXES as EDIT_SUFFIXES
 from ..karf_engine.edit.palette_files import read_edit_file, write_edit_file
+from ..karf_engine.edit.points import ScenePoints, read_points
 from ..karf_engine.edit.swatch_picture import SwatchPicture, palette_only, photo_plus_change
 from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency, error_from_code
 from ..karf_engine.farm.bundle import render_bundle
@@ -90,6 +91,7 @@ __all__ = [
     "PlannedColorway",
     "Project",
     "Request",
+    "ScenePoints",
     "SparsePoints",
     "SwatchPicture",
     "View",
@@ -120,6 +122,7 @@ __all__ = [
     "read_object_colors",
     "read_palettes",
     "read_planes",
+    "read_points",
     "render_bundle",
     "reprojection_errors",
     "rgb_to_hex",

@@ -30,6 +30,8 @@ MODULES = {
     "marking": "asking following gestures history objects overlay photo png proposals raster sheets tools",
     "tasks": "ownership runner task warm",
     "compositor": "group",
+    "nodes": "drivers sockets",
+    "surface": "mesh placing trees",
     "operators": "colorways",
     "panels": "sidebar status",
     "workspace": "clicking folding states statusbar",

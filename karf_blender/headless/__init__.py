@@ -22,6 +22,7 @@ from .rendering import (
     render_view,
     show_frames,
 )
+from .surface import export_scene, show_scene
 from .testing import examine_engine
 
 __all__ = [
@@ -37,6 +38,7 @@ __all__ = [
     "engine_status",
     "examine_engine",
     "export_cameras",
+    "export_scene",
     "extract_palette",
     "farm_bundle",
     "find_poses",
@@ -58,5 +60,6 @@ __all__ = [
     "segment",
     "set_swatch",
     "show_frames",
+    "show_scene",
     "show_view",
 ]

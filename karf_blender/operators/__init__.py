@@ -16,6 +16,7 @@ from . import (
     probing,
     render,
     seeing,
+    surface,
     wiping,
 )
 
@@ -30,6 +31,7 @@ FILES = (
     seeing,
     wiping,
     render,
+    surface,
     colorways,
     cameras,
     cancel,

@@ -3,13 +3,21 @@
 import bpy
 from bpy.props import BoolProperty, PointerProperty, StringProperty
 
-from . import marking, scene, seeing, session, swatches, working
+from . import marking, scene, seeing, session, surface, swatches, working
 from .scene import KARF_PG_scene
 from .seeing import KARF_PG_seeing
 from .session import KARF_PG_colorways, KARF_PG_progress
 from .working import KARF_PG_folding
 
-CLASSES = (*swatches.CLASSES, *marking.CLASSES, *working.CLASSES, *scene.CLASSES, *session.CLASSES, *seeing.CLASSES)
+CLASSES = (
+    *swatches.CLASSES,
+    *marking.CLASSES,
+    *working.CLASSES,
+    *surface.CLASSES,
+    *scene.CLASSES,
+    *session.CLASSES,
+    *seeing.CLASSES,
+)
 
 
 def register():

@@ -10,6 +10,7 @@ from ..project import contents, disk, folders
 from ..rig import reprojection
 from ..swatches import palettes, recolor
 from .marking import KARF_PG_marking
+from .surface import KARF_PG_surface
 from .swatches import KARF_PG_object, edit_changed
 from .working import KARF_PG_looking
 
@@ -146,6 +147,7 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
     )
     active_view: StringProperty(name="View", description="The captured view that is shown", update=_view_chosen)
     objects: CollectionProperty(type=KARF_PG_object)
+    surface: PointerProperty(type=KARF_PG_surface)
     result: PointerProperty(name="Result", type=bpy.types.Image, description="The recolored picture")
     marking: PointerProperty(type=KARF_PG_marking)
 

@@ -25,6 +25,7 @@ from .masks import (
 from .render import camera_folder, render_camera, render_captured, render_view, save_shown
 from .seeing import see_view, show_masks
 from .sequences import add_strip, show_frames
+from .surface import export_scene, place_points, show_colors, show_scene
 from .view import leave_view, look_through, reprojection_error
 
 __all__ = [
@@ -38,6 +39,7 @@ __all__ = [
     "compositor_node",
     "erase_mask",
     "export_cameras",
+    "export_scene",
     "extract_palette",
     "find_poses",
     "frame_range",
@@ -54,6 +56,7 @@ __all__ = [
     "mark_lasso",
     "mark_stroke",
     "place_layers",
+    "place_points",
     "predict_colorways",
     "prepare_views",
     "remove_object",
@@ -66,8 +69,10 @@ __all__ = [
     "save_shown",
     "see_view",
     "segment",
+    "show_colors",
     "show_frames",
     "show_masks",
     "show_photo",
+    "show_scene",
     "show_view",
 ]

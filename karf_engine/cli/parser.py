@@ -108,6 +108,13 @@ def _add_editing(commands: Commands) -> None:
     verb.add_argument("--size", default="photo", help="as for render (default: %(default)s)")
     verb.add_argument("--predict-only", action="store_true", help="only write colorways.csv: what will be reached")
 
+    verb = _verb(commands, "points", "write the scene as points on its surface", verbs.write_points)
+    verb.add_argument("project", metavar="DIR", help="project folder")
+    verb.add_argument("--out", required=True, metavar="FILE", help=".ply: colored points; .npz: with what recoloring "
+                      "them needs")  # fmt: skip
+    verb.add_argument("--count", type=int, default=60_000, help="about how many points (default: %(default)s)")
+    verb.add_argument("--edit", metavar="FILE", help="EDIT.json or a palette file: a .ply gets these colors")
+
 
 def _add_picture_options(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("--base", choices=("photo", "render"), help="what an edit of a captured view changes (default: "

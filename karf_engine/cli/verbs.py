@@ -105,6 +105,12 @@ def render_colorways(options: argparse.Namespace) -> int:
     return 0
 
 
+def write_points(options: argparse.Namespace) -> int:
+    """The scene as points."""
+    library.write_points(options.project, options.out, count=options.count, edit=options.edit, **_run_of(options))
+    return 0
+
+
 def _run_of(options: argparse.Namespace) -> library.Run:
     """How the command line runs a stage: events go to the terminal."""
     return {"threads": options.threads, "device": options.device, "emit": TerminalEmit()}
