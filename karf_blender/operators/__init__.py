@@ -18,6 +18,7 @@ from . import (
     seeing,
     surface,
     swatches,
+    wiping,
     workspace,
 )
 
@@ -31,6 +32,7 @@ FILES = (
     edit,
     swatches,
     seeing,
+    wiping,
     render,
     surface,
     colorways,

@@ -210,3 +210,20 @@ def test_a_learned_color_is_drawn_as_an_icon_of_it(addon):
     chips.icon((1.0, 0.25, 0.0))
     pixels = chips._Chips.icons["#ff4000"].icon_pixels_float[:]
     np.testing.assert_allclose(np.reshape(pixels, (-1, 4)), [[1, 0.25, 0, 1]] * chips.SIDE**2, atol=1 / 255)
+
+
+def test_what_is_looked_at_and_what_is_left_are_in_the_panel(bpy, addon, learned, draw):
+    seeing = bpy.context.window_manager.karf_seeing
+    assert draw().count("karf.solo_swatch") == 4 and "karf.see_view" not in draw()
+    seeing.mode = "LEARNED"
+    assert "karf.see_view" in draw()
+    seeing.mode = "EDITED"
+    bpy.ops.karf.show_masks()
+    assert {"tint", "lid", "pot"} <= set(draw())
+    learned.karf.active_view = "photo_2"
+    assert "Press Show Masks for this view" in draw()
+    seeing.show_masks = False
+    pot = learned.karf.objects["pot"]
+    pot.show_becomes = True
+    pot.source, pot.target = (0.8, 0.2, 0.1), (0.1, 0.3, 0.8)
+    assert f"{addon.wishes.left(learned, pot):.1f} CIEDE2000 left" in draw()
