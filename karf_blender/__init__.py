@@ -7,6 +7,7 @@ from .nodes import drivers
 from .pictures import chips
 from .project import disk, saving
 from .rig import reprojection
+from .steps import preview
 from .swatches import drawn_over, groups, recolor
 from .tasks import ownership, runner, warm
 from .workspace import clicking, estimates, folding, opening, statusbar
@@ -29,6 +30,7 @@ MODULES = (
     ownership,
     runner,
     warm,
+    preview,
     folding,
     statusbar,
     clicking,

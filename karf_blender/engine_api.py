@@ -16,6 +16,7 @@ from ..karf_engine.capture.reprojection import (
     summarize,
     undistorted_near,
 )
+from ..karf_engine.capture.transforms_json import camera_to_json
 from ..karf_engine.capture.undistortion import undistorted
 from ..karf_engine.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from ..karf_engine.edit.becomes import match_becomes, match_fewest, nearest_weights
@@ -99,6 +100,7 @@ __all__ = [
     "SwatchPicture",
     "View",
     "atomic_write",
+    "camera_to_json",
     "checksum",
     "ciede2000",
     "color_to_text",

@@ -28,6 +28,7 @@ MODULES = {
     "rig": "camera_paths cameras frames lens looking placement points reprojection",
     "swatches": "becomes display drawn_over edits object_masks palettes planes recolor wishes",
     "marking": "asking following gestures history objects overlay photo png proposals raster sheets tools",
+    "steps": "preview",
     "tasks": "ownership runner task warm",
     "compositor": "group",
     "nodes": "drivers sockets",
@@ -67,6 +68,7 @@ def addon(bpy, monkeypatch):
     modules.recolor.forget()
     yield modules
     assert not modules.runner.is_running()
+    modules.preview.stop()
     modules.warm.stop()
 
 

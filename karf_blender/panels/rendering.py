@@ -1,5 +1,6 @@
 """Step 7, Render: the pictures, and below them a group that can be opened for each other kind of result."""
 
+from .preview import draw_live
 from .surface import draw_surface
 
 
@@ -47,6 +48,7 @@ def draw_compositor(layout, karf):
 
 # name, title, what it draws
 GROUPS = (
+    ("live", "Live Camera", draw_live),
     ("sequence", "Rendered Frames", draw_sequence),
     ("colorways", "Colorways", draw_colorways),
     ("surface", "Scene in 3D", draw_surface),

@@ -46,6 +46,23 @@ def upright(buffer: np.ndarray) -> np.ndarray:
     return buffer[::-1, :, :3]
 
 
+def enlarged(buffer: np.ndarray, width: int, height: int) -> np.ndarray:
+    """An RGBA buffer [h, w, 4] at another size, by linear interpolation between the centers of its pixels."""
+    if buffer.shape[:2] == (height, width):
+        return buffer
+    low, high, share = _between(buffer.shape[0], height)
+    tall = buffer[low] + share[:, None, None] * (buffer[high] - buffer[low])
+    low, high, share = _between(buffer.shape[1], width)
+    return tall[:, low] + share[:, None] * (tall[:, high] - tall[:, low])
+
+
+def _between(count: int, wanted: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The two of `count` pixels between whose centers each of the wanted ones lies, and how near to the second."""
+    place = ((np.arange(wanted, dtype=np.float32) + np.float32(0.5)) * count / wanted - 0.5).clip(0, count - 1)
+    low = place.astype(np.int64)
+    return low, np.minimum(low + 1, count - 1), (place - low).astype(np.float32)
+
+
 def upload(image: bpy.types.Image, buffer: np.ndarray) -> None:
     """Show an RGBA buffer [H, W, 4] in an image of the same size."""
     image.pixels.foreach_set(buffer.ravel())
