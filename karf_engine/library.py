@@ -230,6 +230,25 @@ def colorways(
     _run("colorways", project, options, run)
 
 
+def write_points(
+    project: PathLike, out: PathLike, *, count: int = 60_000, edit: PathLike | None = None, **run: Unpack[Run]
+) -> None:
+    """Write the scene as points on its surface, for viewers.
+
+    Args:
+        project: one whose palettes are learned.
+        out: the file: `.npz`, with all that recoloring needs (`read_points`), or `.ply`, colored points.
+        count: about how many points.
+        edit: of a `.ply`, the file of an edit that its colors have.
+        **run: see the module's docstring.
+
+    Raises:
+        KarfError: nothing is learned, the count is out of range, or the file is of another kind.
+    """
+    options = {"out": str(out), "count": count} | ({} if edit is None else {"edit": str(edit)})
+    _run("points", project, options, run)
+
+
 def find_poses(photos: PathLike, out: PathLike, *, matching: str = "auto", **run: Unpack[Run]) -> None:
     """Make a capture of photos without camera poses, or of a video; needs the extra `photos`.
 

@@ -2,9 +2,39 @@
 
 import bpy
 
-from . import cameras, cancel, capture, colorways, edit, failure, installing, learn, masks, probing, render
+from . import (
+    cameras,
+    cancel,
+    capture,
+    colorways,
+    edit,
+    failure,
+    installing,
+    learn,
+    marking,
+    masks,
+    probing,
+    render,
+    seeing,
+    surface,
+)
 
-FILES = (capture, masks, learn, installing, probing, edit, render, colorways, cameras, cancel, failure)
+FILES = (
+    capture,
+    masks,
+    marking,
+    learn,
+    installing,
+    probing,
+    edit,
+    seeing,
+    render,
+    surface,
+    colorways,
+    cameras,
+    cancel,
+    failure,
+)
 CLASSES = tuple(each for file in FILES for each in file.CLASSES)
 
 

@@ -3,6 +3,7 @@
 from ..host.labels import draw_text
 from ..pictures import chips
 from ..project import disk
+from .seeing import draw_left, draw_seeing, draw_solo
 from .views import draw_view
 
 
@@ -20,6 +21,7 @@ def draw_edit(layout, context):
         draw_text(layout, f"{karf.active_view} is not prepared: Prepare shows it recolored", "INFO")
     if not any(area.type == "IMAGE_EDITOR" for area in context.screen.areas):
         layout.label(text="Open an Image Editor to see it", icon="INFO")
+    draw_seeing(layout, context)
     for item in karf.objects:
         draw_object(layout.box(), item)
     layout.prop(karf, "compositing", text="Result")
@@ -52,6 +54,7 @@ def draw_swatch(column, item, index, swatch):
     edited = column.row(align=True)
     edited.scale_y = 2.0
     edited.prop(swatch, "color", text="")
+    draw_solo(column, item.name, index)
     if item.show_becomes:
         column.prop(swatch, "locked", text="", icon="LOCKED" if swatch.locked else "UNLOCKED")
 
@@ -62,6 +65,7 @@ def draw_becomes(layout, item):
     row.prop(item, "source", text="")
     row.label(text="", icon="FORWARD")
     row.prop(item, "target", text="")
+    draw_left(layout, item)
     row = layout.row(align=True)
     row.prop(item, "rule", text="")
     row.operator("karf.becomes", text="Apply").object_name = item.name

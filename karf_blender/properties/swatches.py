@@ -4,7 +4,7 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty
 
 from ..engine_api import BRIGHTEST
-from ..swatches import recolor
+from ..swatches import recolor, wishes
 from .colors import srgb
 
 RULE_ITEMS = [
@@ -16,6 +16,11 @@ RULE_ITEMS = [
 def edit_changed(self, context):
     """The update of a property that changes the picture."""
     recolor.refresh(self.id_data)
+
+
+def wish_changed(self, context):
+    """The update of a color that another shall become, or of that one."""
+    wishes.update(self.id_data)
 
 
 class KARF_PG_swatch(bpy.types.PropertyGroup):
@@ -39,8 +44,9 @@ class KARF_PG_object(bpy.types.PropertyGroup):
         "Source",
         0.5,
         description="A color of the object as it is in the photo, before any edit; pick it from the picture",
+        update=wish_changed,
     )
-    target: srgb("Target", 0.5, description="The color that the source shall become")
+    target: srgb("Target", 0.5, description="The color that the source shall become", update=wish_changed)
     rule: EnumProperty(name="Rule", items=RULE_ITEMS)
     show_becomes: BoolProperty(
         name="One color becomes another", description="Pick a color of the object and what it shall become"

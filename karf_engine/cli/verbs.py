@@ -81,7 +81,8 @@ def find_poses(options: argparse.Namespace) -> int:
 
 def match(options: argparse.Namespace) -> int:
     """An edit."""
-    values = {name: getattr(options, name) for name in ("object", "source", "target", "rule", "edit", "out")}
+    names = ("object", "source", "target", "rule", "view", "picture", "edit", "out", "device", "threads")
+    values = {name: getattr(options, name) for name in names}
     run_request(Request("match", Path(options.project), values), TerminalEmit(), lambda: False)
     return 0
 
@@ -101,6 +102,12 @@ def render_colorways(options: argparse.Namespace) -> int:
     """Pictures of views in all colorways."""
     chosen = {"views": options.views, "size": options.size, "predict_only": options.predict_only}
     library.colorways(options.project, options.sheet, options.out, **chosen, **_run_of(options))
+    return 0
+
+
+def write_points(options: argparse.Namespace) -> int:
+    """The scene as points."""
+    library.write_points(options.project, options.out, count=options.count, edit=options.edit, **_run_of(options))
     return 0
 
 

@@ -108,6 +108,11 @@ class Project:
         return self.folder / "recoloring.safetensors"
 
     @property
+    def points_file(self) -> Path:
+        """Points on the scene's surface, as the 3D View shows them."""
+        return self.folder / "points.npz"
+
+    @property
     def planes_folder(self) -> Path:
         """Edit planes of captured views; see `edit.compositing`."""
         return self.folder / "planes"

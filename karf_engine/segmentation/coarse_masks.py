@@ -6,7 +6,6 @@ Photos of several cameras lie in subfolders, and masks may lie in the same: MASK
 from __future__ import annotations
 
 import itertools
-import os
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ import numpy as np
 from ..capture.camera import Camera
 from ..capture.capture import Capture, View
 from ..capture.image_size import MOST_PHOTO_BYTES
+from ..capture.mask_names import fits_view, mask_files
 from ..errors import DataError
 from ..files import atomic_write
 from ..images import read_mask, resize
@@ -23,7 +23,6 @@ from ..inputs import check_file
 from ..names import file_name, is_file_name, same_but_for_case
 from ..plates import Plate, undistort
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".webp")
 LAYOUT_HINT = "Lay masks out as MASKS/<object>/<photo stem>.png, as large as the photo."
 
 
@@ -85,7 +84,7 @@ def object_folders(folder: Path) -> list[Path]:
 
 def marked_views(folder: Path, capture: Capture) -> set[str]:
     """Names of the views that something below MASKS/<object>/ is named after; nothing is checked."""
-    files = [path.relative_to(folder).parts[1:] for path in _mask_files(folder)]
+    files = [path.relative_to(folder).parts[1:] for path in mask_files(folder)]
     found = [fitting_views(Path(*below), capture) for below in files if below]
     return {views[0].name for views in found if len(views) == 1}
 
@@ -96,7 +95,7 @@ def marks_of(folder: Path, capture: Capture) -> list[CoarseMask]:
         raise DataError(f"{folder} names an object 'background', which is what no mask covers.", "Rename the folder.")
     if not is_file_name(folder.name):
         raise DataError(f"{folder} names an object as no file can be called on every system.", "Rename the folder.")
-    files = _mask_files(folder)
+    files = mask_files(folder)
     for path in files:
         check_file(path, MOST_PHOTO_BYTES)
     masks = [CoarseMask(folder.name, _view_of(path, path.relative_to(folder), capture), path) for path in files]
@@ -104,15 +103,6 @@ def marks_of(folder: Path, capture: Capture) -> list[CoarseMask]:
         if first.view.name == second.view.name:
             raise DataError(f"{first.path} and {second.path} mark the same photo.", "Keep one of them.")
     return masks
-
-
-def _mask_files(folder: Path) -> list[Path]:
-    """All that is named like a picture below a folder, in order; hidden files are not looked at."""
-    found = []
-    for place, folders, names in os.walk(folder):
-        folders[:] = [name for name in folders if not name.startswith(".")]
-        found += [Path(place, name) for name in names if not name.startswith(".")]
-    return sorted(path for path in found if path.suffix.lower() in SUFFIXES)
 
 
 def _view_of(path: Path, below: Path, capture: Capture) -> View:
@@ -131,18 +121,9 @@ def _view_of(path: Path, below: Path, capture: Capture) -> View:
 
 def fitting_views(below: Path, capture: Capture) -> list[View]:
     """The views that a mask's path in its object's folder can mean: the one of its name, else training ones, else any."""
-    fitting = [view for view in capture.views if _fits(below, view)]
+    fitting = [view for view in capture.views if fits_view(below, view)]
     named = [view for view in fitting if view.name == file_name(below.stem)]
     return named or [view for view in fitting if view.split == "train"] or fitting
-
-
-def _fits(below: Path, view: View) -> bool:
-    """Whether a mask's path in its object's folder can mean this view: by the photo's subfolders, else by name."""
-    stem = file_name(below.stem)
-    if len(below.parts) == 1:
-        return stem in (view.name, view.stem)
-    folders = below.parts[:-1]
-    return view.image is not None and stem == view.stem and view.image.parts[:-1][-len(folders) :] == folders
 
 
 def load_mask(mask: CoarseMask, plate: Plate) -> np.ndarray:
