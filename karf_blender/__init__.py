@@ -10,7 +10,7 @@ from .rig import reprojection
 from .steps import preview
 from .swatches import drawn_over, groups, recolor
 from .tasks import ownership, runner, warm
-from .workspace import clicking, folding, statusbar
+from .workspace import clicking, estimates, folding, opening, statusbar
 
 # later ones use earlier ones: taken down in reverse
 MODULES = (
@@ -34,6 +34,8 @@ MODULES = (
     folding,
     statusbar,
     clicking,
+    opening,
+    estimates,
     operators,
     tools,
     panels,

@@ -49,7 +49,7 @@ from ..karf_engine.names import file_name, is_file_name, same_but_for_case
 from ..karf_engine.project import Project
 from ..karf_engine.project.colorways import PlannedColorway, plan_colorways
 from ..karf_engine.requirements import REQUIRED
-from ..karf_engine.settings import PRESETS
+from ..karf_engine.settings import PRESETS, seconds_of_stages
 from ..karf_engine.wire import LOG_FILE, REQUEST_FILE, WARM, Ask, Event, EventReader, Request
 
 # the file or folder by which each known kind of capture is recognized
@@ -135,6 +135,7 @@ __all__ = [
     "reprojection_errors",
     "rgb_to_hex",
     "same_but_for_case",
+    "seconds_of_stages",
     "shown_colors",
     "srgb_to_lab",
     "srgb_to_linear",

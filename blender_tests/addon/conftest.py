@@ -20,7 +20,7 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 MODULES = {
     "": "engine_api headless preferences progress steps",
     "host": "compat rendering",
-    "engine": "environment examination installing jobs probing processes removing report",
+    "engine": "environment examination installing jobs probing processes removing report speed",
     "engine.managed": "home",
     "preferences": "managing state",
     "project": "captures contents disk folders saving",
@@ -33,9 +33,9 @@ MODULES = {
     "compositor": "group",
     "nodes": "drivers sockets",
     "surface": "mesh placing trees",
-    "operators": "colorways",
-    "panels": "sidebar status swatching",
-    "workspace": "clicking folding states statusbar",
+    "operators": "colorways render",
+    "panels": "learning sidebar status swatching",
+    "workspace": "clicking estimates folding opening states statusbar",
 }
 _exit_code = None
 _has_blender = False

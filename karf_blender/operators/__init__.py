@@ -19,6 +19,8 @@ from . import (
     seeing,
     surface,
     swatches,
+    wiping,
+    workspace,
 )
 
 FILES = (
@@ -31,6 +33,7 @@ FILES = (
     edit,
     swatches,
     seeing,
+    wiping,
     render,
     preview,
     surface,
@@ -38,6 +41,7 @@ FILES = (
     cameras,
     cancel,
     failure,
+    workspace,
 )
 CLASSES = tuple(each for file in FILES for each in file.CLASSES)
 
