@@ -33,7 +33,7 @@ MODULES = {
     "nodes": "drivers sockets",
     "surface": "mesh placing trees",
     "operators": "colorways",
-    "panels": "sidebar status",
+    "panels": "seeing sidebar status",
     "workspace": "clicking folding states statusbar",
 }
 _exit_code = None
