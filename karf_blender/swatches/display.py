@@ -111,8 +111,7 @@ def _learned(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
     rendering = _rendering(scene)
     if rendering is None:  # the panel says that there is none
         return _original(scene, view)
-    sides = zip(rendering.shape, view.planes.base.shape[:2], strict=False)
-    return rendering[np.ix_(*(np.arange(wanted) * given // wanted for given, wanted in sides))]
+    return images.resized(rendering, *view.planes.base.shape[1::-1])
 
 
 def _weights(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
