@@ -227,3 +227,17 @@ def test_what_is_looked_at_and_what_is_left_are_in_the_panel(bpy, addon, learned
     pot.show_becomes = True
     pot.source, pot.target = (0.8, 0.2, 0.1), (0.1, 0.3, 0.8)
     assert f"{addon.wishes.left(learned, pot):.1f} CIEDE2000 left" in draw()
+
+
+def test_the_keys_of_before_and_after_are_in_the_image_editors_key_map_and_leave_with_the_extension(bpy, addon):
+    keymap = bpy.context.window_manager.keyconfigs.addon.keymaps["Image"]
+
+    def keys():
+        return {(item.idname, item.type, item.alt) for item in keymap.keymap_items}
+
+    wanted = {("karf.before_after", "C", False), ("karf.seeing_pie", "C", True)}
+    assert wanted <= keys()
+    addon.seeing.unregister_keys()
+    assert not wanted & keys()
+    addon.seeing.register_keys()
+    assert wanted <= keys()
