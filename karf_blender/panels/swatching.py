@@ -3,6 +3,7 @@
 import bpy
 
 from ..pictures import chips
+from ..properties.swatches import KARF_PG_swatch
 
 
 def draw_object(layout, item):
@@ -157,6 +158,23 @@ class KARF_MT_palette_presets(bpy.types.Menu):
     preset_operator = "script.execute_preset"
     preset_add_operator = "karf.palette_preset"
     draw = bpy.types.Menu.draw_preset
+
+
+def draw_context_menu(menu, context):
+    """The menu of a swatch, where its field or its chip was clicked by the right button."""
+    swatch, chip = getattr(context, "button_pointer", None), getattr(context, "button_operator", None)
+    objects = context.scene.karf.objects
+    if isinstance(swatch, KARF_PG_swatch):
+        item = next(each for each in objects if swatch in each.swatches.values())
+    elif chip is not None and chip.bl_rna.identifier == "KARF_OT_reset_swatch" and chip.index:
+        item = objects[chip.object_name]
+        swatch = item.swatches[chip.index]
+    else:
+        return
+    menu.layout.separator()
+    menu.layout.context_pointer_set("karf_object", item)
+    menu.layout.context_pointer_set("karf_swatch", swatch)
+    menu.layout.menu("KARF_MT_swatch", text="KaRF Swatch")
 
 
 CLASSES = (
