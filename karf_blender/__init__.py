@@ -1,13 +1,15 @@
 """The Blender side: cameras, swatches and pictures. It runs the engine in its own process and never imports torch."""
 
 from . import operators, panels, preferences, properties
-from .compositor import drivers
 from .host import rendering
+from .marking import following, overlay, tools
+from .nodes import drivers
 from .pictures import chips
 from .project import disk, saving
 from .rig import reprojection
-from .swatches import groups, recolor
+from .swatches import drawn_over, groups, recolor
 from .tasks import ownership, runner, warm
+from .workspace import clicking, folding, statusbar
 
 # later ones use earlier ones: taken down in reverse
 MODULES = (
@@ -20,11 +22,18 @@ MODULES = (
     saving,
     drivers,
     reprojection,
+    overlay,
+    drawn_over,
+    following,
     disk,
     ownership,
     runner,
     warm,
+    folding,
+    statusbar,
+    clicking,
     operators,
+    tools,
     panels,
 )
 

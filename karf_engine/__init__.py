@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         load,
         render,
         segment,
+        write_points,
     )
     from .model import Model
     from .settings import PRESETS, Settings
@@ -62,6 +63,7 @@ _HOME = {  # name -> the module that defines it
     "render_bundle": "farm.bundle",
     "segment": "library",
     "write_edit": "edit.palette",
+    "write_points": "library",
 }
 
 __all__ = [
@@ -90,6 +92,7 @@ __all__ = [
     "render_bundle",
     "segment",
     "write_edit",
+    "write_points",
 ]
 
 

@@ -52,6 +52,7 @@ def learn(
     preset: str = "demo",
     overrides: Sequence[str] = (),
     nerf: PathLike | None = None,
+    holdout: int | None = None,
     **run: Unpack[Run],
 ) -> Model:
     """Learn everything: geometry, segmentation, palettes and their weights.
@@ -63,6 +64,8 @@ def learn(
         preset: `demo`, `fast`, `quality` or `paper` (see `PRESETS`).
         overrides: single settings, each as `stage.field=value`.
         nerf: checkpoint of a NeRF that another program has trained on this capture, to take as geometry.
+        holdout: hold out every so many-th photo as test view, unless it is marked, where the capture declares none; 0:
+            learn from all. By default as the project was learned, else 0.
         **run: see the module's docstring.
 
     Returns:
@@ -71,7 +74,8 @@ def learn(
     Raises:
         KarfError: an input is missing, damaged or contradicts another, or the computer ran out of memory.
     """
-    learn_geometry(capture, project=project, preset=preset, overrides=overrides, nerf=nerf, **run)
+    chosen = {"preset": preset, "overrides": overrides, "nerf": nerf, "holdout": holdout}
+    learn_geometry(capture, project=project, masks=masks, **chosen, **run)
     segment(project, masks, **run)
     extract_palettes(project, **run)
     learn_recoloring(project, **run)
@@ -85,14 +89,20 @@ def learn_geometry(
     preset: str = "demo",
     overrides: Sequence[str] = (),
     nerf: PathLike | None = None,
+    holdout: int | None = None,
+    masks: PathLike | None = None,
     **run: Unpack[Run],
 ) -> None:
-    """Learn the radiance field of a capture into a project. Arguments and errors as for `learn`."""
+    """Learn the radiance field of a capture into a project; marked photos are among those that it learns from.
+
+    Arguments and errors as for `learn`.
+    """
     is_open = not isinstance(capture, PathLike)
     source = capture.source if is_open else capture
     options = {"capture": str(source), "preset": preset, "overrides": list(overrides)}
-    if nerf is not None:
-        options["nerf"] = str(nerf)
+    options |= {name: str(path) for name, path in (("nerf", nerf), ("masks", masks)) if path is not None}
+    if holdout is not None:
+        options["holdout"] = holdout
     _run("geometry", project, options, run, **({"capture": capture} if is_open else {}))
 
 
@@ -124,7 +134,7 @@ def render(
     project: PathLike,
     out: PathLike,
     *,
-    views: str = "test",
+    views: str = "all",
     first: int | None = None,
     last: int | None = None,
     count: int | None = None,
@@ -214,6 +224,25 @@ def colorways(
     """
     options = {"sheet": str(sheet), "out": str(out), "views": views, "size": size, "predict_only": predict_only}
     _run("colorways", project, options, run)
+
+
+def write_points(
+    project: PathLike, out: PathLike, *, count: int = 60_000, edit: PathLike | None = None, **run: Unpack[Run]
+) -> None:
+    """Write the scene as points on its surface, for viewers.
+
+    Args:
+        project: one whose palettes are learned.
+        out: the file: `.npz`, with all that recoloring needs (`read_points`), or `.ply`, colored points.
+        count: about how many points.
+        edit: of a `.ply`, the file of an edit that its colors have.
+        **run: see the module's docstring.
+
+    Raises:
+        KarfError: nothing is learned, the count is out of range, or the file is of another kind.
+    """
+    options = {"out": str(out), "count": count} | ({} if edit is None else {"edit": str(edit)})
+    _run("points", project, options, run)
 
 
 def find_poses(photos: PathLike, out: PathLike, *, matching: str = "auto", **run: Unpack[Run]) -> None:

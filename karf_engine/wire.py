@@ -28,7 +28,10 @@ PROTOCOL = 1
 REQUEST_FILE = "request.json"
 EVENTS_FILE = "events.jsonl"
 LOG_FILE = "engine.log"
-STAGES = ("geometry", "segmentation", "palette", "recoloring", "render", "match", "colorways", "poses", "all", "warm")
+STAGES = (
+    *("geometry", "segmentation", "palette", "recoloring", "render", "match", "colorways", "points", "poses", "all"),
+    "warm",
+)
 WARM = STAGES[-1]  # answers asks until it is done; see `karf_engine.warm`
 FINAL_EVENTS = ("done", "error", "cancelled")
 MOST_THREADS = 256
@@ -53,7 +56,7 @@ OPTION_TYPES: dict[str, tuple[type, ...]] = {
     "edit": (str, list),
     "size": (str, int),
     **dict.fromkeys(("overrides", "locked"), (list,)),
-    **dict.fromkeys(("threads", "first", "last", "count", "idle_minutes"), (int,)),
+    **dict.fromkeys(("threads", "first", "last", "count", "holdout", "idle_minutes"), (int,)),
 }
 
 

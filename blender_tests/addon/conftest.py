@@ -24,13 +24,17 @@ MODULES = {
     "engine.managed": "home",
     "preferences": "managing state",
     "project": "captures contents disk folders saving",
-    "pictures": "editors images masks photos sequences chips tints",
-    "rig": "camera_paths cameras frames lens placement points reprojection",
-    "swatches": "becomes edits palettes planes recolor",
+    "pictures": "editors images photos sequences chips tints",
+    "rig": "camera_paths cameras frames lens looking placement points reprojection",
+    "swatches": "becomes display drawn_over edits object_masks palettes planes recolor wishes",
+    "marking": "asking following gestures history objects overlay photo png proposals raster sheets tools",
     "tasks": "ownership runner task warm",
     "compositor": "group",
+    "nodes": "drivers sockets",
+    "surface": "mesh placing trees",
     "operators": "colorways",
-    "panels": "sidebar swatching",
+    "panels": "sidebar status swatching",
+    "workspace": "clicking folding states statusbar",
 }
 _exit_code = None
 _has_blender = False

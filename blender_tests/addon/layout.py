@@ -24,8 +24,19 @@ class Layout:
     def panel(self, name, default_closed=False):
         return self.row(), self.row()
 
-    def prop_enum(self, data, name, value):
-        self.prop(data, name)
+    def panel_prop(self, data, name):
+        """Opened, whatever the property says: what is drawn in it is checked too."""
+        assert name in data.bl_rna.properties
+        return self.row(), self.row()
+
+    def popover(self, panel, text="", **options):
+        """With what it opens: that is drawn too."""
+        self._check(**options)
+        self._drawn.append(text)
+        getattr(self._bpy.types, panel).draw(SimpleNamespace(layout=self.row()), self._bpy.context)
+
+    def prop_enum(self, data, name, value, **options):
+        self.prop(data, name, **options)
         assert value in data.bl_rna.properties[name].enum_items
 
     def template_list(self, kind, name, data, collection, active_data, active, **_):

@@ -21,7 +21,7 @@ from .editing import (
     show_view,
 )
 from .installing import engine_files, engine_status, install_engine, plan_engine, remove_engine, repair_engine
-from .learning import extract_palette, find_poses, import_capture, learn_scene, reprojection_error, segment
+from .learning import extract_palette, find_poses, import_capture, learn_all, learn_scene, reprojection_error, segment
 from .rendering import (
     add_strip,
     build_compositor,
@@ -34,6 +34,7 @@ from .rendering import (
     render_view,
     show_frames,
 )
+from .surface import export_scene, show_scene
 from .testing import examine_engine
 
 __all__ = [
@@ -49,12 +50,14 @@ __all__ = [
     "engine_status",
     "examine_engine",
     "export_cameras",
+    "export_scene",
     "extract_palette",
     "farm_bundle",
     "find_poses",
     "import_cameras",
     "import_capture",
     "install_engine",
+    "learn_all",
     "learn_scene",
     "link_swatches",
     "match_picture",
@@ -72,5 +75,6 @@ __all__ = [
     "segment",
     "set_swatch",
     "show_frames",
+    "show_scene",
     "show_view",
 ]

@@ -2,9 +2,41 @@
 
 import bpy
 
-from . import cameras, cancel, capture, colorways, edit, failure, installing, learn, masks, probing, render, swatches
+from . import (
+    cameras,
+    cancel,
+    capture,
+    colorways,
+    edit,
+    failure,
+    installing,
+    learn,
+    marking,
+    masks,
+    probing,
+    render,
+    seeing,
+    surface,
+    swatches,
+)
 
-FILES = (capture, masks, learn, installing, probing, edit, swatches, render, colorways, cameras, cancel, failure)
+FILES = (
+    capture,
+    masks,
+    marking,
+    learn,
+    installing,
+    probing,
+    edit,
+    swatches,
+    seeing,
+    render,
+    surface,
+    colorways,
+    cameras,
+    cancel,
+    failure,
+)
 CLASSES = tuple(each for file in FILES for each in file.CLASSES)
 
 

@@ -22,9 +22,9 @@ def reports_errors(execute: Callable) -> Callable:
     raises it."""
 
     @wraps(execute)
-    def safe(self, context):
+    def safe(self, context, *event):
         try:
-            return execute(self, context)
+            return execute(self, context, *event)
         except KarfError as error:
             self.report({"ERROR"}, str(error))
         except OSError as error:

@@ -2,9 +2,9 @@
 
 import bpy
 
-from . import sidebar, swatching
+from . import marking, seeing, sidebar, status, swatching
 
-CLASSES = (*swatching.CLASSES, *sidebar.CLASSES)
+CLASSES = (*marking.CLASSES, *status.CLASSES, *seeing.CLASSES, *swatching.CLASSES, *sidebar.CLASSES)
 
 
 def register():
@@ -12,10 +12,12 @@ def register():
     for each in CLASSES:
         bpy.utils.register_class(each)
     bpy.types.UI_MT_button_context_menu.append(swatching.draw_context_menu)
+    seeing.register_keys()
 
 
 def unregister():
     """Called when the extension is disabled."""
     bpy.types.UI_MT_button_context_menu.remove(swatching.draw_context_menu)
+    seeing.unregister_keys()
     for each in reversed(CLASSES):
         bpy.utils.unregister_class(each)

@@ -2,6 +2,7 @@
 
 from ..host.labels import draw_text
 from ..project import disk
+from .seeing import draw_seeing
 from .swatching import draw_object
 from .views import draw_view
 
@@ -20,6 +21,7 @@ def draw_edit(layout, context):
         draw_text(layout, f"{karf.active_view} is not prepared: Prepare shows it recolored", "INFO")
     if not any(area.type == "IMAGE_EDITOR" for area in context.screen.areas):
         layout.label(text="Open an Image Editor to see it", icon="INFO")
+    draw_seeing(layout, context)
     for item in karf.objects:
         draw_object(layout.box(), item)
     draw_match(layout.box(), karf)

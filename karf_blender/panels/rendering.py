@@ -1,6 +1,7 @@
 """Step 7, Render: what pictures share, and below it a group that can be closed for each kind of result."""
 
 from ..properties.scene import FORMAT_DEPTHS
+from .surface import draw_surface
 
 
 def draw_render(layout, context):
@@ -65,5 +66,6 @@ GROUPS = (
     ("camera", "Camera", draw_camera, True),
     ("sequence", "Rendered Frames", draw_sequence, True),
     ("colorways", "Colorways", draw_colorways, True),
+    ("surface", "Scene in 3D", draw_surface, True),
     ("compositor", "Compositor", draw_compositor, True),
 )

@@ -4,6 +4,7 @@ import bpy
 
 from ..pictures import chips
 from ..properties.swatches import KARF_PG_swatch
+from .seeing import draw_left, draw_solo
 
 
 def draw_object(layout, item):
@@ -25,7 +26,7 @@ def draw_object(layout, item):
 
 
 def draw_swatch(column, item, index, swatch):
-    """One swatch: above as learned (a click gives it back), below as it shall be, and its menu."""
+    """One swatch: above as learned (a click gives it back), below as it shall be, its weights alone, and its menu."""
     column.context_pointer_set("karf_object", item)
     column.context_pointer_set("karf_swatch", swatch)
     row = column.row(align=True)
@@ -37,7 +38,9 @@ def draw_swatch(column, item, index, swatch):
     edited.scale_y = 2.0
     edited.enabled = not swatch.locked
     edited.prop(swatch, "color", text="")
-    column.menu("KARF_MT_swatch", text="", icon=state_icon(swatch))
+    row = column.row(align=True)
+    draw_solo(row, item.name, index)
+    row.menu("KARF_MT_swatch", text="", icon=state_icon(swatch))
 
 
 def state_icon(swatch):
@@ -51,6 +54,7 @@ def draw_becomes(layout, item):
     row.prop(item, "source", text="")
     row.label(text="", icon="FORWARD")
     row.prop(item, "target", text="")
+    draw_left(layout, item)
     row = layout.row(align=True)
     row.prop(item, "rule", text="")
     row.prop(item, "live", toggle=True)
@@ -155,7 +159,7 @@ class KARF_MT_palette_presets(bpy.types.Menu):
 
     bl_label = "Palette Presets"
     preset_subdir = "karf/palettes"
-    preset_operator = "script.execute_preset"
+    preset_operator = "karf.apply_palette_preset"
     preset_add_operator = "karf.palette_preset"
     draw = bpy.types.Menu.draw_preset
 

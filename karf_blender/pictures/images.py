@@ -125,6 +125,34 @@ def resized(colors: np.ndarray, width: int, height: int) -> np.ndarray:
         bpy.data.images.remove(image)
 
 
+def read_mask(path: Path) -> np.ndarray:
+    """A mask [H, W] bool, by the engine's rules: over one half in alpha where that varies, else in the brightest channel.
+
+    Raises:
+        DataError: The file is unreadable.
+        BadRequest: Blender renders.
+    """
+    with opened(path) as image:
+        rgba = pixels(image)
+    color, opaque = rgba[..., :3].max(-1), rgba[..., 3] > 0.5
+    brightest = color.max()
+    inside = color > (0.5 if brightest > 1.5 / 255 else brightest / 2)  # labels are 0 and 1 of 255
+    return opaque if opaque.any() and not opaque.all() else inside & opaque
+
+
+def read_correction(path: Path) -> np.ndarray:
+    """A correction [H, W] int8: 1 where opaque white says "this is it", -1 where opaque black says "this is not", else 0.
+
+    Raises:
+        DataError: The file is unreadable.
+        BadRequest: Blender renders.
+    """
+    with opened(path) as image:
+        rgba = pixels(image)
+    said = np.where(rgba[..., 0] > 0.5, 1, -1)
+    return np.where(rgba[..., 3] > 0.5, said, 0).astype(np.int8)
+
+
 def write_png(path: Path, colors: np.ndarray) -> None:
     """Write [H, W, 3] in [0, 1] as an 8 bit PNG, atomically; the numbers are rounded, no view transform."""
     height, width = colors.shape[:2]

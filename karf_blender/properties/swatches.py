@@ -13,7 +13,7 @@ from bpy.props import (
 
 from .. import progress
 from ..engine_api import BRIGHTEST, KarfError
-from ..swatches import becomes, edits, groups, recolor
+from ..swatches import becomes, edits, groups, recolor, wishes
 from .colors import srgb
 
 RULE_ITEMS = [
@@ -34,6 +34,7 @@ def _color_changed(self, context):
 
 def _source_picked(self, context):
     becomes.picked(self)
+    wishes.update(self.id_data)
 
 
 def _target_changed(self, context):
@@ -42,6 +43,7 @@ def _target_changed(self, context):
             becomes.apply_picked(self)
         except (KarfError, OSError) as error:
             progress.warn(str(error))
+    wishes.update(self.id_data)
 
 
 def _picture_chosen(self, context):

@@ -1,32 +1,22 @@
 """One color of an object becomes another, from the picture as it is edited, at once while the target is dragged."""
 
-from pathlib import Path
-
 import bpy
 import numpy as np
 
 from ..engine_api import (
-    ColorHistogram,
     Edit,
+    Palette,
     ciede2000,
     match_becomes,
     match_fewest,
     nearest_weights,
-    read_object_colors,
     rgb_to_hex,
+    shown_colors,
     srgb_to_lab,
 )
-from ..project import folders
-from . import colors, edits, groups
+from . import colors, edits, groups, wishes
 
 FOREIGN = 10.0  # CIEDE2000 from which an object shows no such color
-
-
-class _Memory:
-    """The histograms read last, of one file: its path and time, and what each object's is."""
-
-    source: tuple[Path, int] | None = None
-    histograms: dict[str, ColorHistogram] = {}
 
 
 def apply(
@@ -50,10 +40,10 @@ def apply(
         DataError: The project's histogram of the object's colors is damaged.
     """
     item = edits.object_named(scene, name)
-    seen = _histogram(scene, name)
+    seen = wishes.seen(scene, name)
     locked, now = groups.held(item), colors.edited(item)
     start = np.where(np.isin(np.arange(len(now)), locked)[:, None], now, start)
-    shown = np.clip(seen.colors + seen.palette_weights @ (start - colors.learned(item)), 0, 1)
+    shown = shown_colors(seen, Palette(name, colors.learned(item)), start)
     weights = groups.gathered(item, seen.palette_weights.T).T
     if rule == "fewest":
         edited = match_fewest(nearest_weights(shown, weights, source), start, target, locked, shown=source)
@@ -84,15 +74,3 @@ def picked(item: bpy.types.PropertyGroup) -> None:
     """Remember the swatches with which the picture shows the source that was just picked."""
     for name in ("before", "after"):
         item.swatches.foreach_set(name, colors.edited(item).ravel())
-
-
-def _histogram(scene: bpy.types.Scene, name: str) -> ColorHistogram:
-    """An object's colors, read once."""
-    project = folders.project_of(scene)
-    file = project.object_colors_file
-    source = file, file.stat().st_mtime_ns if file.exists() else 0
-    if _Memory.source != source:
-        _Memory.source, _Memory.histograms = source, {}
-    if name not in _Memory.histograms:
-        _Memory.histograms[name] = read_object_colors(project.checked(file), name)
-    return _Memory.histograms[name]

@@ -44,6 +44,7 @@ def _add_learning(commands: Commands) -> None:
 
     verb = _verb(commands, "geometry", "learn the scene from photos with poses", verbs.learn_geometry)
     _add_geometry_options(verb)
+    verb.add_argument("--masks", metavar="DIR", help="coarse masks, whose photos are learned from in any case")
     verb.add_argument("--project", required=True, metavar="DIR", help="project folder, made if needed")
 
     verb = _verb(commands, "segmentation", "turn coarse masks into objects in all views", verbs.segment)
@@ -82,7 +83,7 @@ def _add_editing(commands: Commands) -> None:
     verb = _verb(commands, "render", "render masks, pictures and recolored frames", verbs.render)
     verb.add_argument("project", metavar="DIR", help="project folder")
     verb.add_argument(
-        "--views", default="test", help="train, test, val, all, names with commas, or CAMERAS.json (transforms.json "
+        "--views", default="all", help="train, test, val, all, names with commas, or CAMERAS.json (transforms.json "
         "with sizes) (default: %(default)s)",
     )  # fmt: skip
     verb.add_argument("--first", type=int, metavar="N", help="the first of these views to write, counted from 1")
@@ -107,6 +108,13 @@ def _add_editing(commands: Commands) -> None:
     verb.add_argument("--size", default="photo", help="as for render (default: %(default)s)")
     verb.add_argument("--predict-only", action="store_true", help="only write colorways.csv: what will be reached")
 
+    verb = _verb(commands, "points", "write the scene as points on its surface", verbs.write_points)
+    verb.add_argument("project", metavar="DIR", help="project folder")
+    verb.add_argument("--out", required=True, metavar="FILE", help=".ply: colored points; .npz: with what recoloring "
+                      "them needs")  # fmt: skip
+    verb.add_argument("--count", type=int, default=60_000, help="about how many points (default: %(default)s)")
+    verb.add_argument("--edit", metavar="FILE", help="EDIT.json or a palette file: a .ply gets these colors")
+
 
 def _add_picture_options(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("--base", choices=("photo", "render"), help="what an edit of a captured view changes (default: "
@@ -128,6 +136,8 @@ def _add_farm(commands: Commands) -> None:
     verb.add_argument("--out", required=True, metavar="DIR", help="the bundle's folder, new or empty")
     verb.add_argument("--masks", metavar="DIR", help="learn SOURCE first, with these coarse masks")
     verb.add_argument("--preset", choices=tuple(PRESETS), help="with --masks: quality against time (default: demo)")
+    verb.add_argument("--holdout", type=int, default=0, metavar="N", help="with --masks: hold out every Nth photo, as "
+                      "for geometry (default: none)")  # fmt: skip
     _add_overrides(verb, "change one setting (see the settings verb); may be repeated")
     verb.add_argument("--views", default="all", help="as for render (default: %(default)s)")
     verb.add_argument("--edit", metavar="FILE", help="as for render: recolored frames too")
@@ -164,6 +174,9 @@ def _verb(commands, name: str, text: str, action: Callable) -> argparse.Argument
 
 def _add_geometry_options(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("capture", metavar="CAPTURE", help="folder or transforms.json with photos and camera poses")
+    verb.add_argument("--holdout", type=int, metavar="N", help="hold out every Nth photo, unless it is marked, to test "
+                      "what is learned, where the capture declares no test photos (default: as the project was learned, "
+                      "else none)")  # fmt: skip
     verb.add_argument("--preset", default="demo", choices=tuple(PRESETS), help="quality against time (default: demo)")
     _add_overrides(verb, "change one setting (see the settings verb); may be repeated")
     verb.add_argument("--nerf", metavar="FILE", help="import a NeRF that another program has trained on this capture: "

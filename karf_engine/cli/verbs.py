@@ -36,6 +36,8 @@ def learn_geometry(options: argparse.Namespace) -> int:
         preset=options.preset,
         overrides=options.overrides,
         nerf=options.nerf,
+        holdout=options.holdout,
+        masks=options.masks,
         **_run_of(options),
     )
     return 0
@@ -100,6 +102,12 @@ def render_colorways(options: argparse.Namespace) -> int:
     """Pictures of views in all colorways."""
     chosen = {"views": options.views, "size": options.size, "predict_only": options.predict_only}
     library.colorways(options.project, options.sheet, options.out, **chosen, **_run_of(options))
+    return 0
+
+
+def write_points(options: argparse.Namespace) -> int:
+    """The scene as points."""
+    library.write_points(options.project, options.out, count=options.count, edit=options.edit, **_run_of(options))
     return 0
 
 

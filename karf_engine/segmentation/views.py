@@ -93,7 +93,7 @@ def load_masked_views(
 
     Args:
         masks: the coarse masks, at least one.
-        views: the training views.
+        views: the training views, and all marked ones.
         long_side: working size of masked views, pixels; the others only have to show colors and may be smaller.
         settings: how many views, and how small (`cache_views`, `cache_long_side`).
 

@@ -45,7 +45,9 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
             return
         long_side, settings = job.settings.geometry.long_side, job.settings.segmentation
         field = load_scene(job.project.checked(job.project.geometry_file), job.runtime.device).field
-        views = load_masked_views(masks, capture.split("train"), long_side, settings)
+        marked = {mask.view.name for mask in masks}
+        learned_from = [view for view in capture.views if view.split == "train" or view.name in marked]
+        views = load_masked_views(masks, learned_from, long_side, settings)
         cached = cache_views(field, views, settings.samples_per_ray, job.progress("surface", views.n_pixels))
         votes = votes_of_rays(cached)
         surface = _label(job, field, cached, votes)

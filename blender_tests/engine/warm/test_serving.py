@@ -15,7 +15,6 @@ from karf_engine.warm.serving import serve
 from karf_engine.warm.session import MOST_HELD, Session
 from karf_engine.wire import Ask
 
-
 SAME_PATHS = PathMap()
 
 
