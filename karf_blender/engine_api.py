@@ -16,6 +16,7 @@ from ..karf_engine.capture.reprojection import (
     summarize,
     undistorted_near,
 )
+from ..karf_engine.capture.transforms_json import camera_to_json
 from ..karf_engine.capture.undistortion import undistorted
 from ..karf_engine.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from ..karf_engine.edit.becomes import match_becomes, match_fewest, nearest_weights
@@ -48,7 +49,7 @@ from ..karf_engine.names import file_name, is_file_name, same_but_for_case
 from ..karf_engine.project import Project
 from ..karf_engine.project.colorways import PlannedColorway, plan_colorways
 from ..karf_engine.requirements import REQUIRED
-from ..karf_engine.settings import PRESETS
+from ..karf_engine.settings import PRESETS, seconds_of_stages
 from ..karf_engine.wire import LOG_FILE, REQUEST_FILE, WARM, Ask, Event, EventReader, Request
 
 # the file or folder by which each known kind of capture is recognized
@@ -99,6 +100,7 @@ __all__ = [
     "SwatchPicture",
     "View",
     "atomic_write",
+    "camera_to_json",
     "checksum",
     "ciede2000",
     "color_to_text",
@@ -133,6 +135,7 @@ __all__ = [
     "reprojection_errors",
     "rgb_to_hex",
     "same_but_for_case",
+    "seconds_of_stages",
     "shown_colors",
     "srgb_to_lab",
     "srgb_to_linear",

@@ -13,11 +13,14 @@ from . import (
     learn,
     marking,
     masks,
+    preview,
     probing,
     render,
     seeing,
     surface,
     swatches,
+    wiping,
+    workspace,
 )
 
 FILES = (
@@ -30,12 +33,15 @@ FILES = (
     edit,
     swatches,
     seeing,
+    wiping,
     render,
+    preview,
     surface,
     colorways,
     cameras,
     cancel,
     failure,
+    workspace,
 )
 CLASSES = tuple(each for file in FILES for each in file.CLASSES)
 

@@ -147,8 +147,8 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
     )
     active_view: StringProperty(name="View", description="The captured view that is shown", update=_view_chosen)
     objects: CollectionProperty(type=KARF_PG_object)
-    match: PointerProperty(type=KARF_PG_match)
     surface: PointerProperty(type=KARF_PG_surface)
+    match: PointerProperty(type=KARF_PG_match)
     result: PointerProperty(name="Result", type=bpy.types.Image, description="The recolored picture")
     marking: PointerProperty(type=KARF_PG_marking)
 

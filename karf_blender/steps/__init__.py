@@ -22,6 +22,7 @@ from .masks import (
     remove_object,
     show_photo,
 )
+from .preview import write_preview
 from .render import camera_folder, render_camera, render_captured, render_view, save_shown
 from .seeing import see_view, show_masks
 from .sequences import add_strip, show_frames
@@ -82,4 +83,5 @@ __all__ = [
     "show_view",
     "split_swatch",
     "unlink_swatch",
+    "write_preview",
 ]

@@ -14,7 +14,7 @@ from ..engine_api import (
     shown_colors,
     srgb_to_lab,
 )
-from . import colors, edits, groups, wishes
+from . import colors, edits, groups, histograms
 
 FOREIGN = 10.0  # CIEDE2000 from which an object shows no such color
 
@@ -40,7 +40,7 @@ def apply(
         DataError: The project's histogram of the object's colors is damaged.
     """
     item = edits.object_named(scene, name)
-    seen = wishes.seen(scene, name)
+    seen = histograms.of(scene, name)
     locked, now = groups.held(item), colors.edited(item)
     start = np.where(np.isin(np.arange(len(now)), locked)[:, None], now, start)
     shown = shown_colors(seen, Palette(name, colors.learned(item)), start)

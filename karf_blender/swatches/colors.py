@@ -21,3 +21,9 @@ def stored(item: bpy.types.PropertyGroup, name: str) -> np.ndarray:
     flat = np.empty(len(item.swatches) * 3, np.float32)
     item.swatches.foreach_get(name, flat)
     return flat.reshape(-1, 3)
+
+
+def picked_with(item: bpy.types.PropertyGroup) -> np.ndarray:
+    """The palette [M, 3] with which the picture showed the object's source color: the learned one before any was picked."""
+    before = stored(item, "before")
+    return before if before.any() else learned(item)

@@ -81,12 +81,12 @@ def match(scene: bpy.types.Scene, name: str, picture: np.ndarray) -> tuple[Objec
     karf = scene.karf
     if karf.compositing != "delta":
         raise BadRequest("A picture can be matched where photos are edited.", "Set Result to Photo plus change.")
-    view = planes.shown_view(scene).planes
-    ordered = [edits.object_named(scene, name) for name in view.objects]
+    view, items = planes.shown_view(scene).planes, {item.name: item for item in karf.objects}
+    ordered = [items[name] for name in view.objects]
     found = match_picture(
         [groups.gathered(item, weights) for item, weights in zip(ordered, view.palette_weights, strict=True)],
         view.probabilities,
-        view.base / np.float32(255),
+        view.base.astype(np.float32) / 255,
         _fitted(name, picture, *view.base.shape[1::-1]),
         [Palette(item.name, colors.learned(item)) for item in ordered],
         {item.name: colors.edited(item) for item in ordered},

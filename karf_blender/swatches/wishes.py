@@ -4,30 +4,16 @@ A wish is the pair of colors of *One color becomes another*. Numbers are taken w
 for them.
 """
 
-from pathlib import Path
-
 import bpy
 import numpy as np
 
-from ..engine_api import (
-    ColorHistogram,
-    KarfError,
-    Palette,
-    ciede2000,
-    reached_color,
-    read_object_colors,
-    shown_colors,
-    srgb_to_lab,
-)
-from ..project import folders
-from . import colors
+from ..engine_api import KarfError, Palette, ciede2000, reached_color, shown_colors, srgb_to_lab
+from . import colors, histograms
 
 
 class _Memory:
-    """The objects' colors by their file, its time and the object; of each wish by scene and object what it depends on,
-    and the difference."""
+    """Of each wish by scene and object what it depends on, and the difference."""
 
-    seen: dict[tuple[Path, int, str], ColorHistogram] = {}
     left: dict[tuple[int, str], tuple[tuple, float]] = {}
 
 
@@ -44,7 +30,8 @@ def update(scene: bpy.types.Scene) -> None:
         if tuple(item.source) == tuple(item.target):
             _Memory.left.pop(place, None)
             continue
-        key = (*_wish(item), scene.karf.project, picked_on(item).tobytes(), colors.edited(item).tobytes())
+        palettes = colors.edited(item).tobytes(), colors.picked_with(item).tobytes()
+        key = (*_wish(item), scene.karf.project, *palettes)
         if place not in _Memory.left or _Memory.left[place][0] != key:
             try:
                 _Memory.left[place] = key, _difference(scene, item)
@@ -54,7 +41,6 @@ def update(scene: bpy.types.Scene) -> None:
 
 def forget() -> None:
     """Drop what is in memory."""
-    _Memory.seen.clear()
     _Memory.left.clear()
 
 
@@ -62,29 +48,9 @@ def _wish(item: bpy.types.PropertyGroup) -> tuple:
     return tuple(item.source), tuple(item.target)
 
 
-def picked_on(item: bpy.types.PropertyGroup) -> np.ndarray:
-    """The palette [M, 3] with which the picture showed the source when it was picked."""
-    before = colors.stored(item, "before")
-    return before if before.any() else colors.learned(item)  # older files know none
-
-
-def seen(scene: bpy.types.Scene, name: str) -> ColorHistogram:
-    """An object's colors as learned, read once.
-
-    Raises:
-        DataError: They are not there, or damaged.
-    """
-    project = folders.project_of(scene)
-    file = project.object_colors_file
-    key = file, file.stat().st_mtime_ns if file.exists() else 0, name
-    if key not in _Memory.seen:
-        _Memory.seen = {known: each for known, each in _Memory.seen.items() if known[:2] == key[:2]}
-        _Memory.seen[key] = read_object_colors(project.checked(file), name)
-    return _Memory.seen[key]
-
-
 def _difference(scene: bpy.types.Scene, item: bpy.types.PropertyGroup) -> float:
-    own, learned = seen(scene, item.name), Palette(item.name, colors.learned(item))
-    before, after = (shown_colors(own, learned, palette) for palette in (picked_on(item), colors.edited(item)))
-    reached = reached_color(before, after, np.array(item.source), own.counts)
+    seen, learned = histograms.of(scene, item.name), Palette(item.name, colors.learned(item))
+    before = shown_colors(seen, learned, colors.picked_with(item))
+    after = shown_colors(seen, learned, colors.edited(item))
+    reached = reached_color(before, after, np.array(item.source), seen.counts)
     return float(ciede2000(srgb_to_lab(reached), srgb_to_lab(np.array(item.target))))
