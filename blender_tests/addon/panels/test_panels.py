@@ -83,6 +83,16 @@ def test_the_menus_of_a_swatch_offer_what_can_be_done(bpy, addon, learned):
     assert {"karf.unlink_swatch", "karf.split_swatch"} <= set(drawn("KARF_MT_swatch"))
 
 
+def test_the_right_button_on_a_field_offers_the_swatchs_menu(bpy, addon, learned):
+    def offered(pointer):
+        entries, context = [], SimpleNamespace(scene=learned, button_pointer=pointer)
+        addon.swatching.draw_context_menu(SimpleNamespace(layout=Layout(bpy, entries)), context)
+        return entries
+
+    assert offered(learned.karf.objects["lid"].swatches[2]) == ["KARF_MT_swatch"]
+    assert offered(learned.karf) == offered(None) == []
+
+
 def test_a_view_without_planes_says_so(learned, draw):
     assert "Show" in draw() and "Prepare" not in draw()
     learned.karf.active_view = "photo_2"
