@@ -7,6 +7,7 @@ from bpy.props import IntProperty, StringProperty
 
 from .. import steps
 from ..engine_api import EDIT_SUFFIXES
+from ..host.words import tell
 from ..swatches import edits
 from .reporting import ProjectSwatchStep, SwatchStep, reports_errors
 
@@ -82,7 +83,7 @@ class KARF_OT_save_edit(SwatchStep, bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         steps.save_edit(context.scene, Path(bpy.path.abspath(self.filepath)))
-        self.report({"INFO"}, f"Wrote {self.filepath}")
+        self.report({"INFO"}, tell("Wrote {path}", path=self.filepath))
         return {"FINISHED"}
 
 
