@@ -7,7 +7,8 @@ from .nodes import drivers
 from .pictures import chips
 from .project import disk, saving
 from .rig import reprojection
-from .swatches import drawn_over, recolor
+from .steps import preview
+from .swatches import drawn_over, groups, recolor
 from .tasks import ownership, runner, warm
 from .workspace import clicking, estimates, folding, opening, statusbar
 
@@ -18,6 +19,7 @@ MODULES = (
     preferences,
     rendering,
     chips,
+    groups,  # before what shows the swatches that it moves
     recolor,
     saving,
     drivers,
@@ -29,6 +31,7 @@ MODULES = (
     ownership,
     runner,
     warm,
+    preview,
     folding,
     statusbar,
     clicking,

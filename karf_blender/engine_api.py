@@ -16,14 +16,17 @@ from ..karf_engine.capture.reprojection import (
     summarize,
     undistorted_near,
 )
+from ..karf_engine.capture.transforms_json import camera_to_json
 from ..karf_engine.capture.undistortion import undistorted
 from ..karf_engine.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from ..karf_engine.edit.becomes import match_becomes, match_fewest, nearest_weights
+from ..karf_engine.edit.color_text import color_to_text, colors_of_text
 from ..karf_engine.edit.colorways import reached_color
 from ..karf_engine.edit.colorways import shown as shown_colors
 from ..karf_engine.edit.compositing import Planes, read_planes, stack_palettes
 from ..karf_engine.edit.layers import ObjectLayers, read_layer_names
 from ..karf_engine.edit.object_colors import ColorHistogram, read_object_colors
+from ..karf_engine.edit.painted import ObjectMatch, match_picture
 from ..karf_engine.edit.palette import (
     BRIGHTEST,
     COMPOSITING_MODES,
@@ -86,6 +89,7 @@ __all__ = [
     "KarfError",
     "MissingDependency",
     "ObjectLayers",
+    "ObjectMatch",
     "Palette",
     "Planes",
     "PlannedColorway",
@@ -96,8 +100,11 @@ __all__ = [
     "SwatchPicture",
     "View",
     "atomic_write",
+    "camera_to_json",
     "checksum",
     "ciede2000",
+    "color_to_text",
+    "colors_of_text",
     "distort",
     "error_from_code",
     "file_name",
@@ -109,6 +116,7 @@ __all__ = [
     "masks_of_view",
     "match_becomes",
     "match_fewest",
+    "match_picture",
     "nearest_weights",
     "observed_points",
     "open_capture",

@@ -57,7 +57,10 @@ def texts() -> set[str]:
 def untranslatable() -> list[tuple[str, str]]:
     """Places and sources of texts whose values are put in before they could be translated."""
     return [
-        (where, ast.unparse(node)) for where, node in _shown_nodes() if isinstance(node, ast.JoinedStr) and _words(node)
+        (where, ast.unparse(node))
+        for where, shown in _shown_nodes()
+        for node in _alternatives(shown)
+        if isinstance(node, ast.JoinedStr) and _words(node)
     ]
 
 
@@ -67,11 +70,17 @@ def _words(node: ast.JoinedStr) -> bool:
 
 
 def _literals(node: ast.AST) -> Iterator[str]:
-    """The strings of an expression that are shown: itself, or either of two."""
-    if isinstance(node, ast.Constant) and isinstance(node.value, str):
-        yield node.value
-    elif isinstance(node, ast.IfExp):
-        yield from (*_literals(node.body), *_literals(node.orelse))
+    """The strings of an expression that are shown."""
+    nodes = _alternatives(node)
+    yield from (each.value for each in nodes if isinstance(each, ast.Constant) and isinstance(each.value, str))
+
+
+def _alternatives(node: ast.AST) -> Iterator[ast.AST]:
+    """An expression, or both of which it is one."""
+    if isinstance(node, ast.IfExp):
+        yield from (*_alternatives(node.body), *_alternatives(node.orelse))
+    else:
+        yield node
 
 
 def _shown_nodes() -> Iterator[tuple[str, ast.AST]]:

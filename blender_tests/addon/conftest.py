@@ -26,14 +26,15 @@ MODULES = {
     "project": "captures contents disk folders saving",
     "pictures": "editors images photos sequences chips tints",
     "rig": "camera_paths cameras frames lens looking placement points reprojection",
-    "swatches": "display drawn_over edits object_masks palettes planes recolor wishes",
+    "swatches": "becomes display drawn_over edits object_masks palettes planes recolor wishes",
     "marking": "asking following gestures history objects overlay photo png proposals raster sheets tools",
+    "steps": "preview",
     "tasks": "ownership runner task warm",
     "compositor": "group",
     "nodes": "drivers sockets",
     "surface": "mesh placing trees",
     "operators": "colorways render",
-    "panels": "learning sidebar status",
+    "panels": "learning sidebar status swatching",
     "workspace": "clicking estimates folding opening states statusbar",
 }
 _exit_code = None
@@ -67,6 +68,7 @@ def addon(bpy, monkeypatch):
     modules.recolor.forget()
     yield modules
     assert not modules.runner.is_running()
+    modules.preview.stop()
     modules.warm.stop()
 
 

@@ -3,10 +3,12 @@
 import bpy
 
 from ..host.labels import draw_text
+from ..host.words import say
 from ..marking import objects
 from ..pictures import chips
 from ..preferences import state
 from ..project import disk
+from ..tasks import warm
 from .views import draw_view
 
 
@@ -18,7 +20,7 @@ class KARF_UL_objects(bpy.types.UIList):
         row.label(text="", icon_value=chips.icon(objects.tint(item)))
         row.prop(item, "name", text="", emboss=False)
         count = disk.contents_of(context.scene).masks.get(item.folder, 0)
-        row.label(text=f"{count} marked" if count else "not marked")
+        row.label(text=say("{count} marked", count=count) if count else "not marked")
 
 
 def draw_masks(layout, context):
@@ -37,6 +39,8 @@ def draw_masks(layout, context):
     layout.operator("karf.erase_mask", icon="X", text="Erase Correction" if marking.correct else "Erase Mask")
     if state.known().problem:
         draw_text(layout, "Without the engine a box is a rectangle, and clicks do nothing.", "INFO")
+    if warm.is_waiting("propose") or warm.is_waiting("correct"):
+        layout.label(text="The engine is at work", icon="SORTTIME")
     layout.prop(scene.karf, "masks")
 
 

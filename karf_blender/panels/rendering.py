@@ -1,6 +1,7 @@
 """Step 7, Render: the pictures, and below them a group that can be opened for each other kind of result."""
 
 from ..host.words import shown
+from .preview import draw_live
 from .surface import draw_surface
 
 
@@ -48,6 +49,7 @@ def draw_compositor(layout, karf):
 
 # name, title, what it draws
 GROUPS = (
+    ("live", shown("Live Camera"), draw_live),
     ("sequence", shown("Rendered Frames"), draw_sequence),
     ("colorways", shown("Colorways"), draw_colorways),
     ("surface", shown("Scene in 3D"), draw_surface),

@@ -566,4 +566,98 @@ TEXTS = {
     "Copy this command, to paste it into a terminal": "复制此命令，以便粘贴到终端",
     "The command is on the clipboard": "命令已复制到剪贴板",
     "The same by hand:": "手动完成同样的操作：",
+    # --- swatches
+    "A color of the object in the picture as it is, edited or not; pick it there (E)": "物体在当前画面中的颜色，编辑与否均可；在那里拾取 (E)",
+    "The color when the source was picked": "拾取源颜色时的颜色",
+    "The color that Becomes gave it last": "“变为”上次赋予它的颜色",
+    "Live": "实时",
+    "Follow the target color while it is dragged": "拖动目标颜色时随之变化",
+    "No tool changes this swatch": "任何工具都不改动此色板",
+    "From 1": "从 1 开始",
+    "From 1; 0: the one of the nearest learned color": "从 1 开始；0：学习颜色最接近的那个",
+    "Set the object's swatches so that its source color becomes the target color; locked ones stay": (
+        "设置物体的色板，使源颜色变为目标颜色；锁定的不变"
+    ),
+    "Give a swatch, or all of an object, the learned color back; locked ones stay": (
+        "将一个色板或物体的全部色板恢复为学习到的颜色；锁定的不变"
+    ),
+    "What can be done to a swatch.": "可对色板进行的操作。",
+    "What can be done to an object's palette.": "可对物体的调色板进行的操作。",
+    "Other Object": "另一物体",
+    "Other Swatch": "另一色板",
+    "Link": "链接",
+    "Unlink": "取消链接",
+    "Link With": "链接到",
+    "Give this swatch the other one's color, and let both have one color from now on": (
+        "将另一色板的颜色赋予此色板，此后两者保持同一颜色"
+    ),
+    "Let this swatch move by itself again; its color stays": "让此色板重新单独变化；颜色不变",
+    "Swatches with the same number have one color; 0: none": "编号相同的色板保持同一颜色；0：无",
+    "Swatches to have one color with.": "可与之保持同一颜色的色板。",
+    "Swap": "交换",
+    "Swap With": "交换为",
+    "Exchange the colors of two swatches": "交换两个色板的颜色",
+    "Swatches to exchange colors with.": "可与之交换颜色的色板。",
+    "Merge": "合并",
+    "Merge Into": "合并到",
+    "Into": "到",
+    "Let another swatch of the object move this one's paint along with its own; this one is no longer shown": (
+        "让物体的另一色板连同此色板的颜料一起变化；此色板不再显示"
+    ),
+    "Show the swatches again that were merged into this one; each moves by itself, colors stay": (
+        "重新显示合并到此色板的各色板；各自单独变化，颜色不变"
+    ),
+    "Swatches of the object that may move this one too.": "也可带动此色板的同一物体的色板。",
+    "The number of the object's swatch that moves this one; 0: none": "带动此色板的物体色板的编号；0：无",
+    "Copy": "复制",
+    "Paste": "粘贴",
+    "Remove": "移除",
+    "Copy Palette": "复制调色板",
+    "Paste Palette": "粘贴调色板",
+    "Copy a swatch's color, or all of an object, to the clipboard as #rrggbb, for any program": (
+        "将一个色板或物体全部色板的颜色以 #rrggbb 复制到剪贴板，供任何程序使用"
+    ),
+    "Set a swatch, or those of an object in their order, to the colors in the clipboard; locked ones stay": (
+        "将一个色板或物体的各色板依次设为剪贴板中的颜色；锁定的不变"
+    ),
+    "Palette": "调色板",
+    "Palette Presets": "调色板预设",
+    "Add Palette Preset": "添加调色板预设",
+    "Palettes that were kept, for any object.": "保存的调色板，可用于任何物体。",
+    "Keep an object's palette as a preset, for any object of any file, or remove one": (
+        "将物体的调色板保存为预设，供任何文件的任何物体使用，或移除预设"
+    ),
+    "The colors of its swatches, as Copy Palette writes them": "其色板的颜色，格式与“复制调色板”相同",
+    "Match a picture": "匹配画面",
+    "Match Picture": "匹配画面",
+    "Fit the swatches to a painted or graded picture of the view": "使色板贴合此视图的绘制或调色画面",
+    "Set the swatches so that the active view looks as this picture of it does; locked ones stay": (
+        "设置色板，使当前视图看起来与它的这张画面一致；锁定的不变"
+    ),
+    "The active view painted over or graded, of any size": "当前视图经过绘制或调色的画面，尺寸不限",
+    "The view that was painted over": "被绘制的视图",
+    "Paint Over": "在其上绘制",
+    "Paint on a copy of the active view in the Image Editor, to match the swatches to it": (
+        "在图像编辑器中绘制当前视图的副本，使色板与之匹配"
+    ),
+    "Paint on the objects in the Image Editor, then press Match Picture": "在图像编辑器中绘制物体，然后按“匹配画面”",
+    "Prepare the view first": "请先准备视图",
+    "Before": "之前",
+    "After": "之后",
+    "Mean CIEDE2000 to the picture before the match": "匹配之前与画面的平均 CIEDE2000",
+    "Mean CIEDE2000 to the picture after the match": "匹配之后与画面的平均 CIEDE2000",
+    "CIEDE2000 to the picture: {left}": "与画面的 CIEDE2000：{left}",
+    "{name}: CIEDE2000 {before} before, {left} left": "{name}：CIEDE2000 之前 {before}，剩余 {left}",
+    "{count} marked": "已标记 {count}",
+    # --- live camera
+    "Live Camera": "实时相机",
+    "Show what the scene's camera sees in the Image Editor, coarse while it moves, fine when it stands still; swatches\n"
+    "    change it at once": "在图像编辑器中显示场景相机所见，移动时粗略，静止时精细；色板变化立即生效",
+    "Of the followed camera's picture": "所跟随相机的画面的",
+    "The engine is at work": "引擎正在工作",
+    "KaRF Wipe": "KaRF 擦拭对比",
+    "The line, where the Image Editor shows the picture with a wipe.": "图像编辑器以擦拭方式显示画面时的分界线。",
+    "Marking Model": "标记模型",
+    "The whole path of a folder with a model of the Segment Anything family, which then answers boxes and clicks; "
+    "empty: they need none": "Segment Anything 系列模型所在文件夹的完整路径，由它处理框和点击；留空：不需要模型",
 }

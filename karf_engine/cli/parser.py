@@ -49,7 +49,10 @@ def _add_learning(commands: Commands) -> None:
 
     verb = _verb(commands, "segmentation", "turn coarse masks into objects in all views", verbs.segment)
     verb.add_argument("project", metavar="DIR", help="project folder")
-    verb.add_argument("--masks", required=True, metavar="DIR", help="coarse masks: DIR/<object>/<photo stem>.png")
+    verb.add_argument("--masks", metavar="DIR", help="coarse masks: DIR/<object>/<photo stem>.png (default: the "
+                      "project's own)")  # fmt: skip
+    verb.add_argument("--corrections", metavar="DIR", help="partial marks: DIR/<object>/<view>.png, gray with alpha "
+                      "(default: the project's own)")  # fmt: skip
 
     verb = _verb(
         commands, "palette", "extract palettes; with --json or --out only show the learned ones", verbs.extract_palettes

@@ -45,7 +45,7 @@ def learn_geometry(options: argparse.Namespace) -> int:
 
 def segment(options: argparse.Namespace) -> int:
     """Objects."""
-    library.segment(options.project, options.masks, **_run_of(options))
+    library.segment(options.project, options.masks, getattr(options, "corrections", None), **_run_of(options))
     return 0
 
 
