@@ -126,7 +126,12 @@ def draw_format(layout, karf):
     """Of a camera's frames, as in Blender's output panel."""
     layout.prop(karf, "file_format")
     layout.row().prop(karf, "color_mode", expand=True)
-    row = layout.row(align=True, heading="Color Depth")
+    split = layout.split(factor=0.4)  # single values of an enum are not divided into name and field
+    split.use_property_split = False
+    name = split.row()
+    name.alignment = "RIGHT"
+    name.label(text="Color Depth")
+    row = split.row(align=True)
     for depth in FORMAT_DEPTHS[karf.file_format]:
         row.prop_enum(karf, "color_depth", depth)
 
