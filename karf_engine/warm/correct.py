@@ -10,6 +10,7 @@ from ..images import write_png
 from ..progress import Progress
 from ..project import Project
 from ..project.contents import capture_of, settings_for
+from ..project.volumes import read_volumes
 from .options import needed
 from .session import Session
 
@@ -27,7 +28,7 @@ def correct(session: Session, options: dict[str, Any]) -> dict[str, Any]:
 
     Returns:
         `masks`, {view: {object: path of a PNG}}, as the view's pinhole shows them at the working size; the caller's to
-        delete.
+        delete. `suggestions`, {view: score}, the views to mark next, the best first.
 
     Raises:
         KarfError: Geometry is not learned, a mark cannot be read, or an option is wrong.
@@ -47,13 +48,16 @@ def correct(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     def begun() -> Correcting:
         field = session.model(str(project.folder)).scene.field
         progress = Progress(lambda *_, **__: None, session.is_superseded, "surface", 1)
-        return Correcting(field, capture, masks, corrections, settings_for(project, "segmentation"), progress)
+        settings = settings_for(project, "segmentation")
+        return Correcting(field, capture, masks, corrections, settings, progress, read_volumes(project.volumes_file))
 
+    volumes = checksum(project.volumes_file) if project.volumes_file.exists() else ""
     objects = sorted({mark.object_name for mark in (*masks, *corrections)})
-    correcting = session.held(("correcting", project.folder), (geometry, _digests(masks), objects), begun)
+    correcting = session.held(("correcting", project.folder), (geometry, _digests(masks), objects, volumes), begun)
     given = id(correcting), _digests(corrections)
     session.held(("corrected", project.folder), given, lambda: correcting.correct(corrections))
-    return {"masks": {view.name: _written(session, correcting, view) for view in views}}
+    masks_of_views = {view.name: _written(session, correcting, view) for view in views}
+    return {"masks": masks_of_views, "suggestions": correcting.suggestions()}
 
 
 def _digests(marks: list[CoarseMask]) -> list:

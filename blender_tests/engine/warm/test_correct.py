@@ -12,6 +12,7 @@ pytest.importorskip("scipy")
 import karf_engine as karf
 from karf_engine.errors import BadRequest
 from karf_engine.project import Project
+from karf_engine.project.volumes import Volume, write_volumes
 from karf_engine.segmentation.correcting import Correcting
 from karf_engine.warm.answers import ANSWERS
 from karf_engine.warm.session import Session
@@ -74,6 +75,17 @@ def test_the_scene_is_looked_at_once(session, project, monkeypatch):
     ask(session, project, views[0])
     monkeypatch.setattr(Correcting, "__init__", None)
     assert set(ask(session, project, ",".join(views))["masks"]) == set(views)
+
+
+def test_an_object_ends_where_its_volume_does(session, project):
+    view = karf.load(project.folder).capture.split("test")[0]
+    before = masks_of(ask(session, project, view.name), view.name)
+    half = np.diag([0.2, 2.0, 2.0, 1.0])
+    half[0, 3] = 0.25  # x from 0.05 to 0.45; the block's is from 0.15 to 0.75
+    write_volumes(project.volumes_file, {"block": [Volume("inside", half)]})
+    after = masks_of(ask(session, project, view.name), view.name)
+    assert 0.2 < after["block"].sum() / before["block"].sum() < 0.8
+    assert (after["ball"] != before["ball"]).sum() <= 5
 
 
 def test_a_project_without_geometry_is_refused(session, tmp_path):
