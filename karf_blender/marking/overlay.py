@@ -10,6 +10,7 @@ import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
 
+from ..engine_api import srgb_to_linear
 from ..host import compat
 from . import gestures, objects, photo, proposals, sheets
 from .sheets import Layer
@@ -102,7 +103,7 @@ def draw_layer(region, key, layer: Layer, sign: int, color, opacity: float, widt
     shader.uniform_sampler("mask", _texture(key, layer, sign))
     shader.uniform_float("corner", low)
     shader.uniform_float("extent", high - low)
-    shader.uniform_float("color", (*color, 1.0))
+    shader.uniform_float("color", (*srgb_to_linear(np.array(color)), 1.0))  # it is blended in linear light
     shader.uniform_float("look", (opacity, width * bpy.context.preferences.system.pixel_size))
     batch_for_shader(shader, "TRIS", {"pos": QUAD}).draw(shader)
     return key

@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from .. import preferences
 from ..pictures import images
 from ..project import captures
 from . import history, sheets
@@ -78,7 +79,8 @@ def note(scene: bpy.types.Scene, proposal: Proposal) -> tuple[int, dict[str, Any
         The step's number, and what the engine is to be asked.
     """
     step = history.record(scene, sheets.root_of(scene, False), {}, proposal)
-    return step, {"capture": str(captures.path_of(scene)), "view": proposal.view, "prompts": proposal.prompts()}
+    options = {"capture": str(captures.path_of(scene)), "view": proposal.view, "prompts": proposal.prompts()}
+    return step, options | {"weights": preferences.current().marking_model or None}
 
 
 def take(scene: bpy.types.Scene, step: int, proposal: Proposal, file: Path) -> None:

@@ -88,11 +88,8 @@ def open_sheet(scene: bpy.types.Scene) -> Sheet:
         masks, corrections = objects.masks_folder(scene), objects.corrections_folder(scene)
         _Memory.sheet = Sheet(
             view,
-            {name: Layer(_fitted(images.read_mask(file), view)) for name, file in _found(masks, names, view)},
-            {
-                name: Layer(_fitted(images.read_correction(file), view))
-                for name, file in _found(corrections, names, view)
-            },
+            {name: Layer(_fitted(_read_mask(file), view)) for name, file in _found(masks, names, view)},
+            {name: Layer(_fitted(_read_correction(file), view)) for name, file in _found(corrections, names, view)},
         )
         _Memory.key = _key(scene)
     return _Memory.sheet
@@ -103,9 +100,24 @@ def _found(root: Path, names: list[str], view: View) -> list[tuple[str, Path]]:
     return [(name, files[0]) for name in names if (files := masks_of_view(root / name, view))]
 
 
+def _read_mask(file: Path) -> np.ndarray:
+    own = png.decode(file.read_bytes())
+    is_plain = own is not None and own.shape[-1] == 1 and own.max() == 255
+    return own[..., 0] > 127 if is_plain else images.read_mask(file)
+
+
+def _read_correction(file: Path) -> np.ndarray:
+    own = png.decode(file.read_bytes())
+    if own is None or own.shape[-1] == 1:
+        return images.read_correction(file)
+    return np.where(own[..., 1] > 127, np.where(own[..., 0] > 127, 1, -1), 0)
+
+
 def _fitted(pixels: np.ndarray, view: View) -> np.ndarray:
     """Pixels at the photo's size: a mask may also have the size that is learned from."""
     size = view.camera.height, view.camera.width
+    if pixels.shape == size:
+        return pixels.astype(np.int8)
     rows, columns = (np.arange(want) * have // want for want, have in zip(size, pixels.shape, strict=True))
     return pixels[np.ix_(rows, columns)].astype(np.int8)
 

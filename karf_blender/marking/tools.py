@@ -4,6 +4,8 @@ import bpy
 import gpu
 from gpu_extras.presets import draw_circle_2d
 
+from ..project import disk
+
 
 def _mark(operator: str, does: str = "ADD", **keys) -> tuple:
     return operator, {"type": "LEFTMOUSE", "value": "PRESS", **keys}, {"properties": [("does", does)]}
@@ -46,7 +48,8 @@ class Tool:
         marking = context.scene.karf.marking
         if tool.idname == Brush.bl_idname:
             layout.prop(marking, "brush")
-        layout.prop(marking, "correct")
+        if "segmentation" in disk.contents_of(context.scene).stages:
+            layout.prop(marking, "correct")
 
 
 class Click(Tool, bpy.types.WorkSpaceTool):

@@ -54,7 +54,10 @@ class KARF_OT_mark_click(MarkingTool, bpy.types.Operator):
     bl_label = "Mark: Click"
 
     def begin(self, context, event):
-        steps.mark_click(context.scene, self.place(context, event), self.does)
+        place, size = self.place(context, event), sheets.open_sheet(context.scene).size
+        if not all(0 <= value < length for value, length in zip(place, size, strict=True)):
+            return {"CANCELLED"}  # beside the photo
+        steps.mark_click(context.scene, place, self.does)
         return {"FINISHED"}
 
 

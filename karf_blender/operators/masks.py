@@ -70,6 +70,8 @@ class KARF_OT_go_to_view(MarkingStep, bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         steps.go_to_view(context.scene, self.by, self.marked)
+        if context.region is not None and context.area.type == "IMAGE_EDITOR" and context.region.type == "WINDOW":
+            context.space_data.image = steps.show_photo(context.scene)  # by a key of the tools
         return {"FINISHED"}
 
 

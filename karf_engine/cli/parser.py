@@ -164,6 +164,7 @@ def _add_others(commands: Commands) -> None:
     verb.add_argument("--quick", action="store_true", help="do not try the stages, which takes some seconds")
     verb.add_argument("--folder", metavar="DIR", default=".", help="where projects shall lie: its disk and its locks are "
                       "tried (default: here)")  # fmt: skip
+    verb = _verb(commands, "speed", "measure how fast this computer learns, in some seconds", verbs.speed)
     verb = commands.add_parser("run", help="run a job folder (used by Blender)")
     verb.add_argument("job", metavar="JOB", help="folder with request.json")
     verb.add_argument("--map", dest="folders", action="append", default=[], metavar="CALLERS=OURS", help="a folder that "

@@ -141,6 +141,14 @@ def doctor(options: argparse.Namespace) -> int:
     return finding.exit_code
 
 
+def speed(options: argparse.Namespace) -> int:
+    """How fast this computer learns, as JSON."""
+    from ..doctor.speed import samples_per_second
+
+    print(json.dumps({"samples_per_second": round(samples_per_second(options.device, options.threads))}))
+    return 0
+
+
 def run(options: argparse.Namespace) -> int:
     """A job folder."""
     return run_job(Path(options.job), PathMap.of(options.folders))

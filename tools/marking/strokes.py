@@ -1,10 +1,11 @@
 """What strokes of correction are worth: the masks of held-out views before, after one stroke an object, and after two.
 
-    python -m tools.marking.strokes PROJECT --truth DIR [--threads 1] [--json FILE]
+    python -m tools.marking.strokes PROJECT --truth DIR [--choose worst] [--threads 1] [--json FILE]
 
 PROJECT is learned; DIR has `labels/` as the demo has them, or true masks as <object>[/<split>]/<photo stem>.png. A stroke
 is drawn as a hand would where the masks are worst among training views: a short line in the largest error that is wide
-enough to be hit with a brush, "this is it" or "this is not". An object without such an error gets none. The ceiling is
+enough to be hit with a brush, "this is it" or "this is not". An object without such an error gets none. With
+`--choose suggested` it is drawn in the view that the engine suggests, with `random` in any. The ceiling is
 what the surface can show: every training view is corrected in all of its pixels.
 """
 
@@ -65,7 +66,8 @@ def main() -> None:
     known = [view for view in capture.views if any(truth(view, name) is not None for name in correcting.objects)]
     learned = [view for view in known if view.split == "train"][:: options.every]
     scene = Scene(capture, correcting, learned, [view for view in known if view.split == "test"], truth)
-    rows = play(scene) | {"ceiling": ceiling(scene)}
+    random = np.random.default_rng(options.seed)
+    rows = play(scene, lambda: candidates(scene, options.choose, random)) | {"ceiling": ceiling(scene)}
     for name, row in rows.items():
         print(f"{name:10} {json.dumps(row)}")
     if options.json:
@@ -76,6 +78,10 @@ def parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("project", type=Path)
     parser.add_argument("--truth", type=Path, required=True)
+    parser.add_argument(
+        "--choose", choices=("worst", "suggested", "random"), default="worst", help="the view to stroke"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of random views")
     parser.add_argument("--every", type=int, default=1, help="look for errors in every so many-th training view")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--json", type=Path, help="write the figures there")
@@ -100,13 +106,23 @@ def truth_in(folder: Path, long_side: int) -> Callable[[View, str], np.ndarray |
     return mask
 
 
-def play(scene: Scene) -> dict[str, dict]:
-    """Figures before, and after each stroke an object."""
+def candidates(scene: Scene, choose: str, random: np.random.Generator) -> list[View]:
+    """The views that the next strokes may be drawn in; all of them where the worst is looked for."""
+    if choose == "worst":
+        return scene.learned
+    known = {view.name: view for view in scene.learned}
+    suggested = [known[name] for name in scene.correcting.suggestions() if name in known]
+    return suggested[:1] if choose == "suggested" else [scene.learned[random.integers(len(scene.learned))]]
+
+
+def play(scene: Scene, choose: Callable[[], list[View]]) -> dict[str, dict]:
+    """Figures before, and after each stroke an object. choose: the views that a stroke may be drawn in."""
     rows = {"before": scores(scene)}
     with tempfile.TemporaryDirectory() as folder:
         for number in range(1, STROKES + 1):
+            views = choose()
             for name in scene.correcting.objects:
-                draw_stroke(scene, name, Path(folder))
+                draw_stroke(scene, views, name, Path(folder))
             seconds = solve(scene, Path(folder))
             rows[f"stroke {number}"] = scores(scene) | {"seconds": seconds}
             print(f"stroke {number}: {json.dumps(rows[f'stroke {number}'])}", flush=True)
@@ -147,10 +163,10 @@ def scores(scene: Scene) -> dict[str, float]:
     return {name: round(value, 4) for name, value in (means | {"mean": float(np.mean(list(means.values())))}).items()}
 
 
-def draw_stroke(scene: Scene, name: str, folder: Path) -> None:
-    """Add a stroke to an object's corrections, in the view where its mask is worst and a stroke can be drawn."""
+def draw_stroke(scene: Scene, views: list[View], name: str, folder: Path) -> None:
+    """Add a stroke to an object's corrections, in the view of these where its mask is worst and a stroke can be drawn."""
     worst = None
-    for view in scene.learned:
+    for view in views:
         true, found = scene.truth(view, name), scene.correcting.masks(view)[name]
         if true is None or not true.any():
             continue
