@@ -1,4 +1,4 @@
-"""Masks of views as a project's corrections have them now, in seconds."""
+"""Masks of a view as a project's corrections have them now, in seconds."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 
 def correct(session: Session, options: dict[str, Any]) -> dict[str, Any]:
-    """Heed a project's corrections and show what becomes of views. The first time it looks at the whole scene.
+    """Heed a project's corrections and show what becomes of a view. The first time it looks at the whole scene.
 
-    Options: `project`; `view`, a name or several with commas; `masks` and `corrections`, folders, by default the
+    Options: `project`; `view`, its name; `masks` and `corrections`, folders, by default the
     project's own.
 
     Returns:
-        `masks`, {view: {object: path of a PNG}}, as the view's pinhole shows them at the working size; the caller's to
+        `masks`, {object: path of a PNG}, as the view's pinhole shows them at the working size; the caller's to
         delete. `suggestions`, {view: score}, the views to mark next, the best first.
 
     Raises:
@@ -41,7 +41,7 @@ def correct(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     project = Project(needed(options, "project", str))
     geometry = project.require("geometry")["fingerprint"]
     capture = capture_of(project)
-    views = [capture.view(name.strip()) for name in needed(options, "view", str).split(",")]
+    view = capture.view(needed(options, "view", str))
     masks = find_masks(Path(options.get("masks") or project.masks_folder), capture)
     corrections = find_corrections(Path(options.get("corrections") or project.corrections_folder), capture)
 
@@ -56,8 +56,7 @@ def correct(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     correcting = session.held(("correcting", project.folder), (geometry, _digests(masks), objects, volumes), begun)
     given = id(correcting), _digests(corrections)
     session.held(("corrected", project.folder), given, lambda: correcting.correct(corrections))
-    masks_of_views = {view.name: _written(session, correcting, view) for view in views}
-    return {"masks": masks_of_views, "suggestions": correcting.suggestions()}
+    return {"masks": _written(session, correcting, view), "suggestions": correcting.suggestions()}
 
 
 def _digests(marks: list[CoarseMask]) -> list:
