@@ -5,8 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from ..capture.camera import Camera
+from ..capture.distortion import straighten
 from ..files import checksum
-from ..images import write_png
+from ..images import resize, write_png
 from ..progress import Progress
 from ..project import Project
 from ..project.contents import capture_of, settings_for
@@ -27,8 +31,7 @@ def correct(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     project's own.
 
     Returns:
-        `masks`, {object: path of a PNG}, as the view's pinhole shows them at the working size; the caller's to
-        delete. `suggestions`, {view: score}, the views to mark next, the best first.
+        `masks`, {object: path of a PNG}, as large as the photo and in its own grid; the caller's to delete. `suggestions`, {view: score}, the views to mark next, the best first.
 
     Raises:
         KarfError: Geometry is not learned, a mark cannot be read, or an option is wrong.
@@ -68,6 +71,17 @@ def _written(session: Session, correcting: Correcting, view: View) -> dict[str, 
     files = {}
     for name, mask in correcting.masks(view).items():
         path = session.file(f"{name}-{view.name}.png")
-        write_png(path, mask)
+        write_png(path, _in_photo(mask, view.camera))
         files[name] = str(path)
     return files
+
+
+def _in_photo(mask: np.ndarray, stored: Camera) -> np.ndarray:
+    """A mask of a view's pinhole, bool [H, W] of any size, as the photo has it with its lens and size."""
+    height, width = mask.shape
+    lens = stored.scaled(width, height)
+    x, y = np.nan_to_num(straighten(lens, lens.pixel_centers()), nan=-1).T
+    seen = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    bent = np.zeros(mask.size, np.float32)
+    bent[seen] = mask[y[seen].astype(int), x[seen].astype(int)]
+    return resize(bent.reshape(mask.shape), stored.width, stored.height) >= 0.5

@@ -1,6 +1,7 @@
 """A stroke corrects the masks of all views at once, and the stage afterwards obeys it too."""
 
 import shutil
+from dataclasses import replace
 
 import imageio.v3 as iio
 import numpy as np
@@ -10,11 +11,13 @@ pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
 import karf_engine as karf
+from karf_engine.capture.camera import Camera
 from karf_engine.errors import BadRequest
 from karf_engine.project import Project
 from karf_engine.project.volumes import Volume, write_volumes
 from karf_engine.segmentation.correcting import Correcting
 from karf_engine.warm.answers import ANSWERS
+from karf_engine.warm.correct import _in_photo
 from karf_engine.warm.session import Session
 
 
@@ -68,6 +71,16 @@ def test_a_stroke_in_any_view_is_obeyed_at_once_and_by_the_stage(session, projec
     model = karf.load(project.folder)
     assert model.render_view(view).masks[model.objects.index("block")][disk].mean() < 0.2
     assert (project.corrections_folder / "block" / f"{view.name}.png").is_file()
+
+
+def test_masks_are_as_large_as_the_photo_and_bent_by_its_lens():
+    plain = Camera(40, 20, 30.0, 30.0, 20.0, 10.0, np.eye(4))
+    mask = np.zeros((10, 20), bool)
+    mask[2:8, 2:6] = True
+    large = _in_photo(mask, plain)
+    assert large.shape == (20, 40) and large.sum() == 4 * mask.sum()
+    barrel = _in_photo(mask, replace(plain, distortion=(-0.3, 0.0, 0.0, 0.0)))
+    assert np.argwhere(barrel).mean(0)[1] > np.argwhere(large).mean(0)[1]  # nearer to the middle
 
 
 def test_the_scene_is_looked_at_once(session, project, monkeypatch):
