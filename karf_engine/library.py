@@ -107,7 +107,11 @@ def learn_geometry(
 
 
 def segment(
-    project: PathLike, masks: PathLike | None = None, corrections: PathLike | None = None, **run: Unpack[Run]
+    project: PathLike,
+    masks: PathLike | None = None,
+    corrections: PathLike | None = None,
+    volumes: PathLike | None = None,
+    **run: Unpack[Run],
 ) -> None:
     """Learn F_s: which part of the scene is which object.
 
@@ -115,12 +119,13 @@ def segment(
         project: one whose geometry is learned.
         masks: a folder of rough masks, MASKS/<object>/<photo stem>.png; by default the project's own.
         corrections: a folder of partial marks, CORRECTIONS/<object>/<view>.png; by default the project's own.
+        volumes: a file of boxes and meshes that objects must be inside or outside of; by default the project's own.
         **run: see the module's docstring.
 
     Raises:
         KarfError: a mask fits no photo, marks nothing, or the project's geometry is missing or damaged.
     """
-    given = {"masks": masks, "corrections": corrections}
+    given = {"masks": masks, "corrections": corrections, "volumes": volumes}
     _run("segmentation", project, {name: str(path) for name, path in given.items() if path is not None}, run)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import bpy
 
-from ..engine_api import BadRequest, KarfError, Project
+from ..engine_api import BadRequest, KarfError, Project, read_json
 from . import folders
 
 GRACE_SECONDS = 5.0  # a stage copies masks into the project as the last thing that it does
@@ -132,3 +132,14 @@ def mask_counts(scene: bpy.types.Scene) -> dict[str, int]:
         return {}
     counts = {each.name: len(list(each.rglob("*.png"))) for each in sorted(folder.iterdir()) if each.is_dir()}
     return {name: count for name, count in counts.items() if count}
+
+
+def views_to_mark(scene: bpy.types.Scene) -> tuple[str, ...]:
+    """The views whose mark would decide most, as the last segmentation found them, the best first."""
+    if "segmentation" not in finished_stages(scene):
+        return ()
+    try:
+        report = read_json(folders.project_of(scene).segmentation_report, "report")
+        return tuple(name for name in report.get("suggestions", {}) if name in scene.karf.views)
+    except (OSError, KarfError, AttributeError, TypeError):  # a report of something else is no reason to stop
+        return ()

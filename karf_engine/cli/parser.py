@@ -51,6 +51,10 @@ def _add_learning(commands: Commands) -> None:
     verb.add_argument("project", metavar="DIR", help="project folder")
     verb.add_argument("--masks", metavar="DIR", help="coarse masks: DIR/<object>/<photo stem>.png (default: the "
                       "project's own)")  # fmt: skip
+    verb.add_argument("--suggest", action="store_true", help="print the views to mark next, with their scores, the best "
+                      "first; nothing is computed")  # fmt: skip
+    verb.add_argument("--volumes", metavar="FILE", help="boxes and meshes that objects must be inside or outside of "
+                      "(default: the project's own volumes.json)")  # fmt: skip
     verb.add_argument("--corrections", metavar="DIR", help="partial marks: DIR/<object>/<view>.png, gray with alpha "
                       "(default: the project's own)")  # fmt: skip
 

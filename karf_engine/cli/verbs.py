@@ -44,8 +44,15 @@ def learn_geometry(options: argparse.Namespace) -> int:
 
 
 def segment(options: argparse.Namespace) -> int:
-    """Objects."""
-    library.segment(options.project, options.masks, getattr(options, "corrections", None), **_run_of(options))
+    """Objects, or only which views to mark next."""
+    if getattr(options, "suggest", False):
+        project = Project(options.project)
+        project.require("segmentation")
+        for name, score in read_json(project.segmentation_report, "report").get("suggestions", {}).items():
+            print(f"{score:.4f}  {name}")
+        return 0
+    more = {name: getattr(options, name, None) for name in ("corrections", "volumes")}
+    library.segment(options.project, options.masks, **more, **_run_of(options))
     return 0
 
 

@@ -7,6 +7,7 @@ A stage's outputs are gathered in a folder of their own until all are there, and
     capture.json                 the canonical capture (cameras, photo paths, split)
     masks/<object>/<view>.png    coarse masks, as given
     corrections/<object>/<view>.png  partial marks (see segmentation.corrections); no stage writes them
+    volumes.json                 what objects must be inside or outside of (see project.volumes); no stage writes it
     earlier_masks/               those that a segmentation with other masks replaced
     geometry.safetensors         the radiance field
     unfinished_<stage>.safetensors   training that was interrupted, to resume from
@@ -67,6 +68,11 @@ class Project:
     def corrections_folder(self) -> Path:
         """Partial marks as drawn, `<object>/<view>.png`; see `segmentation.corrections`."""
         return self.folder / "corrections"
+
+    @property
+    def volumes_file(self) -> Path:
+        """Boxes and meshes that objects must be inside or outside of; see `project.volumes`."""
+        return self.folder / "volumes.json"
 
     @property
     def geometry_file(self) -> Path:

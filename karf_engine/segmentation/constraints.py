@@ -18,10 +18,10 @@ from .coarse_masks import CoarseMask
 from .corrections import IS, IS_NOT, load_correction
 from .surface_points import LABEL_SAMPLES, SurfacePoints
 from .views import CACHE_STEP
-from .votes import LEAST_OPACITY, vote_on_points
+from .votes import vote_on_points
 
 REACH = 4.0  # grains, within which a sample belongs to a point
-LEAST_STRENGTH = 0.3  # of the rays that fix a point
+LEAST_SOLID = 0.5  # of a ray that fixes points, of the view's median: a silhouette's samples lie far apart
 
 
 @dataclass(frozen=True)
@@ -109,13 +109,16 @@ class SeenPoints:
             total += view_strength
         even = 1 / n_classes
         targets = np.where(total[:, None] > 0, votes / np.maximum(total, 1e-12)[:, None], even)
-        return Constraints(targets, total >= LEAST_STRENGTH)
+        return Constraints(targets, total > 0)
 
     def _votes(self, look: Look, targets: np.ndarray, said: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Targets [p, K+1] and strength [p] of the points, of what is said of a view's pixels."""
         cache, index = look.cache, look.cache.index.cpu().numpy()
-        solid = torch.exp(-cache.spread / (4 * self._points.grain)) * cache.opacity * (cache.opacity > LEAST_OPACITY)
-        strength = said.ravel()[index] * solid.cpu().numpy()
+        solid = (torch.exp(-cache.spread / (4 * self._points.grain)) * cache.opacity).cpu().numpy()
+        asked = said.ravel()[index]
+        # of a stroke on what is thin all rays are like that, and the better half of them counts
+        least = min(LEAST_SOLID * np.median(solid), np.median(solid[asked])) if asked.any() else 0.0
+        strength = asked * (solid >= least)
         nowhere = len(self._points)  # one point more, which takes the samples that hit none
         point = np.where(look.point_of_sample < 0, nowhere, look.point_of_sample)
         found, total = vote_on_points(point, targets.reshape(-1, targets.shape[2])[index], strength, nowhere + 1)

@@ -7,17 +7,20 @@ that its rays hit: so they need no F_s, which the stage learns anew.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
 from ..capture.capture import Capture, View
 from ..fields.protocol import Field
 from ..progress import Progress
+from ..project.volumes import Volume
 from ..settings import Settings
 from .coarse_masks import CoarseMask
 from .constraints import SeenPoints
 from .labels import Labelling
+from .suggestions import views_to_mark
 from .surface_points import surface_points
 from .views import cache_views, load_masked_views
 from .votes import votes_of_rays
@@ -39,6 +42,7 @@ class Correcting:
         corrections: Sequence[CoarseMask],
         settings: Settings,
         progress: Progress,
+        volumes: Mapping[str, Sequence[Volume]] = MappingProxyType({}),
     ) -> None:
         """Label the surface.
 
@@ -49,6 +53,7 @@ class Correcting:
             corrections: all that there are so far; later ones may be of other views, but only of the same objects.
             settings: that the scene was learned with.
             progress: counts the pixels of the views whose surface is looked at.
+            volumes: that objects must be inside or outside of, by their names.
 
         Raises:
             DataError: a mark or a photo cannot be read, or nothing stands for an object.
@@ -57,11 +62,11 @@ class Correcting:
         marked = {mask.view.name for mask in masks}
         learned_from = [view for view in capture.views if view.split == "train" or view.name in marked]
         views = load_masked_views(masks, learned_from, long_side, own, {each.object_name for each in corrections})
-        cached = cache_views(scene_field, views, own.samples_per_ray, progress)
+        self._cached = cached = cache_views(scene_field, views, own.samples_per_ray, progress)
         points = surface_points(cached, scene_field.voxel)
         self.objects = views.objects
         self._seen = SeenPoints(scene_field, points, long_side)
-        self._labelling = Labelling.of(scene_field, points, votes_of_rays(cached))
+        self._labelling = Labelling.of(scene_field, points, votes_of_rays(cached), self.objects, volumes)
         constraints = self._seen.constraints(corrections, self.objects)
         random = np.random.default_rng(settings.seed)
         self._of_masks = self._labelling.solve(self.objects, constraints, own.rounds, random)
@@ -71,6 +76,10 @@ class Correcting:
         """Solve again with these corrections, all that there are."""
         constraints = self._seen.constraints(corrections, self.objects)
         self.labels = self._labelling.corrected(self._of_masks, constraints, self.labels.probabilities)
+
+    def suggestions(self) -> dict[str, float]:
+        """The views to mark next, with their scores; see `suggestions.views_to_mark`."""
+        return views_to_mark(self._cached, self._labelling.points, self.labels)
 
     def masks(self, view: View) -> dict[str, np.ndarray]:
         """The objects' masks in a view as its pinhole shows it, at the working size, bool [H, W]."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,11 +14,13 @@ from scipy.spatial import cKDTree
 from ..errors import DataError
 from ..fields.protocol import Field
 from ..progress import Emit
+from ..project.volumes import Volume
 from .constraints import Constraints
 from .label_propagation import Labels, has_seeds, propagate_labels
 from .neighbor_graph import neighbor_graph
 from .spreading import spread
 from .surface_points import SurfacePoints
+from .volumes import allowed_classes
 from .votes import RayVotes, vote_on_points
 
 LOW_PRECISION = 0.6
@@ -63,21 +65,38 @@ class Labelling:
         targets: [p, K+1] the masks' votes; rows sum to 1.
         confidence: [p] >= 0 of these.
         normals: [p, 3] of unit length, outward.
+        allowed: [p, K+1] bool, the classes that points may have.
     """
 
     points: SurfacePoints
     targets: np.ndarray
     confidence: np.ndarray
     normals: np.ndarray
+    allowed: np.ndarray
 
     @classmethod
-    def of(cls, scene_field: Field, points: SurfacePoints, votes: RayVotes) -> Labelling:
-        """Of points, the votes of the rays that they were merged from, and the field, whose normals part what touches."""
+    def of(
+        cls,
+        scene_field: Field,
+        points: SurfacePoints,
+        votes: RayVotes,
+        objects: Sequence[str],
+        volumes: Mapping[str, Sequence[Volume]],
+    ) -> Labelling:
+        """Of points, the votes of the rays that they were merged from, and the field, whose normals part what touches.
+
+        objects: names of the K objects. volumes: that some of them must be inside or outside of.
+        """
         targets, confidence = vote_on_points(
             points.point_of_sample, votes.targets, votes.confidence * votes.opacity, len(points)
         )
         positions = torch.from_numpy(points.positions).float().to(scene_field.bounds.device)
-        return cls(points, targets, confidence, scene_field.normals(positions).cpu().numpy())
+        normals = scene_field.normals(positions).cpu().numpy()
+        allowed = allowed_classes(volumes, objects, scene_field.space.to_world(positions).double().cpu().numpy())
+        votes_left = targets * allowed
+        counts = votes_left.sum(1) > 0
+        targets = np.where(counts[:, None], votes_left / np.maximum(votes_left.sum(1, keepdims=True), 1e-12), targets)
+        return cls(points, targets, confidence * counts, normals, allowed)
 
     @cached_property
     def graph(self) -> csr_matrix:
@@ -104,15 +123,22 @@ class Labelling:
         confidence = np.where(stroked, np.maximum(self.confidence, 1), self.confidence)
         _require_all(objects, has_seeds(targets, confidence))
         points = self.points
-        return propagate_labels(
+        labels = propagate_labels(
             points.positions, points.lab, self.normals, points.grain, targets, confidence, rounds, random
         )
+        return self._within_volumes(labels)
+
+    def _within_volumes(self, labels: Labels) -> Labels:
+        if self.allowed.all():
+            return labels
+        left = (labels.probabilities + 1e-9) * self.allowed
+        return Labels(left / left.sum(1, keepdims=True), labels.precision)
 
     def corrected(self, labels: Labels, constraints: Constraints, start: np.ndarray | None = None) -> Labels:
         """The labels once corrections have changed them, see `spreading`. start: a solution that is near, [p, K+1]."""
         if not constraints.fixed.any():
             return labels
-        return spread(labels, self.points, self.graph, constraints, start)
+        return self._within_volumes(spread(labels, self.points, self.graph, constraints, start))
 
 
 def label_surface(
@@ -121,6 +147,7 @@ def label_surface(
     points: SurfacePoints,
     votes: RayVotes,
     constraints: Constraints,
+    volumes: Mapping[str, Sequence[Volume]],
     rounds: int,
     random: np.random.Generator,
     emit: Emit,
@@ -133,6 +160,7 @@ def label_surface(
         points: on the surface.
         votes: of the rays that the points were merged from.
         constraints: what corrections say of the points.
+        volumes: that objects must be inside or outside of, by their names.
         rounds: of the label propagation, at least 1.
         random: of the label propagation.
         emit: is told the number of points, and of low precision.
@@ -140,7 +168,7 @@ def label_surface(
     Raises:
         DataError: no point stands for one of the objects.
     """
-    labelling = Labelling.of(scene_field, points, votes)
+    labelling = Labelling.of(scene_field, points, votes, objects, volumes)
     emit("stage", name="labels", text=f"{len(points)} surface points")
     labels = labelling.solve(objects, constraints, rounds, random)
     _warn_of_low_precision(objects, labels, emit)

@@ -14,6 +14,8 @@ from ..files import read_json, write_json
 from ..metrics.masks import iou
 from ..names import check_names
 from .label_propagation import Labels
+from .suggestions import views_to_mark
+from .surface_points import SurfacePoints
 from .views import CachedViews
 
 
@@ -28,6 +30,7 @@ class SegmentationReport:
         views: names of the views used, in the order by which the objects' rays number them.
         masked_views: names of those that have a coarse mask.
         surface_points: number of labelled points.
+        suggestions: the views to mark next, the best first, with their scores in [0, 1]; see `suggestions`.
     """
 
     objects: list[str]
@@ -36,6 +39,7 @@ class SegmentationReport:
     views: list[str]
     masked_views: list[str]
     surface_points: int
+    suggestions: dict[str, float]
 
     def write(self, path: Path) -> None:
         """Write the report as JSON, atomically."""
@@ -46,6 +50,7 @@ class SegmentationReport:
             "views": self.views,
             "marked": self.masked_views,
             "surface_points": self.surface_points,
+            "suggestions": self.suggestions,
         }
         write_json(path, content)
 
@@ -66,15 +71,19 @@ class SegmentationReport:
         surface_points = content.get("surface_points")
         if type(surface_points) is not int or surface_points < 0:
             raise _damaged(path, "no number of surface points")
-        return cls(objects, precision, agreement, views, masked_views, surface_points)
+        suggestions = content.get("suggestions", {})  # older ones have none
+        if not isinstance(suggestions, dict) or not all(map(_is_share, suggestions.values())):
+            raise _damaged(path, "no scores of views")
+        return cls(objects, precision, agreement, views, masked_views, surface_points, suggestions)
 
 
-def report_of(cached: CachedViews, labels: Labels, probabilities: Tensor) -> SegmentationReport:
+def report_of(cached: CachedViews, points: SurfacePoints, labels: Labels, probabilities: Tensor) -> SegmentationReport:
     """Compare a segmentation with the masks that it came from.
 
     Args:
         cached: views, masks, and n cached rays.
-        labels: of the surface points.
+        points: on the surface, of the rays' samples.
+        labels: of the points.
         probabilities: [n, K+1], classes of the cached rays as F_s renders them.
     """
     views = cached.views
@@ -91,6 +100,7 @@ def report_of(cached: CachedViews, labels: Labels, probabilities: Tensor) -> Seg
         views=views.names,
         masked_views=views.masked_names,
         surface_points=len(labels.probabilities),
+        suggestions=views_to_mark(cached, points, labels),
     )
 
 

@@ -1,7 +1,8 @@
 """Stage 1: coarse masks -> F_s (segmentation.safetensors), the objects' rays (surface.safetensors) and a report.
 
 Options: masks (folder MASKS/<object>/<photo stem>.png; the project's own masks by default), corrections (folder of
-partial marks, see segmentation.corrections; the project's own by default).
+partial marks, see segmentation.corrections; the project's own by default), volumes (file of boxes and meshes, see
+project.volumes; the project's own by default).
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from ..heads.fields import SegmentationField
 from ..heads.files import save_segmentation, save_surface
 from ..heads.rendering import segment_cache
 from ..progress import Emit
+from ..project.volumes import Volume, read_volumes
 from ..segmentation.coarse_masks import CoarseMask, copy_masks, find_masks
 from ..segmentation.constraints import SeenPoints
 from ..segmentation.corrections import find_corrections
@@ -30,7 +32,7 @@ from ..segmentation.views import CachedViews, cache_views, load_masked_views
 from ..segmentation.votes import RayVotes, votes_of_rays
 from ..training.unfinished import Unfinished
 from ..wire import Request
-from .job import Job, StageRun, open_job, run_stage
+from .job import Job, StageRun, file_digest, open_job, run_stage
 
 VERSION = 1
 
@@ -43,8 +45,11 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     folder = Path(job.options.get("masks") or job.project.masks_folder)
     masks = find_masks(folder, capture)
     corrections = find_corrections(Path(job.options.get("corrections") or job.project.corrections_folder), capture)
-    # without corrections, the fingerprint is that of before there were any
+    volumes_file = Path(job.options.get("volumes") or job.project.volumes_file)
+    volumes = read_volumes(volumes_file)
+    # without corrections and volumes, the fingerprint is that of before there were any
     inputs = [_digests(marks) for marks in (masks, corrections) if marks]
+    inputs += [file_digest(volumes_file)] if volumes else []
     with run_stage(job, "segmentation", VERSION, *inputs) as run:
         if run is None:
             return
@@ -55,7 +60,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         views = load_masked_views(masks, learned_from, long_side, settings, {c.object_name for c in corrections})
         cached = cache_views(field, views, settings.samples_per_ray, job.progress("surface", views.n_pixels))
         votes = votes_of_rays(cached)
-        surface = _label(job, field, cached, votes, corrections)
+        surface = _label(job, field, cached, votes, corrections, volumes)
         karf = _fit(job, field, cached, votes, surface, run.unfinished)
         _write(job, run, karf, field, cached, surface)
         if folder.resolve() != job.project.masks_folder.resolve():
@@ -68,7 +73,12 @@ def _digests(marks: list[CoarseMask]) -> list:
 
 
 def _label(
-    job: Job, field: Field, cached: CachedViews, votes: RayVotes, corrections: list[CoarseMask]
+    job: Job,
+    field: Field,
+    cached: CachedViews,
+    votes: RayVotes,
+    corrections: list[CoarseMask],
+    volumes: dict[str, list[Volume]],
 ) -> LabelledSurface:
     points, objects = surface_points(cached, field.voxel), cached.views.objects
     seen = SeenPoints(field, points, job.settings.geometry.long_side)
@@ -77,7 +87,7 @@ def _label(
         return vote_on_surface(objects, points, votes, constraints)
     random = np.random.default_rng(job.settings.seed)
     rounds = job.settings.segmentation.rounds
-    return label_surface(field, objects, points, votes, constraints, rounds, random, job.emit)
+    return label_surface(field, objects, points, votes, constraints, volumes, rounds, random, job.emit)
 
 
 def _fit(
@@ -99,5 +109,5 @@ def _write(
     probabilities = segment_cache(karf, field, cached.cache)
     save_segmentation(run.output(job.project.segmentation_file), karf, objects, settings)
     save_surface(run.output(job.project.surface_file), object_surface(cached, probabilities), objects, settings)
-    report_of(cached, surface.labels, probabilities).write(run.output(job.project.segmentation_report))
+    report_of(cached, surface.points, surface.labels, probabilities).write(run.output(job.project.segmentation_report))
     run.summary["objects"] = objects

@@ -64,7 +64,24 @@ def test_a_report_is_read_as_it_was_written(learned, tmp_path):
     assert (tmp_path / "again.json").read_bytes() == path.read_bytes()
 
 
-@pytest.mark.parametrize("key", ["objects", "precision", "iou_with_marks", "views", "marked", "surface_points"])
+def test_the_views_to_mark_next_are_unmarked_ones_and_the_best_comes_first(learned):
+    report = SegmentationReport.read(Project(learned.project).segmentation_report)
+    assert report.suggestions and set(report.suggestions) <= set(report.views) - set(report.masked_views)
+    scores = list(report.suggestions.values())
+    assert scores == sorted(scores, reverse=True)
+
+
+def test_reports_of_before_there_were_suggestions_have_none(learned, tmp_path):
+    content = json.loads(Project(learned.project).segmentation_report.read_text())
+    del content["suggestions"]
+    path = tmp_path / "segmentation.json"
+    path.write_text(json.dumps(content))
+    assert SegmentationReport.read(path).suggestions == {}
+
+
+@pytest.mark.parametrize(
+    "key", ["objects", "precision", "iou_with_marks", "views", "marked", "surface_points", "suggestions"]
+)
 @pytest.mark.parametrize("value", [None, -3, "ball", [{}], {"ball": float("nan")}, {"ball": 2, "block": 0.5}])
 def test_a_report_of_other_values_is_refused_in_a_sentence(learned, tmp_path, key, value):
     content = json.loads(Project(learned.project).segmentation_report.read_text())

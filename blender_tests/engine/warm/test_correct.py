@@ -1,6 +1,7 @@
 """A stroke corrects the masks of all views at once, and the stage afterwards obeys it too."""
 
 import shutil
+from dataclasses import replace
 
 import imageio.v3 as iio
 import numpy as np
@@ -10,10 +11,13 @@ pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
 import karf_engine as karf
+from karf_engine.capture.camera import Camera
 from karf_engine.errors import BadRequest
 from karf_engine.project import Project
+from karf_engine.project.volumes import Volume, write_volumes
 from karf_engine.segmentation.correcting import Correcting
 from karf_engine.warm.answers import ANSWERS
+from karf_engine.warm.correct import _in_photo
 from karf_engine.warm.session import Session
 
 
@@ -31,8 +35,8 @@ def ask(session, project, view):
     return ANSWERS["correct"](session, {"project": str(project.folder), "view": view})
 
 
-def masks_of(answer, view):
-    return {name: iio.imread(path) > 127 for name, path in answer["masks"][view].items()}
+def masks_of(answer):
+    return {name: iio.imread(path) > 127 for name, path in answer["masks"].items()}
 
 
 def stroke_on(project, name, view, mask, value):
@@ -51,7 +55,7 @@ def stroke_on(project, name, view, mask, value):
 def test_masks_are_those_of_the_stage_before_anything_is_corrected(session, project):
     model = karf.load(project.folder)
     view = model.capture.split("test")[0]
-    found = masks_of(ask(session, project, view.name), view.name)
+    found = masks_of(ask(session, project, view.name))
     learned = dict(zip(model.objects, model.render_view(view).masks, strict=True))
     for name, mask in found.items():
         assert (mask & learned[name]).sum() / (mask | learned[name]).sum() > 0.8
@@ -59,9 +63,9 @@ def test_masks_are_those_of_the_stage_before_anything_is_corrected(session, proj
 
 def test_a_stroke_in_any_view_is_obeyed_at_once_and_by_the_stage(session, project):
     view = karf.load(project.folder).capture.split("test")[0]
-    before = masks_of(ask(session, project, view.name), view.name)["block"]
+    before = masks_of(ask(session, project, view.name))["block"]
     disk = stroke_on(project, "block", view.name, before, 0)
-    after = masks_of(ask(session, project, view.name), view.name)["block"]
+    after = masks_of(ask(session, project, view.name))["block"]
     assert before[disk].all() and not after[disk].any()
     karf.segment(project.folder, threads=1)
     model = karf.load(project.folder)
@@ -69,11 +73,32 @@ def test_a_stroke_in_any_view_is_obeyed_at_once_and_by_the_stage(session, projec
     assert (project.corrections_folder / "block" / f"{view.name}.png").is_file()
 
 
+def test_masks_are_as_large_as_the_photo_and_bent_by_its_lens():
+    plain = Camera(40, 20, 30.0, 30.0, 20.0, 10.0, np.eye(4))
+    mask = np.zeros((10, 20), bool)
+    mask[2:8, 2:6] = True
+    large = _in_photo(mask, plain)
+    assert large.shape == (20, 40) and large.sum() == 4 * mask.sum()
+    barrel = _in_photo(mask, replace(plain, distortion=(-0.3, 0.0, 0.0, 0.0)))
+    assert np.argwhere(barrel).mean(0)[1] > np.argwhere(large).mean(0)[1]  # nearer to the middle
+
+
 def test_the_scene_is_looked_at_once(session, project, monkeypatch):
     views = [view.name for view in karf.load(project.folder).capture.split("test")[:2]]
     ask(session, project, views[0])
     monkeypatch.setattr(Correcting, "__init__", None)
-    assert set(ask(session, project, ",".join(views))["masks"]) == set(views)
+    assert set(ask(session, project, views[1])["masks"]) == {"ball", "block"}
+
+
+def test_an_object_ends_where_its_volume_does(session, project):
+    view = karf.load(project.folder).capture.split("test")[0]
+    before = masks_of(ask(session, project, view.name))
+    half = np.diag([0.2, 2.0, 2.0, 1.0])
+    half[0, 3] = 0.25  # x from 0.05 to 0.45; the block's is from 0.15 to 0.75
+    write_volumes(project.volumes_file, {"block": [Volume("inside", half)]})
+    after = masks_of(ask(session, project, view.name))
+    assert 0.2 < after["block"].sum() / before["block"].sum() < 0.8
+    assert (after["ball"] != before["ball"]).sum() <= 5
 
 
 def test_a_project_without_geometry_is_refused(session, tmp_path):

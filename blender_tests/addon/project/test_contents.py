@@ -1,0 +1,31 @@
+"""What a project tells of itself: the views to mark next."""
+
+import json
+
+import pytest
+
+
+@pytest.fixture
+def imported(bpy, addon, scene, capture_folder, tmp_path):
+    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    return scene
+
+
+def segmented(addon, scene, report):
+    project = addon.folders.project_of(scene)
+    project.create("capture")
+    project.finish("geometry", "g")
+    project.finish("segmentation", "s")
+    project.segmentation_report.write_text(json.dumps(report))
+
+
+def test_the_views_to_mark_next_are_those_that_segmentation_named(addon, imported):
+    assert addon.contents.views_to_mark(imported) == ()
+    segmented(addon, imported, {"suggestions": {"photo_2": 0.2, "gone": 0.1, "photo_0": 0.1}})
+    assert addon.contents.views_to_mark(imported) == ("photo_2", "photo_0")
+
+
+@pytest.mark.parametrize("report", [{}, [], {"suggestions": 3}])
+def test_a_report_without_any_names_none(addon, imported, report):
+    segmented(addon, imported, report)
+    assert addon.contents.views_to_mark(imported) == ()
