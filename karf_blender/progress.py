@@ -2,7 +2,7 @@
 
 import bpy
 
-from .engine_api import Event
+from .engine_api import Event, KarfError
 
 
 def state() -> bpy.types.PropertyGroup:
@@ -30,6 +30,12 @@ def _add_warning(sentence: str) -> None:
     progress = state()
     if sentence not in progress.warnings.splitlines():
         progress.warnings = f"{progress.warnings}\n{sentence}".strip()
+
+
+def fail(error: KarfError) -> None:
+    """Say why something failed, and what can be done."""
+    progress = state()
+    progress.text, progress.error, progress.hint = "", error.sentence, error.hint
 
 
 def dismiss() -> None:

@@ -52,6 +52,7 @@ def learn(
     preset: str = "demo",
     overrides: Sequence[str] = (),
     nerf: PathLike | None = None,
+    holdout: int | None = None,
     **run: Unpack[Run],
 ) -> Model:
     """Learn everything: geometry, segmentation, palettes and their weights.
@@ -63,6 +64,8 @@ def learn(
         preset: `demo`, `fast`, `quality` or `paper` (see `PRESETS`).
         overrides: single settings, each as `stage.field=value`.
         nerf: checkpoint of a NeRF that another program has trained on this capture, to take as geometry.
+        holdout: hold out every so many-th photo as test view, unless it is marked, where the capture declares none; 0:
+            learn from all. By default as the project was learned, else 0.
         **run: see the module's docstring.
 
     Returns:
@@ -71,7 +74,8 @@ def learn(
     Raises:
         KarfError: an input is missing, damaged or contradicts another, or the computer ran out of memory.
     """
-    learn_geometry(capture, project=project, preset=preset, overrides=overrides, nerf=nerf, **run)
+    chosen = {"preset": preset, "overrides": overrides, "nerf": nerf, "holdout": holdout}
+    learn_geometry(capture, project=project, masks=masks, **chosen, **run)
     segment(project, masks, **run)
     extract_palettes(project, **run)
     learn_recoloring(project, **run)
@@ -85,29 +89,39 @@ def learn_geometry(
     preset: str = "demo",
     overrides: Sequence[str] = (),
     nerf: PathLike | None = None,
+    holdout: int | None = None,
+    masks: PathLike | None = None,
     **run: Unpack[Run],
 ) -> None:
-    """Learn the radiance field of a capture into a project. Arguments and errors as for `learn`."""
+    """Learn the radiance field of a capture into a project; marked photos are among those that it learns from.
+
+    Arguments and errors as for `learn`.
+    """
     is_open = not isinstance(capture, PathLike)
     source = capture.source if is_open else capture
     options = {"capture": str(source), "preset": preset, "overrides": list(overrides)}
-    if nerf is not None:
-        options["nerf"] = str(nerf)
+    options |= {name: str(path) for name, path in (("nerf", nerf), ("masks", masks)) if path is not None}
+    if holdout is not None:
+        options["holdout"] = holdout
     _run("geometry", project, options, run, **({"capture": capture} if is_open else {}))
 
 
-def segment(project: PathLike, masks: PathLike | None = None, **run: Unpack[Run]) -> None:
+def segment(
+    project: PathLike, masks: PathLike | None = None, corrections: PathLike | None = None, **run: Unpack[Run]
+) -> None:
     """Learn F_s: which part of the scene is which object.
 
     Args:
         project: one whose geometry is learned.
         masks: a folder of rough masks, MASKS/<object>/<photo stem>.png; by default the project's own.
+        corrections: a folder of partial marks, CORRECTIONS/<object>/<view>.png; by default the project's own.
         **run: see the module's docstring.
 
     Raises:
-        KarfError: a mask fits no training photo, marks nothing, or the project's geometry is missing or damaged.
+        KarfError: a mask fits no photo, marks nothing, or the project's geometry is missing or damaged.
     """
-    _run("segmentation", project, {} if masks is None else {"masks": str(masks)}, run)
+    given = {"masks": masks, "corrections": corrections}
+    _run("segmentation", project, {name: str(path) for name, path in given.items() if path is not None}, run)
 
 
 def extract_palettes(project: PathLike, **run: Unpack[Run]) -> None:
@@ -124,7 +138,7 @@ def render(
     project: PathLike,
     out: PathLike,
     *,
-    views: str = "test",
+    views: str = "all",
     first: int | None = None,
     last: int | None = None,
     count: int | None = None,

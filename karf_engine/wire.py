@@ -6,6 +6,9 @@ The child's standard input is lifeline and cancel: the line `cancel`, or its end
 
 Events: hello, stage, progress, preview, artifact, warning, error, done, cancelled. Exit codes are those of `errors`,
 0 for done and 70 for an internal error; anything else is a crash.
+
+A job of the stage `warm` stays: each further line of its standard input is an ask, which it answers by one event, answer
+or refused, or dropped where a later ask of its kind came before it had ended. It is done when nobody asks for a while.
 """
 
 from __future__ import annotations
@@ -25,7 +28,11 @@ PROTOCOL = 1
 REQUEST_FILE = "request.json"
 EVENTS_FILE = "events.jsonl"
 LOG_FILE = "engine.log"
-STAGES = ("geometry", "segmentation", "palette", "recoloring", "render", "match", "colorways", "points", "poses", "all")
+STAGES = (
+    *("geometry", "segmentation", "palette", "recoloring", "render", "match", "colorways", "points", "poses", "all"),
+    "warm",
+)
+WARM = STAGES[-1]  # answers asks until it is done; see `karf_engine.warm`
 FINAL_EVENTS = ("done", "error", "cancelled")
 MOST_THREADS = 256
 EVENT_VALUES: dict[str, dict[str, Any]] = {  # what a reader may rely on; other values are an event's own
@@ -37,15 +44,19 @@ EVENT_VALUES: dict[str, dict[str, Any]] = {  # what a reader may rely on; other 
     "warning": {"code": str, "sentence": str},
     "error": {"code": str, "sentence": str, "hint": str},
     "cancelled": {"sentence": str},
+    "answer": {"id": int},
+    "refused": {"id": int, "code": str, "sentence": str, "hint": str},
+    "dropped": {"id": int},
 }
 OPTION_TYPES: dict[str, tuple[type, ...]] = {
-    **dict.fromkeys(("capture", "preset", "nerf", "masks", "device", "views", "out", "base"), (str,)),
+    **dict.fromkeys(("capture", "preset", "nerf", "masks", "corrections", "device", "views", "out", "base"), (str,)),
     **dict.fromkeys(("photos", "matching", "object", "source", "target", "rule", "sheet", "format"), (str,)),
+    **dict.fromkeys(("view", "picture"), (str,)),
     **dict.fromkeys(("depth", "planes", "layers", "alpha", "jpeg", "predict_only", "skip_existing"), (bool,)),
     "edit": (str, list),
     "size": (str, int),
     **dict.fromkeys(("overrides", "locked"), (list,)),
-    **dict.fromkeys(("threads", "first", "last", "count"), (int,)),
+    **dict.fromkeys(("threads", "first", "last", "count", "holdout", "idle_minutes"), (int,)),
 }
 
 
@@ -110,6 +121,41 @@ class Request:
         if stage not in STAGES:
             raise BadRequest(f"Unknown stage {stage!r:.200}.", f"Use one of: {', '.join(STAGES)}.")
         return request
+
+
+@dataclass(frozen=True)
+class Ask:
+    """One line of a warm engine's standard input.
+
+    Attributes:
+        number: The caller's, by which it knows the answer.
+        kind: What is asked, one of `warm.answers.ANSWERS`.
+        options: JSON values, paths absolute.
+
+    Examples:
+        >>> Ask(3, "preview", {"long_side": 96}).encode()
+        '{"id": 3, "kind": "preview", "options": {"long_side": 96}}'
+    """
+
+    number: int
+    kind: str
+    options: dict[str, Any]
+
+    def encode(self) -> str:
+        """One line of JSON, without the line end."""
+        return json.dumps({"id": self.number, "kind": self.kind, "options": self.options})
+
+    @classmethod
+    def decode(cls, line: str) -> Ask:
+        """Parse one line. Raises BadRequest where it is no ask."""
+        try:
+            content = json.loads(line)
+            ask = cls(content["id"], content["kind"], content["options"])
+        except (ValueError, KeyError, TypeError, RecursionError) as error:
+            raise BadRequest(f"{line!r:.200} is no ask ({error!s:.200}).", "Write one JSON object a line.") from error
+        if [type(value) for value in (ask.number, ask.kind, ask.options)] != [int, str, dict]:
+            raise BadRequest(f"{line!r:.200} is an ask of other values.", "Give a number, a text and an object.")
+        return ask
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ FLOORS = (
     ("model",),
     ("scene_points",),
     ("stages",),
-    ("library",),
+    ("library", "warm"),
     ("doctor",),
     ("cli",),
     ("__init__", "__main__"),

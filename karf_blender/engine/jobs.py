@@ -76,10 +76,14 @@ class Job:
     def cancel(self) -> None:
         """Ask the child to stop at its next safe point; it is ended by force where it does not."""
         self._is_cancelled = True
-        with contextlib.suppress(OSError, ValueError):
-            self._process.stdin.write(b"cancel\n")
-            self._process.stdin.flush()
+        self.tell("cancel")
         self._end_after(CANCEL_SECONDS)
+
+    def tell(self, line: str) -> None:
+        """Write a line to the child's standard input; a child that is gone is noticed by `poll`."""
+        with contextlib.suppress(OSError, ValueError):
+            self._process.stdin.write(f"{line}\n".encode())
+            self._process.stdin.flush()
 
     def terminate(self) -> None:
         """End the child now; waits for it a few seconds at most."""

@@ -16,7 +16,11 @@ from .context import scene_of
 
 
 def import_capture(
-    path: str | Path, project: str | Path | None = None, scene: bpy.types.Scene | None = None, **options: Any
+    path: str | Path,
+    project: str | Path | None = None,
+    scene: bpy.types.Scene | None = None,
+    holdout: int | None = None,
+    **options: Any,
 ) -> Capture:
     """Build the cameras of a capture in the scene.
 
@@ -24,13 +28,14 @@ def import_capture(
         path: The capture's folder or camera file.
         project: Folder of all that is learned; default: beside the .blend.
         scene: Default: the context's.
+        holdout: Keep every so many-th photo out of learning; default: as the project was learned, else none.
         options: Those of `rig.cameras.Options`.
 
     Returns:
         The capture; its `remarks` say what could not be had.
     """
     folder = Path(project).absolute() if project else None
-    return steps.import_capture(scene_of(scene), Path(path).absolute(), folder, Options(**options))
+    return steps.import_capture(scene_of(scene), Path(path).absolute(), folder, Options(**options), holdout)
 
 
 def find_poses(photos: str | Path, scene: bpy.types.Scene | None = None, **options: Any) -> Capture:
@@ -83,6 +88,25 @@ def learn_scene(
         scene_of(scene).karf.nerf = folders.stored(Path(nerf).absolute())
     runner.wait(steps.learn_scene(scene_of(scene), preset, overrides))
     return folders.project_of(scene_of(scene)).finished("geometry")
+
+
+def learn_all(
+    preset: str = "",
+    overrides: Sequence[str] = (),
+    scene: bpy.types.Scene | None = None,
+) -> tuple[Palette, ...]:
+    """Learn the geometry, segment the objects of the panel's masks, extract the palettes and show the active view.
+
+    Args:
+        preset: Name of the settings; default: the panel's.
+        overrides: Single settings as `stage.field=value`.
+        scene: Default: the context's.
+
+    Returns:
+        The palettes as learned, one an object.
+    """
+    runner.wait(steps.learn_all(scene_of(scene), preset, overrides))
+    return edits.learned(scene_of(scene))
 
 
 def segment(masks: str | Path | None = None, scene: bpy.types.Scene | None = None) -> dict[str, Any]:

@@ -3,12 +3,13 @@
 from pathlib import Path
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from .. import steps
 from ..engine_api import CAPTURE_MARKS
 from ..rig.cameras import Options
 from ..tasks import runner
+from ..workspace import estimates
 from .reporting import has_project, is_free, reports_errors
 
 ORIENTATION_ITEMS = [
@@ -76,6 +77,15 @@ class KARF_OT_import_capture(RigOptions, bpy.types.Operator):
     project: StringProperty(
         name="Project", subtype="DIR_PATH", description="Empty: beside the .blend", options={"SKIP_SAVE"}
     )
+    holdout: IntProperty(
+        name="Hold Out",
+        default=0,
+        min=0,
+        soft_max=16,
+        description="Keep every so many-th photo out of learning, to measure quality with; 0: learn from all. Where the "
+        "capture declares its test photos, those are kept out; a marked photo is learned from in any case",
+        options={"SKIP_SAVE"},
+    )
     filter_glob: StringProperty(default="*.json;*.npy;*.bin;*.txt", options={"HIDDEN"})
 
     def invoke(self, context, event):
@@ -91,15 +101,19 @@ class KARF_OT_import_capture(RigOptions, bpy.types.Operator):
                 column.label(text=line)
         self.draw_options()
         self.layout.prop(self, "project")
+        self.layout.prop(self, "holdout")
 
     @reports_errors
     def execute(self, context):
         project = Path(bpy.path.abspath(self.project)) if self.project else None
         path = Path(bpy.path.abspath(self.filepath))
-        capture = steps.import_capture(context.scene, path, project, self.rig_options())
+        # untouched, a project that is learned keeps what it was learned without
+        holdout = self.holdout if self.properties.is_property_set("holdout") else None
+        capture = steps.import_capture(context.scene, path, project, self.rig_options(), holdout)
         for remark in capture.remarks:
             self.report({"WARNING"}, remark)
         view_from_camera(context.area, colored_points=self.points and capture.points is not None)
+        estimates.measure_once()
         self.report({"INFO"}, f"{len(capture.views)} cameras from {capture.source}")
         return {"FINISHED"}
 
@@ -136,7 +150,7 @@ class KARF_OT_find_poses(RigOptions, bpy.types.Operator):
 
 
 class KARF_OT_look_through(bpy.types.Operator):
-    """Look through the active view's camera, with its photo's size"""
+    """Look through the active view's camera, with its photo's size as the scene's until the view is left"""
 
     bl_idname = "karf.look_through"
     bl_label = "Look Through"
@@ -155,6 +169,28 @@ class KARF_OT_look_through(bpy.types.Operator):
         return {"FINISHED"}
 
 
+class KARF_OT_leave_view(bpy.types.Operator):
+    """Give the scene the camera and the picture size back that it had before a captured camera was looked through"""
+
+    bl_idname = "karf.leave_view"
+    bl_label = "Leave View"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        if not context.scene.karf.looking.is_on:
+            cls.poll_message_set("No captured camera is looked through")
+            return False
+        return True
+
+    @reports_errors
+    def execute(self, context):
+        steps.leave_view(context.scene)
+        if context.area is not None and context.area.type == "VIEW_3D":
+            context.space_data.region_3d.view_perspective = "PERSP"
+        return {"FINISHED"}
+
+
 class KARF_FH_capture(bpy.types.FileHandler):
     """Camera files may be dropped on the 3D View; what else ends so is refused with a sentence when it is read."""
 
@@ -168,4 +204,4 @@ class KARF_FH_capture(bpy.types.FileHandler):
         return context.area is not None and context.area.type == "VIEW_3D"
 
 
-CLASSES = (KARF_OT_import_capture, KARF_OT_find_poses, KARF_OT_look_through, KARF_FH_capture)
+CLASSES = (KARF_OT_import_capture, KARF_OT_find_poses, KARF_OT_look_through, KARF_OT_leave_view, KARF_FH_capture)

@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 
 from .. import progress
-from ..engine_api import Capture, DataError, KarfError, Request, open_capture
+from ..engine_api import Capture, DataError, KarfError, Project, Request, hold_out, open_capture
 from ..project import captures, folders
 from ..rig import cameras
 from ..swatches import palettes, recolor
@@ -17,7 +17,11 @@ from . import requests, view
 
 
 def import_capture(
-    scene: bpy.types.Scene, path: Path, project: Path | None = None, options: cameras.Options | None = None
+    scene: bpy.types.Scene,
+    path: Path,
+    project: Path | None = None,
+    options: cameras.Options | None = None,
+    holdout: int | None = None,
 ) -> Capture:
     """Build the rig of a capture and make it the scene's.
 
@@ -28,6 +32,8 @@ def import_capture(
         path: The capture's folder or camera file.
         project: Default: the one the scene has of this capture, else a folder beside the .blend.
         options: How the rig is shown.
+        holdout: Every how many-th photo is kept out of learning where the capture declares none; 0: none. Default: as
+            the project was learned, else 0.
 
     Returns:
         The capture; its remarks say what could not be had.
@@ -39,6 +45,7 @@ def import_capture(
     is_known = bool(karf.project) and karf.capture == folders.stored(path)
     if project is None:
         project = folders.project_of(scene).folder if is_known else folders.default_project(path)
+    capture = hold_out(capture, Project(project).holdout() if holdout is None else holdout)
     try:  # from here on a project that is not there is missing
         project.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -49,12 +56,13 @@ def import_capture(
             palettes.load_palettes(scene, ())
         karf.capture = folders.stored(path)
         karf.project = folders.stored(project)
+        karf.holdout = capture.holdout
         karf.n_points = 0 if capture.points is None else len(capture.points)
         karf.views.clear()
         for each in capture.views:
             item = karf.views.add()
             item.name, item.split = each.name, each.split
-        # a view that learns: masks are painted on it
+        # a view that learns: masks are mostly painted on it
         first = next(iter(capture.split("train")), capture.views[0])
         karf.active_view = first.name
     try:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..errors import DataError
 from .camera import Camera
-from .capture import Capture, SparsePoints, View
+from .capture import Capture, SparsePoints, View, hold_out
 from .colmap import is_colmap, read_colmap
 from .llff import is_llff, read_llff
 from .transforms_json import is_nerf_synthetic, is_transforms, read_nerf_synthetic, read_transforms, write_cameras
@@ -24,6 +24,7 @@ __all__ = [
     "Format",
     "SparsePoints",
     "View",
+    "hold_out",
     "open_capture",
     "register_format",
     "write_cameras",
@@ -49,17 +50,19 @@ class Format:
     read: Callable[[Path, bool], Capture]
 
 
-def open_capture(path: Path | str, photos: bool = True) -> Capture:
+def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Capture:
     """Read a capture, whatever its format.
 
     Args:
         path: The capture's folder, or its camera file.
         photos: Whether to look for the photos; without them, picture sizes must be in the file.
+        holdout: Hold out every so many-th photo where the capture declares no test photos, see `hold_out`.
 
     Returns:
         The capture. A remark says which formats in the same folder were not read.
 
     Raises:
+        BadRequest: `holdout` is no number of photos.
         DataError: The path does not exist, is of no known format, or is damaged.
     """
     path = Path(path)
@@ -70,7 +73,7 @@ def open_capture(path: Path | str, photos: bool = True) -> Capture:
         markers = ", ".join(known.marker for known in FORMATS)
         raise DataError(f"{path} is no capture of a known format.", f"A capture has one of these: {markers}.")
     best, *others = found
-    capture = best.read(path, photos)
+    capture = hold_out(best.read(path, photos), holdout)
     if path.is_file() or not others:
         return capture
     left = " or ".join(known.marker for known in others)

@@ -7,7 +7,7 @@ and from the folder that the JSON lies in, so that a project that moves with its
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import DataError
+from ..errors import BadRequest, DataError
 from ..names import check_name, check_names
 from .camera import Camera
 from .limits import LARGEST_POSITION, check_camera
@@ -90,6 +90,7 @@ class Capture:
         views: In file order.
         remarks: Sentences that a user should see: what was skipped, or guessed.
         points: The sparse points where the format has them; the canonical JSON leaves them out.
+        holdout: Every how many-th photo was chosen to be held out (see `hold_out`), 0 where none was; not in the JSON.
     """
 
     source: Path
@@ -97,6 +98,7 @@ class Capture:
     views: tuple[View, ...]
     remarks: tuple[str, ...] = ()
     points: SparsePoints | None = None
+    holdout: int = 0
 
     def split(self, name: str) -> tuple[View, ...]:
         """Views of one split (`train`, `val`, `test`), or all of them for `all`."""
@@ -114,11 +116,31 @@ class Capture:
         raise DataError(f"{self.source} has no view {name!r}.", f"Its first view is {self.views[0].name!r}.")
 
 
-def with_test_views(views: list[View]) -> list[View]:
-    """Hold out every 8th photo by name, the first included (the LLFF convention), where no split is declared."""
-    order = sorted(range(len(views)), key=lambda i: views[i].name)
-    test = set(order[::8]) if len(views) >= 8 else set()
-    return [replace(view, split="test" if i in test else "train") for i, view in enumerate(views)]
+def hold_out(capture: Capture, every: int) -> Capture:
+    """Hold out every so many-th training photo by name, the first included, to test what is learned from the others.
+
+    A capture that has test photos already, or fewer training photos than `every`, stays as it is.
+
+    Args:
+        capture: The capture.
+        every: From 2; the convention of LLFF is 8. 0: none is held out.
+
+    Raises:
+        BadRequest: `every` is 1, which leaves nothing to learn from, or below 0.
+    """
+    if every < 0 or every == 1:
+        raise BadRequest(f"Every {every}th photo cannot be held out.", "Give 0 for none, or a number from 2.")
+    names = sorted(view.name for view in capture.split("train"))
+    if not every or capture.split("test") or len(names) < every:
+        return capture
+    return replace(with_split(capture, names[::every], "test"), holdout=every)
+
+
+def with_split(capture: Capture, names: Collection[str], split: str) -> Capture:
+    """The capture with the views of these names in this split."""
+    return replace(
+        capture, views=tuple(replace(view, split=split) if view.name in names else view for view in capture.views)
+    )
 
 
 def unique_names(stems: list[tuple[str, str]]) -> list[str]:

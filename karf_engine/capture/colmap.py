@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import DataError
 from .camera import Camera
-from .capture import Capture, SparsePoints, with_test_views
+from .capture import Capture, SparsePoints
 from .colmap_model import Image, Intrinsics, Points, count_images, read_cameras, read_images, read_points
 from .limits import LARGEST_POSITION, check_camera
 from .reading import PHOTO_SUFFIXES, at_size, exists, make_views, merge_notes, opencv_distortion, photo_size, photos_in
@@ -65,7 +65,7 @@ def read_colmap(path: Path, photos: bool) -> Capture:
     sized = [_at_photo(camera, photo) for camera, photo in zip(declared, found, strict=True)]
     cameras = [camera for camera, _ in sized]
     stems = [photo.stem if photo else _stem(images[n].name) for n, photo in zip(ids, found, strict=True)]
-    views = with_test_views(make_views(cameras, found, stems, ["train"] * len(ids)))
+    views = make_views(cameras, found, stems, ["train"] * len(ids))
     remarks += merge_notes(note for _, notes in sized for note in notes)
     if points is None:
         remarks.append(f"{model} has no points3D{suffix}, and so there are no sparse points.")

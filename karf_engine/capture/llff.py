@@ -16,7 +16,7 @@ import numpy as np
 
 from ..errors import DataError
 from .camera import Camera
-from .capture import Capture, with_test_views
+from .capture import Capture
 from .image_size import image_size
 from .limits import LARGEST_POSITION, check_camera
 from .reading import at_size, make_views, merge_notes, photo_size, photos_in, read_bytes, rigid_pose
@@ -63,7 +63,7 @@ def read_llff(path: Path, photos: bool) -> Capture:
         for view, row, usable in zip(views, table, is_range, strict=True)
     ]
     notes += ["depth bounds that are no range of positive depths were left out."] * int((~is_range).sum())
-    return Capture(path.absolute(), "llff", tuple(with_test_views(views)), tuple(merge_notes(notes)))
+    return Capture(path.absolute(), "llff", tuple(views), tuple(merge_notes(notes)))
 
 
 def _table(file: Path) -> np.ndarray:

@@ -16,7 +16,8 @@ from typing import Any
 
 from ..errors import DataError
 from ..files import write_json
-from .capture import SPLITS, Capture, SparsePoints, View, with_test_views
+from .camera import Camera
+from .capture import SPLITS, Capture, SparsePoints, View
 from .ply import read_points
 from .reading import FISHEYE_KEYS, LENS_KEYS, PHOTO_SUFFIXES, exists, make_views, merge_notes
 from .transforms_frames import Frame, camera_of, read_frames
@@ -75,17 +76,16 @@ def write_cameras(path: Path, views: Sequence[View]) -> None:
     """Write bare cameras as an instant-ngp style file; `open_capture(path, photos=False)` gives them back exactly."""
     content = {
         "camera_model": "OPENCV",
-        "frames": [_frame_to_json(view) for view in views],
+        "frames": [{"file_path": view.name, **camera_to_json(view.camera)} for view in views],
         **{f"{split}_filenames": [view.name for view in views if view.split == split] for split in SPLITS},
     }
     write_json(path, content)
 
 
-def _frame_to_json(view: View) -> dict[str, Any]:
-    camera = view.camera
+def camera_to_json(camera: Camera) -> dict[str, Any]:
+    """A camera as a frame of such a file has it; `transforms_frames.camera_from_json` gives it back exactly."""
     keys = FISHEYE_KEYS if camera.fisheye else LENS_KEYS
     return {
-        "file_path": view.name,
         **({"camera_model": "OPENCV_FISHEYE"} if camera.fisheye else {}),
         "w": camera.width,
         "h": camera.height,
@@ -117,9 +117,6 @@ def _read(source: Path, format_name: str, files: list[tuple[Path, str]], photos:
     if missing:
         first = missing[0].fields["file_path"][:200]
         remarks.insert(0, f"{len(missing)} of {len(frames)} photos are missing and were skipped; the first is {first}.")
-    if not any(view.split == "test" for view in views):
-        rest = iter(with_test_views([view for view in views if view.split == "train"]))
-        views = [next(rest) if view.split == "train" else view for view in views]
     return Capture(source.absolute(), format_name, tuple(views), tuple(remarks + remarks_of_points), points)
 
 

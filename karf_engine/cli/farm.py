@@ -16,7 +16,7 @@ def write_bundle(options: argparse.Namespace) -> int:
     pictures = {name: getattr(options, name) for name in PICTURES if name != "overrides"}
     chosen = {name: getattr(options, name) for name in ("views", "edit", "per_task", "python")}
     if options.masks:
-        learning = {"preset": options.preset or "demo", "overrides": options.overrides}
+        learning = {"preset": options.preset or "demo", "overrides": options.overrides, "holdout": options.holdout}
         out = learning_bundle(options.source, options.masks, options.out, **learning, **chosen, **pictures)
     elif options.preset:
         raise BadRequest("A learned project has its preset.", "Leave --preset out, or give --masks to learn a capture.")

@@ -1,4 +1,4 @@
-"""A job folder as a child process: events to its file, cancel by standard input (see wire)."""
+"""A job folder as a child process: events to its file, cancel and asks by standard input (see wire)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..progress import Emit
 from ..project import STAGE_ORDER, Project
 from ..stages.dispatch import run_request
 from ..version import __version__
-from ..wire import PROTOCOL, EventWriter, Request
+from ..wire import PROTOCOL, WARM, EventWriter, Request
 from .failing import as_karf_error, say_error
 
 SAME_PATHS = PathMap()
@@ -42,20 +42,33 @@ def run_job(job: Path, paths: PathMap = SAME_PATHS) -> int:
     def emit(kind: str, /, **values: Any) -> None:
         write(kind, **paths.theirs(values))
 
-    cancelled = threading.Event()
-    threading.Thread(target=_watch_input, args=(cancelled,), daemon=True).start()
     try:
         emit("hello", protocol=PROTOCOL, engine=__version__, python=platform.python_version(), torch=_version("torch"),
              pid=os.getpid())  # fmt: skip
         told = Request.read(job)
         request = Request(told.stage, Path(paths.here(str(told.project))), paths.here(told.options))
-        run_request(request, emit, cancelled.is_set)
+        if request.stage == WARM:
+            _stay_warm(job, request, emit, paths)
+        else:
+            cancelled = threading.Event()
+            threading.Thread(target=_watch_input, args=(cancelled,), daemon=True).start()
+            run_request(request, emit, cancelled.is_set)
         emit("done", summary=_summary(request))
     except Exception as raised:
         error = as_karf_error(raised)
         _tell_end(emit, error)
         return error.exit_code
     return 0
+
+
+def _stay_warm(job: Path, request: Request, emit: Emit, paths: PathMap) -> None:
+    from ..warm.serving import IDLE_MINUTES, serve  # needs numpy, without which `doctor` still has something to say
+    from ..warm.session import Session
+
+    request.check_options()
+    options = request.options
+    session = Session(job, options.get("threads"), options.get("device"))
+    serve(session, sys.stdin, emit, as_karf_error, paths, options.get("idle_minutes", IDLE_MINUTES))
 
 
 def _tell_end(emit: Emit, error: KarfError) -> None:

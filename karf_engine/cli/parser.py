@@ -44,11 +44,15 @@ def _add_learning(commands: Commands) -> None:
 
     verb = _verb(commands, "geometry", "learn the scene from photos with poses", verbs.learn_geometry)
     _add_geometry_options(verb)
+    verb.add_argument("--masks", metavar="DIR", help="coarse masks, whose photos are learned from in any case")
     verb.add_argument("--project", required=True, metavar="DIR", help="project folder, made if needed")
 
     verb = _verb(commands, "segmentation", "turn coarse masks into objects in all views", verbs.segment)
     verb.add_argument("project", metavar="DIR", help="project folder")
-    verb.add_argument("--masks", required=True, metavar="DIR", help="coarse masks: DIR/<object>/<photo stem>.png")
+    verb.add_argument("--masks", metavar="DIR", help="coarse masks: DIR/<object>/<photo stem>.png (default: the "
+                      "project's own)")  # fmt: skip
+    verb.add_argument("--corrections", metavar="DIR", help="partial marks: DIR/<object>/<view>.png, gray with alpha "
+                      "(default: the project's own)")  # fmt: skip
 
     verb = _verb(
         commands, "palette", "extract palettes; with --json or --out only show the learned ones", verbs.extract_palettes
@@ -65,20 +69,24 @@ def _add_learning(commands: Commands) -> None:
 
 
 def _add_editing(commands: Commands) -> None:
-    verb = _verb(commands, "match", "write the edit with which one color of an object becomes another", verbs.match)
+    text = "write the edit with which one color of an object becomes another, or a view looks as it was painted"
+    verb = _verb(commands, "match", text, verbs.match)
     verb.add_argument("project", metavar="DIR", help="project folder")
-    verb.add_argument("--object", required=True, help="which object")
-    verb.add_argument("--from", dest="source", required=True, metavar="COLOR", help="a color it shows, #rrggbb")
-    verb.add_argument("--to", dest="target", required=True, metavar="COLOR", help="the color it shall become, #rrggbb")
+    verb.add_argument("--object", help="which object")
+    verb.add_argument("--from", dest="source", metavar="COLOR", help="a color it shows, #rrggbb")
+    verb.add_argument("--to", dest="target", metavar="COLOR", help="the color it shall become, #rrggbb")
     verb.add_argument("--rule", default="becomes", choices=("becomes", "fewest"), help="becomes: the whole material; "
                       "fewest: as few swatches as possible (default: %(default)s)")  # fmt: skip
-    verb.add_argument("--edit", metavar="FILE", help="start from this edit (one call an object)")
+    verb.add_argument("--view", help="in place of a color pair: the view that --picture shows")
+    verb.add_argument("--picture", metavar="FILE", help="this view painted over or graded, of any size")
+    verb.add_argument("--edit", metavar="FILE", help="start from this edit (one call an object); with "
+                      "--picture the one that was painted on")  # fmt: skip
     verb.add_argument("--out", required=True, metavar="FILE", help="EDIT.json to write")
 
     verb = _verb(commands, "render", "render masks, pictures and recolored frames", verbs.render)
     verb.add_argument("project", metavar="DIR", help="project folder")
     verb.add_argument(
-        "--views", default="test", help="train, test, val, all, names with commas, or CAMERAS.json (transforms.json "
+        "--views", default="all", help="train, test, val, all, names with commas, or CAMERAS.json (transforms.json "
         "with sizes) (default: %(default)s)",
     )  # fmt: skip
     verb.add_argument("--first", type=int, metavar="N", help="the first of these views to write, counted from 1")
@@ -131,6 +139,8 @@ def _add_farm(commands: Commands) -> None:
     verb.add_argument("--out", required=True, metavar="DIR", help="the bundle's folder, new or empty")
     verb.add_argument("--masks", metavar="DIR", help="learn SOURCE first, with these coarse masks")
     verb.add_argument("--preset", choices=tuple(PRESETS), help="with --masks: quality against time (default: demo)")
+    verb.add_argument("--holdout", type=int, default=0, metavar="N", help="with --masks: hold out every Nth photo, as "
+                      "for geometry (default: none)")  # fmt: skip
     _add_overrides(verb, "change one setting (see the settings verb); may be repeated")
     verb.add_argument("--views", default="all", help="as for render (default: %(default)s)")
     verb.add_argument("--edit", metavar="FILE", help="as for render: recolored frames too")
@@ -150,6 +160,7 @@ def _add_others(commands: Commands) -> None:
     verb.add_argument("--quick", action="store_true", help="do not try the stages, which takes some seconds")
     verb.add_argument("--folder", metavar="DIR", default=".", help="where projects shall lie: its disk and its locks are "
                       "tried (default: here)")  # fmt: skip
+    verb = _verb(commands, "speed", "measure how fast this computer learns, in some seconds", verbs.speed)
     verb = commands.add_parser("run", help="run a job folder (used by Blender)")
     verb.add_argument("job", metavar="JOB", help="folder with request.json")
     verb.add_argument("--map", dest="folders", action="append", default=[], metavar="CALLERS=OURS", help="a folder that "
@@ -167,6 +178,9 @@ def _verb(commands, name: str, text: str, action: Callable) -> argparse.Argument
 
 def _add_geometry_options(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("capture", metavar="CAPTURE", help="folder or transforms.json with photos and camera poses")
+    verb.add_argument("--holdout", type=int, metavar="N", help="hold out every Nth photo, unless it is marked, to test "
+                      "what is learned, where the capture declares no test photos (default: as the project was learned, "
+                      "else none)")  # fmt: skip
     verb.add_argument("--preset", default="demo", choices=tuple(PRESETS), help="quality against time (default: demo)")
     _add_overrides(verb, "change one setting (see the settings verb); may be repeated")
     verb.add_argument("--nerf", metavar="FILE", help="import a NeRF that another program has trained on this capture: "

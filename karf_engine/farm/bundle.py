@@ -86,6 +86,7 @@ def learning_bundle(
     *,
     preset: str = "demo",
     overrides: Sequence[str] = (),
+    holdout: int = 0,
     views: str = "all",
     edit: PathLike | None = None,
     per_task: int = PER_TASK,
@@ -100,6 +101,7 @@ def learning_bundle(
         out: The bundle's folder, new or empty.
         preset: As for `library.learn`.
         overrides: Single settings of all stages, each as `stage.field=value`.
+        holdout: As for `library.learn`.
         views: As for `render_bundle`.
         edit: File of an edit; that of a palette fits whatever palettes will be learned.
         per_task: As for `render_bundle`.
@@ -112,9 +114,9 @@ def learning_bundle(
     Raises:
         KarfError: The capture or the masks cannot be read, a photo lies elsewhere, or `out` is taken.
     """
-    opened = open_capture(capture)
+    opened = open_capture(capture, holdout=holdout)
     chosen = choose_views(opened, views)
-    settings = ["--preset", preset, *_arguments({"overrides": overrides})]
+    settings = ["--preset", preset, "--holdout", str(holdout), *_arguments({"overrides": overrides})]
     machine = _arguments({name: pictures.get(name) for name in MACHINE})
     with _new_folder(Path(out)) as folder:
         name = pack_capture(Path(capture), opened, folder / CAPTURE)

@@ -68,7 +68,7 @@ def learning_job(name: str, capture: str, settings: Sequence[str], machine: Sequ
     project = "{{Param.Project}}"
     opened = "/".join(("{{Param.Capture}}", *([capture] if capture else [])))
     stages = {
-        "Geometry": ("geometry", opened, "--project", project, *_literal(settings)),
+        "Geometry": ("geometry", opened, "--project", project, "--masks", "{{Param.Masks}}", *_literal(settings)),
         "Segmentation": ("segmentation", project, "--masks", "{{Param.Masks}}"),
         "Palette": ("palette", project),
         "Recoloring": ("recoloring", project),

@@ -6,6 +6,7 @@ A stage's outputs are gathered in a folder of their own until all are there, and
     project.json                 schema, capture, settings, each finished stage with checksums of its files
     capture.json                 the canonical capture (cameras, photo paths, split)
     masks/<object>/<view>.png    coarse masks, as given
+    corrections/<object>/<view>.png  partial marks (see segmentation.corrections); no stage writes them
     earlier_masks/               those that a segmentation with other masks replaced
     geometry.safetensors         the radiance field
     unfinished_<stage>.safetensors   training that was interrupted, to resume from
@@ -33,6 +34,8 @@ from ..errors import BadRequest, DataError
 from ..files import checksum, remove_temporaries, replace
 from .state import STAGE_ORDER, new_state, read_state, without_stage, write_state
 
+HOLDOUT_BEFORE = 8  # of projects that do not say
+
 
 class Project:
     """A project folder: the names of its files, and which of them are finished and belong together.
@@ -59,6 +62,11 @@ class Project:
     def masks_folder(self) -> Path:
         """Coarse masks as given, `<object>/<view>.png`."""
         return self.folder / "masks"
+
+    @property
+    def corrections_folder(self) -> Path:
+        """Partial marks as drawn, `<object>/<view>.png`; see `segmentation.corrections`."""
+        return self.folder / "corrections"
 
     @property
     def geometry_file(self) -> Path:
@@ -180,6 +188,14 @@ class Project:
             raise BadRequest(f"{self.folder} has no finished {stage} stage.", f"Run the {stage} stage first.")
         return summary
 
+    def holdout(self) -> int:
+        """Every how many-th photo the finished geometry was learned without where the capture declares none; 0: none.
+
+        Those who learned before this was a choice had every 8th one held out.
+        """
+        geometry = self.finished("geometry") if self.state_file.exists() else None
+        return geometry.get("holdout", HOLDOUT_BEFORE) if geometry else 0
+
     def finish(self, stage: str, fingerprint: str, **summary: Any) -> None:
         """Note that the stage is finished; later stages no longer are.
 
@@ -298,7 +314,12 @@ class Project:
             shutil.rmtree(self.outputs_folder, ignore_errors=True)
         for folder in (self.folder, self.planes_folder):  # only the engine writes here
             remove_temporaries(folder, older_than=0.0)
-        for folder in (self.photos_folder, *self.masks_folder.glob("*/"), *self.looks_folder.glob("*/")):
+        for folder in (
+            self.photos_folder,
+            *self.masks_folder.glob("*/"),
+            *self.corrections_folder.glob("*/"),
+            *self.looks_folder.glob("*/"),
+        ):
             remove_temporaries(folder)
 
 

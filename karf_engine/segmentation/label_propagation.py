@@ -113,9 +113,10 @@ def has_seeds(seed_targets: np.ndarray, seed_confidence: np.ndarray) -> np.ndarr
 
 def _seeds_of(k: int, seed_targets: np.ndarray, seed_confidence: np.ndarray) -> np.ndarray:
     """True for the confident seeds of class k, [p]."""
-    strength = seed_confidence * seed_targets[:, k]
+    # only among its own: a point far away gathers many votes, half of which may be for an object not marked there
+    strength = seed_confidence * seed_targets[:, k] * (seed_targets[:, k] > 0.5)
     firm = np.maximum(0.25 * strength.max(initial=0), np.finfo(float).tiny)  # no confidence is no seed
-    return (seed_targets[:, k] > 0.5) & (strength >= firm)
+    return strength >= firm
 
 
 def _seed_regions(

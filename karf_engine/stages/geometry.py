@@ -1,7 +1,10 @@
 """Stage 0: photos -> radiance field (geometry.safetensors).
 
 Options: capture (path), preset, overrides (list of `stage.field=value`), nerf (path of a NeRF that another program has
-trained, which becomes the geometry), threads, device.
+trained, which becomes the geometry), holdout (every how many-th photo is held out where the capture declares no test
+photos; by default as the project's geometry was learned, else none), masks (folder of masks), threads, device.
+
+Marked photos are learned from, also those that would be held out: the project's marks and those of `masks`.
 """
 
 from __future__ import annotations
@@ -17,8 +20,8 @@ import numpy as np
 import torch
 
 from .. import settings as settings_module
-from ..capture import open_capture
-from ..capture.capture import Capture, SparsePoints, capture_to_json
+from ..capture import hold_out, open_capture
+from ..capture.capture import Capture, SparsePoints, capture_to_json, with_split
 from ..errors import BadRequest, Cancelled, DataError, KarfError
 from ..fields.detail import kept_psnr, typical_pixels_per_voxel
 from ..fields.files import save_scene
@@ -36,6 +39,7 @@ from ..poses.triangulation import triangulate
 from ..progress import Emit, Progress
 from ..rendering.rays import PixelBank
 from ..runtime import start_runtime
+from ..segmentation.coarse_masks import marked_views
 from ..team import Team, joined
 from ..wire import Request
 from .job import Job, StageRun, file_digest, make_job, run_stage
@@ -67,11 +71,15 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool], capture: 
         emit("warning", code="capture", sentence=remark)
     project = opened(request.project)
     project.create(str(Path(options["capture"]).absolute()))
+    holdout = options.get("holdout")
+    capture = hold_out(capture, project.holdout() if holdout is None else holdout)
     job = make_job(project, options, settings, emit, should_stop)
     with run_stage(job, "geometry", VERSION, *_inputs(capture, nerf)) as run:
         if run is None:
             project.set_settings(settings_module.to_dict(settings))
             return
+        run.summary["holdout"] = capture.holdout
+        capture = with_marked(job, capture)
         n_photos = len(capture.split("train"))
         if n_photos < 3:
             raise DataError(f"{capture.source} has {n_photos} training photos.", "A scene needs at least three.")
@@ -82,6 +90,16 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool], capture: 
         write_json(run.output(project.capture_file), capture_to_json(capture, project.folder))
         save_scene(scene, run.output(project.geometry_file))
     job.artifact("geometry", project.geometry_file)
+
+
+def with_marked(job: Job, capture: Capture) -> Capture:
+    """The capture with all marked photos among those to learn from.
+
+    A mark of later does not make finished geometry outdated: this is no part of its fingerprint.
+    """
+    folders = [job.project.masks_folder, job.project.corrections_folder]
+    folders += [Path(job.options["masks"])] if job.options.get("masks") else []
+    return with_split(capture, set().union(*(marked_views(folder, capture) for folder in folders)), "train")
 
 
 def _inputs(capture: Capture, nerf: Path | None) -> list:
@@ -167,6 +185,9 @@ def validation_bank(job: Job, capture: Capture) -> PixelBank | None:
     """Pixels of some test views, evenly chosen; None where there are none, or one has a matte."""
     views = capture.split("test")
     plates = job.plates(views[:: max(1, len(views) // VALIDATION_VIEWS)])
+    if not plates:
+        text = "no photo is held out: how well new views are rendered is not measured"
+        job.emit("stage", name="geometry", text=text)
     if not plates or any(plate.alpha is not None for plate in plates):
         return None
     return make_bank(plates, "opaque", job.runtime.device)

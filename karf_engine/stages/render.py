@@ -63,7 +63,7 @@ def _render(job: Job, model: Model, learned: str) -> None:
         raise BadRequest("The render stage was given nowhere to write.", "Name a folder with --out.")
     size_of(options.get("size"))  # before anything is rendered
     check_format(options.get("format"))
-    views, captured = choose_views(job.capture(), options.get("views", "test"))
+    views, captured = choose_views(job.capture(), options.get("views", "all"))
     part = part_of(views, options.get("first"), options.get("last"), options.get("count"))
     edits = read_edits(options.get("edit"), views, model.palettes, job.settings.compositing)[part]
     views = views[part]

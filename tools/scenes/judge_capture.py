@@ -29,6 +29,7 @@ from karf_engine.segmentation.report import SegmentationReport
 from karf_engine.segmentation.views import farthest_point_views
 from karf_engine.settings import PRESETS
 
+from ..judging import HOLDOUT
 from ..judging.scores import print_common, rounded, score_objects, score_renders, stage_summary
 from ..judging.sheets import difference, sheet_numbers, tinted, write_sheet
 from ..judging.views import TestViews, learn_again, render_test_views, with_model
@@ -42,7 +43,7 @@ def main() -> None:
     if options.truth is None:
         judge_geometry(options)
         return
-    capture = karf.open_capture(options.capture)
+    capture = karf.open_capture(options.capture, holdout=HOLDOUT)
     drawn = draw_masks(capture, options.truth, options.out / "coarse_masks", options.seed, options.masks_each)
     model = karf.learn(options.capture, options.out / "coarse_masks", **settings_of(options))
     test = render_test_views(model)
@@ -90,7 +91,7 @@ def parse_arguments() -> argparse.Namespace:
 def settings_of(options: argparse.Namespace) -> dict[str, Any]:
     """What `learn` and `learn_geometry` are told alike."""
     settings = {"preset": options.preset, "overrides": options.overrides, "threads": options.threads}
-    return {"project": options.out / "project", "emit": TerminalEmit()} | settings
+    return {"project": options.out / "project", "holdout": HOLDOUT, "emit": TerminalEmit()} | settings
 
 
 # ---------------------------------------------------------------------------------------------------------- coarse masks

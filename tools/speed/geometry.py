@@ -33,6 +33,7 @@ from karf_engine.plates import Plate, load_views
 from karf_engine.poses.triangulation import triangulate
 from karf_engine.progress import Progress, peak_memory_bytes
 from karf_engine.runtime import start_runtime
+from tools.judging import HOLDOUT
 from tools.speed.rows import Row, print_rows
 
 PIXELS = 6000  # of each held-out photo
@@ -91,7 +92,7 @@ def run(capture: Path, settings: settings_module.Settings, threads: int, ways: l
 
 def prepare(capture: Path, settings: settings_module.Settings, threads: int) -> tuple[FitTask, list[Plate]]:
     """What a fit of the training photos starts from, and the held-out photos, over white where they have a matte."""
-    content, seed, long_side = open_capture(capture), settings.seed, settings.geometry.long_side
+    content, seed, long_side = open_capture(capture, holdout=HOLDOUT), settings.seed, settings.geometry.long_side
     runtime = start_runtime(seed, threads, "cpu")
     views = content.split("train")
     plates, tests = load_views(views, long_side), load_views(content.split("test"), long_side)

@@ -35,6 +35,8 @@ from karf_engine.poses.triangulation import triangulate
 from karf_engine.progress import Progress
 from karf_engine.project import Project
 
+from ..judging import HOLDOUT
+
 STEP = re.compile(r"Step (\d+):")
 PSNR = re.compile(r"validation PSNR: ([-\d.]+|inf)")
 PLY = """ply
@@ -65,7 +67,7 @@ class Point:
 
 def main() -> None:
     options = parse_arguments()
-    capture = karf.open_capture(options.capture)
+    capture = karf.open_capture(options.capture, holdout=HOLDOUT)
     held_out = load_views(capture.split("test"), options.size)
     if not held_out or any(plate.alpha is not None for plate in held_out):
         sys.exit(f"error: {capture.source} must have test photos, and none with a matte.")
@@ -123,7 +125,13 @@ def learn_ours(options: argparse.Namespace, held_out: list[Plate]) -> Point:
     project = options.out / "ours"
     command = [sys.executable, "-m", "karf_engine", "geometry", str(options.capture), "--project", str(project)]
     settings = [f"geometry.long_side={options.size}", *(options.set or [])]
-    command += ["--preset", options.preset, *(part for text in settings for part in ("--set", text))]
+    command += [
+        "--preset",
+        options.preset,
+        "--holdout",
+        str(HOLDOUT),
+        *(part for text in settings for part in ("--set", text)),
+    ]
     seconds = 0.0
     with started([*command, "--threads", str(options.threads), "--device", "cpu"], options.threads) as process:
         for line in process.stdout:

@@ -20,13 +20,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 from karf_engine.capture import open_capture, write_cameras
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import View, capture_from_json, capture_to_json
+from karf_engine.capture.transforms_frames import camera_from_json
 from karf_engine.cli import main as engine_main
 from karf_engine.edit.compositing import Planes, write_planes
 from karf_engine.edit.palette import Palette, read_edit, read_palettes, write_palettes
 from karf_engine.files import read_json, write_json
 from karf_engine.project import Project
 from karf_engine.project.colorways import plan_colorways
-from karf_engine.wire import PROTOCOL, EventWriter, Request
+from karf_engine.wire import PROTOCOL, WARM, Ask, EventWriter, Request
 
 LEARNED = {"lid": [[0, 0, 0], [0.2, 0.4, 0.6], [1, 1, 1]], "pot": [[0, 0, 0], [0.8, 0.2, 0.1], [0.9, 0.9, 0.5]]}
 SHARES = (0.125, 0.25, 0.125)  # of the three palette entries, each object; exact in float16
@@ -37,6 +38,8 @@ def main(job):
     request = Request.read(job)
     misbehave(request.options.get("behave", ""), emit)
     emit("hello", protocol=PROTOCOL, engine="fake", python="3", torch="none", device="none", pid=os.getpid())
+    if request.stage == WARM:
+        return stay_warm(job, emit)
     emit("stage", name=request.stage)
     emit("progress", stage=request.stage, step=1, total=2, rate=10.0, eta_s=0.1, metrics={"loss": 0.5})
     emit("warning", code="fake", sentence="This is no real engine.")
@@ -44,6 +47,69 @@ def main(job):
     print("threads:", os.environ.get("OMP_NUM_THREADS"))
     emit("done")
     return 0
+
+
+def stay_warm(job, emit):
+    for line in sys.stdin:
+        ask = Ask.decode(line)
+        behave = ask.options.get("behave", "")
+        if behave == "crash":
+            os.abort()
+        elif behave == "idle":  # it ends just when it is asked
+            break
+        elif behave == "refuse":
+            emit("refused", id=ask.number, code="data", sentence="photo_7.png is missing.", hint="Find it.")
+        elif behave == "drop":
+            emit("dropped", id=ask.number)
+        else:
+            emit("answer", id=ask.number, **ANSWERS[ask.kind](job, ask.options))
+    emit("done")
+    return 0
+
+
+def echo(job, options):
+    """What was asked, and by which process."""
+    return {"options": options, "pid": os.getpid()}
+
+
+def propose(job, options):
+    """The box, and three pixels around the clicks on the object, without those around other clicks."""
+    view = open_capture(options["capture"]).view(options["view"])
+    rows, columns = np.mgrid[0 : view.camera.height, 0 : view.camera.width] + 0.5
+    mask, prompts = np.zeros(rows.shape, bool), options["prompts"]
+    if prompts["box"]:
+        x0, y0, x1, y1 = prompts["box"]
+        mask |= (columns > x0) & (columns < x1) & (rows > y0) & (rows < y1)
+    for x, y, is_object in prompts["points"]:
+        mask[np.hypot(columns - x, rows - y) < 3] = is_object
+    return {"mask": str(write_mask(job, mask))}
+
+
+def correct(job, options):
+    """The pot fills the left half of any view."""
+    view = capture_from_json(read_json(Project(options["project"]).capture_file, "capture"), Path()).view(
+        options["view"]
+    )
+    mask = np.zeros((view.camera.height, view.camera.width), bool)
+    mask[:, : mask.shape[1] // 2] = True
+    return {"masks": {"pot": str(write_mask(job, mask))}}
+
+
+def write_mask(job, mask):
+    path = job / f"mask_{time.monotonic_ns()}.png"
+    write_png(path, mask[..., None].repeat(3, axis=-1))
+    return path
+
+
+def preview(job, options):
+    """Planes of the camera, all of one gray: its distance from the world's origin, times 20 of 255."""
+    camera = camera_from_json(options["camera"], "the ask").reduced(options["long_side"])
+    path = job / "answers" / f"{time.monotonic_ns()}.npz"
+    path.parent.mkdir(exist_ok=True)
+    planes = planes_of(camera)
+    planes.base[:] = min(255, round(20 * np.linalg.norm(camera.position)))
+    write_planes(path, planes)
+    return {"planes": str(path), "size": [camera.width, camera.height]}
 
 
 def misbehave(how, emit):
@@ -120,6 +186,9 @@ def render(project, options):
             path = Path(options["out"]) / "layers" / f"{view.name}.exr"
             path.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(os.environ["FAKE_LAYERS"], path)
+    if options["out"] and not options["edit"] and not options.get("layers"):
+        for view in views:
+            write_seen(Path(options["out"]), view)
     if options["edit"]:
         files = options["edit"] if isinstance(options["edit"], list) else [options["edit"]] * len(views)
         for view, file in zip(views, files, strict=True):
@@ -132,6 +201,15 @@ def render(project, options):
 
 def points(project, options):
     shutil.copy(os.environ["FAKE_POINTS"], options["out"])
+
+
+def write_seen(out, view):
+    """What is learned, flat blue, and masks: the lid left, the pot right of the middle."""
+    height, width = view.camera.height, view.camera.width
+    write_png(out / "render" / f"{view.name}.png", np.broadcast_to([0.0, 0.0, 1.0], (height, width, 3)))
+    left = np.broadcast_to(np.arange(width)[:, None] < width // 2, (height, width, 3))
+    for name, mask in (("lid", left), ("pot", ~left)):
+        write_png(out / "masks" / name / f"{view.name}.png", mask.astype(float))
 
 
 def colorways(project, options):
@@ -153,13 +231,14 @@ def views_of(project, which):
 
 
 def write_view_planes(project, view):
-    height, width = view.camera.height, view.camera.width
+    write_planes(project.planes_file(view.name), planes_of(view.camera))
+
+
+def planes_of(camera):
+    height, width = camera.height, camera.width
     weights = np.broadcast_to(np.reshape(SHARES, (1, 3, 1, 1)), (2, 3, height, width))
     ramp = np.arange(height * width * 3, dtype=np.uint32).reshape(height, width, 3) % 256
-    write_planes(
-        project.planes_file(view.name),
-        Planes(tuple(LEARNED), weights, weights.sum(axis=1), ramp.astype(np.uint8)),
-    )
+    return Planes(tuple(LEARNED), weights, weights.sum(axis=1), ramp.astype(np.uint8))
 
 
 def write_png(path, picture):
@@ -176,6 +255,12 @@ def write_png(path, picture):
 STAGES = {
     stage.__name__: stage for stage in (poses, geometry, segmentation, palette, recoloring, render, points, colorways)
 }
+ANSWERS = {
+    "echo": echo,
+    "preview": preview,
+    "propose": propose,
+    "correct": correct,
+}  # of a warm engine: kind -> function of the job's folder and the options
 
 if __name__ == "__main__":
     if sys.argv[1] == "doctor":  # the true one: it needs no torch to say that there is none

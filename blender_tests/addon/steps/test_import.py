@@ -202,3 +202,23 @@ def test_a_photo_that_cannot_be_opened_leaves_the_cameras_standing(bpy, addon, s
         camera.karf_view: bool(camera.data.background_images) for camera in rig.children if camera.type == "CAMERA"
     }
     assert shown == {"photo_0": True, "photo_1": False, "photo_2": True}
+
+
+# --------------------------------------------------------------------------------------------------------- held-out photos
+def test_all_photos_are_learned_from_unless_some_are_held_out(bpy, imported, capture_folder):
+    assert [view.split for view in imported.karf.views] == ["train"] * 3 and imported.karf.holdout == 0
+    bpy.ops.karf.import_capture(filepath=str(capture_folder), holdout=2)
+    assert [view.split for view in imported.karf.views] == ["test", "train", "test"] and imported.karf.holdout == 2
+
+
+def test_a_learned_project_keeps_what_it_was_learned_without(bpy, addon, imported, capture_folder):
+    addon.folders.project_of(imported).create(str(capture_folder))
+    addon.folders.project_of(imported).finish("geometry", "fingerprint", holdout=3)
+    bpy.ops.karf.import_capture(filepath=str(capture_folder))
+    assert [view.split for view in imported.karf.views] == ["test", "train", "train"]
+
+
+def test_the_engine_is_told_what_is_held_out(bpy, addon, imported, capture_folder):
+    bpy.ops.karf.import_capture(filepath=str(capture_folder), holdout=2)
+    (request,) = addon.steps.learn_scene(imported).requests
+    assert request.options["holdout"] == 2

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from karf_engine.capture import Camera, Capture, Format
-from karf_engine.capture.capture import with_test_views
 from karf_engine.capture.limits import check_camera
 from karf_engine.capture.reading import at_size, make_views, merge_notes, photo_size, read_text, rigid_pose
 from karf_engine.errors import DataError
@@ -32,7 +31,7 @@ def read_csv(path: Path, photos: bool) -> Capture:
     cameras = [camera for camera, _ in read]
     views = make_views(cameras, images, [Path(row["photo"]).stem for row in rows], ["train"] * len(rows))
     remarks = merge_notes(note for _, notes in read for note in notes)
-    return Capture(path.absolute(), "csv", tuple(with_test_views(views)), tuple(remarks))
+    return Capture(path.absolute(), "csv", tuple(views), tuple(remarks))
 
 
 def _camera(row: dict[str, str], image: Path | None, label: str) -> tuple[Camera, list[str]]:

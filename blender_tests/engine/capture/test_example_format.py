@@ -41,7 +41,8 @@ def test_a_registered_format_is_opened_by_its_folder_or_its_file(tmp_path, rig, 
     write_csv(tmp_path, rig)
     capture = open_capture(tmp_path / place)
     assert (capture.format, capture.remarks) == ("csv", ())
-    assert [view.split for view in capture.views] == ["test", *["train"] * 7, "test"]
+    held_out = open_capture(tmp_path / place, holdout=8).split("test")
+    assert [view.name for view in held_out] == [capture.views[0].name, capture.views[8].name]
     for view, camera, name in zip(capture.views, rig, NAMES, strict=True):
         assert view.image == (tmp_path / "images" / name).absolute()
         assert (view.camera.width, view.camera.height, view.camera.fx) == (camera.width, camera.height, camera.fx)

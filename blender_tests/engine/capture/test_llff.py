@@ -27,11 +27,11 @@ def test_the_columns_are_down_right_back(tmp_path):
     assert view.depth_bounds == (2, 30)
 
 
-def test_every_eighth_view_by_name_is_a_test_view(tmp_path, cameras):
+def test_all_views_are_learned_from(tmp_path, cameras):
     write_llff(tmp_path, cameras, NAMES)
     capture = open_capture(tmp_path)
     assert capture.format == "llff" and capture.remarks == ()
-    assert [view.name for view in capture.split("test")] == ["IMG_0", "IMG_8"]
+    assert capture.split("train") == capture.views
 
 
 @pytest.mark.parametrize("chosen", ["poses_bounds.npy", "."])

@@ -12,7 +12,7 @@ from karf_engine.errors import DataError
     [("chair", 100, 25, 25, (400, 400)), ("rose", 96, 33, 32, (224, 224)), ("fruit", 70, 11, 0, (605, 806))],
 )
 def test_real_captures_open_complete(scenes, name, train, test, val, size):
-    capture = open_capture(scenes / name)
+    capture = open_capture(scenes / name, holdout=8)
     assert [len(capture.split(split)) for split in ("train", "test", "val")] == [train, test, val]
     assert {(view.camera.width, view.camera.height) for view in capture.views} == {size}
     assert all(view.image.is_file() for view in capture.views)
@@ -23,7 +23,7 @@ def test_real_captures_open_complete(scenes, name, train, test, val, size):
 
 
 def test_the_llff_capture_opens_complete(scenes):
-    capture = open_capture(scenes / "flower")
+    capture = open_capture(scenes / "flower", holdout=8)
     assert [len(capture.split(split)) for split in ("train", "test")] == [29, 5]
     assert {(view.camera.width, view.camera.height) for view in capture.views} == {(504, 378)}
     np.testing.assert_allclose(capture.views[0].camera.fx, 3575.05861 * 504 / 4032)
@@ -34,7 +34,7 @@ def test_the_llff_capture_opens_complete(scenes):
 
 
 def test_the_colmap_capture_opens_complete(scenes):
-    capture = open_capture(scenes / "bonsai")
+    capture = open_capture(scenes / "bonsai", holdout=8)
     assert [len(capture.split(split)) for split in ("train", "test")] == [127, 19]
     assert {(view.camera.width, view.camera.height) for view in capture.views} == {(800, 533)}
     assert all(view.image.parent == scenes / "bonsai" / "images" for view in capture.views)

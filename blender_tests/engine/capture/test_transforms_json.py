@@ -15,7 +15,7 @@ from karf_engine.capture import open_capture, write_cameras
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import View
 from karf_engine.capture.image_size import image_header, image_size
-from karf_engine.errors import DataError
+from karf_engine.errors import BadRequest, DataError
 
 POSE = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]
 LFS = b"version https://git-lfs.github.com/spec/v1\noid sha256:1ce8274457\nsize 421531\n"
@@ -104,15 +104,17 @@ def test_one_split_file_stands_for_its_folder_but_not_for_bare_cameras(tmp_path)
     assert [(view.name, view.split) for view in bare.views] == [("r_0", "test")]
 
 
-def test_train_only_captures_hold_out_every_eighth_view_and_keep_val(tmp_path):
+def test_captures_without_test_views_hold_out_as_many_as_are_asked_for_and_keep_val(tmp_path):
     names = [f"train/r_{i}" for i in range(9)]
     put_json(tmp_path / "transforms_train.json", {"camera_angle_x": 1.0, "frames": frames(*names)})
     put_json(tmp_path / "transforms_val.json", {"camera_angle_x": 1.0, "frames": frames("val/v")})
     for name in (*names, "val/v"):
         put(tmp_path / f"{name}.png", png_bytes(4, 4))
-    capture = open_capture(tmp_path)
+    capture = open_capture(tmp_path, holdout=8)
     assert [view.name for view in capture.split("test")] == ["r_0", "r_8"]
     assert [view.name for view in capture.split("val")] == ["v"]
+    assert capture.holdout == 8
+    assert open_capture(tmp_path).split("test") == open_capture(tmp_path, holdout=10).split("test") == ()
 
 
 def test_nerfstudio_file_lists_declare_the_split(tmp_path):
@@ -121,7 +123,15 @@ def test_nerfstudio_file_lists_declare_the_split(tmp_path):
         put(tmp_path / name, png_bytes(4, 4))
     content = {"fl_x": 5, "w": 4, "h": 4, "frames": frames(*names)}
     put_json(tmp_path / "transforms.json", {**content, "train_filenames": names[:7], "test_filenames": names[7:]})
-    assert [view.name for view in open_capture(tmp_path).split("test")] == ["7", "8"]
+    for holdout in (0, 3):
+        assert [view.name for view in open_capture(tmp_path, holdout=holdout).split("test")] == ["7", "8"]
+
+
+@pytest.mark.parametrize("holdout", [1, -8])
+def test_a_holdout_that_leaves_nothing_to_learn_from_is_refused(tmp_path, holdout):
+    write_cameras(tmp_path / "transforms.json", rig(1))
+    with pytest.raises(BadRequest, match="cannot be held out"):
+        open_capture(tmp_path, photos=False, holdout=holdout)
 
 
 def test_per_frame_intrinsics_win_over_global_ones(tmp_path):

@@ -16,7 +16,7 @@ from karf_engine.capture.reading import make_views
 from karf_engine.errors import DataError
 from karf_engine.images import write_png
 from karf_engine.plates import Plate
-from karf_engine.segmentation.coarse_masks import copy_masks, find_masks, load_mask
+from karf_engine.segmentation.coarse_masks import copy_masks, find_masks, load_mask, marked_views
 
 MASK = np.zeros((12, 18), bool)
 MASK[2:8, 4:12] = True
@@ -55,9 +55,7 @@ def test_masks_are_found_by_stem_or_view_name_sorted_by_object(tmp_path, capture
     [
         ([], "holds no masks"),
         (["pot/notes.txt"], "holds no mask of the object 'pot'"),
-        (["pot/nobody.png"], "nobody.png is named after no training photo"),
-        (["pot/held.png"], "held.png marks a photo that is held out for testing"),
-        (["pot/test_r_0.png"], "test_r_0.png marks a photo that is held out for testing"),
+        (["pot/nobody.png"], "nobody.png is named after no photo"),
         (["Background/a.png"], "names an object 'background'"),
     ],
 )
@@ -68,6 +66,14 @@ def test_folders_that_do_not_fit_the_capture_are_named(tmp_path, capture, files,
         write_png(folder / name, MASK)
     sentence = error_of(find_masks, folder, capture)
     assert words in sentence and str(folder) in sentence
+
+
+def test_held_out_photos_may_be_marked_and_a_stem_means_the_training_photo(tmp_path, capture):
+    for name in ("held", "test_r_0", "r_0"):
+        write_png(tmp_path / "pot" / f"{name}.png", MASK)
+    assert [mask.view.name for mask in find_masks(tmp_path, capture)] == ["held", "train_r_0", "test_r_0"]
+    assert marked_views(tmp_path, capture) == {"held", "train_r_0", "test_r_0"}
+    assert marked_views(tmp_path / "nowhere", capture) == set()
 
 
 def test_a_missing_folder_and_a_file_in_its_place_are_named(tmp_path, capture):
@@ -146,7 +152,7 @@ def test_a_mask_that_could_mean_photos_of_two_cameras_is_not_guessed(tmp_path, r
 
 def test_masks_in_subfolders_of_no_photo_are_named(tmp_path, rig):
     write_png(tmp_path / "masks" / "pot" / "cam3" / "0001.png", MASK)
-    assert "named after no training photo" in error_of(find_masks, tmp_path / "masks", rig)
+    assert "named after no photo" in error_of(find_masks, tmp_path / "masks", rig)
 
 
 @pytest.mark.parametrize("make", [*NO_FILES[1:], lambda path: path.symlink_to(path)])

@@ -239,6 +239,12 @@ def test_an_object_has_seeds_where_votes_for_it_are_confident():
     assert has_seeds(targets[:0], np.zeros(0)).tolist() == [False, False]
 
 
+def test_a_crowd_of_open_votes_far_away_does_not_outshine_an_objects_own_seeds():
+    """Where an object has no mask in a view, what lies behind is half a vote for it; far points gather many of these."""
+    targets = np.array([[0.0, 1.0], [0.5, 0.5]])
+    assert has_seeds(targets, np.array([50.0, 1000.0])).tolist() == [True]
+
+
 def test_classes_of_one_color_are_equally_likely(random):
     lab = np.tile([40.0, 10.0, 5.0], (60, 1))
     with warnings.catch_warnings():

@@ -10,11 +10,12 @@ pytest.importorskip("scipy")
 
 from blender_tests.engine.fields.voxels.test_fit_open import points_on_the_still_life
 from blender_tests.engine.reference.still_life import cameras, take_photo
-from karf_engine.capture.capture import Capture, View, with_test_views
+from karf_engine.capture.capture import Capture, View, hold_out
 from karf_engine.errors import KarfError
 from karf_engine.images import write_png
 from karf_engine.plates import load_views
 from karf_engine.project import Project
+from karf_engine.project.contents import capture_of
 from karf_engine.settings import preset, with_overrides
 from karf_engine.stages import geometry
 from karf_engine.stages.job import make_job
@@ -39,7 +40,7 @@ def capture(tmp_path_factory):
         path = folder / f"{number:02d}.png"
         write_png(path, photo.color)
         views.append(View(path.stem, path.stem, photo.camera, path, "train"))
-    return Capture(folder, "made", tuple(with_test_views(views)), points=points_on_the_still_life(rig, photos))
+    return hold_out(Capture(folder, "made", tuple(views), points=points_on_the_still_life(rig, photos)), 8)
 
 
 @pytest.fixture
@@ -54,9 +55,9 @@ def job_on(folder, events):
     )
 
 
-def learn(monkeypatch, capture, folder, events):
+def learn(monkeypatch, capture, folder, events, **more):
     monkeypatch.setattr(geometry, "open_capture", lambda path: capture)
-    options = {"capture": str(capture.source), "overrides": QUICK, "threads": 1}
+    options = {"capture": str(capture.source), "overrides": QUICK, "threads": 1, **more}
     request = Request("geometry", folder, options)
     geometry.run(request, lambda kind, /, **values: events.append((kind, values)), lambda: False)
     return Project(folder).finished("geometry")
@@ -73,6 +74,45 @@ def test_the_space_and_how_well_held_out_views_did_are_noted(capture, monkeypatc
     assert all(5 < worst <= mean < 40 for mean, worst in facts["held_out"])
     assert 1 < facts["pixels_per_voxel"] < 6
     assert warnings(events) == ["detail"]  # 16 voxels are few
+
+
+def all_to_learn(capture):
+    return replace(capture, views=tuple(replace(view, split="train") for view in capture.views), holdout=0)
+
+
+def test_without_held_out_photos_it_is_said_what_is_not_measured(capture, monkeypatch, tmp_path, events):
+    facts = learn(monkeypatch, all_to_learn(capture), tmp_path / "project", events)
+    assert (facts["holdout"], facts["held_out"]) == (0, [])
+    assert any("new views" in values.get("text", "") for kind, values in events if kind == "stage")
+
+
+def test_a_project_keeps_the_holdout_that_it_was_learned_with(capture, monkeypatch, tmp_path):
+    bare, events = all_to_learn(capture), [[], [], []]
+    assert learn(monkeypatch, bare, tmp_path / "project", events[0], holdout=8)["holdout"] == 8
+    assert learn(monkeypatch, bare, tmp_path / "project", events[1])["holdout"] == 8
+    assert learn(monkeypatch, bare, tmp_path / "project", events[2], holdout=0)["holdout"] == 0
+    done = [("stage", {"name": "geometry", "text": "already done"}) in told for told in events]
+    assert done == [False, True, False]
+
+
+def test_projects_of_before_there_was_a_choice_have_held_out_every_eighth_photo(tmp_path):
+    project = Project(tmp_path / "project")
+    assert project.holdout() == 0
+    project.create("capture")
+    assert project.holdout() == 0
+    project.finish("geometry", "fingerprint")
+    assert project.holdout() == 8
+
+
+def test_a_marked_photo_is_learned_from_and_a_later_mark_asks_for_no_new_geometry(capture, monkeypatch, tmp_path):
+    project, told = Project(tmp_path / "project"), []
+    first, second = (view.name for view in capture.split("test"))
+    write_png(tmp_path / "masks" / "ball" / f"{first}.png", np.ones((32, 32), bool))
+    learn(monkeypatch, capture, project.folder, [], masks=str(tmp_path / "masks"))
+    assert [view.name for view in capture_of(project).split("test")] == [second]
+    write_png(project.corrections_folder / "ball" / f"{second}.png", np.ones((32, 32), bool))
+    learn(monkeypatch, capture, project.folder, told)
+    assert ("stage", {"name": "geometry", "text": "already done"}) in told
 
 
 def test_other_sparse_points_are_another_scene_to_learn(capture, monkeypatch, tmp_path):

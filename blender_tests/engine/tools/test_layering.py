@@ -6,7 +6,8 @@ from blender_tests.engine.conftest import ROOT
 from blender_tests.layering import modules, violations
 
 FLOORS = (
-    ("__init__", "dev", "convert_bmild", "judging", "lock_recipes", "procedural", "release", "speed", "window"),
+    ("__init__", "dev", "convert_bmild", "judging", "lock_recipes", "procedural", "release", "window"),
+    ("speed",),
     ("benchmark", "demo", "scenes", "experiments", "reliability", "matrix"),
 )
 PRIVATE = "karf_engine.stages"  # what the stages do is offered by the engine's public functions

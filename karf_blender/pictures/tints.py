@@ -1,0 +1,11 @@
+"""Colors that tell objects apart: an object has the same one in overlays, outlines, marks and icons."""
+
+from ..engine_api import hex_to_rgb
+
+# the nearest two differ by CIEDE2000 17; the first five by 34
+TINTS = ("#ff4b4b", "#3aa8ff", "#ffd23a", "#4be08a", "#c873ff", "#ff9a3a", "#3ae0e0", "#ff7ac8")
+
+
+def tint_of(index: int) -> tuple[float, float, float]:
+    """The color of an object by its number in the order of names, sRGB in [0, 1]; they repeat after eight."""
+    return tuple(map(float, hex_to_rgb(TINTS[index % len(TINTS)])))

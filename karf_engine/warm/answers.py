@@ -1,0 +1,13 @@
+"""What a warm engine can be asked: each kind is a function of the session and the ask's options."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from .correct import correct
+from .preview import preview
+from .session import Session
+
+# kind -> function; it returns JSON values, paths as text. What needs torch or more is imported in it
+ANSWERS: dict[str, Callable[[Session, dict[str, Any]], dict[str, Any]]] = {"correct": correct, "preview": preview}
