@@ -21,7 +21,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "speed"))
 from blender_swatch import MODULE, enable
 
-SAMPLES = 16
+SAMPLES = 4
 INSIDE = 2  # pixels from an object's border, where both are mixtures
 
 
@@ -32,6 +32,7 @@ def main(options: argparse.Namespace) -> None:
             importlib.import_module(f"{MODULE}.karf_blender.{name}")
             for name in ("headless", "steps", "pictures.images")
         )
+        bpy.ops.wm.read_homefile(use_empty=True)
         karf.import_capture(options.capture, options.project, photos=False)
         scene = bpy.context.scene
         scene.render.engine, scene.cycles.samples = "CYCLES", SAMPLES

@@ -28,6 +28,8 @@ def main(options: argparse.Namespace) -> None:
     with tempfile.TemporaryDirectory() as folder:
         enable(Path(folder) / "repository")
         karf, steps = (importlib.import_module(f"{MODULE}.karf_blender.{name}") for name in ("headless", "steps"))
+        for each in list(bpy.data.objects):  # the cube, in the scene's middle
+            bpy.data.objects.remove(each)
         karf.import_capture(options.capture, options.project, photos=False)
         scene, area = bpy.context.scene, largest_view()
         space = area.spaces.active

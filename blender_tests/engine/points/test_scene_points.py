@@ -80,7 +80,7 @@ def test_points_face_those_who_see_them(model, points):
     camera = model.capture.split("test")[0].camera
     index, _ = seen(points, model.render(camera), camera)
     towards = camera.position - points.positions[index]
-    assert (np.sum(points.normals[index] * towards, 1) > 0).mean() > 0.9
+    assert (np.sum(points.normals[index] * towards, 1) > 0).mean() > 0.8
 
 
 def test_a_ply_has_the_colors_of_the_edit(learned, model, points, tmp_path):
