@@ -61,16 +61,27 @@ def export(scene: bpy.types.Scene, item: bpy.types.Object, path: Path, shape: st
         shape: `quads`, as Blender shows it, or `points`, a vertex each.
 
     Raises:
-        BadRequest: No such kind of file is written, or not of points.
+        BadRequest: No such kind of file is written, not of points, or not by this Blender.
     """
     write = WRITERS.get(path.suffix.lower())
     if write is None:
         raise BadRequest(f"{path} has an ending that is not known.", f"Give one of {', '.join(WRITERS)}.")
+    if not _has_exporter(path):
+        raise BadRequest(
+            f"This Blender has no exporter of {path.suffix} files.", "Enable it, or choose another ending."
+        )
     shown = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
     data = _quads(shown) if shape == "quads" else _points(shown)
     with _selected(scene, data, item) as copy:
         copy.matrix_world = item.matrix_world
         write(data, str(path))
+
+
+def _has_exporter(path: Path) -> bool:
+    """Whether this Blender writes such files: some are built without USD, and glTF is an add-on."""
+    if path.suffix.lower().startswith(".usd"):
+        return "usd_export" in dir(bpy.ops.wm)
+    return not path.suffix.lower().startswith(".gl") or "gltf" in dir(bpy.ops.export_scene)
 
 
 def _quads(shown: bpy.types.Object) -> bpy.types.Mesh:
