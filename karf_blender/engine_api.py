@@ -39,7 +39,7 @@ from ..karf_engine.edit.palette import (
 )
 from ..karf_engine.edit.palette_files import SUFFIXES as EDIT_SUFFIXES
 from ..karf_engine.edit.palette_files import read_edit_file, write_edit_file
-from ..karf_engine.edit.points import ScenePoints, read_points
+from ..karf_engine.edit.points import ScenePoints, read_points, write_points
 from ..karf_engine.edit.swatch_picture import SwatchPicture, palette_only, photo_plus_change
 from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency, error_from_code
 from ..karf_engine.farm.bundle import render_bundle
@@ -147,4 +147,5 @@ __all__ = [
     "write_edit",
     "write_edit_file",
     "write_json",
+    "write_points",
 ]
