@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         learn_geometry,
         learn_recoloring,
         load,
+        mark,
         render,
         segment,
     )
@@ -56,6 +57,7 @@ _HOME = {  # name -> the module that defines it
     "learn_recoloring": "library",
     "learning_bundle": "farm.bundle",
     "load": "library",
+    "mark": "library",
     "open_capture": "capture",
     "read_edit": "edit.palette",
     "render": "library",
@@ -84,6 +86,7 @@ __all__ = [
     "learn_recoloring",
     "learning_bundle",
     "load",
+    "mark",
     "open_capture",
     "read_edit",
     "render",

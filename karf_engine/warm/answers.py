@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from .proposing import propose
 from .session import Session
 
 # kind -> function; it returns JSON values, paths as text. Packages that not all kinds need are imported in it
-ANSWERS: dict[str, Callable[[Session, dict[str, Any]], dict[str, Any]]] = {}
+ANSWERS: dict[str, Callable[[Session, dict[str, Any]], dict[str, Any]]] = {"propose": propose}

@@ -9,6 +9,7 @@ FLOORS = (
     ("__init__", "dev", "convert_bmild", "judging", "lock_recipes", "procedural", "release", "window"),
     ("speed",),
     ("benchmark", "demo", "scenes", "experiments", "reliability", "matrix"),
+    ("marking",),
 )
 PRIVATE = "karf_engine.stages"  # what the stages do is offered by the engine's public functions
 ALLOWED = {"reliability.fuzz.readers"}  # feeds damaged files to single readers, of which a stage has one
