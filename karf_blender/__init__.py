@@ -1,13 +1,16 @@
 """The Blender side: cameras, swatches and pictures. It runs the engine in its own process and never imports torch."""
 
 from . import operators, panels, preferences, properties
-from .compositor import drivers
 from .host import rendering
+from .marking import following, overlay, tools
+from .nodes import drivers
 from .pictures import chips
 from .project import disk, saving
 from .rig import reprojection
-from .swatches import recolor
+from .steps import preview
+from .swatches import drawn_over, groups, recolor
 from .tasks import ownership, runner, warm
+from .workspace import clicking, estimates, folding, opening, statusbar
 
 # later ones use earlier ones: taken down in reverse
 MODULES = (
@@ -15,15 +18,26 @@ MODULES = (
     preferences,
     rendering,
     chips,
+    groups,  # before what shows the swatches that it moves
     recolor,
     saving,
     drivers,
     reprojection,
+    overlay,
+    drawn_over,
+    following,
     disk,
     ownership,
     runner,
     warm,
+    preview,
+    folding,
+    statusbar,
+    clicking,
+    opening,
+    estimates,
     operators,
+    tools,
     panels,
 )
 

@@ -8,6 +8,7 @@ from ..karf_engine.capture.camera import Camera
 from ..karf_engine.capture.capture import Capture, SparsePoints, View
 from ..karf_engine.capture.distortion import distort
 from ..karf_engine.capture.image_size import find_header
+from ..karf_engine.capture.mask_names import masks_of_view
 from ..karf_engine.capture.reprojection import (
     ErrorSummary,
     observed_points,
@@ -15,12 +16,17 @@ from ..karf_engine.capture.reprojection import (
     summarize,
     undistorted_near,
 )
+from ..karf_engine.capture.transforms_json import camera_to_json
 from ..karf_engine.capture.undistortion import undistorted
 from ..karf_engine.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from ..karf_engine.edit.becomes import match_becomes, match_fewest, nearest_weights
-from ..karf_engine.edit.compositing import Planes, delta_composite, paper_composite, read_planes, stack_palettes
+from ..karf_engine.edit.color_text import color_to_text, colors_of_text
+from ..karf_engine.edit.colorways import reached_color
+from ..karf_engine.edit.colorways import shown as shown_colors
+from ..karf_engine.edit.compositing import Planes, read_planes, stack_palettes
 from ..karf_engine.edit.layers import ObjectLayers, read_layer_names
-from ..karf_engine.edit.object_colors import read_object_colors
+from ..karf_engine.edit.object_colors import ColorHistogram, read_object_colors
+from ..karf_engine.edit.painted import ObjectMatch, match_picture
 from ..karf_engine.edit.palette import (
     BRIGHTEST,
     COMPOSITING_MODES,
@@ -33,15 +39,17 @@ from ..karf_engine.edit.palette import (
 )
 from ..karf_engine.edit.palette_files import SUFFIXES as EDIT_SUFFIXES
 from ..karf_engine.edit.palette_files import read_edit_file, write_edit_file
+from ..karf_engine.edit.points import ScenePoints, read_points
+from ..karf_engine.edit.swatch_picture import SwatchPicture, palette_only, photo_plus_change
 from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency, error_from_code
 from ..karf_engine.farm.bundle import render_bundle
 from ..karf_engine.files import atomic_write, checksum, read_json, write_json
 from ..karf_engine.findings import ERROR, OK, VERDICT, WARNING, Finding
-from ..karf_engine.names import is_file_name, same_but_for_case
+from ..karf_engine.names import file_name, is_file_name, same_but_for_case
 from ..karf_engine.project import Project
 from ..karf_engine.project.colorways import PlannedColorway, plan_colorways
 from ..karf_engine.requirements import REQUIRED
-from ..karf_engine.settings import PRESETS
+from ..karf_engine.settings import PRESETS, seconds_of_stages
 from ..karf_engine.wire import LOG_FILE, REQUEST_FILE, WARM, Ask, Event, EventReader, Request
 
 # the file or folder by which each known kind of capture is recognized
@@ -71,6 +79,7 @@ __all__ = [
     "Camera",
     "Cancelled",
     "Capture",
+    "ColorHistogram",
     "DataError",
     "Edit",
     "ErrorSummary",
@@ -80,41 +89,54 @@ __all__ = [
     "KarfError",
     "MissingDependency",
     "ObjectLayers",
+    "ObjectMatch",
     "Palette",
     "Planes",
     "PlannedColorway",
     "Project",
     "Request",
+    "ScenePoints",
     "SparsePoints",
+    "SwatchPicture",
     "View",
     "atomic_write",
+    "camera_to_json",
     "checksum",
     "ciede2000",
-    "delta_composite",
+    "color_to_text",
+    "colors_of_text",
     "distort",
     "error_from_code",
+    "file_name",
     "find_header",
     "hex_to_rgb",
     "hold_out",
     "is_file_name",
     "linear_to_srgb",
+    "masks_of_view",
     "match_becomes",
     "match_fewest",
+    "match_picture",
     "nearest_weights",
     "observed_points",
     "open_capture",
-    "paper_composite",
+    "palette_only",
+    "photo_plus_change",
     "plan_colorways",
+    "reached_color",
     "read_edit_file",
     "read_json",
     "read_layer_names",
     "read_object_colors",
     "read_palettes",
     "read_planes",
+    "read_points",
     "render_bundle",
     "reprojection_errors",
     "rgb_to_hex",
     "same_but_for_case",
+    "seconds_of_stages",
+    "shown_colors",
     "srgb_to_lab",
     "srgb_to_linear",
     "stack_palettes",

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
         mark,
         render,
         segment,
+        write_points,
     )
     from .model import Model
     from .settings import PRESETS, Settings
@@ -64,6 +65,7 @@ _HOME = {  # name -> the module that defines it
     "render_bundle": "farm.bundle",
     "segment": "library",
     "write_edit": "edit.palette",
+    "write_points": "library",
 }
 
 __all__ = [
@@ -93,6 +95,7 @@ __all__ = [
     "render_bundle",
     "segment",
     "write_edit",
+    "write_points",
 ]
 
 

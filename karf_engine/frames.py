@@ -9,7 +9,8 @@ import numpy as np
 import torch
 
 from .capture.camera import Camera
-from .edit.compositing import hard_masks
+from .color import to_bytes
+from .edit.compositing import Planes, hard_masks
 from .fields.scene import Picture
 
 BAND_RAYS = 1 << 20  # rendered at once: with their surface samples they take about half a gigabyte
@@ -54,10 +55,18 @@ class Frame:
         return hard_masks(self.probabilities)
 
 
-def bands_of(camera: Camera, supersampling: int) -> list[Camera]:
+def planes_of(frame: Frame, objects: Sequence[str]) -> Planes:
+    """The edit planes of a frame; before palettes are learned there is no object to edit."""
+    weights, probabilities = frame.palette_weights, frame.probabilities
+    if weights is None:
+        objects, weights, probabilities = (), np.zeros((0, 0, *probabilities.shape[1:])), probabilities[:0]
+    return Planes(tuple(objects), weights.astype(np.float16), probabilities.astype(np.float16), to_bytes(frame.base))
+
+
+def bands_of(camera: Camera, supersampling: int, most_rays: int = BAND_RAYS) -> list[Camera]:
     """A camera in bands of rows, each as many times finer as there are rays along a pixel's side."""
     fine = camera.scaled(camera.width * supersampling, camera.height * supersampling)
-    rows = max(1, BAND_RAYS // (fine.width * supersampling)) * supersampling
+    rows = max(1, most_rays // (fine.width * supersampling)) * supersampling
     if rows >= fine.height:
         return [fine]
     tops = range(0, fine.height, rows)

@@ -106,18 +106,22 @@ def learn_geometry(
     _run("geometry", project, options, run, **({"capture": capture} if is_open else {}))
 
 
-def segment(project: PathLike, masks: PathLike | None = None, **run: Unpack[Run]) -> None:
+def segment(
+    project: PathLike, masks: PathLike | None = None, corrections: PathLike | None = None, **run: Unpack[Run]
+) -> None:
     """Learn F_s: which part of the scene is which object.
 
     Args:
         project: one whose geometry is learned.
         masks: a folder of rough masks, MASKS/<object>/<photo stem>.png; by default the project's own.
+        corrections: a folder of partial marks, CORRECTIONS/<object>/<view>.png; by default the project's own.
         **run: see the module's docstring.
 
     Raises:
-        KarfError: a mask fits no training photo, marks nothing, or the project's geometry is missing or damaged.
+        KarfError: a mask fits no photo, marks nothing, or the project's geometry is missing or damaged.
     """
-    _run("segmentation", project, {} if masks is None else {"masks": str(masks)}, run)
+    given = {"masks": masks, "corrections": corrections}
+    _run("segmentation", project, {name: str(path) for name, path in given.items() if path is not None}, run)
 
 
 def extract_palettes(project: PathLike, **run: Unpack[Run]) -> None:
@@ -224,6 +228,25 @@ def colorways(
     """
     options = {"sheet": str(sheet), "out": str(out), "views": views, "size": size, "predict_only": predict_only}
     _run("colorways", project, options, run)
+
+
+def write_points(
+    project: PathLike, out: PathLike, *, count: int = 60_000, edit: PathLike | None = None, **run: Unpack[Run]
+) -> None:
+    """Write the scene as points on its surface, for viewers.
+
+    Args:
+        project: one whose palettes are learned.
+        out: the file: `.npz`, with all that recoloring needs (`read_points`), or `.ply`, colored points.
+        count: about how many points.
+        edit: of a `.ply`, the file of an edit that its colors have.
+        **run: see the module's docstring.
+
+    Raises:
+        KarfError: nothing is learned, the count is out of range, or the file is of another kind.
+    """
+    options = {"out": str(out), "count": count} | ({} if edit is None else {"edit": str(edit)})
+    _run("points", project, options, run)
 
 
 def find_poses(photos: PathLike, out: PathLike, *, matching: str = "auto", **run: Unpack[Run]) -> None:

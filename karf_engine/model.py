@@ -19,6 +19,7 @@ from .capture.capture import Capture, View
 from .capture.distortion import straighten
 from .color import to_bytes
 from .edit.compositing import delta_composite, paper_composite, stack_palettes
+from .edit.painted import ObjectMatch, match_picture
 from .edit.palette import Edit, Palette, read_palettes
 from .errors import BadRequest
 from .failures import translated
@@ -34,7 +35,7 @@ from .locking import consistent, opened
 from .looks import Looks
 from .matting.matte import dense_coverage, disputed_objects
 from .matting.refine import mattes_of
-from .plates import Plate, load_views
+from .plates import Plate, load_views, load_wanted
 from .project import Project
 from .project.contents import capture_of, settings_for
 from .project.edit import ProjectEdit, edit_of
@@ -278,6 +279,25 @@ class Model:
     def edit(self, path: Path | str | None = None) -> ProjectEdit:
         """An edit that changes nothing yet, or what a file says. Raises BadRequest before palettes are learned."""
         return edit_of(self.project, path)
+
+    def match(self, view: View, picture: Path, edit: Edit) -> tuple[ObjectMatch, ...]:
+        """The palettes with which a captured view comes closest to a painted or graded picture of it.
+
+        Args:
+            view: of the capture.
+            picture: as large as the photo, then with its lens; or of any other size, then without lens distortion.
+            edit: the palettes as they stand, on which the picture may have been painted.
+
+        Returns:
+            one for each object that the picture wants otherwise.
+
+        Raises:
+            BadRequest: the picture has another shape than the view.
+            DataError: picture or photo is missing or damaged.
+        """
+        wanted = load_wanted(view, picture, self.settings.render.preview)
+        frame = self.preview(view)
+        return match_picture(frame.palette_weights, frame.probabilities, frame.base, wanted, self.palettes, edit.colors)
 
     def recolor(self, view: View, edit: Edit, size: str | int = "photo") -> np.ndarray:
         """A captured view with an edit.

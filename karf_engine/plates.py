@@ -6,7 +6,7 @@ Images are float32 [H, W, C], display-referred sRGB in [0, 1]; pixel corners lie
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -17,13 +17,14 @@ from scipy.ndimage import maximum_filter
 from .capture.camera import Camera
 from .capture.capture import View
 from .capture.distortion import distort
-from .errors import DataError
-from .images import read_photo, resize, straight
+from .errors import BadRequest, DataError
+from .images import over, read_photo, resize, straight
 
 BORDER_TOLERANCE = 0.04  # a border pixel this near to black or white counts as such: JPEG noise, dark gray paper
 BORDER_SHARE = 0.8  # of the border's pixels: an object may touch the border
 SOLID_DIFFERENCE = 0.06  # a pixel this far from a black or white background shows something
 VIEW_SHARE = 0.9  # of the views: a few may be close-ups
+ASPECT_TOLERANCE = 0.02  # by which a picture's sides may differ from a view's: rounding of small sizes
 LENS_ROWS = 256  # rows of a lens map that are computed at once: float64 temporaries of whole photos are large
 LENS_DETAIL = 3  # photos are undistorted at this multiple of the working size, so that interpolation costs no detail
 
@@ -88,6 +89,35 @@ def _load_view(view: View, long_side: int) -> Plate:
         None if opaque else photo[..., 3],
         None if valid.all() else valid,
     )
+
+
+def load_wanted(view: View, picture: Path, long_side: int) -> np.ndarray:
+    """A painted or graded picture of a view, as the view's pinhole shows it at the size of its plate.
+
+    Args:
+        view: Captured.
+        picture: As large as the photo, then with its lens; or of any other size, then without lens distortion.
+        long_side: Pixels, as for `load_views`.
+
+    Returns:
+        sRGB float32 [H, W, 3] in [0, 1], transparency on white.
+
+    Raises:
+        DataError: The picture is missing or damaged.
+        BadRequest: It has another shape than the view.
+    """
+    pixels, camera = read_photo(picture), view.camera.reduced(long_side)
+    height, width = pixels.shape[:2]
+    if (width, height) == (view.camera.width, view.camera.height):
+        plate = _load_view(replace(view, image=picture), long_side)
+        return over(plate.color, plate.alpha)
+    if abs(width * camera.height / (height * camera.width) - 1) > ASPECT_TOLERANCE:
+        raise BadRequest(
+            f"{picture} has {width}x{height} pixels, the view {view.name!r} {view.camera.width}x{view.camera.height}.",
+            "Give a picture of the whole view, of any size.",
+        )
+    alpha = pixels[..., 3] if pixels.shape[-1] == 4 else None
+    return resize(over(pixels[..., :3], alpha), camera.width, camera.height)
 
 
 def photo_of(view: View) -> np.ndarray:

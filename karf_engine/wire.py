@@ -28,7 +28,10 @@ PROTOCOL = 1
 REQUEST_FILE = "request.json"
 EVENTS_FILE = "events.jsonl"
 LOG_FILE = "engine.log"
-STAGES = ("geometry", "segmentation", "palette", "recoloring", "render", "match", "colorways", "poses", "all", "warm")
+STAGES = (
+    *("geometry", "segmentation", "palette", "recoloring", "render", "match", "colorways", "points", "poses", "all"),
+    "warm",
+)
 WARM = STAGES[-1]  # answers asks until it is done; see `karf_engine.warm`
 FINAL_EVENTS = ("done", "error", "cancelled")
 MOST_THREADS = 256
@@ -46,8 +49,9 @@ EVENT_VALUES: dict[str, dict[str, Any]] = {  # what a reader may rely on; other 
     "dropped": {"id": int},
 }
 OPTION_TYPES: dict[str, tuple[type, ...]] = {
-    **dict.fromkeys(("capture", "preset", "nerf", "masks", "device", "views", "out", "base"), (str,)),
+    **dict.fromkeys(("capture", "preset", "nerf", "masks", "corrections", "device", "views", "out", "base"), (str,)),
     **dict.fromkeys(("photos", "matching", "object", "source", "target", "rule", "sheet", "format"), (str,)),
+    **dict.fromkeys(("view", "picture"), (str,)),
     **dict.fromkeys(("depth", "planes", "layers", "alpha", "jpeg", "predict_only", "skip_existing"), (bool,)),
     "edit": (str, list),
     "size": (str, int),

@@ -24,8 +24,19 @@ class Layout:
     def panel(self, name, default_closed=False):
         return self.row(), self.row()
 
-    def prop_enum(self, data, name, value):
-        self.prop(data, name)
+    def panel_prop(self, data, name):
+        """Opened, whatever the property says: what is drawn in it is checked too."""
+        assert name in data.bl_rna.properties
+        return self.row(), self.row()
+
+    def popover(self, panel, text="", **options):
+        """With what it opens: that is drawn too."""
+        self._check(**options)
+        self._drawn.append(text)
+        getattr(self._bpy.types, panel).draw(SimpleNamespace(layout=self.row()), self._bpy.context)
+
+    def prop_enum(self, data, name, value, **options):
+        self.prop(data, name, **options)
         assert value in data.bl_rna.properties[name].enum_items
 
     def template_list(self, kind, name, data, collection, active_data, active, **_):
@@ -36,6 +47,20 @@ class Layout:
     def label(self, text="", **options):
         self._check(**options)
         self._drawn.append(text)
+
+    def menu(self, name, text="", **options):
+        self._check(**options)
+        assert hasattr(self._bpy.types, name)
+        self._drawn.append(name)
+
+    def template_ID(self, data, name, open=""):
+        self.prop(data, name)
+
+    def separator(self):
+        """A gap."""
+
+    def context_pointer_set(self, name, data):
+        """What menus and operators below find in their context."""
 
     def progress(self, factor, text):
         assert 0 <= factor <= 1

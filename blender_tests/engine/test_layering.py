@@ -17,6 +17,7 @@ FLOORS = (
     ("segmentation", "frames"),
     ("finishing", "looks"),
     ("model",),
+    ("scene_points",),
     ("stages",),
     ("library", "warm"),
     ("doctor",),

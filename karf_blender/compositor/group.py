@@ -4,31 +4,17 @@ It computes what the engine does, in display sRGB: base + sum of weight x (color
 the picture are scene-linear, as everywhere in the compositor.
 """
 
-import zlib
 from collections.abc import Sequence
 
 import bpy
 
-from ..engine_api import ObjectLayers, srgb_to_linear
+from ..engine_api import ObjectLayers
 from ..host import compat
+from ..nodes.sockets import scene_linear, swatch_socket
 
 DISPLAY = "sRGB"
 BASE = "Image"
 COLUMN, ROW = 190.0, 200.0  # distances of nodes
-LONGEST = 48  # bytes of a name to which others are added: Blender cuts at 63
-
-
-def swatch_socket(name: str, index: int) -> str:
-    """What the socket of an object's swatch is called; swatches count from 1, as black stays black."""
-    return f"{short(name)} {index}"
-
-
-def short(name: str) -> str:
-    """The name, or what is as good where Blender would cut it: its begin and its checksum."""
-    encoded = name.encode()
-    if len(encoded) <= LONGEST:
-        return name
-    return f"{encoded[: LONGEST - 9].decode(errors='ignore')} {zlib.crc32(encoded):08x}"
 
 
 def fill(tree: bpy.types.NodeTree, objects: Sequence[ObjectLayers]) -> None:
@@ -65,11 +51,6 @@ def _add_sockets(tree: bpy.types.NodeTree, objects: Sequence[ObjectLayers]) -> N
     for each in objects:
         for name in each.weights[1:]:
             interface.new_socket(name, in_out="INPUT", socket_type="NodeSocketFloat", parent=panel)
-
-
-def scene_linear(color: Sequence[float]) -> tuple[float, float, float, float]:
-    """A color socket's value of an sRGB color."""
-    return (*map(float, srgb_to_linear(color)), 1.0)
 
 
 def _convert(tree, color, to_display: bool, place) -> bpy.types.NodeSocket:

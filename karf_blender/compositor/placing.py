@@ -11,7 +11,8 @@ import numpy as np
 
 from ..engine_api import DataError, ObjectLayers
 from ..host import compat
-from . import drivers, group
+from ..nodes import drivers, sockets
+from . import group
 
 COMBINED = "Combined"  # how Blender calls the channels R, G and B
 
@@ -52,7 +53,7 @@ def build(
     for each in objects:
         colors = edited.get(each.name, each.colors)
         for index in range(1, len(each.colors)):
-            node.inputs[group.swatch_socket(each.name, index)].default_value = group.scene_linear(colors[index])
+            node.inputs[sockets.swatch_socket(each.name, index)].default_value = sockets.scene_linear(colors[index])
     for target in targets or _free_targets(tree, node):
         tree.links.new(node.outputs[0], target)
     return node
@@ -60,7 +61,7 @@ def build(
 
 def node_name(view: str) -> str:
     """What the group's node of a view is called."""
-    return f"KaRF {group.short(view)}"
+    return f"KaRF {sockets.short(view)}"
 
 
 def find(scene: bpy.types.Scene, view: str) -> bpy.types.Node | None:

@@ -7,9 +7,21 @@ the context's. Colors are sRGB triples in [0, 1] or "#rrggbb". See docs/blender.
 """
 
 from ..engine_api import Edit, KarfError
-from .editing import Color, apply_edit, becomes, prepare_views, save, save_edit, set_swatch, show_view
+from .editing import (
+    Color,
+    apply_edit,
+    becomes,
+    link_swatches,
+    match_picture,
+    merge_swatch,
+    prepare_views,
+    save,
+    save_edit,
+    set_swatch,
+    show_view,
+)
 from .installing import engine_files, engine_status, install_engine, plan_engine, remove_engine, repair_engine
-from .learning import extract_palette, find_poses, import_capture, learn_scene, reprojection_error, segment
+from .learning import extract_palette, find_poses, import_capture, learn_all, learn_scene, reprojection_error, segment
 from .rendering import (
     add_strip,
     build_compositor,
@@ -17,11 +29,13 @@ from .rendering import (
     export_cameras,
     farm_bundle,
     import_cameras,
+    preview_camera,
     render_captured,
     render_sequence,
     render_view,
     show_frames,
 )
+from .surface import export_scene, show_scene
 from .testing import examine_engine
 
 __all__ = [
@@ -37,15 +51,21 @@ __all__ = [
     "engine_status",
     "examine_engine",
     "export_cameras",
+    "export_scene",
     "extract_palette",
     "farm_bundle",
     "find_poses",
     "import_cameras",
     "import_capture",
     "install_engine",
+    "learn_all",
     "learn_scene",
+    "link_swatches",
+    "match_picture",
+    "merge_swatch",
     "plan_engine",
     "prepare_views",
+    "preview_camera",
     "remove_engine",
     "render_captured",
     "render_sequence",
@@ -57,5 +77,6 @@ __all__ = [
     "segment",
     "set_swatch",
     "show_frames",
+    "show_scene",
     "show_view",
 ]

@@ -90,6 +90,25 @@ def learn_scene(
     return folders.project_of(scene_of(scene)).finished("geometry")
 
 
+def learn_all(
+    preset: str = "",
+    overrides: Sequence[str] = (),
+    scene: bpy.types.Scene | None = None,
+) -> tuple[Palette, ...]:
+    """Learn the geometry, segment the objects of the panel's masks, extract the palettes and show the active view.
+
+    Args:
+        preset: Name of the settings; default: the panel's.
+        overrides: Single settings as `stage.field=value`.
+        scene: Default: the context's.
+
+    Returns:
+        The palettes as learned, one an object.
+    """
+    runner.wait(steps.learn_all(scene_of(scene), preset, overrides))
+    return edits.learned(scene_of(scene))
+
+
 def segment(masks: str | Path | None = None, scene: bpy.types.Scene | None = None) -> dict[str, Any]:
     """Segment the objects.
 

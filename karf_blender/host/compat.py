@@ -33,19 +33,6 @@ def curves_of(owner: bpy.types.AnimData | bpy.types.NlaStrip) -> list[bpy.types.
     return [curve for bag in bags for curve in bag.fcurves]
 
 
-def set_brush_color(tool_settings: bpy.types.ToolSettings, color: tuple[float, float, float]) -> None:
-    """Give the image paint brush this color; the unified color overrides it, and moved to the paint mode in 5.0."""
-    paint = tool_settings.image_paint
-    for owner in (paint, tool_settings):
-        unified = getattr(owner, "unified_paint_settings", None)
-        if unified is not None:
-            unified.color = color
-            break
-    # brushes are assets since 4.3: there may be none before the first stroke
-    if paint.brush is not None:
-        paint.brush.color = color
-
-
 # --- the compositor, whose trees and nodes changed in 4.5 and 5.0 ----------------------------------------------------
 def compositing_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
     """The scene's compositing nodes, switched on; an empty tree is made where there is none."""

@@ -2,9 +2,47 @@
 
 import bpy
 
-from . import cameras, cancel, capture, colorways, edit, failure, installing, learn, masks, probing, render
+from . import (
+    cameras,
+    cancel,
+    capture,
+    colorways,
+    edit,
+    failure,
+    installing,
+    learn,
+    marking,
+    masks,
+    preview,
+    probing,
+    render,
+    seeing,
+    surface,
+    swatches,
+    wiping,
+    workspace,
+)
 
-FILES = (capture, masks, learn, installing, probing, edit, render, colorways, cameras, cancel, failure)
+FILES = (
+    capture,
+    masks,
+    marking,
+    learn,
+    installing,
+    probing,
+    edit,
+    swatches,
+    seeing,
+    wiping,
+    render,
+    preview,
+    surface,
+    colorways,
+    cameras,
+    cancel,
+    failure,
+    workspace,
+)
 CLASSES = tuple(each for file in FILES for each in file.CLASSES)
 
 

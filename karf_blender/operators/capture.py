@@ -9,6 +9,7 @@ from .. import steps
 from ..engine_api import CAPTURE_MARKS
 from ..rig.cameras import Options
 from ..tasks import runner
+from ..workspace import estimates
 from .reporting import has_project, is_free, reports_errors
 
 ORIENTATION_ITEMS = [
@@ -112,6 +113,7 @@ class KARF_OT_import_capture(RigOptions, bpy.types.Operator):
         for remark in capture.remarks:
             self.report({"WARNING"}, remark)
         view_from_camera(context.area, colored_points=self.points and capture.points is not None)
+        estimates.measure_once()
         self.report({"INFO"}, f"{len(capture.views)} cameras from {capture.source}")
         return {"FINISHED"}
 
@@ -148,7 +150,7 @@ class KARF_OT_find_poses(RigOptions, bpy.types.Operator):
 
 
 class KARF_OT_look_through(bpy.types.Operator):
-    """Look through the active view's camera, with its photo's size"""
+    """Look through the active view's camera, with its photo's size as the scene's until the view is left"""
 
     bl_idname = "karf.look_through"
     bl_label = "Look Through"
@@ -167,6 +169,28 @@ class KARF_OT_look_through(bpy.types.Operator):
         return {"FINISHED"}
 
 
+class KARF_OT_leave_view(bpy.types.Operator):
+    """Give the scene the camera and the picture size back that it had before a captured camera was looked through"""
+
+    bl_idname = "karf.leave_view"
+    bl_label = "Leave View"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        if not context.scene.karf.looking.is_on:
+            cls.poll_message_set("No captured camera is looked through")
+            return False
+        return True
+
+    @reports_errors
+    def execute(self, context):
+        steps.leave_view(context.scene)
+        if context.area is not None and context.area.type == "VIEW_3D":
+            context.space_data.region_3d.view_perspective = "PERSP"
+        return {"FINISHED"}
+
+
 class KARF_FH_capture(bpy.types.FileHandler):
     """Camera files may be dropped on the 3D View; what else ends so is refused with a sentence when it is read."""
 
@@ -180,4 +204,4 @@ class KARF_FH_capture(bpy.types.FileHandler):
         return context.area is not None and context.area.type == "VIEW_3D"
 
 
-CLASSES = (KARF_OT_import_capture, KARF_OT_find_poses, KARF_OT_look_through, KARF_FH_capture)
+CLASSES = (KARF_OT_import_capture, KARF_OT_find_poses, KARF_OT_look_through, KARF_OT_leave_view, KARF_FH_capture)

@@ -21,12 +21,8 @@ class KARF_OT_learn_scene(EngineStep, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class KARF_OT_segment(EngineStep, bpy.types.Operator):
-    """Turn the coarse masks into clean ones in every view"""
-
-    bl_idname = "karf.segment"
-    bl_label = "Segment"
-    after = "geometry"
+class MaskStep(EngineStep):
+    """Mix-in of operators that need marked objects."""
 
     @classmethod
     def poll(cls, context):
@@ -37,24 +33,48 @@ class KARF_OT_segment(EngineStep, bpy.types.Operator):
             return False
         return True
 
-    @reports_errors
-    def execute(self, context):
-        runner.launch(steps.segment(context.scene))
-        return {"FINISHED"}
 
-
-class KARF_OT_extract_palette(EngineStep, bpy.types.Operator):
-    """Find the swatches of every object and learn what each pixel takes from them. Edits, locks and keyframes stay with their object and color; edits whose color is no longer there are kept in the project's folder edits"""
-
-    bl_idname = "karf.extract_palette"
-    bl_label = "Extract Palette"
-    after = "segmentation"
+class PaletteMaker:
+    """Mix-in of operators that replace the palettes: where there are edits, they say what becomes of them."""
 
     def invoke(self, context, event):
         if not palettes.has_edits(context.scene):
             return self.execute(context)
         message = "Edits follow their object and color; those that find none are kept in the project"
         return context.window_manager.invoke_confirm(self, event, title="Extract anew?", message=message)
+
+
+class KARF_OT_learn_all(PaletteMaker, MaskStep, bpy.types.Operator):
+    """Learn the scene, segment the marked objects, extract their palettes, and show the active view: steps 2, 4 and 5 in a row. What is learned already is kept"""
+
+    bl_idname = "karf.learn_all"
+    bl_label = "Learn All"
+
+    @reports_errors
+    def execute(self, context):
+        runner.launch(steps.learn_all(context.scene))
+        return {"FINISHED"}
+
+
+class KARF_OT_segment(MaskStep, bpy.types.Operator):
+    """Turn the coarse masks into clean ones in every view"""
+
+    bl_idname = "karf.segment"
+    bl_label = "Segment"
+    after = "geometry"
+
+    @reports_errors
+    def execute(self, context):
+        runner.launch(steps.segment(context.scene))
+        return {"FINISHED"}
+
+
+class KARF_OT_extract_palette(PaletteMaker, EngineStep, bpy.types.Operator):
+    """Find the swatches of every object and learn what each pixel takes from them. Edits, locks and keyframes stay with their object and color; edits whose color is no longer there are kept in the project's folder edits"""
+
+    bl_idname = "karf.extract_palette"
+    bl_label = "Extract Palette"
+    after = "segmentation"
 
     @reports_errors
     def execute(self, context):
@@ -98,6 +118,7 @@ class KARF_OT_prepare_views(EngineStep, bpy.types.Operator):
 
 CLASSES = (
     KARF_OT_learn_scene,
+    KARF_OT_learn_all,
     KARF_OT_segment,
     KARF_OT_extract_palette,
     KARF_OT_show_view,

@@ -1,59 +1,131 @@
-"""Step 3: coarse masks by painting over a photo."""
+"""Step 3: the photo to mark and its neighbors, the objects, a mask erased."""
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import BoolProperty, IntProperty, StringProperty
 
 from .. import steps
-from ..pictures import editors
+from ..host import windows
+from ..marking import objects, sheets, tools
 from ..project import disk
 from .reporting import has_project, reports_errors
 
 
-class KARF_OT_paint_mask(bpy.types.Operator):
-    """Paint over the object on a copy of the active view's photo, in a color that the object has not"""
+class MarkingStep:
+    """Mix-in of operators that need a capture."""
 
-    bl_idname = "karf.paint_mask"
-    bl_label = "Paint Mask"
     bl_options = {"REGISTER", "UNDO"}
 
-    object_name: StringProperty(name="Object", description="Empty: the panel's name", options={"SKIP_SAVE"})
-
     @classmethod
     def poll(cls, context):
         return has_project(cls, context)
 
-    @reports_errors
-    def execute(self, context):
-        image = steps.paint_mask(context.scene, self.object_name or context.scene.karf.mask_object)
-        if context.area and context.area.type == "IMAGE_EDITOR":
-            context.space_data.image = image
-        editors.reveal(image, is_wanted=True)
-        editors.set_mode(image, "PAINT")
-        self.report({"INFO"}, f"Paint over the object in {image.name!r}, then press Save Mask")
-        return {"FINISHED"}
 
-
-class KARF_OT_save_mask(bpy.types.Operator):
-    """Write what is painted over the photo as a mask of the object"""
-
-    bl_idname = "karf.save_mask"
-    bl_label = "Save Mask"
-    bl_options = {"REGISTER"}
+class ObjectStep(MarkingStep):
+    """Mix-in of operators that need an object to mark."""
 
     @classmethod
     def poll(cls, context):
-        if context.scene.karf.mask_image is None:
-            cls.poll_message_set("Press Paint Mask first")
+        if not super().poll(context):
             return False
-        return has_project(cls, context)
+        if objects.active(context.scene) is None:
+            cls.poll_message_set("Add an object first")
+            return False
+        return True
+
+
+class KARF_OT_mark(MarkingStep, bpy.types.Operator):
+    """Show the active view's photo in the Image Editors and take up a tool to mark it: click, box, lasso or brush"""
+
+    bl_idname = "karf.mark"
+    bl_label = "Mark in Photo"
 
     @reports_errors
     def execute(self, context):
-        file, share = steps.save_mask(context.scene)
+        image = steps.show_photo(context.scene)
+        if context.area is not None and context.area.type == "IMAGE_EDITOR":
+            context.space_data.image = image
         disk.refresh()
-        editors.set_mode(context.scene.karf.mask_image, "VIEW")
-        self.report({"INFO"}, f"{file}: {share:.1%} of the picture")
+        shown = [area for area in windows.areas("IMAGE_EDITOR") if area.spaces.active.image == image]
+        if not shown and not bpy.app.background:
+            self.report({"WARNING"}, "Open an Image Editor: the photo is marked there")
+        for area in shown:
+            tools.take_up(context, area)
         return {"FINISHED"}
 
 
-CLASSES = (KARF_OT_paint_mask, KARF_OT_save_mask)
+class KARF_OT_go_to_view(MarkingStep, bpy.types.Operator):
+    """Make the next or the previous view the active one"""
+
+    bl_idname = "karf.go_to_view"
+    bl_label = "Next View"
+
+    by: IntProperty(name="By", default=1, description="1: the next view; -1: the one before")
+    marked: BoolProperty(name="Marked", description="Only views in which the object is marked")
+
+    @classmethod
+    def description(cls, context, properties):
+        which = "next" if properties.by > 0 else "previous"
+        return f"Go to the {which} view" + (" in which the object is marked" if properties.marked else "")
+
+    @reports_errors
+    def execute(self, context):
+        steps.go_to_view(context.scene, self.by, self.marked)
+        if context.region is not None and context.area.type == "IMAGE_EDITOR" and context.region.type == "WINDOW":
+            context.space_data.image = steps.show_photo(context.scene)  # by a key of the tools
+        return {"FINISHED"}
+
+
+class KARF_OT_erase_mask(ObjectStep, bpy.types.Operator):
+    """Erase the object's mask in the active view, or all that corrects it there"""
+
+    bl_idname = "karf.erase_mask"
+    bl_label = "Erase Mask"
+
+    @reports_errors
+    def execute(self, context):
+        steps.erase_mask(context.scene)
+        return {"FINISHED"}
+
+
+class KARF_OT_add_object(MarkingStep, bpy.types.Operator):
+    """Add an object to mark; double-click its name to change it"""
+
+    bl_idname = "karf.add_object"
+    bl_label = "Add Object"
+
+    name: StringProperty(name="Name", default=objects.FIRST)
+
+    @reports_errors
+    def execute(self, context):
+        steps.add_object(context.scene, self.name)
+        sheets.follow(context.scene)
+        return {"FINISHED"}
+
+
+class KARF_OT_remove_object(ObjectStep, bpy.types.Operator):
+    """Remove the object with all its masks and corrections; undo brings them back"""
+
+    bl_idname = "karf.remove_object"
+    bl_label = "Remove Object"
+
+    def invoke(self, context, event):
+        item = objects.active(context.scene)
+        count = disk.contents_of(context.scene).masks.get(item.folder, 0)
+        if not count:
+            return self.execute(context)
+        message = f"{count} masks of {item.folder!r} are removed from the disk"
+        return context.window_manager.invoke_confirm(self, event, title="Remove the object?", message=message)
+
+    @reports_errors
+    def execute(self, context):
+        steps.remove_object(context.scene)
+        return {"FINISHED"}
+
+
+CLASSES = (
+    KARF_OT_mark,
+    KARF_OT_go_to_view,
+    KARF_OT_erase_mask,
+    KARF_OT_add_object,
+    KARF_OT_remove_object,
+)

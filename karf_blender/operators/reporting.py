@@ -22,9 +22,9 @@ def reports_errors(execute: Callable) -> Callable:
     raises it."""
 
     @wraps(execute)
-    def safe(self, context):
+    def safe(self, context, *event):
         try:
-            return execute(self, context)
+            return execute(self, context, *event)
         except KarfError as error:
             self.report({"ERROR"}, str(error))
         except OSError as error:
@@ -67,6 +67,19 @@ class ProjectSwatchStep:
     @classmethod
     def poll(cls, context):
         return has_project(cls, context) and has_palette(cls, context)
+
+
+class PreparedStep(ProjectSwatchStep):
+    """Mix-in of operators that need the active view's edit planes."""
+
+    @classmethod
+    def poll(cls, context):
+        if not super().poll(context):
+            return False
+        if not disk.contents_of(context.scene).is_prepared:
+            cls.poll_message_set("Prepare the view first")
+            return False
+        return True
 
 
 class PaletteStep(EngineStep):

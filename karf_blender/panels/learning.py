@@ -4,7 +4,10 @@ from ... import __package__ as extension
 from ..engine import installing
 from ..host.labels import draw_text
 from ..preferences import state
+from ..project import disk
 from ..rig import reprojection
+from ..workspace import estimates
+from .seeing import draw_masks
 from .views import draw_view
 
 
@@ -20,6 +23,8 @@ def draw_import(layout, context):
     row = layout.row(align=True)
     draw_view(row, karf)
     row.operator("karf.look_through", text="", icon="VIEW_CAMERA")
+    row.prop(karf.looking, "hides_others", text="", icon="HIDE_ON" if karf.looking.hides_others else "HIDE_OFF")
+    row.operator("karf.leave_view", text="", icon="LOOP_BACK")
     layout.label(text=count_of_photos(karf.views))
     draw_reprojection(layout, context.scene)
     layout.prop(karf, "project")
@@ -54,7 +59,20 @@ def draw_learn(layout, context):
     layout.prop(context.scene.karf, "nerf", text="NeRF")  # the whole name does not fit
     if context.scene.karf.project:
         draw_engine(layout)
-    layout.operator("karf.learn_scene", icon="OUTLINER_OB_VOLUME")
+    for name, icon in (("learn_scene", "OUTLINER_OB_VOLUME"), ("learn_all", "PLAY")):
+        column = layout.column(align=True)
+        column.operator(f"karf.{name}", icon=icon)
+        seconds = estimates.seconds(context.scene.karf.preset, name, is_open=context.scene.karf.n_points > 0)
+        if seconds is not None:
+            column.label(text=duration(seconds), icon="TIME")
+
+
+def duration(seconds):
+    """About so long, as one says it."""
+    minutes = max(1, round(seconds / 60))
+    if minutes >= 90:
+        return f"About {round(minutes / 60)} hours on this computer"
+    return "About a minute on this computer" if minutes == 1 else f"About {minutes} minutes on this computer"
 
 
 def draw_engine(layout):
@@ -72,6 +90,8 @@ def draw_engine(layout):
 def draw_segment(layout, context):
     """Step 4."""
     layout.operator("karf.segment", icon="MOD_MASK")
+    if "segmentation" in disk.contents_of(context.scene).stages:
+        draw_masks(layout, context)
 
 
 def draw_palette(layout, context):

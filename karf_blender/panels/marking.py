@@ -1,22 +1,55 @@
 """Step 3: where the objects are in a few photos."""
 
+import bpy
+
 from ..host.labels import draw_text
+from ..marking import objects
+from ..pictures import chips
+from ..preferences import state
 from ..project import disk
+from ..tasks import warm
 from .views import draw_view
+
+
+class KARF_UL_objects(bpy.types.UIList):
+    """The objects to mark: their colors, names and numbers of masks."""
+
+    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
+        row = layout.row(align=True)
+        row.label(text="", icon_value=chips.icon(objects.tint(item)))
+        row.prop(item, "name", text="", emboss=False)
+        count = disk.contents_of(context.scene).masks.get(item.folder, 0)
+        row.label(text=f"{count} marked" if count else "not marked")
 
 
 def draw_masks(layout, context):
     """Step 3."""
-    karf = context.scene.karf
-    layout.prop(karf, "mask_object")
-    draw_view(layout, karf)
+    scene, marking = context.scene, context.scene.karf.marking
+    row = layout.row()
+    row.template_list("KARF_UL_objects", "", marking, "objects", marking, "active", rows=3)
+    column = row.column(align=True)
+    column.operator("karf.add_object", text="", icon="ADD")
+    column.operator("karf.remove_object", text="", icon="REMOVE")
+    draw_steps(layout, scene)
+    layout.operator("karf.mark", icon="RESTRICT_SELECT_OFF")
+    layout.prop(marking, "brush")
+    if "segmentation" in disk.contents_of(scene).stages:
+        layout.prop(marking, "correct")
+    layout.operator("karf.erase_mask", icon="X", text="Erase Correction" if marking.correct else "Erase Mask")
+    if state.known().problem:
+        draw_text(layout, "Without the engine a box is a rectangle, and clicks do nothing.", "INFO")
+    if warm.is_waiting("propose") or warm.is_waiting("correct"):
+        layout.label(text="The engine is at work", icon="SORTTIME")
+    layout.prop(scene.karf, "masks")
+
+
+def draw_steps(layout, scene):
+    """The active view, and the way to others."""
     row = layout.row(align=True)
-    row.operator("karf.paint_mask", icon="BRUSH_DATA")
-    row.operator("karf.save_mask", icon="CHECKMARK")
-    if karf.mask_image:
-        layout.label(text=f"Painting {karf.mask_object} on {karf.mask_view}", icon="IMAGE_DATA")
-    layout.prop(karf, "masks")
-    counts = disk.contents_of(context.scene).masks
-    if counts:
-        # a space that does not break keeps a name and its number of masks together
-        draw_text(layout, ", ".join(f"{name}\u00a0({count})" for name, count in counts.items()), "CHECKMARK")
+    draw_view(row, scene.karf)
+    for icon, by, marked in (("TRIA_LEFT", -1, False), ("TRIA_RIGHT", 1, False), ("FF", 1, True)):
+        button = row.operator("karf.go_to_view", text="", icon=icon)
+        button.by, button.marked = by, marked
+
+
+CLASSES = (KARF_UL_objects,)

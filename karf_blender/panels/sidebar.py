@@ -1,70 +1,74 @@
-"""The steps from capture to picture as panels in their order, the same in both editors.
+"""The steps from capture to picture, one below the other in one panel, the same in both editors.
 
-A step that is done has a check mark in its header. A step that waits for another is greyed out, and its tooltip says
-for which.
+Each step's header says how it stands. Steps that are done fold themselves (`workspace.folding`), which only a panel in
+a layout allows: of panels of their own Blender keeps to itself which are open. A step that waits for another is greyed
+out, and its tooltip says for which.
 """
 
 import bpy
 
-from ..project import disk
+from ..host.labels import draw_text
+from ..workspace import opening, states
 from . import editing, learning, marking, rendering
-from .status import draw_status, has_status
+from .status import draw_status
 
-
-def has_stage(stage):
-    """Whether the engine's stage is done, as a question to a scene."""
-    return lambda scene: stage in disk.contents_of(scene).stages
-
-
-def never(scene):
-    """For steps that have no end."""
-    return False
-
-
-# name, title, what it draws, whether it is done while its project is there
+# name, title, what it draws
 SECTIONS = (
-    ("status", "Status", draw_status, never),
-    ("import", "1  Import", learning.draw_import, lambda scene: bool(scene.karf.project)),
-    ("learn", "2  Learn Scene", learning.draw_learn, has_stage("geometry")),
-    ("mark", "3  Mark Objects", marking.draw_masks, lambda scene: bool(disk.contents_of(scene).masks)),
-    ("segment", "4  Segment", learning.draw_segment, has_stage("segmentation")),
-    ("palette", "5  Palette", learning.draw_palette, lambda scene: bool(scene.karf.objects)),
-    ("edit", "6  Edit", editing.draw_edit, never),
-    ("render", "7  Render", rendering.draw_render, never),
+    ("import", "1  Import", learning.draw_import),
+    ("learn", "2  Learn Scene", learning.draw_learn),
+    ("mark", "3  Mark Objects", marking.draw_masks),
+    ("segment", "4  Segment", learning.draw_segment),
+    ("palette", "5  Palette", learning.draw_palette),
+    ("edit", "6  Edit", editing.draw_edit),
+    ("render", "7  Render", rendering.draw_render),
 )
 EDITORS = (("VIEW_3D", "view3d"), ("IMAGE_EDITOR", "image"))
+HEADERS = {  # what a header says beside the step's title
+    states.TO_DO: {"text": ""},
+    states.DONE: {"text": "done", "icon": "CHECKMARK"},
+    states.STALE: {"text": "stale", "icon": "FILE_REFRESH"},
+    states.RUNNING: {"text": "running", "icon": "SORTTIME"},
+}
 
 
-def make_panel(space: str, editor: str, order: int, name: str, title: str, draw_section, is_done) -> type:
-    """A panel class of one section in one editor."""
+def draw_steps(layout, context):
+    """The status, and all steps."""
+    draw_status(layout, context)
+    folding = context.window_manager.karf_folding
+    for name, title, draw_section in SECTIONS:
+        header, body = layout.panel_prop(folding, f"show_{name}")
+        state = states.state_of(context.scene, name)
+        header.label(text=title)
+        right = header.row()
+        right.alignment = "RIGHT"
+        right.label(**HEADERS[state.kind])
+        if body is not None:
+            draw_text(body, state.reason, "FILE_REFRESH")
+            draw_section(body, context)
 
-    def poll(cls, context):
-        # without a header it would need no question, but such panels pull their tab before Item, Tool and View
-        return name != "status" or has_status(context)
+
+def make_panel(space: str, editor: str) -> type:
+    """The panel class of one editor."""
 
     def draw(self, context):
-        draw_section(self.layout, context)
+        draw_steps(self.layout, context)
 
     def draw_header_preset(self, context):
-        if is_done(context.scene) and not disk.contents_of(context.scene).missing:
-            self.layout.label(text="", icon="CHECKMARK")
+        if context.workspace.name != opening.NAME:
+            self.layout.operator("karf.open_workspace", text="", icon="WORKSPACE", emboss=False)
 
     return type(
-        f"KARF_PT_{editor}_{name}",
+        f"KARF_PT_{editor}_steps",
         (bpy.types.Panel,),
         {
             "bl_space_type": space,
             "bl_region_type": "UI",
             "bl_category": "KaRF",
-            "bl_label": title,
-            "bl_order": order,
-            "poll": classmethod(poll),
+            "bl_label": "KaRF",
             "draw": draw,
             "draw_header_preset": draw_header_preset,
         },
     )
 
 
-CLASSES = tuple(
-    make_panel(space, editor, order, *section) for space, editor in EDITORS for order, section in enumerate(SECTIONS)
-)
+CLASSES = tuple(make_panel(space, editor) for space, editor in EDITORS)

@@ -1,51 +1,96 @@
-"""What the top of the sidebar says: a project that is gone, the running job, how the last one ended."""
+"""What the top of the sidebar says, in two rows that are always there: no button below moves while a job runs."""
+
+import bpy
 
 from ..host.labels import draw_text
 from ..project import disk
+from ..workspace import statusbar
 
-
-def has_status(context):
-    """Whether there is anything to show in the status."""
-    progress = context.window_manager.karf_progress
-    has_message = progress.running or progress.text or progress.warnings or progress.error
-    return bool(has_message or disk.contents_of(context.scene).missing)
+WIDTH = 60  # letters of a line where the whole message is shown
 
 
 def draw_status(layout, context):
-    """A project that is gone; the running job, or how the last one ended."""
-    missing = disk.contents_of(context.scene).missing
-    if missing is not None:
-        box = layout.box()
-        box.label(text="The project folder is missing", icon="ERROR")
-        draw_text(box, f"{missing}\nBring it back, choose where it is now, or import the capture again.", "BLANK1")
-        box.prop(context.scene.karf, "project")
+    """The running job with its cross; else how the last one ended, and the way to what it said."""
     progress = context.window_manager.karf_progress
+    column = layout.column()
     if progress.running:
-        layout.label(text=progress.stage, icon="SORTTIME")
-        row = layout.row(align=True)
-        row.progress(factor=progress.fraction, text=progress.text)
-        row.operator("karf.cancel", text="", icon="CANCEL")
-        if progress.figures:
-            layout.label(text=progress.figures, icon="BLANK1")
-    elif progress.text and not progress.error:
-        dismissible(layout, f"{progress.stage}: {progress.text}", "INFO")
-    if progress.warnings:
-        draw_text(layout.box(), progress.warnings, "INFO")
+        column.label(text=progress.stage, icon="SORTTIME")
+        statusbar.draw_progress(column.row(align=True), progress)
+        return
+    row = column.row(align=True)
+    row.alert = has_trouble(context)
+    row.label(**outcome(context))
+    if progress.text or progress.error:
+        row.operator("karf.dismiss", text="", icon="X", emboss=False)
+    row = column.row()
+    row.enabled = has_trouble(context) or bool(progress.warnings)
+    row.popover(KARF_PT_message.__name__, text=row_title(context))
+
+
+def has_trouble(context):
+    """Whether the project is gone or the last job has failed."""
+    return bool(context.window_manager.karf_progress.error or disk.contents_of(context.scene).missing)
+
+
+def outcome(context):
+    """Text and icon of the upper row while no job runs."""
+    progress = context.window_manager.karf_progress
+    if disk.contents_of(context.scene).missing:
+        return {"text": "The project folder is missing", "icon": "ERROR"}
     if progress.error:
-        box = layout.box()
-        dismissible(box, f"{progress.stage} failed", "ERROR")
-        column = box.column(align=True)
-        column.alert = True
-        draw_text(column, progress.error, "BLANK1")
-        draw_text(box, progress.hint, "BLANK1")
-        if progress.job:
-            row = box.row(align=True)
-            row.operator("karf.copy_report", icon="COPYDOWN")
-            row.operator("karf.open_log", icon="TEXT")
+        return {"text": f"{progress.stage} failed", "icon": "ERROR"}
+    if progress.text:
+        return {"text": f"{progress.stage}: {progress.text}", "icon": "INFO"}
+    return {"text": "No job is running", "icon": "CHECKMARK"}
 
 
-def dismissible(layout, text, icon):
-    """A line that the user can close."""
-    row = layout.row()
-    row.label(text=text, icon=icon)
-    row.operator("karf.dismiss", text="", icon="X", emboss=False)
+def row_title(context):
+    """What the lower row's button is called while no job runs."""
+    if has_trouble(context):
+        return "Why, and What to Do"
+    count = len(context.window_manager.karf_progress.warnings.splitlines())
+    return f"Messages: {count}" if count else "No Messages"
+
+
+class KARF_PT_message(bpy.types.Panel):
+    """All that the last job has said, and what to do where it failed or the project is gone"""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "HEADER"  # it opens from the status, and is nowhere else
+    bl_label = "Messages"
+    bl_ui_units_x = 18
+
+    def draw(self, context):
+        draw_missing(self.layout, context.scene)
+        progress = context.window_manager.karf_progress
+        if progress.warnings:
+            draw_text(self.layout.box(), progress.warnings, "INFO", WIDTH)
+        if progress.error:
+            draw_error(self.layout.box(), progress)
+
+
+def draw_missing(layout, scene):
+    """A project folder that is gone, and where to say where it is now."""
+    missing = disk.contents_of(scene).missing
+    if missing is None:
+        return
+    box = layout.box()
+    box.label(text="The project folder is missing", icon="ERROR")
+    draw_text(box, str(missing), "BLANK1", WIDTH)
+    draw_text(box, "Bring it back, choose where it is now, or import the capture again.", "BLANK1", WIDTH)
+    box.prop(scene.karf, "project")
+
+
+def draw_error(box, progress):
+    """Why the last job failed, the remedy, and what a developer asks for."""
+    column = box.column(align=True)
+    column.alert = True
+    draw_text(column, progress.error, "ERROR", WIDTH)
+    draw_text(box, progress.hint, "BLANK1", WIDTH)
+    if progress.job:
+        row = box.row(align=True)
+        row.operator("karf.copy_report", icon="COPYDOWN")
+        row.operator("karf.open_log", icon="TEXT")
+
+
+CLASSES = (KARF_PT_message,)

@@ -46,6 +46,23 @@ def upright(buffer: np.ndarray) -> np.ndarray:
     return buffer[::-1, :, :3]
 
 
+def enlarged(buffer: np.ndarray, width: int, height: int) -> np.ndarray:
+    """An RGBA buffer [h, w, 4] at another size, by linear interpolation between the centers of its pixels."""
+    if buffer.shape[:2] == (height, width):
+        return buffer
+    low, high, share = _between(buffer.shape[0], height)
+    tall = buffer[low] + share[:, None, None] * (buffer[high] - buffer[low])
+    low, high, share = _between(buffer.shape[1], width)
+    return tall[:, low] + share[:, None] * (tall[:, high] - tall[:, low])
+
+
+def _between(count: int, wanted: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The two of `count` pixels between whose centers each of the wanted ones lies, and how near to the second."""
+    place = ((np.arange(wanted, dtype=np.float32) + np.float32(0.5)) * count / wanted - 0.5).clip(0, count - 1)
+    low = place.astype(np.int64)
+    return low, np.minimum(low + 1, count - 1), (place - low).astype(np.float32)
+
+
 def upload(image: bpy.types.Image, buffer: np.ndarray) -> None:
     """Show an RGBA buffer [H, W, 4] in an image of the same size."""
     image.pixels.foreach_set(buffer.ravel())
@@ -108,6 +125,49 @@ def colors_of(image: bpy.types.Image) -> np.ndarray:
     rgba = pixels(image)
     colors, alpha = rgba[..., :3], rgba[..., 3:]
     return colors if alpha.min() == 1 else colors * alpha + (1 - alpha)
+
+
+def read_mask(path: Path) -> np.ndarray:
+    """A mask [H, W] bool, by the engine's rules: over one half in alpha where that varies, else in the brightest channel.
+
+    Raises:
+        DataError: The file is unreadable.
+        BadRequest: Blender renders.
+    """
+    with opened(path) as image:
+        rgba = pixels(image)
+    color, opaque = rgba[..., :3].max(-1), rgba[..., 3] > 0.5
+    brightest = color.max()
+    inside = color > (0.5 if brightest > 1.5 / 255 else brightest / 2)  # labels are 0 and 1 of 255
+    return opaque if opaque.any() and not opaque.all() else inside & opaque
+
+
+def read_correction(path: Path) -> np.ndarray:
+    """A correction [H, W] int8: 1 where opaque white says "this is it", -1 where opaque black says "this is not", else 0.
+
+    Raises:
+        DataError: The file is unreadable.
+        BadRequest: Blender renders.
+    """
+    with opened(path) as image:
+        rgba = pixels(image)
+    said = np.where(rgba[..., 0] > 0.5, 1, -1)
+    return np.where(rgba[..., 3] > 0.5, said, 0).astype(np.int8)
+
+
+def resized(colors: np.ndarray, width: int, height: int) -> np.ndarray:
+    """Colors [H, W, 3] in [0, 1] at another size, in 8 bits where that is not their own."""
+    if colors.shape[1::-1] == (width, height):
+        return colors
+    buffer = blank(colors.shape[1], colors.shape[0])
+    upright(buffer)[:] = colors
+    image = new_image("resized", colors.shape[1], colors.shape[0])
+    try:
+        upload(image, buffer)
+        fit(image, width, height)
+        return colors_of(image)
+    finally:
+        bpy.data.images.remove(image)
 
 
 def write_png(path: Path, colors: np.ndarray) -> None:

@@ -32,6 +32,25 @@ def read(view: View, long_side: int | None = None) -> np.ndarray:
     return _taken(view, images.read_picture(view.image, long_side))
 
 
+def taken(view: View, folder: Path) -> Path:
+    """A file that Blender shows as `read` gives the photo: its own where it can, else a copy, made once.
+
+    Args:
+        view: The captured view.
+        folder: Where copies are kept.
+
+    Raises:
+        DataError: The photo cannot be read.
+    """
+    header = _header(view)
+    if _orientation(view) == 1 and (header is None or header.kind != "exr"):
+        return view.image
+    path = _copy(view, folder, "taken")
+    if not path.exists():
+        images.write_png(path, read(view))
+    return path
+
+
 def straightened(view: View, folder: Path) -> Path:
     """The photo as the view's pinhole shows it, as a file; made where it is not there yet.
 
@@ -47,11 +66,16 @@ def straightened(view: View, folder: Path) -> Path:
     """
     camera = _shown(view.camera)
     lens = (camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, camera.distortion, camera.fisheye)
-    made_from = repr((str(view.image), view.image.stat().st_mtime_ns, lens))
-    path = folder / f"{view.name}-{hashlib.sha256(made_from.encode()).hexdigest()[:8]}.png"
+    path = _copy(view, folder, lens)
     if not path.exists():
         images.write_png(path, undistorted(_read_small(view, camera), camera))
     return path
+
+
+def _copy(view: View, folder: Path, purpose: object) -> Path:
+    """The name of a copy of the photo as it is now, for a purpose."""
+    made_from = repr((str(view.image), view.image.stat().st_mtime_ns, purpose))
+    return folder / f"{view.name}-{hashlib.sha256(made_from.encode()).hexdigest()[:8]}.png"
 
 
 def _shown(camera: Camera) -> Camera:

@@ -38,12 +38,19 @@ class KARF_AP_preferences(bpy.types.AddonPreferences):
     threads: IntProperty(
         name="Threads", min=0, max=256, description="Threads of the engine; 0: the engine chooses. Give free cores only"
     )
+    marking_model: StringProperty(
+        name="Marking Model",
+        subtype="DIR_PATH",
+        description="The whole path of a folder with a model of the Segment Anything family, which then answers boxes and "
+        "clicks; empty: they need none",
+    )
 
     def draw(self, context):
         layout = self.layout
         managing.draw_engine(layout.box())
         layout.prop(self, "engine_python")
         layout.prop(self, "threads")
+        layout.prop(self, "marking_model")
         testing.draw_test(layout)
 
 

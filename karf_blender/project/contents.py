@@ -3,29 +3,74 @@
 Every function reads the disk; drawing asks `disk.contents_of`.
 """
 
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import bpy
 
 from ..engine_api import BadRequest, KarfError, Project
 from . import folders
 
+GRACE_SECONDS = 5.0  # a stage copies masks into the project as the last thing that it does
+
 
 def finished_stages(scene: bpy.types.Scene) -> frozenset[str]:
     """The engine's stages that the scene's project has finished."""
+    return frozenset(_state(scene).get("stages", ()))
+
+
+def learned_with(scene: bpy.types.Scene) -> tuple[str, str]:
+    """The preset and the pretrained NeRF that the project's geometry was learned with; empty where there is none."""
+    state = _state(scene)
+    geometry = state.get("stages", {}).get("geometry")
+    if geometry is None:
+        return "", ""
+    return state.get("settings", {}).get("preset", ""), geometry.get("nerf", "")
+
+
+def outdated(scene: bpy.types.Scene) -> frozenset[str]:
+    """The stages whose result is there, while what it was made of is another now."""
+    stages = finished_stages(scene)
     if not scene.karf.project:
-        return frozenset()
+        return stages
+    project = folders.project_of(scene)
+    results = {"segmentation": project.segmentation_file, "recoloring": project.recoloring_file}
+    found = {name for name, result in results.items() if name not in stages and result.exists()}
+    if "segmentation" in stages and _newest_mask(scene) > _written(project.segmentation_file) + GRACE_SECONDS:
+        found.add("segmentation")
+    return frozenset(found)
+
+
+def _newest_mask(scene: bpy.types.Scene) -> float:
+    """When a mask was written last, in seconds as the disk counts; folders too, which know of masks taken away."""
+    folder = folders.absolute(scene.karf.masks) if scene.karf.masks else None
+    if folder is None or not folder.is_dir():
+        return 0.0
+    objects = [each for each in folder.iterdir() if each.is_dir()]
+    return max((path.stat().st_mtime for each in objects for path in (each, *each.rglob("*.png"))), default=0.0)
+
+
+def _written(path: Path) -> float:
+    return path.stat().st_mtime if path.exists() else float("inf")
+
+
+def _state(scene: bpy.types.Scene) -> Mapping[str, Any]:
+    """The content of the project's project.json; empty where nothing was learned yet."""
+    if not scene.karf.project:
+        return {}
     folder = folders.absolute(scene.karf.project)
     try:
-        return _finished(folder, Project(folder).state_file.stat().st_mtime_ns)
-    except (OSError, KarfError):  # nothing was learned yet
-        return frozenset()
+        return _read_state(folder, Project(folder).state_file.stat().st_mtime_ns)
+    except (OSError, KarfError):
+        return {}
 
 
 @lru_cache(maxsize=4)
-def _finished(folder: Path, written: int) -> frozenset[str]:
-    return frozenset(Project(folder).state()["stages"])
+def _read_state(folder: Path, written: int) -> Mapping[str, Any]:
+    return MappingProxyType(Project(folder).state())
 
 
 def planes_file(scene: bpy.types.Scene) -> Path:
@@ -51,6 +96,31 @@ def is_current(project: Project, view: str) -> bool:
     try:
         made = project.planes_file(view).stat().st_mtime_ns
         return all(source.stat().st_mtime_ns <= made for source in sources if source.exists())
+    except OSError:
+        return False
+
+
+def seen_folder(scene: bpy.types.Scene) -> Path:
+    """Where the engine puts how it sees single views: a rendering, and the objects' masks."""
+    return folders.project_of(scene).folder / "seen"
+
+
+def seen_rendering(scene: bpy.types.Scene) -> Path | None:
+    """What is learned of the active view, rendered; None where there is none since it was learned."""
+    file = seen_folder(scene) / "render" / f"{scene.karf.active_view}.png"
+    return file if _is_newer(file, folders.project_of(scene).geometry_file) else None
+
+
+def seen_masks(scene: bpy.types.Scene) -> dict[str, Path]:
+    """The masks of the active view by object, as they were segmented last; empty where they were not asked for since."""
+    files = sorted(seen_folder(scene).glob(f"masks/*/{scene.karf.active_view}.png"))
+    segmented = folders.project_of(scene).segmentation_report
+    return {file.parent.name: file for file in files if _is_newer(file, segmented)}
+
+
+def _is_newer(file: Path, source: Path) -> bool:
+    try:
+        return source.stat().st_mtime_ns <= file.stat().st_mtime_ns
     except OSError:
         return False
 

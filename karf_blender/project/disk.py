@@ -4,7 +4,7 @@ A slow timer reads it again, and so do the events that change something: a job's
 undo, load and save. In background mode nothing is drawn and timers never fire: there every question reads the disk.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -27,20 +27,27 @@ class Contents:
     Attributes:
         missing: The scene's project folder where it is gone, else None.
         stages: The finished ones.
+        outdated: Those whose result is of other masks or of an earlier stage's former result.
+        learned_with: The preset and the pretrained NeRF that the geometry was learned with.
         is_prepared: Whether the active view has edit planes.
+        is_rendered: Whether what is learned was rendered from the active view's camera.
         masks: The number of masks of each object that has some.
     """
 
     missing: Path | None = None
     stages: frozenset[str] = frozenset()
+    outdated: frozenset[str] = frozenset()
+    learned_with: tuple[str, str] = ("", "")
     is_prepared: bool = False
+    is_rendered: bool = False
     masks: Mapping[str, int] = field(default_factory=dict)
 
 
 class _Memory:
-    """What was read last, each scene's under what it depends on."""
+    """What was read last, each scene's under what it depends on; and who is told when the disk was read."""
 
     scenes: Mapping[tuple[str, ...], Contents] = {}
+    listeners: list[Callable[[], None]] = []
 
 
 def contents_of(scene: bpy.types.Scene) -> Contents:
@@ -54,7 +61,19 @@ def refresh() -> bool:
     before = _Memory.scenes
     _Memory.scenes = {_key(scene): _read(scene) for scene in bpy.data.scenes}
     has_new_engine = state.refresh()
+    for listener in _Memory.listeners if HAS_TIMER else ():
+        listener()
     return has_new_engine or before != _Memory.scenes
+
+
+def listen(listener: Callable[[], None]) -> None:
+    """Have a function called whenever the disk was read, where anything is drawn."""
+    _Memory.listeners.append(listener)
+
+
+def forget(listener: Callable[[], None]) -> None:
+    """No longer call it."""
+    _Memory.listeners.remove(listener)
 
 
 def _refresh_if_untimed() -> None:
@@ -72,9 +91,16 @@ def _read(scene: bpy.types.Scene) -> Contents:
         if scene.karf.project and not (folder := folders.project_of(scene).folder).is_dir():
             return Contents(missing=folder)
         stages, masks = contents.finished_stages(scene), contents.mask_counts(scene)
-        return Contents(None, stages, contents.is_prepared(scene), masks)
+        outdated, learned_with = contents.outdated(scene), contents.learned_with(scene)
+        return Contents(None, stages, outdated, learned_with, *_view(scene), masks)
     except (OSError, KarfError):  # unreadable, or gone while it was read
         return Contents()
+
+
+def _view(scene: bpy.types.Scene) -> tuple[bool, bool]:
+    """Whether the active view is prepared, and whether what is learned was rendered from its camera."""
+    is_rendered = bool(scene.karf.project) and contents.seen_rendering(scene) is not None
+    return contents.is_prepared(scene), is_rendered
 
 
 # --- timer and handlers --------------------------------------------------------------------------------------------

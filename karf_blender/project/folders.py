@@ -44,6 +44,11 @@ def out_folder(scene: bpy.types.Scene) -> Path:
     return absolute(scene.karf.out) if scene.karf.out else project_of(scene).folder / "out"
 
 
+def nerf_of(scene: bpy.types.Scene) -> str:
+    """Whole path of the chosen pretrained NeRF; empty where the geometry is learned."""
+    return str(absolute(scene.karf.nerf)) if scene.karf.nerf else ""
+
+
 def default_project(capture: Path) -> Path:
     """A project folder for this capture: beside the saved .blend, else in the extension's own folder."""
     name = (capture.parent if capture.is_file() else capture).name

@@ -11,9 +11,9 @@ from . import folders
 def _before_save(target, *_):
     # pixels that are only in memory are not saved
     for scene in bpy.data.scenes:
-        for image in (scene.karf.result, scene.karf.mask_image):
-            if image is not None and image.is_dirty:
-                image.pack()
+        image = scene.karf.result
+        if image is not None and image.is_dirty:
+            image.pack()
     if isinstance(target, str) and target:
         folders.rebase(bpy.data.filepath, target)
 

@@ -5,10 +5,14 @@ from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntPropert
 
 from ..engine_api import COMPOSITING_MODES, PRESETS
 from ..host.compat import PATH_OPTIONS
-from ..project import disk, folders
+from ..marking import asking, objects
+from ..project import contents, disk, folders
 from ..rig import reprojection
 from ..swatches import palettes, recolor
-from .swatches import KARF_PG_object, edit_changed
+from .marking import KARF_PG_marking
+from .surface import KARF_PG_surface
+from .swatches import KARF_PG_match, KARF_PG_object, edit_changed
+from .working import KARF_PG_looking
 
 PRESET_ITEMS = [
     (name, name.capitalize(), f"Learn from pictures of at most {settings.geometry.long_side} pixels")
@@ -40,10 +44,13 @@ SIZE_ITEMS = [
 
 def _view_chosen(self, context):
     recolor.refresh(self.id_data)
+    asking.follow(self.id_data)
     disk.refresh()
 
 
 def _masks_chosen(self, context):
+    if not folders.is_rebasing() and self.project:
+        objects.sync(self.id_data)
     disk.refresh()
 
 
@@ -60,6 +67,9 @@ def _project_chosen(self, context):
     # while a file is saved elsewhere, its new paths lead from the new place: here they lead anywhere
     if not folders.is_rebasing():
         palettes.import_learned(self.id_data)
+        preset, _ = contents.learned_with(self.id_data)
+        if preset in PRESETS:
+            self.preset = preset
         disk.refresh()
 
 
@@ -127,6 +137,7 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
     holdout: IntProperty(
         name="Hold Out", default=-1, description="Every how many-th photo is not learned from; -1: as was learned"
     )
+    looking: PointerProperty(type=KARF_PG_looking)
     n_points: IntProperty(name="Points", description="Sparse points of the capture")
     show_reprojection: BoolProperty(
         name="Reprojection Errors",
@@ -136,10 +147,10 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
     )
     active_view: StringProperty(name="View", description="The captured view that is shown", update=_view_chosen)
     objects: CollectionProperty(type=KARF_PG_object)
+    surface: PointerProperty(type=KARF_PG_surface)
+    match: PointerProperty(type=KARF_PG_match)
     result: PointerProperty(name="Result", type=bpy.types.Image, description="The recolored picture")
-    mask_object: StringProperty(name="Object", description="Name of the object to mark", default="object")
-    mask_view: StringProperty(name="Marked view", description="The view that the painted mask belongs to")
-    mask_image: PointerProperty(name="Mask", type=bpy.types.Image, description="The photo that is painted on")
+    marking: PointerProperty(type=KARF_PG_marking)
 
 
 CLASSES = (KARF_PG_view, KARF_PG_scene)

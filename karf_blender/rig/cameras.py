@@ -123,12 +123,6 @@ def camera_of(scene: bpy.types.Scene, view: str) -> bpy.types.Object:
     raise BadRequest(f"The scene {scene.name!r} has no camera of the view {view!r}.", "Import the capture again.")
 
 
-def look_through(scene: bpy.types.Scene, view: View) -> None:
-    """Make a view's camera the scene's, with the photo's size and pixel aspect (Blender keeps these in the scene)."""
-    scene.camera = camera_of(scene, view.name)
-    set_picture(scene, view.camera)
-
-
 def set_picture(scene: bpy.types.Scene, camera: Camera) -> None:
     """Give the scene a pinhole's picture size and pixel aspect."""
     render = scene.render

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 
 from ..engine_api import SparsePoints
-from ..host import compat
+from ..nodes import shadeless
 
 NAME = "KaRF points"
 
@@ -51,7 +51,7 @@ def _balls(radius: float) -> bpy.types.NodeTree:
     cleared, painted = add("GeometryNodeDeleteGeometry"), add("GeometryNodeSetMaterial")
     is_bare.operation = "NOT"
     ball.inputs["Segments"].default_value, ball.inputs["Rings"].default_value = 4, 2
-    painted.inputs["Material"].default_value = _material()
+    painted.inputs["Material"].default_value = shadeless.material(NAME, "color")
     link(entry.outputs["Radius"], ball.inputs["Radius"])
     link(entry.outputs["Geometry"], instances.inputs["Points"])
     link(ball.outputs["Mesh"], instances.inputs["Instance"])
@@ -67,21 +67,3 @@ def _balls(radius: float) -> bpy.types.NodeTree:
     for column, node in enumerate(group.nodes):
         node.location.x = 180 * column
     return group
-
-
-def _material() -> bpy.types.Material:
-    """A material that shows the attribute `color` as it is."""
-    material = bpy.data.materials.get(NAME)
-    if material is not None:
-        return material
-    material = bpy.data.materials.new(NAME)
-    compat.give_nodes(material)
-    tree = material.node_tree
-    tree.nodes.clear()
-    attribute, light, output = (
-        tree.nodes.new(f"ShaderNode{name}") for name in ("Attribute", "Emission", "OutputMaterial")
-    )
-    attribute.attribute_name = "color"
-    tree.links.new(attribute.outputs["Color"], light.inputs["Color"])
-    tree.links.new(light.outputs["Emission"], output.inputs["Surface"])
-    return material

@@ -8,15 +8,30 @@ from .cameras import export_cameras, frame_range, import_cameras
 from .capture import find_poses, import_capture
 from .colorways import colorways_folder, predict_colorways, render_colorways
 from .compositing import build_compositor, compositor_node, place_layers
-from .edit import becomes, load_edit, save_edit
+from .edit import becomes, load_edit, match_picture, paint_over, save_edit
 from .farm import camera_bundle
-from .learn import extract_palette, learn_scene, prepare_views, segment, show_view
-from .masks import paint_mask, save_mask
+from .learn import extract_palette, learn_all, learn_scene, prepare_views, segment, show_view
+from .masks import (
+    add_object,
+    erase_mask,
+    go_to_view,
+    mark_box,
+    mark_click,
+    mark_lasso,
+    mark_stroke,
+    remove_object,
+    show_photo,
+)
+from .preview import write_preview
 from .render import camera_folder, render_camera, render_captured, render_view, save_shown
+from .seeing import see_view, show_masks
 from .sequences import add_strip, show_frames
-from .view import look_through, reprojection_error
+from .surface import export_scene, place_points, show_colors, show_scene
+from .swatches import link_swatches, merge_swatch, split_swatch, unlink_swatch
+from .view import leave_view, look_through, reprojection_error
 
 __all__ = [
+    "add_object",
     "add_strip",
     "becomes",
     "build_compositor",
@@ -24,28 +39,49 @@ __all__ = [
     "camera_folder",
     "colorways_folder",
     "compositor_node",
+    "erase_mask",
     "export_cameras",
+    "export_scene",
     "extract_palette",
     "find_poses",
     "frame_range",
+    "go_to_view",
     "import_cameras",
     "import_capture",
+    "learn_all",
     "learn_scene",
+    "leave_view",
+    "link_swatches",
     "load_edit",
     "look_through",
-    "paint_mask",
+    "mark_box",
+    "mark_click",
+    "mark_lasso",
+    "mark_stroke",
+    "match_picture",
+    "merge_swatch",
+    "paint_over",
     "place_layers",
+    "place_points",
     "predict_colorways",
     "prepare_views",
+    "remove_object",
     "render_camera",
     "render_captured",
     "render_colorways",
     "render_view",
     "reprojection_error",
     "save_edit",
-    "save_mask",
     "save_shown",
+    "see_view",
     "segment",
+    "show_colors",
     "show_frames",
+    "show_masks",
+    "show_photo",
+    "show_scene",
     "show_view",
+    "split_swatch",
+    "unlink_swatch",
+    "write_preview",
 ]

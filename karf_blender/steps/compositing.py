@@ -6,13 +6,12 @@ from pathlib import Path
 import bpy
 
 from .. import progress
-from ..compositor import drivers, placing
-from ..engine_api import ObjectLayers, Request, find_header, read_layer_names
+from ..compositor import placing
+from ..engine_api import Request, find_header, read_layer_names
 from ..project import captures, folders
-from ..swatches import colors
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
-from . import requests, sequences
+from . import following, requests, sequences
 
 
 def build_compositor(scene: bpy.types.Scene, view: str = "", driven: bool = False) -> Task:
@@ -51,32 +50,13 @@ def place_layers(scene: bpy.types.Scene, path: Path, driven: bool = False) -> bp
         DataError: The file is no layered picture.
     """
     objects = read_layer_names(path)
-    known = [each for each in objects if _fits(scene, each)]
-    edited = {each.name: colors.edited(scene.karf.objects[each.name]) for each in known}
-    node = placing.build(scene, path, folders.stored(path), objects, edited)
-    for each in known if driven else ():
-        for index in range(1, len(each.colors)):
-            source = f'karf.objects["{bpy.utils.escape_identifier(each.name)}"].swatches[{index}].color'
-            drivers.drive(node, each.name, index, scene, source)
-    _say_others(scene, [each.name for each in objects if each not in known])
+    known = following.known_of(scene, objects)
+    node = placing.build(scene, path, folders.stored(path), objects, following.edited(scene, known))
+    if driven:
+        following.follow(scene, node, known)
+    following.say_others(scene, objects, "layers")
     _say_differences(scene, node, find_header(path).shown)
     return node
-
-
-def _fits(scene: bpy.types.Scene, layers: ObjectLayers) -> bool:
-    """Whether the scene has the swatches that the layers were made with."""
-    item = scene.karf.objects.get(layers.name)
-    return item is not None and colors.learned(item).tolist() == layers.colors.tolist()
-
-
-def _say_others(scene: bpy.types.Scene, names: list[str]) -> None:
-    """Warn of objects whose swatches in the scene are not those that the layers were made with."""
-    others = [name for name in names if name in scene.karf.objects]
-    if others:
-        progress.warn(
-            f"The swatches of {', '.join(others)} are of other palettes than the layers: the sockets begin as learned. "
-            "Choose the project anew in step 1 to bring its palettes, then build again."
-        )
 
 
 def _say_differences(scene: bpy.types.Scene, node: bpy.types.Node, size: tuple[int, int]) -> None:

@@ -14,16 +14,30 @@ from . import requests
 
 
 def learn_scene(scene: bpy.types.Scene, preset: str = "", overrides: Sequence[str] = ()) -> Task:
-    """Geometry from the photos, or of the panel's pretrained NeRF; an empty preset is the panel's."""
-    options = {
+    """Geometry from the photos, or of the panel's pretrained NeRF; a preset becomes the panel's, an empty one is it."""
+    return requests.task(scene, "Learn Scene", _geometry(scene, preset, overrides))
+
+
+def learn_all(scene: bpy.types.Scene, preset: str = "", overrides: Sequence[str] = ()) -> Task:
+    """All that is learned, in a row, and the planes of the active view; what is done already is not learned again.
+
+    Raises:
+        BadRequest: No masks are chosen.
+    """
+    jobs = (_geometry(scene, preset, overrides), _segmentation(scene, None), *_palettes(scene))
+    return requests.task(scene, "Learn All", *jobs)
+
+
+def _geometry(scene: bpy.types.Scene, preset: str, overrides: Sequence[str]) -> tuple[str, dict]:
+    scene.karf.preset = preset or scene.karf.preset
+    return "geometry", {
         "capture": str(captures.path_of(scene)),
-        "preset": preset or scene.karf.preset,
+        "preset": scene.karf.preset,
         "overrides": list(overrides),
-        "nerf": str(folders.absolute(scene.karf.nerf)) if scene.karf.nerf else None,
+        "nerf": folders.nerf_of(scene) or None,
         "holdout": scene.karf.holdout if scene.karf.holdout >= 0 else None,
         "masks": str(folders.absolute(scene.karf.masks)) if scene.karf.masks else None,
     }
-    return requests.task(scene, "Learn Scene", ("geometry", options))
 
 
 def segment(scene: bpy.types.Scene, folder: Path | None = None) -> Task:
@@ -32,18 +46,24 @@ def segment(scene: bpy.types.Scene, folder: Path | None = None) -> Task:
     Raises:
         BadRequest: No folder is chosen.
     """
+    return requests.task(scene, "Segment", _segmentation(scene, folder))
+
+
+def _segmentation(scene: bpy.types.Scene, folder: Path | None) -> tuple[str, dict]:
     if folder is None and not scene.karf.masks:
         raise BadRequest("No masks are chosen.", "Give a folder with <object>/<photo name>.png, or paint one.")
     folder = folder or folders.absolute(scene.karf.masks)
     scene.karf.masks = folders.stored(folder)
-    return requests.task(scene, "Segment", ("segmentation", {"masks": str(folder)}))
+    return "segmentation", {"masks": str(folder)}
 
 
 def extract_palette(scene: bpy.types.Scene) -> Task:
     """Palettes of the objects, what every pixel takes from them, and the planes of the active view."""
-    return requests.task(
-        scene, "Extract Palette", ("palette", {}), ("recoloring", {}), requests.planes(scene.karf.active_view)
-    )
+    return requests.task(scene, "Extract Palette", *_palettes(scene))
+
+
+def _palettes(scene: bpy.types.Scene) -> tuple[tuple[str, dict], ...]:
+    return ("palette", {}), ("recoloring", {}), requests.planes(scene.karf.active_view)
 
 
 def prepare_views(scene: bpy.types.Scene, views: str) -> Task:

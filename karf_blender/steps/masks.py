@@ -1,24 +1,174 @@
-"""Step 3: coarse masks, painted over photos."""
+"""Step 3: masks of objects, drawn on photos; and strokes that say where the segmentation is wrong.
+
+A mask is written at once, as a step of Blender's undo. Places are pixels of the photo, y down. A mark adds ("ADD"), or
+takes away ("TAKE"): of a correction, it says "this is it" or "this is not". "CLEAR" leaves a correction unsaid again.
+"""
+
+from collections.abc import Sequence
 
 import bpy
 
-from ..pictures import masks
-from ..project import captures
+from ..engine_api import BadRequest
+from ..marking import asking, objects, photo, proposals, raster, sheets
+from ..marking.raster import Place
+from ..marking.sheets import Layer
+from ..preferences import state
+from ..project import disk, folders
+
+MASK_VALUES = {"ADD": 1, "TAKE": 0, "CLEAR": 0}
+CORRECTION_VALUES = {"ADD": 1, "TAKE": -1, "CLEAR": 0}
+CLICK_SHARE = 1 / 150  # of the photo's longer side: the radius of a correction's click
 
 
-def paint_mask(scene: bpy.types.Scene, name: str) -> bpy.types.Image:
-    """Begin a coarse mask of object `name` on the active view's photo.
+def show_photo(scene: bpy.types.Scene) -> bpy.types.Image:
+    """Show the active view's photo with its masks, ready to mark; the first object is there already.
+
+    Raises:
+        KarfError: There is no capture, the photo or a mask cannot be read, or Blender renders.
+    """
+    objects.sync(scene)
+    if not scene.karf.marking.objects:
+        objects.add(scene)
+    image = photo.show(scene)
+    asking.correct(scene)
+    return image
+
+
+# --- marks ---------------------------------------------------------------------------------------------------------
+def mark_stroke(scene: bpy.types.Scene, places: Sequence[Place], radius: float, does: str = "ADD") -> None:
+    """Mark what a round brush of a radius in pixels covers on its way.
+
+    Raises:
+        KarfError: There is nothing to mark.
+        OSError: The mask cannot be written.
+    """
+    layer = layer_to_mark(scene)
+    for start, end in zip(places, [*places[1:], places[-1]], strict=True):
+        raster.stroke(layer.pixels, start, end, radius, value_of(scene, does))
+    keep(scene, layer)
+
+
+def mark_lasso(scene: bpy.types.Scene, places: Sequence[Place], does: str = "ADD") -> None:
+    """Mark what a closed line surrounds; raises as `mark_stroke`."""
+    layer = layer_to_mark(scene)
+    raster.polygon(layer.pixels, places, value_of(scene, does))
+    keep(scene, layer)
+
+
+def mark_box(scene: bpy.types.Scene, corner: Place, other: Place, does: str = "ADD") -> None:
+    """Mark the object in a box: the engine finds it there. Without an engine, and to take away, the box itself counts.
+
+    Raises:
+        KarfError: There is nothing to mark.
+        OSError: The mask cannot be written.
+    """
+    if does == "ADD" and not scene.karf.marking.correct and not state.known().problem:
+        _choose_folder(scene)
+        asking.propose(scene, proposals.box(scene, _name(scene), corner, other))
+        return
+    layer = layer_to_mark(scene)
+    raster.box(layer.pixels, corner, other, value_of(scene, does))
+    keep(scene, layer)
+
+
+def mark_click(scene: bpy.types.Scene, place: Place, does: str = "ADD") -> None:
+    """Mark what is under a click: the engine finds it; later clicks refine. In a correction it is a small dot.
+
+    Raises:
+        KarfError: There is nothing to mark, or no engine.
+        OSError: The correction cannot be written.
+    """
+    if scene.karf.marking.correct:
+        mark_stroke(scene, [place], max(sheets.open_sheet(scene).size) * CLICK_SHARE, does)
+    elif problem := state.known().problem:
+        raise BadRequest(f"Clicks need the engine: {problem}", "Brush, lasso and box mark without it.")
+    else:
+        _choose_folder(scene)
+        asking.propose(scene, proposals.click(scene, _name(scene), place, does == "ADD"))
+
+
+def erase_mask(scene: bpy.types.Scene) -> None:
+    """Remove the object's mask, or its correction, in the active view; raises as `mark_stroke`."""
+    layer = layer_to_mark(scene)
+    layer.pixels[:] = 0
+    keep(scene, layer)
+
+
+# --- what marks are made of ----------------------------------------------------------------------------------------
+def layer_to_mark(scene: bpy.types.Scene) -> Layer:
+    """What marks change: the object's mask in the active view, or its correction; `keep` writes it.
+
+    Raises:
+        KarfError: There is no object or no view.
+    """
+    _choose_folder(scene)
+    return sheets.open_sheet(scene).layer(_name(scene), scene.karf.marking.correct)
+
+
+def value_of(scene: bpy.types.Scene, does: str) -> int:
+    """What a mark writes into the layer."""
+    return (CORRECTION_VALUES if scene.karf.marking.correct else MASK_VALUES)[does]
+
+
+def keep(scene: bpy.types.Scene, layer: Layer) -> None:
+    """Write the layer that was marked."""
+    layer.touch()
+    sheets.save(scene, _name(scene), scene.karf.marking.correct)
+    _after_mark(scene)
+
+
+def _name(scene: bpy.types.Scene) -> str:
+    item = objects.active(scene)
+    if item is None:
+        raise BadRequest("There is no object to mark.", "Add one in the KaRF panel.")
+    return item.folder
+
+
+def _choose_folder(scene: bpy.types.Scene) -> None:
+    if not scene.karf.masks:
+        scene.karf.masks = folders.stored(folders.project_of(scene).masks_folder)
+
+
+def _after_mark(scene: bpy.types.Scene) -> None:
+    disk.refresh()
+    sheets.follow(scene)
+    asking.correct(scene)
+
+
+# --- objects and views ---------------------------------------------------------------------------------------------
+def add_object(scene: bpy.types.Scene, name: str = objects.FIRST) -> str:
+    """Add an object by a name as people type them; returns the name that its folder and its swatches get."""
+    return objects.add(scene, name).folder
+
+
+def remove_object(scene: bpy.types.Scene) -> None:
+    """Take the active object off the list, with its masks.
+
+    Raises:
+        KarfError: There is none.
+        OSError: A file cannot be removed.
+    """
+    _name(scene)
+    objects.remove(scene)
+    sheets.reread(scene)
+    disk.refresh()
+
+
+def go_to_view(scene: bpy.types.Scene, by: int, marked: bool = False) -> str:
+    """Make the next view active (by 1) or the one before (by -1), around the end; marked: with marks of the object.
 
     Returns:
-        The image to paint on.
+        Its name.
+
+    Raises:
+        KarfError: There is none.
     """
-    return masks.start(scene, name, captures.view_of(scene))
-
-
-def save_mask(scene: bpy.types.Scene) -> tuple[str, float]:
-    """Write the painted mask.
-
-    Returns:
-        Its file, and the painted share of the picture.
-    """
-    return masks.save(scene, captures.view_of(scene, scene.karf.mask_view))
+    names = list(scene.karf.views.keys())
+    wanted = set(objects.marked_views(scene)) if marked else set(names)
+    start = names.index(scene.karf.active_view) if scene.karf.active_view in names else 0
+    around = [names[(start + by * step) % len(names)] for step in range(1, len(names) + 1)]
+    found = next((name for name in around if name in wanted), None)
+    if found is None:
+        raise BadRequest("No view has a mark of this object yet.", "Mark it in this one.")
+    scene.karf.active_view = found
+    return found

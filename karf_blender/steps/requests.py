@@ -84,6 +84,11 @@ def pictures(
     )
 
 
+def seen(scene: bpy.types.Scene, out: Path) -> tuple[str, dict]:
+    """The job that writes how the active view is seen: what is learned, rendered, and the objects' masks over it."""
+    return _render(scene.karf.active_view, out=str(out), size="learned")
+
+
 def layers(view: str, out: Path) -> tuple[str, dict]:
     """The job that writes the layers of a captured view."""
     return _render(view, out=str(out), layers=True)

@@ -2,18 +2,31 @@
 
 import bpy
 
-from ..engine_api import Capture, ErrorSummary, View
+from ..engine_api import BadRequest, Capture, ErrorSummary, View
 from ..project import captures, folders
-from ..rig import cameras, reprojection
+from ..rig import cameras, looking, reprojection
 
 
 def look_through(scene: bpy.types.Scene, name: str = "") -> None:
     """Look through a captured view's camera, with its picture size and its photo free of lens distortion.
 
+    The scene's camera and picture size are put back by `leave_view`.
+
     Raises:
         KarfError: There is no such view, or its photo cannot be read.
     """
     show_camera(scene, captures.of(scene), captures.view_of(scene, name))
+
+
+def leave_view(scene: bpy.types.Scene) -> None:
+    """Give the scene its own camera and picture back.
+
+    Raises:
+        BadRequest: No view is looked through.
+    """
+    if not scene.karf.looking.is_on:
+        raise BadRequest(f"The scene {scene.name!r} looks through no captured view.", "")
+    looking.leave(scene)
 
 
 def show_camera(scene: bpy.types.Scene, capture: Capture, view: View) -> None:
@@ -22,7 +35,7 @@ def show_camera(scene: bpy.types.Scene, capture: Capture, view: View) -> None:
     Raises:
         DataError: Its photo cannot be read.
     """
-    cameras.look_through(scene, view)
+    looking.look_through(scene, view)
     reprojection.remember(scene, capture, view.name)
     cameras.straighten_background(scene, view, folders.project_of(scene).photos_folder)
 

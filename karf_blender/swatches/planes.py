@@ -3,13 +3,13 @@
 Planes come from the project folder; only those of the view shown last are kept in memory.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-from ..engine_api import DataError, delta_composite, paper_composite, read_planes, stack_palettes
+from ..engine_api import DataError, Planes, SwatchPicture, palette_only, photo_plus_change, read_planes, stack_palettes
 from ..pictures import images
 from ..project import contents
 from . import colors
@@ -22,20 +22,24 @@ class ShownView:
     Attributes:
         file: Where they are from.
         written: The file's time, in nanoseconds.
-        objects: Names of the K objects.
-        palette_weights: [K, M, H, W] float32.
-        probabilities: [K, H, W] float32.
-        base: [H, W, 3] float32, sRGB in [0, 1].
-        buffer: [H, W, 4] float32 in Blender's row order, overwritten by every picture.
+        planes: As stored.
+        pictures: By compositing, once it was asked for: the picture that follows the swatches, and the RGBA buffer
+            [H, W, 4] float32 in Blender's row order that it writes to.
     """
 
     file: Path
     written: int
-    objects: tuple[str, ...]
-    palette_weights: np.ndarray
-    probabilities: np.ndarray
-    base: np.ndarray
-    buffer: np.ndarray
+    planes: Planes
+    pictures: dict[str, tuple[SwatchPicture, np.ndarray]] = field(default_factory=dict)
+
+    def picture(self, compositing: str) -> tuple[SwatchPicture, np.ndarray]:
+        """The picture of one compositing, and its buffer."""
+        if compositing not in self.pictures:
+            height, width = self.planes.base.shape[:2]
+            buffer = images.blank(width, height)
+            follow = palette_only if compositing == "paper" else photo_plus_change
+            self.pictures[compositing] = follow(self.planes, images.upright(buffer)), buffer
+        return self.pictures[compositing]
 
 
 class _Memory:
@@ -66,17 +70,7 @@ def load(file: Path) -> ShownView:
     written = file.stat().st_mtime_ns if file.exists() else 0
     known = _Memory.view
     if known is None or (known.file, known.written) != (file, written):
-        planes = read_planes(file)
-        height, width = planes.base.shape[:2]
-        _Memory.view = ShownView(
-            file=file,
-            written=written,
-            objects=planes.objects,
-            palette_weights=planes.palette_weights.astype(np.float32),
-            probabilities=planes.probabilities.astype(np.float32),
-            base=planes.base.astype(np.float32) / np.float32(255),
-            buffer=images.blank(width, height),
-        )
+        _Memory.view = ShownView(file, written, read_planes(file))
     return _Memory.view
 
 
@@ -103,18 +97,16 @@ def recolored(view: ShownView, scene: bpy.types.Scene) -> np.ndarray:
     Raises:
         DataError: The planes belong to other palettes.
     """
+    objects = view.planes.objects
     items = {item.name: item for item in scene.karf.objects}
-    if set(view.objects) != set(items):
-        raise DataError(
-            f"{view.file} was made for the objects {', '.join(view.objects)}.", "Extract the palettes again."
-        )
-    learned = stack_palettes(view.objects, {name: colors.learned(item) for name, item in items.items()})
-    edited = stack_palettes(view.objects, {name: colors.edited(item) for name, item in items.items()})
-    if learned.shape[1] != view.palette_weights.shape[1]:
+    if set(objects) != set(items):
+        raise DataError(f"{view.file} was made for the objects {', '.join(objects)}.", "Extract the palettes again.")
+    factors = stack_palettes(objects, {name: colors.edited(item) for name, item in items.items()})
+    if factors.shape[1] != view.planes.palette_weights.shape[1]:
         raise DataError(f"{view.file} was made for other palettes.", "Press Prepare in step 6.")
-    picture = images.upright(view.buffer)
-    if scene.karf.compositing == "paper":
-        picture[:] = paper_composite(view.base, view.palette_weights, view.probabilities, edited)
-    else:
-        delta_composite(view.base, view.palette_weights, learned, edited, out=picture)
-    return view.buffer
+    compositing = scene.karf.compositing
+    if compositing != "paper":
+        factors -= stack_palettes(objects, {name: colors.learned(item) for name, item in items.items()})
+    picture, buffer = view.picture(compositing)
+    picture.paint(factors)
+    return buffer

@@ -13,42 +13,41 @@ from bpy.app.handlers import persistent
 
 from ..engine_api import KarfError
 from ..host import handlers, rendering
-from ..pictures import images, photos
-from ..project import captures
-from . import colors, planes
+from ..pictures import images
+from . import colors, display, object_masks, planes, wishes
 
 RESULT_NAME = "KaRF"
-PHOTO_SIDE = 800  # pixels at most of a photo that stands in for a view that is not prepared
 RETRY_SECONDS = 0.2
 
 
 class _Memory:
-    """Of each scene (by `session_uid`) the values that its picture was made from and the view that it shows.
+    """Of each scene (by `session_uid`) the values that its picture was made from, and what a stand-in would be of.
 
     `open_batches` counts the `batched` blocks that are open.
     """
 
     values: dict[int, bytes] = {}
-    shown: dict[int, str] = {}
+    shown: dict[int, tuple] = {}
     open_batches: int = 0
 
 
 def forget() -> None:
     """Drop what is in memory of planes and pictures."""
-    planes.forget()
+    for module in (planes, display, object_masks, wishes):
+        module.forget()
     _Memory.values.clear()
 
 
 # --- the picture ---------------------------------------------------------------------------------------------------
 def show(scene: bpy.types.Scene) -> bpy.types.Image:
-    """Composite the active view into the scene's result image, which is made if needed.
+    """Put the active view, as it is looked at, into the scene's result image, which is made if needed.
 
     Raises:
         KarfError: The view cannot be composited, or Blender renders.
     """
     rendering.refuse()
     _Memory.values[scene.session_uid] = _values(scene)
-    return _put(scene, planes.composite(scene))
+    return _put(scene, display.picture(scene))
 
 
 def _put(scene: bpy.types.Scene, buffer: np.ndarray) -> bpy.types.Image:
@@ -58,7 +57,9 @@ def _put(scene: bpy.types.Scene, buffer: np.ndarray) -> bpy.types.Image:
         scene.karf.result = images.new_image(RESULT_NAME, width, height)
     images.fit(scene.karf.result, width, height)
     images.upload(scene.karf.result, buffer)
-    _Memory.shown[scene.session_uid] = scene.karf.active_view
+    _Memory.shown[scene.session_uid] = display.stand_in_key(scene)
+    object_masks.load(scene)
+    wishes.update(scene)
     return scene.karf.result
 
 
@@ -75,22 +76,13 @@ def refresh(scene: bpy.types.Scene) -> None:
     try:
         show(scene)
     except KarfError:  # the panel says that the view is not prepared
-        if _Memory.shown.get(scene.session_uid) != scene.karf.active_view:
-            _put(scene, _photo(scene))
+        if _Memory.shown.get(scene.session_uid) != display.stand_in_key(scene):
+            show_unedited(scene)
 
 
-def _photo(scene: bpy.types.Scene) -> np.ndarray:
-    """The active view's photo as an RGBA buffer [H, W, 4], reduced to PHOTO_SIDE; black where it cannot be read."""
-    try:
-        view = captures.view_of(scene)
-        photo = photos.read(view, PHOTO_SIDE) if view.image else None
-    except KarfError:
-        photo = None
-    if photo is None:
-        return images.blank(*scene.karf.result.size)
-    buffer = images.blank(photo.shape[1], photo.shape[0])
-    images.upright(buffer)[:] = photo
-    return buffer
+def show_unedited(scene: bpy.types.Scene) -> bpy.types.Image:
+    """Put what there is of a view that cannot be recolored into the scene's result image, which is made if needed."""
+    return _put(scene, display.stand_in(scene))
 
 
 def _refresh_changed() -> None:
@@ -149,7 +141,7 @@ def _after_change(*_):
 def _after_load(*_):
     forget()
     # a picture that was saved is that of the view that was active then
-    _Memory.shown = {scene.session_uid: scene.karf.active_view for scene in bpy.data.scenes}
+    _Memory.shown = {scene.session_uid: display.stand_in_key(scene) for scene in bpy.data.scenes}
     for scene in bpy.data.scenes:
         refresh(scene)
 

@@ -6,6 +6,7 @@ One task runs at a time: the engine uses all the cores it is given.
 """
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -13,10 +14,10 @@ from bpy.app.handlers import persistent
 
 from .. import engine_api, preferences, progress
 from ..engine import jobs
-from ..engine_api import BadRequest, Cancelled, Event, KarfError, Project
+from ..engine_api import BadRequest, Cancelled, Event, KarfError, Project, Request
 from ..host import compat, rendering, windows
 from ..pictures import editors
-from ..project import disk
+from ..project import disk, folders
 from .task import Task
 
 POLL_SECONDS = 0.2
@@ -38,6 +39,7 @@ class _Running:
 
     def _start(self) -> jobs.Job:
         request = self.task.requests[self._done]
+        self._begin = time.monotonic()
         with jobs.disk_errors():
             folder = Project(request.project).new_job(request.stage)
         return jobs.start(self._python, engine_api.ENGINE_FOLDER, request, folder, self._threads)
@@ -54,6 +56,8 @@ class _Running:
         if not self.job.ended:
             return False
         self.job.check()
+        for timekeeper in _timekeepers:
+            timekeeper(self.job.request, time.monotonic() - self._begin)
         with jobs.disk_errors():
             self.task.after(self.job.request)
         self._done += 1
@@ -64,11 +68,47 @@ class _Running:
 
 
 _running: list[_Running] = []
+_listeners: list[Callable[[], None]] = []
+_timekeepers: list[Callable[[Request, float], None]] = []
+
+
+def listen(listener: Callable[[], None]) -> None:
+    """Have a function called whenever what is said of the running task beside the interface has changed."""
+    _listeners.append(listener)
+
+
+def forget(listener: Callable[[], None]) -> None:
+    """No longer call it."""
+    _listeners.remove(listener)
+
+
+def keep_time(timekeeper: Callable[[Request, float], None]) -> None:
+    """Have a function called with every job that is done and the seconds that it took."""
+    _timekeepers.append(timekeeper)
+
+
+def forget_time(timekeeper: Callable[[Request, float], None]) -> None:
+    """No longer call it."""
+    _timekeepers.remove(timekeeper)
+
+
+def _redraw() -> None:
+    windows.redraw(*windows.PANEL_AREAS)
+    for listener in _listeners:
+        listener()
 
 
 def is_running() -> bool:
     """True while a task is at work."""
     return bool(_running)
+
+
+def current_request(scene: bpy.types.Scene) -> Request | None:
+    """What the engine is doing for the scene's project; None where it does nothing for it."""
+    if not _running or not scene.karf.project:
+        return None
+    request = _running[0].job.request
+    return request if request.project == folders.project_of(scene).folder else None
 
 
 def launch(task: Task) -> None:
@@ -142,6 +182,7 @@ def _end() -> None:
         if not running.job.ended:
             running.job.terminate()
         progress.state().running = False
+        disk.refresh()
 
 
 def _finish(error: KarfError | None) -> None:
@@ -156,7 +197,6 @@ def _finish(error: KarfError | None) -> None:
             print(f"The end of {job.folder / engine_api.LOG_FILE}:\n{job.log_tail()}", flush=True)
     else:
         state.text = "done"
-    disk.refresh()
 
 
 def _tick() -> float | None:
@@ -175,7 +215,7 @@ def _tick() -> float | None:
         is_ours = isinstance(failure, KarfError)
         _finish(failure if is_ours else KarfError(f"Internal error: {failure!r}.", "The console shows where."))
         _end()
-        windows.redraw(*windows.PANEL_AREAS)
+        _redraw()
         if not is_ours:
             raise
         return None
@@ -186,7 +226,7 @@ def _tick() -> float | None:
         if running.task.is_file_open and bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message=running.task.title)
     if events or done:
-        windows.redraw(*windows.PANEL_AREAS)
+        _redraw()
     return None if done else POLL_SECONDS
 
 

@@ -115,6 +115,21 @@ def camera_of(frame: Frame, image: Path | None) -> tuple[Camera, list[str]]:
     return check_camera(camera, frame.label, "Correct it in the file."), size_notes + pose_notes
 
 
+def camera_from_json(fields: Any, source: str) -> Camera:
+    """A bare camera, as a frame of a transforms file has it.
+
+    Args:
+        fields: The frame's values; sizes must be among them.
+        source: What messages call it.
+
+    Raises:
+        DataError: It is none, see `camera_of`.
+    """
+    if not isinstance(fields, dict):
+        raise DataError(f"{source} has a JSON {type(fields).__name__} for a camera.", "Give an object.")
+    return camera_of(Frame(Path(source), 0, (), {"file_path": "camera", **fields}, ""), None)[0]
+
+
 def _is_fisheye(frame: Frame) -> bool:
     model = frame.fields.get("camera_model") or ("OPENCV_FISHEYE" if frame.fields.get("is_fisheye") else "OPENCV")
     if model not in PERSPECTIVE + FISHEYE:

@@ -16,6 +16,7 @@ from typing import Any
 
 from ..errors import DataError
 from ..files import write_json
+from .camera import Camera
 from .capture import SPLITS, Capture, SparsePoints, View
 from .ply import read_points
 from .reading import FISHEYE_KEYS, LENS_KEYS, PHOTO_SUFFIXES, exists, make_views, merge_notes
@@ -75,17 +76,16 @@ def write_cameras(path: Path, views: Sequence[View]) -> None:
     """Write bare cameras as an instant-ngp style file; `open_capture(path, photos=False)` gives them back exactly."""
     content = {
         "camera_model": "OPENCV",
-        "frames": [_frame_to_json(view) for view in views],
+        "frames": [{"file_path": view.name, **camera_to_json(view.camera)} for view in views],
         **{f"{split}_filenames": [view.name for view in views if view.split == split] for split in SPLITS},
     }
     write_json(path, content)
 
 
-def _frame_to_json(view: View) -> dict[str, Any]:
-    camera = view.camera
+def camera_to_json(camera: Camera) -> dict[str, Any]:
+    """A camera as a frame of such a file has it; `transforms_frames.camera_from_json` gives it back exactly."""
     keys = FISHEYE_KEYS if camera.fisheye else LENS_KEYS
     return {
-        "file_path": view.name,
         **({"camera_model": "OPENCV_FISHEYE"} if camera.fisheye else {}),
         "w": camera.width,
         "h": camera.height,

@@ -63,7 +63,10 @@ def _add_learning(commands: Commands) -> None:
 
     verb = _verb(commands, "segmentation", "turn coarse masks into objects in all views", verbs.segment)
     verb.add_argument("project", metavar="DIR", help="project folder")
-    verb.add_argument("--masks", required=True, metavar="DIR", help="coarse masks: DIR/<object>/<photo stem>.png")
+    verb.add_argument("--masks", metavar="DIR", help="coarse masks: DIR/<object>/<photo stem>.png (default: the "
+                      "project's own)")  # fmt: skip
+    verb.add_argument("--corrections", metavar="DIR", help="partial marks: DIR/<object>/<view>.png, gray with alpha "
+                      "(default: the project's own)")  # fmt: skip
 
     verb = _verb(
         commands, "palette", "extract palettes; with --json or --out only show the learned ones", verbs.extract_palettes
@@ -80,14 +83,18 @@ def _add_learning(commands: Commands) -> None:
 
 
 def _add_editing(commands: Commands) -> None:
-    verb = _verb(commands, "match", "write the edit with which one color of an object becomes another", verbs.match)
+    text = "write the edit with which one color of an object becomes another, or a view looks as it was painted"
+    verb = _verb(commands, "match", text, verbs.match)
     verb.add_argument("project", metavar="DIR", help="project folder")
-    verb.add_argument("--object", required=True, help="which object")
-    verb.add_argument("--from", dest="source", required=True, metavar="COLOR", help="a color it shows, #rrggbb")
-    verb.add_argument("--to", dest="target", required=True, metavar="COLOR", help="the color it shall become, #rrggbb")
+    verb.add_argument("--object", help="which object")
+    verb.add_argument("--from", dest="source", metavar="COLOR", help="a color it shows, #rrggbb")
+    verb.add_argument("--to", dest="target", metavar="COLOR", help="the color it shall become, #rrggbb")
     verb.add_argument("--rule", default="becomes", choices=("becomes", "fewest"), help="becomes: the whole material; "
                       "fewest: as few swatches as possible (default: %(default)s)")  # fmt: skip
-    verb.add_argument("--edit", metavar="FILE", help="start from this edit (one call an object)")
+    verb.add_argument("--view", help="in place of a color pair: the view that --picture shows")
+    verb.add_argument("--picture", metavar="FILE", help="this view painted over or graded, of any size")
+    verb.add_argument("--edit", metavar="FILE", help="start from this edit (one call an object); with "
+                      "--picture the one that was painted on")  # fmt: skip
     verb.add_argument("--out", required=True, metavar="FILE", help="EDIT.json to write")
 
     verb = _verb(commands, "render", "render masks, pictures and recolored frames", verbs.render)
@@ -117,6 +124,13 @@ def _add_editing(commands: Commands) -> None:
                       "sheet; pictures that are there already are not made again")  # fmt: skip
     verb.add_argument("--size", default="photo", help="as for render (default: %(default)s)")
     verb.add_argument("--predict-only", action="store_true", help="only write colorways.csv: what will be reached")
+
+    verb = _verb(commands, "points", "write the scene as points on its surface", verbs.write_points)
+    verb.add_argument("project", metavar="DIR", help="project folder")
+    verb.add_argument("--out", required=True, metavar="FILE", help=".ply: colored points; .npz: with what recoloring "
+                      "them needs")  # fmt: skip
+    verb.add_argument("--count", type=int, default=60_000, help="about how many points (default: %(default)s)")
+    verb.add_argument("--edit", metavar="FILE", help="EDIT.json or a palette file: a .ply gets these colors")
 
 
 def _add_picture_options(verb: argparse.ArgumentParser) -> None:
@@ -160,6 +174,7 @@ def _add_others(commands: Commands) -> None:
     verb.add_argument("--quick", action="store_true", help="do not try the stages, which takes some seconds")
     verb.add_argument("--folder", metavar="DIR", default=".", help="where projects shall lie: its disk and its locks are "
                       "tried (default: here)")  # fmt: skip
+    verb = _verb(commands, "speed", "measure how fast this computer learns, in some seconds", verbs.speed)
     verb = commands.add_parser("run", help="run a job folder (used by Blender)")
     verb.add_argument("job", metavar="JOB", help="folder with request.json")
     verb.add_argument("--map", dest="folders", action="append", default=[], metavar="CALLERS=OURS", help="a folder that "

@@ -45,7 +45,7 @@ def learn_geometry(options: argparse.Namespace) -> int:
 
 def segment(options: argparse.Namespace) -> int:
     """Objects."""
-    library.segment(options.project, options.masks, **_run_of(options))
+    library.segment(options.project, options.masks, getattr(options, "corrections", None), **_run_of(options))
     return 0
 
 
@@ -89,7 +89,8 @@ def find_poses(options: argparse.Namespace) -> int:
 
 def match(options: argparse.Namespace) -> int:
     """An edit."""
-    values = {name: getattr(options, name) for name in ("object", "source", "target", "rule", "edit", "out")}
+    names = ("object", "source", "target", "rule", "view", "picture", "edit", "out", "device", "threads")
+    values = {name: getattr(options, name) for name in names}
     run_request(Request("match", Path(options.project), values), TerminalEmit(), lambda: False)
     return 0
 
@@ -109,6 +110,12 @@ def render_colorways(options: argparse.Namespace) -> int:
     """Pictures of views in all colorways."""
     chosen = {"views": options.views, "size": options.size, "predict_only": options.predict_only}
     library.colorways(options.project, options.sheet, options.out, **chosen, **_run_of(options))
+    return 0
+
+
+def write_points(options: argparse.Namespace) -> int:
+    """The scene as points."""
+    library.write_points(options.project, options.out, count=options.count, edit=options.edit, **_run_of(options))
     return 0
 
 
@@ -133,6 +140,14 @@ def doctor(options: argparse.Namespace) -> int:
     for finding in examine(Path(options.folder), options.quick, options.device, options.threads):
         print(finding.to_line() if options.json else finding.to_text(), flush=True)
     return finding.exit_code
+
+
+def speed(options: argparse.Namespace) -> int:
+    """How fast this computer learns, as JSON."""
+    from ..doctor.speed import samples_per_second
+
+    print(json.dumps({"samples_per_second": round(samples_per_second(options.device, options.threads))}))
+    return 0
 
 
 def run(options: argparse.Namespace) -> int:

@@ -3,7 +3,7 @@
 Naming: n colors of an object (histogram cells or pixels), [n, 3] sRGB in [0, 1], with counts [n]. palette_weights
 [n, M]: each color's share of the M palette entries; a palette change dP [M, 3] moves the colors by
 palette_weights @ dP. Entry 0 is black and never moves; `locked` lists further entries that stay. To match is to find
-the palette whose change moves colors to their targets.
+the palette whose change moves colors to their targets (`fitting`).
 """
 
 from __future__ import annotations
@@ -14,14 +14,12 @@ import numpy as np
 
 from ..color import lab_chroma, lab_hue, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from ..errors import BadRequest
-from .least_squares import bounded_least_squares
-from .palette import BRIGHTEST
+from .fitting import match_pixels, moved, room
 
 HUE_GATE = 0.65  # radians of Lab hue at which a color counts as another pigment
 GREY_CHROMA, CHROMA_GATE = 6.0, 25.0  # Lab chroma below which a source has no hue; and the gate that then stands in
 NEAR = 5.0  # Lab distance within which a color looks like another one of the same paint
-STILL = 1e-4  # a move of a swatch under this, 1/40 of a step of 8 bits, is rounding
-RIDGE = 1e-3  # per unit of counts: what keeps swatches still that hardly any pixel uses
+EMPHASIS = 10.0  # how many times the whole object the picked color counts: it is what the artist looks at
 
 
 def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -86,19 +84,19 @@ def match_becomes(
     source: np.ndarray,
     target: np.ndarray,
     locked: Iterable[int] = (),
-    emphasis: float = 0.0,
 ) -> np.ndarray:
     """The palette with which the source's paint becomes the target's, on the whole object, shading and gloss kept.
+
+    It goes on from any edit, where colors and palette are given as that edit shows them.
 
     Args:
         colors: The object's color histogram, sRGB [n, 3] in [0, 1].
         counts: How often each color occurs, [n], >= 0.
         palette_weights: Of each color, [n, M].
-        palette: As learned, sRGB [M, 3] in [0, 1].
+        palette: With which the object has these colors, sRGB [M, 3] in [0, BRIGHTEST].
         source: sRGB [3] in [0, 1], a color of the object now.
         target: sRGB [3] in [0, 1], what it is to become.
         locked: Entries that stay as they are.
-        emphasis: How many times the whole object the source itself counts: more of it meets the target more exactly.
 
     Returns:
         The edited palette [M, 3] float32 in [0, BRIGHTEST].
@@ -116,46 +114,10 @@ def match_becomes(
          [0.1 0.2 0.7]]
     """
     targets = reflection_target(colors, source, target)
-    if emphasis:
-        own = mean_weights(colors, counts, palette_weights, source)
-        palette_weights, colors = np.vstack([palette_weights, own]), np.vstack([colors, source])
-        targets, counts = np.vstack([targets, target]), np.append(counts, emphasis * np.sum(counts))
+    own = mean_weights(colors, counts, palette_weights, source)
+    palette_weights, colors = np.vstack([palette_weights, own]), np.vstack([colors, source])
+    targets, counts = np.vstack([targets, target]), np.append(counts, EMPHASIS * np.sum(counts))
     return match_pixels(palette_weights, colors, targets, palette, counts, locked)
-
-
-def match_pixels(
-    palette_weights: np.ndarray,
-    colors: np.ndarray,
-    targets: np.ndarray,
-    palette: np.ndarray,
-    counts: np.ndarray | None = None,
-    locked: Iterable[int] = (),
-) -> np.ndarray:
-    """The palette that moves n colors closest to n targets, by bounded least squares in sRGB.
-
-    It matches a painted view, or any targets. A hull encloses the colors, so its entries lie near the rim of [0, 1] and
-    brighter paint needs some beyond white; the pixels themselves are clipped when they are composed.
-
-    Args:
-        palette_weights: Of each color, [n, M].
-        colors: sRGB [n, 3] in [0, 1].
-        targets: What each is to become, sRGB [n, 3] in [0, 1].
-        palette: As learned, sRGB [M, 3] in [0, 1].
-        counts: Importance of each color, [n], >= 0; by default 1 each.
-        locked: Entries that stay as they are.
-
-    Returns:
-        The edited palette [M, 3] float32 in [0, BRIGHTEST]; entry 0 and locked ones are the palette's own.
-
-    Examples:
-        >>> palette = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
-        >>> weights = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-        >>> match_pixels(weights, weights @ palette, [[0.5, 0, 0], [0, 1, 0]], palette).round(2).tolist()
-        [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 1.0, 0.0]]
-    """
-    lower, upper = _room(palette, locked, BRIGHTEST)
-    change = bounded_least_squares(palette_weights, np.subtract(targets, colors), lower, upper, counts, RIDGE)
-    return _moved(palette, change)
 
 
 def match_fewest(
@@ -168,18 +130,18 @@ def match_fewest(
     """The palette that gives one pixel the target color and touches as few swatches as it can.
 
     Minimises the sum of the swatches' moves `|dP_j|` (an L2,1 norm; the rule of LoCoPalettes) by iteratively reweighted
-    least squares, each step solved exactly within 0 <= P + dP <= 1. A target out of reach is met as closely as the box
-    lets it, channel by channel.
+    least squares, each step solved exactly within 0 <= P + dP <= max(1, P). A target out of reach is met as closely as
+    the box lets it, channel by channel.
 
     Args:
         palette_weights_of_pixel: [M].
-        palette: As learned, sRGB [M, 3] in [0, 1].
+        palette: With which it has its color, sRGB [M, 3] in [0, BRIGHTEST].
         target: sRGB [3] in [0, 1].
         locked: Entries that stay as they are.
         shown: The pixel's color now, sRGB [3]; by default what the palette gives.
 
     Returns:
-        The edited palette [M, 3] float32 in [0, 1].
+        The edited palette [M, 3] float32.
 
     Examples:
         Of two swatches that make up a pixel, the one with the larger share moves:
@@ -189,7 +151,7 @@ def match_fewest(
         [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 1.0, 0.0]]
     """
     weights = np.asarray(palette_weights_of_pixel, np.float64)
-    lower, upper = _room(palette, locked, 1.0)
+    lower, upper = room(palette, locked, np.maximum(1.0, palette))  # what is brighter than white may stay
     shown = weights @ np.asarray(palette, np.float64) if shown is None else shown
     wanted = np.clip(np.subtract(target, shown), weights @ lower, weights @ upper)
     stiffness = np.ones(len(weights))
@@ -198,7 +160,7 @@ def match_fewest(
         change = np.stack([_shared_pull(weights, pull, wanted[c], lower[:, c], upper[:, c]) for c in range(3)], axis=1)
         # the floor keeps a still swatch movable; 1e-6 is far under a step of 8 bits
         stiffness = 1 / np.maximum(np.linalg.norm(change, axis=1), 1e-6)
-    return _moved(palette, change)
+    return moved(palette, change)
 
 
 def nearest_weights(colors: np.ndarray, palette_weights: np.ndarray, color: np.ndarray) -> np.ndarray:
@@ -262,19 +224,3 @@ def _shared_pull(
     reached = np.clip(breaks[:, None] * pull, lower, upper) @ weights
     multiplier = np.interp(wanted, reached, breaks)
     return np.clip(multiplier * pull, lower, upper)
-
-
-def _room(palette: np.ndarray, locked: Iterable[int], brightest: float) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds [M, 3] of a palette change: 0 <= palette + change <= brightest; entry 0 and locked ones stay."""
-    palette = np.asarray(palette, np.float64)
-    lower, upper = -palette, brightest - palette
-    pinned = [0, *locked]
-    lower[pinned] = upper[pinned] = 0
-    return lower, upper
-
-
-def _moved(palette: np.ndarray, change: np.ndarray) -> np.ndarray:
-    """The palette after the change; swatches that nobody could see moving keep their bits."""
-    palette = np.asarray(palette, np.float32)
-    still = np.abs(change).max(axis=1, keepdims=True) < STILL
-    return np.where(still, palette, np.clip(palette + change, 0, BRIGHTEST)).astype(np.float32)

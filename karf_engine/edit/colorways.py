@@ -18,7 +18,6 @@ from .object_colors import ColorHistogram
 from .palette import BRIGHTEST, Palette, rgb_to_hex
 
 TOLERANCE = 2.0  # CIEDE2000 to the wish up to which a color counts as reached
-EMPHASIS = 10.0  # of the source color in the solve: a wish is for one color, the rest of the object follows it
 SPREAD = 6.0  # of a paint's colors in Lab, about its most frequent one
 MOST_CANDIDATES = 256  # histogram cells that are tried as an object's dominant color
 FOREIGN = 10.0  # CIEDE2000 from which the object shows no such source color
@@ -91,7 +90,7 @@ def predict(wish: Wish, palette: Palette, seen: ColorHistogram, locked: Iterable
     source = dominant_color(seen) if wish.source is None else np.asarray(wish.source, np.float64)
     target = np.clip(lab_to_srgb(wish.lab), 0, 1)
     try:
-        colors = match_becomes(*seen, palette.colors, source, target, locked, EMPHASIS)
+        colors = match_becomes(*seen, palette.colors, source, target, locked)
     except BadRequest as error:  # a source that is black
         colors, reason = palette.colors, error.sentence.rstrip(".")
     else:

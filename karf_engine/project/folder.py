@@ -108,6 +108,11 @@ class Project:
         return self.folder / "recoloring.safetensors"
 
     @property
+    def points_file(self) -> Path:
+        """Points on the scene's surface, as the 3D View shows them."""
+        return self.folder / "points.npz"
+
+    @property
     def planes_folder(self) -> Path:
         """Edit planes of captured views; see `edit.compositing`."""
         return self.folder / "planes"
@@ -309,7 +314,12 @@ class Project:
             shutil.rmtree(self.outputs_folder, ignore_errors=True)
         for folder in (self.folder, self.planes_folder):  # only the engine writes here
             remove_temporaries(folder, older_than=0.0)
-        for folder in (self.photos_folder, *self.masks_folder.glob("*/"), *self.looks_folder.glob("*/")):
+        for folder in (
+            self.photos_folder,
+            *self.masks_folder.glob("*/"),
+            *self.corrections_folder.glob("*/"),
+            *self.looks_folder.glob("*/"),
+        ):
             remove_temporaries(folder)
 
 

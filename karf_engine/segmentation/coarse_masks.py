@@ -6,15 +6,16 @@ Photos of several cameras lie in subfolders, and masks may lie in the same: MASK
 from __future__ import annotations
 
 import itertools
-import os
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from ..capture.camera import Camera
 from ..capture.capture import Capture, View
 from ..capture.image_size import MOST_PHOTO_BYTES
+from ..capture.mask_names import fits_view, mask_files
 from ..errors import DataError
 from ..files import atomic_write
 from ..images import read_mask, resize
@@ -22,7 +23,6 @@ from ..inputs import check_file
 from ..names import file_name, is_file_name, same_but_for_case
 from ..plates import Plate, undistort
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".webp")
 LAYOUT_HINT = "Lay masks out as MASKS/<object>/<photo stem>.png, as large as the photo."
 
 
@@ -56,33 +56,46 @@ def find_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
     """
     if not folder.is_dir():
         raise DataError(f"{folder} is no folder of masks.", LAYOUT_HINT)
+    masks = []
+    for path in object_folders(folder):
+        own = marks_of(path, capture)
+        if not own:
+            raise DataError(f"{path} holds no mask of the object {path.name!r}.", LAYOUT_HINT)
+        masks += own
+    if not masks:
+        raise DataError(f"{folder} holds no masks.", LAYOUT_HINT)
+    return masks
+
+
+def object_folders(folder: Path) -> list[Path]:
+    """The folders of a folder's objects, in order.
+
+    Raises:
+        DataError: two are one but for upper and lower case.
+    """
     objects = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
     if same := same_but_for_case(path.name for path in objects):
         raise DataError(
             f"{folder} names two objects {same[0]!r} and {same[1]!r}, one folder on Windows and macOS.",
             "Rename one of the folders.",
         )
-    masks = [mask for path in objects for mask in _object_masks(path, capture)]
-    if not masks:
-        raise DataError(f"{folder} holds no masks.", LAYOUT_HINT)
-    return masks
+    return objects
 
 
 def marked_views(folder: Path, capture: Capture) -> set[str]:
     """Names of the views that something below MASKS/<object>/ is named after; nothing is checked."""
-    files = [path.relative_to(folder).parts[1:] for path in _mask_files(folder)]
+    files = [path.relative_to(folder).parts[1:] for path in mask_files(folder)]
     found = [fitting_views(Path(*below), capture) for below in files if below]
     return {views[0].name for views in found if len(views) == 1}
 
 
-def _object_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
+def marks_of(folder: Path, capture: Capture) -> list[CoarseMask]:
+    """What marks an object in single photos, all pictures below its folder; errors as for `find_masks`."""
     if folder.name.lower() == "background":
         raise DataError(f"{folder} names an object 'background', which is what no mask covers.", "Rename the folder.")
     if not is_file_name(folder.name):
         raise DataError(f"{folder} names an object as no file can be called on every system.", "Rename the folder.")
-    files = _mask_files(folder)
-    if not files:
-        raise DataError(f"{folder} holds no mask of the object {folder.name!r}.", LAYOUT_HINT)
+    files = mask_files(folder)
     for path in files:
         check_file(path, MOST_PHOTO_BYTES)
     masks = [CoarseMask(folder.name, _view_of(path, path.relative_to(folder), capture), path) for path in files]
@@ -90,15 +103,6 @@ def _object_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
         if first.view.name == second.view.name:
             raise DataError(f"{first.path} and {second.path} mark the same photo.", "Keep one of them.")
     return masks
-
-
-def _mask_files(folder: Path) -> list[Path]:
-    """All that is named like a picture below a folder, in order; hidden files are not looked at."""
-    found = []
-    for place, folders, names in os.walk(folder):
-        folders[:] = [name for name in folders if not name.startswith(".")]
-        found += [Path(place, name) for name in names if not name.startswith(".")]
-    return sorted(path for path in found if path.suffix.lower() in SUFFIXES)
 
 
 def _view_of(path: Path, below: Path, capture: Capture) -> View:
@@ -117,18 +121,9 @@ def _view_of(path: Path, below: Path, capture: Capture) -> View:
 
 def fitting_views(below: Path, capture: Capture) -> list[View]:
     """The views that a mask's path in its object's folder can mean: the one of its name, else training ones, else any."""
-    fitting = [view for view in capture.views if _fits(below, view)]
+    fitting = [view for view in capture.views if fits_view(below, view)]
     named = [view for view in fitting if view.name == file_name(below.stem)]
     return named or [view for view in fitting if view.split == "train"] or fitting
-
-
-def _fits(below: Path, view: View) -> bool:
-    """Whether a mask's path in its object's folder can mean this view: by the photo's subfolders, else by name."""
-    stem = file_name(below.stem)
-    if len(below.parts) == 1:
-        return stem in (view.name, view.stem)
-    folders = below.parts[:-1]
-    return view.image is not None and stem == view.stem and view.image.parts[:-1][-len(folders) :] == folders
 
 
 def load_mask(mask: CoarseMask, plate: Plate) -> np.ndarray:
@@ -144,22 +139,35 @@ def load_mask(mask: CoarseMask, plate: Plate) -> np.ndarray:
     Raises:
         DataError: the mask is of another size, damaged or empty.
     """
-    found = read_mask(mask.path)
-    height, width = found.shape
-    stored, working = mask.view.camera, plate.camera
+    found = at_working_size(read_mask(mask.path), mask, plate.camera) >= 0.5
+    if not found.any():
+        raise DataError(f"{mask.path} marks nothing of {mask.object_name!r}.", "Paint the object white.")
+    return found
+
+
+def at_working_size(drawn: np.ndarray, mask: CoarseMask, working: Camera) -> np.ndarray:
+    """How much of each pixel of a smaller pinhole is drawn over, [H, W] float32 in [0, 1].
+
+    Args:
+        drawn: bool, of the photo's size, with its lens, or of the pinhole's.
+        mask: its file and view.
+        working: the pinhole.
+
+    Raises:
+        DataError: it is of another size.
+    """
+    height, width = drawn.shape
+    stored = mask.view.camera
+    values = drawn.astype(np.float32)[..., None]
     if (width, height) == (stored.width, stored.height):
-        values = found.astype(np.float32)[..., None]
-        if not stored.is_pinhole:
-            values, _, _ = undistort(values, stored)
-        found = resize(values, working.width, working.height)[..., 0] >= 0.5
-    elif (width, height) != (working.width, working.height):
+        values, _, _ = undistort(values, stored)
+        return resize(values, working.width, working.height)[..., 0]
+    if (width, height) != (working.width, working.height):
         raise DataError(
             f"{mask.path} is {width}x{height} pixels where its photo has {stored.width}x{stored.height}.",
             "Save the mask at the photo's size.",
         )
-    if not found.any():
-        raise DataError(f"{mask.path} marks nothing of {mask.object_name!r}.", "Paint the object white.")
-    return found
+    return values[..., 0]
 
 
 def copy_masks(masks: list[CoarseMask], folder: Path) -> None:

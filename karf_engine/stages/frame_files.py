@@ -8,14 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from ..capture.capture import View
-from ..color import to_bytes
-from ..edit.compositing import Planes, write_planes
+from ..edit.compositing import write_planes
 from ..edit.palette import Edit
 from ..errors import BadRequest
 from ..files import atomic_write
 from ..finishing import PhotoView
 from ..frame_formats import FORMATS, write_frame
-from ..frames import Frame, with_alpha
+from ..frames import Frame, planes_of, with_alpha
 from ..handover.layers import Layers, write_layers
 from ..images import write_png
 from ..model import Model
@@ -117,12 +116,7 @@ class _Files:
 
     def _planes(self, frame: Frame) -> None:
         self.disputed.update(frame.disputed)
-        planes = Planes(
-            tuple(self.model.objects),
-            frame.palette_weights.astype(np.float16),
-            frame.probabilities.astype(np.float16),
-            to_bytes(frame.base),
-        )
+        planes = planes_of(frame, self.model.objects)
         if self.captured:
             own = self.job.project.planes_file(self.view.name)
             write_planes(own, planes)

@@ -1,29 +1,63 @@
-"""From one color pair to an edit: "this color of the object becomes that color".
+"""To an edit: from one color pair, "this color of the object becomes that color", or from a painted or graded view.
 
-Options: object, source, target (#rrggbb), rule (becomes | fewest), edit (EDIT.json to start from), out (EDIT.json).
+Options: edit (EDIT.json to start from), out (EDIT.json), and object, source, target (#rrggbb), rule (becomes | fewest);
+or view, picture (of that view as it shall look).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from ..errors import BadRequest
-from ..locking import opened
+from ..locking import consistent, opened
 from ..progress import Emit
-from ..project.edit import edit_of
+from ..project import Project
+from ..project.edit import ProjectEdit, edit_of
 from ..wire import Request
+
+PAIR, PICTURE = ("object", "source", "target"), ("view", "picture")
 
 
 def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Solve the edit and write it; other objects keep what `edit` says of them."""
-    del should_stop  # milliseconds
+    del should_stop  # seconds at most
     project, options = opened(request.project), request.options
     project.require("palette")
-    for name in ("object", "source", "target", "out"):
+    asked = PICTURE if any(options.get(name) for name in PICTURE) else PAIR
+    for name in (*asked, "out"):
         if not options.get(name):
-            raise BadRequest(f"The match was given no {name}.", "Give object, source color, target color and out.")
+            raise BadRequest(
+                f"The match was given no {name}.",
+                "Give object, source color, target color and out; or view, picture and out.",
+            )
     edit = edit_of(project, options.get("edit"))
-    rule = options.get("rule", "becomes")
-    edit.becomes(options["object"], options["source"], options["target"], rule).save(options["out"])
+    if asked == PICTURE:
+        edit = _match_picture(project, options, edit, emit)
+    else:
+        edit = edit.becomes(options["object"], options["source"], options["target"], options.get("rule") or "becomes")
+    edit.save(options["out"])
     emit("artifact", kind="edit", path=str(Path(options["out"])))
+
+
+def _match_picture(project: Project, options: dict[str, Any], edit: ProjectEdit, emit: Emit) -> ProjectEdit:
+    """The edit that brings a view closest to a picture of it; what is left is told."""
+    from ..model import Model  # needs torch, which a color pair does not
+    from ..runtime import start_runtime
+
+    project.require("recoloring")
+    runtime = start_runtime(0, options.get("threads"), options.get("device"))
+    with consistent(project):
+        model = Model(project, runtime.device)
+    matches = model.match(model.capture.view(options["view"]), Path(options["picture"]), edit)
+    if not matches:
+        raise BadRequest(
+            f"{options['picture']} shows all objects of {options['view']!r} as they are.",
+            "Paint on the objects, or give a picture of another view.",
+        )
+    for match in matches:
+        left = f"CIEDE2000 to the picture {match.before:.1f} before, {match.left:.1f} now"
+        emit("stage", name="match", text=f"{match.name}: {left}, {100 * match.painted:.0f} % of it painted")
+    return replace(edit, colors=edit.colors | {match.name: match.colors for match in matches})

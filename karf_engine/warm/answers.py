@@ -5,8 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from .correct import correct
+from .preview import preview
 from .proposing import propose
 from .session import Session
 
-# kind -> function; it returns JSON values, paths as text. Packages that not all kinds need are imported in it
-ANSWERS: dict[str, Callable[[Session, dict[str, Any]], dict[str, Any]]] = {"propose": propose}
+# kind -> function; it returns JSON values, paths as text. What needs torch or more is imported in it
+ANSWERS: dict[str, Callable[[Session, dict[str, Any]], dict[str, Any]]] = {
+    "correct": correct,
+    "preview": preview,
+    "propose": propose,
+}

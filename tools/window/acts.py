@@ -19,10 +19,12 @@ TAB = "KaRF"
 FILM_FRAMES = 60
 SIDEBAR = Where("IMAGE_EDITOR")
 PICTURE = Where("IMAGE_EDITOR", "WINDOW")
+TOOLBAR = Where("IMAGE_EDITOR", "TOOLS")
 VIEW = Where("VIEW_3D", "WINDOW")
 JOB_SECONDS = 300.0
 ASKED_SECONDS = 4.0  # in which a busy machine has opened what was asked for, where Blender asks nothing
-BRUSH = 14  # radius, pixels of the screen
+LIST_ROW = 20  # pixels between two rows of a list
+BRUSH = 14  # at most: radius, pixels of the screen
 WHEEL = 55, 215  # from a click into a swatch at the left of its row to the middle of the picker's wheel, pixels
 
 
@@ -81,6 +83,16 @@ def button_job(story: Story, operator: str) -> Wait:
     yield from hands.press_button(SIDEBAR, operator)
     yield from until(lambda: desk.module("tasks.runner").is_running(), f"{operator}'s job", 10)
     yield from hands.move(hands.middle_of(PICTURE))  # a button under the mouse would stay greyed out after the job
+    yield from job_end(story)
+
+
+def dialog_job(story: Story, operator: str) -> Wait:
+    """Click a button that asks in a dialog, take that as it is, and wait for the end of its job."""
+    yield from hands.press_button(SIDEBAR, operator)
+    yield 0.5
+    yield from story.shoot(f"dialog-{operator.rpartition('.')[2]}")
+    yield from hands.press("RET", (hands.window().width // 2, hands.window().height // 2))
+    yield from until(lambda: desk.module("tasks.runner").is_running(), f"{operator}'s job", 10)
     yield from job_end(story)
 
 
@@ -187,31 +199,26 @@ def key_swatch(name: str, index: int) -> Wait:
     yield from hands.press("I", place)
 
 
-def paint(story: Story, name: str) -> Wait:
-    """Paint over an object and save its mask."""
-    field = yield from hands.find(SIDEBAR, r"karf\.mask_object")
-    yield from hands.write(name, field)
-    check(desk.scene().karf.mask_object == name, f"typed {name}, got {desk.scene().karf.mask_object}")
-    yield from hands.press_button(SIDEBAR, r"karf\.paint_mask", 0.2)
-    yield from until(lambda: desk.scene().karf.mask_image is not None, "Paint Mask", 5)
-    if desk.scene().tool_settings.image_paint.brush is None:
-        story.note("this Blender came without brushes: one is made by script")
-        with hands.inside(PICTURE):
-            desk.make_brush()
-        yield from hands.press_button(SIDEBAR, r"karf\.paint_mask", 0.2)
-    with hands.inside(PICTURE):
-        bpy.ops.image.view_all(fit_view=True)
-    yield 0.5
-    for _ in range(15):
-        if desk.brush_radius() > BRUSH:
+def mark(story: Story, number: int, name: str) -> Wait:
+    """Name the object of a number in the list, and paint over it with the brush from the toolbar."""
+    x, y = yield from hands.find(SIDEBAR, r"karf\.marking\.active", 0.2)
+    yield from hands.write(name, (x, y - number * LIST_ROW), ctrl=True)
+    item = desk.scene().karf.marking.objects[number]
+    check(item.name == name, f"typed {name}, got {item.name}")
+    yield from hands.press_button(TOOLBAR, r"karf\.mark_brush", 0.5)
+    for _ in range(5):
+        if desk.scene().karf.marking.brush > BRUSH:
             yield from hands.press("LEFT_BRACKET", hands.middle_of(PICTURE))
-    region = hands.region_of(PICTURE)
     for stroke in story.job["strokes"][name]:
-        places = [region.view2d.view_to_region(*place, clip=False) for place in stroke]
-        yield from hands.drag([(x + region.x, y + region.y) for x, y in places])
-    yield from story.shoot(f"painted-{name}")
-    yield from hands.press_button(SIDEBAR, r"karf\.save_mask", 0.68)
-    yield 0.5
+        yield from hands.drag([on_photo(*place) for place in stroke])
+    yield from story.shoot(f"marked-{name}")
+
+
+def on_photo(u: float, v: float) -> hands.Place:
+    """A place of the picture in the Image Editor, in shares of it from the lower left, in the window."""
+    region = hands.region_of(PICTURE)
+    x, y = region.view2d.view_to_region(u, v, clip=False)
+    return x + region.x, y + region.y
 
 
 def render_animation(story: Story, number: int, frames: int) -> Wait:
@@ -243,7 +250,7 @@ def save_facts(story: Story) -> None:
 
 def open_group(wanted: str) -> Wait:
     """Open the group of step 7 that has a button: a click on each row below the first group that has no button."""
-    _, top = yield from hands.find(SIDEBAR, r"karf\.captured_size")
+    _, top = yield from hands.find(SIDEBAR, r"karf\.farm_bundle")
     x, _ = hands.middle_of(SIDEBAR, hands.COLUMNS[0])
     for y in range(top - hands.ROW, hands.region_of(SIDEBAR).y + 4 * hands.ROW, -hands.ROW):
         yield from hands.move((x, y))

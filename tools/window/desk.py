@@ -79,19 +79,10 @@ def animated_objects() -> set[str]:
     return found
 
 
-def make_brush() -> None:
-    """A brush to paint with, where Blender was packed without its library of them (Debian's 4.3)."""
-    bpy.data.brushes.new("Draw", mode="TEXTURE_PAINT").asset_mark()
-    bpy.ops.brush.asset_activate(asset_library_type="LOCAL", relative_asset_identifier="Brush/Draw")
-
-
-def brush_radius() -> float:
-    """Of the brush that paints on pictures, in pixels of the screen; Blender 5 keeps the diameter."""
-    settings = scene().tool_settings
-    own = getattr(settings.image_paint, "unified_paint_settings", None)
-    unified = own or settings.unified_paint_settings
-    size = unified.size if unified.use_unified_size else settings.image_paint.brush.size
-    return size / 2 if own else size
+def mask(name: str) -> bytes:
+    """An object's mask of the active view, as its file holds it."""
+    folder = module("marking.objects").masks_folder(scene())
+    return (folder / name / f"{scene().karf.active_view}.png").read_bytes()
 
 
 def pixels_of(file: Path) -> np.ndarray:

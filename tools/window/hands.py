@@ -109,9 +109,9 @@ def press(kind: str, place: Place, **modifiers) -> Wait:
     yield 0.3
 
 
-def write(text: str, place: Place) -> Wait:
-    """Put text into the field at a place: click into it, replace all, Return."""
-    yield from click(place)
+def write(text: str, place: Place, **modifiers) -> Wait:
+    """Put text into the field at a place: click into it (a name in a list: with Ctrl), replace all, Return."""
+    yield from click(place, **modifiers)
     yield from press("A", place, ctrl=True)
     for letter in text:
         kind = letter.upper() if letter.isalpha() else "PERIOD"

@@ -105,15 +105,36 @@ def learn(story: Story) -> Wait:
     yield from acts.save_file()
 
 
-@CHAPTER.step("mark", "mouse: name typed, Paint Mask, strokes, Save Mask")
+@CHAPTER.step("mark", "mouse: Mark in Photo, names typed, brush from the toolbar; keys: Ctrl Z, Page Down")
 def mark(story: Story) -> Wait:
     karf = desk.scene().karf
     karf.active_view = story.job["masked_view"]
-    for name in ("mug", "pot"):
-        yield from acts.paint(story, name)
+    yield from hands.press_button(SIDEBAR, r"karf\.mark\(")
+    with hands.inside(PICTURE):
+        bpy.ops.image.view_all(fit_view=True)
+    yield 0.5
+    yield from acts.mark(story, 0, "mug")
+    yield from hands.press_button(SIDEBAR, r"karf\.add_object", hands.RIGHT)
+    yield from acts.mark(story, 1, "pot")
     counts = desk.module("project.contents").mask_counts(desk.scene())
     check(counts == {"mug": 1, "pot": 1}, f"the masks are {counts}")
+    yield from undo_a_stroke(story)
     yield from acts.save_file()
+
+
+def undo_a_stroke(story: Story) -> Wait:
+    """A stroke too many is undone; the mask is there again when its view is."""
+    before = desk.mask("pot")
+    yield from hands.drag([acts.on_photo(0.1, 0.9), acts.on_photo(0.3, 0.9)])
+    check(desk.mask("pot") != before, "the brush does not paint")
+    yield from hands.press("Z", hands.middle_of(PICTURE), ctrl=True)
+    check(desk.mask("pot") == before, "undo does not take the stroke back")
+    view = desk.scene().karf.active_view
+    yield from hands.press("PAGE_DOWN", hands.middle_of(PICTURE))
+    check(desk.scene().karf.active_view != view, "Page Down shows no other view")
+    yield from hands.press("PAGE_UP", hands.middle_of(PICTURE))
+    check(desk.scene().karf.active_view == view, "Page Up does not lead back")
+    yield from story.shoot("marked-reopened")
 
 
 @CHAPTER.step("segment", "mouse: Segment")

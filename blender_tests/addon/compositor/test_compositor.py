@@ -214,5 +214,5 @@ def test_objects_of_long_names_have_sockets_of_their_own(bpy, addon, compositor)
     addon.group.fill(tree, layers)
     node = compositor.nodes.new("CompositorNodeGroup")
     node.node_tree = tree
-    sockets = [node.inputs[addon.group.swatch_socket(name, 1)] for name in names]
+    sockets = [node.inputs[addon.sockets.swatch_socket(name, 1)] for name in names]
     assert len({socket.identifier for socket in sockets}) == 2

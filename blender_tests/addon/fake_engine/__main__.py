@@ -20,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 from karf_engine.capture import open_capture, write_cameras
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import View, capture_from_json, capture_to_json
+from karf_engine.capture.transforms_frames import camera_from_json
 from karf_engine.cli import main as engine_main
 from karf_engine.edit.compositing import Planes, write_planes
 from karf_engine.edit.palette import Palette, read_edit, read_palettes, write_palettes
@@ -69,6 +70,46 @@ def stay_warm(job, emit):
 def echo(job, options):
     """What was asked, and by which process."""
     return {"options": options, "pid": os.getpid()}
+
+
+def propose(job, options):
+    """The box, and three pixels around the clicks on the object, without those around other clicks."""
+    view = open_capture(options["capture"]).view(options["view"])
+    rows, columns = np.mgrid[0 : view.camera.height, 0 : view.camera.width] + 0.5
+    mask, prompts = np.zeros(rows.shape, bool), options["prompts"]
+    if prompts["box"]:
+        x0, y0, x1, y1 = prompts["box"]
+        mask |= (columns > x0) & (columns < x1) & (rows > y0) & (rows < y1)
+    for x, y, is_object in prompts["points"]:
+        mask[np.hypot(columns - x, rows - y) < 3] = is_object
+    return {"mask": str(write_mask(job, mask))}
+
+
+def correct(job, options):
+    """The pot fills the left half of any view."""
+    view = capture_from_json(read_json(Project(options["project"]).capture_file, "capture"), Path()).view(
+        options["view"]
+    )
+    mask = np.zeros((view.camera.height, view.camera.width), bool)
+    mask[:, : mask.shape[1] // 2] = True
+    return {"masks": {"pot": str(write_mask(job, mask))}}
+
+
+def write_mask(job, mask):
+    path = job / f"mask_{time.monotonic_ns()}.png"
+    write_png(path, mask[..., None].repeat(3, axis=-1))
+    return path
+
+
+def preview(job, options):
+    """Planes of the camera, all of one gray: its distance from the world's origin, times 20 of 255."""
+    camera = camera_from_json(options["camera"], "the ask").reduced(options["long_side"])
+    path = job / "answers" / f"{time.monotonic_ns()}.npz"
+    path.parent.mkdir(exist_ok=True)
+    planes = planes_of(camera)
+    planes.base[:] = min(255, round(20 * np.linalg.norm(camera.position)))
+    write_planes(path, planes)
+    return {"planes": str(path), "size": [camera.width, camera.height]}
 
 
 def misbehave(how, emit):
@@ -145,6 +186,9 @@ def render(project, options):
             path = Path(options["out"]) / "layers" / f"{view.name}.exr"
             path.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(os.environ["FAKE_LAYERS"], path)
+    if options["out"] and not options["edit"] and not options.get("layers"):
+        for view in views:
+            write_seen(Path(options["out"]), view)
     if options["edit"]:
         files = options["edit"] if isinstance(options["edit"], list) else [options["edit"]] * len(views)
         for view, file in zip(views, files, strict=True):
@@ -153,6 +197,15 @@ def render(project, options):
             path = Path(options["out"]) / "recolor" / f"{view.name}.png"
             if not (options.get("skip_existing") and path.exists()):
                 write_png(path, picture)
+
+
+def write_seen(out, view):
+    """What is learned, flat blue, and masks: the lid left, the pot right of the middle."""
+    height, width = view.camera.height, view.camera.width
+    write_png(out / "render" / f"{view.name}.png", np.broadcast_to([0.0, 0.0, 1.0], (height, width, 3)))
+    left = np.broadcast_to(np.arange(width)[:, None] < width // 2, (height, width, 3))
+    for name, mask in (("lid", left), ("pot", ~left)):
+        write_png(out / "masks" / name / f"{view.name}.png", mask.astype(float))
 
 
 def colorways(project, options):
@@ -174,13 +227,14 @@ def views_of(project, which):
 
 
 def write_view_planes(project, view):
-    height, width = view.camera.height, view.camera.width
+    write_planes(project.planes_file(view.name), planes_of(view.camera))
+
+
+def planes_of(camera):
+    height, width = camera.height, camera.width
     weights = np.broadcast_to(np.reshape(SHARES, (1, 3, 1, 1)), (2, 3, height, width))
     ramp = np.arange(height * width * 3, dtype=np.uint32).reshape(height, width, 3) % 256
-    write_planes(
-        project.planes_file(view.name),
-        Planes(tuple(LEARNED), weights, weights.sum(axis=1), ramp.astype(np.uint8)),
-    )
+    return Planes(tuple(LEARNED), weights, weights.sum(axis=1), ramp.astype(np.uint8))
 
 
 def write_png(path, picture):
@@ -195,7 +249,12 @@ def write_png(path, picture):
 
 
 STAGES = {stage.__name__: stage for stage in (poses, geometry, segmentation, palette, recoloring, render, colorways)}
-ANSWERS = {"echo": echo}  # of a warm engine: kind -> function of the job's folder and the options
+ANSWERS = {
+    "echo": echo,
+    "preview": preview,
+    "propose": propose,
+    "correct": correct,
+}  # of a warm engine: kind -> function of the job's folder and the options
 
 if __name__ == "__main__":
     if sys.argv[1] == "doctor":  # the true one: it needs no torch to say that there is none

@@ -15,8 +15,7 @@ def draw(bpy, addon):
         context = SimpleNamespace(
             scene=bpy.context.scene, window_manager=bpy.context.window_manager, screen=SimpleNamespace(areas=[])
         )
-        for _, _, section, _ in addon.sidebar.SECTIONS:
-            section(Layout(bpy, drawn), context)
+        addon.sidebar.draw_steps(Layout(bpy, drawn), context)
         return drawn
 
     return draw_all
@@ -51,10 +50,37 @@ def test_a_learned_scene_shows_its_swatches_without_the_frozen_black(addon, lear
     drawn = draw()
     assert drawn.count("color") == 4  # two objects of two colors
     assert drawn.count("karf.reset_swatch") == 6  # one a swatch, in its learned color, and one an object
-    assert "karf.becomes" not in drawn and "locked" not in drawn
-    learned.karf.objects["pot"].show_becomes = True
+    assert drawn.count("KARF_MT_swatch") == 4 and drawn.count("KARF_MT_palette") == 2
+    assert "karf.becomes" not in drawn and "karf.match_picture" not in drawn
+    learned.karf.objects["pot"].show_becomes = learned.karf.match.show = True
     drawn = draw()
-    assert drawn.count("karf.becomes") == 1 and drawn.count("locked") == 2
+    assert drawn.count("karf.becomes") == drawn.count("karf.match_picture") == 1
+
+
+def test_a_merged_swatch_is_not_shown_but_its_learned_color_is(addon, learned, draw):
+    addon.headless.merge_swatch("pot", 2, 1)
+    drawn = draw()
+    assert drawn.count("color") == 3 and drawn.count("karf.reset_swatch") == 6
+
+
+def test_the_menus_of_a_swatch_offer_what_can_be_done(bpy, addon, learned):
+    def drawn(name, index=1):
+        entries, item = [], learned.karf.objects["pot"]
+        context = SimpleNamespace(scene=learned, karf_object=item, karf_swatch=item.swatches[index])
+        getattr(addon.swatching, name).draw(SimpleNamespace(layout=Layout(bpy, entries)), context)
+        return entries
+
+    offered = drawn("KARF_MT_swatch")
+    assert {"locked", "karf.copy_swatch", "karf.paste_swatch", "KARF_MT_swap", "KARF_MT_link", "KARF_MT_merge"} <= set(
+        offered
+    )
+    assert "karf.unlink_swatch" not in offered and "karf.split_swatch" not in offered
+    assert [entry for entry in drawn("KARF_MT_swap") if " " in entry] == ["lid 1", "lid 2", "pot 2"]
+    assert [entry for entry in drawn("KARF_MT_merge") if " " in entry] == ["pot 2"]
+    assert "karf.paste_swatch" in drawn("KARF_MT_palette")
+    addon.headless.link_swatches(("pot", 1), ("lid", 1))
+    addon.headless.merge_swatch("pot", 2, 1)
+    assert {"karf.unlink_swatch", "karf.split_swatch"} <= set(drawn("KARF_MT_swatch"))
 
 
 def test_a_view_without_planes_says_so(learned, draw):
@@ -78,8 +104,7 @@ def test_errors_of_sparse_points_are_shown_where_there_are_points(
 def test_a_running_job_and_a_failed_one_are_shown(bpy, draw):
     progress = bpy.context.window_manager.karf_progress
     progress.running, progress.stage, progress.fraction, progress.text = True, "Learn Scene", 0.5, "50%"
-    progress.figures = "geometry 1/2"
-    assert {"Learn Scene", "50%", "geometry 1/2", "karf.cancel"} <= set(draw())
+    assert {"Learn Scene", "50%", "karf.cancel"} <= set(draw())
     progress.running, progress.error, progress.hint = False, "photo_7.png is missing.", "Find it."
     progress.warnings = "The lid is dark."
     assert {"Learn Scene failed", "photo_7.png is missing.", "Find it.", "The lid is dark."} <= set(draw())
@@ -87,24 +112,43 @@ def test_a_running_job_and_a_failed_one_are_shown(bpy, draw):
     assert not {"Learn Scene failed", "The lid is dark.", "karf.dismiss"} & set(draw())
 
 
-def test_a_format_offers_the_depths_that_it_has(addon, learned, draw):
+@pytest.fixture
+def draw_dialog(bpy, addon):
+    def draw(name):
+        drawn = []
+        operator = SimpleNamespace(layout=Layout(bpy, drawn), bl_rna=getattr(bpy.ops.karf, name).get_rna_type())
+        kind = next(each for each in addon.render.CLASSES if each.bl_idname == f"karf.{name}")
+        bound = {each: getattr(kind, each).__get__(operator) for each in ("draw", "draw_what")}
+        vars(operator).update(bound)
+        operator.draw(bpy.context)
+        return drawn
+
+    return draw
+
+
+def test_the_dialog_of_frames_asks_with_blenders_own_names(learned, draw_dialog):
+    drawn = draw_dialog("render_camera")
+    assert {"camera", "resolution_x", "frame_start", "frame_end", "frame_step", "file_format", "out"} <= set(drawn)
+
+
+def test_a_format_offers_the_depths_that_it_has(learned, draw_dialog):
     karf = learned.karf
-    assert draw().count("color_depth") == 2 and karf.color_depth == "8"
+    assert draw_dialog("render_camera").count("color_depth") == 2 and karf.color_depth == "8"
     karf.file_format = "OPEN_EXR"
     assert karf.color_depth == "16"
     karf.color_depth, karf.file_format = "32", "PNG"
     assert karf.color_depth == "16"
 
 
-def test_a_long_side_is_asked_for_where_it_is_chosen(learned, draw):
-    assert "captured_size" in draw() and "captured_pixels" not in draw()
+def test_a_long_side_is_asked_for_where_it_is_chosen(learned, draw_dialog):
+    drawn = draw_dialog("render_capture")
+    assert {"split", "captured_size"} <= set(drawn) and "captured_pixels" not in drawn
     learned.karf.captured_size = "PIXELS"
-    assert "captured_pixels" in draw()
+    assert "captured_pixels" in draw_dialog("render_capture")
 
 
-def test_every_section_is_in_both_editors(bpy, addon):
-    spaces = [panel.bl_space_type for panel in addon.sidebar.CLASSES]
-    assert spaces.count("VIEW_3D") == spaces.count("IMAGE_EDITOR") == len(addon.sidebar.SECTIONS)
+def test_both_editors_have_the_panel(bpy, addon):
+    assert {panel.bl_space_type for panel in addon.sidebar.CLASSES} == {"VIEW_3D", "IMAGE_EDITOR"}
     assert all(hasattr(bpy.types, panel.__name__) for panel in addon.sidebar.CLASSES)
 
 
@@ -113,11 +157,34 @@ def test_no_panel_pulls_its_tab_before_those_of_blender(addon):
     assert not [panel for panel in addon.sidebar.CLASSES if "HIDE_HEADER" in getattr(panel, "bl_options", ())]
 
 
-def test_the_status_is_there_while_it_has_something_to_say(bpy, addon):
-    (status, _) = [panel for panel in addon.sidebar.CLASSES if panel.__name__.endswith("_status")]
-    assert not status.poll(bpy.context)
-    bpy.context.window_manager.karf_progress.running = True
-    assert status.poll(bpy.context)
+def test_the_status_has_as_many_rows_whatever_it_says(bpy, addon):
+    """So that no button below it moves while a job runs or when it ends."""
+
+    class Rows(Layout):
+        count = 0
+
+        def row(self, **_):
+            Rows.count += 1
+            return Layout(bpy, [])
+
+        def column(self, **_):
+            return self
+
+        def label(self, **_):
+            Rows.count += 1
+
+    def rows():
+        Rows.count = 0
+        addon.status.draw_status(Rows(bpy, []), bpy.context)
+        return Rows.count
+
+    progress = bpy.context.window_manager.karf_progress
+    counts = {"idle": rows()}
+    progress.running = True
+    counts["running"] = rows()
+    progress.running, progress.error, progress.warnings = False, "photo_7.png is missing.", "One.\nTwo."
+    counts["failed"] = rows()
+    assert set(counts.values()) == {2}
 
 
 def test_a_greyed_out_step_says_why(bpy, addon, scene):
@@ -138,13 +205,25 @@ def test_a_step_waits_for_the_one_before_it(bpy, addon, capture_folder, tmp_path
     assert bpy.ops.karf.segment.poll()
 
 
-def test_a_done_step_is_known_as_done(bpy, learned, addon):
-    done = {name: is_done(learned) for name, _, _, is_done in addon.sidebar.SECTIONS}
-    assert [name for name in done if done[name]] == ["import", "learn", "palette"]
-
-
 def test_a_learned_color_is_drawn_as_an_icon_of_it(addon):
     chips = addon.chips
     chips.icon((1.0, 0.25, 0.0))
     pixels = chips._Chips.icons["#ff4000"].icon_pixels_float[:]
     np.testing.assert_allclose(np.reshape(pixels, (-1, 4)), [[1, 0.25, 0, 1]] * chips.SIDE**2, atol=1 / 255)
+
+
+def test_what_is_looked_at_and_what_is_left_are_in_the_panel(bpy, addon, learned, draw):
+    seeing = bpy.context.window_manager.karf_seeing
+    assert draw().count("karf.solo_swatch") == 4 and "karf.see_view" not in draw()
+    seeing.mode = "LEARNED"
+    assert "karf.see_view" in draw()
+    seeing.mode = "EDITED"
+    bpy.ops.karf.show_masks()
+    assert {"tint", "lid", "pot"} <= set(draw())
+    learned.karf.active_view = "photo_2"
+    assert "Press Show Masks for this view" in draw()
+    seeing.show_masks = False
+    pot = learned.karf.objects["pot"]
+    pot.show_becomes = True
+    pot.source, pot.target = (0.8, 0.2, 0.1), (0.1, 0.3, 0.8)
+    assert f"{addon.wishes.left(learned, pot):.1f} CIEDE2000 left" in draw()

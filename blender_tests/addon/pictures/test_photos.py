@@ -50,7 +50,7 @@ def test_a_large_photo_is_shown_small_and_painted_whole(bpy, addon, scene, bent,
         column, row = int(u), int(v)
         around = shown[row - 2 : row + 3, column - 2 : column + 3, 0]
         assert np.abs(np.subtract(np.unravel_index(around.argmax(), around.shape), 2)).max() <= 1
-    assert tuple(addon.steps.paint_mask(scene, "pot").size) == (WIDTH, HEIGHT)
+    assert tuple(addon.steps.show_photo(scene).size) == (WIDTH, HEIGHT)
 
 
 def test_it_is_made_once_and_kept_in_the_project(bpy, addon, scene, bent, tmp_path):
@@ -71,9 +71,7 @@ def test_without_photos_looking_through_adds_none(addon, scene, bent, tmp_path):
 
 def test_masks_are_painted_on_the_photo_as_stored(addon, scene, bent, tmp_path):
     addon.headless.import_capture(bent[0], tmp_path / "project")
-    stored = addon.images.read_picture(bent[0] / "images" / "a.png")
-    image = addon.steps.paint_mask(scene, "pot")
-    np.testing.assert_array_equal(addon.images.pixels(image)[..., :3], stored)
+    assert addon.steps.show_photo(scene).filepath == str(bent[0] / "images" / "a.png")
 
 
 def test_a_damaged_photo_leaves_the_rig_and_is_remarked(addon, scene, bent, tmp_path):
@@ -104,6 +102,9 @@ def test_a_turned_photo_stands_as_its_camera_was_made_for(addon, orientation, mo
     header = replace(api.find_header(view.image), orientation=orientation)
     monkeypatch.setattr(addon.photos, "find_header", lambda path: header)
     np.testing.assert_array_equal(addon.photos.read(view), upright)
+    shown = addon.photos.taken(view, tmp_path / "photos")
+    np.testing.assert_array_equal(addon.images.read_picture(shown), upright)
+    assert (shown == view.image) == (orientation == 1)
     assert addon.photos.is_shown_as_stored(view) == (orientation == 1)
 
 

@@ -33,15 +33,11 @@ def context_of(bpy):
 
 
 def draw_all(bpy, addon):
-    """Every panel that shows itself, and every check mark; returns what was drawn and the titles of marked ones."""
-    drawn, marked, context = [], [], context_of(bpy)
-    for panel in addon.sidebar.CLASSES:
-        if panel.poll(context):
-            head = []
-            panel.draw(SimpleNamespace(layout=Layout(bpy, drawn)), context)
-            panel.draw_header_preset(SimpleNamespace(layout=Layout(bpy, head)), context)
-            marked += [panel.bl_label] if head else []
-    return drawn, marked
+    """The panel; returns what was drawn, and the steps that are done."""
+    drawn = []
+    addon.sidebar.draw_steps(Layout(bpy, drawn), context_of(bpy))
+    states = {step: addon.states.state_of(bpy.context.scene, step) for step in addon.states.STEPS}
+    return drawn, [step for step, state in states.items() if state.kind == addon.states.DONE]
 
 
 def poll_all(bpy):
@@ -50,7 +46,7 @@ def poll_all(bpy):
 
 
 def test_drawing_and_polls_never_touch_the_disk(bpy, addon, learned, timed, monkeypatch, tmp_path):
-    addon.steps.paint_mask(learned, "pot")
+    addon.steps.show_photo(learned)
     learned.karf.masks = str(tmp_path)
     learned.karf.out = str(tmp_path / "out")
     draw_all(bpy, addon)  # makes the icons
@@ -61,28 +57,25 @@ def test_drawing_and_polls_never_touch_the_disk(bpy, addon, learned, timed, monk
     for owner, name in [*DISK, (builtins, "open")]:
         monkeypatch.setattr(owner, name, touched)
     try:
-        drawn, marked = draw_all(bpy, addon)
+        drawn, done = draw_all(bpy, addon)
         poll_all(bpy)
         preferences = addon.preferences.current()
         drawing = SimpleNamespace(layout=Layout(bpy, []), bl_rna=preferences.bl_rna)
         type(preferences).draw(drawing, context_of(bpy))
     finally:
         monkeypatch.undo()
-    assert "Show" in drawn and "1  Import" in marked
+    assert "Show" in drawn and "import" in done
 
 
 def test_what_is_drawn_follows_jobs_masks_and_the_chosen_view(bpy, addon, timed, capture_folder, tmp_path):
     addon.headless.import_capture(capture_folder, tmp_path / "project")
     assert not bpy.ops.karf.segment.poll()
     addon.headless.learn_scene()
-    assert "2  Learn Scene" in draw_all(bpy, addon)[1]
+    assert "learn" in draw_all(bpy, addon)[1]
     scene = bpy.context.scene
-    addon.steps.paint_mask(scene, "pot")
-    pixels = addon.images.pixels(scene.karf.mask_image)
-    pixels[:5] = addon.masks.BRUSH_COLOR + (1,)
-    addon.images.upload(scene.karf.mask_image, pixels[::-1].copy())
-    assert bpy.ops.karf.save_mask() == {"FINISHED"}
-    assert "pot\u00a0(1)" in draw_all(bpy, addon)[0] and bpy.ops.karf.segment.poll()
+    addon.steps.add_object(scene, "pot")
+    addon.steps.mark_stroke(scene, [(5, 5)], 3)
+    assert bpy.ops.karf.segment.poll()
     addon.headless.extract_palette()
     assert "Show" in draw_all(bpy, addon)[0]
     scene.karf.active_view = "photo_2"
@@ -99,8 +92,8 @@ def test_a_missing_project_is_named_and_nothing_waits_on_it(bpy, addon, learned,
     project = addon.folders.project_of(learned).folder
     shutil.move(project, tmp_path / "elsewhere")
     assert addon.disk._tick() == addon.disk.REFRESH_SECONDS
-    drawn, marked = draw_all(bpy, addon)
-    assert "The project folder is missing" in drawn and marked == []
+    drawn, done = draw_all(bpy, addon)
+    assert "The project folder is missing" in drawn and done == []
     assert str(project) in "".join(text for text in drawn if isinstance(text, str))
     for name in (
         "learn_scene",
@@ -108,7 +101,7 @@ def test_a_missing_project_is_named_and_nothing_waits_on_it(bpy, addon, learned,
         "show_view",
         "render_view",
         "render_capture",
-        "paint_mask",
+        "mark",
         "becomes",
     ):
         with pytest.raises(RuntimeError, match="is missing: bring it back"):
@@ -116,8 +109,8 @@ def test_a_missing_project_is_named_and_nothing_waits_on_it(bpy, addon, learned,
     assert bpy.ops.karf.import_capture.poll() and bpy.ops.karf.save_edit.poll()
     shutil.move(tmp_path / "elsewhere", project)
     addon.disk._tick()
-    drawn, marked = draw_all(bpy, addon)
-    assert "The project folder is missing" not in drawn and "2  Learn Scene" in marked
+    drawn, done = draw_all(bpy, addon)
+    assert "The project folder is missing" not in drawn and "learn" in done
     assert bpy.ops.karf.learn_scene.poll()
 
 
@@ -128,7 +121,7 @@ def test_importing_again_makes_a_missing_project_again(bpy, addon, learned, time
     assert bpy.ops.karf.learn_scene.poll() and not bpy.ops.karf.segment.poll()
 
 
-def test_a_place_that_cannot_be_written_is_remarked_and_the_cameras_come(addon, scene, capture_folder, tmp_path):
+def test_a_place_that_cannot_be_written_is_redone_and_the_cameras_come(addon, scene, capture_folder, tmp_path):
     (tmp_path / "file").touch()
     capture = addon.headless.import_capture(capture_folder, tmp_path / "file" / "project")
     assert "cannot be made" in capture.remarks[-1] and len(scene.karf.rig.children) == 3

@@ -81,7 +81,7 @@ def test_the_panel_says_whose_job_runs(bpy, addon, scene, poses):
 
 def test_an_owner_is_found_again_after_undo(bpy, addon, scene, poses):
     bpy.ops.ed.undo_push(message="before")
-    scene.karf.mask_object = "mug"
-    bpy.ops.ed.undo_push(message="mask")
+    scene.karf.nerf = "mug.tar"
+    bpy.ops.ed.undo_push(message="nerf")
     bpy.ops.ed.undo()
     assert poses.owner.find() == bpy.context.scene

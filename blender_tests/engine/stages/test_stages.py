@@ -4,6 +4,7 @@ import json
 import shutil
 from pathlib import Path
 
+import imageio.v3 as iio
 import numpy as np
 import OpenEXR
 import pytest
@@ -257,6 +258,32 @@ def test_palettes_go_to_other_programs_and_come_back_as_an_edit(learned, green, 
         assert np.abs(np.clip(colors, 0, 1) - np.clip(after.colors[name], 0, 1)).max() <= 0.5 / 255 + 1e-6
     assert main(["palette", str(learned.project), "--out", str(foreign)]) == 0
     assert main(["palette", str(learned.project), "--edit", str(foreign)]) == 2
+
+
+def test_a_painted_frame_is_matched_in_other_views_too(still_life, learned, frames, tmp_path):
+    """The picture that an edit makes of one view gives that edit back, near enough to make the same pictures."""
+    view = next(iter(sorted((frames / "recolor").glob("*.png"))))
+    out, again = tmp_path / "matched.json", tmp_path / "again"
+    options = ["--view", view.stem, "--picture", str(view), "--out", str(out), "--threads", "1"]
+    assert main(["match", str(learned.project), *options]) == 0
+    options = ["--views", "test", "--edit", str(out), "--out", str(again), "--threads", "1"]
+    assert main(["render", str(learned.project), *options]) == 0
+    capture = open_capture(still_life.capture)
+    for path in (frames / "recolor").glob("*.png"):
+        files = path, again / "recolor" / path.name, capture.view(path.stem).image
+        wanted, made, photo = (iio.imread(file)[..., :3] / 255.0 for file in files)
+        inside = np.abs(wanted - photo).max(axis=-1) > 0.1
+        assert np.abs(made - wanted)[inside].mean() < 0.05 * np.abs(photo - wanted)[inside].mean()
+
+
+def test_a_picture_that_wants_nothing_or_is_of_another_shape_is_refused(still_life, learned, tmp_path):
+    view = open_capture(still_life.capture).split("test")[0]
+    match = ["match", str(learned.project), "--out", str(tmp_path / "out.json"), "--view", view.name, "--picture"]
+    assert main([*match, str(view.image)]) == 2
+    iio.imwrite(tmp_path / "wide.png", np.zeros((20, 80, 3), np.uint8))
+    assert main([*match, str(tmp_path / "wide.png")]) == 2
+    assert main(match[:-1]) == 2
+    assert not (tmp_path / "out.json").exists()
 
 
 @pytest.mark.parametrize("rule", ["becomes", "fewest"])

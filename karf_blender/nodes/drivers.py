@@ -10,7 +10,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..host import compat, handlers
-from . import group
+from .sockets import swatch_socket
 
 # of Blender's simple expressions, which run without the right to run scripts
 TO_LINEAR = "v / 12.92 if v <= 0.04045 else pow((v + 0.055) / 1.055, 2.4)"
@@ -18,7 +18,7 @@ TO_LINEAR = "v / 12.92 if v <= 0.04045 else pow((v + 0.055) / 1.055, 2.4)"
 
 def drive(node: bpy.types.Node, name: str, index: int, scene: bpy.types.Scene, source: str) -> None:
     """Let the socket of a swatch follow an sRGB color, whose path from the scene is `source`."""
-    socket = node.inputs[group.swatch_socket(name, index)]
+    socket = node.inputs[swatch_socket(name, index)]
     for channel in range(3):
         driver = socket.driver_add("default_value", channel).driver
         driver.type, driver.expression = "SCRIPTED", TO_LINEAR
@@ -39,23 +39,22 @@ def remove(node: bpy.types.Node) -> None:
                 socket.driver_remove("default_value")
 
 
-def _targets(scene: bpy.types.Scene) -> Iterator[bpy.types.DriverTarget]:
-    """What follows swatches in a scene's compositor."""
-    tree = compat.compositing_tree_or_none(scene)
-    curves = tree.animation_data.drivers if tree is not None and tree.animation_data is not None else ()
-    for curve in curves:
-        if curve.driver.expression == TO_LINEAR:
-            yield from (target for variable in curve.driver.variables for target in variable.targets)
+def _targets() -> Iterator[bpy.types.DriverTarget]:
+    """What follows swatches in all node trees."""
+    compositors = [tree for scene in bpy.data.scenes if (tree := compat.compositing_tree_or_none(scene)) is not None]
+    for tree in {*compositors, *bpy.data.node_groups}:
+        for curve in tree.animation_data.drivers if tree.animation_data is not None else ():
+            if curve.driver.expression == TO_LINEAR:
+                yield from (target for variable in curve.driver.variables for target in variable.targets)
 
 
 @persistent
 def _before_save(*_):
-    for scene in bpy.data.scenes:
-        for target in _targets(scene):
-            try:
-                target.fallback_value = target.id.path_resolve(target.data_path)
-            except (AttributeError, ValueError):  # the scene or the swatch is gone
-                continue
+    for target in _targets():
+        try:
+            target.fallback_value = target.id.path_resolve(target.data_path)
+        except (AttributeError, ValueError):  # the scene or the swatch is gone
+            continue
 
 
 HANDLERS = (("save_pre", _before_save),)

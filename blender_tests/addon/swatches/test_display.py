@@ -1,0 +1,158 @@
+"""What is shown of a view: its modes, the wipe, masks over it, and how far a wished color is away."""
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def seeing(bpy, addon):
+    """How the picture is looked at, as at the start of a session."""
+    seeing = bpy.context.window_manager.karf_seeing
+    for name in seeing.bl_rna.properties.keys():
+        seeing.property_unset(name)
+    yield seeing
+    for name in seeing.bl_rna.properties.keys():
+        seeing.property_unset(name)
+
+
+def shown(addon, scene):
+    """The result image, 8 bit."""
+    return np.rint(addon.images.pixels(scene.karf.result)[..., :3] * 255).astype(int)
+
+
+def test_original_is_the_photo_and_edited_comes_back(addon, learned, seeing):
+    photo = shown(addon, learned)
+    addon.headless.set_swatch("pot", 1, "#00ff00")
+    edited = shown(addon, learned)
+    assert (edited != photo).any()
+    seeing.mode = "ORIGINAL"
+    np.testing.assert_array_equal(shown(addon, learned), photo)
+    addon.headless.set_swatch("pot", 1, "#00fe00")  # still the photo
+    np.testing.assert_array_equal(shown(addon, learned), photo)
+    addon.headless.set_swatch("pot", 1, "#00ff00")
+    seeing.mode = "EDITED"
+    np.testing.assert_array_equal(shown(addon, learned), edited)
+
+
+def test_the_wipe_shows_the_photo_left_of_its_line(addon, learned, seeing):
+    photo = shown(addon, learned)
+    addon.headless.set_swatch("pot", 1, "#00ff00")
+    edited = shown(addon, learned)
+    seeing.is_wiped, seeing.wipe = True, 0.25
+    np.testing.assert_array_equal(shown(addon, learned)[:, :6], photo[:, :6])
+    np.testing.assert_array_equal(shown(addon, learned)[:, 6:], edited[:, 6:])
+    addon.headless.set_swatch("pot", 1, "#0000ff")  # follows
+    assert (shown(addon, learned)[:, 6:] != edited[:, 6:]).any()
+    np.testing.assert_array_equal(shown(addon, learned)[:, :6], photo[:, :6])
+
+
+def test_what_is_written_is_the_edited_picture_whatever_is_looked_at(addon, learned, seeing):
+    addon.headless.set_swatch("pot", 1, "#00ff00")
+    edited = shown(addon, learned)
+    seeing.mode, seeing.is_wiped = "ORIGINAL", True
+    written = addon.images.read_picture(addon.steps.save_shown(learned))
+    np.testing.assert_array_equal(np.rint(written * 255).astype(int), edited)
+
+
+def test_the_eye_of_a_swatch_shows_its_weights_and_goes_out_again(bpy, addon, learned, seeing):
+    photo = shown(addon, learned)
+    assert bpy.ops.karf.solo_swatch(object_name="pot", index=1) == {"FINISHED"}
+    # the swatch has a quarter of every pixel, the other one an eighth
+    np.testing.assert_array_equal(shown(addon, learned), np.full_like(photo, 64))
+    bpy.ops.karf.solo_swatch(object_name="pot", index=2)
+    np.testing.assert_array_equal(shown(addon, learned), np.full_like(photo, 32))
+    bpy.ops.karf.solo_swatch(object_name="pot", index=2)
+    assert seeing.mode == "EDITED"
+    np.testing.assert_array_equal(shown(addon, learned), photo)
+
+
+def test_a_difference_is_black_where_nothing_changed_and_brighter_the_larger_it_is(addon, learned, seeing):
+    seeing.mode = "DIFFERENCE"
+    nothing = addon.display.heat(np.zeros(1))[0] * 255
+    assert np.abs(shown(addon, learned) - nothing).max() <= 0.5
+    addon.headless.set_swatch("pot", 1, (0.6, 0.2, 0.1))
+    small = shown(addon, learned).sum()
+    addon.headless.set_swatch("pot", 1, (0.0, 0.6, 0.1))
+    assert small < shown(addon, learned).sum()
+
+
+def test_large_pictures_are_compared_in_some_of_their_pixels(addon):
+    first = np.zeros((601, 900, 3), np.float32)
+    second = first.copy()
+    second[:, 450:] = 1
+    difference = addon.display.difference(first, second)
+    assert difference.shape == (601, 900)
+    assert not difference[:, :450].any()
+    np.testing.assert_allclose(difference[:, 452:], 100, atol=1e-3)
+
+
+def test_the_learned_scene_is_shown_once_it_was_rendered(bpy, addon, learned, seeing):
+    photo = shown(addon, learned)
+    seeing.mode = "LEARNED"
+    np.testing.assert_array_equal(shown(addon, learned), photo)  # until it is there
+    assert not addon.disk.contents_of(learned).is_rendered
+    assert bpy.ops.karf.see_view() == {"FINISHED"}
+    np.testing.assert_array_equal(shown(addon, learned), np.broadcast_to([0, 0, 255], photo.shape))
+    assert addon.disk.contents_of(learned).is_rendered
+    addon.folders.project_of(learned).geometry_file.write_text("new")
+    assert not addon.disk.contents_of(learned).is_rendered
+
+
+def test_masks_of_a_prepared_view_come_from_its_planes(bpy, addon, learned, seeing, monkeypatch):
+    monkeypatch.setenv("KARF_ENGINE_PYTHON", "/nowhere")
+    assert bpy.ops.karf.show_masks() == {"FINISHED"}
+    masks = addon.object_masks.of(learned)
+    assert list(masks.tints) == ["lid", "pot"]
+    # both objects have half of every pixel
+    expected = np.mean([addon.tints.tint_of(0), addon.tints.tint_of(1)], axis=0)
+    np.testing.assert_allclose(masks.fill[..., :3], np.broadcast_to(expected, masks.fill[..., :3].shape), atol=1e-3)
+    np.testing.assert_allclose(masks.fill[..., 3], 1)
+    bpy.ops.karf.show_masks()
+    assert not seeing.show_masks
+
+
+def test_masks_are_made_after_segment_and_shown_over_the_photo(bpy, addon, project_scene, tmp_path, seeing):
+    addon.headless.learn_scene("demo")
+    addon.images.write_png(tmp_path / "given" / "pot" / "photo_0.png", np.ones((16, 24, 3)))
+    addon.headless.segment(tmp_path / "given")
+    assert not project_scene.karf.objects  # there is no palette yet
+    assert bpy.ops.karf.show_masks() == {"FINISHED"}
+    masks = addon.object_masks.of(project_scene)
+    np.testing.assert_allclose(masks.fill[:, :12, :3], np.tile(addon.tints.tint_of(0), (16, 12, 1)), atol=1e-6)
+    np.testing.assert_allclose(masks.fill[:, 12:, :3], np.tile(addon.tints.tint_of(1), (16, 12, 1)), atol=1e-6)
+    photo = addon.images.read_picture(addon.captures.view_of(project_scene).image)
+    np.testing.assert_array_equal(shown(addon, project_scene), np.rint(photo * 255).astype(int))
+    # another view has none yet, segmented anew neither
+    project_scene.karf.active_view = "photo_2"
+    assert addon.object_masks.of(project_scene) is None
+    bpy.ops.karf.show_masks()
+    assert addon.object_masks.of(project_scene) is not None and seeing.show_masks
+    addon.folders.project_of(project_scene).segmentation_report.write_text("{}")
+    addon.recolor.show_unedited(project_scene)
+    assert addon.object_masks.of(project_scene) is None
+
+
+def test_an_outline_goes_between_the_pixels_of_an_object_and_all_others(addon):
+    mask = np.zeros((4, 2), bool)
+    mask[0, 1] = True  # the upper right pixel
+    lines = addon.object_masks.outline(mask)[:, :2].reshape(-1, 2, 2)
+    assert {tuple(map(tuple, line)) for line in lines.tolist()} == {
+        ((0.5, 1.0), (0.5, 0.75)),
+        ((1.0, 1.0), (1.0, 0.75)),
+        ((0.5, 1.0), (1.0, 1.0)),
+        ((0.5, 0.75), (1.0, 0.75)),
+    }
+
+
+def test_the_difference_left_follows_the_swatches_and_is_that_of_the_colors(bpy, addon, learned):
+    api, item = addon.engine_api, learned.karf.objects["pot"]
+    assert addon.wishes.left(learned, item) is None  # nothing is wished for
+    item.source, item.target = (0.8, 0.2, 0.1), (0.1, 0.3, 0.8)
+    wanted = float(api.ciede2000(*(api.srgb_to_lab(np.array(color)) for color in (item.source, item.target))))
+    assert addon.wishes.left(learned, item) == pytest.approx(wanted, abs=1e-3)
+    bpy.ops.karf.becomes(object_name="pot")
+    assert addon.wishes.left(learned, item) < 1
+    addon.edits.reset(learned, "pot")
+    assert addon.wishes.left(learned, item) == pytest.approx(wanted, abs=1e-3)
+    item.target = item.source
+    assert addon.wishes.left(learned, item) is None

@@ -1,0 +1,66 @@
+"""What the warm engine is asked while marks are drawn, and what follows when it answers."""
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..engine_api import KarfError
+from ..pictures import images
+from ..preferences import state
+from ..project import disk
+from ..tasks import warm
+from . import photo, proposals, sheets
+from .proposals import Proposal
+from .sheets import Layer
+
+
+def propose(scene: bpy.types.Scene, proposal: Proposal) -> None:
+    """Ask for the mask of clicks and a box; it is written and shown when it comes.
+
+    Raises:
+        KarfError: The engine cannot be started.
+    """
+    step, options = proposals.note(scene, proposal)
+    sheets.follow(scene)
+    warm.ask(scene, "propose", options, partial(_take_proposal, step, proposal))
+
+
+def _take_proposal(step: int, proposal: Proposal, scene: bpy.types.Scene, values: dict[str, Any]) -> None:
+    file = Path(values["mask"])
+    proposals.take(scene, step, proposal, file)
+    file.unlink(missing_ok=True)
+    disk.refresh()
+
+
+def correct(scene: bpy.types.Scene) -> None:
+    """While *Correct* is on: ask for the masks of the active view with all corrections; they are shown as they come.
+
+    Raises:
+        KarfError: The engine cannot be started.
+    """
+    can_answer = "segmentation" in disk.contents_of(scene).stages and not state.known().problem
+    if scene.karf.marking.correct and can_answer:
+        view = scene.karf.active_view
+        warm.ask(scene, "correct", {"view": view}, partial(_take_corrected, view))
+
+
+def _take_corrected(view: str, scene: bpy.types.Scene, values: dict[str, Any]) -> None:
+    files = {name: Path(file) for name, file in values["masks"].items()}
+    sheet = sheets.shown(scene)
+    if sheet is not None and sheet.view.name == view:
+        sheet.solved = {name: Layer(images.read_mask(file).astype(np.int8)) for name, file in files.items()}
+        sheets.follow(scene)
+    for file in files.values():
+        file.unlink(missing_ok=True)
+
+
+def follow(scene: bpy.types.Scene) -> None:
+    """Another view was chosen, or *Correct* switched: the photo and what the engine says of it follow. Never raises."""
+    try:
+        if photo.follow(scene):
+            correct(scene)
+    except (KarfError, OSError) as error:
+        print(f"KaRF: {error}")

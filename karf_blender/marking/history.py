@@ -1,0 +1,123 @@
+"""Files of marks that follow Blender's undo.
+
+Each stroke is a step: the scene keeps its number, which undo takes back, and this session keeps what every file held
+after it. Undo and redo then bring the files to where that number says, byte for byte. What a file held before the first
+stroke is kept too, so that a mask of the user's own comes back as it was.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..engine_api import atomic_write
+
+Files = Mapping[Path, bytes | None]  # contents; None: there is no such file
+
+
+@dataclass(frozen=True)
+class Step:
+    """What holds after a stroke. files: all that were ever changed; note: what else must come back with it."""
+
+    files: Files = field(default_factory=dict)
+    note: Any = None
+
+
+class _Memory:
+    """All steps of this session by their numbers, what the changed files hold now, and what they held at first."""
+
+    steps: dict[int, Step] = {}
+    now: dict[Path, bytes | None] = {}
+    before: dict[Path, bytes | None] = {}
+    roots: set[Path] = set()
+
+
+def number() -> int:
+    """The step that Blender's undo stands at: the latest of all scenes. 0 before the first."""
+    return max((scene.karf.marking.step for scene in bpy.data.scenes), default=0)
+
+
+def note() -> Any:
+    """What was noted with the present step."""
+    return _Memory.steps.get(number(), Step()).note
+
+
+def record(scene: bpy.types.Scene, root: Path, files: Files, note: Any = None) -> int:
+    """Write files as a new step.
+
+    Args:
+        scene: Its undo takes the step back.
+        root: The folder they lie in; folders below it that become empty are removed.
+        files: What is to be written; None removes a file.
+        note: Kept with the step.
+
+    Returns:
+        The step's number.
+
+    Raises:
+        OSError: A file cannot be written; the step is not taken.
+    """
+    _Memory.roots.add(root)
+    _write(files)
+    made = max(_Memory.steps, default=0) + 1
+    _Memory.steps[made] = Step(dict(_Memory.now), note)
+    scene.karf.marking.step = made
+    return made
+
+
+def amend(step: int, files: Files) -> bool:
+    """Put files that came later into a step that was made for them; True if it is the present one: then they are written.
+
+    Raises:
+        OSError: A file cannot be written.
+    """
+    if step not in _Memory.steps:
+        return False
+    is_now = step == number()
+    if is_now:
+        _write(files)
+    known = _Memory.steps[step]
+    _Memory.steps[step] = Step({**known.files, **files}, known.note)
+    return is_now
+
+
+def follow() -> None:
+    """After undo or redo: write what the present step says.
+
+    Raises:
+        OSError: A file cannot be written.
+    """
+    wanted = _Memory.steps.get(number(), Step()).files
+    files = {**_Memory.before, **wanted}
+    _write({path: content for path, content in files.items() if content != _Memory.now.get(path)})
+
+
+def forget() -> None:
+    """Forget all steps: another file was opened. What lies on the disk stays."""
+    for known in (_Memory.steps, _Memory.now, _Memory.before, _Memory.roots):
+        known.clear()
+    for scene in bpy.data.scenes:
+        if scene.karf.marking.step:
+            scene.karf.marking.step = 0
+
+
+def _write(files: Files) -> None:
+    for path, content in files.items():
+        if path not in _Memory.before:
+            _Memory.before[path] = path.read_bytes() if path.exists() else None
+        if content is None:
+            _remove(path)
+        else:
+            atomic_write(path, lambda temporary, content=content: temporary.write_bytes(content))
+        _Memory.now[path] = content
+
+
+def _remove(path: Path) -> None:
+    path.unlink(missing_ok=True)
+    for parent in path.parents:
+        # the engine takes an empty folder for an object without a mask
+        if parent in _Memory.roots or not parent.is_dir() or any(parent.iterdir()):
+            return
+        parent.rmdir()

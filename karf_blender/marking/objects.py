@@ -1,0 +1,133 @@
+"""The objects that can be marked: a list in the scene, folders on the disk."""
+
+from pathlib import Path
+
+import bpy
+
+from ..engine_api import file_name, masks_of_view, same_but_for_case
+from ..pictures.tints import tint_of
+from ..project import captures, folders
+from . import history
+
+FIRST = "object"
+BACKGROUND = "background"  # what no mask covers: the engine's word
+
+
+def masks_folder(scene: bpy.types.Scene) -> Path:
+    """Where masks are kept, one folder an object: the chosen one, else the project's; it may not exist yet.
+
+    Raises:
+        BadRequest: There is no project.
+    """
+    chosen = scene.karf.masks
+    return folders.absolute(chosen) if chosen else folders.project_of(scene).masks_folder
+
+
+def corrections_folder(scene: bpy.types.Scene) -> Path:
+    """Where strokes that correct the segmentation are kept, one folder an object.
+
+    Raises:
+        BadRequest: There is no project.
+    """
+    return folders.project_of(scene).folder / "corrections"
+
+
+def active(scene: bpy.types.Scene) -> bpy.types.PropertyGroup | None:
+    """The object that is being marked."""
+    marking = scene.karf.marking
+    return marking.objects[marking.active] if 0 <= marking.active < len(marking.objects) else None
+
+
+def sync(scene: bpy.types.Scene) -> None:
+    """Add the objects that the folder of masks and the project's palettes have and the list lacks."""
+    marking = scene.karf.marking
+    folder = masks_folder(scene)
+    found = sorted(path.name for path in folder.iterdir() if path.is_dir()) if folder.is_dir() else []
+    for name in [*found, *scene.karf.objects.keys()]:
+        if name not in marking.objects and not name.startswith("."):
+            _append(scene, name)
+
+
+def add(scene: bpy.types.Scene, name: str = FIRST) -> bpy.types.PropertyGroup:
+    """Add an object by a name as people type them, and make it the active one."""
+    item = _append(scene, usable_name(name, scene.karf.marking.objects.keys()))
+    scene.karf.marking.active = len(scene.karf.marking.objects) - 1
+    return item
+
+
+def _append(scene: bpy.types.Scene, name: str) -> bpy.types.PropertyGroup:
+    items = scene.karf.marking.objects
+    item = items.add()
+    item["name"] = item.folder = name  # by key: no update, which would rename the folder
+    return item
+
+
+def tint(item: bpy.types.PropertyGroup) -> tuple[float, float, float]:
+    """The color of an object's overlay, sRGB."""
+    names = sorted(other.folder for other in item.id_data.karf.marking.objects)
+    return tint_of(names.index(item.folder))
+
+
+def usable_name(name: str, others: list[str]) -> str:
+    """The name, as close as a folder can have it on every system and no other object has it already.
+
+    Examples: `red flower` stays; `a/b` becomes `a_b`; a second `pot` or `Pot` becomes `pot 2`.
+    """
+    name = file_name(name.strip() or FIRST).strip()
+    if name.startswith(".") or name.casefold() == BACKGROUND:
+        name = f"_{name}"
+    made, number = name, 1
+    while same_but_for_case([*others, made]) or made in others:
+        number += 1
+        made = f"{name} {number}"
+    return made
+
+
+def rename(scene: bpy.types.Scene, item: bpy.types.PropertyGroup) -> None:
+    """The list's name of an object was changed: its files follow, and the name becomes one that a folder can have.
+
+    Raises:
+        OSError: A file cannot be moved.
+    """
+    others = [other.folder for other in scene.karf.marking.objects if other != item]
+    name, old = usable_name(item.name, others), item.folder
+    if name != old and scene.karf.project:
+        for root in (masks_folder(scene), corrections_folder(scene)):
+            _move(scene, root, old, name)
+    item["name"] = item.folder = name
+
+
+def _move(scene: bpy.types.Scene, root: Path, old: str, name: str) -> None:
+    files = {path: path.read_bytes() for path in (root / old).rglob("*") if path.is_file()}
+    moved = {root / name / path.relative_to(root / old): content for path, content in files.items()}
+    if files:
+        history.record(scene, root, {**moved, **dict.fromkeys(files)})
+
+
+def remove(scene: bpy.types.Scene) -> None:
+    """Take the active object off the list, and its masks and corrections off the disk.
+
+    Raises:
+        OSError: A file cannot be removed.
+    """
+    marking, item = scene.karf.marking, active(scene)
+    for root in (masks_folder(scene), corrections_folder(scene)):
+        files = [path for path in (root / item.folder).rglob("*") if path.is_file()]
+        if files:
+            history.record(scene, root, dict.fromkeys(files))
+    marking.objects.remove(marking.active)
+    marking.active = max(0, min(marking.active, len(marking.objects) - 1))
+
+
+def marked_views(scene: bpy.types.Scene) -> list[str]:
+    """The views in which the active object has a mask or a correction, in the capture's order.
+
+    Raises:
+        KarfError: There is no capture.
+    """
+    item = active(scene)
+    if item is None:
+        return []
+    roots = [root / item.folder for root in (masks_folder(scene), corrections_folder(scene))]
+    views = captures.of(scene).views
+    return [view.name for view in views if any(masks_of_view(root, view) for root in roots)]

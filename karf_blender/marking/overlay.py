@@ -1,0 +1,196 @@
+"""What Image Editors show over the photo being marked: masks as tints with outlines, clicks, the gesture at work.
+
+Masks are textures that are made anew only where their pixels have changed; drawing only reads.
+"""
+
+from dataclasses import dataclass
+
+import bpy
+import gpu
+import numpy as np
+from gpu_extras.batch import batch_for_shader
+
+from ..engine_api import srgb_to_linear
+from ..host import compat
+from . import gestures, objects, photo, proposals, sheets
+from .sheets import Layer
+
+LONGEST = 2048  # pixels of a texture's side: larger masks are shown reduced
+IS, IS_NOT = (0.15, 0.85, 0.25), (0.95, 0.15, 0.1)  # corrections and clicks
+TINT, OUTLINE = 0.35, 2.0  # of the object being marked: opacity, pixels of the screen
+OTHERS_TINT, OTHERS_OUTLINE = 0.18, 1.0
+DOT, RIM = 9.0, 13.0
+QUAD = ((0, 0), (1, 0), (1, 1), (0, 0), (1, 1), (0, 1))
+
+VERTEX = """
+void main()
+{
+  place = pos;
+  gl_Position = ModelViewProjectionMatrix * vec4(corner + pos * extent, 0.0, 1.0);
+}
+"""
+FRAGMENT = """
+void main()
+{
+  vec2 across = vec2(dFdx(place.x), dFdy(place.y)) * look.y;
+  float here = texture(mask, place).r;
+  float low = here, high = here;
+  for (int n = 0; n < 8; n++) {
+    float angle = float(n) * 0.7853982;
+    float near = texture(mask, place + across * vec2(cos(angle), sin(angle))).r;
+    low = min(low, near);
+    high = max(high, near);
+  }
+  float tint = here > 0.5 ? look.x : 0.0;
+  float line = low <= 0.5 && high > 0.5 ? 0.95 : 0.0;
+  fragColor = vec4(color.rgb, max(tint, line));
+}
+"""
+
+
+@dataclass(frozen=True)
+class Texture:
+    """A layer's pixels of one sign on the graphics card."""
+
+    version: int
+    texture: gpu.types.GPUTexture
+
+
+class _Memory:
+    """The drawing callback, and what it keeps on the graphics card."""
+
+    handler: object = None
+    shader: gpu.types.GPUShader | None = None
+    textures: dict[tuple[str, str], Texture] = {}
+
+
+def _draw() -> None:
+    context = bpy.context
+    scene, space = context.scene, context.space_data
+    sheet = sheets.shown(scene)
+    if sheet is None or not photo.is_shown(scene, space) or not space.overlay.show_overlays:
+        return
+    gpu.state.blend_set("ALPHA")
+    used = {draw_layer(context.region, *each) for each in _layers(scene, sheet)}
+    for key in _Memory.textures.keys() - used:
+        del _Memory.textures[key]
+    _draw_clicks(context.region, scene, sheet)
+    _draw_gesture()
+    gpu.state.blend_set("NONE")
+
+
+def _layers(scene, sheet):
+    """What is drawn, from the lowest: a name for its texture, the layer, its sign, color, opacity, width of outline."""
+    marking, active = scene.karf.marking, objects.active(scene)
+    masks = sheet.masks | sheet.solved if marking.correct else sheet.masks
+    items = [item for item in marking.objects if item.folder in masks]
+    for item in sorted(items, key=lambda item: item == active):
+        look = (TINT, OUTLINE) if item == active else (OTHERS_TINT, OTHERS_OUTLINE)
+        yield ("mask", item.folder), masks[item.folder], 1, objects.tint(item), *look
+    if marking.correct and active is not None and active.folder in sheet.corrections:
+        layer = sheet.corrections[active.folder]
+        yield ("is", active.folder), layer, 1, IS, TINT, OTHERS_OUTLINE
+        yield ("is not", active.folder), layer, -1, IS_NOT, TINT, OTHERS_OUTLINE
+
+
+# --- masks ---------------------------------------------------------------------------------------------------------
+def draw_layer(region, key, layer: Layer, sign: int, color, opacity: float, width: float):
+    """Draw the pixels of a layer that have a sign over the photo of a region; returns the key of their texture."""
+    shader = _shader()
+    view = region.view2d
+    low, high = (np.array(view.view_to_region(*place, clip=False), np.float32) for place in ((0, 0), (1, 1)))
+    shader.bind()
+    shader.uniform_sampler("mask", _texture(key, layer, sign))
+    shader.uniform_float("corner", low)
+    shader.uniform_float("extent", high - low)
+    shader.uniform_float("color", (*srgb_to_linear(np.array(color)), 1.0))  # it is blended in linear light
+    shader.uniform_float("look", (opacity, width * bpy.context.preferences.system.pixel_size))
+    batch_for_shader(shader, "TRIS", {"pos": QUAD}).draw(shader)
+    return key
+
+
+def _texture(key, layer: Layer, sign: int) -> gpu.types.GPUTexture:
+    known = _Memory.textures.get(key)
+    if known is None or known.version != layer.version:
+        step = -(-max(layer.pixels.shape) // LONGEST)
+        pixels = np.ascontiguousarray(layer.pixels[::-step, ::step] == sign, np.float32)
+        data = gpu.types.Buffer("FLOAT", pixels.size, pixels.ravel())
+        texture = gpu.types.GPUTexture(pixels.shape[::-1], format="R8", data=data)
+        known = _Memory.textures[key] = Texture(layer.version, texture)
+    return known.texture
+
+
+def _shader() -> gpu.types.GPUShader:
+    if _Memory.shader is None:
+        between = gpu.types.GPUStageInterfaceInfo("karf_mask")
+        between.smooth("VEC2", "place")
+        info = gpu.types.GPUShaderCreateInfo()
+        info.push_constant("MAT4", "ModelViewProjectionMatrix")
+        info.push_constant("VEC4", "color")
+        for name in ("corner", "extent", "look"):
+            info.push_constant("VEC2", name)
+        info.sampler(0, "FLOAT_2D", "mask")
+        info.vertex_in(0, "VEC2", "pos")
+        info.vertex_out(between)
+        info.fragment_out(0, "VEC4", "fragColor")
+        info.vertex_source(VERTEX)
+        info.fragment_source(FRAGMENT)
+        _Memory.shader = gpu.shader.create_from_info(info)
+    return _Memory.shader
+
+
+# --- clicks and gestures -------------------------------------------------------------------------------------------
+def _draw_clicks(region, scene, sheet) -> None:
+    active = objects.active(scene)
+    proposal = proposals.shown(scene, active.folder) if active is not None else None
+    if proposal is None:
+        return
+    width, height = sheet.size
+    if proposal.box is not None:
+        x0, y0, x1, y1 = proposal.box
+        corners = ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))
+        _draw_line([_on_screen(region, x / width, 1 - y / height) for x, y in corners])
+    for x, y, is_object in proposal.points:
+        place = _on_screen(region, x / width, 1 - y / height)
+        _draw_dot(place, RIM, (1, 1, 1))
+        _draw_dot(place, DOT, IS if is_object else IS_NOT)
+
+
+def _on_screen(region, u: float, v: float) -> tuple[float, float]:
+    return region.view2d.view_to_region(u, v, clip=False)
+
+
+def _draw_dot(place, size: float, color) -> None:
+    shader = gpu.shader.from_builtin(compat.POINT_SHADER)
+    gpu.state.point_size_set(size * bpy.context.preferences.system.ui_scale)
+    batch_for_shader(shader, "POINTS", {"pos": [(*place, 0)], "color": [(*color, 1)]}).draw(shader)
+    gpu.state.point_size_set(1.0)
+
+
+def _draw_gesture() -> None:
+    if len(gestures.Gesture.places) > 1:
+        _draw_line(gestures.Gesture.places)
+
+
+def _draw_line(places) -> None:
+    """A line that is seen on light and dark."""
+    shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
+    batch = batch_for_shader(shader, "LINE_STRIP", {"pos": [(*place, 0) for place in places]})
+    shader.bind()
+    shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
+    for width, color in ((3.0, (0, 0, 0, 0.6)), (1.0, (1, 1, 1, 1))):
+        shader.uniform_float("lineWidth", width)
+        shader.uniform_float("color", color)
+        batch.draw(shader)
+
+
+def register():
+    """Called when the extension is enabled."""
+    _Memory.handler = bpy.types.SpaceImageEditor.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
+
+
+def unregister():
+    """Called when the extension is disabled."""
+    bpy.types.SpaceImageEditor.draw_handler_remove(_Memory.handler, "WINDOW")
+    _Memory.handler = _Memory.shader = None
+    _Memory.textures.clear()

@@ -1,0 +1,54 @@
+"""What the .blend keeps of marking: the objects to mark, the brush, and where undo stands."""
+
+import bpy
+from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
+
+from ..engine_api import KarfError
+from ..marking import asking, objects, sheets
+
+
+def _renamed(self, context):
+    try:
+        objects.rename(self.id_data, self)
+    except (KarfError, OSError) as error:
+        self["name"] = self.folder
+        print(f"KaRF: the object {self.folder!r} keeps its name: {error}")
+    sheets.reread(self.id_data)
+
+
+def _changed(self, context):
+    sheets.follow(self.id_data)
+
+
+def _switched(self, context):
+    asking.follow(self.id_data)
+    sheets.follow(self.id_data)
+
+
+class KARF_PG_marked_object(bpy.types.PropertyGroup):
+    """An object to mark."""
+
+    name: StringProperty(
+        name="Name", description="Also that of its folder of masks and of its swatches", update=_renamed
+    )
+    folder: StringProperty(description="The name of its folder: the name, until that is changed")
+
+
+class KARF_PG_marking(bpy.types.PropertyGroup):
+    """The objects to mark, and the tools that mark them."""
+
+    objects: CollectionProperty(type=KARF_PG_marked_object)
+    active: IntProperty(name="Object", description="The object that is being marked", update=_changed)
+    photo: PointerProperty(name="Photo", type=bpy.types.Image, description="The photo that is marked")
+    brush: IntProperty(
+        name="Brush", subtype="PIXEL", default=25, min=1, soft_max=200, max=2000, description="Radius on the screen"
+    )
+    correct: BoolProperty(
+        name="Correct",
+        description="Strokes say where the segmentation is wrong, in any view: this is the object, this is not",
+        update=_switched,
+    )
+    step: IntProperty(description="The number of the last stroke, which undo takes back")
+
+
+CLASSES = (KARF_PG_marked_object, KARF_PG_marking)

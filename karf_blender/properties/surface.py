@@ -1,0 +1,21 @@
+"""The learned scene in the 3D View."""
+
+import bpy
+from bpy.props import IntProperty, PointerProperty
+
+
+class KARF_PG_surface(bpy.types.PropertyGroup):
+    """The object that shows the learned scene."""
+
+    count: IntProperty(
+        name="Points",
+        default=60_000,
+        min=1000,
+        max=600_000,
+        step=10_000,
+        description="About how many; ten times as many show finer things, and follow swatches more slowly",
+    )
+    item: PointerProperty(name="Object", type=bpy.types.Object, description="What shows the learned scene")
+
+
+CLASSES = (KARF_PG_surface,)

@@ -1,0 +1,44 @@
+"""Looking at what is learned of the active view: the objects' masks over it, and the field's own rendering."""
+
+import bpy
+
+from ..engine_api import Request
+from ..pictures import editors
+from ..project import contents
+from ..swatches import drawn_over, object_masks, recolor
+from ..tasks.ownership import Owner
+from ..tasks.task import Task
+from . import requests
+
+
+def show_masks(scene: bpy.types.Scene) -> Task | None:
+    """Draw the objects' masks over the active view.
+
+    Returns:
+        None, or the task that makes them where the view is neither prepared nor was looked at.
+    """
+    bpy.context.window_manager.karf_seeing.show_masks = True
+    object_masks.load(scene)
+    if object_masks.of(scene) is None:
+        return see_view(scene)
+    _reveal(scene)
+    return None
+
+
+def see_view(scene: bpy.types.Scene) -> Task:
+    """The task that renders what is learned of the active view, and the masks of its objects."""
+    job = requests.seen(scene, contents.seen_folder(scene))
+    return requests.task(scene, "Look at View", job, finish=_present)
+
+
+def _present(owner: Owner, request: Request) -> None:
+    scene = requests.find_scene(owner, f"How the engine sees the view is in {request.options['out']}.")
+    if scene is not None:
+        _reveal(scene)
+
+
+def _reveal(scene: bpy.types.Scene) -> None:
+    """Show the active view, recolored where it is prepared, in the Image Editors."""
+    show = recolor.show if contents.is_prepared(scene) else recolor.show_unedited
+    editors.reveal(show(scene), is_wanted=True)
+    drawn_over.redraw()

@@ -1,0 +1,86 @@
+"""Step 7: the learned scene as an object in the 3D View, which then needs neither the engine nor this extension."""
+
+from collections.abc import Iterable
+from functools import partial
+from pathlib import Path
+
+import bpy
+
+from ..engine_api import BadRequest, Palette, Request, read_points
+from ..project import folders
+from ..surface import export, placing
+from ..tasks.ownership import Owner
+from ..tasks.task import Task
+from . import following, requests, sequences
+
+
+def show_scene(scene: bpy.types.Scene, count: int | None = None) -> Task:
+    """Have the engine find points on the learned scene's surface (default: as many as the panel says), then show them."""
+    path = folders.project_of(scene).points_file
+    job = "points", {"out": str(path), "count": count or scene.karf.surface.count}
+    return requests.task(scene, "Show in 3D View", job, finish=partial(_place, path))
+
+
+def _place(path: Path, owner: Owner, request: Request) -> None:
+    del request
+    scene = requests.find_scene(owner, f"The points are in {path}.")
+    if scene is not None:
+        place_points(scene, path)
+
+
+def place_points(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
+    """Show points that the engine has written as an object that follows the scene's swatches.
+
+    Args:
+        scene: The scene, with the capture that the points are of.
+        path: The points.
+
+    Returns:
+        The object: the one that showed the scene before, where there is one.
+
+    Raises:
+        BadRequest: The scene has no rig.
+        DataError: The file holds no points.
+    """
+    karf = scene.karf
+    if karf.rig is None:
+        raise BadRequest(f"The scene {scene.name!r} has no captured cameras.", "Import the capture first.")
+    points = read_points(path)
+    palettes = [Palette(name, colors) for name, colors in zip(points.objects, points.learned, strict=True)]
+    palettes = [_as_long_as_swatches(scene, each) for each in palettes]
+    known = following.known_of(scene, palettes)
+    karf.surface.item, node = placing.build(
+        placing.find(scene), karf.rig, points, palettes, following.edited(scene, known)
+    )
+    following.follow(scene, node, known)
+    following.say_others(scene, palettes, "points")
+    sequences.say_view_transform(scene)
+    return karf.surface.item
+
+
+def _as_long_as_swatches(scene: bpy.types.Scene, palette: Palette) -> Palette:
+    """A palette without the zeros behind its end, which are there where others are longer."""
+    item = scene.karf.objects.get(palette.name)
+    return palette if item is None else Palette(palette.name, palette.colors[: len(item.swatches)])
+
+
+def show_colors(spaces: Iterable["bpy.types.SpaceView3D"]) -> None:
+    """Let 3D Views show the colors of meshes as they are, in Solid mode."""
+    for space in spaces:
+        space.shading.type, space.shading.light, space.shading.color_type = "SOLID", "FLAT", "VERTEX"
+
+
+def export_scene(scene: bpy.types.Scene, path: Path, shape: str = "quads") -> Path:
+    """Write the scene's object as recolored now; arguments as of `surface.export`.
+
+    Returns:
+        The file's path.
+
+    Raises:
+        BadRequest: There is no such object, or no such kind of file.
+    """
+    item = placing.find(scene)
+    if item is None:
+        raise BadRequest("The scene is not shown in 3D yet.", "Press Show in 3D View first.")
+    export.export(scene, item, path, shape)
+    return path

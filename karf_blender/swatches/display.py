@@ -1,0 +1,160 @@
+"""What the result image shows of the active view: the edited picture or another side of it, with a wipe or without.
+
+`WindowManager.karf_seeing` says which (properties/seeing.py).
+"""
+
+from collections.abc import Callable
+from math import ceil, sqrt
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..engine_api import KarfError, ciede2000, srgb_to_lab
+from ..pictures import images, photos
+from ..project import captures, contents, folders
+from . import planes
+from .planes import ShownView
+
+PHOTO_SIDE = 800  # pixels at most of a photo that stands in for a view that is not prepared
+COMPARED_PIXELS = 160_000  # of differences: larger pictures are compared in every second pixel, or third
+HOTTEST = 20.0  # CIEDE2000 that is white in the heat map, with all beyond
+HEAT = np.array([[0, 0, 0.05], [0.33, 0.06, 0.43], [0.73, 0.21, 0.33], [0.98, 0.55, 0.04], [1, 1, 0.75]], np.float32)
+
+
+class _Memory:
+    """The buffer of the last picture that was not just the edited one, and the rendering read last, by file and time."""
+
+    buffer: np.ndarray | None = None
+    rendering: tuple[tuple[Path, int], np.ndarray] | None = None
+
+
+def forget() -> None:
+    """Drop what is in memory."""
+    _Memory.buffer = _Memory.rendering = None
+
+
+def picture(scene: bpy.types.Scene) -> np.ndarray:
+    """The active view as it is looked at.
+
+    Returns:
+        RGBA buffer [H, W, 4] float32 in Blender's row order; overwritten by the next call.
+
+    Raises:
+        KarfError: The view has no planes, or they belong to other palettes.
+    """
+    seeing = bpy.context.window_manager.karf_seeing
+    edited = planes.composite(scene)
+    if seeing.mode == "EDITED" and not seeing.is_wiped:
+        return edited
+    view = planes.shown_view(scene)
+    if _Memory.buffer is None or _Memory.buffer.shape != edited.shape:
+        _Memory.buffer = images.blank(edited.shape[1], edited.shape[0])
+    shown = images.upright(_Memory.buffer)
+    shown[:] = SIDES[seeing.mode](scene, view)
+    if seeing.is_wiped:
+        left = slice(0, round(seeing.wipe * shown.shape[1]))
+        shown[:, left] = _original(scene, view)[:, left]
+    return _Memory.buffer
+
+
+def stand_in(scene: bpy.types.Scene) -> np.ndarray:
+    """What is shown of a view that cannot be recolored, as `picture` returns it: its photo, or what is learned of it.
+
+    Black where nothing can be read.
+    """
+    try:
+        rendering = _rendering(scene) if _is_learned() else None
+        shown = _photo(scene) if rendering is None else rendering
+    except KarfError:
+        shown = None
+    if shown is None:
+        return images.blank(*(scene.karf.result.size if scene.karf.result else (1, 1)))
+    buffer = images.blank(shown.shape[1], shown.shape[0])
+    images.upright(buffer)[:] = shown
+    return buffer
+
+
+def stand_in_key(scene: bpy.types.Scene) -> tuple:
+    """What a stand-in depends on."""
+    return scene.karf.active_view, _is_learned(), bpy.context.window_manager.karf_seeing.show_masks
+
+
+def difference(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """CIEDE2000 of two pictures [H, W, 3] sRGB, [H, W]; of large ones in every second pixel, or third."""
+    step = max(1, ceil(sqrt(first.shape[0] * first.shape[1] / COMPARED_PIXELS)))
+    near, far = first[::step, ::step], second[::step, ::step]
+    result = np.zeros(near.shape[:2], np.float32)
+    changed = (near != far).any(axis=-1)
+    result[changed] = ciede2000(srgb_to_lab(near[changed]), srgb_to_lab(far[changed]))
+    return result.repeat(step, axis=0).repeat(step, axis=1)[: first.shape[0], : first.shape[1]]
+
+
+def heat(values: np.ndarray) -> np.ndarray:
+    """The heat map's colors [..., 3] of CIEDE2000 values [...]."""
+    anchors = np.linspace(0, HOTTEST, len(HEAT))
+    return np.stack([np.interp(values, anchors, HEAT[:, channel]) for channel in range(3)], -1).astype(np.float32)
+
+
+# --- the sides of a picture, [H, W, 3] or [H, W, 1] sRGB in [0, 1] --------------------------------------------------
+def _edited(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
+    return images.upright(planes.recolored(view, scene))
+
+
+def _original(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
+    del scene
+    return view.planes.base.astype(np.float32) / np.float32(255)
+
+
+def _learned(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
+    rendering = _rendering(scene)
+    if rendering is None:  # the panel says that there is none
+        return _original(scene, view)
+    sides = zip(rendering.shape, view.planes.base.shape[:2], strict=False)
+    return rendering[np.ix_(*(np.arange(wanted) * given // wanted for given, wanted in sides))]
+
+
+def _weights(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
+    seeing = bpy.context.window_manager.karf_seeing
+    objects, weights = view.planes.objects, view.planes.palette_weights
+    k = objects.index(seeing.solo_object) if seeing.solo_object in objects else 0
+    return weights[k, min(seeing.solo_swatch, weights.shape[1] - 1), :, :, None].astype(np.float32)
+
+
+def _difference(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
+    return heat(difference(_edited(scene, view), _original(scene, view)))
+
+
+SIDES: dict[str, Callable[[bpy.types.Scene, ShownView], np.ndarray]] = {
+    "EDITED": _edited,
+    "ORIGINAL": _original,
+    "LEARNED": _learned,
+    "WEIGHTS": _weights,
+    "DIFFERENCE": _difference,
+}
+
+
+# --- files ---------------------------------------------------------------------------------------------------------
+def _is_learned() -> bool:
+    return bpy.context.window_manager.karf_seeing.mode == "LEARNED"
+
+
+def _rendering(scene: bpy.types.Scene) -> np.ndarray | None:
+    """What is learned of the active view, rendered, [h, w, 3]; None where it was not rendered since."""
+    file = contents.seen_rendering(scene)
+    if file is None:
+        return None
+    key = file, file.stat().st_mtime_ns
+    if _Memory.rendering is None or _Memory.rendering[0] != key:
+        _Memory.rendering = key, images.read_picture(file)
+    return _Memory.rendering[1]
+
+
+def _photo(scene: bpy.types.Scene) -> np.ndarray | None:
+    """The active view's photo, [h, w, 3]; under masks as its pinhole shows it, as they are."""
+    view = captures.view_of(scene)
+    if view.image is None:
+        return None
+    if bpy.context.window_manager.karf_seeing.show_masks and not photos.is_shown_as_stored(view):
+        return images.read_picture(photos.straightened(view, folders.project_of(scene).photos_folder), PHOTO_SIDE)
+    return photos.read(view, PHOTO_SIDE)

@@ -1,0 +1,182 @@
+"""What is drawn over pictures, and never into them: the objects' masks, the wipe's line, the scale of differences.
+
+Masks are drawn in Image Editors that show the result image, and in 3D Views that look through the active view's camera.
+"""
+
+import blf
+import bpy
+import gpu
+import numpy as np
+from bpy_extras.view3d_utils import location_3d_to_region_2d
+from gpu_extras.batch import batch_for_shader
+
+from ..host import windows
+from . import display, object_masks
+
+LINE_WIDTH = 1.5
+TEXT_SIZE, MARGIN = 12, 16
+SCALE_WIDTH, SCALE_HEIGHT = 200, 12  # of the scale of differences
+TICKS = 4
+UNIT_SQUARE = ((0, 0), (1, 0), (1, 1), (0, 0), (1, 1), (0, 1))
+
+Rectangle = tuple[float, float, float, float]  # left, bottom, right, top, in pixels of the region
+
+
+class _Memory:
+    """The handlers that draw, and where."""
+
+    handlers: tuple = ()
+
+
+def redraw() -> None:
+    """Draw all editors again that have something drawn over them."""
+    windows.redraw(*windows.PANEL_AREAS)
+
+
+# --- where ---------------------------------------------------------------------------------------------------------
+def picture_in(region: bpy.types.Region) -> Rectangle:
+    """Where the picture is in the main region of an Image Editor."""
+    return (*region.view2d.view_to_region(0, 0, clip=False), *region.view2d.view_to_region(1, 1, clip=False))
+
+
+def shows_result(context: bpy.types.Context) -> bool:
+    """Whether the context's editor is an Image Editor that shows the scene's result image."""
+    space, result = context.space_data, context.scene.karf.result
+    return space is not None and space.type == "IMAGE_EDITOR" and result is not None and space.image == result
+
+
+def _camera_frame(context: bpy.types.Context) -> Rectangle | None:
+    """Where the camera's frame is in a 3D View that looks through the active view's camera."""
+    scene, space, view = context.scene, context.space_data, context.region_data
+    camera = space.camera if space.use_local_camera else scene.camera
+    is_rigs = camera is not None and camera.parent is not None and camera.parent == scene.karf.rig
+    if view.view_perspective != "CAMERA" or not is_rigs or camera.karf_view != scene.karf.active_view:
+        return None
+    corners = [camera.matrix_world @ corner for corner in camera.data.view_frame(scene=scene)]
+    places = [location_3d_to_region_2d(context.region, view, corner) for corner in corners]
+    if None in places:
+        return None
+    (left, bottom), (right, top) = np.min(places, axis=0), np.max(places, axis=0)
+    return left, bottom, right, top
+
+
+# --- drawing -------------------------------------------------------------------------------------------------------
+def _draw_in_image() -> None:
+    context = bpy.context
+    if not shows_result(context) or not context.space_data.overlay.show_overlays:
+        return
+    seeing, place = context.window_manager.karf_seeing, picture_in(context.region)
+    if seeing.show_masks:
+        _draw_masks(context.scene, place)
+    if seeing.mode == "DIFFERENCE":
+        _draw_scale(context.preferences.system.ui_scale)
+    if seeing.is_wiped:
+        draw_wipe(context)
+
+
+def _draw_in_view() -> None:
+    context = bpy.context
+    if context.window_manager.karf_seeing.show_masks and context.space_data.overlay.show_overlays:
+        place = _camera_frame(context)
+        if place is not None:
+            _draw_masks(context.scene, place)
+
+
+def _draw_masks(scene: bpy.types.Scene, place: Rectangle) -> None:
+    masks, seeing = object_masks.of(scene), bpy.context.window_manager.karf_seeing
+    if masks is None:
+        return
+    fill, lines = (gpu.shader.from_builtin(name) for name in ("IMAGE_COLOR", "POLYLINE_FLAT_COLOR"))
+    if not masks.drawn:
+        masks.drawn.extend(_on_card(masks, fill, lines))
+    texture, square, outlines = masks.drawn
+    left, bottom, right, top = place
+    gpu.state.blend_set("ALPHA")
+    with gpu.matrix.push_pop():
+        gpu.matrix.translate((left, bottom))
+        gpu.matrix.scale((right - left, top - bottom))
+        fill.bind()
+        fill.uniform_sampler("image", texture)
+        fill.uniform_float("color", (1, 1, 1, seeing.tint))
+        square.draw(fill)
+        if seeing.outlines:
+            lines.bind()
+            lines.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
+            lines.uniform_float("lineWidth", LINE_WIDTH * bpy.context.preferences.system.ui_scale)
+            outlines.draw(lines)
+    gpu.state.blend_set("NONE")
+
+
+def _on_card(masks: object_masks.ObjectMasks, fill: gpu.types.GPUShader, lines: gpu.types.GPUShader) -> tuple:
+    """The fill as a texture, the square that it is drawn in, and the outlines."""
+    height, width = masks.fill.shape[:2]
+    texture = gpu.types.GPUTexture(
+        (width, height), format="RGBA8", data=gpu.types.Buffer("FLOAT", masks.fill.size, masks.fill.ravel())
+    )
+    square = batch_for_shader(fill, "TRIS", {"pos": UNIT_SQUARE, "texCoord": UNIT_SQUARE})
+    return texture, square, batch_for_shader(lines, "LINES", {"pos": masks.outlines, "color": masks.colors})
+
+
+def draw_wipe(context: bpy.types.Context, is_bold: bool = False) -> None:
+    """Draw the wipe's line in an Image Editor, and what is on its sides. is_bold: the mouse is over it."""
+    seeing, scale = context.window_manager.karf_seeing, context.preferences.system.ui_scale
+    left, bottom, right, top = picture_in(context.region)
+    x = left + seeing.wipe * (right - left)
+    shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
+    shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
+    gpu.state.blend_set("ALPHA")
+    for width, color in ((4, (0, 0, 0, 0.5)), (LINE_WIDTH, (1, 1, 1, 1))):
+        shader.uniform_float("lineWidth", (2 if is_bold else 1) * width * scale)
+        shader.uniform_float("color", color)
+        batch_for_shader(shader, "LINES", {"pos": ((x, bottom, 0), (x, top, 0))}).draw(shader)
+    gpu.state.blend_set("NONE")
+    blf.size(0, TEXT_SIZE * scale)
+    before, after = (seeing.bl_rna.properties["mode"].enum_items[name].name for name in ("ORIGINAL", seeing.mode))
+    _write(before, x - blf.dimensions(0, before)[0] - MARGIN * scale / 2, top - MARGIN * scale)
+    _write(after, x + MARGIN * scale / 2, top - MARGIN * scale)
+
+
+def _draw_scale(scale: float) -> None:
+    """The colors of differences and what they mean."""
+    left, bottom = MARGIN * scale, 2 * MARGIN * scale
+    values = np.linspace(0, display.HOTTEST, len(display.HEAT))
+    x = left + values / display.HOTTEST * SCALE_WIDTH * scale
+    colors = [(*map(float, color), 1.0) for color in display.HEAT]
+    corners = [(float(at), bottom + up * SCALE_HEIGHT * scale) for at in x for up in (0, 1)]
+    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
+    batch = batch_for_shader(
+        shader, "TRI_STRIP", {"pos": corners, "color": [color for color in colors for _ in (0, 1)]}
+    )
+    batch.draw(shader)
+    blf.size(0, TEXT_SIZE * scale)
+    for tick in range(TICKS + 1):
+        text = f"{display.HOTTEST * tick / TICKS:g}" + ("+" if tick == TICKS else "")
+        _write(text, left + SCALE_WIDTH * scale * tick / TICKS, bottom - MARGIN * scale)
+    _write("CIEDE2000", left, bottom + (SCALE_HEIGHT + 6) * scale)
+
+
+def _write(text: str, x: float, y: float) -> None:
+    blf.color(0, 1, 1, 1, 1)
+    blf.enable(0, blf.SHADOW)
+    blf.shadow(0, 3, 0, 0, 0, 1)
+    blf.position(0, x, y, 0)
+    blf.draw(0, text)
+    blf.disable(0, blf.SHADOW)
+
+
+def register():
+    """Called when the extension is enabled."""
+    _Memory.handlers = (
+        (
+            bpy.types.SpaceImageEditor,
+            bpy.types.SpaceImageEditor.draw_handler_add(_draw_in_image, (), "WINDOW", "POST_PIXEL"),
+        ),
+        (bpy.types.SpaceView3D, bpy.types.SpaceView3D.draw_handler_add(_draw_in_view, (), "WINDOW", "POST_PIXEL")),
+    )
+
+
+def unregister():
+    """Called when the extension is disabled."""
+    for space, handler in _Memory.handlers:
+        space.draw_handler_remove(handler, "WINDOW")
+    _Memory.handlers = ()

@@ -1,0 +1,112 @@
+"""Where the objects are in the active view, ready to be drawn: as prepared for recoloring, else as segmented.
+
+They are read when masks are switched on or the view changes; drawing only asks for them.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..engine_api import KarfError
+from ..pictures import images, tints
+from ..project import contents
+from . import planes
+
+
+@dataclass(frozen=True)
+class ObjectMasks:
+    """The objects of one view.
+
+    Attributes:
+        tints: The color of each object, by its name.
+        fill: [H, W, 4] float32 sRGB and alpha, rows from the bottom: each object in its tint, as far as it covers.
+        outlines: Ends of lines round the objects, [2n, 3] float32; the picture is 0..1 in x and y.
+        colors: Of these ends, [2n, 4] float32.
+        drawn: What the graphics card has of it, made at the first drawing.
+    """
+
+    tints: Mapping[str, tuple[float, float, float]]
+    fill: np.ndarray
+    outlines: np.ndarray
+    colors: np.ndarray
+    drawn: list = field(default_factory=list)
+
+
+class _Memory:
+    """The masks read last, and which they are."""
+
+    key: tuple = ()
+    masks: ObjectMasks | None = None
+
+
+def of(scene: bpy.types.Scene) -> ObjectMasks | None:
+    """The masks of the scene's active view; None where none are known."""
+    return _Memory.masks if _Memory.key[:2] == _place(scene) else None
+
+
+def load(scene: bpy.types.Scene) -> None:
+    """Read the masks of the scene's active view, where they are looked at and not the ones in memory; never raises."""
+    if not bpy.context.window_manager.karf_seeing.show_masks or not scene.karf.project:
+        return
+    try:
+        is_prepared = contents.is_prepared(scene)
+        files = {"": contents.planes_file(scene)} if is_prepared else contents.seen_masks(scene)
+        key = (*_place(scene), *((file, file.stat().st_mtime_ns) for file in files.values()))
+        if key != _Memory.key:
+            masks = _from_planes(scene) if is_prepared else _from_pictures(files)
+            _Memory.key, _Memory.masks = key, masks
+    except (KarfError, OSError):
+        forget()
+
+
+def forget() -> None:
+    """Drop the masks in memory."""
+    _Memory.key, _Memory.masks = (), None
+
+
+def _place(scene: bpy.types.Scene) -> tuple[str, str]:
+    return scene.karf.project, scene.karf.active_view
+
+
+def _from_planes(scene: bpy.types.Scene) -> ObjectMasks:
+    shown = planes.shown_view(scene).planes
+    return paint(dict(zip(shown.objects, shown.probabilities.astype(np.float32), strict=True)))
+
+
+def _from_pictures(files: Mapping[str, Path]) -> ObjectMasks | None:
+    return paint({name: images.read_picture(file)[..., 0] for name, file in files.items()}) if files else None
+
+
+def paint(coverages: Mapping[str, np.ndarray]) -> ObjectMasks:
+    """Objects as they are drawn. coverages: how far each covers every pixel, [H, W] in [0, 1]."""
+    names = sorted(coverages)
+    colors = {name: tints.tint_of(index) for index, name in enumerate(names)}
+    height, width = next(iter(coverages.values())).shape
+    fill = np.zeros((height, width, 4), np.float32)
+    for name in names:
+        fill[..., :3] += coverages[name][..., None] * np.float32(colors[name])
+        fill[..., 3] += coverages[name]
+    fill[..., :3] /= np.maximum(fill[..., 3:], 1e-6)
+    fill[..., 3] = fill[..., 3].clip(0, 1)
+    lines = [outline(coverages[name] > 0.5) for name in names]
+    line_colors = [
+        np.tile(np.float32((*colors[name], 1)), (len(ends), 1)) for name, ends in zip(names, lines, strict=True)
+    ]
+    return ObjectMasks(colors, np.ascontiguousarray(fill[::-1]), np.concatenate(lines), np.concatenate(line_colors))
+
+
+def outline(mask: np.ndarray) -> np.ndarray:
+    """Lines between the pixels of a mask [H, W] and all others: their ends [2n, 3], the picture 0..1, y up."""
+    padded = np.pad(mask, 1)
+    y, x = np.nonzero(padded[:, 1:] != padded[:, :-1])
+    upright = np.stack([x, y - 1, x, y], axis=-1)
+    y, x = np.nonzero(padded[1:] != padded[:-1])
+    level = np.stack([x - 1, y, x, y], axis=-1)
+    ends = np.concatenate([upright, level]).reshape(-1, 2)
+    result = np.zeros((len(ends), 3), np.float32)
+    result[:, :2] = ends / np.array(mask.shape[::-1])
+    result[:, 1] = 1 - result[:, 1]
+    return result

@@ -1,0 +1,52 @@
+"""A captured camera that is clicked in the 3D View becomes the active view.
+
+The message bus tells of the user's clicks alone: undo brings the active view back with the rest of the scene.
+"""
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ..host import handlers, rendering, windows
+
+OWNER = object()
+
+
+def choose_clicked(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> None:
+    """Make the view of the active object the active one, where that is one of the scene's captured cameras."""
+    karf, clicked = scene.karf, layer.objects.active
+    if clicked is None or clicked.parent is None or clicked.parent != karf.rig or clicked.karf_view not in karf.views:
+        return
+    if clicked.karf_view != karf.active_view and not rendering.is_running() and not _is_looking_through():
+        karf.active_view = clicked.karf_view
+
+
+def _is_looking_through() -> bool:
+    """Whether a 3D View shows what a camera sees: there a click means what is in the picture."""
+    views = (area.spaces.active.region_3d for area in windows.areas("VIEW_3D"))
+    return any(view is not None and view.view_perspective == "CAMERA" for view in views)
+
+
+def _clicked() -> None:
+    window = bpy.data.window_managers[0].windows[0]
+    choose_clicked(window.scene, window.view_layer)
+
+
+@persistent
+def _subscribe(*_):
+    bpy.msgbus.clear_by_owner(OWNER)  # a file that is opened has its own bus
+    bpy.msgbus.subscribe_rna(key=(bpy.types.LayerObjects, "active"), owner=OWNER, args=(), notify=_clicked)
+
+
+HANDLERS = (("load_post", _subscribe),)
+
+
+def register():
+    """Called when the extension is enabled."""
+    handlers.add(HANDLERS)
+    _subscribe()
+
+
+def unregister():
+    """Called when the extension is disabled."""
+    bpy.msgbus.clear_by_owner(OWNER)
+    handlers.remove(HANDLERS)

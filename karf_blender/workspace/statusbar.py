@@ -1,0 +1,45 @@
+"""The running job in Blender's status bar, which every workspace shows."""
+
+import bpy
+
+from ..tasks import runner
+
+
+def draw(self, context):
+    """Added at the end of the status bar: the job with its cross, else nothing but how the last one failed."""
+    state = context.window_manager.karf_progress
+    if state.running:
+        row = self.layout.row(align=True)
+        row.label(text=f"KaRF: {state.stage}", icon="SORTTIME")
+        draw_progress(row, state)
+        row.label(text=state.figures)
+    elif state.error:
+        self.layout.label(text=f"KaRF: {state.error}", icon="ERROR")
+
+
+def draw_progress(row, state):
+    """The bar of the running job, and the cross that stops it."""
+    row.progress(factor=state.fraction, text=state.text)
+    row.operator("karf.cancel", text="", icon="CANCEL")
+
+
+def redraw() -> None:
+    """Draw the status bars again. They are no areas that Python knows: setting their text is what redraws them.
+
+    While a tool has its own text there, that is left alone; its next change draws the bar.
+    """
+    for window in bpy.data.window_managers[0].windows:
+        if not window.modal_operators:
+            window.workspace.status_text_set_internal(None)
+
+
+def register():
+    """Called when the extension is enabled."""
+    bpy.types.STATUSBAR_HT_header.append(draw)
+    runner.listen(redraw)
+
+
+def unregister():
+    """Called when the extension is disabled."""
+    runner.forget(redraw)
+    bpy.types.STATUSBAR_HT_header.remove(draw)
