@@ -7,9 +7,10 @@ from .nodes import drivers
 from .pictures import chips
 from .project import disk, saving
 from .rig import reprojection
-from .swatches import drawn_over, recolor
+from .steps import preview
+from .swatches import drawn_over, groups, recolor
 from .tasks import ownership, runner, warm
-from .workspace import clicking, folding, statusbar
+from .workspace import clicking, estimates, folding, opening, statusbar
 
 # later ones use earlier ones: taken down in reverse
 MODULES = (
@@ -17,6 +18,7 @@ MODULES = (
     preferences,
     rendering,
     chips,
+    groups,  # before what shows the swatches that it moves
     recolor,
     saving,
     drivers,
@@ -28,9 +30,12 @@ MODULES = (
     ownership,
     runner,
     warm,
+    preview,
     folding,
     statusbar,
     clicking,
+    opening,
+    estimates,
     operators,
     tools,
     panels,

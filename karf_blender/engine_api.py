@@ -16,14 +16,17 @@ from ..karf_engine.capture.reprojection import (
     summarize,
     undistorted_near,
 )
+from ..karf_engine.capture.transforms_json import camera_to_json
 from ..karf_engine.capture.undistortion import undistorted
 from ..karf_engine.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from ..karf_engine.edit.becomes import match_becomes, match_fewest, nearest_weights
+from ..karf_engine.edit.color_text import color_to_text, colors_of_text
 from ..karf_engine.edit.colorways import reached_color
 from ..karf_engine.edit.colorways import shown as shown_colors
 from ..karf_engine.edit.compositing import Planes, read_planes, stack_palettes
 from ..karf_engine.edit.layers import ObjectLayers, read_layer_names
 from ..karf_engine.edit.object_colors import ColorHistogram, read_object_colors
+from ..karf_engine.edit.painted import ObjectMatch, match_picture
 from ..karf_engine.edit.palette import (
     BRIGHTEST,
     COMPOSITING_MODES,
@@ -46,7 +49,7 @@ from ..karf_engine.names import file_name, is_file_name, same_but_for_case
 from ..karf_engine.project import Project
 from ..karf_engine.project.colorways import PlannedColorway, plan_colorways
 from ..karf_engine.requirements import REQUIRED
-from ..karf_engine.settings import PRESETS
+from ..karf_engine.settings import PRESETS, seconds_of_stages
 from ..karf_engine.wire import LOG_FILE, REQUEST_FILE, WARM, Ask, Event, EventReader, Request
 
 # the file or folder by which each known kind of capture is recognized
@@ -86,6 +89,7 @@ __all__ = [
     "KarfError",
     "MissingDependency",
     "ObjectLayers",
+    "ObjectMatch",
     "Palette",
     "Planes",
     "PlannedColorway",
@@ -96,8 +100,11 @@ __all__ = [
     "SwatchPicture",
     "View",
     "atomic_write",
+    "camera_to_json",
     "checksum",
     "ciede2000",
+    "color_to_text",
+    "colors_of_text",
     "distort",
     "error_from_code",
     "file_name",
@@ -109,6 +116,7 @@ __all__ = [
     "masks_of_view",
     "match_becomes",
     "match_fewest",
+    "match_picture",
     "nearest_weights",
     "observed_points",
     "open_capture",
@@ -127,6 +135,7 @@ __all__ = [
     "reprojection_errors",
     "rgb_to_hex",
     "same_but_for_case",
+    "seconds_of_stages",
     "shown_colors",
     "srgb_to_lab",
     "srgb_to_linear",

@@ -59,7 +59,7 @@ def planes_of(frame: Frame, objects: Sequence[str]) -> Planes:
     """The edit planes of a frame; before palettes are learned there is no object to edit."""
     weights, probabilities = frame.palette_weights, frame.probabilities
     if weights is None:
-        objects, weights, probabilities = (), probabilities[:0, None], probabilities[:0]
+        objects, weights, probabilities = (), np.zeros((0, 0, *probabilities.shape[1:])), probabilities[:0]
     return Planes(tuple(objects), weights.astype(np.float16), probabilities.astype(np.float16), to_bytes(frame.base))
 
 

@@ -106,18 +106,22 @@ def learn_geometry(
     _run("geometry", project, options, run, **({"capture": capture} if is_open else {}))
 
 
-def segment(project: PathLike, masks: PathLike | None = None, **run: Unpack[Run]) -> None:
+def segment(
+    project: PathLike, masks: PathLike | None = None, corrections: PathLike | None = None, **run: Unpack[Run]
+) -> None:
     """Learn F_s: which part of the scene is which object.
 
     Args:
         project: one whose geometry is learned.
         masks: a folder of rough masks, MASKS/<object>/<photo stem>.png; by default the project's own.
+        corrections: a folder of partial marks, CORRECTIONS/<object>/<view>.png; by default the project's own.
         **run: see the module's docstring.
 
     Raises:
-        KarfError: a mask fits no training photo, marks nothing, or the project's geometry is missing or damaged.
+        KarfError: a mask fits no photo, marks nothing, or the project's geometry is missing or damaged.
     """
-    _run("segmentation", project, {} if masks is None else {"masks": str(masks)}, run)
+    given = {"masks": masks, "corrections": corrections}
+    _run("segmentation", project, {name: str(path) for name, path in given.items() if path is not None}, run)
 
 
 def extract_palettes(project: PathLike, **run: Unpack[Run]) -> None:

@@ -49,7 +49,7 @@ EVENT_VALUES: dict[str, dict[str, Any]] = {  # what a reader may rely on; other 
     "dropped": {"id": int},
 }
 OPTION_TYPES: dict[str, tuple[type, ...]] = {
-    **dict.fromkeys(("capture", "preset", "nerf", "masks", "device", "views", "out", "base"), (str,)),
+    **dict.fromkeys(("capture", "preset", "nerf", "masks", "corrections", "device", "views", "out", "base"), (str,)),
     **dict.fromkeys(("photos", "matching", "object", "source", "target", "rule", "sheet", "format"), (str,)),
     **dict.fromkeys(("view", "picture"), (str,)),
     **dict.fromkeys(("depth", "planes", "layers", "alpha", "jpeg", "predict_only", "skip_existing"), (bool,)),

@@ -20,21 +20,22 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 MODULES = {
     "": "engine_api headless preferences progress steps",
     "host": "compat rendering",
-    "engine": "environment examination installing jobs probing processes removing report",
+    "engine": "environment examination installing jobs probing processes removing report speed",
     "engine.managed": "home",
     "preferences": "managing state",
     "project": "captures contents disk folders saving",
     "pictures": "editors images photos sequences chips tints",
     "rig": "camera_paths cameras frames lens looking placement points reprojection",
-    "swatches": "display drawn_over edits object_masks palettes planes recolor wishes",
+    "swatches": "becomes display drawn_over edits object_masks palettes planes recolor wishes",
     "marking": "asking following gestures history objects overlay photo png proposals raster sheets tools",
+    "steps": "preview",
     "tasks": "ownership runner task warm",
     "compositor": "group",
     "nodes": "drivers sockets",
     "surface": "mesh placing trees",
-    "operators": "colorways",
-    "panels": "sidebar status",
-    "workspace": "clicking folding states statusbar",
+    "operators": "colorways render",
+    "panels": "learning sidebar status swatching",
+    "workspace": "clicking estimates folding opening states statusbar",
 }
 _exit_code = None
 _has_blender = False
@@ -67,6 +68,7 @@ def addon(bpy, monkeypatch):
     modules.recolor.forget()
     yield modules
     assert not modules.runner.is_running()
+    modules.preview.stop()
     modules.warm.stop()
 
 

@@ -48,6 +48,20 @@ class Layout:
         self._check(**options)
         self._drawn.append(text)
 
+    def menu(self, name, text="", **options):
+        self._check(**options)
+        assert hasattr(self._bpy.types, name)
+        self._drawn.append(name)
+
+    def template_ID(self, data, name, open=""):
+        self.prop(data, name)
+
+    def separator(self):
+        """A gap."""
+
+    def context_pointer_set(self, name, data):
+        """What menus and operators below find in their context."""
+
     def progress(self, factor, text):
         assert 0 <= factor <= 1
         self._drawn.append(text)

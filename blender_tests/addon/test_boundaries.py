@@ -112,6 +112,7 @@ def test_only_compat_asks_for_blenders_version():
         *sorted(f"engine/managed/{path.stem}" for path in (ROOT / "karf_blender" / "engine" / "managed").glob("*.py")),
         "engine/processes",
         "engine/report",
+        "engine/speed",
         "engine/warm",
         "rig/lens",
         "rig/placement",

@@ -7,7 +7,19 @@ the context's. Colors are sRGB triples in [0, 1] or "#rrggbb". See docs/blender.
 """
 
 from ..engine_api import Edit, KarfError
-from .editing import Color, apply_edit, becomes, prepare_views, save, save_edit, set_swatch, show_view
+from .editing import (
+    Color,
+    apply_edit,
+    becomes,
+    link_swatches,
+    match_picture,
+    merge_swatch,
+    prepare_views,
+    save,
+    save_edit,
+    set_swatch,
+    show_view,
+)
 from .installing import engine_files, engine_status, install_engine, plan_engine, remove_engine, repair_engine
 from .learning import extract_palette, find_poses, import_capture, learn_all, learn_scene, reprojection_error, segment
 from .rendering import (
@@ -17,6 +29,7 @@ from .rendering import (
     export_cameras,
     farm_bundle,
     import_cameras,
+    preview_camera,
     render_captured,
     render_sequence,
     render_view,
@@ -47,8 +60,12 @@ __all__ = [
     "install_engine",
     "learn_all",
     "learn_scene",
+    "link_swatches",
+    "match_picture",
+    "merge_swatch",
     "plan_engine",
     "prepare_views",
+    "preview_camera",
     "remove_engine",
     "render_captured",
     "render_sequence",

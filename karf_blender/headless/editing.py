@@ -6,7 +6,7 @@ from pathlib import Path
 import bpy
 
 from .. import steps
-from ..engine_api import Edit, hex_to_rgb
+from ..engine_api import Edit, ObjectMatch, hex_to_rgb
 from ..swatches import edits
 from ..tasks import runner
 from .context import scene_of
@@ -27,7 +27,12 @@ def set_swatch(object_name: str, index: int, color: Color, scene: bpy.types.Scen
 
 
 def becomes(
-    object_name: str, source: Color, target: Color, rule: str = "becomes", scene: bpy.types.Scene | None = None
+    object_name: str,
+    source: Color,
+    target: Color,
+    rule: str = "becomes",
+    from_edited: bool = False,
+    scene: bpy.types.Scene | None = None,
 ) -> None:
     """Set an object's swatches so that one color of it becomes another.
 
@@ -36,9 +41,38 @@ def becomes(
         source: A color of the object as it is in the photos: sRGB in [0, 1], or "#rrggbb".
         target: What it shall become.
         rule: `becomes` (the whole object gets a new paint) or `fewest` (as few changed swatches as possible).
+        from_edited: The source is a color of the edited picture, and the edit goes on from there.
         scene: Default: the context's.
     """
-    steps.becomes(scene_of(scene), object_name, _color(source), _color(target), rule)
+    steps.becomes(scene_of(scene), object_name, _color(source), _color(target), rule, from_edited)
+
+
+def match_picture(
+    picture: str | Path | bpy.types.Image, view: str = "", scene: bpy.types.Scene | None = None
+) -> tuple[ObjectMatch, ...]:
+    """Set the swatches so that a view looks as a painted or graded picture of it does; locked swatches stay.
+
+    Args:
+        picture: A file or an image: the whole view, of any size, without lens distortion.
+        view: Name of the view, which is prepared where needed; default: the active one.
+        scene: Default: the context's.
+
+    Returns:
+        For each object that the picture wants otherwise: its `name`, its `colors`, and the mean CIEDE2000 of its pixels
+        to the picture `before` and what is `left`.
+    """
+    show_view(view, scene)
+    return steps.match_picture(scene_of(scene), Path(picture) if isinstance(picture, str) else picture)
+
+
+def link_swatches(one: tuple[str, int], other: tuple[str, int], scene: bpy.types.Scene | None = None) -> None:
+    """Give one swatch, an object's name and a number from 1, the other's color, and let both have one from now on."""
+    steps.link_swatches(scene_of(scene), one, other)
+
+
+def merge_swatch(object_name: str, index: int, into: int | None = None, scene: bpy.types.Scene | None = None) -> int:
+    """Let one swatch of an object (default: that of the nearest learned color) move another too; returns its number."""
+    return steps.merge_swatch(scene_of(scene), object_name, index, into)
 
 
 def apply_edit(edit: str | Path | Edit, scene: bpy.types.Scene | None = None) -> None:

@@ -56,6 +56,27 @@ def render_captured(
     return folders.out_folder(scene_of(scene)) / "recolor"
 
 
+def preview_camera(
+    path: str | Path,
+    camera: bpy.types.Object | None = None,
+    long_side: int = 512,
+    scene: bpy.types.Scene | None = None,
+) -> Path:
+    """Write what a camera sees now with the swatches as they stand, by the warm engine, which stays for the next one.
+
+    Args:
+        path: The PNG to write.
+        camera: Default: the scene's.
+        long_side: Pixels; the scene's render size is never enlarged.
+        scene: Default: the context's.
+
+    Returns:
+        The picture's path.
+    """
+    steps.write_preview(scene_of(scene), camera, Path(path), long_side)
+    return Path(path)
+
+
 def render_sequence(
     camera: bpy.types.Object | None = None,
     frames: Iterable[int] | None = None,

@@ -13,10 +13,14 @@ from . import (
     learn,
     marking,
     masks,
+    preview,
     probing,
     render,
     seeing,
     surface,
+    swatches,
+    wiping,
+    workspace,
 )
 
 FILES = (
@@ -27,13 +31,17 @@ FILES = (
     installing,
     probing,
     edit,
+    swatches,
     seeing,
+    wiping,
     render,
+    preview,
     surface,
     colorways,
     cameras,
     cancel,
     failure,
+    workspace,
 )
 CLASSES = tuple(each for file in FILES for each in file.CLASSES)
 

@@ -9,6 +9,7 @@ from .. import steps
 from ..engine_api import CAPTURE_MARKS
 from ..rig.cameras import Options
 from ..tasks import runner
+from ..workspace import estimates
 from .reporting import has_project, is_free, reports_errors
 
 ORIENTATION_ITEMS = [
@@ -112,6 +113,7 @@ class KARF_OT_import_capture(RigOptions, bpy.types.Operator):
         for remark in capture.remarks:
             self.report({"WARNING"}, remark)
         view_from_camera(context.area, colored_points=self.points and capture.points is not None)
+        estimates.measure_once()
         self.report({"INFO"}, f"{len(capture.views)} cameras from {capture.source}")
         return {"FINISHED"}
 

@@ -3,32 +3,16 @@
 from pathlib import Path
 
 import bpy
-from bpy.props import IntProperty, StringProperty
+from bpy.props import StringProperty
 
 from .. import steps
 from ..engine_api import EDIT_SUFFIXES
-from ..swatches import edits
-from .reporting import ProjectSwatchStep, SwatchStep, reports_errors
-
-
-class KARF_OT_reset_swatch(SwatchStep, bpy.types.Operator):
-    """Give a swatch, or all of an object, the learned color back"""
-
-    bl_idname = "karf.reset_swatch"
-    bl_label = "Reset Swatch"
-    bl_options = {"REGISTER", "UNDO"}
-
-    object_name: StringProperty(name="Object")
-    index: IntProperty(name="Swatch", default=0, min=0, description="From 1; 0: all", options={"SKIP_SAVE"})
-
-    @reports_errors
-    def execute(self, context):
-        edits.reset(context.scene, self.object_name, self.index or None)
-        return {"FINISHED"}
+from ..swatches import becomes, edits
+from .reporting import PreparedStep, ProjectSwatchStep, SwatchStep, reports_errors
 
 
 class KARF_OT_becomes(ProjectSwatchStep, bpy.types.Operator):
-    """Set the object's swatches so that its source color becomes the target color"""
+    """Set the object's swatches so that its source color becomes the target color; locked ones stay"""
 
     bl_idname = "karf.becomes"
     bl_label = "Becomes"
@@ -38,8 +22,41 @@ class KARF_OT_becomes(ProjectSwatchStep, bpy.types.Operator):
 
     @reports_errors
     def execute(self, context):
-        item = edits.object_named(context.scene, self.object_name)
-        steps.becomes(context.scene, item.name, item.source, item.target, item.rule)
+        remark = becomes.apply_picked(edits.object_named(context.scene, self.object_name))
+        if remark:
+            self.report({"WARNING"}, remark)
+        return {"FINISHED"}
+
+
+class KARF_OT_paint_over(PreparedStep, bpy.types.Operator):
+    """Paint on a copy of the active view in the Image Editor, to match the swatches to it"""
+
+    bl_idname = "karf.paint_over"
+    bl_label = "Paint Over"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @reports_errors
+    def execute(self, context):
+        steps.paint_over(context.scene)
+        self.report({"INFO"}, "Paint on the objects in the Image Editor, then press Match Picture")
+        return {"FINISHED"}
+
+
+class KARF_OT_match_picture(PreparedStep, bpy.types.Operator):
+    """Set the swatches so that the active view looks as this picture of it does; locked ones stay"""
+
+    bl_idname = "karf.match_picture"
+    bl_label = "Match Picture"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
+
+    @reports_errors
+    def execute(self, context):
+        file = Path(bpy.path.abspath(self.filepath)) if self.filepath else None
+        found = steps.match_picture(context.scene, file)
+        left = ", ".join(f"{each.name} {each.before:.1f} before, {each.left:.1f} now" for each in found)
+        self.report({"INFO"}, f"CIEDE2000 to the picture: {left}")
         return {"FINISHED"}
 
 
@@ -99,4 +116,11 @@ class KARF_FH_edit(bpy.types.FileHandler):
         return context.area is not None and context.area.type == "IMAGE_EDITOR"
 
 
-CLASSES = (KARF_OT_reset_swatch, KARF_OT_becomes, KARF_OT_load_edit, KARF_OT_save_edit, KARF_FH_edit)
+CLASSES = (
+    KARF_OT_becomes,
+    KARF_OT_paint_over,
+    KARF_OT_match_picture,
+    KARF_OT_load_edit,
+    KARF_OT_save_edit,
+    KARF_FH_edit,
+)

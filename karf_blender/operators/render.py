@@ -1,19 +1,56 @@
 """Step 7: pictures."""
 
 import bpy
-from bpy.props import BoolProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from .. import preferences, steps
 from ..project import folders
+from ..properties.scene import FORMAT_DEPTHS
 from ..tasks import runner
 from .reporting import PaletteStep, ProjectSwatchStep, reports_errors
 
+WIDTH = 420  # of the dialogs, in pixels at an interface scale of 1
+SPLIT_ITEMS = [
+    ("ALL", "All", "All captured views"),
+    ("TRAIN", "Learned From", "The views that the scene was learned from"),
+    ("TEST", "Held Out", "The views that were kept out of learning"),
+]
 
-class KARF_OT_render_view(ProjectSwatchStep, bpy.types.Operator):
+
+class RenderDialog:
+    """Mix-in of operators that ask for size, range or format before they render; scripts are not asked."""
+
+    def invoke(self, context, event):
+        return context.window_manager.invoke_props_dialog(self, width=WIDTH)
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        self.draw_what(layout, context)
+        column = layout.column()
+        column.prop(context.scene.karf, "out")
+        column.prop(context.scene.karf, "skip_existing")
+
+
+def draw_size(layout, karf):
+    """How large photos are written."""
+    layout.prop(karf, "captured_size")
+    if karf.captured_size == "PIXELS":
+        layout.prop(karf, "captured_pixels")
+
+
+class KARF_OT_render_view(RenderDialog, ProjectSwatchStep, bpy.types.Operator):
     """Recolor the active view's photo at its own size; without the engine, write the preview that is shown"""
 
     bl_idname = "karf.render_view"
-    bl_label = "This View"
+    bl_label = "Render This View"
+
+    def invoke(self, context, event):
+        return super().invoke(context, event) if preferences.has_engine() else self.execute(context)
+
+    def draw_what(self, layout, context):
+        draw_size(layout, context.scene.karf)
 
     @reports_errors
     def execute(self, context):
@@ -25,36 +62,84 @@ class KARF_OT_render_view(ProjectSwatchStep, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class KARF_OT_render_capture(PaletteStep, bpy.types.Operator):
+class KARF_OT_render_capture(RenderDialog, PaletteStep, bpy.types.Operator):
     """Recolor the capture's photos with the swatches as they stand"""
 
     bl_idname = "karf.render_capture"
-    bl_label = "Captured Views"
+    bl_label = "Render Captured Views"
 
-    views: StringProperty(name="Views", default="all", description="all, train, test or names with commas")
+    split: EnumProperty(name="Views", items=SPLIT_ITEMS)
+    views: StringProperty(name="Names", description="Of single views, with commas; empty: all of those above")
+
+    def draw_what(self, layout, context):
+        layout.prop(self, "split")
+        layout.prop(self, "views")
+        draw_size(layout, context.scene.karf)
 
     @reports_errors
     def execute(self, context):
-        runner.launch(steps.render_captured(context.scene, self.views))
+        runner.launch(steps.render_captured(context.scene, self.views or self.split.lower()))
         self.report({"INFO"}, f"Pictures go to {folders.out_folder(context.scene) / 'recolor'}")
         return {"FINISHED"}
 
 
-class KARF_OT_render_camera(PaletteStep, bpy.types.Operator):
+class CameraDialog(RenderDialog):
+    """Mix-in of operators that render what the scene's camera sees, by default over the scene's own frames."""
+
+    frame_start: IntProperty(name="Frame Start", options={"SKIP_SAVE"})
+    frame_end: IntProperty(name="End", options={"SKIP_SAVE"})
+    frame_step: IntProperty(name="Step", default=1, min=1, options={"SKIP_SAVE"})
+
+    def invoke(self, context, event):
+        frames = steps.frame_range(context.scene)
+        self.frame_start, self.frame_end, self.frame_step = frames.start, frames.stop - 1, frames.step
+        return super().invoke(context, event)
+
+    def draw_what(self, layout, context):
+        scene = context.scene
+        layout.prop(scene, "camera")
+        column = layout.column(align=True)
+        column.prop(scene.render, "resolution_x", text="Resolution X")
+        column.prop(scene.render, "resolution_y", text="Y")
+        column.prop(scene.render, "resolution_percentage", text="%")
+        column = layout.column(align=True)
+        for name in ("frame_start", "frame_end", "frame_step"):
+            column.prop(self, name)
+        draw_format(layout.column(), scene.karf)
+
+    def frames(self, scene):
+        """The frames that were chosen; those of the scene where nothing was."""
+        own = steps.frame_range(scene)
+        chosen = self.properties.is_property_set
+        start = self.frame_start if chosen("frame_start") else own.start
+        stop = self.frame_end + 1 if chosen("frame_end") else own.stop
+        return range(start, stop, self.frame_step if chosen("frame_step") else own.step)
+
+
+def draw_format(layout, karf):
+    """Of a camera's frames, as in Blender's output panel."""
+    layout.prop(karf, "file_format")
+    layout.row().prop(karf, "color_mode", expand=True)
+    row = layout.row(align=True, heading="Color Depth")
+    for depth in FORMAT_DEPTHS[karf.file_format]:
+        row.prop_enum(karf, "color_depth", depth)
+
+
+class KARF_OT_render_camera(CameraDialog, PaletteStep, bpy.types.Operator):
     """Recolor what the scene's camera sees, for every frame of the scene; swatches may be keyframed"""
 
     bl_idname = "karf.render_camera"
-    bl_label = "Camera's Frames"
+    bl_label = "Render Camera's Frames"
 
     @reports_errors
     def execute(self, context):
         scene = context.scene
-        runner.launch(steps.render_camera(scene, scene.camera, steps.frame_range(scene)))
+        runner.launch(steps.render_camera(scene, scene.camera, self.frames(scene)))
         self.report({"INFO"}, f"Pictures go to {steps.camera_folder(scene) / 'recolor'}")
         return {"FINISHED"}
 
 
-class KARF_OT_farm_bundle(ProjectSwatchStep, bpy.types.Operator):
+class KARF_OT_farm_bundle(CameraDialog, ProjectSwatchStep, bpy.types.Operator):
     """Write the scene's frames as a job for a render farm: a folder with all it needs, by Open Job Description"""
 
     bl_idname = "karf.farm_bundle"
@@ -63,11 +148,16 @@ class KARF_OT_farm_bundle(ProjectSwatchStep, bpy.types.Operator):
     directory: StringProperty(name="Folder", subtype="DIR_PATH", description="New or empty; default: in the output")
     per_task: IntProperty(name="Frames a Task", default=10, min=1, description="How many frames a task renders")
 
+    def draw_what(self, layout, context):
+        super().draw_what(layout, context)
+        layout.prop(self, "per_task")
+        layout.prop(self, "directory")
+
     @reports_errors
     def execute(self, context):
         scene = context.scene
         out = folders.absolute(self.directory) if self.directory else None
-        bundle = steps.camera_bundle(scene, scene.camera, steps.frame_range(scene), out, self.per_task)
+        bundle = steps.camera_bundle(scene, scene.camera, self.frames(scene), out, self.per_task)
         self.report({"INFO"}, f"The job is in {bundle}")
         return {"FINISHED"}
 

@@ -69,6 +69,19 @@ class ProjectSwatchStep:
         return has_project(cls, context) and has_palette(cls, context)
 
 
+class PreparedStep(ProjectSwatchStep):
+    """Mix-in of operators that need the active view's edit planes."""
+
+    @classmethod
+    def poll(cls, context):
+        if not super().poll(context):
+            return False
+        if not disk.contents_of(context.scene).is_prepared:
+            cls.poll_message_set("Prepare the view first")
+            return False
+        return True
+
+
 class PaletteStep(EngineStep):
     """Mix-in of operators that run the engine on palettes."""
 

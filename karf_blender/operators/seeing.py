@@ -1,6 +1,4 @@
-"""Looking at the picture: masks over it, before and after, a line to wipe with, one swatch alone."""
-
-import time
+"""Looking at the picture: masks over it, before and after, one swatch alone."""
 
 import bpy
 from bpy.props import IntProperty, StringProperty
@@ -10,8 +8,6 @@ from ..project import disk
 from ..swatches import drawn_over, edits, object_masks
 from ..tasks import runner
 from .reporting import EngineStep, SwatchStep, has_project, has_stage, reports_errors
-
-HOLD_SECONDS = 0.25  # a key held longer shows the original only until it is let go
 
 
 class KARF_OT_show_masks(bpy.types.Operator):
@@ -96,14 +92,16 @@ class KARF_OT_before_after(LookingStep, bpy.types.Operator):
         self.execute(context)
         if event.type in {"LEFTMOUSE", "RET"} or event.value != "PRESS":
             return {"FINISHED"}
-        self._key, self._pressed_at = event.type, time.monotonic()
+        self._key, self._is_held = event.type, False
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
+        if event.type == self._key and event.value == "PRESS":  # keys repeat while they are held
+            self._is_held = True
         if event.type != self._key or event.value != "RELEASE":
             return {"RUNNING_MODAL"}
-        if time.monotonic() - self._pressed_at > HOLD_SECONDS:
+        if self._is_held:
             self.execute(context)
         return {"FINISHED"}
 
@@ -119,43 +117,10 @@ class KARF_OT_seeing_pie(LookingStep, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class KARF_OT_drag_wipe(LookingStep, bpy.types.Operator):
-    """Move the line between the original and the picture with the mouse; a click leaves it there, Esc takes it away"""
-
-    bl_idname = "karf.drag_wipe"
-    bl_label = "Drag Wipe"
-
-    def invoke(self, context, event):
-        context.window_manager.karf_seeing.is_wiped = True
-        context.window_manager.modal_handler_add(self)
-        context.workspace.status_text_set("Move the line with the mouse.  Click: leave it there.  Esc: no line")
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context, event):
-        seeing = context.window_manager.karf_seeing
-        if event.type == "MOUSEMOVE":
-            seeing.wipe = _share_of_picture(context, event)
-            return {"RUNNING_MODAL"}
-        is_left = event.type in {"ESC", "RIGHTMOUSE"}
-        if not is_left and event.type not in {"LEFTMOUSE", "RET"}:
-            return {"PASS_THROUGH"}
-        context.workspace.status_text_set(None)
-        seeing.is_wiped = not is_left
-        return {"FINISHED"}
-
-
-def _share_of_picture(context: bpy.types.Context, event: bpy.types.Event) -> float:
-    """How far to the right in the picture the mouse is: 0 is its left border, 1 its right one."""
-    region = next(region for region in context.area.regions if region.type == "WINDOW")
-    left, _, right, _ = drawn_over.picture_in(region)
-    return min(1.0, max(0.0, (event.mouse_x - region.x - left) / max(1, right - left)))
-
-
 CLASSES = (
     KARF_OT_show_masks,
     KARF_OT_see_view,
     KARF_OT_solo_swatch,
     KARF_OT_before_after,
     KARF_OT_seeing_pie,
-    KARF_OT_drag_wipe,
 )

@@ -1,9 +1,9 @@
 """Step 6: swatches."""
 
 from ..host.labels import draw_text
-from ..pictures import chips
 from ..project import disk
-from .seeing import draw_left, draw_seeing, draw_solo
+from .seeing import draw_seeing
+from .swatching import draw_object
 from .views import draw_view
 
 
@@ -24,6 +24,7 @@ def draw_edit(layout, context):
     draw_seeing(layout, context)
     for item in karf.objects:
         draw_object(layout.box(), item)
+    draw_match(layout.box(), karf)
     layout.prop(karf, "compositing", text="Result")
     row = layout.row(align=True)
     row.operator("karf.load_edit", icon="FILE_FOLDER")
@@ -31,41 +32,17 @@ def draw_edit(layout, context):
     layout.operator("karf.prepare_views", icon="RENDERLAYERS")
 
 
-def draw_object(layout, item):
-    """An object's swatches side by side, and what one of its colors shall become."""
-    row = layout.row()
-    row.label(text=item.name, icon="OBJECT_DATA")
-    row.operator("karf.reset_swatch", text="Reset", icon="LOOP_BACK").object_name = item.name
-    row = layout.row(align=True)
-    for index, swatch in enumerate(item.swatches):
-        if index:  # black is frozen
-            draw_swatch(row.column(align=True), item, index, swatch)
+def draw_match(layout, karf):
+    """The picture that the swatches are matched to, and what was left of the difference."""
+    match = karf.match
     row = layout.row()
     row.alignment = "LEFT"
-    row.prop(item, "show_becomes", icon="DOWNARROW_HLT" if item.show_becomes else "RIGHTARROW", emboss=False)
-    if item.show_becomes:
-        draw_becomes(layout, item)
-
-
-def draw_swatch(column, item, index, swatch):
-    """One swatch: above as learned (a click gives it back), below as it shall be, and its lock."""
-    learned = column.operator("karf.reset_swatch", text="", icon_value=chips.icon(swatch.learned))
-    learned.object_name, learned.index = item.name, index
-    edited = column.row(align=True)
-    edited.scale_y = 2.0
-    edited.prop(swatch, "color", text="")
-    draw_solo(column, item.name, index)
-    if item.show_becomes:
-        column.prop(swatch, "locked", text="", icon="LOCKED" if swatch.locked else "UNLOCKED")
-
-
-def draw_becomes(layout, item):
-    """The pair of colors, the rule and the button."""
+    row.prop(match, "show", icon="DOWNARROW_HLT" if match.show else "RIGHTARROW", emboss=False)
+    if not match.show:
+        return
+    layout.template_ID(match, "picture", open="image.open")
     row = layout.row(align=True)
-    row.prop(item, "source", text="")
-    row.label(text="", icon="FORWARD")
-    row.prop(item, "target", text="")
-    draw_left(layout, item)
-    row = layout.row(align=True)
-    row.prop(item, "rule", text="")
-    row.operator("karf.becomes", text="Apply").object_name = item.name
+    row.operator("karf.paint_over", icon="BRUSH_DATA")
+    row.operator("karf.match_picture", icon="EYEDROPPER")
+    for left in match.left:
+        layout.label(text=f"{left.name}: CIEDE2000 {left.before:.1f} before, {left.left:.1f} left")

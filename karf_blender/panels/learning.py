@@ -6,6 +6,7 @@ from ..host.labels import draw_text
 from ..preferences import state
 from ..project import disk
 from ..rig import reprojection
+from ..workspace import estimates
 from .seeing import draw_masks
 from .views import draw_view
 
@@ -58,9 +59,20 @@ def draw_learn(layout, context):
     layout.prop(context.scene.karf, "nerf", text="NeRF")  # the whole name does not fit
     if context.scene.karf.project:
         draw_engine(layout)
-    column = layout.column(align=True)
-    column.operator("karf.learn_scene", icon="OUTLINER_OB_VOLUME")
-    column.operator("karf.learn_all", icon="PLAY")
+    for name, icon in (("learn_scene", "OUTLINER_OB_VOLUME"), ("learn_all", "PLAY")):
+        column = layout.column(align=True)
+        column.operator(f"karf.{name}", icon=icon)
+        seconds = estimates.seconds(context.scene.karf.preset, name, is_open=context.scene.karf.n_points > 0)
+        if seconds is not None:
+            column.label(text=duration(seconds), icon="TIME")
+
+
+def duration(seconds):
+    """About so long, as one says it."""
+    minutes = max(1, round(seconds / 60))
+    if minutes >= 90:
+        return f"About {round(minutes / 60)} hours on this computer"
+    return "About a minute on this computer" if minutes == 1 else f"About {minutes} minutes on this computer"
 
 
 def draw_engine(layout):

@@ -1,41 +1,27 @@
-"""Step 7, Render: what pictures share, and below it a group that can be closed for each kind of result."""
+"""Step 7, Render: the pictures, and below them a group that can be opened for each other kind of result."""
 
-from ..properties.scene import FORMAT_DEPTHS
+from .preview import draw_live
 from .surface import draw_surface
 
 
 def draw_render(layout, context):
-    """Step 7."""
+    """Step 7: the pictures, whose buttons ask for all else in a dialog."""
     karf = context.scene.karf
     layout.prop(karf, "out")
-    layout.prop(karf, "skip_existing")
-    for name, title, draw_group, is_closed in GROUPS:
-        header, body = layout.panel(f"karf_render_{name}", default_closed=is_closed)
+    column = layout.column(align=True)
+    column.operator("karf.render_view", text="This View", icon="IMAGE_DATA")
+    column.operator("karf.render_capture", text="Captured Views", icon="RENDERLAYERS")
+    column.operator("karf.render_camera", text="Camera's Frames", icon="RENDER_ANIMATION")
+    column.operator("karf.farm_bundle", icon="NETWORK_DRIVE")
+    for name, title, draw_group in GROUPS:
+        header, body = layout.panel(f"karf_render_{name}", default_closed=True)
         header.label(text=title)
         if body is not None:
             draw_group(body, karf)
 
 
-def draw_photos(layout, karf):
-    """Captured views, and how large they are written."""
-    column = layout.column(align=True)
-    column.operator("karf.render_view", icon="IMAGE_DATA")
-    column.operator("karf.render_capture", icon="RENDERLAYERS")
-    row = layout.row(align=True)
-    row.prop(karf, "captured_size", text="")
-    if karf.captured_size == "PIXELS":
-        row.prop(karf, "captured_pixels", text="")
-
-
-def draw_camera(layout, karf):
-    """A camera's frames, how they are written, as in Blender's output panel, and its path as a file."""
-    layout.operator("karf.render_camera", icon="RENDER_ANIMATION")
-    layout.prop(karf, "file_format", text="")
-    layout.row(align=True).prop(karf, "color_mode", expand=True)
-    row = layout.row(align=True)
-    for depth in FORMAT_DEPTHS[karf.file_format]:
-        row.prop_enum(karf, "color_depth", depth)
-    layout.operator("karf.farm_bundle", icon="NETWORK_DRIVE")
+def draw_cameras(layout, karf):
+    """A camera's path as a file."""
     row = layout.row(align=True)
     row.operator("karf.import_cameras", icon="IMPORT")
     row.operator("karf.export_cameras", icon="EXPORT")
@@ -60,12 +46,12 @@ def draw_compositor(layout, karf):
     column.operator("karf.build_compositor", text="Build, Follow Swatches", icon="DRIVER").driven = True
 
 
-# name, title, what it draws, whether it is closed at first
+# name, title, what it draws
 GROUPS = (
-    ("photos", "Photos", draw_photos, False),
-    ("camera", "Camera", draw_camera, True),
-    ("sequence", "Rendered Frames", draw_sequence, True),
-    ("colorways", "Colorways", draw_colorways, True),
-    ("surface", "Scene in 3D", draw_surface, True),
-    ("compositor", "Compositor", draw_compositor, True),
+    ("live", "Live Camera", draw_live),
+    ("sequence", "Rendered Frames", draw_sequence),
+    ("colorways", "Colorways", draw_colorways),
+    ("surface", "Scene in 3D", draw_surface),
+    ("compositor", "Compositor", draw_compositor),
+    ("cameras", "Camera Paths", draw_cameras),
 )

@@ -14,9 +14,11 @@ def draw_seeing(layout, context):
     """What is shown of the active view, and the wipe."""
     seeing = context.window_manager.karf_seeing
     column = layout.column(align=True)
-    row = column.row(align=True)
-    for item in seeing.bl_rna.properties["mode"].enum_items:
-        row.prop_enum(seeing, "mode", item.identifier, text="")
+    names = seeing.bl_rna.properties["mode"].enum_items.keys()
+    for some in (names[:3], names[3:]):  # five do not fit side by side
+        row = column.row(align=True)
+        for name in some:
+            row.prop_enum(seeing, "mode", name)
     row = column.row(align=True)
     row.prop(seeing, "is_wiped", text="", icon="ARROW_LEFTRIGHT")
     row.prop(seeing, "wipe", slider=True)

@@ -8,7 +8,7 @@ out, and its tooltip says for which.
 import bpy
 
 from ..host.labels import draw_text
-from ..workspace import states
+from ..workspace import opening, states
 from . import editing, learning, marking, rendering
 from .status import draw_status
 
@@ -53,10 +53,21 @@ def make_panel(space: str, editor: str) -> type:
     def draw(self, context):
         draw_steps(self.layout, context)
 
+    def draw_header_preset(self, context):
+        if context.workspace.name != opening.NAME:
+            self.layout.operator("karf.open_workspace", text="", icon="WORKSPACE", emboss=False)
+
     return type(
         f"KARF_PT_{editor}_steps",
         (bpy.types.Panel,),
-        {"bl_space_type": space, "bl_region_type": "UI", "bl_category": "KaRF", "bl_label": "KaRF", "draw": draw},
+        {
+            "bl_space_type": space,
+            "bl_region_type": "UI",
+            "bl_category": "KaRF",
+            "bl_label": "KaRF",
+            "draw": draw,
+            "draw_header_preset": draw_header_preset,
+        },
     )
 
 

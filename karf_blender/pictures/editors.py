@@ -27,6 +27,13 @@ def reveal(image: bpy.types.Image, is_wanted: bool = False) -> None:
             editor.image = image
 
 
+def set_mode(image: bpy.types.Image, mode: str) -> None:
+    """Switch the Image Editors that show this image to `PAINT` or `VIEW`."""
+    for area in windows.areas("IMAGE_EDITOR"):
+        if area.spaces.active.image == image:
+            area.spaces.active.mode = mode
+
+
 def show_preview(path: Path) -> None:
     """Show the engine's latest preview in the one preview image; a file that is gone or half written is ignored."""
     image = bpy.data.images.get(PREVIEW_NAME)

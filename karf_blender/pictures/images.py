@@ -46,6 +46,23 @@ def upright(buffer: np.ndarray) -> np.ndarray:
     return buffer[::-1, :, :3]
 
 
+def enlarged(buffer: np.ndarray, width: int, height: int) -> np.ndarray:
+    """An RGBA buffer [h, w, 4] at another size, by linear interpolation between the centers of its pixels."""
+    if buffer.shape[:2] == (height, width):
+        return buffer
+    low, high, share = _between(buffer.shape[0], height)
+    tall = buffer[low] + share[:, None, None] * (buffer[high] - buffer[low])
+    low, high, share = _between(buffer.shape[1], width)
+    return tall[:, low] + share[:, None] * (tall[:, high] - tall[:, low])
+
+
+def _between(count: int, wanted: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The two of `count` pixels between whose centers each of the wanted ones lies, and how near to the second."""
+    place = ((np.arange(wanted, dtype=np.float32) + np.float32(0.5)) * count / wanted - 0.5).clip(0, count - 1)
+    low = place.astype(np.int64)
+    return low, np.minimum(low + 1, count - 1), (place - low).astype(np.float32)
+
+
 def upload(image: bpy.types.Image, buffer: np.ndarray) -> None:
     """Show an RGBA buffer [H, W, 4] in an image of the same size."""
     image.pixels.foreach_set(buffer.ravel())
@@ -136,6 +153,21 @@ def read_correction(path: Path) -> np.ndarray:
         rgba = pixels(image)
     said = np.where(rgba[..., 0] > 0.5, 1, -1)
     return np.where(rgba[..., 3] > 0.5, said, 0).astype(np.int8)
+
+
+def resized(colors: np.ndarray, width: int, height: int) -> np.ndarray:
+    """Colors [H, W, 3] in [0, 1] at another size, in 8 bits where that is not their own."""
+    if colors.shape[1::-1] == (width, height):
+        return colors
+    buffer = blank(colors.shape[1], colors.shape[0])
+    upright(buffer)[:] = colors
+    image = new_image("resized", colors.shape[1], colors.shape[0])
+    try:
+        upload(image, buffer)
+        fit(image, width, height)
+        return colors_of(image)
+    finally:
+        bpy.data.images.remove(image)
 
 
 def write_png(path: Path, colors: np.ndarray) -> None:

@@ -3,7 +3,8 @@
 import bpy
 from bpy.props import BoolProperty, PointerProperty, StringProperty
 
-from . import marking, scene, seeing, session, surface, swatches, working
+from . import marking, preview, scene, seeing, session, surface, swatches, working
+from .preview import KARF_PG_preview
 from .scene import KARF_PG_scene
 from .seeing import KARF_PG_seeing
 from .session import KARF_PG_colorways, KARF_PG_progress
@@ -13,6 +14,7 @@ CLASSES = (
     *swatches.CLASSES,
     *marking.CLASSES,
     *working.CLASSES,
+    *preview.CLASSES,
     *surface.CLASSES,
     *scene.CLASSES,
     *session.CLASSES,
@@ -29,6 +31,7 @@ def register():
     bpy.types.WindowManager.karf_colorways = PointerProperty(type=KARF_PG_colorways)
     bpy.types.WindowManager.karf_seeing = PointerProperty(type=KARF_PG_seeing)
     bpy.types.WindowManager.karf_folding = PointerProperty(type=KARF_PG_folding)
+    bpy.types.WindowManager.karf_preview = PointerProperty(type=KARF_PG_preview)
     bpy.types.Object.karf_hidden = BoolProperty(name="Hidden by KaRF")
     bpy.types.Object.karf_view = StringProperty(name="KaRF view", description="The captured view of this camera")
 
@@ -37,6 +40,7 @@ def unregister():
     """Called when the extension is disabled."""
     del bpy.types.Object.karf_view
     del bpy.types.Object.karf_hidden
+    del bpy.types.WindowManager.karf_preview
     del bpy.types.WindowManager.karf_folding
     del bpy.types.WindowManager.karf_seeing
     del bpy.types.WindowManager.karf_colorways

@@ -11,7 +11,7 @@ from ..rig import reprojection
 from ..swatches import palettes, recolor
 from .marking import KARF_PG_marking
 from .surface import KARF_PG_surface
-from .swatches import KARF_PG_object, edit_changed
+from .swatches import KARF_PG_match, KARF_PG_object, edit_changed
 from .working import KARF_PG_looking
 
 PRESET_ITEMS = [
@@ -148,6 +148,7 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
     active_view: StringProperty(name="View", description="The captured view that is shown", update=_view_chosen)
     objects: CollectionProperty(type=KARF_PG_object)
     surface: PointerProperty(type=KARF_PG_surface)
+    match: PointerProperty(type=KARF_PG_match)
     result: PointerProperty(name="Result", type=bpy.types.Image, description="The recolored picture")
     marking: PointerProperty(type=KARF_PG_marking)
 

@@ -1,10 +1,19 @@
-"""Swatches of the objects: as learned, as wanted."""
+"""Swatches of the objects: as learned, as wanted; and the picture that they are matched to."""
 
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, EnumProperty
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
 
-from ..engine_api import BRIGHTEST
-from ..swatches import recolor, wishes
+from .. import progress
+from ..engine_api import BRIGHTEST, KarfError
+from ..swatches import becomes, edits, groups, recolor, wishes
 from .colors import srgb
 
 RULE_ITEMS = [
@@ -18,9 +27,35 @@ def edit_changed(self, context):
     recolor.refresh(self.id_data)
 
 
-def wish_changed(self, context):
-    """The update of a color that another shall become, or of that one."""
+def _color_changed(self, context):
+    if groups.follow(self):
+        recolor.refresh(self.id_data)
+
+
+def _source_picked(self, context):
+    becomes.picked(self)
     wishes.update(self.id_data)
+
+
+def _target_changed(self, context):
+    if self.live:
+        try:
+            becomes.apply_picked(self)
+        except (KarfError, OSError) as error:
+            progress.warn(str(error))
+    wishes.update(self.id_data)
+
+
+def _picture_chosen(self, context):
+    self.view = ""  # of another picture nobody knows which view it shows
+
+
+def _palette(self):
+    return edits.copied(self.id_data, self.name, None)
+
+
+def _set_palette(self, text):
+    edits.paste(self.id_data, self.name, None, text)
 
 
 class KARF_PG_swatch(bpy.types.PropertyGroup):
@@ -31,9 +66,13 @@ class KARF_PG_swatch(bpy.types.PropertyGroup):
         "Color",
         highest=BRIGHTEST,
         description="The color it shall have; it may be brighter than white, which bright paint can need",
-        update=edit_changed,
+        update=_color_changed,
     )
-    locked: BoolProperty(name="Lock", description="'Becomes' leaves this swatch alone")
+    locked: BoolProperty(name="Lock", description="No tool changes this swatch")
+    link: IntProperty(description="Swatches with the same number have one color; 0: none")
+    merged: IntProperty(description="The number of the object's swatch that moves this one; 0: none")
+    before: srgb("Before", highest=BRIGHTEST, description="The color when the source was picked")
+    after: srgb("After", highest=BRIGHTEST, description="The color that Becomes gave it last")
 
 
 class KARF_PG_object(bpy.types.PropertyGroup):
@@ -43,14 +82,44 @@ class KARF_PG_object(bpy.types.PropertyGroup):
     source: srgb(
         "Source",
         0.5,
-        description="A color of the object as it is in the photo, before any edit; pick it from the picture",
-        update=wish_changed,
+        description="A color of the object in the picture as it is, edited or not; pick it there (E)",
+        update=_source_picked,
     )
-    target: srgb("Target", 0.5, description="The color that the source shall become", update=wish_changed)
-    rule: EnumProperty(name="Rule", items=RULE_ITEMS)
+    target: srgb("Target", 0.5, description="The color that the source shall become", update=_target_changed)
+    rule: EnumProperty(name="Rule", items=RULE_ITEMS, update=_target_changed)
+    live: BoolProperty(name="Live", description="Follow the target color while it is dragged", update=_target_changed)
     show_becomes: BoolProperty(
         name="One color becomes another", description="Pick a color of the object and what it shall become"
     )
+    palette: StringProperty(
+        name="Palette",
+        description="The colors of its swatches, as Copy Palette writes them",
+        get=_palette,
+        set=_set_palette,
+    )
 
 
-CLASSES = (KARF_PG_swatch, KARF_PG_object)
+class KARF_PG_left(bpy.types.PropertyGroup):
+    """What a match has left of the difference of one object."""
+
+    before: FloatProperty(description="Mean CIEDE2000 to the picture before the match")
+    left: FloatProperty(description="Mean CIEDE2000 to the picture after the match")
+
+
+class KARF_PG_match(bpy.types.PropertyGroup):
+    """The picture that swatches are matched to."""
+
+    show: BoolProperty(
+        name="Match a picture", description="Fit the swatches to a painted or graded picture of the view"
+    )
+    picture: PointerProperty(
+        name="Picture",
+        type=bpy.types.Image,
+        description="The active view painted over or graded, of any size",
+        update=_picture_chosen,
+    )
+    view: StringProperty(name="View", description="The view that was painted over")
+    left: CollectionProperty(type=KARF_PG_left)
+
+
+CLASSES = (KARF_PG_swatch, KARF_PG_object, KARF_PG_left, KARF_PG_match)

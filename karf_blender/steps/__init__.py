@@ -8,7 +8,7 @@ from .cameras import export_cameras, frame_range, import_cameras
 from .capture import find_poses, import_capture
 from .colorways import colorways_folder, predict_colorways, render_colorways
 from .compositing import build_compositor, compositor_node, place_layers
-from .edit import becomes, load_edit, save_edit
+from .edit import becomes, load_edit, match_picture, paint_over, save_edit
 from .farm import camera_bundle
 from .learn import extract_palette, learn_all, learn_scene, prepare_views, segment, show_view
 from .masks import (
@@ -22,10 +22,12 @@ from .masks import (
     remove_object,
     show_photo,
 )
+from .preview import write_preview
 from .render import camera_folder, render_camera, render_captured, render_view, save_shown
 from .seeing import see_view, show_masks
 from .sequences import add_strip, show_frames
 from .surface import export_scene, place_points, show_colors, show_scene
+from .swatches import link_swatches, merge_swatch, split_swatch, unlink_swatch
 from .view import leave_view, look_through, reprojection_error
 
 __all__ = [
@@ -49,12 +51,16 @@ __all__ = [
     "learn_all",
     "learn_scene",
     "leave_view",
+    "link_swatches",
     "load_edit",
     "look_through",
     "mark_box",
     "mark_click",
     "mark_lasso",
     "mark_stroke",
+    "match_picture",
+    "merge_swatch",
+    "paint_over",
     "place_layers",
     "place_points",
     "predict_colorways",
@@ -75,4 +81,7 @@ __all__ = [
     "show_photo",
     "show_scene",
     "show_view",
+    "split_swatch",
+    "unlink_swatch",
+    "write_preview",
 ]

@@ -71,7 +71,7 @@ def _draw_in_image() -> None:
     if seeing.mode == "DIFFERENCE":
         _draw_scale(context.preferences.system.ui_scale)
     if seeing.is_wiped:
-        _draw_wipe(place, seeing.wipe, context.preferences.system.ui_scale)
+        draw_wipe(context)
 
 
 def _draw_in_view() -> None:
@@ -117,22 +117,23 @@ def _on_card(masks: object_masks.ObjectMasks, fill: gpu.types.GPUShader, lines: 
     return texture, square, batch_for_shader(lines, "LINES", {"pos": masks.outlines, "color": masks.colors})
 
 
-def _draw_wipe(place: Rectangle, share: float, scale: float) -> None:
-    left, bottom, right, top = place
-    x = left + share * (right - left)
+def draw_wipe(context: bpy.types.Context, is_bold: bool = False) -> None:
+    """Draw the wipe's line in an Image Editor, and what is on its sides. is_bold: the mouse is over it."""
+    seeing, scale = context.window_manager.karf_seeing, context.preferences.system.ui_scale
+    left, bottom, right, top = picture_in(context.region)
+    x = left + seeing.wipe * (right - left)
     shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
     shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
     gpu.state.blend_set("ALPHA")
-    for width, color in ((4, (0, 0, 0, 0.5)), (1.5, (1, 1, 1, 1))):
-        shader.uniform_float("lineWidth", width * scale)
+    for width, color in ((4, (0, 0, 0, 0.5)), (LINE_WIDTH, (1, 1, 1, 1))):
+        shader.uniform_float("lineWidth", (2 if is_bold else 1) * width * scale)
         shader.uniform_float("color", color)
         batch_for_shader(shader, "LINES", {"pos": ((x, bottom, 0), (x, top, 0))}).draw(shader)
     gpu.state.blend_set("NONE")
     blf.size(0, TEXT_SIZE * scale)
-    text = "Original"
-    _write(text, x - blf.dimensions(0, text)[0] - MARGIN * scale / 2, top - MARGIN * scale)
-    mode = bpy.context.window_manager.karf_seeing
-    _write(mode.bl_rna.properties["mode"].enum_items[mode.mode].name, x + MARGIN * scale / 2, top - MARGIN * scale)
+    before, after = (seeing.bl_rna.properties["mode"].enum_items[name].name for name in ("ORIGINAL", seeing.mode))
+    _write(before, x - blf.dimensions(0, before)[0] - MARGIN * scale / 2, top - MARGIN * scale)
+    _write(after, x + MARGIN * scale / 2, top - MARGIN * scale)
 
 
 def _draw_scale(scale: float) -> None:

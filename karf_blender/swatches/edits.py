@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import bpy
 import numpy as np
 
-from ..engine_api import BadRequest, Edit, Palette
-from . import colors, recolor
+from ..engine_api import BadRequest, Edit, Palette, color_to_text, colors_of_text
+from . import colors, groups, recolor
 
 
 def learned(scene: bpy.types.Scene) -> tuple[Palette, ...]:
@@ -24,25 +24,77 @@ def current_edit(scene: bpy.types.Scene) -> Edit:
 
 
 def apply_edit(scene: bpy.types.Scene, edit: Edit) -> None:
-    """Set the swatches to an edit of these objects; objects that it leaves out stay as they are."""
+    """Set the swatches to an edit of these objects. Objects that it leaves out and locked swatches stay, merged ones
+    follow."""
     with recolor.batched(scene):
         scene.karf.compositing = edit.compositing
         for name, wanted in edit.colors.items():
             for swatch, color in zip(object_named(scene, name).swatches, wanted, strict=True):
-                swatch.color = color
+                if not (swatch.locked or swatch.merged):
+                    swatch.color = color
 
 
 def set_color(scene: bpy.types.Scene, name: str, index: int, color: Sequence[float] | np.ndarray) -> None:
-    """Set one swatch of an object; index counts from 1, since swatch 0 is black."""
-    swatch_at(scene, name, index).color = color
+    """Set one swatch of an object; index counts from 1, since swatch 0 is black. Raises BadRequest for a locked one."""
+    unlocked(scene, name, index).color = color
 
 
 def reset(scene: bpy.types.Scene, name: str, index: int | None = None) -> None:
-    """Give one swatch of an object (None: all) its learned color back."""
-    chosen = object_named(scene, name).swatches if index is None else [swatch_at(scene, name, index)]
+    """Give one swatch of an object (None: all) the learned color back, and those that move with it theirs; locked ones
+    stay."""
+    chosen = object_named(scene, name).swatches if index is None else [unlocked(scene, name, index)]
+    with recolor.batched(scene), groups.apart():
+        for swatch in [each for one in chosen for each in groups.together(one)]:
+            if not swatch.locked:
+                swatch.color = swatch.learned
+
+
+def swap(scene: bpy.types.Scene, first: tuple[str, int], second: tuple[str, int]) -> None:
+    """Let two swatches, each an object's name and a number, exchange their colors."""
+    one, other = unlocked(scene, *first), unlocked(scene, *second)
     with recolor.batched(scene):
-        for swatch in chosen:
-            swatch.color = swatch.learned
+        one.color, other.color = other.color[:], one.color[:]
+
+
+def paste(scene: bpy.types.Scene, name: str, index: int | None, text: str) -> None:
+    """Set one swatch of an object (None: its swatches in their order) to the colors that a text names.
+
+    Raises:
+        BadRequest: The text names none, or the swatch is locked.
+    """
+    found = colors_of_text(text)
+    if not len(found):
+        raise BadRequest(
+            "The clipboard has no color.", "Copy one as #rrggbb; several, with anything between, for all swatches."
+        )
+    if index is not None:
+        set_color(scene, name, index, found[0])
+        return
+    with recolor.batched(scene):
+        shown = [swatch for swatch in object_named(scene, name).swatches[1:] if not swatch.merged]
+        for swatch, color in zip(shown, found, strict=False):
+            if not swatch.locked:
+                swatch.color = color
+
+
+def copied(scene: bpy.types.Scene, name: str, index: int | None) -> str:
+    """The color of one swatch of an object (None: of all that are shown) as a text."""
+    swatches = object_named(scene, name).swatches[1:] if index is None else [swatch_at(scene, name, index)]
+    return " ".join(color_to_text(swatch.color) for swatch in swatches if not swatch.merged)
+
+
+def unlocked(scene: bpy.types.Scene, name: str, index: int) -> bpy.types.PropertyGroup:
+    """Swatch `index` of an object, which may be changed.
+
+    Raises:
+        BadRequest: There is none, or it is the frozen black, locked, or moved by another.
+    """
+    swatch = swatch_at(scene, name, index)
+    if swatch.merged:
+        raise BadRequest(f"Swatch {index} of {name!r} is merged into {swatch.merged}.", "Split that one in its menu.")
+    if swatch.locked:
+        raise BadRequest(f"Swatch {index} of {name!r} is locked.", "Unlock it in its menu.")
+    return swatch
 
 
 def object_named(scene: bpy.types.Scene, name: str) -> bpy.types.PropertyGroup:

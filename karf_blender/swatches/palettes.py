@@ -14,7 +14,7 @@ import numpy as np
 from .. import progress
 from ..engine_api import DataError, KarfError, Palette, hex_to_rgb, read_palettes, rgb_to_hex, srgb_to_lab, write_edit
 from ..project import folders
-from . import colors, edits, keyframes, recolor
+from . import colors, edits, groups, keyframes, recolor
 
 NEAR = 20.0  # a learned color this far from another in CIE L*a*b* may still be the same swatch's
 
@@ -26,20 +26,23 @@ class _ObjectEdits:
     learned: np.ndarray
     colors: np.ndarray
     locked: tuple[bool, ...]
+    links: tuple[int, ...]
+    merged: tuple[int, ...]
     own: dict
 
     @classmethod
     def of(cls, item: bpy.types.PropertyGroup) -> "_ObjectEdits":
-        own = {name: getattr(item, name) for name in ("rule", "show_becomes")}
-        own |= {name: tuple(getattr(item, name)) for name in ("source", "target")}
-        locked = tuple(swatch.locked for swatch in item.swatches)
-        return cls(colors.learned(item), colors.edited(item), locked, own)
+        own = {name: tuple(getattr(item, name)) for name in ("source", "target")}
+        own |= {name: getattr(item, name) for name in ("rule", "show_becomes")}
+        flags = zip(*((swatch.locked, swatch.link, swatch.merged) for swatch in item.swatches), strict=True)
+        return cls(colors.learned(item), colors.edited(item), *flags, own)
 
     @property
     def touched(self) -> set[int]:
-        """The swatches that are edited or locked."""
+        """The swatches that are edited, locked or move with others."""
         edited = (self.colors != self.learned).any(axis=-1)
-        return {index for index in range(1, len(edited)) if edited[index] or self.locked[index]}
+        kept = zip(edited, self.locked, self.links, self.merged, strict=True)
+        return {index for index, each in enumerate(kept) if index and any(each)}
 
 
 def load_palettes(scene: bpy.types.Scene, palettes: Sequence[Palette]) -> None:
@@ -58,7 +61,7 @@ def load_palettes(scene: bpy.types.Scene, palettes: Sequence[Palette]) -> None:
         _keep(scene, lost)
     keyframes.copy_shared_action(scene)
     curves = keyframes.of(scene)
-    with recolor.batched(scene):
+    with recolor.batched(scene), groups.apart():
         scene.karf.objects.clear()
         for palette in palettes:
             _add(scene, palette, before.get(palette.name), matches.get(palette.name, {}))
@@ -90,7 +93,8 @@ def _add(scene: bpy.types.Scene, palette: Palette, before: _ObjectEdits | None, 
         setattr(item, name, value)
     for old in before.touched & set(matches):
         swatch = item.swatches[matches[old]]
-        swatch.locked = before.locked[old]
+        swatch.locked, swatch.link = before.locked[old], before.links[old]
+        swatch.merged = matches.get(before.merged[old], 0)
         if (before.colors[old] != before.learned[old]).any():
             swatch.color = before.colors[old]
 

@@ -4,30 +4,16 @@ A wish is the pair of colors of *One color becomes another*. Numbers are taken w
 for them.
 """
 
-from pathlib import Path
-
 import bpy
 import numpy as np
 
-from ..engine_api import (
-    ColorHistogram,
-    KarfError,
-    Palette,
-    ciede2000,
-    reached_color,
-    read_object_colors,
-    shown_colors,
-    srgb_to_lab,
-)
-from ..project import folders
-from . import colors
+from ..engine_api import KarfError, Palette, ciede2000, reached_color, shown_colors, srgb_to_lab
+from . import colors, histograms
 
 
 class _Memory:
-    """The objects' colors by their file, its time and the object; of each wish by scene and object what it depends on,
-    and the difference."""
+    """Of each wish by scene and object what it depends on, and the difference."""
 
-    seen: dict[tuple[Path, int, str], ColorHistogram] = {}
     left: dict[tuple[int, str], tuple[tuple, float]] = {}
 
 
@@ -44,7 +30,8 @@ def update(scene: bpy.types.Scene) -> None:
         if tuple(item.source) == tuple(item.target):
             _Memory.left.pop(place, None)
             continue
-        key = (*_wish(item), scene.karf.project, colors.edited(item).tobytes())
+        palettes = colors.edited(item).tobytes(), colors.picked_with(item).tobytes()
+        key = (*_wish(item), scene.karf.project, *palettes)
         if place not in _Memory.left or _Memory.left[place][0] != key:
             try:
                 _Memory.left[place] = key, _difference(scene, item)
@@ -54,7 +41,6 @@ def update(scene: bpy.types.Scene) -> None:
 
 def forget() -> None:
     """Drop what is in memory."""
-    _Memory.seen.clear()
     _Memory.left.clear()
 
 
@@ -63,16 +49,8 @@ def _wish(item: bpy.types.PropertyGroup) -> tuple:
 
 
 def _difference(scene: bpy.types.Scene, item: bpy.types.PropertyGroup) -> float:
-    seen = _seen(scene, item.name)
-    after = shown_colors(seen, Palette(item.name, colors.learned(item)), colors.edited(item))
-    reached = reached_color(seen.colors, after, np.array(item.source), seen.counts)
+    seen, learned = histograms.of(scene, item.name), Palette(item.name, colors.learned(item))
+    before = shown_colors(seen, learned, colors.picked_with(item))
+    after = shown_colors(seen, learned, colors.edited(item))
+    reached = reached_color(before, after, np.array(item.source), seen.counts)
     return float(ciede2000(srgb_to_lab(reached), srgb_to_lab(np.array(item.target))))
-
-
-def _seen(scene: bpy.types.Scene, name: str) -> ColorHistogram:
-    file = folders.project_of(scene).object_colors_file
-    key = file, file.stat().st_mtime_ns, name
-    if key not in _Memory.seen:
-        _Memory.seen = {known: seen for known, seen in _Memory.seen.items() if known[:2] == key[:2]}
-        _Memory.seen[key] = read_object_colors(file, name)
-    return _Memory.seen[key]

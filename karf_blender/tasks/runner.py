@@ -39,6 +39,7 @@ class _Running:
 
     def _start(self) -> jobs.Job:
         request = self.task.requests[self._done]
+        self._begin = time.monotonic()
         with jobs.disk_errors():
             folder = Project(request.project).new_job(request.stage)
         return jobs.start(self._python, engine_api.ENGINE_FOLDER, request, folder, self._threads)
@@ -55,6 +56,8 @@ class _Running:
         if not self.job.ended:
             return False
         self.job.check()
+        for timekeeper in _timekeepers:
+            timekeeper(self.job.request, time.monotonic() - self._begin)
         with jobs.disk_errors():
             self.task.after(self.job.request)
         self._done += 1
@@ -66,6 +69,7 @@ class _Running:
 
 _running: list[_Running] = []
 _listeners: list[Callable[[], None]] = []
+_timekeepers: list[Callable[[Request, float], None]] = []
 
 
 def listen(listener: Callable[[], None]) -> None:
@@ -76,6 +80,16 @@ def listen(listener: Callable[[], None]) -> None:
 def forget(listener: Callable[[], None]) -> None:
     """No longer call it."""
     _listeners.remove(listener)
+
+
+def keep_time(timekeeper: Callable[[Request, float], None]) -> None:
+    """Have a function called with every job that is done and the seconds that it took."""
+    _timekeepers.append(timekeeper)
+
+
+def forget_time(timekeeper: Callable[[Request, float], None]) -> None:
+    """No longer call it."""
+    _timekeepers.remove(timekeeper)
 
 
 def _redraw() -> None:

@@ -61,16 +61,38 @@ def ask(
     Raises:
         KarfError: The engine cannot be started; in background mode also: there is no answer.
     """
-    folder = folders.project_of(scene).folder
-    options = {"project": str(folder), **options}
-    asked = _Asked(Owner.of(scene), kind, options, on_answer, on_error or _fail)
-    _engine(scene).ask(kind, options, asked)
+    _begin(scene, kind, options, on_answer, on_error or _fail)
     if bpy.app.background:
-        while is_waiting(kind):
-            time.sleep(POLL_SECONDS / 2)
-            _poll()
+        _wait(kind)
     elif not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=POLL_SECONDS, persistent=True)
+
+
+def wait(scene: bpy.types.Scene, kind: str, options: dict[str, Any]) -> dict[str, Any]:
+    """Ask, block until the engine has answered, and return the answer's values; arguments as for `ask`.
+
+    Raises:
+        KarfError: There is no answer.
+    """
+    answers: list[dict[str, Any]] = []
+    errors: list[KarfError] = []
+    _begin(scene, kind, options, lambda _, values: answers.append(values), errors.append)
+    _wait(kind)
+    for error in errors:
+        raise error
+    (answer,) = answers
+    return answer
+
+
+def _begin(scene: bpy.types.Scene, kind: str, options: dict, on_answer: OnAnswer, on_error: OnError) -> None:
+    options = {"project": str(folders.project_of(scene).folder), **options}
+    _engine(scene).ask(kind, options, _Asked(Owner.of(scene), kind, options, on_answer, on_error))
+
+
+def _wait(kind: str) -> None:
+    while is_waiting(kind):
+        time.sleep(POLL_SECONDS / 2)
+        _poll()
 
 
 def is_waiting(kind: str) -> bool:

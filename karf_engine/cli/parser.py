@@ -49,7 +49,10 @@ def _add_learning(commands: Commands) -> None:
 
     verb = _verb(commands, "segmentation", "turn coarse masks into objects in all views", verbs.segment)
     verb.add_argument("project", metavar="DIR", help="project folder")
-    verb.add_argument("--masks", required=True, metavar="DIR", help="coarse masks: DIR/<object>/<photo stem>.png")
+    verb.add_argument("--masks", metavar="DIR", help="coarse masks: DIR/<object>/<photo stem>.png (default: the "
+                      "project's own)")  # fmt: skip
+    verb.add_argument("--corrections", metavar="DIR", help="partial marks: DIR/<object>/<view>.png, gray with alpha "
+                      "(default: the project's own)")  # fmt: skip
 
     verb = _verb(
         commands, "palette", "extract palettes; with --json or --out only show the learned ones", verbs.extract_palettes
@@ -157,6 +160,7 @@ def _add_others(commands: Commands) -> None:
     verb.add_argument("--quick", action="store_true", help="do not try the stages, which takes some seconds")
     verb.add_argument("--folder", metavar="DIR", default=".", help="where projects shall lie: its disk and its locks are "
                       "tried (default: here)")  # fmt: skip
+    verb = _verb(commands, "speed", "measure how fast this computer learns, in some seconds", verbs.speed)
     verb = commands.add_parser("run", help="run a job folder (used by Blender)")
     verb.add_argument("job", metavar="JOB", help="folder with request.json")
     verb.add_argument("--map", dest="folders", action="append", default=[], metavar="CALLERS=OURS", help="a folder that "

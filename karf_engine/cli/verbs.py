@@ -45,7 +45,7 @@ def learn_geometry(options: argparse.Namespace) -> int:
 
 def segment(options: argparse.Namespace) -> int:
     """Objects."""
-    library.segment(options.project, options.masks, **_run_of(options))
+    library.segment(options.project, options.masks, getattr(options, "corrections", None), **_run_of(options))
     return 0
 
 
@@ -132,6 +132,14 @@ def doctor(options: argparse.Namespace) -> int:
     for finding in examine(Path(options.folder), options.quick, options.device, options.threads):
         print(finding.to_line() if options.json else finding.to_text(), flush=True)
     return finding.exit_code
+
+
+def speed(options: argparse.Namespace) -> int:
+    """How fast this computer learns, as JSON."""
+    from ..doctor.speed import samples_per_second
+
+    print(json.dumps({"samples_per_second": round(samples_per_second(options.device, options.threads))}))
+    return 0
 
 
 def run(options: argparse.Namespace) -> int:

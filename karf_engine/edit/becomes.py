@@ -130,18 +130,18 @@ def match_fewest(
     """The palette that gives one pixel the target color and touches as few swatches as it can.
 
     Minimises the sum of the swatches' moves `|dP_j|` (an L2,1 norm; the rule of LoCoPalettes) by iteratively reweighted
-    least squares, each step solved exactly within 0 <= P + dP <= 1. A target out of reach is met as closely as the box
-    lets it, channel by channel.
+    least squares, each step solved exactly within 0 <= P + dP <= max(1, P). A target out of reach is met as closely as
+    the box lets it, channel by channel.
 
     Args:
         palette_weights_of_pixel: [M].
-        palette: As learned, sRGB [M, 3] in [0, 1].
+        palette: With which it has its color, sRGB [M, 3] in [0, BRIGHTEST].
         target: sRGB [3] in [0, 1].
         locked: Entries that stay as they are.
         shown: The pixel's color now, sRGB [3]; by default what the palette gives.
 
     Returns:
-        The edited palette [M, 3] float32 in [0, 1].
+        The edited palette [M, 3] float32.
 
     Examples:
         Of two swatches that make up a pixel, the one with the larger share moves:
@@ -151,7 +151,7 @@ def match_fewest(
         [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 1.0, 0.0]]
     """
     weights = np.asarray(palette_weights_of_pixel, np.float64)
-    lower, upper = room(palette, locked, 1.0)
+    lower, upper = room(palette, locked, np.maximum(1.0, palette))  # what is brighter than white may stay
     shown = weights @ np.asarray(palette, np.float64) if shown is None else shown
     wanted = np.clip(np.subtract(target, shown), weights @ lower, weights @ upper)
     stiffness = np.ones(len(weights))

@@ -52,17 +52,28 @@ def match_pixels(
     return moved(palette, change)
 
 
-def room(palette: np.ndarray, locked: Iterable[int], brightest: float) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds [M, 3] of a palette change: 0 <= palette + change <= brightest; entry 0 and locked ones stay."""
+def room(palette: np.ndarray, locked: Iterable[int], brightest: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds [M, 3] of a palette change: 0 <= palette + change <= brightest; entry 0 and locked ones stay.
+
+    Examples:
+        >>> lower, upper = room(np.array([[0.0, 0, 0], [0.5, 0.25, 1]]), (), 2.0)
+        >>> lower.tolist(), upper.tolist()
+        ([[0.0, 0.0, 0.0], [-0.5, -0.25, -1.0]], [[0.0, 0.0, 0.0], [1.5, 1.75, 1.0]])
+    """
     palette = np.asarray(palette, np.float64)
-    lower, upper = -palette, brightest - palette
+    lower, upper = 0 - palette, brightest - palette
     pinned = [0, *locked]
     lower[pinned] = upper[pinned] = 0
     return lower, upper
 
 
 def moved(palette: np.ndarray, change: np.ndarray) -> np.ndarray:
-    """The palette after the change; swatches that nobody could see moving keep their bits."""
+    """The palette after the change, within [0, BRIGHTEST]; swatches that nobody could see moving keep their bits.
+
+    Examples:
+        >>> moved(np.array([[0.5, 0.5, 0.5], [0.5, 0.5, 0.5]]), np.array([[1e-5, 0, 0], [0.25, 2, -1]])).tolist()
+        [[0.5, 0.5, 0.5], [0.75, 2.0, 0.0]]
+    """
     palette = np.asarray(palette, np.float32)
     still = np.abs(change).max(axis=1, keepdims=True) < STILL
     return np.where(still, palette, np.clip(palette + change, 0, BRIGHTEST)).astype(np.float32)

@@ -24,6 +24,7 @@ from .rendering import render_classes, render_weights
 
 WARMUP = 20  # iterations
 NEAR_SHARE, OBJECT_SHARE = 0.4, 0.4  # of a batch; the rest comes from anywhere
+FIXED_SHARE = 0.1  # more, where there are corrections
 
 
 def fit_on_points(
@@ -33,6 +34,7 @@ def fit_on_points(
     classes: Tensor,
     certainty: Tensor,
     near: Tensor,
+    fixed: Tensor,
     settings: SegmentationSettings,
     runtime: Runtime,
     progress: Progress,
@@ -41,7 +43,7 @@ def fit_on_points(
     """Train F_s, in place, by cross-entropy on labelled surface points.
 
     Of each batch one share comes from the objects, one from the background near them, where the border is decided, and
-    the rest from anywhere.
+    the rest from anywhere; a further share from what corrections have settled.
 
     Args:
         karf: F_s.
@@ -50,6 +52,7 @@ def fit_on_points(
         classes: [p] int in 0..K.
         certainty: [p] in [0, 1], a point's chance to be drawn.
         near: [p] bool, points near an object.
+        fixed: [p] bool, points that corrections have settled.
         settings: of the training.
         runtime: device and random numbers.
         progress: counts iterations.
@@ -58,6 +61,7 @@ def fit_on_points(
     features = scene_field.features(positions)
     karf.standardizer.fit(features)
     pools = [_pool(certainty * (classes == k)) for k in range(1, int(classes.max()) + 1)]
+    fixed_pool, n_fixed = _pool(fixed.float()), int(settings.batch * FIXED_SHARE)
     near_pool, any_pool = _pool(certainty * (near & (classes == 0))), _pool(certainty)
     n_near = int(settings.batch * NEAR_SHARE)
     n_object = int(settings.batch * OBJECT_SHARE) // max(len(pools), 1)
@@ -67,6 +71,7 @@ def fit_on_points(
         parts = [_draw(pool, int(n_object * scale) + 1, runtime) for pool in pools]
         parts += [_draw(near_pool, int(n_near * scale) + 1, runtime)]
         parts += [_draw(any_pool, max(1, int(settings.batch // 5 * scale)), runtime)]
+        parts += [_draw(fixed_pool, int(n_fixed * scale) + 1, runtime)] if len(fixed_pool) else []
         index = torch.cat(parts)
         loss = torch.nn.functional.cross_entropy(karf.logits(positions[index], features[index]), classes[index])
         return loss, {"loss": loss.detach()}

@@ -314,7 +314,12 @@ class Project:
             shutil.rmtree(self.outputs_folder, ignore_errors=True)
         for folder in (self.folder, self.planes_folder):  # only the engine writes here
             remove_temporaries(folder, older_than=0.0)
-        for folder in (self.photos_folder, *self.masks_folder.glob("*/"), *self.looks_folder.glob("*/")):
+        for folder in (
+            self.photos_folder,
+            *self.masks_folder.glob("*/"),
+            *self.corrections_folder.glob("*/"),
+            *self.looks_folder.glob("*/"),
+        ):
             remove_temporaries(folder)
 
 

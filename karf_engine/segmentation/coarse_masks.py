@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..capture.camera import Camera
 from ..capture.capture import Capture, View
 from ..capture.image_size import MOST_PHOTO_BYTES
 from ..capture.mask_names import fits_view, mask_files
@@ -55,16 +56,30 @@ def find_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
     """
     if not folder.is_dir():
         raise DataError(f"{folder} is no folder of masks.", LAYOUT_HINT)
+    masks = []
+    for path in object_folders(folder):
+        own = marks_of(path, capture)
+        if not own:
+            raise DataError(f"{path} holds no mask of the object {path.name!r}.", LAYOUT_HINT)
+        masks += own
+    if not masks:
+        raise DataError(f"{folder} holds no masks.", LAYOUT_HINT)
+    return masks
+
+
+def object_folders(folder: Path) -> list[Path]:
+    """The folders of a folder's objects, in order.
+
+    Raises:
+        DataError: two are one but for upper and lower case.
+    """
     objects = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
     if same := same_but_for_case(path.name for path in objects):
         raise DataError(
             f"{folder} names two objects {same[0]!r} and {same[1]!r}, one folder on Windows and macOS.",
             "Rename one of the folders.",
         )
-    masks = [mask for path in objects for mask in _object_masks(path, capture)]
-    if not masks:
-        raise DataError(f"{folder} holds no masks.", LAYOUT_HINT)
-    return masks
+    return objects
 
 
 def marked_views(folder: Path, capture: Capture) -> set[str]:
@@ -74,14 +89,13 @@ def marked_views(folder: Path, capture: Capture) -> set[str]:
     return {views[0].name for views in found if len(views) == 1}
 
 
-def _object_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
+def marks_of(folder: Path, capture: Capture) -> list[CoarseMask]:
+    """What marks an object in single photos, all pictures below its folder; errors as for `find_masks`."""
     if folder.name.lower() == "background":
         raise DataError(f"{folder} names an object 'background', which is what no mask covers.", "Rename the folder.")
     if not is_file_name(folder.name):
         raise DataError(f"{folder} names an object as no file can be called on every system.", "Rename the folder.")
     files = mask_files(folder)
-    if not files:
-        raise DataError(f"{folder} holds no mask of the object {folder.name!r}.", LAYOUT_HINT)
     for path in files:
         check_file(path, MOST_PHOTO_BYTES)
     masks = [CoarseMask(folder.name, _view_of(path, path.relative_to(folder), capture), path) for path in files]
@@ -125,22 +139,35 @@ def load_mask(mask: CoarseMask, plate: Plate) -> np.ndarray:
     Raises:
         DataError: the mask is of another size, damaged or empty.
     """
-    found = read_mask(mask.path)
-    height, width = found.shape
-    stored, working = mask.view.camera, plate.camera
+    found = at_working_size(read_mask(mask.path), mask, plate.camera) >= 0.5
+    if not found.any():
+        raise DataError(f"{mask.path} marks nothing of {mask.object_name!r}.", "Paint the object white.")
+    return found
+
+
+def at_working_size(drawn: np.ndarray, mask: CoarseMask, working: Camera) -> np.ndarray:
+    """How much of each pixel of a smaller pinhole is drawn over, [H, W] float32 in [0, 1].
+
+    Args:
+        drawn: bool, of the photo's size, with its lens, or of the pinhole's.
+        mask: its file and view.
+        working: the pinhole.
+
+    Raises:
+        DataError: it is of another size.
+    """
+    height, width = drawn.shape
+    stored = mask.view.camera
+    values = drawn.astype(np.float32)[..., None]
     if (width, height) == (stored.width, stored.height):
-        values = found.astype(np.float32)[..., None]
-        if not stored.is_pinhole:
-            values, _, _ = undistort(values, stored)
-        found = resize(values, working.width, working.height)[..., 0] >= 0.5
-    elif (width, height) != (working.width, working.height):
+        values, _, _ = undistort(values, stored)
+        return resize(values, working.width, working.height)[..., 0]
+    if (width, height) != (working.width, working.height):
         raise DataError(
             f"{mask.path} is {width}x{height} pixels where its photo has {stored.width}x{stored.height}.",
             "Save the mask at the photo's size.",
         )
-    if not found.any():
-        raise DataError(f"{mask.path} marks nothing of {mask.object_name!r}.", "Paint the object white.")
-    return found
+    return values[..., 0]
 
 
 def copy_masks(masks: list[CoarseMask], folder: Path) -> None:

@@ -51,6 +51,7 @@ def fit_to_labels(
         torch.from_numpy(classes).to(runtime.device),
         torch.from_numpy(surface.labels.margin).float().to(runtime.device),
         torch.from_numpy(surface.near_objects(NEAR_VOXELS * voxel)).to(runtime.device),
+        torch.from_numpy(surface.fixed).to(runtime.device),
         settings,
         runtime,
         progress,

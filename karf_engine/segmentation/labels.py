@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
+from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
 from ..errors import DataError
 from ..fields.protocol import Field
 from ..progress import Emit
+from .constraints import Constraints
 from .label_propagation import Labels, has_seeds, propagate_labels
+from .neighbor_graph import neighbor_graph
+from .spreading import spread
 from .surface_points import SurfacePoints
 from .votes import RayVotes, vote_on_points
 
@@ -21,11 +26,15 @@ LOW_PRECISION = 0.6
 
 @dataclass(frozen=True)
 class LabelledSurface:
-    """Surface points and their labels. Class k is `objects[k - 1]`, class 0 the background."""
+    """Surface points and their labels. Class k is `objects[k - 1]`, class 0 the background.
+
+    fixed: [p] bool, the points that corrections have settled.
+    """
 
     objects: list[str]
     points: SurfacePoints
     labels: Labels
+    fixed: np.ndarray
 
     def boxes(self, margin: float) -> np.ndarray:
         """Box round each object's points, [K, 2, 3] grid coordinates: least and greatest corner.
@@ -45,11 +54,73 @@ class LabelledSurface:
         return np.isfinite(tree.query(self.points.positions, distance_upper_bound=reach)[0])
 
 
+@dataclass(frozen=True)
+class Labelling:
+    """What labels of a surface are solved from; it is found once for any number of corrections.
+
+    Attributes:
+        points: on the surface, p of them.
+        targets: [p, K+1] the masks' votes; rows sum to 1.
+        confidence: [p] >= 0 of these.
+        normals: [p, 3] of unit length, outward.
+    """
+
+    points: SurfacePoints
+    targets: np.ndarray
+    confidence: np.ndarray
+    normals: np.ndarray
+
+    @classmethod
+    def of(cls, scene_field: Field, points: SurfacePoints, votes: RayVotes) -> Labelling:
+        """Of points, the votes of the rays that they were merged from, and the field, whose normals part what touches."""
+        targets, confidence = vote_on_points(
+            points.point_of_sample, votes.targets, votes.confidence * votes.opacity, len(points)
+        )
+        positions = torch.from_numpy(points.positions).float().to(scene_field.bounds.device)
+        return cls(points, targets, confidence, scene_field.normals(positions).cpu().numpy())
+
+    @cached_property
+    def graph(self) -> csr_matrix:
+        """Neighbor weights of all points."""
+        return neighbor_graph(self.points.positions, self.points.lab, self.normals, self.points.grain)
+
+    def solve(
+        self, objects: Sequence[str], constraints: Constraints, rounds: int, random: np.random.Generator
+    ) -> Labels:
+        """Labels as the masks have them; an object without a mask has its corrections in their place.
+
+        Args:
+            objects: names of the K objects.
+            constraints: what corrections say of the points.
+            rounds: of the label propagation, at least 1.
+            random: of the label propagation.
+
+        Raises:
+            DataError: no point stands for one of the objects.
+        """
+        unmarked = ~np.append(True, has_seeds(self.targets, self.confidence))
+        stroked = constraints.fixed & (constraints.targets[:, unmarked].max(1, initial=0) > 0.5)
+        targets = np.where(stroked[:, None], constraints.targets, self.targets)
+        confidence = np.where(stroked, np.maximum(self.confidence, 1), self.confidence)
+        _require_all(objects, has_seeds(targets, confidence))
+        points = self.points
+        return propagate_labels(
+            points.positions, points.lab, self.normals, points.grain, targets, confidence, rounds, random
+        )
+
+    def corrected(self, labels: Labels, constraints: Constraints, start: np.ndarray | None = None) -> Labels:
+        """The labels once corrections have changed them, see `spreading`. start: a solution that is near, [p, K+1]."""
+        if not constraints.fixed.any():
+            return labels
+        return spread(labels, self.points, self.graph, constraints, start)
+
+
 def label_surface(
     scene_field: Field,
     objects: list[str],
     points: SurfacePoints,
     votes: RayVotes,
+    constraints: Constraints,
     rounds: int,
     random: np.random.Generator,
     emit: Emit,
@@ -57,10 +128,11 @@ def label_surface(
     """Clean labels by label propagation; warns of objects whose masks contradict their colors.
 
     Args:
-        scene_field: the frozen radiance field; its normals separate what touches.
+        scene_field: the frozen radiance field.
         objects: names of the K objects.
         points: on the surface.
         votes: of the rays that the points were merged from.
+        constraints: what corrections say of the points.
         rounds: of the label propagation, at least 1.
         random: of the label propagation.
         emit: is told the number of points, and of low precision.
@@ -68,20 +140,17 @@ def label_surface(
     Raises:
         DataError: no point stands for one of the objects.
     """
-    targets, confidence = vote_on_points(
-        points.point_of_sample, votes.targets, votes.confidence * votes.opacity, len(points)
-    )
-    _require_all(objects, has_seeds(targets, confidence))
-    positions = torch.from_numpy(points.positions).float().to(scene_field.bounds.device)
-    normals = scene_field.normals(positions).cpu().numpy()
+    labelling = Labelling.of(scene_field, points, votes)
     emit("stage", name="labels", text=f"{len(points)} surface points")
-    labels = propagate_labels(points.positions, points.lab, normals, points.grain, targets, confidence, rounds, random)
+    labels = labelling.solve(objects, constraints, rounds, random)
     _warn_of_low_precision(objects, labels, emit)
-    return _labelled(objects, points, labels)
+    return _labelled(objects, points, labelling.corrected(labels, constraints), constraints.fixed)
 
 
-def vote_on_surface(objects: list[str], points: SurfacePoints, votes: RayVotes) -> LabelledSurface:
-    """The masks' votes as they are: the ceiling of what labels can be, where the masks are exact.
+def vote_on_surface(
+    objects: list[str], points: SurfacePoints, votes: RayVotes, constraints: Constraints
+) -> LabelledSurface:
+    """The masks' votes as they are, but where corrections contradict them: the ceiling of what labels can be, where the masks are exact.
 
     Points without a vote are background. Arguments as for `label_surface`.
 
@@ -91,13 +160,14 @@ def vote_on_surface(objects: list[str], points: SurfacePoints, votes: RayVotes) 
     weight = (votes.confidence > 0) * votes.opacity
     targets, confidence = vote_on_points(points.point_of_sample, votes.targets, weight, len(points))
     targets[confidence == 0] = np.eye(votes.targets.shape[1])[0]
-    return _labelled(objects, points, Labels(targets, np.ones(len(objects))))
+    targets[constraints.fixed] = constraints.targets[constraints.fixed]
+    return _labelled(objects, points, Labels(targets, np.ones(len(objects))), constraints.fixed)
 
 
-def _labelled(objects: list[str], points: SurfacePoints, labels: Labels) -> LabelledSurface:
+def _labelled(objects: list[str], points: SurfacePoints, labels: Labels, fixed: np.ndarray) -> LabelledSurface:
     classes = labels.classes
     _require_all(objects, [(classes == number).any() for number in range(1, len(objects) + 1)])
-    return LabelledSurface(objects, points, labels)
+    return LabelledSurface(objects, points, labels, fixed)
 
 
 def _require_all(objects: list[str], is_there: Sequence[bool]) -> None:

@@ -5,7 +5,7 @@ Pixels are numbered through all photos in one row: those of photo v are `offsets
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -87,7 +87,11 @@ class CachedViews:
 
 
 def load_masked_views(
-    masks: Sequence[CoarseMask], views: Sequence[View], long_side: int, settings: SegmentationSettings
+    masks: Sequence[CoarseMask],
+    views: Sequence[View],
+    long_side: int,
+    settings: SegmentationSettings,
+    more_objects: Collection[str] = (),
 ) -> MaskedViews:
     """Choose views spread round the scene, all masked ones among them, and load their photos and masks.
 
@@ -96,11 +100,12 @@ def load_masked_views(
         views: the training views, and all marked ones.
         long_side: working size of masked views, pixels; the others only have to show colors and may be smaller.
         settings: how many views, and how small (`cache_views`, `cache_long_side`).
+        more_objects: names of objects that have no mask.
 
     Raises:
         DataError: a photo or a mask is missing, damaged or of another size.
     """
-    objects = sorted({mask.object_name for mask in masks})
+    objects = sorted({mask.object_name for mask in masks} | set(more_objects))
     masked = list(dict.fromkeys(mask.view.name for mask in masks))
     chosen = farthest_point_views(views, masked, settings.cache_views)
     small = min(long_side, settings.cache_long_side)

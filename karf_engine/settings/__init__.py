@@ -21,6 +21,7 @@ from .stages import (
     Settings,
 )
 from .values import describe, from_dict, to_dict, with_overrides
+from .work import seconds_of_stages
 
 __all__ = [
     "FIELD_KINDS",
@@ -40,6 +41,7 @@ __all__ = [
     "describe",
     "from_dict",
     "preset",
+    "seconds_of_stages",
     "to_dict",
     "with_overrides",
 ]

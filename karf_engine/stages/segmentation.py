@@ -1,6 +1,7 @@
 """Stage 1: coarse masks -> F_s (segmentation.safetensors), the objects' rays (surface.safetensors) and a report.
 
-Options: masks (folder MASKS/<object>/<photo stem>.png; the project's own masks by default).
+Options: masks (folder MASKS/<object>/<photo stem>.png; the project's own masks by default), corrections (folder of
+partial marks, see segmentation.corrections; the project's own by default).
 """
 
 from __future__ import annotations
@@ -17,7 +18,9 @@ from ..heads.fields import SegmentationField
 from ..heads.files import save_segmentation, save_surface
 from ..heads.rendering import segment_cache
 from ..progress import Emit
-from ..segmentation.coarse_masks import copy_masks, find_masks
+from ..segmentation.coarse_masks import CoarseMask, copy_masks, find_masks
+from ..segmentation.constraints import SeenPoints
+from ..segmentation.corrections import find_corrections
 from ..segmentation.field_fit import fit_to_labels, fit_to_masks
 from ..segmentation.interior import object_surface
 from ..segmentation.labels import LabelledSurface, label_surface, vote_on_surface
@@ -39,18 +42,20 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     capture = job.capture()
     folder = Path(job.options.get("masks") or job.project.masks_folder)
     masks = find_masks(folder, capture)
-    digests = [[m.object_name, m.view.name, hashlib.sha256(m.path.read_bytes()).hexdigest()] for m in masks]
-    with run_stage(job, "segmentation", VERSION, digests) as run:
+    corrections = find_corrections(Path(job.options.get("corrections") or job.project.corrections_folder), capture)
+    # without corrections, the fingerprint is that of before there were any
+    inputs = [_digests(marks) for marks in (masks, corrections) if marks]
+    with run_stage(job, "segmentation", VERSION, *inputs) as run:
         if run is None:
             return
         long_side, settings = job.settings.geometry.long_side, job.settings.segmentation
         field = load_scene(job.project.checked(job.project.geometry_file), job.runtime.device).field
         marked = {mask.view.name for mask in masks}
         learned_from = [view for view in capture.views if view.split == "train" or view.name in marked]
-        views = load_masked_views(masks, learned_from, long_side, settings)
+        views = load_masked_views(masks, learned_from, long_side, settings, {c.object_name for c in corrections})
         cached = cache_views(field, views, settings.samples_per_ray, job.progress("surface", views.n_pixels))
         votes = votes_of_rays(cached)
-        surface = _label(job, field, cached, votes)
+        surface = _label(job, field, cached, votes, corrections)
         karf = _fit(job, field, cached, votes, surface, run.unfinished)
         _write(job, run, karf, field, cached, surface)
         if folder.resolve() != job.project.masks_folder.resolve():
@@ -58,12 +63,21 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     job.artifact("segmentation", job.project.segmentation_file)
 
 
-def _label(job: Job, field: Field, cached: CachedViews, votes: RayVotes) -> LabelledSurface:
+def _digests(marks: list[CoarseMask]) -> list:
+    return [[mark.object_name, mark.view.name, hashlib.sha256(mark.path.read_bytes()).hexdigest()] for mark in marks]
+
+
+def _label(
+    job: Job, field: Field, cached: CachedViews, votes: RayVotes, corrections: list[CoarseMask]
+) -> LabelledSurface:
     points, objects = surface_points(cached, field.voxel), cached.views.objects
+    seen = SeenPoints(field, points, job.settings.geometry.long_side)
+    constraints = seen.constraints(corrections, objects)
     if job.settings.segmentation.labels != "surface":
-        return vote_on_surface(objects, points, votes)
+        return vote_on_surface(objects, points, votes, constraints)
     random = np.random.default_rng(job.settings.seed)
-    return label_surface(field, objects, points, votes, job.settings.segmentation.rounds, random, job.emit)
+    rounds = job.settings.segmentation.rounds
+    return label_surface(field, objects, points, votes, constraints, rounds, random, job.emit)
 
 
 def _fit(

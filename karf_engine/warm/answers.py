@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from .correct import correct
 from .preview import preview
 from .session import Session
 
 # kind -> function; it returns JSON values, paths as text. What needs torch or more is imported in it
-ANSWERS: dict[str, Callable[[Session, dict[str, Any]], dict[str, Any]]] = {"preview": preview}
+ANSWERS: dict[str, Callable[[Session, dict[str, Any]], dict[str, Any]]] = {"correct": correct, "preview": preview}

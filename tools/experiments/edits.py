@@ -8,6 +8,7 @@ from karf_engine.frames import Frame
 from karf_engine.metrics.images import hue_shift, mse_outside
 from karf_engine.metrics.scores import score_recolor
 
+from ..judging.matching import score_matches
 from ..judging.views import TestViews
 from .bench import MLP_HEADS, PLAIN, Bench
 from .recolors import (
@@ -154,4 +155,30 @@ def marked_photo_table(bench: Bench) -> Table:
         "masks. This is all that 2-D masks can do without 3-D: no other photo is marked. Columns as above.",
         recolor_columns(bench, "masks"),
         cells,
+    )
+
+
+def matched_table(bench: Bench) -> Table:
+    """Swatches matched to the true recolor of one test photo, in the other ones."""
+    scores = score_matches(bench.model, bench.truth)
+    labels = {
+        "no_edit": "no edit",
+        "becomes": "*Becomes*: one color pair an object",
+        "others": "**match**: one test photo's true recolor as the painted picture, in the others",
+        "worst": "the same, the worst photo to paint on",
+        "given": "the same, in the painted photo itself",
+        "bound": "bound: the swatches that fit all true recolors best",
+    }
+    rows = []
+    for name, label in labels.items():
+        each = [getattr(score, name) for score in scores.values()]
+        rows.append([label, *each, float(np.mean(each))])
+    return Table(
+        "Match a painted picture",
+        "The true recolor of one test photo is given as what the artist has painted; swatches are fitted to it "
+        "(`edit/painted.py`) and judged in the other test photos, by the mean CIEDE2000 inside the edited objects' true "
+        "masks; then the mean over all choices of the painted photo. *Becomes* knows one color pair an object, read in a "
+        "training view. The bound is fitted to all test photos at once, inside the true masks, by least squares in sRGB.",
+        (("swatches by", ""), *((f"CIEDE2000 {name}", ".2f") for name in scores), ("CIEDE2000 mean", ".2f")),
+        rows,
     )

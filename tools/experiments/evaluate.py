@@ -8,6 +8,7 @@
     decomposition  the 2-D weights that F_w is taught, beside LoCoPalettes'
     edits          recolors against the true ones, beside other ways to recolor
     marked_photo   the same in the one photo that is marked: rough 2-D masks against ours
+    matched        swatches matched to one painted test photo, in the other ones
 
 Without names: all. The demo is learned once into DIR/project (kept between runs); every other way shares its geometry
 and whatever stage it does not change. Writes docs/results/<table>.json and some pictures, and from these
@@ -30,7 +31,7 @@ from . import page
 from .ablations import ablations_table, decomposition_table
 from .bench import Bench
 from .consistency import consistency_table
-from .edits import edits_table, marked_photo_table, outside_table
+from .edits import edits_table, marked_photo_table, matched_table, outside_table
 from .pictures import STRIPS
 from .segmentation import sampling_table, segmentation_table
 from .table import Table, show
@@ -44,6 +45,7 @@ TABLES: dict[str, Callable[[Bench], Table]] = {
     "decomposition": decomposition_table,
     "edits": edits_table,
     "marked_photo": marked_photo_table,
+    "matched": matched_table,
 }
 
 

@@ -86,6 +86,16 @@ def button_job(story: Story, operator: str) -> Wait:
     yield from job_end(story)
 
 
+def dialog_job(story: Story, operator: str) -> Wait:
+    """Click a button that asks in a dialog, take that as it is, and wait for the end of its job."""
+    yield from hands.press_button(SIDEBAR, operator)
+    yield 0.5
+    yield from story.shoot(f"dialog-{operator.rpartition('.')[2]}")
+    yield from hands.press("RET", (hands.window().width // 2, hands.window().height // 2))
+    yield from until(lambda: desk.module("tasks.runner").is_running(), f"{operator}'s job", 10)
+    yield from job_end(story)
+
+
 def file_browser(folder: Path, name: str = "") -> Wait:
     """Choose a file in the file browser that is open: the path is put in by script, the button that takes it clicked."""
     yield from until(lambda: editors("FILE_BROWSER") > 0, "the file browser", 10)
@@ -240,7 +250,7 @@ def save_facts(story: Story) -> None:
 
 def open_group(wanted: str) -> Wait:
     """Open the group of step 7 that has a button: a click on each row below the first group that has no button."""
-    _, top = yield from hands.find(SIDEBAR, r"karf\.captured_size")
+    _, top = yield from hands.find(SIDEBAR, r"karf\.farm_bundle")
     x, _ = hands.middle_of(SIDEBAR, hands.COLUMNS[0])
     for y in range(top - hands.ROW, hands.region_of(SIDEBAR).y + 4 * hands.ROW, -hands.ROW):
         yield from hands.move((x, y))

@@ -17,11 +17,14 @@ SHEET = "colorway,object,hex\nspring,pot,#3a7d44\nspring,mug,#f4d35e\nautumn,pot
 NEAR = 2  # steps of 255 between the engine's picture and the compositor's
 
 
-@CHAPTER.step("this view", "mouse: This View, at the photo's size, then with a long side of 128 pixels, set by script")
+@CHAPTER.step(
+    "this view",
+    "mouse: This View and its dialog, at the photo's size, then with a long side of 128 pixels, set by script",
+)
 def this_view(story: Story) -> Wait:
     karf = desk.scene().karf
     photo = desk.pixels_of(desk.photo_of(karf.active_view))
-    yield from acts.button_job(story, r"karf\.render_view")
+    yield from acts.dialog_job(story, r"karf\.render_view")
     yield from story.shoot("this-view")
     written = desk.pixels_of(_recolored(karf.active_view))
     check(written.shape == photo.shape, f"the picture has {written.shape}, its photo {photo.shape}")
@@ -29,16 +32,16 @@ def this_view(story: Story) -> Wait:
     story.note(f"{changed:.0%} of the photo's pixels changed")
     check(0.0 < changed < 0.5, "the edit changed no pixel of the photo, or most of them")
     karf.captured_size, karf.captured_pixels = "PIXELS", 128
-    yield from acts.button_job(story, r"karf\.render_view")
+    yield from acts.dialog_job(story, r"karf\.render_view")
     yield from story.shoot("long-side")
     karf.captured_size = "PHOTO"
     written = desk.pixels_of(_recolored(karf.active_view))
     check(max(written.shape) == 128, f"the picture has {written.shape}, and not a long side of 128")
 
 
-@CHAPTER.step("captured views", "mouse: Captured Views, at the photos' size")
+@CHAPTER.step("captured views", "mouse: Captured Views and its dialog, at the photos' size")
 def captured_views(story: Story) -> Wait:
-    yield from acts.button_job(story, r"karf\.render_capture")
+    yield from acts.dialog_job(story, r"karf\.render_capture")
     yield from story.shoot("captured-views")
     views = [view.name for view in desk.scene().karf.views]
     for name in views:
@@ -52,7 +55,7 @@ def skip_existing(story: Story) -> Wait:
     views = [view.name for view in desk.scene().karf.views]
     _recolored(views[0]).unlink(missing_ok=True)
     before = {name: _recolored(name).stat().st_mtime_ns for name in views[1:]}
-    yield from acts.button_job(story, r"karf\.render_capture")
+    yield from acts.dialog_job(story, r"karf\.render_capture")
     after = {name: _recolored(name).stat().st_mtime_ns for name in views[1:]}
     check(_recolored(views[0]).exists(), f"{views[0]} was not rendered again")
     check(before == after, f"{sum(before[name] != after[name] for name in before)} pictures were rendered again")
@@ -62,14 +65,12 @@ def _recolored(view: str) -> Path:
     return desk.output() / "recolor" / f"{view}.png"
 
 
-@CHAPTER.step("camera's frames", "mouse: a group is opened; Camera's Frames, of three keyframed frames")
+@CHAPTER.step("camera's frames", "mouse: Camera's Frames and its dialog, of three keyframed frames")
 def camera_frames(story: Story) -> Wait:
     scene = desk.scene()
     scene.frame_end = 3
-    yield from acts.open_group(r"karf\.render_camera")
-    yield from story.shoot("camera-group")
     try:
-        yield from acts.button_job(story, r"karf\.render_camera")
+        yield from acts.dialog_job(story, r"karf\.render_camera")
     finally:
         scene.frame_end = FILM_FRAMES
     written = sorted(each.name for each in desk.output().rglob("recolor/frame_*.png"))
@@ -151,7 +152,7 @@ for _number in (1, 2, 3):
 def compositor(story: Story) -> Wait:
     scene, view = desk.scene(), story.job["masked_view"]
     scene.karf.active_view = view
-    yield from acts.button_job(story, r"karf\.render_view")
+    yield from acts.dialog_job(story, r"karf\.render_view")
     engine = desk.pixels_of(_recolored(view))
     height, width, _ = engine.shape
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = width, height, 100

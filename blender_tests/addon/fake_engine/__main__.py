@@ -20,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 from karf_engine.capture import open_capture, write_cameras
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import View, capture_from_json, capture_to_json
+from karf_engine.capture.transforms_frames import camera_from_json
 from karf_engine.cli import main as engine_main
 from karf_engine.edit.compositing import Planes, write_planes
 from karf_engine.edit.palette import Palette, read_edit, read_palettes, write_palettes
@@ -98,6 +99,17 @@ def write_mask(job, mask):
     path = job / f"mask_{time.monotonic_ns()}.png"
     write_png(path, mask[..., None].repeat(3, axis=-1))
     return path
+
+
+def preview(job, options):
+    """Planes of the camera, all of one gray: its distance from the world's origin, times 20 of 255."""
+    camera = camera_from_json(options["camera"], "the ask").reduced(options["long_side"])
+    path = job / "answers" / f"{time.monotonic_ns()}.npz"
+    path.parent.mkdir(exist_ok=True)
+    planes = planes_of(camera)
+    planes.base[:] = min(255, round(20 * np.linalg.norm(camera.position)))
+    write_planes(path, planes)
+    return {"planes": str(path), "size": [camera.width, camera.height]}
 
 
 def misbehave(how, emit):
@@ -215,13 +227,14 @@ def views_of(project, which):
 
 
 def write_view_planes(project, view):
-    height, width = view.camera.height, view.camera.width
+    write_planes(project.planes_file(view.name), planes_of(view.camera))
+
+
+def planes_of(camera):
+    height, width = camera.height, camera.width
     weights = np.broadcast_to(np.reshape(SHARES, (1, 3, 1, 1)), (2, 3, height, width))
     ramp = np.arange(height * width * 3, dtype=np.uint32).reshape(height, width, 3) % 256
-    write_planes(
-        project.planes_file(view.name),
-        Planes(tuple(LEARNED), weights, weights.sum(axis=1), ramp.astype(np.uint8)),
-    )
+    return Planes(tuple(LEARNED), weights, weights.sum(axis=1), ramp.astype(np.uint8))
 
 
 def write_png(path, picture):
@@ -238,6 +251,7 @@ def write_png(path, picture):
 STAGES = {stage.__name__: stage for stage in (poses, geometry, segmentation, palette, recoloring, render, colorways)}
 ANSWERS = {
     "echo": echo,
+    "preview": preview,
     "propose": propose,
     "correct": correct,
 }  # of a warm engine: kind -> function of the job's folder and the options

@@ -50,10 +50,37 @@ def test_a_learned_scene_shows_its_swatches_without_the_frozen_black(addon, lear
     drawn = draw()
     assert drawn.count("color") == 4  # two objects of two colors
     assert drawn.count("karf.reset_swatch") == 6  # one a swatch, in its learned color, and one an object
-    assert "karf.becomes" not in drawn and "locked" not in drawn
-    learned.karf.objects["pot"].show_becomes = True
+    assert drawn.count("KARF_MT_swatch") == 4 and drawn.count("KARF_MT_palette") == 2
+    assert "karf.becomes" not in drawn and "karf.match_picture" not in drawn
+    learned.karf.objects["pot"].show_becomes = learned.karf.match.show = True
     drawn = draw()
-    assert drawn.count("karf.becomes") == 1 and drawn.count("locked") == 2
+    assert drawn.count("karf.becomes") == drawn.count("karf.match_picture") == 1
+
+
+def test_a_merged_swatch_is_not_shown_but_its_learned_color_is(addon, learned, draw):
+    addon.headless.merge_swatch("pot", 2, 1)
+    drawn = draw()
+    assert drawn.count("color") == 3 and drawn.count("karf.reset_swatch") == 6
+
+
+def test_the_menus_of_a_swatch_offer_what_can_be_done(bpy, addon, learned):
+    def drawn(name, index=1):
+        entries, item = [], learned.karf.objects["pot"]
+        context = SimpleNamespace(scene=learned, karf_object=item, karf_swatch=item.swatches[index])
+        getattr(addon.swatching, name).draw(SimpleNamespace(layout=Layout(bpy, entries)), context)
+        return entries
+
+    offered = drawn("KARF_MT_swatch")
+    assert {"locked", "karf.copy_swatch", "karf.paste_swatch", "KARF_MT_swap", "KARF_MT_link", "KARF_MT_merge"} <= set(
+        offered
+    )
+    assert "karf.unlink_swatch" not in offered and "karf.split_swatch" not in offered
+    assert [entry for entry in drawn("KARF_MT_swap") if " " in entry] == ["lid 1", "lid 2", "pot 2"]
+    assert [entry for entry in drawn("KARF_MT_merge") if " " in entry] == ["pot 2"]
+    assert "karf.paste_swatch" in drawn("KARF_MT_palette")
+    addon.headless.link_swatches(("pot", 1), ("lid", 1))
+    addon.headless.merge_swatch("pot", 2, 1)
+    assert {"karf.unlink_swatch", "karf.split_swatch"} <= set(drawn("KARF_MT_swatch"))
 
 
 def test_a_view_without_planes_says_so(learned, draw):
@@ -85,19 +112,39 @@ def test_a_running_job_and_a_failed_one_are_shown(bpy, draw):
     assert not {"Learn Scene failed", "The lid is dark.", "karf.dismiss"} & set(draw())
 
 
-def test_a_format_offers_the_depths_that_it_has(addon, learned, draw):
+@pytest.fixture
+def draw_dialog(bpy, addon):
+    def draw(name):
+        drawn = []
+        operator = SimpleNamespace(layout=Layout(bpy, drawn), bl_rna=getattr(bpy.ops.karf, name).get_rna_type())
+        kind = next(each for each in addon.render.CLASSES if each.bl_idname == f"karf.{name}")
+        bound = {each: getattr(kind, each).__get__(operator) for each in ("draw", "draw_what")}
+        vars(operator).update(bound)
+        operator.draw(bpy.context)
+        return drawn
+
+    return draw
+
+
+def test_the_dialog_of_frames_asks_with_blenders_own_names(learned, draw_dialog):
+    drawn = draw_dialog("render_camera")
+    assert {"camera", "resolution_x", "frame_start", "frame_end", "frame_step", "file_format", "out"} <= set(drawn)
+
+
+def test_a_format_offers_the_depths_that_it_has(learned, draw_dialog):
     karf = learned.karf
-    assert draw().count("color_depth") == 2 and karf.color_depth == "8"
+    assert draw_dialog("render_camera").count("color_depth") == 2 and karf.color_depth == "8"
     karf.file_format = "OPEN_EXR"
     assert karf.color_depth == "16"
     karf.color_depth, karf.file_format = "32", "PNG"
     assert karf.color_depth == "16"
 
 
-def test_a_long_side_is_asked_for_where_it_is_chosen(learned, draw):
-    assert "captured_size" in draw() and "captured_pixels" not in draw()
+def test_a_long_side_is_asked_for_where_it_is_chosen(learned, draw_dialog):
+    drawn = draw_dialog("render_capture")
+    assert {"split", "captured_size"} <= set(drawn) and "captured_pixels" not in drawn
     learned.karf.captured_size = "PIXELS"
-    assert "captured_pixels" in draw()
+    assert "captured_pixels" in draw_dialog("render_capture")
 
 
 def test_both_editors_have_the_panel(bpy, addon):
@@ -163,3 +210,20 @@ def test_a_learned_color_is_drawn_as_an_icon_of_it(addon):
     chips.icon((1.0, 0.25, 0.0))
     pixels = chips._Chips.icons["#ff4000"].icon_pixels_float[:]
     np.testing.assert_allclose(np.reshape(pixels, (-1, 4)), [[1, 0.25, 0, 1]] * chips.SIDE**2, atol=1 / 255)
+
+
+def test_what_is_looked_at_and_what_is_left_are_in_the_panel(bpy, addon, learned, draw):
+    seeing = bpy.context.window_manager.karf_seeing
+    assert draw().count("karf.solo_swatch") == 4 and "karf.see_view" not in draw()
+    seeing.mode = "LEARNED"
+    assert "karf.see_view" in draw()
+    seeing.mode = "EDITED"
+    bpy.ops.karf.show_masks()
+    assert {"tint", "lid", "pot"} <= set(draw())
+    learned.karf.active_view = "photo_2"
+    assert "Press Show Masks for this view" in draw()
+    seeing.show_masks = False
+    pot = learned.karf.objects["pot"]
+    pot.show_becomes = True
+    pot.source, pot.target = (0.8, 0.2, 0.1), (0.1, 0.3, 0.8)
+    assert f"{addon.wishes.left(learned, pot):.1f} CIEDE2000 left" in draw()

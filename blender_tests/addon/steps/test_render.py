@@ -138,3 +138,11 @@ def test_rendering_without_palettes_or_camera_is_refused(bpy, addon, learned):
         addon.headless.render_sequence()
     learned.karf.objects.clear()
     assert not bpy.ops.karf.render_camera.poll() and not bpy.ops.karf.render_view.poll()
+
+
+def test_the_dialogs_frames_are_rendered_and_the_scene_keeps_its_own(bpy, addon, learned, tmp_path):
+    learned.karf.out = str(tmp_path / "out")
+    assert bpy.ops.karf.render_camera(frame_start=4, frame_end=8, frame_step=2) == {"FINISHED"}
+    written = sorted(path.stem for path in (addon.steps.camera_folder(learned) / "recolor").iterdir())
+    assert written == ["frame_0004", "frame_0006", "frame_0008"]
+    assert (learned.frame_start, learned.frame_end) == (1, 250)

@@ -88,7 +88,7 @@ def test_before_palettes_are_learned_the_planes_have_no_objects(session, learned
         assert Project(project).finished(name) is None
     answer = preview(session, asked(learned, model, project=str(project), long_side=32))
     planes = read_planes(answer["planes"])
-    assert planes.objects == () and planes.palette_weights.shape == (0, 1, 21, 32)
+    assert planes.objects == () and planes.palette_weights.shape == (0, 0, 21, 32)
     assert planes.base.std() > 0
 
 

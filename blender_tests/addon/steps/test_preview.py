@@ -1,0 +1,143 @@
+"""Live Camera: the picture follows camera, rig and swatches; a coarse one comes first."""
+
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+LONG_SIDE = 200
+
+
+@pytest.fixture
+def live(bpy, addon, learned, monkeypatch):
+    """Live Camera on, as beside the interface. `look(n)` is its timer and the engine's, until n pictures came."""
+    learned.render.resolution_x, learned.render.resolution_y = 300, 150
+    learned.camera = next(each for each in bpy.data.objects if each.type == "CAMERA")
+    bpy.context.window_manager.karf_preview.long_side = LONG_SIDE
+    timers = SimpleNamespace(is_registered=lambda tick: True, register=None, unregister=lambda tick: None)
+    pretended = SimpleNamespace(app=SimpleNamespace(background=False, timers=timers), data=bpy.data, types=bpy.types)
+    for module in (addon.preview, addon.warm):
+        monkeypatch.setattr(module, "bpy", pretended)
+    sides = []
+    take = addon.preview._take
+
+    def taking(asked, scene, answer):
+        sides.append(asked[1])
+        take(asked, scene, answer)
+
+    monkeypatch.setattr(addon.preview, "_take", taking)
+
+    def look(count):
+        deadline, known = time.monotonic() + 20, len(sides)
+        while len(sides) < known + count:
+            addon.preview._tick()
+            addon.warm._tick()
+            assert time.monotonic() < deadline, addon.preview.message()
+            time.sleep(0.01)
+        return sides[known:]
+
+    addon.preview.start(learned)
+    return SimpleNamespace(look=look, scene=learned, sides=sides)
+
+
+def picture(bpy, addon):
+    return addon.images.pixels(bpy.data.images["KaRF camera"])[..., :3] * 255
+
+
+def test_coarse_comes_first_then_half_then_full_and_then_nothing(bpy, addon, live):
+    assert live.look(3) == [96, LONG_SIDE // 2, LONG_SIDE]
+    for _ in range(5):
+        addon.preview._tick()
+    assert not addon.warm.is_waiting("preview")
+    assert tuple(bpy.data.images["KaRF camera"].size) == (200, 100)
+
+
+def test_a_coarse_picture_is_shown_as_large_as_the_full_one(bpy, addon, live):
+    live.look(1)
+    assert tuple(bpy.data.images["KaRF camera"].size) == (200, 100)
+
+
+def test_the_picture_follows_the_camera_and_the_rig(bpy, addon, live):
+    live.look(3)
+    before = picture(bpy, addon)
+    live.scene.camera.location *= 0.5
+    assert live.look(3) == [96, LONG_SIDE // 2, LONG_SIDE]
+    assert np.allclose(picture(bpy, addon), before / 2, atol=1)
+    # the rig moves away under a camera that is not below it
+    matrix = live.scene.camera.matrix_world.copy()
+    live.scene.camera.parent, live.scene.camera.matrix_world = None, matrix
+    live.scene.karf.rig.location.x += 5
+    live.look(3)
+    assert picture(bpy, addon).mean() > before.mean()
+
+
+def test_the_picture_follows_swatches_without_the_engine(bpy, addon, live):
+    live.look(3)
+    addon.warm.stop()
+    before = picture(bpy, addon)
+    live.scene.karf.objects["pot"].swatches[1].color = (0.8, 0.2 + 0.4, 0.1)
+    addon.preview._tick()
+    assert addon.warm._Memory.engine is None
+    assert np.allclose(picture(bpy, addon) - before, [0, 0.4 * 0.25 * 255, 0], atol=1.5)
+
+
+def test_the_files_of_answers_are_removed(addon, live):
+    live.look(3)
+    jobs = addon.folders.project_of(live.scene).folder / "jobs"
+    assert list(jobs.glob("*-warm/answers/*")) == []
+
+
+def test_a_camera_without_a_picture_says_why_and_gets_it_when_it_can(bpy, addon, live):
+    live.look(3)
+    live.scene.camera.data.type = "ORTHO"
+    addon.preview._tick()
+    assert "is no perspective camera" in addon.preview.message()
+    live.scene.camera.data.type = "PERSP"
+    live.look(1)
+    assert addon.preview.message() == ""
+
+
+def test_an_engine_that_crashes_is_said_once_and_tried_again_when_the_camera_moves(bpy, addon, live, monkeypatch):
+    options = addon.preview._options
+    monkeypatch.setattr(addon.preview, "_options", lambda *camera: options(*camera) | {"behave": "crash"})
+    deadline = time.monotonic() + 20
+    while "crashed" not in addon.preview.message():
+        addon.preview._tick()
+        addon.warm._tick()
+        assert time.monotonic() < deadline
+    for _ in range(5):
+        addon.preview._tick()
+    assert not addon.warm.is_waiting("preview")
+    monkeypatch.setattr(addon.preview, "_options", options)
+    live.scene.camera.location.x += 0.1
+    live.look(1)
+    assert addon.preview.message() == ""
+
+
+def test_it_ends_with_its_scene(bpy, addon, live, tmp_path):
+    live.scene.karf.project = str(tmp_path / "elsewhere")
+    assert addon.preview._tick() is None and not addon.preview.is_live()
+
+
+def test_the_switch_needs_a_window(bpy, addon, learned):
+    learned.camera = next(each for each in bpy.data.objects if each.type == "CAMERA")
+    with pytest.raises(RuntimeError, match="needs a window"):
+        bpy.ops.karf.live_camera()
+
+
+def test_a_script_writes_what_a_camera_sees_with_the_swatches_as_they_stand(bpy, addon, learned, tmp_path):
+    learned.camera = next(each for each in bpy.data.objects if each.type == "CAMERA")
+    learned.render.resolution_x, learned.render.resolution_y = 300, 150
+    addon.headless.set_swatch("pot", 1, (0.8, 0.6, 0.1))
+    path = addon.headless.preview_camera(tmp_path / "out" / "seen.png", long_side=100)
+    seen = addon.images.read_picture(path)
+    assert seen.shape == (50, 100, 3) and seen[..., 1].mean() - seen[..., 0].mean() == pytest.approx(0.1, abs=0.01)
+
+
+def test_an_enlarged_picture_keeps_its_ramp(addon):
+    ramp = np.linspace(0, 1, 10, dtype=np.float32)
+    buffer = np.broadcast_to(ramp[None, :, None], (4, 10, 4))
+    large = addon.images.enlarged(buffer, 40, 8)
+    assert large.shape == (8, 40, 4)
+    assert np.allclose(np.diff(large[0, 4:-4, 0]), 1 / 36, atol=1e-5) and large.max() <= 1

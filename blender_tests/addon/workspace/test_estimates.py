@@ -1,0 +1,51 @@
+"""How long a preset takes is said before it is pressed, and learned from the jobs that were done."""
+
+import pytest
+
+
+@pytest.fixture
+def known(addon, monkeypatch, tmp_path):
+    """A computer that learns from a million samples a second."""
+    speed = addon.speed.Speed("python", 2, 1e6)
+    monkeypatch.setattr(addon.estimates._Memory, "known", speed)
+    monkeypatch.setattr(addon.estimates, "_file", lambda: tmp_path / "speed.json")
+    return speed
+
+
+def test_nothing_is_said_of_a_computer_that_was_not_measured_nor_of_the_papers_preset(addon, known, monkeypatch):
+    assert addon.estimates.seconds("paper", "learn_scene", False) is None
+    monkeypatch.setattr(addon.estimates._Memory, "known", None)
+    assert addon.estimates.seconds("demo", "learn_scene", False) is None
+
+
+def test_larger_presets_take_longer_and_all_steps_longer_than_one(addon, known):
+    presets = [addon.estimates.seconds(name, "learn_scene", False) for name in ("demo", "fast", "fine", "quality")]
+    assert presets == sorted(presets) and presets[0] == pytest.approx(52)  # 650 iterations of 80,000 samples
+    assert addon.estimates.seconds("demo", "learn_all", False) > presets[0]
+
+
+def test_a_job_that_was_done_corrects_all_presets_and_is_kept(addon, known, tmp_path):
+    once = known.learned_from("geometry", 50.0, 100.0)
+    assert once.corrected({"geometry": 10.0, "segmentation": 5.0}) == {"geometry": 20.0, "segmentation": 5.0}
+    assert once.learned_from("geometry", 50.0, 50.0).factors == {"geometry": 1.5}
+    once.write(tmp_path / "speed.json")
+    assert addon.speed.read(tmp_path / "speed.json", "python", 2) == once
+    assert addon.speed.read(tmp_path / "speed.json", "python", 1).samples_per_second == 0
+
+
+def test_a_job_that_only_went_on_is_no_measure(known):
+    assert known.learned_from("geometry", 50.0, 3.0) is known
+
+
+def test_the_end_of_a_job_is_taken_as_a_measure(addon, known, learned, monkeypatch):
+    request = addon.engine_api.Request("geometry", addon.folders.project_of(learned).folder, {})
+    state = {"stages": {"geometry": {"space": "box"}}, "settings": {"preset": "demo"}}
+    monkeypatch.setattr(addon.engine_api.Project, "state", lambda self: state)
+    addon.estimates._take_time(request, 104.0)
+    assert addon.estimates.seconds("demo", "learn_scene", False) == pytest.approx(104)
+
+
+def test_a_duration_is_said_as_one_says_it(addon):
+    assert addon.learning.duration(50) == "About a minute on this computer"
+    assert addon.learning.duration(430) == "About 7 minutes on this computer"
+    assert addon.learning.duration(8000) == "About 2 hours on this computer"

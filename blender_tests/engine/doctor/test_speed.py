@@ -1,0 +1,31 @@
+"""How long stages take follows from how fast a computer learns."""
+
+import pytest
+
+from karf_engine.doctor import speed
+from karf_engine.settings import PRESETS, seconds_of_stages
+
+
+def test_the_speed_is_that_of_the_iterations_behind_the_first(monkeypatch):
+    from karf_engine import library
+
+    times = iter((0.0, 5.0, 5.5, 6.5))
+    monkeypatch.setattr(speed.time, "perf_counter", lambda: next(times))
+
+    def learn(*_, emit, **__):
+        emit("stage", name="geometry")
+        for step in (4, 12, 20, 40):
+            emit("progress", stage="geometry", step=step)
+
+    monkeypatch.setattr(library, "learn_geometry", learn)
+    assert speed.samples_per_second() == pytest.approx(speed.SAMPLES * 28 / 1.5)
+
+
+def test_twice_as_fast_takes_half_as_long_and_open_space_longer():
+    slow, fast = (seconds_of_stages(PRESETS["demo"], rate) for rate in (1e5, 2e5))
+    assert all(slow[stage] == 2 * fast[stage] for stage in ("geometry", "segmentation", "recoloring"))
+    assert seconds_of_stages(PRESETS["demo"], 1e5, is_open=True)["geometry"] > slow["geometry"]
+
+
+def test_a_nerf_was_not_measured():
+    assert seconds_of_stages(PRESETS["paper"], 1e6) is None

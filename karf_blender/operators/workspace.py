@@ -1,0 +1,19 @@
+"""The workspace to work in."""
+
+import bpy
+
+from ..workspace import opening
+
+
+class KARF_OT_open_workspace(bpy.types.Operator):
+    """Go to the KaRF workspace: 3D View, Image Editor and timeline, both sidebars at the KaRF tab. It is added to the file the first time"""
+
+    bl_idname = "karf.open_workspace"
+    bl_label = "KaRF Workspace"
+
+    def execute(self, context):
+        opening.open_workspace(context.window)
+        return {"FINISHED"}
+
+
+CLASSES = (KARF_OT_open_workspace,)

@@ -1,0 +1,172 @@
+"""Step 6: an object's swatches and their menus."""
+
+import bpy
+
+from ..pictures import chips
+from .seeing import draw_left, draw_solo
+
+
+def draw_object(layout, item):
+    """An object's swatches side by side, and what one of its colors shall become."""
+    row = layout.row()
+    row.context_pointer_set("karf_object", item)
+    row.label(text=item.name, icon="OBJECT_DATA")
+    row.operator("karf.reset_swatch", text="Reset", icon="LOOP_BACK").object_name = item.name
+    row.menu("KARF_MT_palette", text="", icon="DOWNARROW_HLT")
+    row = layout.row(align=True)
+    for index, swatch in enumerate(item.swatches):
+        if index and not swatch.merged:  # black is frozen
+            draw_swatch(row.column(align=True), item, index, swatch)
+    row = layout.row()
+    row.alignment = "LEFT"
+    row.prop(item, "show_becomes", icon="DOWNARROW_HLT" if item.show_becomes else "RIGHTARROW", emboss=False)
+    if item.show_becomes:
+        draw_becomes(layout, item)
+
+
+def draw_swatch(column, item, index, swatch):
+    """One swatch: above as learned (a click gives it back), below as it shall be, and its menu."""
+    column.context_pointer_set("karf_object", item)
+    column.context_pointer_set("karf_swatch", swatch)
+    row = column.row(align=True)
+    for each in item.swatches:
+        if each == swatch or each.merged == index:
+            learned = row.operator("karf.reset_swatch", text="", icon_value=chips.icon(each.learned))
+            learned.object_name, learned.index = item.name, index
+    edited = column.row(align=True)
+    edited.scale_y = 2.0
+    edited.enabled = not swatch.locked
+    edited.prop(swatch, "color", text="")
+    draw_solo(column, item.name, index)
+    column.menu("KARF_MT_swatch", text="", icon=state_icon(swatch))
+
+
+def state_icon(swatch):
+    """What a swatch's menu button says of it."""
+    return "LOCKED" if swatch.locked else "LINKED" if swatch.link else "DOWNARROW_HLT"
+
+
+def draw_becomes(layout, item):
+    """The pair of colors, the rule and the button."""
+    row = layout.row(align=True)
+    row.prop(item, "source", text="")
+    row.label(text="", icon="FORWARD")
+    row.prop(item, "target", text="")
+    draw_left(layout, item)
+    row = layout.row(align=True)
+    row.prop(item, "rule", text="")
+    row.prop(item, "live", toggle=True)
+    row.operator("karf.becomes", text="Apply").object_name = item.name
+
+
+def number_of(item, swatch):
+    """The number of an object's swatch."""
+    return next(index for index, each in enumerate(item.swatches) if each == swatch)
+
+
+def act(layout, name, context, **options):
+    """A button of an operator on the swatch that the menu is of."""
+    button = layout.operator(name, **options)
+    button.object_name = context.karf_object.name
+    button.index = number_of(context.karf_object, context.karf_swatch)
+    return button
+
+
+class KARF_MT_swatch(bpy.types.Menu):
+    """What can be done to a swatch."""
+
+    bl_label = "Swatch"
+
+    def draw(self, context):
+        layout, item, swatch = self.layout, context.karf_object, context.karf_swatch
+        layout.prop(swatch, "locked")
+        layout.separator()
+        act(layout, "karf.copy_swatch", context, icon="COPYDOWN")
+        act(layout, "karf.paste_swatch", context, icon="PASTEDOWN")
+        act(layout, "karf.reset_swatch", context, text="Reset", icon="LOOP_BACK")
+        layout.separator()
+        layout.menu("KARF_MT_swap")
+        layout.menu("KARF_MT_link", icon="LINKED")
+        if swatch.link:
+            act(layout, "karf.unlink_swatch", context, icon="UNLINKED")
+        layout.separator()
+        layout.menu("KARF_MT_merge")
+        act(layout, "karf.merge_swatch", context, text="Remove", icon="X")
+        if any(each.merged == number_of(item, swatch) for each in item.swatches):
+            act(layout, "karf.split_swatch", context)
+
+
+class KARF_MT_swap(bpy.types.Menu):
+    """Swatches to exchange colors with."""
+
+    bl_label = "Swap With"
+
+    def draw(self, context):
+        draw_others(self.layout, context, "karf.swap_swatches")
+
+
+class KARF_MT_link(bpy.types.Menu):
+    """Swatches to have one color with."""
+
+    bl_label = "Link With"
+
+    def draw(self, context):
+        draw_others(self.layout, context, "karf.link_swatches")
+
+
+def draw_others(layout, context, operator):
+    """A button for each swatch of all objects but the one that the menu is of."""
+    for item in context.scene.karf.objects:
+        for index, other in enumerate(item.swatches):
+            if index and other != context.karf_swatch and not other.merged:
+                text, icon = f"{item.name} {index}", chips.icon(other.color)
+                button = act(layout, operator, context, text=text, icon_value=icon)
+                button.other_name, button.other_index = item.name, index
+
+
+class KARF_MT_merge(bpy.types.Menu):
+    """Swatches of the object that may move this one too."""
+
+    bl_label = "Merge Into"
+
+    def draw(self, context):
+        item = context.karf_object
+        for index, other in enumerate(item.swatches):
+            if index and other != context.karf_swatch and not other.merged:
+                icon = chips.icon(other.learned)
+                act(
+                    self.layout, "karf.merge_swatch", context, text=f"{item.name} {index}", icon_value=icon
+                ).into = index
+
+
+class KARF_MT_palette(bpy.types.Menu):
+    """What can be done to an object's palette."""
+
+    bl_label = "Palette"
+
+    def draw(self, context):
+        name = context.karf_object.name
+        self.layout.operator("karf.copy_swatch", text="Copy Palette", icon="COPYDOWN").object_name = name
+        self.layout.operator("karf.paste_swatch", text="Paste Palette", icon="PASTEDOWN").object_name = name
+        self.layout.separator()
+        self.layout.menu("KARF_MT_palette_presets", icon="PRESET")
+
+
+class KARF_MT_palette_presets(bpy.types.Menu):
+    """Palettes that were kept, for any object."""
+
+    bl_label = "Palette Presets"
+    preset_subdir = "karf/palettes"
+    preset_operator = "script.execute_preset"
+    preset_add_operator = "karf.palette_preset"
+    draw = bpy.types.Menu.draw_preset
+
+
+CLASSES = (
+    KARF_MT_swatch,
+    KARF_MT_swap,
+    KARF_MT_link,
+    KARF_MT_merge,
+    KARF_MT_palette,
+    KARF_MT_palette_presets,
+)

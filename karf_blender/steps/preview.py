@@ -1,0 +1,215 @@
+"""Live Camera: what the scene's camera sees, rendered by the warm engine while it or the rig moves.
+
+A coarse picture comes first, finer ones while the camera stands still; swatches change each in Blender alone. One timer
+looks at the camera, so that whatever moves it counts: the mouse, keyframes, drivers, parents, constraints.
+"""
+
+import json
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..engine_api import BadRequest, Camera, KarfError, camera_to_json, read_planes
+from ..host import rendering, windows
+from ..pictures import editors, images
+from ..rig import frames
+from ..swatches import colors
+from ..swatches.planes import ShownView, recolored
+from ..tasks import runner, warm
+from ..tasks.ownership import Owner
+from .cameras import camera_of
+
+IMAGE_NAME = f"{editors.PREFIX} camera"
+KIND = "preview"
+COARSE_SIDE = 96  # pixels
+LOOK_SECONDS = 0.03
+
+Wanted = tuple[str, int]  # a camera, as a comparable text, and the long side of its picture
+
+
+@dataclass
+class _Live:
+    """The camera that is followed.
+
+    Attributes:
+        owner: The scene.
+        camera: As it was seen last; its text; and the long sides that it is still to be asked for.
+        asked: What is on its way.
+        view: The planes that came last.
+        colors: The swatches that they are shown with.
+        message: Why there is no picture; empty where there is one.
+    """
+
+    owner: Owner
+    camera: Camera | None = None
+    text: str = ""
+    sides: tuple[int, ...] = ()
+    asked: Wanted | None = None
+    view: ShownView | None = None
+    colors: bytes = b""
+    message: str = "The engine starts"
+
+
+class _Memory:
+    """The camera that is followed, if one is."""
+
+    live: _Live | None = None
+
+
+def is_live() -> bool:
+    """Whether the scene's camera is followed."""
+    return _Memory.live is not None
+
+
+def message() -> str:
+    """Why the followed camera has no picture; empty where it has one."""
+    return _Memory.live.message if _Memory.live else ""
+
+
+def start(scene: bpy.types.Scene) -> None:
+    """Follow the scene's camera.
+
+    Raises:
+        BadRequest: There is no window, or no camera.
+    """
+    if bpy.app.background:
+        raise BadRequest("Live Camera needs a window.", "Write a picture instead: headless.preview_camera.")
+    camera_of(scene, None)
+    _Memory.live = _Live(Owner.of(scene))
+    if not bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.register(_tick, first_interval=0.0)
+
+
+def stop() -> None:
+    """Follow no camera; its last picture stays."""
+    _Memory.live = None
+
+
+def write_preview(scene: bpy.types.Scene, camera: bpy.types.Object | None, path: Path, long_side: int) -> None:
+    """Write what a camera (None: the scene's) sees now, with the swatches as they stand, as a PNG.
+
+    Raises:
+        KarfError: There is no camera, or nothing is learned.
+    """
+    pinhole = frames.pinhole(scene, camera_of(scene, camera))
+    view = _taken(warm.wait(scene, KIND, _options(pinhole, long_side)))
+    images.write_png(path, images.upright(_picture(view, scene)))
+
+
+def _options(camera: Camera, long_side: int) -> dict[str, Any]:
+    return {"camera": camera_to_json(camera), "long_side": long_side}
+
+
+def _taken(answer: dict[str, Any]) -> ShownView:
+    """The planes of an answer, whose file is removed."""
+    file = Path(answer["planes"])
+    try:
+        return ShownView(file, 0, read_planes(file))
+    finally:
+        with suppress(OSError):
+            file.unlink()
+
+
+def _picture(view: ShownView, scene: bpy.types.Scene) -> np.ndarray:
+    """The RGBA buffer of planes with the scene's swatches; before palettes are learned, the scene as learned."""
+    return recolored(view, scene) if view.planes.objects else view.picture("delta")[1]
+
+
+# --- following -----------------------------------------------------------------------------------------------------
+def _tick() -> float | None:
+    """The timer: looks at camera and swatches, and ends itself when no camera is followed."""
+    live = _Memory.live
+    scene = live.owner.find() if live else None
+    if scene is None:
+        stop()
+        windows.redraw(*windows.PANEL_AREAS)
+        return None
+    before = live.message
+    if not rendering.is_over() or runner.is_running():
+        live.text = ""  # what a task learns changes the picture, and meanwhile the cores are its own
+    else:
+        try:
+            _look(live, scene)
+            _follow_swatches(live, scene)
+        except KarfError as error:
+            _say(live, error)
+    if live.message != before:
+        windows.redraw(*windows.PANEL_AREAS)
+    return LOOK_SECONDS
+
+
+def _look(live: _Live, scene: bpy.types.Scene) -> None:
+    """Ask for the next picture: the coarse one of a camera that has moved, else a finer one."""
+    is_coarse_on_its_way = live.asked is not None and live.asked[1] == COARSE_SIDE
+    if is_coarse_on_its_way:  # it is let through: else nothing would be seen as long as the camera moves
+        return
+    try:
+        camera = frames.pinhole(scene, camera_of(scene, None))
+    except KarfError:
+        live.text = ""  # as soon as there is a camera again, its picture is wanted
+        raise
+    full = bpy.data.window_managers[0].karf_preview.long_side
+    text = json.dumps([camera_to_json(camera), full])
+    if text != live.text:
+        finer = sorted(side for side in {full // 2, full} if side > COARSE_SIDE)
+        live.camera, live.text, live.sides, live.asked = camera.reduced(full), text, (COARSE_SIDE, *finer), None
+    if live.sides and live.asked is None:
+        side, *rest = live.sides
+        live.sides, live.asked = tuple(rest), (text, side)
+        warm.ask(
+            scene, KIND, _options(camera, side), partial(_take, live.asked), lambda error: _say(_Memory.live, error)
+        )
+
+
+def _take(asked: Wanted, scene: bpy.types.Scene, answer: dict[str, Any]) -> None:
+    """Show an answer, unless another camera is wanted by now."""
+    view, live = _taken(answer), _Memory.live
+    if live is None or live.asked != asked:
+        return
+    is_first = live.view is None
+    live.asked, live.view, live.message = None, view, ""
+    _show(live, scene)
+    if is_first:
+        editors.reveal(bpy.data.images[IMAGE_NAME], is_wanted=True)
+
+
+def _follow_swatches(live: _Live, scene: bpy.types.Scene) -> None:
+    if live.view is not None and _colors(scene) != live.colors:
+        _show(live, scene)
+
+
+def _show(live: _Live, scene: bpy.types.Scene) -> None:
+    """Put the planes, with the swatches as they stand, into the camera's image, coarse ones enlarged."""
+    live.colors = _colors(scene)
+    size = live.camera.width, live.camera.height
+    image = bpy.data.images.get(IMAGE_NAME) or images.new_image(IMAGE_NAME, *size)
+    images.fit(image, *size)
+    images.upload(image, images.enlarged(_picture(live.view, scene), *size))
+
+
+def _colors(scene: bpy.types.Scene) -> bytes:
+    edited = [colors.edited(item).tobytes() for item in scene.karf.objects]
+    return b"".join([scene.karf.compositing.encode(), *edited])
+
+
+def _say(live: _Live | None, error: KarfError) -> None:
+    """Say why there is no picture; it is asked for again when the camera moves."""
+    if live is not None:
+        live.message, live.asked, live.sides = f"{error.sentence} {error.hint}".strip(), None, ()
+
+
+def register():
+    """Called when the extension is enabled."""
+
+
+def unregister():
+    """Called when the extension is disabled."""
+    stop()
+    # a timer left behind hangs or crashes some Blender versions at exit
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)

@@ -1,0 +1,74 @@
+"""One color of an object becomes another, from the picture as it is edited, at once while the target is dragged."""
+
+import bpy
+import numpy as np
+
+from ..engine_api import (
+    Edit,
+    ciede2000,
+    match_becomes,
+    match_fewest,
+    nearest_weights,
+    rgb_to_hex,
+    srgb_to_lab,
+)
+from . import colors, edits, groups, histograms
+
+FOREIGN = 10.0  # CIEDE2000 from which an object shows no such color
+
+
+def apply(
+    scene: bpy.types.Scene, name: str, source: np.ndarray, target: np.ndarray, rule: str, start: np.ndarray
+) -> str:
+    """Set an object's swatches so that one color of it becomes another; locked swatches stay.
+
+    Args:
+        scene: The scene.
+        name: The object's.
+        source: A color that it shows with the palette `start`, sRGB [3] in [0, 1].
+        target: What this one shall become.
+        rule: `becomes` or `fewest`.
+        start: The palette to go on from, [M, 3].
+
+    Returns:
+        What is odd about the source, as a sentence; else nothing.
+
+    Raises:
+        BadRequest: The source is black.
+        DataError: The project's histogram of the object's colors is damaged.
+    """
+    item = edits.object_named(scene, name)
+    seen = histograms.of(scene, name)
+    locked, now = groups.held(item), colors.edited(item)
+    start = np.where(np.isin(np.arange(len(now)), locked)[:, None], now, start)
+    shown = np.clip(seen.colors + seen.palette_weights @ (start - colors.learned(item)), 0, 1)
+    weights = groups.gathered(item, seen.palette_weights.T).T
+    if rule == "fewest":
+        edited = match_fewest(nearest_weights(shown, weights, source), start, target, locked, shown=source)
+    else:
+        edited = match_becomes(shown, seen.counts, weights, start, source, target, locked)
+    edits.apply_edit(scene, Edit({name: edited}, scene.karf.compositing))
+    distance = ciede2000(srgb_to_lab(shown), srgb_to_lab(source)).min()
+    if distance < FOREIGN:
+        return ""
+    return f"{name} shows no color like {rgb_to_hex(source)}: the nearest differs by CIEDE2000 {distance:.0f}. Pick it anew."
+
+
+def apply_picked(item: bpy.types.PropertyGroup) -> str:
+    """`apply` with the object's own pair of colors, from the swatches as they were when its source was picked.
+
+    So the target can be changed any number of times. What was changed otherwise since is gone on from.
+    """
+    now = colors.edited(item)
+    start = colors.stored(item, "before") if (now == colors.stored(item, "after")).all() else now
+    source, target = (np.array(color, np.float32) for color in (item.source, item.target))
+    remark = apply(item.id_data, item.name, source, target, item.rule, start)
+    item.swatches.foreach_set("before", start.ravel())
+    item.swatches.foreach_set("after", colors.edited(item).ravel())
+    return remark
+
+
+def picked(item: bpy.types.PropertyGroup) -> None:
+    """Remember the swatches with which the picture shows the source that was just picked."""
+    for name in ("before", "after"):
+        item.swatches.foreach_set(name, colors.edited(item).ravel())

@@ -1,0 +1,112 @@
+"""Swatches fitted to a picture of the active view, painted over in the Image Editor or graded elsewhere."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..engine_api import BadRequest, Edit, ObjectMatch, Palette, find_header, linear_to_srgb, match_picture
+from ..pictures import images
+from . import colors, edits, groups, planes
+
+PAINTING_NAME = "KaRF painting"
+ASPECT_TOLERANCE = 0.02  # by which a picture's sides may differ from the view's: rounding of small sizes
+
+
+def paint_over(scene: bpy.types.Scene) -> bpy.types.Image:
+    """Make a copy of the active view as it is shown, to paint on; it is what will be matched.
+
+    Raises:
+        KarfError: The view cannot be shown, or Blender renders.
+    """
+    buffer = planes.composite(scene)
+    height, width = buffer.shape[:2]
+    image = bpy.data.images.get(PAINTING_NAME) or images.new_image(PAINTING_NAME, width, height)
+    images.fit(image, width, height)
+    images.upload(image, buffer)
+    scene.karf.match.picture, scene.karf.match.view = image, scene.karf.active_view
+    return image
+
+
+def chosen(scene: bpy.types.Scene) -> bpy.types.Image:
+    """The picture that was painted on or chosen.
+
+    Raises:
+        BadRequest: There is none, or another view was painted over.
+    """
+    match, shown = scene.karf.match, scene.karf.active_view
+    if match.picture is None:
+        raise BadRequest("No picture is chosen.", "Press Paint Over, or choose a picture of this view.")
+    if match.view not in ("", shown):
+        raise BadRequest(
+            f"{match.picture.name!r} was painted over the view {match.view!r}, and {shown!r} is shown.",
+            f"Show {match.view!r} in step 6, or paint over this view.",
+        )
+    return match.picture
+
+
+def pixels_of(picture: bpy.types.Image) -> np.ndarray:
+    """The sRGB colors [H, W, 3] of an image, painted or not. Raises BadRequest where it has none."""
+    if not picture.size[0]:
+        raise BadRequest(f"{picture.name!r} has no pixels.", "Choose another picture.")
+    pixels = images.colors_of(picture)
+    return _display(pixels) if picture.is_float else pixels  # floats are linear light in Blender
+
+
+def read(path: Path) -> np.ndarray:
+    """The sRGB colors [H, W, 3] of a picture file. Raises DataError where it is unreadable."""
+    pixels, header = images.read_picture(path), find_header(path)
+    return _display(pixels) if header is not None and header.kind == "exr" else pixels
+
+
+def _display(light: np.ndarray) -> np.ndarray:
+    return linear_to_srgb(np.clip(light, 0, 1))
+
+
+def match(scene: bpy.types.Scene, name: str, picture: np.ndarray) -> tuple[ObjectMatch, ...]:
+    """Set the swatches so that the active view comes closest to a picture of it; locked ones stay.
+
+    Args:
+        scene: The scene.
+        name: The picture's.
+        picture: The whole view, at any size, without lens distortion, sRGB [h, w, 3].
+
+    Returns:
+        What came of each object that the picture wants otherwise.
+
+    Raises:
+        BadRequest: The picture has another shape or wants nothing else, or the scene shows palettes only.
+        KarfError: The view is not prepared.
+    """
+    karf = scene.karf
+    if karf.compositing != "delta":
+        raise BadRequest("A picture can be matched where photos are edited.", "Set Result to Photo plus change.")
+    view, items = planes.shown_view(scene).planes, {item.name: item for item in karf.objects}
+    ordered = [items[name] for name in view.objects]
+    found = match_picture(
+        [groups.gathered(item, weights) for item, weights in zip(ordered, view.palette_weights, strict=True)],
+        view.probabilities,
+        view.base.astype(np.float32) / 255,
+        _fitted(name, picture, *view.base.shape[1::-1]),
+        [Palette(item.name, colors.learned(item)) for item in ordered],
+        {item.name: colors.edited(item) for item in ordered},
+        {item.name: groups.held(item) for item in ordered},
+    )
+    if not found:
+        raise BadRequest(
+            f"{name!r} shows the objects as they are in {karf.active_view!r}.",
+            "Paint on them, or choose another picture.",
+        )
+    edits.apply_edit(scene, Edit({each.name: each.colors for each in found}, karf.compositing))
+    return found
+
+
+def _fitted(name: str, picture: np.ndarray, width: int, height: int) -> np.ndarray:
+    """A picture at the size of the view. Raises BadRequest where its shape is another."""
+    own_height, own_width = picture.shape[:2]
+    if abs(own_width * height / (own_height * width) - 1) > ASPECT_TOLERANCE:
+        raise BadRequest(
+            f"{name!r} has {own_width} x {own_height} pixels, the view {width} x {height}.",
+            "Choose a picture of the whole view, of any size.",
+        )
+    return images.resized(picture, width, height)

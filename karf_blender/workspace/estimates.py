@@ -1,0 +1,114 @@
+"""How long a preset will take on this computer, before it is pressed; nothing where that is not known."""
+
+from functools import lru_cache
+from pathlib import Path
+
+import bpy
+
+from ... import __package__ as extension
+from .. import engine_api, preferences
+from ..engine import speed
+from ..engine_api import PRESETS, KarfError, MissingDependency, Request
+from ..host import windows
+from ..tasks import runner
+
+POLL_SECONDS = 0.5
+STAGES = {"learn_scene": ("geometry",), "learn_all": ("geometry", "segmentation", "recoloring")}
+
+
+class _Memory:
+    """What is known of this computer, and the measurement that is at work."""
+
+    known: speed.Speed | None = None
+    measurement: speed.Measurement | None = None
+
+
+def seconds(preset: str, button: str, is_open: bool) -> float | None:
+    """What pressing a button of step 2 will take with a preset; None where nothing is known."""
+    if _Memory.known is None or not _Memory.known.samples_per_second:
+        return None
+    promised = _promised(preset, _Memory.known.samples_per_second, is_open)
+    if promised is None:
+        return None
+    stages = _Memory.known.corrected(promised)
+    return sum(stages[stage] for stage in STAGES[button])
+
+
+def measure_once() -> None:
+    """Measure this computer beside the interface, where that was not done yet with the engine as it is chosen."""
+    if bpy.app.background or _Memory.measurement is not None or runner.is_running():
+        return
+    try:
+        python, threads = preferences.engine_python(), preferences.current().threads
+    except MissingDependency:
+        return
+    _Memory.known = speed.read(_file(), str(python), threads)
+    if _Memory.known.samples_per_second:
+        return
+    try:
+        _Memory.measurement = speed.Measurement(python, engine_api.ENGINE_FOLDER, threads)
+    except OSError:  # Test Engine says why
+        return
+    bpy.app.timers.register(_tick, first_interval=POLL_SECONDS, persistent=True)
+
+
+def _tick() -> float | None:
+    """The timer: takes in what was measured. A job would be timed by what it leaves over, and is let go first."""
+    if runner.is_running():
+        _end()
+        return None
+    found = _Memory.measurement.poll()
+    if found is None:
+        return POLL_SECONDS
+    _Memory.measurement = None
+    _Memory.known = speed.Speed(_Memory.known.python, _Memory.known.threads, found)
+    if found:
+        _Memory.known.write(_file())
+    windows.redraw(*windows.PANEL_AREAS)
+    return None
+
+
+def _take_time(request: Request, taken: float) -> None:
+    """Correct what is known by a job that is done; how open its scene was is told by what it noted."""
+    known, project = _Memory.known, engine_api.Project(request.project)
+    if known is None or not known.samples_per_second or request.options.get("overrides"):
+        return
+    try:
+        state = project.state()
+    except KarfError:  # a job that finds camera poses begins a folder that is no project yet
+        return
+    space = state["stages"].get("geometry", {}).get("space", "box")
+    promised = _promised(state.get("settings", {}).get("preset", ""), known.samples_per_second, space != "box")
+    if promised is not None and request.stage in promised:
+        _Memory.known = known.learned_from(request.stage, promised[request.stage], taken)
+        _Memory.known.write(_file())
+
+
+@lru_cache(maxsize=16)
+def _promised(preset: str, samples_per_second: float, is_open: bool) -> dict[str, float] | None:
+    settings = PRESETS.get(preset)
+    return None if settings is None else engine_api.seconds_of_stages(settings, samples_per_second, is_open)
+
+
+def _file() -> Path:
+    return Path(bpy.utils.extension_path_user(extension, create=True)) / "speed.json"
+
+
+def _end() -> None:
+    if _Memory.measurement is not None:
+        _Memory.measurement.end()
+        _Memory.measurement = None
+
+
+def register():
+    """Called when the extension is enabled."""
+    runner.keep_time(_take_time)
+
+
+def unregister():
+    """Called when the extension is disabled."""
+    runner.forget_time(_take_time)
+    # a timer left behind hangs or crashes some Blender versions at exit
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+    _end()

@@ -1,0 +1,36 @@
+"""Colors as texts that programs exchange by the clipboard: `#rrggbb`, or CSS's `color(srgb r g b)` beyond white."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from .palette import BRIGHTEST, hex_to_rgb, rgb_to_hex
+
+# CSS Color Module Level 4, 10.2; hexadecimal digits also without #, as lists of colors in addresses have them
+PATTERN = re.compile(r"color\(\s*srgb((?:\s+\d*\.?\d+){3})\s*\)|(?<![0-9a-z])#?([0-9a-f]{6})(?![0-9a-z])", re.I)
+
+
+def color_to_text(color: Sequence[float] | np.ndarray) -> str:
+    """An sRGB color [3] in [0, BRIGHTEST] as text; up to white it is rounded to 8 bits.
+
+    Examples:
+        >>> color_to_text([1.0, 0.0, 0.2]), color_to_text([1.5, 0.25, 0.0])
+        ('#ff0033', 'color(srgb 1.5 0.25 0)')
+    """
+    if max(color) <= 1:
+        return rgb_to_hex(np.asarray(color))
+    return "color(srgb {:.5g} {:.5g} {:.5g})".format(*map(float, color))
+
+
+def colors_of_text(text: str) -> np.ndarray:
+    """All colors that a text names, sRGB [n, 3] float32 in [0, BRIGHTEST]; whatever stands between them is passed over.
+
+    Examples:
+        >>> colors_of_text("color(srgb 1.5 0.25 0); Pot: #FF0000, 00ff00-0000ff").tolist()
+        [[1.5, 0.25, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    found = [np.array(wide.split(), np.float32) if wide else hex_to_rgb(short) for wide, short in PATTERN.findall(text)]
+    return np.clip(np.array(found, np.float32).reshape(-1, 3), 0, BRIGHTEST)

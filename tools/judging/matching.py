@@ -1,0 +1,113 @@
+"""Swatches matched to the true recolor of one test view, judged on the others:
+
+    python -m tools.judging.matching CAPTURE PROJECT
+
+Beside *Becomes* with one color pair an object, and the swatches that fit all test views best, which nothing can know.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import karf_engine as karf
+from karf_engine.edit.compositing import delta_composite, stack_palettes
+from karf_engine.edit.fitting import room
+from karf_engine.edit.least_squares import bounded_least_squares
+from karf_engine.edit.painted import match_picture
+from karf_engine.edit.palette import BRIGHTEST
+from karf_engine.frames import Frame
+from karf_engine.metrics.images import mean_ciede2000
+from karf_engine.model import Model
+
+from .recolors import edit_to_judge
+from .truth import Truth
+
+
+@dataclass(frozen=True)
+class MatchScore:
+    """CIEDE2000 in the edited objects of the test views, means over views.
+
+    Attributes:
+        no_edit: Of the photos.
+        becomes: By one color pair an object.
+        others: Matched to one view, in the others: mean over the views given.
+        worst: The same for the worst view to give.
+        given: Matched to one view, in that view.
+        bound: By the swatches that fit the true recolors of all views best, in sRGB.
+    """
+
+    no_edit: float
+    becomes: float
+    others: float
+    worst: float
+    given: float
+    bound: float
+
+
+def score_matches(model: Model, truth: Truth) -> dict[str, MatchScore]:
+    """The score of each edit."""
+    frames = [model.preview(view) for view in model.capture.split("test")]
+    return {edit: _score_edit(model, truth, frames, edit) for edit in truth.edits}
+
+
+def _score_edit(model: Model, truth: Truth, frames: list[Frame], edit: str) -> MatchScore:
+    recolored, insides = truth.recolored(edit), truth.inside(edit)
+    seen = [number for number, inside in enumerate(insides) if inside.any()]
+    learned = model.learned_colors
+
+    def differences(edited: np.ndarray) -> np.ndarray:
+        pictures = [delta_composite(frames[view].base, frames[view].palette_weights, learned, edited) for view in seen]
+        return np.array([mean_ciede2000(p, recolored[v], insides[v]) for p, v in zip(pictures, seen, strict=True)])
+
+    given, others = [], []
+    for place, view in enumerate(seen):
+        of_views = differences(_matched(model, frames[view], recolored[view]))
+        given.append(of_views[place])
+        others.append(np.delete(of_views, place).mean())
+    return MatchScore(
+        no_edit=float(differences(learned).mean()),
+        becomes=float(differences(stack_palettes(model.objects, edit_to_judge(model, truth, edit).colors)).mean()),
+        others=float(np.mean(others)),
+        worst=float(np.max(others)),
+        given=float(np.mean(given)),
+        bound=float(differences(_best(model, truth, frames, edit)).mean()),
+    )
+
+
+def _matched(model: Model, frame: Frame, wanted: np.ndarray) -> np.ndarray:
+    """The palettes [K, M, 3] matched to a picture of a view."""
+    colors = {palette.name: palette.colors for palette in model.palettes}
+    found = match_picture(frame.palette_weights, frame.probabilities, frame.base, wanted, model.palettes, colors)
+    return stack_palettes(model.objects, colors | {match.name: match.colors for match in found})
+
+
+def _best(model: Model, truth: Truth, frames: list[Frame], edit: str) -> np.ndarray:
+    """The palettes [K, M, 3] with the least squared difference to the true recolors of all test views."""
+    learned = model.learned_colors
+    edited = [name in truth.edits[edit]["objects"] for name in model.objects]
+    samples = zip(frames, truth.recolored(edit), truth.inside(edit), strict=True)
+    parts = [(frame.palette_weights[edited][..., i], (true - frame.base)[i]) for frame, true, i in samples]
+    weights = np.concatenate([part.reshape(-1, part.shape[-1]).T for part, _ in parts])
+    palettes = learned[edited].reshape(-1, 3)
+    lower, upper = room(palettes, range(0, len(palettes), learned.shape[1]), BRIGHTEST)
+    change = bounded_least_squares(weights, np.concatenate([wanted for _, wanted in parts]), lower, upper)
+    best = learned.copy()
+    best[edited] += change.reshape(-1, *learned.shape[1:])
+    return best
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("capture", type=Path, help="with true recolors, laid out like the demo")
+    parser.add_argument("project", type=Path, help="learned of it")
+    options = parser.parse_args()
+    for edit, score in score_matches(karf.load(options.project), Truth(options.capture)).items():
+        print(edit, *(f"{name} {value:.2f}" for name, value in vars(score).items()))
+
+
+if __name__ == "__main__":
+    main()
