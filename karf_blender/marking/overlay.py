@@ -82,7 +82,7 @@ def _draw_overlay() -> None:
     if sheet is None or not photo.is_shown(scene, space) or not space.overlay.show_overlays:
         return
     gpu.state.blend_set("ALPHA")
-    used = {draw_layer(context.region, *each) for each in _layers(scene, sheet)}
+    used = {_draw_layer(context.region, *each) for each in _layers(scene, sheet)}
     for key in _Memory.textures.keys() - used:
         del _Memory.textures[key]
     _draw_clicks(context.region, scene, sheet)
@@ -105,7 +105,7 @@ def _layers(scene, sheet):
 
 
 # --- masks ---------------------------------------------------------------------------------------------------------
-def draw_layer(region, key, layer: Layer, sign: int, color, opacity: float, width: float):
+def _draw_layer(region, key, layer: Layer, sign: int, color, opacity: float, width: float):
     """Draw the pixels of a layer that have a sign over the photo of a region; returns the key of their texture."""
     shader = _shader()
     view = region.view2d
