@@ -71,7 +71,7 @@ def _project_chosen(self, context):
         if preset in PRESETS:
             self.preset = preset
         if self.project:
-            objects.sync(self.id_data)
+            objects.restart(self.id_data)
         disk.refresh()
 
 

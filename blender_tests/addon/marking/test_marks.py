@@ -335,3 +335,10 @@ def test_views_are_gone_through_around_the_end_and_marked_ones_alone_where_wante
 def test_the_first_object_is_there_when_the_photo_is(addon, project_scene):
     addon.steps.show_photo(project_scene)
     assert project_scene.karf.marking.objects.keys() == ["object"]
+
+
+def test_another_project_brings_its_own_objects(addon, marked, tmp_path):
+    given = tmp_path / "other" / "masks" / "lid" / "photo_0.png"
+    addon.images.write_png(given, disc(8, 8, 5)[..., None].repeat(3, -1))
+    marked.karf.project = str(tmp_path / "other")
+    assert marked.karf.marking.objects.keys() == ["lid"]
