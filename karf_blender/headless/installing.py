@@ -9,6 +9,7 @@ from ..engine.managed import home, machine, recipes, wheelhouse
 from ..engine.managed.home import Status
 from ..engine.managed.plan import Choices, Plan
 from ..engine_api import BadRequest
+from ..tasks import warm
 
 
 def plan_engine(
@@ -52,6 +53,7 @@ def install_engine(
     planned = plan_engine(build, extras, folder, wheels, starter)
     for sentence in planned.sentences:
         print(f"KaRF engine: {sentence}", flush=True)
+    warm.stop()  # its Python may be replaced
     installing.wait(planned)
     return home.status(planned.choices.folder)
 
@@ -79,6 +81,7 @@ def repair_engine(folder: str | Path | None = None, wheels: str | Path | None = 
 
 def remove_engine(folder: str | Path | None = None) -> None:
     """Delete the environment; refuses a folder that KaRF has not made."""
+    warm.stop()
     home.remove(Path(folder).absolute() if folder else preferences.engine_folder())
 
 

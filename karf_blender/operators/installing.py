@@ -11,6 +11,7 @@ from ..engine.managed import machine, recipes, shells
 from ..engine.managed.plan import Choices
 from ..engine_api import KarfError
 from ..host.labels import draw_text
+from ..tasks import warm
 from .reporting import is_free, is_unchanging, reports_errors
 
 BUILDS = {
@@ -22,6 +23,12 @@ BUILDS = {
 }
 WIDTH, LETTERS = 640, 100  # of the dialog in pixels, and what fits into a line of it
 SHELLS = {"posix": "Linux, macOS", "powershell": "PowerShell", "cmd": "Windows cmd"}
+
+
+def _leave_python() -> None:
+    """End what still runs in the engine's Python, which may be replaced."""
+    probing.cancel()
+    warm.stop()
 
 
 class KARF_OT_install_engine(bpy.types.Operator):
@@ -95,7 +102,7 @@ asks. What is there already is checked, finished, repaired or updated"""
     @reports_errors
     def execute(self, context):
         planned = self._plan()
-        probing.cancel()  # its Python may be replaced
+        _leave_python()
         if planned.choices.folder != preferences.engine_folder():
             preferences.current().engine_folder = str(planned.choices.folder)
             context.preferences.is_dirty = True
@@ -144,7 +151,7 @@ class KARF_OT_remove_engine(bpy.types.Operator):
 
     @reports_errors
     def execute(self, context):
-        probing.cancel()
+        _leave_python()
         removing.launch(preferences.engine_folder())
         return {"FINISHED"}
 

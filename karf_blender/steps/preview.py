@@ -13,9 +13,10 @@ from typing import Any
 
 import bpy
 import numpy as np
+from bpy.app.handlers import persistent
 
 from ..engine_api import BadRequest, Camera, KarfError, camera_to_json, read_planes
-from ..host import rendering, windows
+from ..host import handlers, rendering, windows
 from ..pictures import editors, images
 from ..rig import frames
 from ..swatches import colors
@@ -82,7 +83,7 @@ def start(scene: bpy.types.Scene) -> None:
     camera_of(scene, None)
     _Memory.live = _Live(Owner.of(scene))
     if not bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.register(_tick, first_interval=0.0)
+        bpy.app.timers.register(_tick, first_interval=0.0, persistent=True)
 
 
 def stop() -> None:
@@ -203,12 +204,25 @@ def _say(live: _Live | None, error: KarfError) -> None:
         live.message, live.asked, live.sides = f"{error.sentence} {error.hint}".strip(), None, ()
 
 
+@persistent
+def _before_save(*_):
+    # pixels that are only in memory are not saved
+    image = bpy.data.images.get(IMAGE_NAME)
+    if image is not None and image.is_dirty:
+        image.pack()
+
+
+HANDLERS = (("save_pre", _before_save),)
+
+
 def register():
     """Called when the extension is enabled."""
+    handlers.add(HANDLERS)
 
 
 def unregister():
     """Called when the extension is disabled."""
+    handlers.remove(HANDLERS)
     stop()
     # a timer left behind hangs or crashes some Blender versions at exit
     if bpy.app.timers.is_registered(_tick):

@@ -12,7 +12,7 @@ from .options import needed
 from .session import Session
 
 SIDES = range(1, 8193)  # pixels that a preview may be long
-COARSE_SIDE = 160  # pixels: up to here fewer samples a ray do
+COARSE_SIDE = 256  # pixels: up to here fewer samples a ray do
 BAND_RAYS = 1 << 14  # rendered between two looks at whether another camera is wanted by now: half a second
 
 

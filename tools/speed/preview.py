@@ -16,7 +16,7 @@ from karf_engine.warm.preview import preview
 from karf_engine.warm.session import Session
 from tools.speed.rows import Row
 
-SIDES = (96, 160, 256, 512)  # pixels of the long side; Live Camera begins with the first
+SIDES = (96, 256, 512)  # pixels of the long side; Live Camera begins with the first
 TARGET_MS = 500.0  # of the first
 REPEATS = 3
 

@@ -120,6 +120,12 @@ def test_it_ends_with_its_scene(bpy, addon, live, tmp_path):
     assert addon.preview._tick() is None and not addon.preview.is_live()
 
 
+def test_the_picture_is_saved_with_the_file(bpy, addon, live, tmp_path):
+    live.look(1)
+    addon.headless.save(tmp_path / "shot.blend")
+    assert bpy.data.images["KaRF camera"].packed_file is not None
+
+
 def test_the_switch_needs_a_window(bpy, addon, learned):
     learned.camera = next(each for each in bpy.data.objects if each.type == "CAMERA")
     with pytest.raises(RuntimeError, match="needs a window"):

@@ -1,8 +1,10 @@
 """The preview of any camera, asked of the engine as Blender asks it."""
 
+import shutil
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -31,14 +33,14 @@ def session(tmp_path):
 
 
 def asked(learned, model, **more):
-    camera = model.capture.views[0].camera.scaled(300, 200)
-    return {"project": str(learned.project), "camera": camera_to_json(camera), "long_side": 200} | more
+    camera = model.capture.views[0].camera.scaled(450, 300)
+    return {"project": str(learned.project), "camera": camera_to_json(camera), "long_side": 300} | more
 
 
 def test_a_preview_is_the_planes_that_a_frame_of_the_camera_has(session, learned, model):
     answer = preview(session, asked(learned, model))
-    planes, frame = read_planes(answer["planes"]), model.render(model.capture.views[0].camera.scaled(200, 133))
-    assert answer["size"] == [200, 133] and planes.base.shape == (133, 200, 3)
+    planes, frame = read_planes(Path(answer["planes"])), model.render(model.capture.views[0].camera.scaled(300, 200))
+    assert answer["size"] == [300, 200] and planes.base.shape == (200, 300, 3)
     assert planes.objects == tuple(model.objects)
     assert np.abs(planes.palette_weights - frame.palette_weights).max() < 2e-3
     assert np.abs(planes.base / 255 - frame.color).max() < 0.6 / 255
@@ -46,7 +48,7 @@ def test_a_preview_is_the_planes_that_a_frame_of_the_camera_has(session, learned
 
 def test_a_coarse_preview_looks_the_same(session, learned, model):
     answer = preview(session, asked(learned, model, long_side=96))
-    planes, frame = read_planes(answer["planes"]), model.render(model.capture.views[0].camera.scaled(96, 64))
+    planes, frame = read_planes(Path(answer["planes"])), model.render(model.capture.views[0].camera.scaled(96, 64))
     assert np.abs(planes.base / 255 - frame.color).mean() < 1 / 255
     assert np.abs(planes.palette_weights - frame.palette_weights).mean() < 0.02
 
@@ -80,14 +82,12 @@ def test_what_is_wrong_with_an_ask_is_named(session, learned, model, wrong, erro
 
 
 def test_before_palettes_are_learned_the_planes_have_no_objects(session, learned, model, tmp_path):
-    import shutil
-
     project = shutil.copytree(learned.project, tmp_path / "geometry only")
     Project(project).finish("geometry", "again")
     for name in ("segmentation", "palette", "recoloring"):
         assert Project(project).finished(name) is None
     answer = preview(session, asked(learned, model, project=str(project), long_side=32))
-    planes = read_planes(answer["planes"])
+    planes = read_planes(Path(answer["planes"]))
     assert planes.objects == () and planes.palette_weights.shape == (0, 0, 21, 32)
     assert planes.base.std() > 0
 
