@@ -33,6 +33,7 @@ def draw_masks(layout, context):
     column.operator("karf.remove_object", text="", icon="REMOVE")
     draw_steps(layout, scene)
     layout.operator("karf.mark", icon="RESTRICT_SELECT_OFF")
+    layout.label(text=f"Ctrl: {'this is not it' if marking.correct else 'take away'}", icon="MOUSE_LMB")
     layout.prop(marking, "brush")
     if "segmentation" in disk.contents_of(scene).stages:
         layout.prop(marking, "correct")

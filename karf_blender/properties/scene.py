@@ -74,6 +74,8 @@ def _project_chosen(self, context):
         preset, _ = contents.learned_with(self.id_data)
         if preset in PRESETS:
             self.preset = preset
+        if self.project:
+            objects.restart(self.id_data)
         disk.refresh()
 
 
