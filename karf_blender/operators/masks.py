@@ -7,7 +7,7 @@ from .. import steps
 from ..host import windows
 from ..marking import objects, sheets, tools
 from ..project import disk
-from .reporting import has_project, reports_errors
+from .reporting import has_project, has_stage, reports_errors
 
 
 class MarkingStep:
@@ -75,6 +75,22 @@ class KARF_OT_go_to_view(MarkingStep, bpy.types.Operator):
         return {"FINISHED"}
 
 
+class KARF_OT_go_to_suggested(MarkingStep, bpy.types.Operator):
+    """Go to the view whose mark would decide most, as the last segmentation found it; again: to the next best"""
+
+    bl_idname = "karf.go_to_suggested"
+    bl_label = "Suggested View"
+
+    @classmethod
+    def poll(cls, context):
+        return has_project(cls, context) and has_stage(cls, context, "segmentation")
+
+    @reports_errors
+    def execute(self, context):
+        steps.go_to_suggested(context.scene)
+        return {"FINISHED"}
+
+
 class KARF_OT_erase_mask(ObjectStep, bpy.types.Operator):
     """Erase the object's mask in the active view, or all that corrects it there"""
 
@@ -125,6 +141,7 @@ class KARF_OT_remove_object(ObjectStep, bpy.types.Operator):
 CLASSES = (
     KARF_OT_mark,
     KARF_OT_go_to_view,
+    KARF_OT_go_to_suggested,
     KARF_OT_erase_mask,
     KARF_OT_add_object,
     KARF_OT_remove_object,

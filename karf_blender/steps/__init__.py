@@ -14,6 +14,7 @@ from .learn import extract_palette, learn_all, learn_scene, prepare_views, segme
 from .masks import (
     add_object,
     erase_mask,
+    go_to_suggested,
     go_to_view,
     mark_box,
     mark_click,
@@ -45,6 +46,7 @@ __all__ = [
     "extract_palette",
     "find_poses",
     "frame_range",
+    "go_to_suggested",
     "go_to_view",
     "import_cameras",
     "import_capture",

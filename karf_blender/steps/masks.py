@@ -13,7 +13,7 @@ from ..marking import asking, objects, photo, proposals, raster, sheets
 from ..marking.raster import Place
 from ..marking.sheets import Layer
 from ..preferences import state
-from ..project import disk, folders
+from ..project import contents, disk, folders
 
 MASK_VALUES = {"ADD": 1, "TAKE": 0, "CLEAR": 0}
 CORRECTION_VALUES = {"ADD": 1, "TAKE": -1, "CLEAR": 0}
@@ -173,3 +173,20 @@ def go_to_view(scene: bpy.types.Scene, by: int, marked: bool = False) -> str:
         raise BadRequest("No view has a mark of this object yet.", "Mark it in this one.")
     scene.karf.active_view = found
     return found
+
+
+def go_to_suggested(scene: bpy.types.Scene) -> str:
+    """Make the view active whose mark would decide most; asked again, the next best.
+
+    Returns:
+        Its name.
+
+    Raises:
+        BadRequest: The last segmentation suggests none.
+    """
+    names = contents.views_to_mark(scene)
+    if not names:
+        raise BadRequest("No view is suggested.", "Segment first.")
+    active = scene.karf.active_view
+    scene.karf.active_view = names[(names.index(active) + 1) % len(names) if active in names else 0]
+    return scene.karf.active_view

@@ -342,3 +342,11 @@ def test_another_project_brings_its_own_objects(addon, marked, tmp_path):
     addon.images.write_png(given, disc(8, 8, 5)[..., None].repeat(3, -1))
     marked.karf.project = str(tmp_path / "other")
     assert marked.karf.marking.objects.keys() == ["lid"]
+
+
+def test_suggested_views_come_one_after_the_other(addon, correcting):
+    with pytest.raises(addon.engine_api.BadRequest, match="No view is suggested"):
+        addon.steps.go_to_suggested(correcting)
+    report = addon.folders.project_of(correcting).segmentation_report
+    addon.engine_api.write_json(report, {"suggestions": {"photo_2": 0.9, "photo_1": 0.4}})
+    assert [addon.steps.go_to_suggested(correcting) for _ in range(3)] == ["photo_2", "photo_1", "photo_2"]
