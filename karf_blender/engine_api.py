@@ -48,6 +48,7 @@ from ..karf_engine.findings import ERROR, OK, VERDICT, WARNING, Finding
 from ..karf_engine.names import file_name, is_file_name, same_but_for_case
 from ..karf_engine.project import Project
 from ..karf_engine.project.colorways import PlannedColorway, plan_colorways
+from ..karf_engine.project.volumes import Volume, read_volumes, write_volumes
 from ..karf_engine.requirements import REQUIRED
 from ..karf_engine.settings import PRESETS, seconds_of_stages
 from ..karf_engine.wire import LOG_FILE, REQUEST_FILE, WARM, Ask, Event, EventReader, Request
@@ -99,6 +100,7 @@ __all__ = [
     "SparsePoints",
     "SwatchPicture",
     "View",
+    "Volume",
     "atomic_write",
     "camera_to_json",
     "checksum",
@@ -131,6 +133,7 @@ __all__ = [
     "read_palettes",
     "read_planes",
     "read_points",
+    "read_volumes",
     "render_bundle",
     "reprojection_errors",
     "rgb_to_hex",
@@ -149,4 +152,5 @@ __all__ = [
     "write_edit_file",
     "write_json",
     "write_points",
+    "write_volumes",
 ]

@@ -1,9 +1,10 @@
 """Step 3: the photo to mark and its neighbors, the objects, a mask erased."""
 
 import bpy
-from bpy.props import BoolProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from .. import steps
+from ..engine_api import BadRequest
 from ..host import windows
 from ..marking import objects, sheets, tools
 from ..project import disk
@@ -103,6 +104,31 @@ class KARF_OT_erase_mask(ObjectStep, bpy.types.Operator):
         return {"FINISHED"}
 
 
+class KARF_OT_set_volume(ObjectStep, bpy.types.Operator):
+    """Let the object to mark be inside or outside of the active mesh, or of the active Empty's box, as it stands now"""
+
+    bl_idname = "karf.set_volume"
+    bl_label = "Volume"
+
+    kind: EnumProperty(
+        name="Volume",
+        items=[
+            ("inside", "Inside", "The object is nowhere else"),
+            ("outside", "Outside", "The object is not in it"),
+            ("none", "None", "Take all volumes of the object away"),
+        ],
+    )
+
+    @reports_errors
+    def execute(self, context):
+        shape = None if self.kind == "none" else context.active_object
+        if shape is None and self.kind != "none":
+            raise BadRequest("There is no active object.", "Select a mesh or an Empty in the 3D View.")
+        count = steps.set_volume(context.scene, shape, self.kind)
+        self.report({"INFO"}, f"Volumes of {objects.active(context.scene).folder!r}: {count}. Segment heeds them")
+        return {"FINISHED"}
+
+
 class KARF_OT_add_object(MarkingStep, bpy.types.Operator):
     """Add an object to mark; double-click its name to change it"""
 
@@ -143,6 +169,7 @@ CLASSES = (
     KARF_OT_go_to_view,
     KARF_OT_go_to_suggested,
     KARF_OT_erase_mask,
+    KARF_OT_set_volume,
     KARF_OT_add_object,
     KARF_OT_remove_object,
 )

@@ -35,6 +35,7 @@ def draw_masks(layout, context):
     layout.operator("karf.mark", icon="RESTRICT_SELECT_OFF")
     layout.label(text=f"Ctrl: {'this is not it' if marking.correct else 'take away'}", icon="MOUSE_LMB")
     layout.prop(marking, "brush")
+    layout.operator_menu_enum("karf.set_volume", "kind", icon="CUBE")
     if "segmentation" in disk.contents_of(scene).stages:
         row = layout.row(align=True)
         row.prop(marking, "correct", toggle=True, icon="BRUSH_DATA")

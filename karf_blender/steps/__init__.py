@@ -21,6 +21,7 @@ from .masks import (
     mark_lasso,
     mark_stroke,
     remove_object,
+    set_volume,
     show_photo,
 )
 from .preview import write_preview
@@ -77,6 +78,7 @@ __all__ = [
     "save_shown",
     "see_view",
     "segment",
+    "set_volume",
     "show_colors",
     "show_frames",
     "show_masks",

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import bpy
 
 from ..engine_api import BadRequest
-from ..marking import asking, objects, photo, proposals, raster, sheets
+from ..marking import asking, objects, photo, proposals, raster, sheets, volumes
 from ..marking.raster import Place
 from ..marking.sheets import Layer
 from ..preferences import state
@@ -190,3 +190,22 @@ def go_to_suggested(scene: bpy.types.Scene) -> str:
     active = scene.karf.active_view
     scene.karf.active_view = names[(names.index(active) + 1) % len(names) if active in names else 0]
     return scene.karf.active_view
+
+
+def set_volume(scene: bpy.types.Scene, shape: bpy.types.Object | None, kind: str) -> int:
+    """Let the active object be `inside` or `outside` of a mesh or an Empty's box; without a shape: of none any more.
+
+    Returns:
+        How many volumes the object has now. *Segment* heeds them.
+
+    Raises:
+        KarfError: There is no object to mark, or the shape is neither mesh nor Empty.
+        OSError: The file cannot be written.
+    """
+    name = _name(scene)
+    if shape is None:
+        volumes.clear(scene, name)
+    else:
+        volumes.add(scene, name, shape, kind)
+    asking.correct(scene)
+    return volumes.count(scene, name)

@@ -350,3 +350,25 @@ def test_suggested_views_come_one_after_the_other(addon, correcting):
     report = addon.folders.project_of(correcting).segmentation_report
     addon.engine_api.write_json(report, {"suggestions": {"photo_2": 0.9, "photo_1": 0.4}})
     assert [addon.steps.go_to_suggested(correcting) for _ in range(3)] == ["photo_2", "photo_1", "photo_2"]
+
+
+def test_a_box_and_a_mesh_become_volumes_of_the_captures_world_and_undo_takes_them_back(bpy, addon, marked):
+    scene = bpy.context.scene
+    scene.karf.rig.location = (1, 2, 3)
+    empty = bpy.data.objects.new("box", None)
+    empty.location, empty.empty_display_size = (1, 2, 5), 0.5
+    bpy.ops.mesh.primitive_cube_add(location=(2, 2, 3))
+    scene.collection.objects.link(empty)
+    bpy.context.view_layer.update()
+    bpy.ops.ed.undo_push(message="shapes")
+    assert addon.steps.set_volume(scene, empty, "inside") == 1
+    bpy.ops.ed.undo_push(message="first")
+    assert addon.steps.set_volume(scene, bpy.context.active_object, "outside") == 2
+    file = addon.folders.project_of(scene).volumes_file
+    inside, outside = addon.engine_api.read_volumes(file)["pot"]
+    np.testing.assert_allclose(inside.matrix, [[0.5, 0, 0, 0], [0, 0.5, 0, 0], [0, 0, 0.5, 2], [0, 0, 0, 1]], atol=1e-6)
+    np.testing.assert_allclose(outside.vertices.mean(0), [1, 0, 0], atol=1e-6)
+    bpy.ops.ed.undo_push(message="second")
+    bpy.ops.ed.undo()
+    assert [volume.kind for volume in addon.engine_api.read_volumes(file)["pot"]] == ["inside"]
+    assert addon.steps.set_volume(bpy.context.scene, None, "none") == 0 and not file.exists()
