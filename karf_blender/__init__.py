@@ -1,6 +1,6 @@
 """The Blender side: cameras, swatches and pictures. It runs the engine in its own process and never imports torch."""
 
-from . import operators, panels, preferences, properties
+from . import operators, panels, preferences, properties, translations
 from .host import rendering
 from .marking import following, overlay, tools
 from .nodes import drivers
@@ -14,6 +14,7 @@ from .workspace import clicking, estimates, folding, opening, statusbar
 
 # later ones use earlier ones: taken down in reverse
 MODULES = (
+    translations,
     properties,
     preferences,
     rendering,

@@ -6,7 +6,7 @@ from .. import karf_engine
 from ..karf_engine.capture import FORMATS, hold_out, open_capture, write_cameras
 from ..karf_engine.capture.camera import Camera
 from ..karf_engine.capture.capture import Capture, SparsePoints, View
-from ..karf_engine.capture.distortion import distort
+from ..karf_engine.capture.distortion import distort, straighten
 from ..karf_engine.capture.image_size import find_header
 from ..karf_engine.capture.mask_names import masks_of_view
 from ..karf_engine.capture.reprojection import (
@@ -39,7 +39,7 @@ from ..karf_engine.edit.palette import (
 )
 from ..karf_engine.edit.palette_files import SUFFIXES as EDIT_SUFFIXES
 from ..karf_engine.edit.palette_files import read_edit_file, write_edit_file
-from ..karf_engine.edit.points import ScenePoints, read_points
+from ..karf_engine.edit.points import ScenePoints, read_points, write_points
 from ..karf_engine.edit.swatch_picture import SwatchPicture, palette_only, photo_plus_change
 from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency, error_from_code
 from ..karf_engine.farm.bundle import render_bundle
@@ -140,6 +140,7 @@ __all__ = [
     "srgb_to_lab",
     "srgb_to_linear",
     "stack_palettes",
+    "straighten",
     "summarize",
     "undistorted",
     "undistorted_near",
@@ -147,4 +148,5 @@ __all__ = [
     "write_edit",
     "write_edit_file",
     "write_json",
+    "write_points",
 ]

@@ -3,6 +3,7 @@
 import bpy
 
 from .engine_api import Event, KarfError
+from .host.words import say
 
 
 def state() -> bpy.types.PropertyGroup:
@@ -50,7 +51,7 @@ def show_event(label: str, event: Event) -> None:
     progress.running, progress.stage = True, label
     if event.kind == "progress":
         progress.fraction = event["step"] / max(event["total"], 1)
-        progress.text = f"{progress.fraction:.0%}{_time_left(event)}"
+        progress.text = _share_and_time(progress.fraction, event.get("eta_s"))
         progress.figures = f"{event['stage']} {event['step']}/{event['total']}{_metrics(event)}"
     elif event.kind == "stage":
         progress.figures = _line(event)
@@ -72,6 +73,16 @@ def _line(event: Event) -> str:
     if event.kind == "stage":
         return f"{event['name']} {event.get('text', '')}".strip()
     return {"warning": event.get("sentence"), "done": "done"}.get(event.kind) or ""
+
+
+def _share_and_time(share: float, left: float | None) -> str:
+    """How much is done and how long the rest takes, in the user's language."""
+    percent = f"{share:.0%}"
+    if not left:
+        return percent
+    if left > 90:
+        return say("{percent}, {count} min left", percent=percent, count=f"{left / 60:.0f}")
+    return say("{percent}, {count} s left", percent=percent, count=f"{left:.0f}")
 
 
 def _time_left(event: Event) -> str:

@@ -269,6 +269,45 @@ def find_poses(photos: PathLike, out: PathLike, *, matching: str = "auto", **run
     _run("poses", out, {"photos": str(photos), "out": str(out), "matching": matching}, run)
 
 
+def mark(
+    capture: PathLike,
+    view: str,
+    object_name: str,
+    masks: PathLike,
+    *,
+    box: Sequence[float] | None = None,
+    points: Sequence[tuple[float, float, bool]] = (),
+    lasso: Sequence[tuple[float, float]] | None = None,
+    weights: PathLike | None = None,
+) -> Path:
+    """Write the mask of an object in one photo as MASKS/<object>/<view>.png, from a box, clicks or a lasso.
+
+    Args:
+        capture: the path of a capture of any known format.
+        view: its name.
+        object_name: what the object is called.
+        masks: the folder of masks.
+        box: x0, y0, x1, y1 of a frame that it lies in, in pixels of the photo as stored.
+        points: clicks x, y, is_object, in the order in which they were made.
+        lasso: corners x, y of a line around it.
+        weights: folder of a Segment Anything model, which then says what is meant; needs the extra `marks`.
+
+    Returns:
+        The file.
+
+    Raises:
+        KarfError: the view is unknown, or nothing says where in it the object is.
+    """
+    try:
+        from .marking.prompts import Prompts
+        from .marking.views import marker_of, write_mask
+    except ModuleNotFoundError as error:
+        raise missing_package(error.name) from error
+    with translated():
+        prompts = Prompts.from_json({"box": box, "points": points, "lasso": lasso})
+        return write_mask(marker_of(capture, view, weights), prompts, Path(masks), object_name, view)
+
+
 def load(project: PathLike, device: str | None = None) -> Model:
     """The model in a project's folder, see `Model.load`."""
     try:

@@ -64,7 +64,7 @@ def load_views(views: Sequence[View], long_side: int) -> list[Plate]:
 
 
 def _load_view(view: View, long_side: int) -> Plate:
-    photo = _photo_of(view)
+    photo = photo_of(view)
     camera = view.camera
     small = camera.reduced(long_side)
     width, height = small.width, small.height
@@ -120,8 +120,12 @@ def load_wanted(view: View, picture: Path, long_side: int) -> np.ndarray:
     return resize(over(pixels[..., :3], alpha), camera.width, camera.height)
 
 
-def _photo_of(view: View) -> np.ndarray:
-    """The view's photo in the orientation that its camera was made for."""
+def photo_of(view: View) -> np.ndarray:
+    """A view's photo, float sRGB [H, W, 3 or 4] in [0, 1] with straight alpha, turned as its camera was made for.
+
+    Raises:
+        DataError: It is missing, damaged or of another size than its camera.
+    """
     path = image_of(view)
     size = (view.camera.height, view.camera.width)
     for upright in (True, False):

@@ -28,12 +28,13 @@ from .rendering.surface_cache import SurfaceCache
 from .segmentation.views import farthest_point_views
 
 COUNT, FEWEST, MOST = 60_000, 1000, 2_000_000
-RAYS_PER_POINT = 12
+ENDS_PER_POINT = 8
+PROBE = 2000  # pixels of each view that show how many rays end sharply
+FEWEST_SHARP = 0.05  # of a probe: where it is less, the scene is too blurred for more rays to help
 MOST_VIEWS = 64
 SAMPLES = 3  # quantiles a ray: the middle one is where it ends, the others say how sharply
 MIN_OPACITY = 0.9
 MOST_SPREAD = 8.0  # voxels, of a ray's end: a silhouette's is longer, that of a shiny surface nearly so
-TOLERANCE = 0.003  # of the depth at which a view sees a point, and a voxel
 NEIGHBORS = 12  # over which normals are smoothed
 NEAREST = 4  # whose distance is that between points
 LONELY = 3.0  # cells to the sixth neighbor: such points float
@@ -85,20 +86,31 @@ def scene_points(model: Model, views: Sequence[View], count: int, progress: Prog
     model.project.require("recoloring")
     if not FEWEST <= count <= MOST:
         raise BadRequest(f"{count} points cannot be made.", f"Ask for {FEWEST} to {MOST}.")
-    field, looks = model.scene.field, []
-    chosen = chosen_views(views)
+    chosen, looks = chosen_views(views), []
+    probes = [len(_look(model, _camera_of(view, PROBE)).ends.weights) for view in chosen[:: max(1, len(chosen) // 8)]]
+    pixels = count * ENDS_PER_POINT / len(chosen) / max(np.mean(probes) / PROBE, FEWEST_SHARP)
     for view in chosen:
-        looks.append(_look(model, _camera_of(view, count * RAYS_PER_POINT / len(chosen))))
+        looks.append(_look(model, _camera_of(view, pixels)))
         if progress is not None:
             progress.step()
     ends = _joined([look.ends for look in looks])
-    if not len(ends.positions):
+    for wanted in (count, 1.3 * count):  # what was left out the first time is made up for
+        merged, kept = _checked(model.scene.field, ends, looks, min(wanted, len(ends.weights) / 2))
+        if kept.sum() > 0.85 * count:
+            break
+    if not kept.any():
         raise DataError("The learned scene shows nothing solid.", "Learn it again, with other settings.")
+    return _described(model, merged.part(kept))
+
+
+def _checked(field: Field, ends: _Ends, looks: Sequence[_Look], count: float) -> tuple[_Ends, np.ndarray]:
+    """About so many points, [n], and which of them are no floaters, [n] bool."""
+    if not len(ends.weights):
+        return ends, np.zeros(0, bool)
     merged, cell = _merged(ends, field.voxel, count)
     world = _to_world(field, merged.positions)
     kept = _is_seen(world, _voxels_of(field, merged.positions), looks) & ~_is_lonely(merged.positions, cell)
-    merged = merged.part(kept)
-    return _described(model, merged, world[kept])
+    return merged, kept
 
 
 def chosen_views(views: Sequence[View]) -> list[View]:
@@ -120,7 +132,9 @@ def _look(model: Model, camera: Camera) -> _Look:
     weights = torch.exp(-cache.spread / field.voxel) + 1e-4
     values = cache.positions[:, SAMPLES // 2], picture.color.view(-1, 3)[cache.index], cache.viewdirs, weights
     ends = _Ends(*[each[sharp].float().cpu().numpy() for each in values])
-    return _Look(camera, picture.depth.cpu().numpy(), ends)
+    depth = np.zeros(camera.width * camera.height)
+    depth[cache.index.cpu().numpy()] = camera.project(_to_world(field, values[0].cpu().numpy()))[1]
+    return _Look(camera, depth.reshape(camera.height, camera.width), ends)
 
 
 def _joined(parts: Sequence[_Ends]) -> _Ends:
@@ -132,7 +146,7 @@ def _joined(parts: Sequence[_Ends]) -> _Ends:
     )
 
 
-def _merged(ends: _Ends, voxel: float, count: int) -> tuple[_Ends, float]:
+def _merged(ends: _Ends, voxel: float, count: float) -> tuple[_Ends, float]:
     """Means of the ends in cells of one size, about `count` of them, and that size."""
     cell = voxel
     for _ in range(8):
@@ -173,7 +187,7 @@ def _is_seen(world: np.ndarray, voxels: np.ndarray, looks: Sequence[_Look]) -> n
         inside = np.flatnonzero((column >= 0) & (column < width) & (row >= 0) & (row < height))
         seen = look.depth[row[inside], column[inside]]
         behind = np.where(seen > 0, seen, np.inf) - depth[inside]
-        tolerance = voxels[inside] + TOLERANCE * depth[inside]
+        tolerance = voxels[inside] + 0.5 * depth[inside] / look.camera.fx  # half a pixel of a slope
         ending[inside] += np.abs(behind) < tolerance
         passing[inside] += behind > tolerance
     return (ending >= min(2, len(looks))) & (ending >= passing)
@@ -197,9 +211,10 @@ def _to_world(field: Field, positions: np.ndarray) -> np.ndarray:
 
 
 @torch.no_grad()
-def _described(model: Model, merged: _Ends, world: np.ndarray) -> ScenePoints:
+def _described(model: Model, merged: _Ends) -> ScenePoints:
     """The points with normals, and what F_s and F_w say of them, seen from the mean of the directions they were."""
-    field, n = model.scene.field, len(world)
+    field, n = model.scene.field, len(merged.positions)
+    world = _to_world(field, merged.positions)
     positions, viewdirs = (torch.from_numpy(each).to(model.device) for each in (merged.positions, merged.viewdirs))
     cache = SurfaceCache(
         positions[:, None],

@@ -34,7 +34,7 @@ MODULES = {
     "nodes": "drivers sockets",
     "surface": "mesh placing trees",
     "operators": "colorways render",
-    "panels": "learning sidebar status swatching",
+    "panels": "learning seeing sidebar status swatching",
     "workspace": "clicking estimates folding opening states statusbar",
 }
 _exit_code = None

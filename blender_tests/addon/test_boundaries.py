@@ -31,7 +31,8 @@ SHARED = [
 # the rooms of karf_blender from the ground up: each may import those on lower floors, and no others
 FLOORS = (
     ("engine_api",),
-    ("host", "progress"),
+    ("host", "translations"),
+    ("progress",),
     ("engine",),
     ("preferences",),
     ("project",),

@@ -11,7 +11,7 @@ FLOORS = (
     ("runtime",),
     ("images", "edit", "checkpoints", "kan", "mixtures"),
     ("plates", "photos", "matting", "palette", "project", "handover", "contact_sheet", "frame_formats"),
-    ("locking", "training", "rendering", "poses", "metrics", "farm", "remote"),
+    ("locking", "training", "rendering", "poses", "metrics", "farm", "remote", "marking"),
     ("fields",),
     ("heads",),
     ("segmentation", "frames"),

@@ -2,12 +2,18 @@
 
 import textwrap
 
+from .words import say
+
+WIDE = "\u2e7f"  # letters behind it are twice as wide
 SIDEBAR = 34  # letters that fit the sidebar's usual width
 
 
 def draw_text(layout, text, icon, width=SIDEBAR):
     """A text as labels, one below the other, of so many letters at most; the icon stands before the first."""
     column = layout.column(align=True)
+    text = say(text) if text else ""
+    if any(letter > WIDE for letter in text):
+        width //= 2
     for paragraph in text.splitlines():
         for line in textwrap.wrap(paragraph, width):
             column.label(text=line, icon=icon)

@@ -48,6 +48,16 @@ def sync(scene: bpy.types.Scene) -> None:
             _append(scene, name)
 
 
+def restart(scene: bpy.types.Scene) -> None:
+    """Another project was chosen: the list is of its objects, and of those that the folder of masks has."""
+    items, folder = scene.karf.marking.objects, masks_folder(scene)
+    for number in reversed(range(len(items))):
+        if not (folder / items[number].folder).is_dir() and items[number].folder not in scene.karf.objects:
+            items.remove(number)
+    scene.karf.marking.active = 0
+    sync(scene)
+
+
 def add(scene: bpy.types.Scene, name: str = FIRST) -> bpy.types.PropertyGroup:
     """Add an object by a name as people type them, and make it the active one."""
     item = _append(scene, usable_name(name, scene.karf.marking.objects.keys()))

@@ -11,7 +11,6 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ..engine_api import srgb_to_linear
-from ..host import compat
 from . import gestures, objects, photo, proposals, sheets
 from .sheets import Layer
 
@@ -19,7 +18,8 @@ LONGEST = 2048  # pixels of a texture's side: larger masks are shown reduced
 IS, IS_NOT = (0.15, 0.85, 0.25), (0.95, 0.15, 0.1)  # corrections and clicks
 TINT, OUTLINE = 0.35, 2.0  # of the object being marked: opacity, pixels of the screen
 OTHERS_TINT, OTHERS_OUTLINE = 0.18, 1.0
-DOT, RIM = 9.0, 13.0
+DOT = 6.0  # radius of a click
+CIRCLE = np.stack([np.cos(angles := np.linspace(0, 2 * np.pi, 24, endpoint=False)), np.sin(angles)], -1)
 QUAD = ((0, 0), (1, 0), (1, 1), (0, 0), (1, 1), (0, 1))
 
 VERTEX = """
@@ -30,20 +30,31 @@ void main()
 }
 """
 FRAGMENT = """
-void main()
+bool crosses(float here, vec2 across)
 {
-  vec2 across = vec2(dFdx(place.x), dFdy(place.y)) * look.y;
-  float here = texture(mask, place).r;
-  float low = here, high = here;
   for (int n = 0; n < 8; n++) {
     float angle = float(n) * 0.7853982;
     float near = texture(mask, place + across * vec2(cos(angle), sin(angle))).r;
-    low = min(low, near);
-    high = max(high, near);
+    if ((near > 0.5) != (here > 0.5)) {
+      return true;
+    }
   }
-  float tint = here > 0.5 ? look.x : 0.0;
-  float line = low <= 0.5 && high > 0.5 ? 0.95 : 0.0;
-  fragColor = vec4(color.rgb, max(tint, line));
+  return false;
+}
+
+void main()
+{
+  vec2 pixel = vec2(dFdx(place.x), dFdy(place.y));
+  float here = texture(mask, place).r;
+  if (crosses(here, pixel * look.y)) {
+    fragColor = vec4(color.rgb, 1.0);
+  }
+  else if (here <= 0.5 && crosses(here, pixel * (look.y + 1.5))) {
+    fragColor = vec4(0.0, 0.0, 0.0, 0.5);
+  }
+  else {
+    fragColor = vec4(color.rgb, here > 0.5 ? look.x : 0.0);
+  }
 }
 """
 
@@ -64,14 +75,14 @@ class _Memory:
     textures: dict[tuple[str, str], Texture] = {}
 
 
-def _draw() -> None:
+def _draw_overlay() -> None:
     context = bpy.context
     scene, space = context.scene, context.space_data
     sheet = sheets.shown(scene)
     if sheet is None or not photo.is_shown(scene, space) or not space.overlay.show_overlays:
         return
     gpu.state.blend_set("ALPHA")
-    used = {draw_layer(context.region, *each) for each in _layers(scene, sheet)}
+    used = {_draw_layer(context.region, *each) for each in _layers(scene, sheet)}
     for key in _Memory.textures.keys() - used:
         del _Memory.textures[key]
     _draw_clicks(context.region, scene, sheet)
@@ -94,7 +105,7 @@ def _layers(scene, sheet):
 
 
 # --- masks ---------------------------------------------------------------------------------------------------------
-def draw_layer(region, key, layer: Layer, sign: int, color, opacity: float, width: float):
+def _draw_layer(region, key, layer: Layer, sign: int, color, opacity: float, width: float):
     """Draw the pixels of a layer that have a sign over the photo of a region; returns the key of their texture."""
     shader = _shader()
     view = region.view2d
@@ -151,20 +162,28 @@ def _draw_clicks(region, scene, sheet) -> None:
         corners = ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))
         _draw_line([_on_screen(region, x / width, 1 - y / height) for x, y in corners])
     for x, y, is_object in proposal.points:
-        place = _on_screen(region, x / width, 1 - y / height)
-        _draw_dot(place, RIM, (1, 1, 1))
-        _draw_dot(place, DOT, IS if is_object else IS_NOT)
+        _draw_click(_on_screen(region, x / width, 1 - y / height), is_object)
 
 
 def _on_screen(region, u: float, v: float) -> tuple[float, float]:
     return region.view2d.view_to_region(u, v, clip=False)
 
 
-def _draw_dot(place, size: float, color) -> None:
-    shader = gpu.shader.from_builtin(compat.POINT_SHADER)
-    gpu.state.point_size_set(size * bpy.context.preferences.system.ui_scale)
-    batch_for_shader(shader, "POINTS", {"pos": [(*place, 0)], "color": [(*color, 1)]}).draw(shader)
-    gpu.state.point_size_set(1.0)
+def _draw_click(place, is_object: bool) -> None:
+    """A dot with a plus or a minus."""
+    scale = bpy.context.preferences.system.ui_scale
+    for radius, color in ((DOT + 1.5, (1, 1, 1)), (DOT, IS if is_object else IS_NOT)):
+        rim = np.array(place) + radius * scale * CIRCLE
+        _draw("TRIS", np.stack([np.broadcast_to(place, rim.shape), rim, np.roll(rim, 1, axis=0)], 1), (*color, 1))
+    arm = DOT * 0.6 * scale
+    for along in ((arm, 0), (0, arm))[: 1 + is_object]:
+        _draw("LINES", np.array([np.subtract(place, along), np.add(place, along)]), (1, 1, 1, 1))
+
+
+def _draw(kind: str, places: np.ndarray, color) -> None:
+    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
+    shader.uniform_float("color", color)
+    batch_for_shader(shader, kind, {"pos": [(x, y, 0) for x, y in places.reshape(-1, 2)]}).draw(shader)
 
 
 def _draw_gesture() -> None:
@@ -186,7 +205,7 @@ def _draw_line(places) -> None:
 
 def register():
     """Called when the extension is enabled."""
-    _Memory.handler = bpy.types.SpaceImageEditor.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
+    _Memory.handler = bpy.types.SpaceImageEditor.draw_handler_add(_draw_overlay, (), "WINDOW", "POST_PIXEL")
 
 
 def unregister():

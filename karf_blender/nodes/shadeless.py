@@ -1,4 +1,4 @@
-"""A material that shows a mesh's own colors as they are, whatever light there is."""
+"""Materials that no light changes."""
 
 import bpy
 
@@ -6,16 +6,30 @@ from ..host import compat
 
 
 def material(name: str, attribute: str) -> bpy.types.Material:
-    """The material by this name, which shows an attribute; made where there is none."""
+    """The material by this name, which shows an attribute as it is; made where there is none."""
     material = bpy.data.materials.get(name)
     if material is not None:
         return material
+    material, light = _new(name, "Emission")
+    color = material.node_tree.nodes.new("ShaderNodeAttribute")
+    color.attribute_name = attribute
+    material.node_tree.links.new(color.outputs["Color"], light.inputs["Color"])
+    return material
+
+
+def background(name: str) -> bpy.types.Material:
+    """A new white material, as exporters know it."""
+    material, light = _new(name, "Background")
+    light.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+    return material
+
+
+def _new(name: str, kind: str) -> tuple[bpy.types.Material, bpy.types.Node]:
+    """A new material of one shader, and that shader."""
     material = bpy.data.materials.new(name)
     compat.give_nodes(material)
     tree = material.node_tree
     tree.nodes.clear()
-    color, light, output = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("Attribute", "Emission", "OutputMaterial"))
-    color.attribute_name = attribute
-    tree.links.new(color.outputs["Color"], light.inputs["Color"])
-    tree.links.new(light.outputs["Emission"], output.inputs["Surface"])
-    return material
+    light, output = tree.nodes.new(f"ShaderNode{kind}"), tree.nodes.new("ShaderNodeOutputMaterial")
+    tree.links.new(light.outputs[0], output.inputs["Surface"])
+    return material, light

@@ -6,6 +6,7 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from .. import steps
+from ..host.words import tell
 from .capture import view_from_camera
 from .reporting import reports_errors
 
@@ -35,7 +36,7 @@ class KARF_OT_export_cameras(bpy.types.Operator):
     def execute(self, context):
         scene, path = context.scene, Path(bpy.path.abspath(self.filepath))
         count = steps.export_cameras(scene, path, None, steps.frame_range(scene))
-        self.report({"INFO"}, f"Wrote {count} cameras to {path}")
+        self.report({"INFO"}, tell("Wrote {count} cameras to {path}", count=count, path=path))
         return {"FINISHED"}
 
 
@@ -57,7 +58,7 @@ class KARF_OT_import_cameras(bpy.types.Operator):
     def execute(self, context):
         camera = steps.import_cameras(context.scene, Path(bpy.path.abspath(self.filepath)))
         view_from_camera(context.area)
-        self.report({"INFO"}, f"{camera.name!r} is the scene's camera")
+        self.report({"INFO"}, tell("{name} is the scene's camera", name=camera.name))
         return {"FINISHED"}
 
 

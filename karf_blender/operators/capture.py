@@ -7,6 +7,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, St
 
 from .. import steps
 from ..engine_api import CAPTURE_MARKS
+from ..host.words import tell
 from ..rig.cameras import Options
 from ..tasks import runner
 from ..workspace import estimates
@@ -114,7 +115,7 @@ class KARF_OT_import_capture(RigOptions, bpy.types.Operator):
             self.report({"WARNING"}, remark)
         view_from_camera(context.area, colored_points=self.points and capture.points is not None)
         estimates.measure_once()
-        self.report({"INFO"}, f"{len(capture.views)} cameras from {capture.source}")
+        self.report({"INFO"}, tell("{count} cameras from {path}", count=len(capture.views), path=capture.source))
         return {"FINISHED"}
 
 

@@ -6,6 +6,7 @@ import bpy
 from bpy.props import StringProperty
 
 from .. import steps
+from ..host.words import say, tell
 from ..pictures import chips
 from ..tasks import runner
 from .reporting import PaletteStep, reports_errors
@@ -74,19 +75,25 @@ class KARF_OT_render_colorways(PaletteStep, bpy.types.Operator):
     def draw(self, context):
         shown, layout = context.window_manager.karf_colorways, self.layout
         missed = sum(bool(item.reason) for item in shown.colors)
-        outcome = f"{missed} cannot be reached" if missed else "all can be reached"
-        layout.label(text=f"{len(shown.colors)} colors; {outcome}. Numbers: CIEDE2000 to the wanted")
+        count = len(shown.colors)
+        layout.label(
+            text=say(
+                "{count} colors, {missed} of them cannot be reached. Numbers: CIEDE2000 to the wanted",
+                count=count,
+                missed=missed,
+            )
+        )
         rows = min(ROWS, len(shown.colors))
         layout.template_list(KARF_UL_colorways.__name__, "", shown, "colors", shown, "active", rows=rows)
         if shown.active < len(shown.colors) and (reason := shown.colors[shown.active].reason):
-            layout.label(text=f"Cannot be reached, because {reason}", icon="ERROR")
+            layout.label(text=say("Cannot be reached, because {reason}", reason=reason), icon="ERROR")
         layout.prop(self, "views")
 
     @reports_errors
     def execute(self, context):
         sheet = Path(bpy.path.abspath(self.filepath))
         runner.launch(steps.render_colorways(context.scene, sheet, self.views))
-        self.report({"INFO"}, f"Pictures go to {steps.colorways_folder(context.scene, sheet)}")
+        self.report({"INFO"}, tell("Pictures go to {path}", path=steps.colorways_folder(context.scene, sheet)))
         return {"FINISHED"}
 
 

@@ -4,6 +4,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from .. import preferences, steps
+from ..host.words import shown, tell
 from ..project import folders
 from ..properties.scene import FORMAT_DEPTHS
 from ..tasks import runner
@@ -56,9 +57,14 @@ class KARF_OT_render_view(RenderDialog, ProjectSwatchStep, bpy.types.Operator):
     def execute(self, context):
         if preferences.has_engine():
             runner.launch(steps.render_view(context.scene))
-            self.report({"INFO"}, f"The picture goes to {folders.out_folder(context.scene) / 'recolor'}")
+            self.report(
+                {"INFO"}, tell("The picture goes to {path}", path=folders.out_folder(context.scene) / "recolor")
+            )
         else:
-            self.report({"WARNING"}, f"Without the engine the preview was written: {steps.save_shown(context.scene)}")
+            self.report(
+                {"WARNING"},
+                tell("Without the engine the preview was written: {path}", path=steps.save_shown(context.scene)),
+            )
         return {"FINISHED"}
 
 
@@ -79,7 +85,7 @@ class KARF_OT_render_capture(RenderDialog, PaletteStep, bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         runner.launch(steps.render_captured(context.scene, self.views or self.split.lower()))
-        self.report({"INFO"}, f"Pictures go to {folders.out_folder(context.scene) / 'recolor'}")
+        self.report({"INFO"}, tell("Pictures go to {path}", path=folders.out_folder(context.scene) / "recolor"))
         return {"FINISHED"}
 
 
@@ -120,7 +126,12 @@ def draw_format(layout, karf):
     """Of a camera's frames, as in Blender's output panel."""
     layout.prop(karf, "file_format")
     layout.row().prop(karf, "color_mode", expand=True)
-    row = layout.row(align=True, heading="Color Depth")
+    split = layout.split(factor=0.4)  # single values of an enum are not divided into name and field
+    split.use_property_split = False
+    name = split.row()
+    name.alignment = "RIGHT"
+    name.label(text="Color Depth")
+    row = split.row(align=True)
     for depth in FORMAT_DEPTHS[karf.file_format]:
         row.prop_enum(karf, "color_depth", depth)
 
@@ -135,7 +146,7 @@ class KARF_OT_render_camera(CameraDialog, PaletteStep, bpy.types.Operator):
     def execute(self, context):
         scene = context.scene
         runner.launch(steps.render_camera(scene, scene.camera, self.frames(scene)))
-        self.report({"INFO"}, f"Pictures go to {steps.camera_folder(scene) / 'recolor'}")
+        self.report({"INFO"}, tell("Pictures go to {path}", path=steps.camera_folder(scene) / "recolor"))
         return {"FINISHED"}
 
 
@@ -158,7 +169,7 @@ class KARF_OT_farm_bundle(CameraDialog, ProjectSwatchStep, bpy.types.Operator):
         scene = context.scene
         out = folders.absolute(self.directory) if self.directory else None
         bundle = steps.camera_bundle(scene, scene.camera, self.frames(scene), out, self.per_task)
-        self.report({"INFO"}, f"The job is in {bundle}")
+        self.report({"INFO"}, tell("The job is in {path}", path=bundle))
         return {"FINISHED"}
 
 
@@ -178,8 +189,8 @@ class KARF_OT_build_compositor(PaletteStep, bpy.types.Operator):
     @classmethod
     def description(cls, context, properties):
         if properties.driven:
-            return f"{cls.__doc__} that follows it, keyframes too"
-        return f"{cls.__doc__} that begins with it and is then set by hand"
+            return shown("Recolor the active view by nodes in the compositor, with sockets that follow the swatches")
+        return shown("Recolor the active view by nodes in the compositor, with sockets that are set by hand")
 
     @reports_errors
     def execute(self, context):
@@ -207,7 +218,7 @@ class KARF_OT_show_frames(FramesStep, bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         image = steps.show_frames(context.scene)
-        self.report({"INFO"}, f"{image.name!r} is in the Image Editors")
+        self.report({"INFO"}, tell("{name} is in the Image Editors", name=image.name))
         return {"FINISHED"}
 
 
@@ -221,9 +232,9 @@ class KARF_OT_add_strip(FramesStep, bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         strip = steps.add_strip(context.scene)
-        self.report(
-            {"INFO"}, f"{strip.name!r} is on channel {strip.channel} of the sequencer of {context.scene.name!r}"
-        )
+        sentence = shown("{name} is on channel {channel} of the sequencer of {scene}")
+        values = {"name": strip.name, "channel": strip.channel, "scene": context.scene.name}
+        self.report({"INFO"}, tell(sentence, **values))
         return {"FINISHED"}
 
 

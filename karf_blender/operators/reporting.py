@@ -7,13 +7,14 @@ from .. import preferences
 from ..engine import installing, jobs, removing
 from ..engine_api import VERSION, KarfError, MissingDependency
 from ..host import compat
+from ..host.words import shown, tell
 from ..project import disk
 from ..tasks import runner
 
 MISSING = {
-    "geometry": "Learn the scene first",
-    "segmentation": "Segment the objects first",
-    "recoloring": "Extract the palettes first",
+    "geometry": shown("Learn the scene first"),
+    "segmentation": shown("Segment the objects first"),
+    "recoloring": shown("Extract the palettes first"),
 }
 
 
@@ -113,7 +114,9 @@ def has_project(cls: type, context) -> bool:
         return False
     missing = disk.contents_of(context.scene).missing
     if missing is not None:
-        cls.poll_message_set(f"The project folder {missing} is missing: bring it back, or choose it in step 1")
+        cls.poll_message_set(
+            tell("The project folder {path} is missing: bring it back, or choose it in step 1", path=missing)
+        )
         return False
     return True
 

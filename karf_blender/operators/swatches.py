@@ -145,6 +145,20 @@ class KARF_OT_palette_preset(AddPresetBase, bpy.types.Operator):
     preset_values = ["item.palette"]
 
 
+class KARF_OT_apply_palette_preset(bpy.types.Operator):
+    """Set the object's swatches in their order to this palette; locked ones stay"""
+
+    bl_idname = "karf.apply_palette_preset"
+    bl_label = "Apply Palette Preset"
+    bl_options = {"REGISTER", "UNDO"}  # which Blender's own operator for presets has not
+
+    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
+    menu_idname: StringProperty(options={"SKIP_SAVE"})
+
+    def execute(self, context):
+        return bpy.ops.script.execute_preset(filepath=self.filepath, menu_idname=self.menu_idname)
+
+
 CLASSES = (
     KARF_OT_reset_swatch,
     KARF_OT_copy_swatch,
@@ -155,4 +169,5 @@ CLASSES = (
     KARF_OT_merge_swatch,
     KARF_OT_split_swatch,
     KARF_OT_palette_preset,
+    KARF_OT_apply_palette_preset,
 )

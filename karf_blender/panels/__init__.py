@@ -11,11 +11,13 @@ def register():
     """Called when the extension is enabled."""
     for each in CLASSES:
         bpy.utils.register_class(each)
+    bpy.types.UI_MT_button_context_menu.append(swatching.draw_context_menu)
     seeing.register_keys()
 
 
 def unregister():
     """Called when the extension is disabled."""
+    bpy.types.UI_MT_button_context_menu.remove(swatching.draw_context_menu)
     seeing.unregister_keys()
     for each in reversed(CLASSES):
         bpy.utils.unregister_class(each)

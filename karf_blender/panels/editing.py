@@ -1,6 +1,7 @@
 """Step 6: swatches."""
 
 from ..host.labels import draw_text
+from ..host.words import say
 from ..project import disk
 from .seeing import draw_seeing
 from .swatching import draw_object
@@ -18,7 +19,7 @@ def draw_edit(layout, context):
     is_prepared = disk.contents_of(context.scene).is_prepared
     row.operator("karf.show_view", text="Show" if is_prepared else "Prepare", icon="IMAGE_DATA")
     if not is_prepared:
-        draw_text(layout, f"{karf.active_view} is not prepared: Prepare shows it recolored", "INFO")
+        draw_text(layout, say("{view} is not prepared: Prepare shows it recolored", view=karf.active_view), "INFO")
     if not any(area.type == "IMAGE_EDITOR" for area in context.screen.areas):
         layout.label(text="Open an Image Editor to see it", icon="INFO")
     draw_seeing(layout, context)
@@ -45,4 +46,11 @@ def draw_match(layout, karf):
     row.operator("karf.paint_over", icon="BRUSH_DATA")
     row.operator("karf.match_picture", icon="EYEDROPPER")
     for left in match.left:
-        layout.label(text=f"{left.name}: CIEDE2000 {left.before:.1f} before, {left.left:.1f} left")
+        layout.label(
+            text=say(
+                "{name}: CIEDE2000 {before} before, {left} left",
+                name=left.name,
+                before=f"{left.before:.1f}",
+                left=f"{left.left:.1f}",
+            )
+        )

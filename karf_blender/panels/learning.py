@@ -3,6 +3,7 @@
 from ... import __package__ as extension
 from ..engine import installing
 from ..host.labels import draw_text
+from ..host.words import say
 from ..preferences import state
 from ..project import disk
 from ..rig import reprojection
@@ -71,8 +72,10 @@ def duration(seconds):
     """About so long, as one says it."""
     minutes = max(1, round(seconds / 60))
     if minutes >= 90:
-        return f"About {round(minutes / 60)} hours on this computer"
-    return "About a minute on this computer" if minutes == 1 else f"About {minutes} minutes on this computer"
+        return say("About {count} hours on this computer", count=round(minutes / 60))
+    if minutes == 1:
+        return say("About a minute on this computer")
+    return say("About {count} minutes on this computer", count=minutes)
 
 
 def draw_engine(layout):
@@ -80,7 +83,7 @@ def draw_engine(layout):
     problem = state.known().problem
     if installing.is_running():
         progress = installing.progress()
-        layout.progress(factor=progress.fraction, text=f"Engine: {progress.title}")
+        layout.progress(factor=progress.fraction, text=say("Engine: {what}", what=progress.title))
     elif problem:
         draw_text(layout, problem, "INFO")
     if problem or installing.is_running():

@@ -3,6 +3,7 @@
 import bpy
 
 from ..host.labels import draw_text
+from ..host.words import say
 from ..marking import objects
 from ..pictures import chips
 from ..preferences import state
@@ -19,7 +20,7 @@ class KARF_UL_objects(bpy.types.UIList):
         row.label(text="", icon_value=chips.icon(objects.tint(item)))
         row.prop(item, "name", text="", emboss=False)
         count = disk.contents_of(context.scene).masks.get(item.folder, 0)
-        row.label(text=f"{count} marked" if count else "not marked")
+        row.label(text=say("{count} marked", count=count) if count else "not marked")
 
 
 def draw_masks(layout, context):
@@ -32,6 +33,7 @@ def draw_masks(layout, context):
     column.operator("karf.remove_object", text="", icon="REMOVE")
     draw_steps(layout, scene)
     layout.operator("karf.mark", icon="RESTRICT_SELECT_OFF")
+    layout.label(text=f"Ctrl: {'this is not it' if marking.correct else 'take away'}", icon="MOUSE_LMB")
     layout.prop(marking, "brush")
     if "segmentation" in disk.contents_of(scene).stages:
         layout.prop(marking, "correct")

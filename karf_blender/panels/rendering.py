@@ -1,5 +1,6 @@
 """Step 7, Render: the pictures, and below them a group that can be opened for each other kind of result."""
 
+from ..host.words import shown
 from .preview import draw_live
 from .surface import draw_surface
 
@@ -48,10 +49,10 @@ def draw_compositor(layout, karf):
 
 # name, title, what it draws
 GROUPS = (
-    ("live", "Live Camera", draw_live),
-    ("sequence", "Rendered Frames", draw_sequence),
-    ("colorways", "Colorways", draw_colorways),
-    ("surface", "Scene in 3D", draw_surface),
-    ("compositor", "Compositor", draw_compositor),
-    ("cameras", "Camera Paths", draw_cameras),
+    ("live", shown("Live Camera"), draw_live),
+    ("sequence", shown("Rendered Frames"), draw_sequence),
+    ("colorways", shown("Colorways"), draw_colorways),
+    ("surface", shown("Scene in 3D"), draw_surface),
+    ("compositor", shown("Compositor"), draw_compositor),
+    ("cameras", shown("Camera Paths"), draw_cameras),
 )

@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..host.words import say
 from ..pictures import chips
 from ..project import disk
 from ..swatches import object_masks, wishes
@@ -59,7 +60,9 @@ def draw_left(layout, item):
     """How far an object's source color still is from its target."""
     left = wishes.left(item.id_data, item)
     if left is not None:
-        layout.label(text=f"{left:.1f} CIEDE2000 left", icon="CHECKMARK" if left < 1 else "BLANK1")
+        layout.label(
+            text=say("{number} CIEDE2000 left", number=f"{left:.1f}"), icon="CHECKMARK" if left < 1 else "BLANK1"
+        )
 
 
 class KARF_MT_seeing_pie(bpy.types.Menu):

@@ -3,6 +3,7 @@
 import bpy
 
 from ..host.labels import draw_text
+from ..host.words import say
 from ..project import disk
 from ..workspace import statusbar
 
@@ -38,18 +39,18 @@ def outcome(context):
     if disk.contents_of(context.scene).missing:
         return {"text": "The project folder is missing", "icon": "ERROR"}
     if progress.error:
-        return {"text": f"{progress.stage} failed", "icon": "ERROR"}
+        return {"text": say("{what} failed", what=say(progress.stage)), "icon": "ERROR"}
     if progress.text:
-        return {"text": f"{progress.stage}: {progress.text}", "icon": "INFO"}
+        return {"text": f"{say(progress.stage)}: {say(progress.text)}", "icon": "INFO"}
     return {"text": "No job is running", "icon": "CHECKMARK"}
 
 
 def row_title(context):
     """What the lower row's button is called while no job runs."""
     if has_trouble(context):
-        return "Why, and What to Do"
+        return say("Why, and What to Do")
     count = len(context.window_manager.karf_progress.warnings.splitlines())
-    return f"Messages: {count}" if count else "No Messages"
+    return say("Messages: {count}", count=count) if count else say("No Messages")
 
 
 class KARF_PT_message(bpy.types.Panel):

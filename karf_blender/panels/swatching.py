@@ -3,6 +3,7 @@
 import bpy
 
 from ..pictures import chips
+from ..properties.swatches import KARF_PG_swatch
 from .seeing import draw_left, draw_solo
 
 
@@ -25,7 +26,7 @@ def draw_object(layout, item):
 
 
 def draw_swatch(column, item, index, swatch):
-    """One swatch: above as learned (a click gives it back), below as it shall be, and its menu."""
+    """One swatch: above as learned (a click gives it back), below as it shall be, its weights alone, and its menu."""
     column.context_pointer_set("karf_object", item)
     column.context_pointer_set("karf_swatch", swatch)
     row = column.row(align=True)
@@ -37,8 +38,9 @@ def draw_swatch(column, item, index, swatch):
     edited.scale_y = 2.0
     edited.enabled = not swatch.locked
     edited.prop(swatch, "color", text="")
-    draw_solo(column, item.name, index)
-    column.menu("KARF_MT_swatch", text="", icon=state_icon(swatch))
+    row = column.row(align=True)
+    draw_solo(row, item.name, index)
+    row.menu("KARF_MT_swatch", text="", icon=state_icon(swatch))
 
 
 def state_icon(swatch):
@@ -157,9 +159,26 @@ class KARF_MT_palette_presets(bpy.types.Menu):
 
     bl_label = "Palette Presets"
     preset_subdir = "karf/palettes"
-    preset_operator = "script.execute_preset"
+    preset_operator = "karf.apply_palette_preset"
     preset_add_operator = "karf.palette_preset"
     draw = bpy.types.Menu.draw_preset
+
+
+def draw_context_menu(menu, context):
+    """The menu of a swatch, where its field or its chip was clicked by the right button."""
+    swatch, chip = getattr(context, "button_pointer", None), getattr(context, "button_operator", None)
+    objects = context.scene.karf.objects
+    if isinstance(swatch, KARF_PG_swatch):
+        item = next(each for each in objects if swatch in each.swatches.values())
+    elif chip is not None and chip.bl_rna.identifier == "KARF_OT_reset_swatch" and chip.index:
+        item = objects[chip.object_name]
+        swatch = item.swatches[chip.index]
+    else:
+        return
+    menu.layout.separator()
+    menu.layout.context_pointer_set("karf_object", item)
+    menu.layout.context_pointer_set("karf_swatch", swatch)
+    menu.layout.menu("KARF_MT_swatch", text="KaRF Swatch")
 
 
 CLASSES = (

@@ -14,10 +14,14 @@ from .surface import KARF_PG_surface
 from .swatches import KARF_PG_match, KARF_PG_object, edit_changed
 from .working import KARF_PG_looking
 
-PRESET_ITEMS = [
-    (name, name.capitalize(), f"Learn from pictures of at most {settings.geometry.long_side} pixels")
-    for name, settings in PRESETS.items()
-]
+PRESET_HELP = {
+    "demo": "For a first look: photos of 256 pixels, on any computer",
+    "fast": "Photos of 400 pixels, on a laptop",
+    "fine": "Photos of 400 pixels with voxels half as large, on a laptop with 8 GB of memory",
+    "quality": "Photos of 800 pixels, on a graphics card",
+    "paper": "The paper's own method and numbers, on a graphics card, for a long time",
+}
+PRESET_ITEMS = [(name, name.capitalize(), PRESET_HELP[name]) for name in PRESETS]
 COMPOSITING_NAMES = {"delta": "Photo plus change", "paper": "Palette only"}
 COMPOSITING_HELP = {
     "delta": "Add the palette's change to the photo: nothing changed leaves the photo as it is",
@@ -70,6 +74,8 @@ def _project_chosen(self, context):
         preset, _ = contents.learned_with(self.id_data)
         if preset in PRESETS:
             self.preset = preset
+        if self.project:
+            objects.restart(self.id_data)
         disk.refresh()
 
 

@@ -26,6 +26,7 @@ def show_photo(scene: bpy.types.Scene) -> bpy.types.Image:
     Raises:
         KarfError: There is no capture, the photo or a mask cannot be read, or Blender renders.
     """
+    sheets.forget()  # another program may have written masks
     objects.sync(scene)
     if not scene.karf.marking.objects:
         objects.add(scene)

@@ -8,27 +8,40 @@ import bpy
 import numpy as np
 
 from ..engine_api import BadRequest
+from ..nodes import shadeless
 from . import mesh
 
 SHAPES = ("quads", "points")
+USD_COLOR = "displayColor"  # what the format's viewers show
 
 
-def _ply(path: str) -> None:
+def _ply(data: bpy.types.Mesh, path: str) -> None:
     bpy.ops.wm.ply_export(filepath=path, export_selected_objects=True, export_colors="SRGB")
 
 
-def _gltf(path: str) -> None:
+def _gltf(data: bpy.types.Mesh, path: str) -> None:
+    # the exporter takes a background for a material without light, and an emission for white light
+    unlit = shadeless.background("KaRF unlit")
+    data.materials.clear()
+    data.materials.append(unlit)
     kind = "GLB" if path.lower().endswith(".glb") else "GLTF_SEPARATE"
-    bpy.ops.export_scene.gltf(
-        filepath=path, use_selection=True, export_format=kind, export_vertex_color="ACTIVE", use_mesh_vertices=True
-    )
+    try:
+        bpy.ops.export_scene.gltf(
+            filepath=path, use_selection=True, export_format=kind, export_vertex_color="ACTIVE", use_mesh_vertices=True
+        )
+    finally:
+        bpy.data.materials.remove(unlit)
 
 
-def _usd(path: str) -> None:
+def _usd(data: bpy.types.Mesh, path: str) -> None:
+    if not data.polygons:
+        raise BadRequest("Points alone are shown by no program that reads USD.", "Choose quads, or write a PLY file.")
+    data.materials.clear()
+    data.attributes[mesh.COLOR].name = USD_COLOR
     bpy.ops.wm.usd_export(filepath=path, selected_objects_only=True)
 
 
-WRITERS: dict[str, Callable[[str], None]] = {
+WRITERS: dict[str, Callable[[bpy.types.Mesh, str], None]] = {
     ".ply": _ply,
     ".glb": _gltf,
     ".gltf": _gltf,
@@ -48,16 +61,27 @@ def export(scene: bpy.types.Scene, item: bpy.types.Object, path: Path, shape: st
         shape: `quads`, as Blender shows it, or `points`, a vertex each.
 
     Raises:
-        BadRequest: No such kind of file is written.
+        BadRequest: No such kind of file is written, not of points, or not by this Blender.
     """
     write = WRITERS.get(path.suffix.lower())
     if write is None:
         raise BadRequest(f"{path} has an ending that is not known.", f"Give one of {', '.join(WRITERS)}.")
+    if not _has_exporter(path):
+        raise BadRequest(
+            f"This Blender has no exporter of {path.suffix} files.", "Enable it, or choose another ending."
+        )
     shown = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
     data = _quads(shown) if shape == "quads" else _points(shown)
     with _selected(scene, data, item) as copy:
         copy.matrix_world = item.matrix_world
-        write(str(path))
+        write(data, str(path))
+
+
+def _has_exporter(path: Path) -> bool:
+    """Whether this Blender writes such files: some are built without USD, and glTF is an add-on."""
+    if path.suffix.lower().startswith(".usd"):
+        return "usd_export" in dir(bpy.ops.wm)
+    return not path.suffix.lower().startswith(".gl") or "gltf" in dir(bpy.ops.export_scene)
 
 
 def _quads(shown: bpy.types.Object) -> bpy.types.Mesh:

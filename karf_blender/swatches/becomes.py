@@ -5,11 +5,13 @@ import numpy as np
 
 from ..engine_api import (
     Edit,
+    Palette,
     ciede2000,
     match_becomes,
     match_fewest,
     nearest_weights,
     rgb_to_hex,
+    shown_colors,
     srgb_to_lab,
 )
 from . import colors, edits, groups, histograms
@@ -41,7 +43,7 @@ def apply(
     seen = histograms.of(scene, name)
     locked, now = groups.held(item), colors.edited(item)
     start = np.where(np.isin(np.arange(len(now)), locked)[:, None], now, start)
-    shown = np.clip(seen.colors + seen.palette_weights @ (start - colors.learned(item)), 0, 1)
+    shown = shown_colors(seen, Palette(name, colors.learned(item)), start)
     weights = groups.gathered(item, seen.palette_weights.T).T
     if rule == "fewest":
         edited = match_fewest(nearest_weights(shown, weights, source), start, target, locked, shown=source)

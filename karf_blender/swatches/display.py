@@ -23,15 +23,17 @@ HEAT = np.array([[0, 0, 0.05], [0.33, 0.06, 0.43], [0.73, 0.21, 0.33], [0.98, 0.
 
 
 class _Memory:
-    """The buffer of the last picture that was not just the edited one, and the rendering read last, by file and time."""
+    """The buffer of the last picture that was not just the edited one, and what it has of which original: all left of a
+    line. And the rendering read last, by file and time."""
 
     buffer: np.ndarray | None = None
+    original: tuple[Path, int, int] | None = None
     rendering: tuple[tuple[Path, int], np.ndarray] | None = None
 
 
 def forget() -> None:
     """Drop what is in memory."""
-    _Memory.buffer = _Memory.rendering = None
+    _Memory.buffer = _Memory.original = _Memory.rendering = None
 
 
 def picture(scene: bpy.types.Scene) -> np.ndarray:
@@ -47,14 +49,17 @@ def picture(scene: bpy.types.Scene) -> np.ndarray:
     edited = planes.composite(scene)
     if seeing.mode == "EDITED" and not seeing.is_wiped:
         return edited
-    view = planes.shown_view(scene)
+    view, width = planes.shown_view(scene), edited.shape[1]
     if _Memory.buffer is None or _Memory.buffer.shape != edited.shape:
-        _Memory.buffer = images.blank(edited.shape[1], edited.shape[0])
-    shown = images.upright(_Memory.buffer)
-    shown[:] = SIDES[seeing.mode](scene, view)
-    if seeing.is_wiped:
-        left = slice(0, round(seeing.wipe * shown.shape[1]))
-        shown[:, left] = _original(scene, view)[:, left]
+        _Memory.buffer, _Memory.original = images.blank(width, len(edited)), None
+    line = round(seeing.wipe * width) if seeing.is_wiped else 0
+    if seeing.mode == "EDITED":  # a swatch may be being dragged: whole pixels are copied fastest
+        _Memory.buffer[:, line:] = edited[:, line:]
+    else:
+        images.upright(_Memory.buffer)[:, line:] = SIDES[seeing.mode](scene, view)[:, line:]
+    if _Memory.original is None or _Memory.original != (view.file, view.written, line):
+        images.upright(_Memory.buffer)[:, :line] = _original(scene, view)[:, :line]
+        _Memory.original = view.file, view.written, line
     return _Memory.buffer
 
 
@@ -97,10 +102,6 @@ def heat(values: np.ndarray) -> np.ndarray:
 
 
 # --- the sides of a picture, [H, W, 3] or [H, W, 1] sRGB in [0, 1] --------------------------------------------------
-def _edited(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
-    return images.upright(planes.recolored(view, scene))
-
-
 def _original(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
     del scene
     return view.planes.base.astype(np.float32) / np.float32(255)
@@ -110,8 +111,7 @@ def _learned(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
     rendering = _rendering(scene)
     if rendering is None:  # the panel says that there is none
         return _original(scene, view)
-    sides = zip(rendering.shape, view.planes.base.shape[:2], strict=False)
-    return rendering[np.ix_(*(np.arange(wanted) * given // wanted for given, wanted in sides))]
+    return images.resized(rendering, *view.planes.base.shape[1::-1])
 
 
 def _weights(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
@@ -122,11 +122,10 @@ def _weights(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
 
 
 def _difference(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
-    return heat(difference(_edited(scene, view), _original(scene, view)))
+    return heat(difference(images.upright(planes.recolored(view, scene)), _original(scene, view)))
 
 
 SIDES: dict[str, Callable[[bpy.types.Scene, ShownView], np.ndarray]] = {
-    "EDITED": _edited,
     "ORIGINAL": _original,
     "LEARNED": _learned,
     "WEIGHTS": _weights,

@@ -36,15 +36,15 @@ class ObjectMasks:
 
 
 class _Memory:
-    """The masks read last, and which they are."""
+    """Of each scene (by `session_uid`) the masks read last, and which they are."""
 
-    key: tuple = ()
-    masks: ObjectMasks | None = None
+    scenes: dict[int, tuple[tuple, ObjectMasks | None]] = {}
 
 
 def of(scene: bpy.types.Scene) -> ObjectMasks | None:
     """The masks of the scene's active view; None where none are known."""
-    return _Memory.masks if _Memory.key[:2] == _place(scene) else None
+    key, masks = _Memory.scenes.get(scene.session_uid, ((), None))
+    return masks if key[:2] == _place(scene) else None
 
 
 def load(scene: bpy.types.Scene) -> None:
@@ -55,16 +55,16 @@ def load(scene: bpy.types.Scene) -> None:
         is_prepared = contents.is_prepared(scene)
         files = {"": contents.planes_file(scene)} if is_prepared else contents.seen_masks(scene)
         key = (*_place(scene), *((file, file.stat().st_mtime_ns) for file in files.values()))
-        if key != _Memory.key:
+        if key != _Memory.scenes.get(scene.session_uid, ((),))[0]:
             masks = _from_planes(scene) if is_prepared else _from_pictures(files)
-            _Memory.key, _Memory.masks = key, masks
+            _Memory.scenes[scene.session_uid] = key, masks
     except (KarfError, OSError):
-        forget()
+        _Memory.scenes.pop(scene.session_uid, None)
 
 
 def forget() -> None:
     """Drop the masks in memory."""
-    _Memory.key, _Memory.masks = (), None
+    _Memory.scenes.clear()
 
 
 def _place(scene: bpy.types.Scene) -> tuple[str, str]:

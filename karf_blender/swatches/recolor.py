@@ -81,7 +81,12 @@ def refresh(scene: bpy.types.Scene) -> None:
 
 
 def show_unedited(scene: bpy.types.Scene) -> bpy.types.Image:
-    """Put what there is of a view that cannot be recolored into the scene's result image, which is made if needed."""
+    """Put what there is of a view that cannot be recolored into the scene's result image, which is made if needed.
+
+    Raises:
+        BadRequest: Blender renders.
+    """
+    rendering.refuse()
     return _put(scene, display.stand_in(scene))
 
 

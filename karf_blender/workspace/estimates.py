@@ -1,5 +1,6 @@
 """How long a preset will take on this computer, before it is pressed; nothing where that is not known."""
 
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from .. import engine_api, preferences
 from ..engine import speed
 from ..engine_api import PRESETS, KarfError, MissingDependency, Request
 from ..host import windows
+from ..project import disk
 from ..tasks import runner
 
 POLL_SECONDS = 0.5
@@ -38,11 +40,10 @@ def measure_once() -> None:
     """Measure this computer beside the interface, where that was not done yet with the engine as it is chosen."""
     if bpy.app.background or _Memory.measurement is not None or runner.is_running():
         return
-    try:
-        python, threads = preferences.engine_python(), preferences.current().threads
-    except MissingDependency:
+    _read_once()
+    if _Memory.known is None:
         return
-    _Memory.known = speed.read(_file(), str(python), threads)
+    python, threads = Path(_Memory.known.python), _Memory.known.threads
     if _Memory.known.samples_per_second:
         return
     try:
@@ -50,6 +51,16 @@ def measure_once() -> None:
     except OSError:  # Test Engine says why
         return
     bpy.app.timers.register(_tick, first_interval=POLL_SECONDS, persistent=True)
+
+
+def _read_once() -> None:
+    """Take in what was kept of this computer, where there is an engine."""
+    if _Memory.known is None:
+        try:
+            python, threads = preferences.engine_python(), preferences.current().threads
+        except MissingDependency:
+            return
+        _Memory.known = speed.read(_file(), str(python), threads)
 
 
 def _tick() -> float | None:
@@ -71,17 +82,20 @@ def _tick() -> float | None:
 def _take_time(request: Request, taken: float) -> None:
     """Correct what is known by a job that is done; how open its scene was is told by what it noted."""
     known, project = _Memory.known, engine_api.Project(request.project)
-    if known is None or not known.samples_per_second or request.options.get("overrides"):
+    if known is None or request.options.get("overrides"):
         return
     try:
         state = project.state()
     except KarfError:  # a job that finds camera poses begins a folder that is no project yet
         return
     space = state["stages"].get("geometry", {}).get("space", "box")
-    promised = _promised(state.get("settings", {}).get("preset", ""), known.samples_per_second, space != "box")
-    if promised is not None and request.stage in promised:
-        _Memory.known = known.learned_from(request.stage, promised[request.stage], taken)
-        _Memory.known.write(_file())
+    samples = _promised(state.get("settings", {}).get("preset", ""), 1.0, space != "box")
+    if samples is None or request.stage not in samples:
+        return
+    if not known.samples_per_second:  # the job came before the measurement, and is one
+        known = replace(known, samples_per_second=samples[request.stage] / taken)
+    _Memory.known = known.learned_from(request.stage, samples[request.stage] / known.samples_per_second, taken)
+    _Memory.known.write(_file())
 
 
 @lru_cache(maxsize=16)
@@ -103,10 +117,12 @@ def _end() -> None:
 def register():
     """Called when the extension is enabled."""
     runner.keep_time(_take_time)
+    disk.listen(_read_once)
 
 
 def unregister():
     """Called when the extension is disabled."""
+    disk.forget(_read_once)
     runner.forget_time(_take_time)
     # a timer left behind hangs or crashes some Blender versions at exit
     if bpy.app.timers.is_registered(_tick):

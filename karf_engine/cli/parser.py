@@ -37,6 +37,20 @@ def _add_learning(commands: Commands) -> None:
     verb.add_argument("--matching", default="auto", choices=("auto", "exhaustive", "sequential"), help="which pairs of "
                       "photos are compared: all, or neighbors by name (default: all of up to 250)")  # fmt: skip
 
+    verb = _verb(commands, "mark", "write the mask of an object in one photo, from a box or clicks", verbs.mark)
+    verb.add_argument("capture", metavar="CAPTURE", help="folder or transforms.json with photos and camera poses")
+    verb.add_argument("--view", required=True, metavar="NAME", help="which photo")
+    verb.add_argument("--object", required=True, metavar="NAME", help="what the object is called")
+    verb.add_argument(
+        "--box", type=_numbers(4), metavar="X0,Y0,X1,Y1", help="a frame that it lies in, pixels of the photo"
+    )
+    verb.add_argument("--click", dest="clicks", type=_numbers(2), action="append", default=[], metavar="X,Y",
+                      help="a pixel that shows it; may be repeated")  # fmt: skip
+    verb.add_argument("--not", dest="nots", type=_numbers(2), action="append", default=[], metavar="X,Y",
+                      help="a pixel that does not; may be repeated")  # fmt: skip
+    verb.add_argument("--out", required=True, metavar="MASKS", help="write MASKS/<object>/<view>.png")
+    verb.add_argument("--weights", metavar="DIR", help="a Segment Anything model's folder; needs the extra marks")
+
     verb = _verb(commands, "all", "learn everything: geometry, segmentation, palette, recoloring", verbs.learn_all)
     _add_geometry_options(verb)
     verb.add_argument("--masks", required=True, metavar="DIR", help="coarse masks: DIR/<object>/<photo stem>.png")
@@ -170,6 +184,19 @@ def _add_others(commands: Commands) -> None:
     verb.add_argument("--map", dest="folders", action="append", default=[], metavar="CALLERS=OURS", help="a folder that "
                       "the caller knows by another path; may be repeated")  # fmt: skip
     verb.set_defaults(action=verbs.run)
+
+
+def _numbers(count: int) -> Callable[[str], tuple[float, ...]]:
+    """Reads so many numbers with commas between them."""
+
+    def read(text: str) -> tuple[float, ...]:
+        numbers = tuple(map(float, text.split(",")))
+        if len(numbers) != count:
+            raise ValueError(text)
+        return numbers
+
+    read.__name__ = f"list of {count} numbers"  # argparse names it where a value cannot be read
+    return read
 
 
 def _verb(commands, name: str, text: str, action: Callable) -> argparse.ArgumentParser:

@@ -80,6 +80,14 @@ def learn_recoloring(options: argparse.Namespace) -> int:
     return 0
 
 
+def mark(options: argparse.Namespace) -> int:
+    """One mask."""
+    points = [(*place, True) for place in options.clicks] + [(*place, False) for place in options.nots]
+    asked = {"box": options.box, "points": points, "weights": options.weights}
+    print(library.mark(options.capture, options.view, options.object, options.out, **asked))
+    return 0
+
+
 def find_poses(options: argparse.Namespace) -> int:
     """A capture of photos without poses."""
     library.find_poses(options.photos, options.out, matching=options.matching, **_run_of(options))

@@ -21,6 +21,7 @@ DIFFERENT = 4 / 255  # in one channel: such a pixel was painted; less can be a f
 ENOUGH = 0.002  # the share of an object's pixels that must be painted to speak for it
 UNPAINTED = 0.1  # what all unpainted pixels of an object count together, of what the painted ones do
 OUTLIER = 0.1  # distance in sRGB to what swatches can reach at which a pixel counts a quarter
+SPILL = 0.4  # how strongly an object must be painted, of the strongest, where a fit to parts of it worsens the whole
 ROUNDS = 10  # of reweighting; later ones move no color by a step of 8 bits
 MOST_PIXELS = 20_000  # of an object that are looked at, evenly over it: more of them tell nothing new
 
@@ -43,6 +44,11 @@ class ObjectMatch:
     left: float
     painted: float
 
+    @property
+    def strength(self) -> float:
+        """Mean CIEDE2000 of what is painted to what was there."""
+        return self.before / self.painted
+
 
 def match_picture(
     palette_weights: np.ndarray,
@@ -56,7 +62,8 @@ def match_picture(
     """The palettes with which a view comes closest to a wanted picture of it.
 
     Only where the wanted picture differs from the edited view it says something: objects that it leaves alone stay, and
-    the unpainted pixels of others count little, and nothing where they contradict the painted ones.
+    the unpainted pixels of others count little, and nothing where they contradict the painted ones. Objects that only
+    reflect the new colors of others, faintly and in parts, stay too.
 
     Args:
         palette_weights: [K, M, H, W].
@@ -107,7 +114,8 @@ def match_picture(
             reached = shown + weights @ (colors - edited[palette.name])
             sides = (_difference(picture, aim) for picture in (shown, reached))
             found.append(ObjectMatch(palette.name, colors, *sides, float(painted.mean())))
-    return tuple(found)
+    strongest = max((match.strength for match in found), default=0.0)
+    return tuple(match for match in found if match.left < match.before or match.strength >= SPILL * strongest)
 
 
 def _spread(pixels: np.ndarray) -> np.ndarray:

@@ -65,7 +65,18 @@ class ScenePoints:
 
 
 def write_points(path: Path, points: ScenePoints) -> None:
-    """Write points as a compressed npz, atomically."""
+    """Write points as a compressed npz, atomically.
+
+    Examples:
+        >>> import tempfile
+        >>> none, palette = np.zeros((1, 3), np.float32), np.zeros((1, 2, 3), np.float32)
+        >>> shares, weights = np.ones((1, 1), np.float16), np.ones((1, 1, 2), np.float16)
+        >>> points = ScenePoints(("pot",), none, none, none[:, 0], none.astype(np.uint8), shares, weights, palette)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_points(Path(folder) / "points.npz", points)
+        ...     sorted(np.load(Path(folder) / "points.npz"))[:4]
+        ['colors', 'learned', 'normals', 'objects']
+    """
     arrays = {name: getattr(points, name) for name in NUMBERS}
 
     def write(temporary: Path) -> None:

@@ -86,7 +86,7 @@ class SwatchPicture:
         for rows in self._blocks():
             block = self._rest[:, rows.start - self._rows[0] : rows.stop - self._rows[0]].copy()
             self._add(self._moving, rows, block)
-            np.maximum(block, 0, out=block)  # twice as fast as clip, which is right for NaN too
+            np.maximum(block, 0, out=block)  # these two are faster than clip
             np.minimum(block, 1, out=block)
             for channel, plane in enumerate(block):
                 self._out[rows, slice(*self._columns), channel] = plane

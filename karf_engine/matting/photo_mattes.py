@@ -19,7 +19,7 @@ from .distances import distance_to
 from .foreground import LINEAR, unmixed
 from .lost_parts import difference_nearby, lost_parts
 from .matte import Matte
-from .random_walk import random_walk
+from .random_walk import links_of, random_walk
 from .sharpness import sharp_size
 from .strays import without_strays
 from .tiles import enlarged, tiles
@@ -121,7 +121,7 @@ def decide(lab: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray) -> 
     opinions = np.stack([~np.any(cores, 0), *cores]).astype(np.float32)
     opinions[:, free] = posterior(models, lab[free], _places(free), priors[:, free])
     resolved = (classes.max(0)[free] > DECIDED) & (difference_nearby(lab, rendered, free, 1) < RESOLVED)
-    opinions[:, free] = random_walk(lab, opinions, free, np.where(resolved, TRUST_RESOLVED, TRUST))
+    opinions[:, free] = random_walk(links_of(lab), opinions, free, np.where(resolved, TRUST_RESOLVED, TRUST))
     return opinions, models
 
 
@@ -137,7 +137,7 @@ def sharpen(photo: np.ndarray, classes: np.ndarray, models: ColorModels) -> np.n
             places = (np.argwhere(free) + [tile.rows.start + 0.5, tile.columns.start + 0.5]) / size
             priors = np.maximum(labels, LEAST_CARRIED * _present(labels))[:, free]
             labels[:, free] = posterior(models, lab[free], places, priors)
-            labels[:, free] = random_walk(lab, labels, free, TRUST)
+            labels[:, free] = random_walk(links_of(lab), labels, free, TRUST)
         result[(slice(None), *tile.place)] = labels[(slice(None), *tile.inner)]
     return result
 

@@ -8,6 +8,8 @@ classes, and its solution sums to 1 where the opinions do.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import cg
@@ -17,12 +19,27 @@ LEAST_LINK = 1e-4
 TOLERANCE = 1e-3
 NEIGHBORS = ((0, 1), (1, 0), (1, 1), (1, -1))  # row and column to half of the eight neighbors
 
+Part = tuple[slice, slice]  # of a picture
+Link = tuple[Part, Part, np.ndarray]  # pixels, their neighbors in one direction, and what links each two, > 0
 
-def random_walk(lab: np.ndarray, opinions: np.ndarray, free: np.ndarray, trust: float | np.ndarray) -> np.ndarray:
+
+def links_of(channels: np.ndarray, likeness: float = LIKENESS) -> Iterator[Link]:
+    """How neighbors are linked: half of the eight directions, one after the other.
+
+    Args:
+        channels: [h, w, C] float32, of which the squared differences count alike; CIE Lab, for example.
+        likeness: Per squared unit: neighbors that differ by d are linked by exp(-likeness d^2).
+    """
+    for down, right in NEIGHBORS:
+        here, there = _shifted(channels.shape[:2], down, right)
+        yield here, there, np.exp(-likeness * ((channels[here] - channels[there]) ** 2).sum(-1)) + LEAST_LINK
+
+
+def random_walk(links: Iterable[Link], opinions: np.ndarray, free: np.ndarray, trust: float | np.ndarray) -> np.ndarray:
     """Labels of the free pixels; those of the others are their opinions.
 
     Args:
-        lab: [h, w, 3] float32 CIE Lab.
+        links: Between the pixels, see `links_of`.
         opinions: [C, h, w] float32, sum to 1 over C.
         free: [h, w] bool.
         trust: What a pixel's own opinion counts beside its links to neighbors, > 0; a number or [n] of the free
@@ -36,9 +53,7 @@ def random_walk(lab: np.ndarray, opinions: np.ndarray, free: np.ndarray, trust: 
     number[free] = np.arange(count, dtype=np.int32)
     degree, pulls = np.zeros(count), np.zeros((len(opinions), count))
     rows, columns, values = [], [], []
-    for down, right in NEIGHBORS:
-        here, there = _shifted(free.shape, down, right)
-        link = np.exp(-LIKENESS * ((lab[here] - lab[there]) ** 2).sum(-1)) + LEAST_LINK
+    for here, there, link in links:
         for own, other, place in ((number[here], number[there], there), (number[there], number[here], here)):
             inside, edge = (own >= 0) & (other >= 0), (own >= 0) & (other < 0)
             degree += np.bincount(own[own >= 0], link[own >= 0], count)
@@ -56,7 +71,7 @@ def random_walk(lab: np.ndarray, opinions: np.ndarray, free: np.ndarray, trust: 
     return np.clip(np.stack(solved), 0, 1).astype(np.float32)
 
 
-def _shifted(shape: tuple[int, int], down: int, right: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+def _shifted(shape: tuple[int, int], down: int, right: int) -> tuple[Part, Part]:
     """Slices of all pixels that have a neighbor in that direction, and of these neighbors."""
     height, width = shape
     here = slice(0, height - down), slice(max(0, -right), width - max(0, right))

@@ -7,7 +7,12 @@ from typing import Any
 
 from .correct import correct
 from .preview import preview
+from .proposing import propose
 from .session import Session
 
 # kind -> function; it returns JSON values, paths as text. What needs torch or more is imported in it
-ANSWERS: dict[str, Callable[[Session, dict[str, Any]], dict[str, Any]]] = {"correct": correct, "preview": preview}
+ANSWERS: dict[str, Callable[[Session, dict[str, Any]], dict[str, Any]]] = {
+    "correct": correct,
+    "preview": preview,
+    "propose": propose,
+}

@@ -86,6 +86,12 @@ def button_job(story: Story, operator: str) -> Wait:
     yield from job_end(story)
 
 
+def open_step(name: str) -> Wait:
+    """Open a step that did not open by itself."""
+    setattr(bpy.data.window_managers[0].karf_folding, f"show_{name}", True)
+    yield from show_tab()
+
+
 def dialog_job(story: Story, operator: str) -> Wait:
     """Click a button that asks in a dialog, take that as it is, and wait for the end of its job."""
     yield from hands.press_button(SIDEBAR, operator)

@@ -24,6 +24,7 @@ NEAR = 2  # steps of 255 between the engine's picture and the compositor's
 def this_view(story: Story) -> Wait:
     karf = desk.scene().karf
     photo = desk.pixels_of(desk.photo_of(karf.active_view))
+    yield from acts.open_step("render")
     yield from acts.dialog_job(story, r"karf\.render_view")
     yield from story.shoot("this-view")
     written = desk.pixels_of(_recolored(karf.active_view))

@@ -264,6 +264,18 @@ def test_the_engines_corrected_masks_are_shown_at_once(addon, correcting):
     assert addon.sheets.open_sheet(correcting).solved["pot"].version != before
 
 
+def test_a_corrected_mask_lies_over_the_photo_with_its_lens(addon):
+    """A disc of the pinhole's picture is where the lens puts it."""
+    api = addon.engine_api
+    camera = api.Camera(480, 360, 320.0, 336.0, 228.0, 192.0, np.eye(4), (-0.3, 0.08, 0.002, -0.003))
+    small = camera.scaled(120, 90)
+    rows, columns = np.mgrid[0:90, 0:120] + 0.5
+    for x, y in ((20.5, 15.5), (100.5, 70.5)):
+        shown = addon.asking._as_stored(np.hypot(columns - x, rows - y) < 4, camera) > 0
+        ((there_x, there_y),) = api.distort(small, np.array([[x, y]]))
+        assert np.hypot(columns[shown].mean() - there_x, rows[shown].mean() - there_y) < 0.7
+
+
 # --- objects and views ---------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     "typed, name",
@@ -323,3 +335,10 @@ def test_views_are_gone_through_around_the_end_and_marked_ones_alone_where_wante
 def test_the_first_object_is_there_when_the_photo_is(addon, project_scene):
     addon.steps.show_photo(project_scene)
     assert project_scene.karf.marking.objects.keys() == ["object"]
+
+
+def test_another_project_brings_its_own_objects(addon, marked, tmp_path):
+    given = tmp_path / "other" / "masks" / "lid" / "photo_0.png"
+    addon.images.write_png(given, disc(8, 8, 5)[..., None].repeat(3, -1))
+    marked.karf.project = str(tmp_path / "other")
+    assert marked.karf.marking.objects.keys() == ["lid"]

@@ -83,6 +83,16 @@ def test_the_menus_of_a_swatch_offer_what_can_be_done(bpy, addon, learned):
     assert {"karf.unlink_swatch", "karf.split_swatch"} <= set(drawn("KARF_MT_swatch"))
 
 
+def test_the_right_button_on_a_field_offers_the_swatchs_menu(bpy, addon, learned):
+    def offered(pointer):
+        entries, context = [], SimpleNamespace(scene=learned, button_pointer=pointer)
+        addon.swatching.draw_context_menu(SimpleNamespace(layout=Layout(bpy, entries)), context)
+        return entries
+
+    assert offered(learned.karf.objects["lid"].swatches[2]) == ["KARF_MT_swatch"]
+    assert offered(learned.karf) == offered(None) == []
+
+
 def test_a_view_without_planes_says_so(learned, draw):
     assert "Show" in draw() and "Prepare" not in draw()
     learned.karf.active_view = "photo_2"
@@ -227,3 +237,17 @@ def test_what_is_looked_at_and_what_is_left_are_in_the_panel(bpy, addon, learned
     pot.show_becomes = True
     pot.source, pot.target = (0.8, 0.2, 0.1), (0.1, 0.3, 0.8)
     assert f"{addon.wishes.left(learned, pot):.1f} CIEDE2000 left" in draw()
+
+
+def test_the_keys_of_before_and_after_are_in_the_image_editors_key_map_and_leave_with_the_extension(bpy, addon):
+    keymap = bpy.context.window_manager.keyconfigs.addon.keymaps["Image"]
+
+    def keys():
+        return {(item.idname, item.type, item.alt) for item in keymap.keymap_items}
+
+    wanted = {("karf.before_after", "C", False), ("karf.seeing_pie", "C", True)}
+    assert wanted <= keys()
+    addon.seeing.unregister_keys()
+    assert not wanted & keys()
+    addon.seeing.register_keys()
+    assert wanted <= keys()

@@ -74,7 +74,8 @@ def test_the_package_holds_the_extension_and_nothing_else(package):
     assert "karf_blender/rig/cameras.py" in names
     tops = {name.partition("/")[0] for name in names}
     assert tops <= {"__init__.py", "blender_manifest.toml", "LICENSE", "README.md", "karf_engine", "karf_blender"}
-    assert not [name for name in names if name.endswith((".pyc", ".png", ".blend", ".npz"))]
+    data = [name for name in names if name.endswith((".pyc", ".png", ".blend", ".npz"))]
+    assert data == ["karf_blender/workspace/workspace.blend"]
 
 
 def test_the_repository_lists_what_blenders_own_generator_lists(blenders_tool, built, tmp_path):

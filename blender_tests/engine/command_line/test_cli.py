@@ -18,6 +18,7 @@ from karf_engine.project import Project
 
 VERBS = [
     "poses",
+    "mark",
     "all",
     "geometry",
     "segmentation",

@@ -62,6 +62,14 @@ def test_a_strange_brush_stroke_loses_its_say(view):
     np.testing.assert_allclose(matched(view, wanted)["pot"].colors[1], BLUE_POT["pot"][1], atol=0.06)
 
 
+def test_an_object_that_only_reflects_the_new_color_stays(view):
+    wanted = recolored(view, BLUE_POT)
+    wanted[10:20, -12:] += [-0.04, 0.0, 0.08]
+    assert set(matched(view, wanted.clip(0, 1))) == {"pot"}
+    wanted[10:20, -12:] = [0.9, 0.1, 0.9]  # which is paint
+    assert set(matched(view, wanted)) == {"pot", "mug"}
+
+
 def test_it_goes_on_from_the_edit_that_was_painted_on(view):
     green_mug = BLUE_POT | {"mug": np.array([[0, 0, 0], [0.6, 0.1, 0.3], [0.8, 0.8, 0.5]], np.float32)}
     found = matched(view, recolored(view, green_mug), BLUE_POT)

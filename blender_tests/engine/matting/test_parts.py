@@ -7,7 +7,7 @@ import pytest
 
 from karf_engine.matting.closed_form import closed_form_matting
 from karf_engine.matting.color_models import fit_color_models, posterior
-from karf_engine.matting.random_walk import random_walk
+from karf_engine.matting.random_walk import links_of, random_walk
 from karf_engine.matting.tiles import enlarged, tiles
 
 
@@ -30,7 +30,7 @@ def test_labels_of_a_random_walk_sum_to_one_and_stop_at_edges():
     opinions = np.full((2, 20, 20), 0.5, np.float32)
     opinions[:, :, :2] = [[[1]], [[0]]]
     opinions[:, :, 18:] = [[[0]], [[1]]]
-    labels = random_walk(lab, opinions, free, 1e-4)
+    labels = random_walk(links_of(lab), opinions, free, 1e-4)
     assert labels.sum(0) == pytest.approx(1, abs=0.01)
     assert labels[0].reshape(20, 16)[:, :8].min() > 0.9 > 0.1 > labels[0].reshape(20, 16)[:, 8:].max()
 

@@ -6,7 +6,7 @@ from blender_tests.engine.conftest import ROOT
 from blender_tests.layering import modules, violations
 
 FLOORS = (
-    ("__init__", "dev", "convert_bmild", "judging", "lock_recipes", "procedural", "release", "window"),
+    ("__init__", "dev", "convert_bmild", "judging", "lock_recipes", "procedural", "release", "translations", "window"),
     ("speed",),
     ("benchmark", "demo", "scenes", "experiments", "reliability", "matrix"),
     ("marking",),

@@ -1,0 +1,41 @@
+"""The tools of the Image Editor: in its toolbar while the extension is enabled, and not afterwards."""
+
+import pytest
+
+NAMES = ["karf.mark_box", "karf.mark_click", "karf.mark_lasso", "karf.mark_brush"]
+
+
+@pytest.fixture
+def in_toolbar(bpy, addon):
+    """A question: which of the tools the toolbar has, in its order."""
+    from bl_ui.space_toolsystem_common import ToolSelectPanelHelper as Helper
+
+    toolbar = Helper._tool_class_from_space_type("IMAGE_EDITOR")
+
+    def names():
+        tools = [tool.idname for tool in Helper._tools_flatten(toolbar._tools["VIEW"]) if tool]
+        return [name for name in tools if name.startswith("karf.")]
+
+    return names
+
+
+def test_the_tools_come_and_go_with_the_extension(addon, in_toolbar):
+    assert in_toolbar() == NAMES
+    addon.tools.unregister()
+    assert in_toolbar() == []
+    addon.tools.register()
+    assert in_toolbar() == NAMES
+
+
+def test_every_key_of_the_tools_calls_an_operator_that_there_is(bpy, addon):
+    for tool in addon.tools.TOOLS:
+        for operator, _, options in tool.bl_keymap:
+            room, name = operator.split(".")
+            known = getattr(getattr(bpy.ops, room), name).get_rna_type().properties
+            assert all(key in known for key, _ in options["properties"])
+
+
+def test_two_tools_never_share_a_press(addon):
+    for tool in addon.tools.TOOLS:
+        presses = [tuple(sorted(event.items())) for _, event, _ in tool.bl_keymap]
+        assert len(set(presses)) == len(presses)

@@ -1,0 +1,222 @@
+"""The learned scene as an object: its colors are the engine's, follow the swatches, and go into files as they are."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+NAMES = ("lid", "pot")
+LEARNED = {"lid": [[0, 0, 0], [0.2, 0.4, 0.6], [1, 1, 1]], "pot": [[0, 0, 0], [0.8, 0.2, 0.1], [0.9, 0.9, 0.5]]}
+EDIT = {("lid", 1): (0.9, 0.1, 0.6), ("pot", 1): (0.1, 0.3, 0.9), ("pot", 2): (0.3, 1.4, 0.2)}
+
+
+@pytest.fixture
+def points(addon):
+    """Fifty points of the fake engine's objects."""
+    random, n = np.random.default_rng(1), 50
+    normals = random.normal(size=(n, 3))
+    shares = random.dirichlet(np.ones(3), (n, 2))
+    probabilities = random.dirichlet(np.ones(3), n)[:, :2]
+    return addon.engine_api.ScenePoints(
+        NAMES,
+        random.normal(size=(n, 3)).astype(np.float32),
+        (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
+        np.full(n, 0.1, np.float32),
+        random.integers(0, 256, (n, 3), np.uint8),
+        probabilities.astype(np.float16),
+        (shares * probabilities[:, :, None]).astype(np.float16),
+        np.array(list(LEARNED.values()), np.float32),
+    )
+
+
+@pytest.fixture
+def points_file(addon, points, tmp_path):
+    addon.engine_api.write_points(tmp_path / "points.npz", points)
+    return tmp_path / "points.npz"
+
+
+@pytest.fixture
+def shown(addon, learned, points_file):
+    return addon.headless.show_scene(points=points_file)
+
+
+def colors_of(bpy, item):
+    """Of the faces as they are shown, [n, 3] sRGB; a face has one color."""
+    data = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    assert data.color_attributes.active_color_name == "Color"
+    flat = np.empty(16 * len(data.polygons), np.float32)
+    data.attributes["Color"].data.foreach_get("color_srgb", flat)
+    corners = flat.reshape(-1, 4, 4)[..., :3]
+    np.testing.assert_array_equal(corners, np.broadcast_to(corners[:, :1], corners.shape))
+    return corners[:, 0]
+
+
+def set_edit(addon):
+    for (name, index), color in EDIT.items():
+        addon.headless.set_swatch(name, index, color)
+
+
+def recolored(points):
+    edited = points.learned.copy()
+    for (name, index), color in EDIT.items():
+        edited[NAMES.index(name), index] = color
+    return points.recolored(edited)
+
+
+def test_points_are_faces_in_their_places_with_what_recoloring_needs(addon, learned, points, shown):
+    data = shown.data
+    assert shown.parent == learned.karf.rig and len(data.polygons) == len(points)
+    assert {"Color", "normal", "karf/lid", "karf/pot", "karf/lid/1", "karf/pot/2"} <= set(data.attributes.keys())
+    centers = np.array([face.center for face in data.polygons])
+    np.testing.assert_allclose(centers, points.positions, atol=1e-5)
+    facing = np.abs(np.sum([np.array(f.normal) * n for f, n in zip(data.polygons, points.normals, strict=True)], 1))
+    assert facing.min() > 0.999
+    weights = np.empty(len(points), np.float32)
+    data.attributes["karf/pot/2"].data.foreach_get("value", weights)
+    np.testing.assert_array_equal(weights, points.palette_weights[:, 1, 2])
+
+
+def test_unchanged_swatches_show_the_colors_as_learned(bpy, points, shown):
+    np.testing.assert_allclose(colors_of(bpy, shown) * 255, points.colors, atol=0.01)
+
+
+def test_swatches_recolor_the_object_as_the_engine_does(bpy, addon, points, shown):
+    set_edit(addon)
+    assert np.abs(colors_of(bpy, shown) - recolored(points)).max() < 0.51 / 255
+    assert np.abs(recolored(points) - points.colors / 255).max() > 0.3
+
+
+def test_swatches_that_are_changed_already_are_those_that_it_begins_with(bpy, addon, learned, points, points_file):
+    set_edit(addon)
+    shown = addon.headless.show_scene(points=points_file)
+    assert np.abs(colors_of(bpy, shown) - recolored(points)).max() < 0.51 / 255
+
+
+def test_keyframed_swatches_are_followed(bpy, addon, learned, points, shown):
+    for name, index in EDIT:
+        learned.karf.objects[name].swatches[index].keyframe_insert("color", frame=1)
+    set_edit(addon)
+    for name, index in EDIT:
+        learned.karf.objects[name].swatches[index].keyframe_insert("color", frame=3)
+    learned.frame_set(1)
+    np.testing.assert_allclose(colors_of(bpy, shown) * 255, points.colors, atol=0.01)
+    learned.frame_set(3)
+    assert np.abs(colors_of(bpy, shown) - recolored(points)).max() < 0.51 / 255
+
+
+def test_the_radius_scales_faces_round_their_centers(bpy, addon, points, shown):
+    def sides():
+        data = shown.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+        return np.array([face.area for face in data.polygons]) ** 0.5, np.array([f.center for f in data.polygons])
+
+    before, centers = sides()
+    addon.placing.radius_node(shown).outputs[0].default_value = 2
+    after, same = sides()
+    np.testing.assert_allclose(after, 2 * before, rtol=1e-3)
+    np.testing.assert_allclose(same, centers, atol=1e-5)
+
+
+def test_made_again_it_is_the_same_object_and_the_radius_stays(bpy, addon, learned, points, points_file, shown):
+    addon.placing.radius_node(shown).outputs[0].default_value = 1.5
+    shown.location.x, shown.hide_render = 3, True
+    meshes, groups, objects = len(bpy.data.meshes), len(bpy.data.node_groups), len(bpy.data.objects)
+    again = addon.headless.show_scene(points=points_file)
+    assert again == shown and again.location.x == 3 and again.hide_render
+    assert (len(bpy.data.meshes), len(bpy.data.node_groups), len(bpy.data.objects)) == (meshes, groups, objects)
+    assert addon.placing.radius_node(again).outputs[0].default_value == 1.5
+    set_edit(addon)
+    assert np.abs(colors_of(bpy, again) - recolored(points)).max() < 0.51 / 255
+
+
+def test_deleted_it_is_made_anew(bpy, addon, learned, points_file, shown):
+    bpy.data.objects.remove(shown)
+    assert addon.placing.find(learned) is None
+    made = addon.headless.show_scene(points=points_file)
+    assert addon.placing.find(learned) == made
+
+
+OPENED_BY_ANOTHER = """
+import os, sys, bpy, numpy as np
+bpy.ops.wm.open_mainfile(filepath=sys.argv[-2])
+assert not hasattr(bpy.types.Scene, "karf")
+item = bpy.data.objects["KaRF scene"]
+data = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+flat = np.empty(16 * len(data.polygons), np.float32)
+data.attributes["Color"].data.foreach_get("color_srgb", flat)
+np.save(sys.argv[-1], flat.reshape(-1, 4, 4)[:, 0, :3])
+os._exit(0)
+"""
+
+
+def test_a_saved_file_shows_its_colors_without_the_extension(addon, points, shown, tmp_path):
+    set_edit(addon)
+    addon.headless.save(tmp_path / "scene.blend")
+    command = [sys.executable, "-c", OPENED_BY_ANOTHER, str(tmp_path / "scene.blend"), str(tmp_path / "colors.npy")]
+    subprocess.run(command, check=True, capture_output=True, timeout=120)
+    assert np.abs(np.load(tmp_path / "colors.npy") - recolored(points)).max() < 0.51 / 255
+
+
+def test_the_engine_is_asked_for_as_many_points_as_are_wanted(addon, learned, points_file, monkeypatch):
+    monkeypatch.setenv("FAKE_POINTS", str(points_file))
+    item = addon.headless.show_scene(count=7000)
+    assert len(item.data.polygons) == 50
+    (job,) = sorted((addon.folders.project_of(learned).folder / "jobs").glob("*-points"))
+    assert addon.engine_api.read_json(job / "request.json", "request")["options"]["count"] == 7000
+
+
+def test_other_palettes_than_the_scenes_are_said_and_left_as_learned(bpy, addon, learned, points, points_file):
+    learned.karf.objects["pot"].swatches[1].learned = (0.5, 0.5, 0.5)
+    shown = addon.headless.show_scene(points=points_file)
+    set_edit(addon)
+    assert "The swatches of pot are of other palettes than the points" in addon.progress.state().warnings
+    assert np.abs(colors_of(bpy, shown) - recolored(points)).max() > 0.1
+
+
+def imported(bpy, path):
+    """The colors of a file's points or faces, as Blender reads it, without order; sRGB [n, 3]."""
+    bpy.ops.wm.read_homefile(use_empty=True)
+    kind = path.suffix
+    if kind == ".ply":
+        bpy.ops.wm.ply_import(filepath=str(path))
+    elif kind in (".glb", ".gltf"):
+        bpy.ops.import_scene.gltf(filepath=str(path))
+    else:
+        bpy.ops.wm.usd_import(filepath=str(path))
+    (item,) = [each for each in bpy.data.objects if each.type == "MESH" and not each.name.startswith("Icosphere")]
+    attribute = item.data.color_attributes[0]
+    flat = np.empty(4 * len(attribute.data), np.float32)
+    attribute.data.foreach_get("color_srgb", flat)
+    return np.unique(np.rint(flat.reshape(-1, 4)[:, :3] * 255).astype(int), axis=0)
+
+
+@pytest.mark.parametrize(
+    ("name", "shape"),
+    [("a.ply", "quads"), ("a.ply", "points"), ("a.glb", "quads"), ("a.glb", "points"), ("a.usdc", "quads")],
+)
+def test_a_file_has_the_colors_as_recolored(bpy, addon, points, shown, tmp_path, name, shape):
+    set_edit(addon)
+    kept = set(bpy.data.objects.keys()), set(bpy.data.materials.keys()), list(bpy.context.selected_objects)
+    addon.headless.export_scene(tmp_path / name, shape)
+    assert (set(bpy.data.objects.keys()), set(bpy.data.materials.keys()), list(bpy.context.selected_objects)) == kept
+    wanted, found = recolored(points) * 255, imported(bpy, tmp_path / name)
+    distances = np.abs(wanted[:, None] - found[None]).max(2)  # exporters round each in their own way
+    assert distances.min(1).max() < 2 and distances.min(0).max() < 2
+
+
+def test_files_that_cannot_be_written_are_refused(addon, learned, points_file, tmp_path):
+    with pytest.raises(addon.engine_api.BadRequest, match="not shown in 3D yet"):
+        addon.headless.export_scene(tmp_path / "a.ply")
+    addon.headless.show_scene(points=points_file)
+    with pytest.raises(addon.engine_api.BadRequest, match="ending that is not known"):
+        addon.headless.export_scene(tmp_path / "a.obj")
+    with pytest.raises(addon.engine_api.BadRequest, match="Points alone"):
+        addon.headless.export_scene(tmp_path / "a.usdc", "points")
+
+
+def test_objects_of_long_names_keep_their_own_weights(bpy, addon, points):
+    names = ["鍋" * 60 + end for end in "ab"]
+    attributes = {addon.mesh.weight_attribute(name, 1) for name in names}
+    data = bpy.data.meshes.new("long")
+    assert {data.attributes.new(name, "FLOAT", "FACE").name for name in attributes} == attributes
+    assert len(attributes) == 2

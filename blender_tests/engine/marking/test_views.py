@@ -1,0 +1,72 @@
+"""Views of a capture marked by the library, the command line and a warm engine."""
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("cv2")
+pytest.importorskip("scipy")
+pytest.importorskip("imageio")
+
+from blender_tests.engine.conftest import run_engine
+from karf_engine import KarfError, mark, open_capture
+from karf_engine.images import read_mask, read_photo
+from karf_engine.marking.prompts import Prompts
+from karf_engine.marking.proposals import propose
+from karf_engine.warm.answers import ANSWERS
+from karf_engine.warm.session import Session
+
+
+@pytest.fixture(scope="module")
+def view(still_life):
+    return open_capture(still_life.capture).split("train")[0]
+
+
+@pytest.fixture(scope="module")
+def middle(view):
+    """A click in the middle of the view."""
+    return view.camera.width // 2 + 0.5, view.camera.height // 2 + 0.5, True
+
+
+@pytest.fixture(scope="module")
+def wanted(view, middle):
+    return propose(read_photo(view.image), Prompts(points=(middle,)))
+
+
+def test_a_mask_is_written_as_segmentation_reads_it(still_life, view, middle, wanted, tmp_path):
+    path = mark(still_life.capture, view.name, "red ball", tmp_path, points=[middle])
+    assert path == tmp_path / "red ball" / f"{view.name}.png"
+    assert (read_mask(path) == wanted).all() and wanted.any()
+
+
+def test_the_command_line_writes_the_same(still_life, view, middle, wanted, tmp_path):
+    place = ",".join(map(str, middle[:2]))
+    done = run_engine(
+        "mark", still_life.capture, "--view", view.name, "--object", "ball", "--click", place, "--out", tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    assert (read_mask(tmp_path / "ball" / f"{view.name}.png") == wanted).all()
+
+
+@pytest.mark.parametrize("wrong", [{"object_name": "a/b"}, {"view": "nothing"}, {"points": []}])
+def test_what_cannot_be_marked_is_told_and_nothing_is_written(still_life, view, middle, tmp_path, wrong):
+    options = {"view": view.name, "object_name": "ball", "points": [middle]} | wrong
+    with pytest.raises(KarfError):
+        mark(still_life.capture, masks=tmp_path, **options)
+    assert not list(tmp_path.rglob("*.png"))
+
+
+def test_a_warm_engine_reads_a_photo_once(still_life, view, middle, wanted, tmp_path, monkeypatch):
+    from karf_engine.marking import views
+
+    read = []
+    monkeypatch.setattr(views, "photo_of", lambda view: read.append(view) or read_photo(view.image))
+    session, options = Session(tmp_path), {"capture": str(still_life.capture), "view": view.name}
+    for prompts in (Prompts(box=(0.0, 0.0, 9.0, 9.0)), Prompts(points=(middle,))):
+        answer = ANSWERS["propose"](session, options | {"prompts": prompts.to_json()})
+    assert (read_mask(Path(answer["mask"])) == wanted).all() and len(read) == 1
+
+
+def test_a_warm_engine_asks_for_what_it_needs(tmp_path):
+    with pytest.raises(KarfError, match="without capture and prompts"):
+        ANSWERS["propose"](Session(tmp_path), {"view": "r_0"})

@@ -1,0 +1,117 @@
+"""Points on a learned scene: on its surface, of its colors, and recolored as pictures are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import karf_engine as karf
+from blender_tests.engine.conftest import run_engine
+from karf_engine.capture.ply import read_points as read_ply
+from karf_engine.edit.points import read_points, write_points
+from karf_engine.errors import BadRequest, DataError
+
+pytest.importorskip("torch")
+COUNT = 2000
+
+
+@pytest.fixture(scope="module")
+def model(learned):
+    return karf.load(learned.project, device="cpu")
+
+
+@pytest.fixture(scope="module")
+def file(learned, tmp_path_factory):
+    """The still life's points, written by the command line."""
+    out = tmp_path_factory.mktemp("points") / "scene.npz"
+    done = run_engine("points", learned.project, "--out", out, "--count", COUNT, "--threads", 1)
+    assert done.returncode == 0, done.stderr
+    return out
+
+
+@pytest.fixture(scope="module")
+def points(file):
+    return read_points(file)
+
+
+def projected(points, camera):
+    """The points within a picture: which they are, their rows and columns, and their depths."""
+    pixels, depth = camera.project(points.positions.astype(float))
+    column, row = np.floor(pixels).astype(int).T
+    inside = (depth > 0) & (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
+    return np.flatnonzero(inside), row[inside], column[inside], depth[inside]
+
+
+def seen(points, frame, camera):
+    """The points before everything else in a frame: which they are, and in which pixel [n, 2] (row, column)."""
+    index, row, column, depth = projected(points, camera)
+    there = frame.depth[row, column]
+    shown = (there > 0) & (np.abs(there - depth) < 0.03 * there)
+    return index[shown], np.stack([row, column], 1)[shown]
+
+
+def test_there_are_about_as_many_as_are_wanted(points):
+    assert 0.6 * COUNT < len(points) < 1.2 * COUNT
+    np.testing.assert_allclose(np.linalg.norm(points.normals, axis=1), 1, atol=1e-3)
+
+
+def test_a_view_that_nothing_was_learned_from_ends_where_points_are(model, points):
+    camera = model.capture.split("test")[0].camera
+    frame = model.render(camera)
+    _, row, column, depth = projected(points, camera)
+    there = frame.depth[row, column]
+    assert ((there > 1.1 * depth) | (there == 0)).mean() < 0.05  # these would be looked through
+
+
+def test_points_have_the_colors_and_objects_of_the_pixels_that_show_them(model, points):
+    camera = model.capture.split("test")[0].camera
+    frame = model.render(camera)
+    index, pixels = seen(points, frame, camera)
+    row, column = pixels.T
+    assert len(index) > 100
+    assert np.median(np.abs(points.colors[index] / 255 - frame.color[row, column])) < 0.05
+    for k in range(len(model.objects)):
+        own = frame.probabilities[k][row, column]
+        assert np.corrcoef(own, points.probabilities[index, k])[0, 1] > 0.8
+    np.testing.assert_allclose(points.palette_weights.sum(2), points.probabilities, atol=5e-3)
+
+
+def test_points_face_those_who_see_them(model, points):
+    camera = model.capture.split("test")[0].camera
+    index, _ = seen(points, model.render(camera), camera)
+    towards = camera.position - points.positions[index]
+    assert (np.sum(points.normals[index] * towards, 1) > 0).mean() > 0.8
+
+
+def test_a_ply_has_the_colors_of_the_edit(learned, model, points, tmp_path):
+    edit = model.edit().becomes("ball", "#d92619", "#1f5fbf")
+    edit.save(tmp_path / "edit.json")
+    karf.write_points(learned.project, tmp_path / "s.ply", count=COUNT, edit=tmp_path / "edit.json", threads=1)
+    written = read_ply(tmp_path / "s.ply")
+    np.testing.assert_allclose(written.positions, points.positions, atol=1e-6)
+    ball = points.probabilities[:, model.objects.index("ball")] > 0.9
+    assert (written.colors[ball].astype(int) - points.colors[ball])[:, 2].mean() > 50
+    apart = points.probabilities[:, model.objects.index("ball")] == 0
+    np.testing.assert_array_equal(written.colors[apart], points.colors[apart])
+
+
+@pytest.mark.parametrize(
+    ("out", "more", "words"),
+    [
+        ("scene.obj", {}, "no file to write"),
+        ("scene.npz", {"edit": "edit.json"}, "cannot be written with the edit"),
+        ("scene.ply", {"count": 10}, "10 points cannot be made"),
+    ],
+)
+def test_what_cannot_be_written_is_said(learned, tmp_path, out, more, words):
+    with pytest.raises(BadRequest, match=words):
+        karf.write_points(learned.project, tmp_path / out, threads=1, **more)
+
+
+def test_a_file_whose_arrays_contradict_each_other_is_refused(points, tmp_path):
+    write_points(tmp_path / "cut.npz", replace(points, sizes=points.sizes[:-1]))
+    with pytest.raises(DataError, match="contradict each other"):
+        read_points(tmp_path / "cut.npz")
+    (tmp_path / "none.npz").write_bytes(b"PK")
+    with pytest.raises(DataError, match="surface points"):
+        read_points(tmp_path / "none.npz")

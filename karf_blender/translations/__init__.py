@@ -1,0 +1,24 @@
+"""The extension's words in other languages, as Blender takes them; `python -m tools.translations` lists what is missing."""
+
+import bpy
+
+from ... import __package__ as extension
+from . import zh_hans
+
+# languages by Blender's own names
+TABLES = {"zh_HANS": zh_hans.TEXTS}
+CONTEXTS = ("*", "Operator")  # in which Blender looks for texts, and for labels of operators
+
+
+def register():
+    """Called when the extension is enabled."""
+    words = {
+        language: {(context, text): translated for text, translated in table.items() for context in CONTEXTS}
+        for language, table in TABLES.items()
+    }
+    bpy.app.translations.register(extension, words)
+
+
+def unregister():
+    """Called when the extension is disabled."""
+    bpy.app.translations.unregister(extension)

@@ -1,0 +1,663 @@
+"""What the extension shows, in simplified Chinese."""
+
+TEXTS = {
+    # --- steps and their states
+    "1  Import": "1  导入",
+    "2  Learn Scene": "2  学习场景",
+    "3  Mark Objects": "3  标记物体",
+    "4  Segment": "4  分割",
+    "5  Palette": "5  调色板",
+    "6  Edit": "6  编辑",
+    "7  Render": "7  渲染",
+    "done": "完成",
+    "stale": "已过期",
+    "running": "运行中",
+    "cancelled": "已取消",
+    "Starting": "正在启动",
+    "Stopping": "正在停止",
+    "Masks have changed since: segment again.": "遮罩在此之后有改动：请重新分割。",
+    "The scene was learned anew since: segment again.": "场景在此之后重新学习过：请重新分割。",
+    "The objects were segmented anew since: extract the palettes again.": "物体在此之后重新分割过：请重新提取调色板。",
+    "Learned with another preset: learn the scene again to follow this one.": "学习时用的是另一个预设：要采用此预设，请重新学习场景。",
+    "Learned from another NeRF, or none: learn the scene again to follow this one.": (
+        "学习时用的是另一个 NeRF 或没有用 NeRF：要采用此文件，请重新学习场景。"
+    ),
+    # --- status
+    "No job is running": "没有正在运行的任务",
+    "The project folder is missing": "项目文件夹不见了",
+    "Bring it back, choose where it is now, or import the capture again.": "请将它放回原处，选择它现在的位置，或重新导入拍摄。",
+    "Why, and What to Do": "原因与解决办法",
+    "No Messages": "没有消息",
+    "Messages": "消息",
+    "Messages: {count}": "消息：{count} 条",
+    "{what} failed": "{what}失败",
+    "{percent}, {count} min left": "{percent}，剩余 {count} 分钟",
+    "{percent}, {count} s left": "{percent}，剩余 {count} 秒",
+    "All that the last job has said, and what to do where it failed or the project is gone": (
+        "上一个任务的全部消息，以及任务失败或项目丢失时的解决办法"
+    ),
+    "Cancel": "取消",
+    "Close this message": "关闭此消息",
+    "Dismiss": "关闭",
+    "Stop the running job at its next safe point; running the step again resumes where it stood": (
+        "在下一个安全点停止正在运行的任务；再次运行此步骤会从停下处继续"
+    ),
+    "Copy Report": "复制报告",
+    "Open Log": "打开日志",
+    "KaRF log": "KaRF 日志",
+    "Copy versions, how the job ended and the end of its log, to send to a developer; your names are left out": (
+        "复制版本、任务的结束方式和日志末尾，以便发给开发者；不包含您的姓名"
+    ),
+    "Show the end of the failed job's log in a Text Editor": "在文本编辑器中显示失败任务的日志末尾",
+    "No job has failed": "没有失败的任务",
+    "The report is on the clipboard": "报告已复制到剪贴板",
+    "What the last task warned of, a line each": "上一个任务的警告，每行一条",
+    "Folder of the failed job, where its log tells more of why": "失败任务的文件夹，其中的日志说明了更多原因",
+    "KaRF is busy: wait for the running job, or cancel it": "KaRF 正忙：请等待正在运行的任务，或将其取消",
+    "Open": "展开",
+    # --- workspace
+    "KaRF Workspace": "KaRF 工作区",
+    "Go to the KaRF workspace: 3D View, Image Editor and timeline, both sidebars at the KaRF tab. It is added to the "
+    "file the first time": "转到 KaRF 工作区：3D 视图、图像编辑器和时间线，两个侧栏都停在 KaRF 选项卡。首次使用时会加入文件",
+    # --- 1 import
+    "Import Capture": "导入拍摄",
+    "Make a camera for every photo of a capture (its folder or camera file): transforms.json, COLMAP or LLFF": (
+        "为拍摄（其文件夹或相机文件）的每张照片创建一个相机：transforms.json、COLMAP 或 LLFF"
+    ),
+    "Find Camera Poses": "求解相机位姿",
+    "Find the camera poses of a folder of photos, or of a video, and import the capture that they make": (
+        "求解一个照片文件夹或一段视频的相机位姿，并导入由此得到的拍摄"
+    ),
+    "KaRF capture": "KaRF 拍摄",
+    "Camera files may be dropped on the 3D View; what else ends so is refused with a sentence when it is read.": (
+        "可将相机文件拖放到 3D 视图；同样后缀的其他文件在读取时会被拒绝并说明原因。"
+    ),
+    "{count} cameras from {path}": "从 {path} 导入了 {count} 个相机",
+    "Import a capture first": "请先导入拍摄",
+    "The project folder {path} is missing: bring it back, or choose it in step 1": (
+        "项目文件夹 {path} 不见了：请放回原处，或在步骤 1 中选择它"
+    ),
+    "Orientation": "朝向",
+    "Automatic": "自动",
+    "Upright where the capture's world is arbitrary (COLMAP, LLFF), else as in the file": (
+        "拍摄的坐标系任意时（COLMAP、LLFF）摆正，否则与文件一致"
+    ),
+    "As in File": "与文件一致",
+    "Keep the capture's own axes": "保留拍摄自身的坐标轴",
+    "Upright": "摆正",
+    "Turn what the cameras have above them upwards": "让相机上方的方向朝上",
+    "Size": "大小",
+    "Scale the rig so that its cameras are spread over this length; 0: as in the file": (
+        "缩放相机组，使各相机分布在此长度内；0：与文件一致"
+    ),
+    "Sparse Points": "稀疏点",
+    "Show the points that the photos share": "显示各照片共有的点",
+    "Photos": "照片",
+    "Show the photos behind the cameras": "在相机后方显示照片",
+    "Camera Size": "相机大小",
+    "Drawn size of the cameras, of the length that they are spread over": "相机的绘制大小，占其分布长度的百分比",
+    "Project": "项目",
+    "Empty: beside the .blend": "留空：在 .blend 文件旁",
+    "Folder of all that is learned; choosing one that has palettes brings its swatches": (
+        "保存全部学习结果的文件夹；选择已有调色板的文件夹会带来其色板"
+    ),
+    "Capture": "拍摄",
+    "Cameras and photos": "相机与照片",
+    "View": "视图",
+    "Views": "视图",
+    "The captured view that is shown": "显示的拍摄视图",
+    "The captured view of this camera": "此相机对应的拍摄视图",
+    "KaRF view": "KaRF 视图",
+    "Hidden by KaRF": "由 KaRF 隐藏",
+    "Rig": "相机组",
+    "The Empty that holds the captured cameras": "容纳各拍摄相机的空物体",
+    "Points": "点",
+    "Sparse points of the capture": "拍摄的稀疏点",
+    "Split": "划分",
+    "train, val or test": "train、val 或 test",
+    "Look Through": "透过相机查看",
+    "Look through the active view's camera, with its photo's size as the scene's until the view is left": (
+        "透过当前视图的相机查看；在离开视图之前，场景采用其照片的尺寸"
+    ),
+    "Leave View": "离开视图",
+    "Give the scene the camera and the picture size back that it had before a captured camera was looked through": (
+        "恢复透过拍摄相机查看之前场景的相机和画面尺寸"
+    ),
+    "No captured camera is looked through": "当前没有透过拍摄相机查看",
+    "Looking Through": "正在透过查看",
+    "Hide Others": "隐藏其他",
+    "Hide the other cameras and the sparse points while one camera is looked through": (
+        "透过一个相机查看时隐藏其他相机和稀疏点"
+    ),
+    "Picture": "画面",
+    "Picture Before": "之前的画面",
+    "Empty: the active view": "留空：当前视图",
+    "Reprojection Errors": "重投影误差",
+    "Over the photo looked through: lines from the sparse points to where the photo shows them, green where they "
+    "agree, red from 4 pixels on": "在所查看的照片上：从稀疏点到照片中其所在位置的连线，吻合处为绿色，4 像素起为红色",
+    "No sparse points to check cameras by": "没有可用来检查相机的稀疏点",
+    "Look through a view to see its errors": "透过某个视图查看以显示其误差",
+    "No point is known to be in this photo": "已知没有点在此照片中",
+    # --- 2 learn
+    "Learn Scene": "学习场景",
+    "Learn the scene's geometry from the photos": "从照片学习场景的几何",
+    "Learn All": "全部学习",
+    "Learn the scene, segment the marked objects, extract their palettes, and show the active view: steps 2, 4 and 5 "
+    "in a row. What is learned already is kept": (
+        "学习场景、分割已标记的物体、提取其调色板并显示当前视图：依次完成步骤 2、4 和 5。已学习的内容会保留"
+    ),
+    "Preset": "预设",
+    "How long and how well to learn": "学习的时长与质量",
+    "Demo": "演示",
+    "Fast": "快速",
+    "Fine": "精细",
+    "Quality": "高质量",
+    "Paper": "论文",
+    "For a first look: photos of 256 pixels, on any computer": "初步查看：256 像素的照片，任何电脑均可",
+    "Photos of 400 pixels, on a laptop": "400 像素的照片，笔记本电脑",
+    "Photos of 400 pixels with voxels half as large, on a laptop with 8 GB of memory": (
+        "400 像素的照片，体素缩小一半，8 GB 内存的笔记本电脑"
+    ),
+    "Photos of 800 pixels, on a graphics card": "800 像素的照片，需要显卡",
+    "The paper's own method and numbers, on a graphics card, for a long time": "论文自身的方法和参数，需要显卡，耗时很长",
+    "About a minute on this computer": "在此电脑上约 1 分钟",
+    "About {count} minutes on this computer": "在此电脑上约 {count} 分钟",
+    "About {count} hours on this computer": "在此电脑上约 {count} 小时",
+    "Pretrained NeRF": "预训练 NeRF",
+    "Checkpoint of a NeRF that another program has trained on this capture, taken as the geometry (nerf-pytorch, "
+    "krrish94); empty: learn it": (
+        "其他程序用此拍摄训练的 NeRF 检查点，直接作为几何使用（nerf-pytorch、krrish94）；留空：自行学习"
+    ),
+    "Hold Out": "留作测试",
+    "Keep every so many-th photo out of learning, to measure quality with; 0: learn from all. Where the capture "
+    "declares its test photos, those are kept out; a marked photo is learned from in any case": (
+        "每隔若干张照片留出一张不参与学习，用来衡量质量；0：全部参与学习。拍摄自带测试照片时留出的是那些；已标记的照片总会参与学习"
+    ),
+    "Every how many-th photo is not learned from; -1: as was learned": "每隔多少张照片留出一张；-1：与已学习的一致",
+    "Engine: {what}": "引擎：{what}",
+    "KaRF Preferences": "KaRF 偏好设置",
+    "Learn the scene first": "请先学习场景",
+    "Mark an object first: paint a mask, or choose a folder of masks": "请先标记物体：绘制遮罩，或选择遮罩文件夹",
+    # --- 3 mark
+    "Object": "物体",
+    "Add Object": "添加物体",
+    "Add an object first": "请先添加物体",
+    "Add an object to mark; double-click its name to change it": "添加要标记的物体；双击名称可修改",
+    "Remove Object": "移除物体",
+    "Remove the object?": "移除此物体？",
+    "Remove the object with all its masks and corrections; undo brings them back": (
+        "移除物体及其全部遮罩和校正；撤销可恢复"
+    ),
+    "Also that of its folder of masks and of its swatches": "也是其遮罩文件夹和色板的名称",
+    "The name of its folder: the name, until that is changed": "其文件夹的名称：在修改之前与名称相同",
+    "The object that is being marked": "正在标记的物体",
+    "The photo that is marked": "正在标记的照片",
+    "The number of the last stroke, which undo takes back": "最后一笔的编号，撤销时会收回",
+    "not marked": "未标记",
+    "Marked": "已标记",
+    "Only views in which the object is marked": "仅限已标记该物体的视图",
+    "Next View": "下一视图",
+    "1: the next view; -1: the one before": "1：下一视图；-1：上一视图",
+    "Make the next or the previous view the active one": "将下一个或上一个视图设为当前视图",
+    "Mark in Photo": "在照片中标记",
+    "Mark: Box": "标记：框",
+    "Mark: Brush": "标记：笔刷",
+    "Mark: Click": "标记：点击",
+    "Mark: Lasso": "标记：套索",
+    "Brush": "笔刷",
+    "Radius": "半径",
+    "Radius on the screen": "屏幕上的半径",
+    "Does": "作用",
+    "Add": "添加",
+    "Take Away": "去除",
+    "Clear": "清除",
+    "Correct": "校正",
+    "This is the object": "这是物体",
+    "This is not the object": "这不是物体",
+    "Of a correction: say nothing here; of a mask: as Take Away": "校正时：此处不作说明；遮罩时：与去除相同",
+    "Strokes say where the segmentation is wrong, in any view: this is the object, this is not": (
+        "在任意视图中用笔触指出分割错误之处：这是物体，这不是"
+    ),
+    "Click on the object, and where it is not with Ctrl or Alt; the engine finds it": (
+        "点击物体，按住 Ctrl 或 Alt 点击不是物体的地方；引擎会找到它"
+    ),
+    "Click on the object: the engine finds it, and later clicks refine. Ctrl or Alt: this is not the object": (
+        "点击物体：引擎会找到它，后续点击逐步完善。Ctrl 或 Alt：这不是物体"
+    ),
+    "Drag a box around the object; the engine finds it there": "在物体周围拖出一个框；引擎会在其中找到它",
+    "Drag a box around the object: the engine finds it there. Ctrl: all in the box is not the object": (
+        "在物体周围拖出一个框：引擎会在其中找到它。Ctrl：框内都不是物体"
+    ),
+    "Draw around the object, or with Ctrl around what it is not": "沿物体周围绘制，按住 Ctrl 则沿不是物体的部分绘制",
+    "Draw around the object. Ctrl: what is surrounded is not the object": "沿物体周围绘制。Ctrl：圈住的不是物体",
+    "Paint over the object, and erase with Ctrl": "涂抹物体，按住 Ctrl 擦除",
+    "Paint over the object. Ctrl: erase, or say that this is not the object; Shift: leave a correction unsaid again": (
+        "涂抹物体。Ctrl：擦除，或说明这不是物体；Shift：收回此处的校正"
+    ),
+    "Show the active view's photo in the Image Editors and take up a tool to mark it: click, box, lasso or brush": (
+        "在图像编辑器中显示当前视图的照片，并选用标记工具：点击、框、套索或笔刷"
+    ),
+    "Open an Image Editor: the photo is marked there": "请打开图像编辑器：照片在那里标记",
+    "Without the engine a box is a rectangle, and clicks do nothing.": "没有引擎时，框只是矩形，点击不起作用。",
+    "Erase Mask": "擦除遮罩",
+    "Erase Correction": "擦除校正",
+    "Erase the object's mask in the active view, or all that corrects it there": "擦除当前视图中该物体的遮罩或其全部校正",
+    "Masks": "遮罩",
+    "Folder with <object>/<photo name>.png, white where the object is": "含 <物体>/<照片名>.png 的文件夹，物体处为白色",
+    # --- 4 segment, 5 palette
+    "Segment": "分割",
+    "Turn the coarse masks into clean ones in every view": "将粗略遮罩变为每个视图中的精确遮罩",
+    "Segment the objects first": "请先分割物体",
+    "Extract Palette": "提取调色板",
+    "Find the swatches of every object and learn what each pixel takes from them. Edits, locks and keyframes stay with "
+    "their object and color; edits whose color is no longer there are kept in the project's folder edits": (
+        "找出每个物体的色板，并学习每个像素从中取用多少。编辑、锁定和关键帧随其物体和颜色保留；颜色已不存在的编辑保存在项目的 "
+        "edits 文件夹中"
+    ),
+    "Extract anew?": "重新提取？",
+    "Edits follow their object and color; those that find none are kept in the project": (
+        "编辑随其物体和颜色保留；找不到对应的编辑保存在项目中"
+    ),
+    "Extract the palettes first": "请先提取调色板",
+    # --- 6 edit
+    "Swatches appear after step 5": "色板在步骤 5 之后出现",
+    "Show": "显示",
+    "Prepare": "准备",
+    "{view} is not prepared: Prepare shows it recolored": "{view} 尚未准备：按“准备”显示其重新着色的结果",
+    "Open an Image Editor to see it": "打开图像编辑器即可查看",
+    "Show View": "显示视图",
+    "Show a captured view with the swatches as they stand; the engine prepares it the first time": (
+        "按当前色板显示拍摄视图；首次由引擎准备"
+    ),
+    "Prepare Views": "准备视图",
+    "Prepare All Views": "准备所有视图",
+    "Prepare all captured views, so that each shows at once": "准备所有拍摄视图，使每个都能立即显示",
+    "Look at View": "查看视图",
+    "Result": "结果",
+    "The recolored picture": "重新着色的画面",
+    "Compositing": "合成",
+    "Photo plus change": "照片加变化",
+    "Palette only": "仅调色板",
+    "Add the palette's change to the photo: nothing changed leaves the photo as it is": (
+        "将调色板的变化加到照片上：没有变化则照片保持原样"
+    ),
+    "Replace the object by its palette mixture, as in the paper": "与论文一样，用调色板的混合替换物体",
+    "Load Edit": "载入编辑",
+    "Save Edit": "保存编辑",
+    "KaRF edit": "KaRF 编辑",
+    "Edit files may be dropped on the recolored picture.": "可将编辑文件拖放到重新着色的画面上。",
+    "Set the swatches to those of an edit file, or of a palette of GIMP (.gpl) or Adobe (.ase)": (
+        "将色板设为编辑文件或 GIMP (.gpl)、Adobe (.ase) 调色板中的颜色"
+    ),
+    "Write the swatches to an edit file, for other scenes and scripts, or as a palette (.gpl, .ase)": (
+        "将色板写入编辑文件，供其他场景和脚本使用，或写为调色板（.gpl、.ase）"
+    ),
+    "Reset": "重置",
+    "Reset Swatch": "重置色板",
+    "Give a swatch, or all of an object, the learned color back": "将一个色板或物体的全部色板恢复为学习到的颜色",
+    "Swatch": "色板",
+    "From 1; 0: all": "从 1 开始；0：全部",
+    "Learned": "学习所得",
+    "The color that was found in the photos": "在照片中找到的颜色",
+    "Color": "颜色",
+    "The color it shall have; it may be brighter than white, which bright paint can need": (
+        "应有的颜色；可以比白色更亮，明亮的颜料可能需要"
+    ),
+    "Lock": "锁定",
+    "'Becomes' leaves this swatch alone": "“变为”不改动此色板",
+    "One color becomes another": "一种颜色变为另一种",
+    "Pick a color of the object and what it shall become": "选取物体的一种颜色以及它应变成的颜色",
+    "Source": "源颜色",
+    "A color of the object as it is in the photo, before any edit; pick it from the picture": (
+        "物体在照片中未经编辑的颜色；从画面中拾取"
+    ),
+    "Target": "目标颜色",
+    "The color that the source shall become": "源颜色应变成的颜色",
+    "Rule": "规则",
+    "Material": "材质",
+    "Paint the whole object anew, light and highlights kept": "为整个物体重新上色，保留光照和高光",
+    "Fewest swatches": "最少色板",
+    "Reach the color with as few changed swatches as possible": "以尽可能少的色板改动达到该颜色",
+    "Becomes": "变为",
+    "Apply": "应用",
+    "Set the object's swatches so that its source color becomes the target color": "设置物体的色板，使源颜色变为目标颜色",
+    # --- seeing
+    "Before / After": "之前 / 之后",
+    "Switch between the edited picture and the original; a key that is held down shows the original until it is let go": (
+        "在编辑后的画面和原图之间切换；按住按键时显示原图，松开为止"
+    ),
+    "Original": "原图",
+    "Edited": "编辑后",
+    "Render Learned": "渲染学习结果",
+    "Render what the engine has learned, from the active view's camera": "从当前视图的相机渲染引擎学习到的内容",
+    "What the engine has learned, rendered from here": "引擎学习到的内容，从此处渲染",
+    "With the swatches as they stand": "按当前色板",
+    "The photo before any edit: pick colors from it": "未经编辑的照片：从中拾取颜色",
+    "Weights": "权重",
+    "Show Weights": "显示权重",
+    "How much of each pixel is one swatch's, white: all": "每个像素有多少来自某一色板，白色：全部",
+    "Show where this swatch is used: its weights alone, white where all of a pixel is its; again: back to the picture": (
+        "显示此色板的使用位置：仅显示其权重，像素全部来自它时为白色；再按一次回到画面"
+    ),
+    "Whose swatch's weights are shown": "显示哪个物体的色板权重",
+    "The swatch whose weights are shown, from 1": "显示权重的色板，从 1 开始",
+    "Difference": "差异",
+    "What the edit changes, in CIEDE2000": "编辑造成的变化，以 CIEDE2000 计",
+    "{number} CIEDE2000 left": "剩余 {number} CIEDE2000",
+    "Wipe": "擦拭对比",
+    "Drag Wipe": "拖动擦拭线",
+    "The original on the left of a line": "分界线左侧为原图",
+    "Where the line is: 0 is the left border, 1 the right one": "分界线的位置：0 为左边界，1 为右边界",
+    "Move the line between the original and the picture with the mouse; a click leaves it there, Esc takes it away": (
+        "用鼠标移动原图与画面之间的分界线；点击将其留在原处，Esc 将其移除"
+    ),
+    "KaRF: Show": "KaRF：显示",
+    "Choose what is shown of the active view": "选择显示当前视图的哪种画面",
+    "What is shown of the active view": "显示当前视图的哪种画面",
+    "What shows the learned scene": "显示学习到的场景的物体",
+    "Show Masks": "显示遮罩",
+    "Show or hide the objects' masks over the active view, each in its color; the engine makes them the first time": (
+        "在当前视图上显示或隐藏各物体的遮罩，每个有自己的颜色；首次由引擎生成"
+    ),
+    "The objects, each in a color of its own, over the picture": "各物体以各自的颜色叠加在画面上",
+    "Press Show Masks for this view": "请对此视图按“显示遮罩”",
+    "Tint": "着色强度",
+    "How strong the objects' colors are": "物体颜色的强度",
+    "Outlines": "轮廓",
+    "A line round every object": "每个物体周围的线",
+    # --- the scene in 3D
+    "Scene in 3D": "3D 场景",
+    "Show in 3D View": "在 3D 视图中显示",
+    "Show the learned scene as an object whose colors follow the swatches. One that is there already is replaced": (
+        "将学习到的场景显示为颜色随色板变化的物体。已有的会被替换"
+    ),
+    "About how many; ten times as many show finer things, and follow swatches more slowly": (
+        "大致数量；十倍的数量能显示更细的部分，但跟随色板更慢"
+    ),
+    "Show the scene in the 3D View first": "请先在 3D 视图中显示场景",
+    "Flat Colors": "平面颜色",
+    "Let the 3D Views show colors as they are: Solid mode, flat light, color attributes": (
+        "让 3D 视图如实显示颜色：实体模式、平面光照、颜色属性"
+    ),
+    "Export Scene": "导出场景",
+    "Write the scene in 3D with its colors as they are now: PLY, glTF (.glb, .gltf) or USD, by the file's ending": (
+        "按当前颜色写出 3D 场景：PLY、glTF（.glb、.gltf）或 USD，由文件后缀决定"
+    ),
+    "Shape": "形状",
+    "Quads": "四边面",
+    "Small faces, which every viewer of meshes shows": "小面片，任何网格查看器都能显示",
+    "One vertex each, for programs that know point clouds": "每点一个顶点，供支持点云的程序使用",
+    # --- 7 render
+    "This View": "此视图",
+    "Render This View": "渲染此视图",
+    "Recolor the active view's photo at its own size; without the engine, write the preview that is shown": (
+        "按原尺寸为当前视图的照片重新着色；没有引擎时写出所显示的预览"
+    ),
+    "The picture goes to {path}": "画面写入 {path}",
+    "Pictures go to {path}": "画面写入 {path}",
+    "Without the engine the preview was written: {path}": "没有引擎，已写出预览：{path}",
+    "Captured Views": "拍摄视图",
+    "Render Captured Views": "渲染拍摄视图",
+    "Recolor the capture's photos with the swatches as they stand": "按当前色板为拍摄的照片重新着色",
+    "All": "全部",
+    "All captured views": "所有拍摄视图",
+    "Learned From": "参与学习的",
+    "The views that the scene was learned from": "场景学习所用的视图",
+    "Held Out": "留作测试的",
+    "The views that were kept out of learning": "未参与学习的视图",
+    "Names": "名称",
+    "Of single views, with commas; empty: all of those above": "单个视图的名称，以逗号分隔；留空：上面所选的全部",
+    "all, train, test or names with commas": "all、train、test，或以逗号分隔的名称",
+    "all, train, test, names with commas, or the path of a camera file": (
+        "all、train、test、以逗号分隔的名称，或相机文件的路径"
+    ),
+    "Of recolored photos": "重新着色的照片的",
+    "Photo's Size": "照片尺寸",
+    "All pixels of the photo, in a file of its kind": "照片的全部像素，存为同类文件",
+    "Learned Size": "学习尺寸",
+    "As small as what was learned from: quick, for a look": "与学习所用的一样小：快速查看",
+    "Long Side": "长边",
+    "So many pixels at the longer side": "长边的像素数",
+    "Output": "输出",
+    "Where pictures go; empty: out in the project": "画面写入的位置；留空：项目中的 out",
+    "Skip Existing": "跳过已有",
+    "Keep frames that are there already and would come out the same, and go on where a job was stopped": (
+        "保留已存在且结果相同的帧，并从任务停下处继续"
+    ),
+    "Camera": "相机",
+    "Camera's Frames": "相机帧",
+    "Render Camera's Frames": "渲染相机帧",
+    "Recolor what the scene's camera sees, for every frame of the scene; swatches may be keyframed": (
+        "对场景的每一帧，为场景相机所见重新着色；色板可以有关键帧"
+    ),
+    "Resolution X": "分辨率 X",
+    "Y": "Y",
+    "Frame Start": "起始帧",
+    "End": "结束点",
+    "Step": "步长",
+    "File Format": "文件格式",
+    "sRGB numbers, for all other programs": "sRGB 数值，适用于其他所有程序",
+    "Scene-linear light, for compositing": "场景线性光，用于合成",
+    "Color Depth": "色深",
+    "8 bits a channel": "每通道 8 位",
+    "16 bits a channel; of OpenEXR half floats": "每通道 16 位；OpenEXR 为半精度浮点",
+    "32 bits a channel: full floats": "每通道 32 位：单精度浮点",
+    "Opaque": "不透明",
+    "What is behind the scene is transparent": "场景之后的部分透明",
+    "Of a camera's frames": "相机帧的",
+    "Farm Job": "渲染农场任务",
+    "Write the scene's frames as a job for a render farm: a folder with all it needs, by Open Job Description": (
+        "将场景的各帧写为渲染农场任务：按 Open Job Description 组织、包含所需一切的文件夹"
+    ),
+    "Folder": "文件夹",
+    "New or empty; default: in the output": "新建或空的；默认：在输出中",
+    "Where to; a folder of its own, new or empty": "写到哪里；独立的文件夹，新建或空的",
+    "Frames a Task": "每任务帧数",
+    "How many frames a task renders": "每个任务渲染多少帧",
+    "The job is in {path}": "任务在 {path}",
+    "Rendered Frames": "已渲染的帧",
+    "Frames": "帧",
+    "Folder of the frames that were rendered last": "上次渲染的帧所在文件夹",
+    "Show Frames": "显示帧",
+    "Show the frames that were rendered last in the Image Editor": "在图像编辑器中显示上次渲染的帧",
+    "{name} is in the Image Editors": "{name} 已在图像编辑器中",
+    "Add Strip": "添加片段",
+    "Put the frames that were rendered last into the video sequencer, as one strip": (
+        "将上次渲染的帧作为一个片段放入视频序列编辑器"
+    ),
+    "{name} is on channel {channel} of the sequencer of {scene}": "{name} 位于 {scene} 的序列编辑器的第 {channel} 通道",
+    "Render captured views or a camera's frames first": "请先渲染拍摄视图或相机帧",
+    "Camera Paths": "相机路径",
+    "Import Cameras": "导入相机",
+    "Export Cameras": "导出相机",
+    "Make one animated camera of the cameras in a transforms.json, a frame each": (
+        "由 transforms.json 中的相机生成一个动画相机，每帧一个"
+    ),
+    "Write the scene's camera, frame by frame over the scene's range, as a transforms.json relative to the rig": (
+        "将场景相机在场景帧范围内逐帧写为相对于相机组的 transforms.json"
+    ),
+    "The scene has no camera": "场景没有相机",
+    "Wrote {count} cameras to {path}": "已将 {count} 个相机写入 {path}",
+    "Wrote {path}": "已写入 {path}",
+    "{name} is the scene's camera": "{name} 是场景的相机",
+    "Colorways": "配色方案",
+    "Render Colorways": "渲染配色方案",
+    "Choose a sheet of colorways (CSV or JSON), see what each color will be, and recolor all views by each": (
+        "选择配色表（CSV 或 JSON），查看每种颜色的结果，并按每个方案为所有视图重新着色"
+    ),
+    "Recolor views by each colorway of a sheet": "按配色表的每个方案为视图重新着色",
+    "Wanted": "期望",
+    "Reached": "达到",
+    "CIEDE2000 of the color reached to the wanted one": "达到的颜色与期望颜色之间的 CIEDE2000",
+    "Why the wanted color cannot be reached": "为何无法达到期望的颜色",
+    "Cannot be reached, because {reason}": "无法达到，因为 {reason}",
+    "{count} colors, {missed} of them cannot be reached. Numbers: CIEDE2000 to the wanted": (
+        "{count} 种颜色，其中 {missed} 种无法达到。数字：与期望颜色的 CIEDE2000"
+    ),
+    "Compositor": "合成器",
+    "Build Compositor": "构建合成节点",
+    "Build, Follow Swatches": "构建并跟随色板",
+    "Follow Swatches": "跟随色板",
+    "The sockets follow the swatches; else they begin with them, and are set by hand": (
+        "插口跟随色板；否则以色板开始，之后手动设置"
+    ),
+    "Recolor the active view by nodes in the compositor, with a color socket for each swatch": (
+        "用合成器节点为当前视图重新着色，每个色板一个颜色插口"
+    ),
+    "Recolor the active view by nodes in the compositor, with sockets that follow the swatches": (
+        "用合成器节点为当前视图重新着色，插口跟随色板"
+    ),
+    "Recolor the active view by nodes in the compositor, with sockets that are set by hand": (
+        "用合成器节点为当前视图重新着色，插口手动设置"
+    ),
+    "Name of a captured view; empty: the active one": "拍摄视图的名称；留空：当前视图",
+    "Name": "名称",
+    "Photo": "照片",
+    "By": "依据",
+    # --- preferences
+    "Install Engine": "安装引擎",
+    "Make an environment of its own for the engine; a dialog says what will be fetched, from where and where to, and "
+    "asks. What is there already is checked, finished, repaired or updated": (
+        "为引擎建立独立环境；对话框会说明将获取什么、从哪里、放到哪里，并征求确认。已有的会被检查、补全、修复或更新"
+    ),
+    "Cancel Installation": "取消安装",
+    "Stop installing; what was fetched is kept": "停止安装；已获取的内容会保留",
+    "Remove Engine": "移除引擎",
+    "Remove the engine?": "移除引擎？",
+    "Removing the engine ...": "正在移除引擎……",
+    "Delete the engine's environment and all that was fetched for it; projects stay": (
+        "删除引擎的环境以及为其获取的一切；项目保留"
+    ),
+    "The engine is being installed or removed": "引擎正在安装或移除",
+    "PyTorch for": "PyTorch 用于",
+    "Camera poses of photos without them (pycolmap)": "为没有位姿的照片求解相机位姿 (pycolmap)",
+    "Fast learning on the processor (numba)": "在处理器上快速学习 (numba)",
+    "Folder of wheels": "wheel 文件夹",
+    "Take the packages' files from here, without network": "从这里获取软件包文件，无需网络",
+    "Starter": "启动程序",
+    "A Python, or uv, that makes the environment; empty: Blender's own Python, uv, or any that is found": (
+        "用来建立环境的 Python 或 uv；留空：Blender 自带的 Python、uv 或找到的任何一个"
+    ),
+    "Engine Folder": "引擎文件夹",
+    "Where Install Engine puts the engine; empty: Blender's folder for this extension's own files": (
+        "“安装引擎”放置引擎的位置；留空：Blender 为此扩展保留的文件夹"
+    ),
+    "Engine Python": "引擎 Python",
+    "The whole path of a Python that has PyTorch, in place of the installed engine; empty: the variable "
+    "KARF_ENGINE_PYTHON, else the installed engine": (
+        "带有 PyTorch 的 Python 的完整路径，代替已安装的引擎；留空：变量 KARF_ENGINE_PYTHON，否则为已安装的引擎"
+    ),
+    "Threads": "线程",
+    "Threads of the engine; 0: the engine chooses. Give free cores only": "引擎的线程数；0：由引擎选择。只应给出空闲的核心数",
+    "Test Engine": "测试引擎",
+    "Cancel Test": "取消测试",
+    "Testing ...": "正在测试……",
+    "A test is running": "测试正在进行",
+    "Test the engine first": "请先测试引擎",
+    "Ask the engine's Python for its packages, its device and its disk, and try each stage on a tiny scene": (
+        "检查引擎 Python 的软件包、设备和磁盘，并在微型场景上试运行每个阶段"
+    ),
+    "Stop asking the engine's Python": "停止检查引擎的 Python",
+    "Copy versions and all that the test has found, to send to a developer; your names are left out": (
+        "复制版本和测试的全部结果，以便发给开发者；不包含您的姓名"
+    ),
+    "Command": "命令",
+    "Copy Command": "复制命令",
+    "Copy this command, to paste it into a terminal": "复制此命令，以便粘贴到终端",
+    "The command is on the clipboard": "命令已复制到剪贴板",
+    "The same by hand:": "手动完成同样的操作：",
+    # --- swatches
+    "A color of the object in the picture as it is, edited or not; pick it there (E)": "物体在当前画面中的颜色，编辑与否均可；在那里拾取 (E)",
+    "The color when the source was picked": "拾取源颜色时的颜色",
+    "The color that Becomes gave it last": "“变为”上次赋予它的颜色",
+    "Live": "实时",
+    "Follow the target color while it is dragged": "拖动目标颜色时随之变化",
+    "No tool changes this swatch": "任何工具都不改动此色板",
+    "From 1": "从 1 开始",
+    "From 1; 0: the one of the nearest learned color": "从 1 开始；0：学习颜色最接近的那个",
+    "Set the object's swatches so that its source color becomes the target color; locked ones stay": (
+        "设置物体的色板，使源颜色变为目标颜色；锁定的不变"
+    ),
+    "Give a swatch, or all of an object, the learned color back; locked ones stay": (
+        "将一个色板或物体的全部色板恢复为学习到的颜色；锁定的不变"
+    ),
+    "What can be done to a swatch.": "可对色板进行的操作。",
+    "What can be done to an object's palette.": "可对物体的调色板进行的操作。",
+    "Other Object": "另一物体",
+    "Other Swatch": "另一色板",
+    "Link": "链接",
+    "Unlink": "取消链接",
+    "Link With": "链接到",
+    "Give this swatch the other one's color, and let both have one color from now on": (
+        "将另一色板的颜色赋予此色板，此后两者保持同一颜色"
+    ),
+    "Let this swatch move by itself again; its color stays": "让此色板重新单独变化；颜色不变",
+    "Swatches with the same number have one color; 0: none": "编号相同的色板保持同一颜色；0：无",
+    "Swatches to have one color with.": "可与之保持同一颜色的色板。",
+    "Swap": "交换",
+    "Swap With": "交换为",
+    "Exchange the colors of two swatches": "交换两个色板的颜色",
+    "Swatches to exchange colors with.": "可与之交换颜色的色板。",
+    "Merge": "合并",
+    "Merge Into": "合并到",
+    "Into": "到",
+    "Let another swatch of the object move this one's paint along with its own; this one is no longer shown": (
+        "让物体的另一色板连同此色板的颜料一起变化；此色板不再显示"
+    ),
+    "Show the swatches again that were merged into this one; each moves by itself, colors stay": (
+        "重新显示合并到此色板的各色板；各自单独变化，颜色不变"
+    ),
+    "Swatches of the object that may move this one too.": "也可带动此色板的同一物体的色板。",
+    "The number of the object's swatch that moves this one; 0: none": "带动此色板的物体色板的编号；0：无",
+    "Copy": "复制",
+    "Paste": "粘贴",
+    "Remove": "移除",
+    "Copy Palette": "复制调色板",
+    "Paste Palette": "粘贴调色板",
+    "Copy a swatch's color, or all of an object, to the clipboard as #rrggbb, for any program": (
+        "将一个色板或物体全部色板的颜色以 #rrggbb 复制到剪贴板，供任何程序使用"
+    ),
+    "Set a swatch, or those of an object in their order, to the colors in the clipboard; locked ones stay": (
+        "将一个色板或物体的各色板依次设为剪贴板中的颜色；锁定的不变"
+    ),
+    "Palette": "调色板",
+    "Palette Presets": "调色板预设",
+    "Add Palette Preset": "添加调色板预设",
+    "Palettes that were kept, for any object.": "保存的调色板，可用于任何物体。",
+    "Keep an object's palette as a preset, for any object of any file, or remove one": (
+        "将物体的调色板保存为预设，供任何文件的任何物体使用，或移除预设"
+    ),
+    "The colors of its swatches, as Copy Palette writes them": "其色板的颜色，格式与“复制调色板”相同",
+    "Match a picture": "匹配画面",
+    "Match Picture": "匹配画面",
+    "Fit the swatches to a painted or graded picture of the view": "使色板贴合此视图的绘制或调色画面",
+    "Set the swatches so that the active view looks as this picture of it does; locked ones stay": (
+        "设置色板，使当前视图看起来与它的这张画面一致；锁定的不变"
+    ),
+    "The active view painted over or graded, of any size": "当前视图经过绘制或调色的画面，尺寸不限",
+    "The view that was painted over": "被绘制的视图",
+    "Paint Over": "在其上绘制",
+    "Paint on a copy of the active view in the Image Editor, to match the swatches to it": (
+        "在图像编辑器中绘制当前视图的副本，使色板与之匹配"
+    ),
+    "Paint on the objects in the Image Editor, then press Match Picture": "在图像编辑器中绘制物体，然后按“匹配画面”",
+    "Prepare the view first": "请先准备视图",
+    "Before": "之前",
+    "After": "之后",
+    "Mean CIEDE2000 to the picture before the match": "匹配之前与画面的平均 CIEDE2000",
+    "Mean CIEDE2000 to the picture after the match": "匹配之后与画面的平均 CIEDE2000",
+    "CIEDE2000 to the picture: {left}": "与画面的 CIEDE2000：{left}",
+    "{name}: CIEDE2000 {before} before, {left} left": "{name}：CIEDE2000 之前 {before}，剩余 {left}",
+    "{count} marked": "已标记 {count}",
+    # --- live camera
+    "Live Camera": "实时相机",
+    "Show what the scene's camera sees in the Image Editor, coarse while it moves, fine when it stands still; swatches\n"
+    "    change it at once": "在图像编辑器中显示场景相机所见，移动时粗略，静止时精细；色板变化立即生效",
+    "Of the followed camera's picture": "所跟随相机的画面的",
+    "The engine is at work": "引擎正在工作",
+    "KaRF Wipe": "KaRF 擦拭对比",
+    "The line, where the Image Editor shows the picture with a wipe.": "图像编辑器以擦拭方式显示画面时的分界线。",
+    "Marking Model": "标记模型",
+    "The whole path of a folder with a model of the Segment Anything family, which then answers boxes and clicks; "
+    "empty: they need none": "Segment Anything 系列模型所在文件夹的完整路径，由它处理框和点击；留空：不需要模型",
+}

@@ -1,0 +1,143 @@
+"""List what the extension shows and no language has yet: `python -m tools.translations`.
+
+Texts are found in the sources: labels and tooltips of classes, names and descriptions of properties, enum items, texts
+of layouts, and what is marked by `host/words.py`. A text with values in it that is not put together there cannot be
+translated, and is listed too. Error sentences stay English, as those of the engine do.
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterator
+from importlib import util
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1] / "karf_blender"
+TABLES = ROOT / "translations"
+MARKS = ("shown", "say", "tell")
+KEYWORDS = ("text", "title", "message", "heading", "name", "description")  # of calls, whose values are shown
+POSITIONS = {"poll_message_set": 0, "report": 1, "draw_text": 1, "srgb": 0, "append": None}
+CLASS_TEXTS = ("bl_label", "bl_description")
+CONSTANTS = ("_ITEMS", "_NAMES", "_HELP")  # ends of names of module constants that are shown
+UNTRANSLATED = ("KaRF", "RGB", "RGBA", "PNG", "OpenEXR", "NeRF")
+
+
+def main() -> int:
+    faults = [f"{where}: {text!r} has values: use say() or tell()" for where, text in untranslatable()]
+    faults += [f"{language}: {text!r} is missing" for language in languages() for text in missing(language)]
+    print("\n".join(faults) or "All that is shown is translated.")
+    return 1 if faults else 0
+
+
+def languages() -> list[str]:
+    """Those that have a table."""
+    return sorted(path.stem for path in TABLES.glob("*.py") if path.stem != "__init__")
+
+
+def missing(language: str) -> list[str]:
+    """The texts that the table of a language lacks."""
+    return sorted(texts() - table(language).keys())
+
+
+def table(language: str) -> dict[str, str]:
+    """A language's table, read without Blender."""
+    spec = util.spec_from_file_location(language, TABLES / f"{language}.py")
+    module = util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.TEXTS
+
+
+def texts() -> set[str]:
+    """All texts that are shown; what has no letters needs no translation."""
+    found = {text for _, node in _shown_nodes() for text in _literals(node)}
+    return {text for text in found if any(map(str.isalpha, text)) and text not in UNTRANSLATED and " " != text}
+
+
+def untranslatable() -> list[tuple[str, str]]:
+    """Places and sources of texts whose values are put in before they could be translated."""
+    return [
+        (where, ast.unparse(node))
+        for where, shown in _shown_nodes()
+        for node in _alternatives(shown)
+        if isinstance(node, ast.JoinedStr) and _words(node)
+    ]
+
+
+def _words(node: ast.JoinedStr) -> bool:
+    fixed = "".join(part.value for part in node.values if isinstance(part, ast.Constant))
+    return any(map(str.isalpha, fixed.replace("KaRF", "")))
+
+
+def _literals(node: ast.AST) -> Iterator[str]:
+    """The strings of an expression that are shown."""
+    nodes = _alternatives(node)
+    yield from (each.value for each in nodes if isinstance(each, ast.Constant) and isinstance(each.value, str))
+
+
+def _alternatives(node: ast.AST) -> Iterator[ast.AST]:
+    """An expression, or both of which it is one."""
+    if isinstance(node, ast.IfExp):
+        yield from (*_alternatives(node.body), *_alternatives(node.orelse))
+    else:
+        yield node
+
+
+def _shown_nodes() -> Iterator[tuple[str, ast.AST]]:
+    for path in sorted(ROOT.rglob("*.py")):
+        if "headless" in path.parts or TABLES in path.parents:
+            continue
+        for node in ast.walk(ast.parse(path.read_text())):
+            yield from ((f"{path.relative_to(ROOT.parent)}:{each.lineno}", each) for each in _of(node))
+
+
+def _of(node: ast.AST) -> Iterator[ast.AST]:
+    """The expressions that a part of a source shows."""
+    if isinstance(node, ast.ClassDef):
+        yield from _of_class(node)
+    elif isinstance(node, ast.Call):
+        yield from _of_call(node)
+    elif isinstance(node, ast.Assign) and any(_name(each).endswith(CONSTANTS) for each in node.targets):
+        yield from _of_items(node.value)
+    elif isinstance(node, ast.Dict):
+        yield from (value for key, value in zip(node.keys, node.values, strict=True) if _is(key, "text", "bl_label"))
+
+
+def _of_class(node: ast.ClassDef) -> Iterator[ast.AST]:
+    named = [each for each in node.body if isinstance(each, ast.Assign) and _name(each.targets[0]) in CLASS_TEXTS]
+    yield from (each.value for each in named)
+    if named and isinstance(node.body[0], ast.Expr):
+        yield node.body[0].value  # the tooltip
+
+
+def _of_call(node: ast.Call) -> Iterator[ast.AST]:
+    called = _name(node.func)
+    if called in MARKS and isinstance(node.func, ast.Name):
+        yield node.args[0]
+        return
+    is_shown = called.endswith("Property") or called == "srgb"
+    yield from (each.value for each in node.keywords if each.arg in KEYWORDS[:4] or (is_shown and each.arg in KEYWORDS))
+    position = POSITIONS.get(called)
+    if position is not None and len(node.args) > position:
+        yield node.args[position]
+
+
+def _of_items(node: ast.AST) -> Iterator[ast.AST]:
+    """Of enum items the names and descriptions, of a dictionary the values."""
+    if isinstance(node, ast.List | ast.Tuple):
+        for item in node.elts:
+            yield from item.elts[1:3] if isinstance(item, ast.Tuple) else ()
+    elif isinstance(node, ast.Dict):
+        yield from node.values
+
+
+def _name(node: ast.AST) -> str:
+    return node.attr if isinstance(node, ast.Attribute) else getattr(node, "id", "")
+
+
+def _is(node: ast.AST | None, *values: str) -> bool:
+    return isinstance(node, ast.Constant) and node.value in values
+
+
+if __name__ == "__main__":
+    sys.exit(main())
