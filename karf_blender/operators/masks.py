@@ -6,6 +6,7 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 from .. import steps
 from ..engine_api import BadRequest
 from ..host import windows
+from ..host.words import tell
 from ..marking import objects, sheets, tools
 from ..project import disk
 from .reporting import has_project, has_stage, reports_errors
@@ -125,7 +126,8 @@ class KARF_OT_set_volume(ObjectStep, bpy.types.Operator):
         if shape is None and self.kind != "none":
             raise BadRequest("There is no active object.", "Select a mesh or an Empty in the 3D View.")
         count = steps.set_volume(context.scene, shape, self.kind)
-        self.report({"INFO"}, f"Volumes of {objects.active(context.scene).folder!r}: {count}. Segment heeds them")
+        name = objects.active(context.scene).folder
+        self.report({"INFO"}, tell("Volumes of {name}: {count}. Segment heeds them", name=name, count=count))
         return {"FINISHED"}
 
 

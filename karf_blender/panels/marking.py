@@ -33,7 +33,7 @@ def draw_masks(layout, context):
     column.operator("karf.remove_object", text="", icon="REMOVE")
     draw_steps(layout, scene)
     layout.operator("karf.mark", icon="RESTRICT_SELECT_OFF")
-    layout.label(text=f"Ctrl: {'this is not it' if marking.correct else 'take away'}", icon="MOUSE_LMB")
+    layout.label(text="Ctrl: this is not the object" if marking.correct else "Ctrl: take away", icon="MOUSE_LMB")
     layout.prop(marking, "brush")
     layout.operator_menu_enum("karf.set_volume", "kind", icon="CUBE")
     if "segmentation" in disk.contents_of(scene).stages:
