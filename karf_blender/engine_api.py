@@ -6,7 +6,7 @@ from .. import karf_engine
 from ..karf_engine.capture import FORMATS, hold_out, open_capture, write_cameras
 from ..karf_engine.capture.camera import Camera
 from ..karf_engine.capture.capture import Capture, SparsePoints, View
-from ..karf_engine.capture.distortion import distort, straighten
+from ..karf_engine.capture.distortion import distort
 from ..karf_engine.capture.image_size import find_header
 from ..karf_engine.capture.mask_names import masks_of_view
 from ..karf_engine.capture.reprojection import (
@@ -143,7 +143,6 @@ __all__ = [
     "srgb_to_lab",
     "srgb_to_linear",
     "stack_palettes",
-    "straighten",
     "summarize",
     "undistorted",
     "undistorted_near",

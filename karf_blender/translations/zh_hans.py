@@ -623,6 +623,9 @@ TEXTS = {
     "Palette": "调色板",
     "Palette Presets": "调色板预设",
     "Add Palette Preset": "添加调色板预设",
+    "Apply Palette Preset": "应用调色板预设",
+    "Set the object's swatches in their order to this palette; locked ones stay": "按顺序将物体的色样设为此调色板；锁定的不变",
+    "KaRF Swatch": "KaRF 色样",
     "Palettes that were kept, for any object.": "保存的调色板，可用于任何物体。",
     "Keep an object's palette as a preset, for any object of any file, or remove one": (
         "将物体的调色板保存为预设，供任何文件的任何物体使用，或移除预设"

@@ -92,7 +92,7 @@ def correct(job, options):
     )
     mask = np.zeros((view.camera.height, view.camera.width), bool)
     mask[:, : mask.shape[1] // 2] = True
-    return {"masks": {view.name: {"pot": str(write_mask(job, mask))}}}
+    return {"masks": {"pot": str(write_mask(job, mask))}, "suggestions": {}}
 
 
 def write_mask(job, mask):

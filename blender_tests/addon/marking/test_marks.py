@@ -264,18 +264,6 @@ def test_the_engines_corrected_masks_are_shown_at_once(addon, correcting):
     assert addon.sheets.open_sheet(correcting).solved["pot"].version != before
 
 
-def test_a_corrected_mask_lies_over_the_photo_with_its_lens(addon):
-    """A disc of the pinhole's picture is where the lens puts it."""
-    api = addon.engine_api
-    camera = api.Camera(480, 360, 320.0, 336.0, 228.0, 192.0, np.eye(4), (-0.3, 0.08, 0.002, -0.003))
-    small = camera.scaled(120, 90)
-    rows, columns = np.mgrid[0:90, 0:120] + 0.5
-    for x, y in ((20.5, 15.5), (100.5, 70.5)):
-        shown = addon.asking._as_stored(np.hypot(columns - x, rows - y) < 4, camera) > 0
-        ((there_x, there_y),) = api.distort(small, np.array([[x, y]]))
-        assert np.hypot(columns[shown].mean() - there_x, rows[shown].mean() - there_y) < 0.7
-
-
 # --- objects and views ---------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     "typed, name",
