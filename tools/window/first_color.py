@@ -10,7 +10,7 @@ import time
 import bpy
 
 from . import acts, desk, hands, menus, pickers
-from .acts import PICTURE, SIDEBAR, Story, check, until
+from .acts import PICTURE, SIDEBAR, VIEW, Story, check, until
 from .hands import Wait
 from .telling import Chapter
 
@@ -31,9 +31,12 @@ def reach(story: Story, milestone: str) -> Wait:
     yield from story.shoot(milestone)
 
 
-@CHAPTER.step("install", "script: Install from Disk, the engine's Python in the preferences")
+@CHAPTER.step(
+    "install", "script: Install from Disk, the engine's Python in the preferences; keys: Esc closes the splash screen"
+)
 def install(story: Story) -> Wait:
     yield from acts.install(story)
+    yield from hands.press("ESC", hands.middle_of(VIEW))
 
 
 @CHAPTER.step("workspace", "mouse: Window, KaRF Workspace")

@@ -36,7 +36,7 @@ def choose(menu: str, pattern: str) -> Wait:
     kind.append(_see_menu)
     begin = time.monotonic()
     try:
-            place = yield from _open()
+        place = yield from _open()
         yield from _click(place, pattern)
     finally:
         hands.looked(begin)
