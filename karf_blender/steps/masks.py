@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 import bpy
 
-from ..engine_api import BadRequest
-from ..marking import asking, objects, photo, proposals, raster, sheets, volumes
+from ..engine_api import BadRequest, KarfError
+from ..marking import asking, objects, photo, proposals, raster, sheets, tools, volumes
 from ..marking.raster import Place
 from ..marking.sheets import Layer
 from ..preferences import state
@@ -33,6 +33,23 @@ def show_photo(scene: bpy.types.Scene) -> bpy.types.Image:
     image = photo.show(scene)
     asking.correct(scene)
     return image
+
+
+def begin_marking(window: bpy.types.Window) -> None:
+    """In a window of the KaRF workspace: a capture of which nothing is learned yet is ready to mark. Never raises."""
+    scene = window.scene
+    if not scene.karf.project or contents.finished_stages(scene):
+        return
+    try:
+        image = show_photo(scene)
+    except (KarfError, OSError) as error:  # nobody has asked for it
+        print(f"KaRF: {error}")
+        return
+    with bpy.context.temp_override(window=window):
+        for area in window.screen.areas:
+            if area.type == "IMAGE_EDITOR" and area.spaces.active.image == image:
+                tools.take_up(bpy.context, area)
+        bpy.ops.ed.undo_push(message="Mark in Photo")  # else the next undo would take the object away
 
 
 # --- marks ---------------------------------------------------------------------------------------------------------

@@ -58,7 +58,8 @@ TEXTS = {
     # --- workspace
     "KaRF Workspace": "KaRF 工作区",
     "Go to the KaRF workspace: 3D View, Image Editor and timeline, both sidebars at the KaRF tab. It is added to the "
-    "file the first time": "转到 KaRF 工作区：3D 视图、图像编辑器和时间线，两个侧栏都停在 KaRF 选项卡。首次使用时会加入文件",
+    "file the first time. What is imported is ready to mark there": "转到 KaRF 工作区：3D 视图、图像编辑器和时间线，"
+    "两个侧栏都停在 KaRF 选项卡。首次使用时会加入文件。已导入的拍摄可以在那里直接标记",
     # --- 1 import
     "Import Capture": "导入拍摄",
     "Make a camera for every photo of a capture (its folder or camera file): transforms.json, COLMAP or LLFF": (
