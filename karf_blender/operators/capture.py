@@ -116,7 +116,7 @@ class KARF_OT_import_capture(RigOptions, bpy.types.Operator):
             self.report({"WARNING"}, remark)
         view_from_camera(context.area, colored_points=self.points and capture.points is not None)
         estimates.measure_once()
-        opening.set_up(then=masks.begin_marking)
+        opening.set_up(masks.begin_marking, masks.fit_photo)
         self.report({"INFO"}, tell("{count} cameras from {path}", count=len(capture.views), path=capture.source))
         return {"FINISHED"}
 
