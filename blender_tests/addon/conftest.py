@@ -28,7 +28,7 @@ MODULES = {
     "rig": "camera_paths cameras frames lens looking placement points reprojection",
     "swatches": "becomes display drawn_over edits object_masks palettes planes recolor wishes",
     "marking": "asking following gestures history objects overlay photo png proposals raster sheets tools",
-    "steps": "preview",
+    "steps": "masks preview",
     "tasks": "ownership runner task warm",
     "compositor": "group",
     "nodes": "drivers sockets",

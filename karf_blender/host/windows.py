@@ -17,3 +17,11 @@ def redraw(*kinds: str) -> None:
     """Draw the areas of these types again."""
     for area in areas(*kinds):
         area.tag_redraw()
+
+
+def redraw_sidebars() -> None:
+    """Draw the panels again, and not the scene beside them, which may take long."""
+    for area in areas(*PANEL_AREAS):
+        for region in area.regions:
+            if region.type == "UI":
+                region.tag_redraw()

@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from .. import steps
+from .. import progress, steps
 from ..engine_api import CAPTURE_MARKS
 from ..host.words import tell
 from ..rig.cameras import Options
@@ -112,11 +112,11 @@ class KARF_OT_import_capture(RigOptions, bpy.types.Operator):
         # untouched, a project that is learned keeps what it was learned without
         holdout = self.holdout if self.properties.is_property_set("holdout") else None
         capture = steps.import_capture(context.scene, path, project, self.rig_options(), holdout)
-        for remark in capture.remarks:
-            self.report({"WARNING"}, remark)
+        for remark in capture.remarks:  # a report of it would lie over the window until it is clicked away
+            progress.warn(remark)
         view_from_camera(context.area, colored_points=self.points and capture.points is not None)
         estimates.measure_once()
-        opening.set_up(then=masks.begin_marking)
+        opening.set_up(masks.begin_marking, masks.fit_photo)
         self.report({"INFO"}, tell("{count} cameras from {path}", count=len(capture.views), path=capture.source))
         return {"FINISHED"}
 

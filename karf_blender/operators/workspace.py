@@ -13,7 +13,8 @@ class KARF_OT_open_workspace(bpy.types.Operator):
     bl_label = "KaRF Workspace"
 
     def execute(self, context):
-        opening.open_workspace(context.window, then=masks.begin_marking)
+        opening.open_workspace(context.window)
+        opening.set_up(masks.begin_marking, masks.fit_photo)
         return {"FINISHED"}
 
 

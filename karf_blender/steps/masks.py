@@ -41,15 +41,26 @@ def begin_marking(window: bpy.types.Window) -> None:
     if not scene.karf.project or contents.finished_stages(scene):
         return
     try:
-        image = show_photo(scene)
+        show_photo(scene)
     except (KarfError, OSError) as error:  # nobody has asked for it
         print(f"KaRF: {error}")
         return
     with bpy.context.temp_override(window=window):
-        for area in window.screen.areas:
-            if area.type == "IMAGE_EDITOR" and area.spaces.active.image == image:
-                tools.take_up(bpy.context, area)
+        for area in _photo_editors(window):
+            tools.take_up(bpy.context, area)
         bpy.ops.ed.undo_push(message="Mark in Photo")  # else the next undo would take the object away
+
+
+def fit_photo(window: bpy.types.Window) -> None:
+    """Show the whole photo to mark, beside the sidebar."""
+    with bpy.context.temp_override(window=window):
+        for area in _photo_editors(window):
+            tools.fit(area)
+
+
+def _photo_editors(window: bpy.types.Window) -> list[bpy.types.Area]:
+    editors = [area for area in window.screen.areas if area.type == "IMAGE_EDITOR"]
+    return [area for area in editors if photo.is_shown(window.scene, area.spaces.active)]
 
 
 # --- marks ---------------------------------------------------------------------------------------------------------

@@ -92,8 +92,12 @@ def forget_time(timekeeper: Callable[[Request, float], None]) -> None:
     _timekeepers.remove(timekeeper)
 
 
-def _redraw() -> None:
+def _draw_all() -> None:
     windows.redraw(*windows.PANEL_AREAS)
+
+
+def _redraw(draw: Callable[[], None]) -> None:
+    draw()
     for listener in _listeners:
         listener()
 
@@ -215,7 +219,7 @@ def _tick() -> float | None:
         is_ours = isinstance(failure, KarfError)
         _finish(failure if is_ours else KarfError(f"Internal error: {failure!r}.", "The console shows where."))
         _end()
-        _redraw()
+        _redraw(_draw_all)
         if not is_ours:
             raise
         return None
@@ -226,7 +230,7 @@ def _tick() -> float | None:
         if running.task.is_file_open and bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message=running.task.title)
     if events or done:
-        _redraw()
+        _redraw(_draw_all if done else windows.redraw_sidebars)
     return None if done else POLL_SECONDS
 
 

@@ -20,26 +20,24 @@ class _Memory:
     """How often it is still looked whether the sidebars are drawn, and what is done then."""
 
     tries: int = 0
-    then: Callable[[bpy.types.Window], None]
+    then: tuple[Callable[[bpy.types.Window], None], ...] = ()
 
 
-def open_workspace(window: bpy.types.Window, then: Callable[[bpy.types.Window], None]) -> None:
-    """Show the workspace in a window; it is added to the file where there is none of its name.
-
-    Args:
-        window: The window.
-        then: Called with the window once the workspace is drawn.
-    """
+def open_workspace(window: bpy.types.Window) -> None:
+    """Show the workspace in a window; it is added to the file where there is none of its name."""
     known = bpy.data.workspaces.get(NAME)
     if known is None:
         bpy.ops.workspace.append_activate(idname=NAME, filepath=str(FILE))
     else:
         window.workspace = known
-    set_up(then)
 
 
-def set_up(then: Callable[[bpy.types.Window], None]) -> None:
-    """Bring the tab to the front in the windows that show the workspace once these are drawn, and call what follows."""
+def set_up(*then: Callable[[bpy.types.Window], None]) -> None:
+    """Bring the tab to the front in the windows that show the workspace, once these are drawn.
+
+    Args:
+        then: Called with each of these windows, one after the other, when what the one before has changed is drawn.
+    """
     _Memory.tries, _Memory.then = TRIES, then
     if not bpy.app.background and not bpy.app.timers.is_registered(_show_tabs):
         bpy.app.timers.register(_show_tabs, first_interval=LATER)
@@ -58,9 +56,10 @@ def _show_tabs() -> float | None:
             region.tag_redraw()
     except (AttributeError, TypeError):  # it has no tabs yet
         return LATER if _Memory.tries else None
-    for window in shown:
-        _Memory.then(window)
-    return None
+    for window in shown if _Memory.then else ():
+        _Memory.then[0](window)
+    _Memory.then = _Memory.then[1:]
+    return LATER if _Memory.then else None
 
 
 def register():

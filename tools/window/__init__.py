@@ -1,5 +1,6 @@
-"""An afternoon of an artist in a real Blender window, by mouse and keys: docs/window_story.md.
+"""Stories of an artist in a real Blender window, by mouse and keys: docs/window_story.md.
 
-Here: `__main__`, `preparation`, `blender`, `screen`. Inside Blender: `inside`; the chapters of `story`
-(`learning`, `editing`, `pictures`, `keeping`), told with `telling`, `acts`, `desk`, `hands`, `remains`. Both: `record`.
+Here: `__main__`, `preparation`, `capture`, `blender`, `screen`. Inside Blender: `inside`; the chapters of `story`
+(`learning`, `editing`, `pictures`, `keeping`; `first_color`), told with `telling`, `acts`, `desk`, `hands`, `menus`,
+`pickers`, `remains`. Both: `record`.
 """

@@ -1,4 +1,4 @@
-"""Open real Blender in a window and do an artist's afternoon in it by mouse and keys: `tools/dev.py window`.
+"""Open real Blender in a window and work in it by mouse and keys as an artist does: `tools/dev.py window`.
 
 The window opens on a virtual screen (Xvfb) where there is one, else on DISPLAY, then without screenshots. Blender is an
 installed one, or one in a chroot (a debootstrap of another Debian, say), which needs root and leaves no mounts behind.

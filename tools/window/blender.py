@@ -16,7 +16,7 @@ import imageio.v3 as imageio
 from . import screen
 
 INSIDE = Path(__file__).resolve().parent
-PATIENCE = 350.0  # seconds without a new line in the record after which Blender counts as hung
+PATIENCE = 950.0  # seconds without a new line in the record after which Blender counts as hung
 SOFTWARE = {"LIBGL_ALWAYS_SOFTWARE": "1", "GALLIUM_DRIVER": "llvmpipe"}
 HUNG = 9999  # in the place of an exit code
 

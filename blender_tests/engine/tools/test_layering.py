@@ -6,8 +6,8 @@ from blender_tests.engine.conftest import ROOT
 from blender_tests.layering import modules, violations
 
 FLOORS = (
-    ("__init__", "dev", "convert_bmild", "judging", "lock_recipes", "procedural", "release", "translations", "window"),
-    ("speed",),
+    ("__init__", "dev", "convert_bmild", "judging", "lock_recipes", "procedural", "release", "translations"),
+    ("speed", "window"),
     ("benchmark", "demo", "scenes", "experiments", "reliability", "matrix"),
     ("marking",),
 )

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tools.window import record, screen
+from karf_engine.images import read_mask
+from tools.window import capture, record, screen
 
 ROOT = Path(__file__).resolve().parents[3]
 WINDOW = ROOT / "tools" / "window"
@@ -104,10 +105,19 @@ def test_a_transcript_is_clean_only_where_all_passed_and_nothing_was_found(tmp_p
 def test_the_story_clicks_buttons_that_exist():
     text = _sources("tools/window")
     operators = set(re.findall(r'bl_idname = "karf\.(\w+)"', _sources("karf_blender/operators")))
-    clicked = set(re.findall(r'"karf\\\.(\w+)', text)) - {"marking", "objects", "captured_size"}
+    clicked = set(re.findall(r'"karf\\\.(\w+)', text)) - {"marking", "objects", "captured_size", "preset"}
     assert clicked and clicked <= operators
     assert len(re.findall(r"^@CHAPTER\.step\(", text, re.MULTILINE)) >= 20
 
 
 def _sources(folder):
     return "\n".join(file.read_text() for file in (ROOT / folder).glob("*.py"))
+
+
+def test_the_box_lies_around_the_object_in_the_first_view_that_shows_it_well(tmp_path):
+    seen = capture.look(capture.DEMO, capture.write_demo_truth(tmp_path / "pot"))
+    assert (seen.views, seen.view) == (72, "train_r_001")
+    (left, top), (right, bottom) = seen.box
+    rows, columns = np.nonzero(read_mask(tmp_path / "pot" / "train_r_001.png"))
+    assert left < columns.min() / 256 < columns.max() / 256 < right
+    assert bottom < 1 - rows.max() / 256 < 1 - rows.min() / 256 < top
