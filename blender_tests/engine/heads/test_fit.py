@@ -36,6 +36,6 @@ def test_a_batch_too_large_for_the_memory_is_seen_whole_in_parts(monkeypatch):
     karf = SegmentationField(torch.tensor([[[-1.0] * 3, [1.0] * 3]]), 3, settings)
     progress = Progress(lambda kind, **values: events.append(values), lambda: False, "segmentation", 10)
     classes, near = (positions[:, 0] > 0).long(), positions[:, 0].abs() < 0.2
-    fit_on_points(karf, Places, positions, classes, torch.ones(200), near, settings, runtime, progress)
+    fit_on_points(karf, Places, positions, classes, torch.ones(200), near, near, settings, runtime, progress)
     assert sum(seen) >= 10 * 0.9 * settings.batch
     assert events[-1]["step"] == 10

@@ -105,7 +105,7 @@ def learn_head(kind, progress, unfinished):
     karf = SegmentationField(bounds[None], 6, settings)
     if kind == "points":
         certainty, near = torch.ones(200), positions[:, 0, 0].abs() < 0.2
-        fit_on_points(karf, Plain, positions[:, 0], classes, certainty, near, settings, *common)
+        fit_on_points(karf, Plain, positions[:, 0], classes, certainty, near, classes < 0, settings, *common)
     else:
         cache = SurfaceCache(positions, positions[..., 0], positions[:, 0], torch.ones(200), torch.arange(200))
         fit_on_rays(karf, Plain, cache, torch.eye(2)[classes], settings, *common)

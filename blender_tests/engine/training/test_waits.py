@@ -100,7 +100,7 @@ def test_learning_the_objects_waits_for_nothing(waits, tools, field, cache, lear
     if learn_from == "points":
         classes = torch.arange(RAYS, device=device) % 2
         every, certain = torch.ones(RAYS, dtype=torch.bool, device=device), torch.ones(RAYS, device=device)
-        fit_on_points(karf, field, cache.positions[:, 0], classes, certain, every, settings, *tools)
+        fit_on_points(karf, field, cache.positions[:, 0], classes, certain, every, every, settings, *tools)
     else:
         targets = torch.eye(2, device=device)[torch.arange(RAYS, device=device) % 2]
         fit_on_rays(karf, field, cache, targets, settings, *tools)
