@@ -6,7 +6,7 @@ from .. import karf_engine
 from ..karf_engine.capture import FORMATS, hold_out, open_capture, write_cameras
 from ..karf_engine.capture.camera import Camera
 from ..karf_engine.capture.capture import Capture, SparsePoints, View
-from ..karf_engine.capture.distortion import distort, straighten
+from ..karf_engine.capture.distortion import distort
 from ..karf_engine.capture.image_size import find_header
 from ..karf_engine.capture.mask_names import masks_of_view
 from ..karf_engine.capture.reprojection import (
@@ -48,6 +48,7 @@ from ..karf_engine.findings import ERROR, OK, VERDICT, WARNING, Finding
 from ..karf_engine.names import file_name, is_file_name, same_but_for_case
 from ..karf_engine.project import Project
 from ..karf_engine.project.colorways import PlannedColorway, plan_colorways
+from ..karf_engine.project.volumes import Volume, read_volumes, write_volumes
 from ..karf_engine.requirements import REQUIRED
 from ..karf_engine.settings import PRESETS, seconds_of_stages
 from ..karf_engine.wire import LOG_FILE, REQUEST_FILE, WARM, Ask, Event, EventReader, Request
@@ -99,6 +100,7 @@ __all__ = [
     "SparsePoints",
     "SwatchPicture",
     "View",
+    "Volume",
     "atomic_write",
     "camera_to_json",
     "checksum",
@@ -131,6 +133,7 @@ __all__ = [
     "read_palettes",
     "read_planes",
     "read_points",
+    "read_volumes",
     "render_bundle",
     "reprojection_errors",
     "rgb_to_hex",
@@ -140,7 +143,6 @@ __all__ = [
     "srgb_to_lab",
     "srgb_to_linear",
     "stack_palettes",
-    "straighten",
     "summarize",
     "undistorted",
     "undistorted_near",
@@ -149,4 +151,5 @@ __all__ = [
     "write_edit_file",
     "write_json",
     "write_points",
+    "write_volumes",
 ]

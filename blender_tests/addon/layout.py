@@ -75,6 +75,10 @@ class Layout:
         assert collection in where.bl_rna.properties
         self.prop(data, name, **options)
 
+    def operator_menu_enum(self, name, enum, **options):
+        assert enum in getattr(self._bpy.ops.karf, name.partition(".")[2]).get_rna_type().properties
+        self._check(**options)
+
     def operator(self, name, text="", **options):
         self._check(**options)
         self._drawn.append(text)

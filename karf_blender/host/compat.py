@@ -10,6 +10,9 @@ PATH_OPTIONS = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) 
 # points of a size have had a shader of their own since 4.5
 POINT_SHADER = "POINT_FLAT_COLOR" if bpy.app.version >= (4, 5, 0) else "FLAT_COLOR"
 
+# 4.2 writes the colors of points into glTF files as if they had an alpha, which makes the file unreadable
+HAS_GLTF_POINTS = bpy.app.version >= (4, 3, 0)
+
 
 def exit_handlers() -> list | None:
     """The handlers called when Blender quits (5.1 and later), or None; the engine also notices when Blender is gone."""

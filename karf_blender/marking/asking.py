@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..engine_api import Camera, KarfError, straighten
+from ..engine_api import KarfError
 from ..pictures import images
 from ..preferences import state
 from ..project import disk
@@ -49,25 +49,13 @@ def correct(scene: bpy.types.Scene) -> None:
 
 
 def _take_corrected(view: str, scene: bpy.types.Scene, values: dict[str, Any]) -> None:
-    files = {name: Path(file) for name, file in values["masks"][view].items()}
+    files = {name: Path(file) for name, file in values["masks"].items()}
     sheet = sheets.shown(scene)
     if sheet is not None and sheet.view.name == view:
-        camera = sheet.view.camera
-        sheet.solved = {name: Layer(_as_stored(images.read_mask(file), camera)) for name, file in files.items()}
+        sheet.solved = {name: Layer(images.read_mask(file).astype(np.int8)) for name, file in files.items()}
         sheets.follow(scene)
     for file in files.values():
         file.unlink(missing_ok=True)
-
-
-def _as_stored(mask: np.ndarray, camera: Camera) -> np.ndarray:
-    """A mask of the view's pinhole, of any size, as the photo with its lens would have it; [H, W] int8."""
-    height, width = mask.shape
-    lens = camera.scaled(width, height)
-    if not lens.is_pinhole:
-        columns, rows = np.floor(np.nan_to_num(straighten(lens, lens.pixel_centers()), nan=-1)).astype(int).T
-        is_inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
-        mask = (mask[rows.clip(0, height - 1), columns.clip(0, width - 1)] & is_inside).reshape(height, width)
-    return mask.astype(np.int8)
 
 
 def follow(scene: bpy.types.Scene) -> None:

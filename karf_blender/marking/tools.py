@@ -105,7 +105,7 @@ TOOLS = (Box, Click, Lasso, Brush)
 
 
 def take_up(context: bpy.types.Context, area: bpy.types.Area) -> None:
-    """Make the box the tool of an Image Editor, unless one of these is; its toolbar is shown."""
+    """Make the box the tool of an Image Editor, unless one of these is; its toolbar is shown, and its whole picture."""
     space = area.spaces.active
     space.mode = "VIEW"
     space.show_region_toolbar = True
@@ -114,6 +114,7 @@ def take_up(context: bpy.types.Context, area: bpy.types.Area) -> None:
         region = next(region for region in area.regions if region.type == "WINDOW")
         with context.temp_override(area=area, region=region):
             bpy.ops.wm.tool_set_by_id(name=Box.bl_idname, space_type="IMAGE_EDITOR")
+            bpy.ops.image.view_all(fit_view=True)
 
 
 def register():

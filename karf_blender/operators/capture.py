@@ -9,8 +9,9 @@ from .. import steps
 from ..engine_api import CAPTURE_MARKS
 from ..host.words import tell
 from ..rig.cameras import Options
+from ..steps import masks
 from ..tasks import runner
-from ..workspace import estimates
+from ..workspace import estimates, opening
 from .reporting import has_project, is_free, reports_errors
 
 ORIENTATION_ITEMS = [
@@ -115,6 +116,7 @@ class KARF_OT_import_capture(RigOptions, bpy.types.Operator):
             self.report({"WARNING"}, remark)
         view_from_camera(context.area, colored_points=self.points and capture.points is not None)
         estimates.measure_once()
+        opening.set_up(then=masks.begin_marking)
         self.report({"INFO"}, tell("{count} cameras from {path}", count=len(capture.views), path=capture.source))
         return {"FINISHED"}
 

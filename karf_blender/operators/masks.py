@@ -1,13 +1,15 @@
 """Step 3: the photo to mark and its neighbors, the objects, a mask erased."""
 
 import bpy
-from bpy.props import BoolProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from .. import steps
+from ..engine_api import BadRequest
 from ..host import windows
+from ..host.words import tell
 from ..marking import objects, sheets, tools
 from ..project import disk
-from .reporting import has_project, reports_errors
+from .reporting import has_project, has_stage, reports_errors
 
 
 class MarkingStep:
@@ -75,6 +77,22 @@ class KARF_OT_go_to_view(MarkingStep, bpy.types.Operator):
         return {"FINISHED"}
 
 
+class KARF_OT_go_to_suggested(MarkingStep, bpy.types.Operator):
+    """Go to the view whose mark would decide most, as the last segmentation found it; again: to the next best"""
+
+    bl_idname = "karf.go_to_suggested"
+    bl_label = "Suggested View"
+
+    @classmethod
+    def poll(cls, context):
+        return has_project(cls, context) and has_stage(cls, context, "segmentation")
+
+    @reports_errors
+    def execute(self, context):
+        steps.go_to_suggested(context.scene)
+        return {"FINISHED"}
+
+
 class KARF_OT_erase_mask(ObjectStep, bpy.types.Operator):
     """Erase the object's mask in the active view, or all that corrects it there"""
 
@@ -84,6 +102,32 @@ class KARF_OT_erase_mask(ObjectStep, bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         steps.erase_mask(context.scene)
+        return {"FINISHED"}
+
+
+class KARF_OT_set_volume(ObjectStep, bpy.types.Operator):
+    """Let the object to mark be inside or outside of the active mesh, or of the active Empty's box, as it stands now"""
+
+    bl_idname = "karf.set_volume"
+    bl_label = "Volume"
+
+    kind: EnumProperty(
+        name="Volume",
+        items=[
+            ("inside", "Inside", "The object is nowhere else"),
+            ("outside", "Outside", "The object is not in it"),
+            ("none", "None", "Take all volumes of the object away"),
+        ],
+    )
+
+    @reports_errors
+    def execute(self, context):
+        shape = None if self.kind == "none" else context.active_object
+        if shape is None and self.kind != "none":
+            raise BadRequest("There is no active object.", "Select a mesh or an Empty in the 3D View.")
+        count = steps.set_volume(context.scene, shape, self.kind)
+        name = objects.active(context.scene).folder
+        self.report({"INFO"}, tell("Volumes of {name}: {count}. Segment heeds them", name=name, count=count))
         return {"FINISHED"}
 
 
@@ -125,7 +169,9 @@ class KARF_OT_remove_object(ObjectStep, bpy.types.Operator):
 CLASSES = (
     KARF_OT_mark,
     KARF_OT_go_to_view,
+    KARF_OT_go_to_suggested,
     KARF_OT_erase_mask,
+    KARF_OT_set_volume,
     KARF_OT_add_object,
     KARF_OT_remove_object,
 )

@@ -27,9 +27,7 @@ class KARF_OT_show_masks(bpy.types.Operator):
         if seeing.show_masks and object_masks.of(context.scene) is not None:
             seeing.show_masks = False
             return {"FINISHED"}
-        task = steps.show_masks(context.scene)
-        if task is not None:
-            runner.launch(task)
+        steps.show_masks(context.scene)
         return {"FINISHED"}
 
 

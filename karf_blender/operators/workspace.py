@@ -2,17 +2,18 @@
 
 import bpy
 
+from ..steps import masks
 from ..workspace import opening
 
 
 class KARF_OT_open_workspace(bpy.types.Operator):
-    """Go to the KaRF workspace: 3D View, Image Editor and timeline, both sidebars at the KaRF tab. It is added to the file the first time"""
+    """Go to the KaRF workspace: 3D View, Image Editor and timeline, both sidebars at the KaRF tab. It is added to the file the first time. What is imported is ready to mark there"""
 
     bl_idname = "karf.open_workspace"
     bl_label = "KaRF Workspace"
 
     def execute(self, context):
-        opening.open_workspace(context.window)
+        opening.open_workspace(context.window, then=masks.begin_marking)
         return {"FINISHED"}
 
 

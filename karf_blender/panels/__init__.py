@@ -12,11 +12,13 @@ def register():
     for each in CLASSES:
         bpy.utils.register_class(each)
     bpy.types.UI_MT_button_context_menu.append(swatching.draw_context_menu)
+    bpy.types.TOPBAR_MT_window.append(sidebar.draw_in_window_menu)
     seeing.register_keys()
 
 
 def unregister():
     """Called when the extension is disabled."""
+    bpy.types.TOPBAR_MT_window.remove(sidebar.draw_in_window_menu)
     bpy.types.UI_MT_button_context_menu.remove(swatching.draw_context_menu)
     seeing.unregister_keys()
     for each in reversed(CLASSES):

@@ -33,10 +33,13 @@ def draw_masks(layout, context):
     column.operator("karf.remove_object", text="", icon="REMOVE")
     draw_steps(layout, scene)
     layout.operator("karf.mark", icon="RESTRICT_SELECT_OFF")
-    layout.label(text=f"Ctrl: {'this is not it' if marking.correct else 'take away'}", icon="MOUSE_LMB")
+    layout.label(text="Ctrl: this is not the object" if marking.correct else "Ctrl: take away", icon="MOUSE_LMB")
     layout.prop(marking, "brush")
+    layout.operator_menu_enum("karf.set_volume", "kind", icon="CUBE")
     if "segmentation" in disk.contents_of(scene).stages:
-        layout.prop(marking, "correct")
+        row = layout.row(align=True)
+        row.prop(marking, "correct", toggle=True, icon="BRUSH_DATA")
+        row.operator("karf.go_to_suggested", icon="LIGHT")
     layout.operator("karf.erase_mask", icon="X", text="Erase Correction" if marking.correct else "Erase Mask")
     if state.known().problem:
         draw_text(layout, "Without the engine a box is a rectangle, and clicks do nothing.", "INFO")

@@ -72,4 +72,10 @@ def make_panel(space: str, editor: str) -> type:
     )
 
 
+def draw_in_window_menu(self, context):
+    """The way to the workspace from anywhere, at the end of Blender's menu Window."""
+    self.layout.separator()
+    self.layout.operator("karf.open_workspace", icon="WORKSPACE")
+
+
 CLASSES = tuple(make_panel(space, editor) for space, editor in EDITORS)

@@ -111,6 +111,11 @@ def seen_rendering(scene: bpy.types.Scene) -> Path | None:
     return file if _is_newer(file, folders.project_of(scene).geometry_file) else None
 
 
+def seen_mask(scene: bpy.types.Scene, name: str, view: str) -> Path:
+    """The file of an object's mask in a view, as it was segmented."""
+    return seen_folder(scene) / "masks" / name / f"{view}.png"
+
+
 def seen_masks(scene: bpy.types.Scene) -> dict[str, Path]:
     """The masks of the active view by object, as they were segmented last; empty where they were not asked for since."""
     files = sorted(seen_folder(scene).glob(f"masks/*/{scene.karf.active_view}.png"))

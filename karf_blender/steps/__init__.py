@@ -14,12 +14,14 @@ from .learn import extract_palette, learn_all, learn_scene, prepare_views, segme
 from .masks import (
     add_object,
     erase_mask,
+    go_to_suggested,
     go_to_view,
     mark_box,
     mark_click,
     mark_lasso,
     mark_stroke,
     remove_object,
+    set_volume,
     show_photo,
 )
 from .preview import write_preview
@@ -45,6 +47,7 @@ __all__ = [
     "extract_palette",
     "find_poses",
     "frame_range",
+    "go_to_suggested",
     "go_to_view",
     "import_cameras",
     "import_capture",
@@ -75,6 +78,7 @@ __all__ = [
     "save_shown",
     "see_view",
     "segment",
+    "set_volume",
     "show_colors",
     "show_frames",
     "show_masks",

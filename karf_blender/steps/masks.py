@@ -8,12 +8,12 @@ from collections.abc import Sequence
 
 import bpy
 
-from ..engine_api import BadRequest
-from ..marking import asking, objects, photo, proposals, raster, sheets
+from ..engine_api import BadRequest, KarfError
+from ..marking import asking, objects, photo, proposals, raster, sheets, tools, volumes
 from ..marking.raster import Place
 from ..marking.sheets import Layer
 from ..preferences import state
-from ..project import disk, folders
+from ..project import contents, disk, folders
 
 MASK_VALUES = {"ADD": 1, "TAKE": 0, "CLEAR": 0}
 CORRECTION_VALUES = {"ADD": 1, "TAKE": -1, "CLEAR": 0}
@@ -33,6 +33,23 @@ def show_photo(scene: bpy.types.Scene) -> bpy.types.Image:
     image = photo.show(scene)
     asking.correct(scene)
     return image
+
+
+def begin_marking(window: bpy.types.Window) -> None:
+    """In a window of the KaRF workspace: a capture of which nothing is learned yet is ready to mark. Never raises."""
+    scene = window.scene
+    if not scene.karf.project or contents.finished_stages(scene):
+        return
+    try:
+        image = show_photo(scene)
+    except (KarfError, OSError) as error:  # nobody has asked for it
+        print(f"KaRF: {error}")
+        return
+    with bpy.context.temp_override(window=window):
+        for area in window.screen.areas:
+            if area.type == "IMAGE_EDITOR" and area.spaces.active.image == image:
+                tools.take_up(bpy.context, area)
+        bpy.ops.ed.undo_push(message="Mark in Photo")  # else the next undo would take the object away
 
 
 # --- marks ---------------------------------------------------------------------------------------------------------
@@ -173,3 +190,39 @@ def go_to_view(scene: bpy.types.Scene, by: int, marked: bool = False) -> str:
         raise BadRequest("No view has a mark of this object yet.", "Mark it in this one.")
     scene.karf.active_view = found
     return found
+
+
+def go_to_suggested(scene: bpy.types.Scene) -> str:
+    """Make the view active whose mark would decide most; asked again, the next best.
+
+    Returns:
+        Its name.
+
+    Raises:
+        BadRequest: The last segmentation suggests none.
+    """
+    names = contents.views_to_mark(scene)
+    if not names:
+        raise BadRequest("No view is suggested.", "Segment first.")
+    active = scene.karf.active_view
+    scene.karf.active_view = names[(names.index(active) + 1) % len(names) if active in names else 0]
+    return scene.karf.active_view
+
+
+def set_volume(scene: bpy.types.Scene, shape: bpy.types.Object | None, kind: str) -> int:
+    """Let the active object be `inside` or `outside` of a mesh or an Empty's box; without a shape: of none any more.
+
+    Returns:
+        How many volumes the object has now. *Segment* heeds them.
+
+    Raises:
+        KarfError: There is no object to mark, or the shape is neither mesh nor Empty.
+        OSError: The file cannot be written.
+    """
+    name = _name(scene)
+    if shape is None:
+        volumes.clear(scene, name)
+    else:
+        volumes.add(scene, name, shape, kind)
+    asking.correct(scene)
+    return volumes.count(scene, name)

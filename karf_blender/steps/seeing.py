@@ -1,28 +1,43 @@
 """Looking at what is learned of the active view: the objects' masks over it, and the field's own rendering."""
 
+import shutil
+from functools import partial
+from typing import Any
+
 import bpy
 
 from ..engine_api import Request
 from ..pictures import editors
 from ..project import contents
 from ..swatches import drawn_over, object_masks, recolor
+from ..tasks import warm
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
 from . import requests
 
 
-def show_masks(scene: bpy.types.Scene) -> Task | None:
-    """Draw the objects' masks over the active view.
+def show_masks(scene: bpy.types.Scene) -> None:
+    """Draw the objects' masks over the active view; where it is neither prepared nor was looked at, as soon as they come.
 
-    Returns:
-        None, or the task that makes them where the view is neither prepared nor was looked at.
+    Raises:
+        KarfError: There is no project, or the engine cannot be started.
     """
     bpy.context.window_manager.karf_seeing.show_masks = True
     object_masks.load(scene)
-    if object_masks.of(scene) is None:
-        return see_view(scene)
     _reveal(scene)
-    return None
+    if object_masks.of(scene) is None:
+        view = scene.karf.active_view
+        warm.ask(scene, "masks", {"view": view}, partial(_take_masks, view))
+
+
+def _take_masks(view: str, scene: bpy.types.Scene, values: dict[str, Any]) -> None:
+    for name, file in values["masks"].items():
+        target = contents.seen_mask(scene, name, view)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.move(file, target)
+    object_masks.load(scene)
+    if scene.karf.active_view == view:
+        _reveal(scene)
 
 
 def see_view(scene: bpy.types.Scene) -> Task:

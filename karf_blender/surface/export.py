@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 
 from ..engine_api import BadRequest
+from ..host import compat
 from ..nodes import shadeless
 from . import mesh
 
@@ -20,6 +21,8 @@ def _ply(data: bpy.types.Mesh, path: str) -> None:
 
 
 def _gltf(data: bpy.types.Mesh, path: str) -> None:
+    if not data.polygons and not compat.HAS_GLTF_POINTS:
+        raise BadRequest("This Blender cannot write points to glTF.", "Choose quads, or write a PLY file.")
     # the exporter takes a background for a material without light, and an emission for white light
     unlit = shadeless.background("KaRF unlit")
     data.materials.clear()

@@ -58,7 +58,8 @@ TEXTS = {
     # --- workspace
     "KaRF Workspace": "KaRF 工作区",
     "Go to the KaRF workspace: 3D View, Image Editor and timeline, both sidebars at the KaRF tab. It is added to the "
-    "file the first time": "转到 KaRF 工作区：3D 视图、图像编辑器和时间线，两个侧栏都停在 KaRF 选项卡。首次使用时会加入文件",
+    "file the first time. What is imported is ready to mark there": "转到 KaRF 工作区：3D 视图、图像编辑器和时间线，"
+    "两个侧栏都停在 KaRF 选项卡。首次使用时会加入文件。已导入的拍摄可以在那里直接标记",
     # --- 1 import
     "Import Capture": "导入拍摄",
     "Make a camera for every photo of a capture (its folder or camera file): transforms.json, COLMAP or LLFF": (
@@ -623,6 +624,9 @@ TEXTS = {
     "Palette": "调色板",
     "Palette Presets": "调色板预设",
     "Add Palette Preset": "添加调色板预设",
+    "Apply Palette Preset": "应用调色板预设",
+    "Set the object's swatches in their order to this palette; locked ones stay": "按顺序将物体的色样设为此调色板；锁定的不变",
+    "KaRF Swatch": "KaRF 色样",
     "Palettes that were kept, for any object.": "保存的调色板，可用于任何物体。",
     "Keep an object's palette as a preset, for any object of any file, or remove one": (
         "将物体的调色板保存为预设，供任何文件的任何物体使用，或移除预设"
@@ -660,4 +664,17 @@ TEXTS = {
     "Marking Model": "标记模型",
     "The whole path of a folder with a model of the Segment Anything family, which then answers boxes and clicks; "
     "empty: they need none": "Segment Anything 系列模型所在文件夹的完整路径，由它处理框和点击；留空：不需要模型",
+    # --- suggested views and volumes
+    "Ctrl: take away": "Ctrl：去除",
+    "Ctrl: this is not the object": "Ctrl：这不是该物体",
+    "Suggested View": "建议的视图",
+    "Go to the view whose mark would decide most, as the last segmentation found it; again: to the next best": "转到"
+    "上次分割认为标记后最有帮助的视图；再按一次：下一个",
+    "Volume": "体积",
+    "Let the object to mark be inside or outside of the active mesh, or of the active Empty's box, as it stands now": "让"
+    "要标记的物体位于活动网格或活动空物体盒子的当前范围之内或之外",
+    "The object is nowhere else": "该物体不在别处",
+    "The object is not in it": "该物体不在其中",
+    "Take all volumes of the object away": "移除该物体的所有体积",
+    "Volumes of {name}: {count}. Segment heeds them": "{name} 的体积：{count}。分割时会遵守",
 }

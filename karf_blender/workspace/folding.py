@@ -12,7 +12,8 @@ from ..project import disk
 from . import states
 from .states import DONE, RUNNING, STALE, STEPS
 
-FOLDERS = ("import", "learn", "segment", "palette")  # marking goes on after the first mask, and folds with the next
+# marking goes on after the first mask, beside the next step, and folds with that
+FOLDERS = ("import", "learn", "segment", "palette")
 
 
 class _Memory:
@@ -32,10 +33,10 @@ def opened(before: dict[str, str], after: dict[str, str]) -> dict[str, bool]:
     if not before:
         return {step: step in _next(after) for step in STEPS}
     stale = {step: True for step in STEPS if after[step] == STALE != before[step]}
-    done = [step for step in FOLDERS if after[step] == DONE != before[step]]
+    done = [step for step in (*FOLDERS, "mark") if after[step] == DONE != before[step]]
     if not done:
         return stale
-    last = STEPS.index(done[-1])
+    last = max((STEPS.index(step) for step in done if step in FOLDERS), default=-1)
     return dict.fromkeys(STEPS[: last + 1], False) | dict.fromkeys(_next(after), True) | stale
 
 

@@ -3,6 +3,7 @@
 It comes from a file that `tools/window/make_workspace.py` has made.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -16,35 +17,49 @@ ASIDE = "UI"
 
 
 class _Memory:
-    """How often it is still looked whether the sidebars are drawn."""
+    """How often it is still looked whether the sidebars are drawn, and what is done then."""
 
     tries: int = 0
+    then: Callable[[bpy.types.Window], None]
 
 
-def open_workspace(window: bpy.types.Window) -> None:
-    """Show the workspace in a window; it is added to the file where there is none of its name."""
+def open_workspace(window: bpy.types.Window, then: Callable[[bpy.types.Window], None]) -> None:
+    """Show the workspace in a window; it is added to the file where there is none of its name.
+
+    Args:
+        window: The window.
+        then: Called with the window once the workspace is drawn.
+    """
     known = bpy.data.workspaces.get(NAME)
     if known is None:
         bpy.ops.workspace.append_activate(idname=NAME, filepath=str(FILE))
     else:
         window.workspace = known
-    _Memory.tries = TRIES
+    set_up(then)
+
+
+def set_up(then: Callable[[bpy.types.Window], None]) -> None:
+    """Bring the tab to the front in the windows that show the workspace once these are drawn, and call what follows."""
+    _Memory.tries, _Memory.then = TRIES, then
     if not bpy.app.background and not bpy.app.timers.is_registered(_show_tabs):
         bpy.app.timers.register(_show_tabs, first_interval=LATER)
 
 
 def _show_tabs() -> float | None:
-    """Bring the tab to the front once both sidebars are drawn."""
     _Memory.tries -= 1
-    sidebars = [
-        region for area in windows.areas(*windows.PANEL_AREAS) for region in area.regions if region.type == ASIDE
-    ]
+    shown = [window for window in bpy.data.window_managers[0].windows if window.workspace.name == NAME]
+    areas = [area for window in shown for area in window.screen.areas if area.type in windows.PANEL_AREAS]
+    sidebars = [region for area in areas for region in area.regions if region.type == ASIDE]
+    if not sidebars:  # the window is not there yet
+        return LATER if _Memory.tries else None
     try:
         for region in sidebars:
             region.active_panel_category = TAB
             region.tag_redraw()
     except (AttributeError, TypeError):  # it has no tabs yet
         return LATER if _Memory.tries else None
+    for window in shown:
+        _Memory.then(window)
     return None
 
 

@@ -39,15 +39,6 @@ class SwatchPicture:
         start: What does not depend on palettes, [H, W, 3] float32 sRGB.
         parts: Of the K objects.
         out: float32 [H, W, 3], written by `paint` and by nobody else; also a view such as rgba[..., :3].
-
-    Examples:
-        A grey pixel, half of it paint of a swatch that becomes greener:
-
-        >>> weights = np.array([0.5, 0.5], np.float16).reshape(1, 2, 1, 1)
-        >>> planes = Planes(("pot",), weights, weights.sum(axis=1), np.full((1, 1, 3), 102, np.uint8))
-        >>> picture = photo_plus_change(planes, np.empty((1, 1, 3), np.float32))
-        >>> print(picture.paint(np.array([[[0, 0, 0], [-0.2, 0.4, 0]]]))[0, 0].round(3))
-        [0.3 0.6 0.4]
     """
 
     def __init__(self, start: np.ndarray, parts: Sequence[Part], out: np.ndarray) -> None:
@@ -115,13 +106,33 @@ class SwatchPicture:
 
 
 def photo_plus_change(planes: Planes, out: np.ndarray) -> SwatchPicture:
-    """The picture of `delta_composite`; its factors are edited - learned."""
+    """The picture of `delta_composite`; its factors are edited - learned.
+
+    Examples:
+        A grey pixel, half of it paint of a swatch that becomes greener:
+
+        >>> weights = np.array([0.5, 0.5], np.float16).reshape(1, 2, 1, 1)
+        >>> planes = Planes(("pot",), weights, weights.sum(axis=1), np.full((1, 1, 3), 102, np.uint8))
+        >>> picture = photo_plus_change(planes, np.empty((1, 1, 3), np.float32))
+        >>> print(picture.paint(np.array([[[0, 0, 0], [-0.2, 0.4, 0]]]))[0, 0].round(3))
+        [0.3 0.6 0.4]
+    """
     parts = [_part(weights) for weights in planes.palette_weights]
     return SwatchPicture(_base(planes), parts, out)
 
 
 def palette_only(planes: Planes, out: np.ndarray) -> SwatchPicture:
-    """The picture of `paper_composite`; its factors are the edited palettes."""
+    """The picture of `paper_composite`; its factors are the edited palettes.
+
+    Examples:
+        A pixel of the pot, half black and half a swatch that is green now:
+
+        >>> weights = np.array([0.5, 0.5], np.float16).reshape(1, 2, 1, 1)
+        >>> planes = Planes(("pot",), weights, weights.sum(axis=1), np.full((1, 1, 3), 102, np.uint8))
+        >>> picture = palette_only(planes, np.empty((1, 1, 3), np.float32))
+        >>> print(picture.paint(np.array([[[0, 0, 0], [0.2, 0.8, 0]]]))[0, 0].round(3))
+        [0.1 0.4 0. ]
+    """
     start, parts = _base(planes), []
     probabilities = planes.probabilities.astype(np.float32)
     for weights, own, mask in zip(planes.palette_weights, probabilities, hard_masks(probabilities), strict=True):

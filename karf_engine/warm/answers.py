@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from .correct import correct
+from .masks import masks
 from .preview import preview
 from .proposing import propose
 from .session import Session
@@ -13,6 +14,7 @@ from .session import Session
 # kind -> function; it returns JSON values, paths as text. What needs torch or more is imported in it
 ANSWERS: dict[str, Callable[[Session, dict[str, Any]], dict[str, Any]]] = {
     "correct": correct,
+    "masks": masks,
     "preview": preview,
     "propose": propose,
 }

@@ -9,28 +9,34 @@ docs/window_story.md.
 from __future__ import annotations
 
 import argparse
+import json
+import subprocess
 import sys
 import time
 from pathlib import Path
 
-from . import record
+from . import capture, record
 from .blender import HUNG, INSIDE, Place, blender_version, ending, read_lines, run_blender, virtual_screen
-from .preparation import engine_folders, engine_python, prepare, write_job
+from .preparation import DEMO, engine_folders, engine_python, prepare, truth_of, write_job
 
 RESTARTS = 6
+# of the screen: every panel fits, nothing has to be scrolled; an artist's own
+SIZES = {"afternoon": (1300, 2100), "first-color": (1920, 1080)}
 
 
 def main() -> int:
     options = read_options()
     out = options.out.absolute()
     place = Place("blender" if options.chroot else options.blender, options.chroot)
-    prepare(out, is_new=not options.only)
+    prepare(out, options)
     begin = time.monotonic()
     engine = engine_python()
     folders = tuple(dict.fromkeys([out, INSIDE, *engine_folders()]))
-    with virtual_screen(place, out, folders) as display:
+    with virtual_screen(place, out, folders, SIZES[options.story]) as display:
         log, version = out / "blender.log", blender_version(place, folders)
         sessions = play(place, out, folders, display, engine, options)
+    if options.story == "first-color":
+        judge(out, options)
     findings = [*sessions, *found_in_logs(out, log), *left_processes(out)]
     steps = record.steps_of((out / "record.jsonl").read_text().splitlines())
     transcript = record.Transcript(version, round(time.monotonic() - begin, 1), tuple(steps), tuple(findings))
@@ -47,6 +53,11 @@ def read_options() -> argparse.Namespace:
     parser.add_argument("--out", type=Path, default=Path("window_out"), help="default: %(default)s")
     parser.add_argument("--only", default="", help="names of steps with commas, in the OUT of an earlier run")
     parser.add_argument("--threads", type=int, default=1, help="of the engine (default: %(default)s)")
+    parser.add_argument("--story", choices=list(SIZES), default="afternoon", help="default: %(default)s")
+    first = parser.add_argument_group("first-color")
+    first.add_argument("--capture", type=Path, default=DEMO, help="its folder (default: the demo)")
+    first.add_argument("--truth", type=Path, help="folder of VIEW.png, masks of the object (of the demo: its pot)")
+    first.add_argument("--preset", default="demo", help="default: %(default)s")
     return parser.parse_args()
 
 
@@ -55,7 +66,7 @@ def play(place: Place, out: Path, folders, display: str, engine: Path, options) 
     findings, after = [], ""
     for _ in range(RESTARTS):
         job = write_job(out, engine, after, options)
-        code = run_blender(place, out, folders, display, job)
+        code = run_blender(place, out, folders, display, job, SIZES[options.story])
         steps = record.steps_of(read_lines(out / "record.jsonl"))
         last = steps[-1] if steps else None
         if code == 0:
@@ -66,6 +77,25 @@ def play(place: Place, out: Path, folders, display: str, engine: Path, options) 
             return findings
         after = last.name
     return findings
+
+
+def judge(out: Path, options: argparse.Namespace) -> None:
+    """Add to the record what the box and the segmentation are worth, beside the masks that are known."""
+    file = out / "record.jsonl"
+    begin = time.monotonic()
+    record.note(
+        file, kind="begin", name="judge", how="script: masks rendered by the engine beside those that are known"
+    )
+    try:
+        facts, job = (json.loads((out / f"{name}.json").read_text()) for name in ("facts", "job"))
+        desk = out / "desk" / options.capture.name
+        for sentence in capture.judge(desk, truth_of(out, options), facts, job["view"], out / "judged"):
+            record.note(file, kind="note", text=sentence)
+        outcome = record.PASSED
+    except (KeyError, OSError, subprocess.CalledProcessError) as error:
+        record.note(file, kind="note", text=repr(error))
+        outcome = record.FAILED
+    record.note(file, kind="end", outcome=outcome, seconds=round(time.monotonic() - begin, 1))
 
 
 # --- what is left --------------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,6 @@ JOB_SECONDS = 300.0
 ASKED_SECONDS = 4.0  # in which a busy machine has opened what was asked for, where Blender asks nothing
 LIST_ROW = 20  # pixels between two rows of a list
 BRUSH = 14  # at most: radius, pixels of the screen
-WHEEL = 55, 215  # from a click into a swatch at the left of its row to the middle of the picker's wheel, pixels
 
 
 class Broken(Exception):
@@ -58,6 +57,18 @@ def check(holds: bool, sentence: str) -> None:
         raise Broken(sentence)
 
 
+def install(story: Story) -> Wait:
+    """Install from Disk, and the engine's Python in the preferences; nothing lies over the window that events hit."""
+    view = bpy.context.preferences.view
+    view.show_splash = view.show_tooltips = False
+    view.filebrowser_display_type, view.render_display_type = "SCREEN", "NONE"
+    bpy.ops.extensions.package_install_files(filepath=story.job["package"], repo="user_default", enable_on_install=True)
+    check(desk.PACKAGE in bpy.context.preferences.addons, "the extension is not enabled after its installation")
+    preferences = desk.module("preferences").current()
+    preferences.engine_python, preferences.threads = story.job["engine_python"], story.job["threads"]
+    yield from until(lambda: not desk.module("preferences.state").known().problem, "the engine to be noticed", 10)
+
+
 # --- what several steps do -----------------------------------------------------------------------------------------
 def until(condition: Callable[[], bool], what: str, seconds: float) -> Wait:
     """Wait for something; Broken where it does not come."""
@@ -67,10 +78,10 @@ def until(condition: Callable[[], bool], what: str, seconds: float) -> Wait:
         yield 0.1
 
 
-def job_end(story: Story, expected: str = "done") -> Wait:
+def job_end(story: Story, expected: str = "done", seconds: float = JOB_SECONDS) -> Wait:
     """Wait for the running job; Broken where it ends otherwise than expected."""
     progress = bpy.data.window_managers[0].karf_progress
-    yield from until(lambda: not desk.module("tasks.runner").is_running(), "the job's end", JOB_SECONDS)
+    yield from until(lambda: not desk.module("tasks.runner").is_running(), "the job's end", seconds)
     if progress.warnings:
         story.note(f"warning: {progress.warnings}")
     check(not progress.error, f"{progress.stage} failed: {progress.error}")
@@ -108,6 +119,7 @@ def file_browser(folder: Path, name: str = "") -> Wait:
     yield 0.5
     params = hands.area_of("FILE_BROWSER").spaces.active.params
     params.directory, params.filename = str(folder).encode(), name
+    hands.count()  # the path, which an artist types or clicks together
     yield 0.5
     yield from hands.press_button(Where("FILE_BROWSER", "EXECUTE"), r"file\.execute", 0.93)
     yield from until(lambda: editors("FILE_BROWSER") == 0, "the file browser's end", 30)
@@ -161,48 +173,6 @@ def show_tab() -> Wait:
         sidebar.active_panel_category = TAB
         sidebar.tag_redraw()
     yield 0.5
-
-
-def swatch(name: str, index: int) -> str:
-    """The pattern of a swatch's field."""
-    number = desk.scene().karf.objects.find(name)
-    return rf'karf\.objects\[({number}|"{name}")\]\.swatches\[({index}|"[^"]*{index}")\]\.color'
-
-
-def color_of(name: str, index: int) -> tuple[float, ...]:
-    """A swatch as it stands."""
-    return desk.swatches()[name][index]
-
-
-def drag_swatch(story: Story, name: str, index: int, steps: int, angle: tuple[int, int]) -> Generator[float, None, int]:
-    """Open a swatch's picker, drag in its wheel, close it; returns how many pictures were seen on the way."""
-    field = yield from hands.find(SIDEBAR, swatch(name, index), 0.2)
-    yield from hands.click(field)
-    yield 0.3
-    start = field[0] + WHEEL[0], field[1] + WHEEL[1]
-    seen = set()
-    yield from hands.move(start)
-    hands.send("LEFTMOUSE", "PRESS", start)
-    yield hands.PAUSE
-    for number in range(1, steps + 1):
-        place = start[0] + angle[0] * number // steps, start[1] + angle[1] * number // steps
-        hands.send("MOUSEMOVE", "NOTHING", place)
-        yield 0.12
-        seen.add(desk.picture())
-    yield from story.shoot(f"picker-{name}-{index}")
-    hands.send("LEFTMOUSE", "RELEASE", place)
-    yield 0.2
-    outside = hands.middle_of(PICTURE)
-    yield from hands.move(outside)
-    yield from hands.click(outside)
-    yield 0.3
-    return len(seen)
-
-
-def key_swatch(name: str, index: int) -> Wait:
-    """I over a swatch: a keyframe of its color."""
-    place = yield from hands.find(SIDEBAR, swatch(name, index), 0.2)
-    yield from hands.press("I", place)
 
 
 def mark(story: Story, number: int, name: str) -> Wait:

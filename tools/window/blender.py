@@ -16,7 +16,6 @@ import imageio.v3 as imageio
 from . import screen
 
 INSIDE = Path(__file__).resolve().parent
-SIZE = 1300, 2100  # of the screen: every panel of the sidebar fits, nothing has to be scrolled
 PATIENCE = 350.0  # seconds without a new line in the record after which Blender counts as hung
 SOFTWARE = {"LIBGL_ALWAYS_SOFTWARE": "1", "GALLIUM_DRIVER": "llvmpipe"}
 HUNG = 9999  # in the place of an exit code
@@ -42,16 +41,24 @@ class Place:
 
 
 @contextmanager
-def virtual_screen(place: Place, out: Path, folders: tuple[Path, ...]):
-    """A screen of our own; yields its display, or the one there is where Xvfb is not installed."""
+def virtual_screen(place: Place, out: Path, folders: tuple[Path, ...], size: tuple[int, int]):
+    """A screen of our own, of a size in pixels; yields its display, or the one there is where Xvfb is not installed."""
     root = place.chroot or Path("/")
     if not any((root / folder / "Xvfb").exists() for folder in ("usr/bin", "usr/local/bin")):
         yield os.environ["DISPLAY"]
         return
     reading, writing = os.pipe()
-    size = "x".join(map(str, SIZE))
     # Xvfb itself chooses a number that is free
-    command = ["Xvfb", "-displayfd", str(writing), "-screen", "0", f"{size}x24", "-fbdir", str(out / "screen")]
+    command = [
+        "Xvfb",
+        "-displayfd",
+        str(writing),
+        "-screen",
+        "0",
+        "x".join(map(str, (*size, 24))),
+        "-fbdir",
+        str(out / "screen"),
+    ]
     with (out / "xvfb.log").open("wb") as log:
         server = subprocess.Popen(
             place.command(*command, shared=folders), pass_fds=[writing], stdout=log, stderr=subprocess.STDOUT
@@ -77,12 +84,12 @@ def ending(code: int) -> str:
     return signal.Signals(number).name if 0 < number < 65 else f"exit code {code}"
 
 
-def run_blender(place: Place, out: Path, folders, display: str, job: Path) -> int:
+def run_blender(place: Place, out: Path, folders, display: str, job: Path, size: tuple[int, int]) -> int:
     """One session: start, photograph what is asked for, wait. Returns the exit code, or HUNG."""
     facts = out / "facts.json"
     blend = json.loads(facts.read_text()).get("blend", "") if facts.exists() else ""
-    size = ["--window-geometry", "0", "0", *map(str, SIZE)]
-    command = [place.blender, *([blend] if blend else []), "--gpu-backend", "opengl", *size]
+    window = ["--window-geometry", "0", "0", *map(str, size)]
+    command = [place.blender, *([blend] if blend else []), "--gpu-backend", "opengl", *window]
     command += ["--enable-event-simulate", "--python", str(INSIDE / "inside.py"), "--", str(job)]
     user = {
         "DISPLAY": display,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from . import acts, desk, hands
+from . import acts, desk, hands, pickers
 from .acts import FILM_FRAMES, VIEW, Story, check
 from .hands import Wait
 from .telling import Chapter
@@ -12,11 +12,11 @@ CHAPTER = Chapter()
 
 @CHAPTER.step("drag", "mouse: a swatch's picker is opened, its color dragged")
 def drag(story: Story) -> Wait:
-    before = acts.color_of("pot", 1)
-    seen = yield from acts.drag_swatch(story, "pot", 1, 10, (-45, 25))
+    before = pickers.color_of("pot", 1)
+    seen = yield from pickers.drag_swatch(story, "pot", 1, 10, (-45, 25))
     yield from story.shoot("dragged")
-    story.note(f"{before} became {acts.color_of('pot', 1)}; {seen} pictures on the way")
-    check(acts.color_of("pot", 1) != before, "the swatch did not change")
+    story.note(f"{before} became {pickers.color_of('pot', 1)}; {seen} pictures on the way")
+    check(pickers.color_of("pot", 1) != before, "the swatch did not change")
     check(seen >= 4, f"the picture followed only {seen} times")
     check(desk.is_in_step(), "the picture is not what the swatches say")
     story.facts["dragged"] = desk.picture()
@@ -38,11 +38,11 @@ def keyframe(story: Story) -> Wait:
     scene = desk.scene()
     scene.frame_start, scene.frame_end = 1, FILM_FRAMES
     scene.frame_set(1)
-    yield from acts.key_swatch("mug", 1)
+    yield from pickers.key_swatch("mug", 1)
     yield from hands.press("RIGHT_ARROW", hands.middle_of(VIEW), shift=True)
     check(scene.frame_current == FILM_FRAMES, f"Shift Right went to frame {scene.frame_current}")
-    yield from acts.drag_swatch(story, "mug", 1, 6, (50, -10))
-    yield from acts.key_swatch("mug", 1)
+    yield from pickers.drag_swatch(story, "mug", 1, 6, (50, -10))
+    yield from pickers.key_swatch("mug", 1)
     check(desk.animated_objects() == {"mug"}, f"keyframes are on {desk.animated_objects()}")
     last = desk.picture()
     for _ in range(3):

@@ -8,6 +8,7 @@ button under the mouse does (Copy Python Command, Copy Data Path), so the story 
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 
@@ -66,6 +67,38 @@ def inside(where: Where):
     return bpy.context.temp_override(window=window(), area=area_of(where.editor), region=region_of(where))
 
 
+class _Count:
+    """How often the mouse or a key was used, and the seconds in which buttons were looked for."""
+
+    interactions: int = 0
+    looking: float = 0.0
+
+
+def start_counting() -> None:
+    """Count anew."""
+    _Count.interactions, _Count.looking = 0, 0.0
+
+
+def interactions() -> int:
+    """How often the mouse or a key was used: a click, a key, a drag, a typed text are one each; looking is none."""
+    return _Count.interactions
+
+
+def count(more: int = 1) -> None:
+    """Add interactions that are done otherwise than by what is here."""
+    _Count.interactions += more
+
+
+def looking_seconds() -> float:
+    """The seconds in which buttons were looked for, by hovering."""
+    return _Count.looking
+
+
+def looked(begin: float) -> None:
+    """A search that began at this time (monotonic) is over."""
+    _Count.looking += time.monotonic() - begin
+
+
 # --- events --------------------------------------------------------------------------------------------------------
 def send(kind: str, value: str, place: Place, **modifiers) -> None:
     """One event."""
@@ -81,6 +114,7 @@ def move(place: Place) -> Wait:
 
 def click(place: Place, **modifiers) -> Wait:
     """A click of the left mouse button."""
+    count()
     yield from move(place)
     for value in ("PRESS", "RELEASE"):
         send("LEFTMOUSE", value, place, **modifiers)
@@ -90,6 +124,7 @@ def click(place: Place, **modifiers) -> Wait:
 
 def drag(places: Sequence[Place]) -> Wait:
     """Press at the first place, move through the others and let go at the last."""
+    count()
     yield from move(places[0])
     send("LEFTMOUSE", "PRESS", places[0])
     yield PAUSE
@@ -102,10 +137,19 @@ def drag(places: Sequence[Place]) -> Wait:
 
 def press(kind: str, place: Place, **modifiers) -> Wait:
     """A key with the mouse at a place."""
+    count()
     yield from move(place)
     for value in ("PRESS", "RELEASE"):
         send(kind, value, place, **modifiers)
         yield PAUSE
+    yield 0.3
+
+
+def turn_wheel(place: Place) -> Wait:
+    """The wheel down by a notch over a field, with Ctrl: its next choice."""
+    count()
+    yield from move(place)
+    send("WHEELDOWNMOUSE", "PRESS", place, ctrl=True)
     yield 0.3
 
 
@@ -119,6 +163,7 @@ def write(text: str, place: Place, **modifiers) -> Wait:
         send(kind, "RELEASE", place)
         yield PAUSE
     yield from press("RET", place)
+    count(-2)  # a click, two keys and the letters are one
 
 
 # --- buttons -------------------------------------------------------------------------------------------------------
@@ -147,6 +192,14 @@ _seen: dict[Where, dict[str, Place]] = {}
 def find(where: Where, pattern: str, first: float = COLUMNS[0]) -> Generator[float, None, Place]:
     """The place of the first button whose meaning matches a regular expression; first: where to look first. Raises
     NotFound."""
+    begin = time.monotonic()
+    try:
+        return (yield from _search(where, pattern, first))
+    finally:
+        looked(begin)
+
+
+def _search(where: Where, pattern: str, first: float) -> Generator[float, None, Place]:
     seen = _seen.setdefault(where, {})
     for place in [place for meant, place in seen.items() if re.search(pattern, meant)]:
         yield from move(place)

@@ -13,7 +13,7 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # Blender runs this file by its path
 from tools.window import acts, hands, record
-from tools.window.story import STEPS
+from tools.window.story import steps_of
 from tools.window.telling import Step
 
 SHOT_SECONDS = 5.0
@@ -28,9 +28,10 @@ def play(job: dict) -> Generator[float, None, None]:
     if bpy.data.filepath:  # after a crash: the window as the .blend has it
         yield from acts.set_up_screen()
         yield from acts.show_tab()
-    names = [step.name for step in STEPS]
+    steps = steps_of(job["story"])
+    names = [step.name for step in steps]
     start = names.index(job["after"]) + 1 if job["after"] else 0
-    for step in STEPS[start:]:
+    for step in steps[start:]:
         if not job["only"] or step.name in job["only"]:
             yield from perform(story, step, lines)
             acts.save_facts(story)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import bpy
 
-from . import acts, desk, hands, remains
+from . import acts, desk, hands, pickers, remains
 from .acts import FILM_FRAMES, PICTURE, SIDEBAR, VIEW, Story, check, until
 from .hands import Wait
 from .telling import Chapter
@@ -52,7 +52,7 @@ def reload(story: Story) -> Wait:
 def extract_again(story: Story) -> Wait:
     karf = desk.scene().karf
     karf.active_view = story.job["masked_view"]
-    edited = acts.color_of("pot", 1)
+    edited = pickers.color_of("pot", 1)
     yield from acts.paint(story, "apple")
     yield from acts.button_job(story, r"karf\.segment\(")
     yield from hands.press_button(SIDEBAR, r"karf\.extract_palette")
@@ -68,7 +68,7 @@ def extract_again(story: Story) -> Wait:
     first = desk.picture()
     desk.scene().frame_set(FILM_FRAMES)
     check(desk.picture() != first, "the keyframed picture does not follow any more")
-    check(acts.color_of("pot", 1) == edited, f"the pot's edit {edited} became {acts.color_of('pot', 1)}")
+    check(pickers.color_of("pot", 1) == edited, f"the pot's edit {edited} became {pickers.color_of('pot', 1)}")
 
 
 @CHAPTER.step("disable, enable", "script: the extension is switched off and on")
@@ -84,6 +84,6 @@ def disable_enable(story: Story) -> Wait:
     check(not left, f"a disabled extension leaves {left}")
     check(desk.swatches() == before, "the swatches are others after disabling and enabling")
     learned = desk.picture()
-    yield from acts.drag_swatch(story, "pot", 1, 6, (-30, -30))
+    yield from pickers.drag_swatch(story, "pot", 1, 6, (-30, -30))
     yield from story.shoot("enabled")
     check(desk.picture() != learned and desk.is_in_step(), "swatches have no effect after enabling again")

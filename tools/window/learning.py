@@ -16,20 +16,13 @@ CHAPTER = Chapter()
 
 @CHAPTER.step("install", "script: Install from Disk, the engine's Python in the preferences")
 def install(story: Story) -> Wait:
-    view = bpy.context.preferences.view
-    view.show_splash = view.show_tooltips = False
-    view.filebrowser_display_type, view.render_display_type = "SCREEN", "NONE"
     # the sidebar beside the picture, not over it, where strokes would hit it
     bpy.context.preferences.system.use_region_overlap = False
-    bpy.ops.extensions.package_install_files(filepath=story.job["package"], repo="user_default", enable_on_install=True)
-    check(desk.PACKAGE in bpy.context.preferences.addons, "the extension is not enabled after its installation")
+    yield from acts.install(story)
     held = remains.remains(desk.PACKAGE)
     for kind in ("handler", "drawing", "class", "property"):
         check(any(line.startswith(kind) for line in held), f"no {kind} of the extension is found: the check is blind")
     story.note(f"the extension holds {len(held)} things in Blender")
-    preferences = desk.module("preferences").current()
-    preferences.engine_python, preferences.threads = story.job["engine_python"], story.job["threads"]
-    yield from until(lambda: not desk.module("preferences.state").known().problem, "the engine to be noticed", 10)
     bpy.ops.wm.save_userpref()
 
 

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import shutil
 import subprocess
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 import imageio.v3 as imageio
 import numpy as np
 
+from . import capture
 from .blender import dump
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "demo"
+POTS = "pots"  # the demo's capture on the desk
 MASKED_VIEW = "r_041"
 STROKE_ROWS = 18  # pixels of the photo between two strokes
 TINY = (
@@ -40,27 +44,42 @@ def engine_folders() -> list[Path]:
     return [Path(sys.prefix), Path(sys.prefix).resolve(), Path(sys.base_prefix).resolve()]
 
 
-def prepare(out: Path, is_new: bool) -> None:
-    """Lay out OUT: the capture, the extension's package, and a decoy project of the same objects with other colors."""
+def prepare(out: Path, options: argparse.Namespace) -> None:
+    """Lay out OUT, new where the whole story is told: the extension's package, and the story's desk."""
     (out / "record.jsonl").unlink(missing_ok=True)
     shutil.rmtree(out / "shots", ignore_errors=True)
     (out / "shots").mkdir(parents=True)
-    if not is_new:
+    if options.only:
         return
     for name in ("desk", "user", "screen", "blender.log", "facts.json"):
         path = out / name
         shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink(missing_ok=True)
     for folder in ("desk/here/sub", "user", "screen"):
         (out / folder).mkdir(parents=True)
-    capture = out / "desk" / "pots"
-    for name in ("train", "test"):
-        shutil.copytree(DEMO / name, capture / name)
-        shutil.copy(DEMO / f"transforms_{name}.json", capture)
     shutil.copy(max((ROOT / "dist").glob("karf-*.zip"), key=lambda file: file.stat().st_mtime), out / "karf.zip")
+    if options.story == "first-color":
+        capture.lay_out(options.capture, out / "desk" / options.capture.name)
+        return
+    capture.lay_out(DEMO, out / "desk" / POTS)
+    make_decoy(out)
+
+
+def make_decoy(out: Path) -> None:
+    """A project of the same objects with other colors."""
     masks = out / "decoy_masks"
     for name, other in (("pot", "mug"), ("mug", "pot")):
         shutil.copytree(DEMO / "coarse_masks" / "three" / other, masks / name, dirs_exist_ok=True)
-    command = [sys.executable, "-m", "karf_engine", "all", str(capture), "--masks", str(masks), "--threads", "1"]
+    command = [
+        sys.executable,
+        "-m",
+        "karf_engine",
+        "all",
+        str(out / "desk" / POTS),
+        "--masks",
+        str(masks),
+        "--threads",
+        "1",
+    ]
     command += ["--project", str(out / "decoy"), *(part for text in TINY for part in ("--set", text))]
     if not (out / "decoy" / "palette.json").exists():
         subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
@@ -80,22 +99,39 @@ def strokes(name: str) -> list[list[tuple[float, float]]]:
     return lines
 
 
-def write_job(out: Path, engine: Path, after: str, options) -> Path:
+def afternoon_job() -> dict:
+    """What only the afternoon's steps are to know."""
+    return {
+        "tiny": TINY,
+        "views": sum(len(list((DEMO / name).glob("*.png"))) for name in ("train", "test")),
+        "masked_view": MASKED_VIEW,
+        "strokes": {name: strokes(name) for name in ("apple", "mug", "pot")},
+    }
+
+
+def first_color_job(out: Path, options: argparse.Namespace) -> dict:
+    """What only the steps of the first color are to know."""
+    seen = capture.look(out / "desk" / options.capture.name, truth_of(out, options))
+    return asdict(seen) | {"capture": options.capture.name, "preset": options.preset}
+
+
+def truth_of(out: Path, options: argparse.Namespace) -> Path:
+    """The folder of the object's known masks."""
+    return options.truth or capture.write_demo_truth(out / "truth")
+
+
+def write_job(out: Path, engine: Path, after: str, options: argparse.Namespace) -> Path:
     """What the script inside Blender is to know."""
     file, files = out / "job.json", {name: str(out / name) for name in ("desk", "decoy", "shots")}
     files |= {"package": str(out / "karf.zip"), "record": str(out / "record.jsonl"), "facts": str(out / "facts.json")}
-    capture = json.loads((DEMO / "transforms_train.json").read_text())["frames"]
-    test = json.loads((DEMO / "transforms_test.json").read_text())["frames"]
     job = files | {
+        "story": options.story,
         "engine_python": str(engine),
         "threads": options.threads,
-        "tiny": TINY,
-        "views": len(capture) + len(test),
-        "masked_view": MASKED_VIEW,
-        "strokes": {name: strokes(name) for name in ("apple", "mug", "pot")},
         "has_screen": dump(out) is not None,
         "only": [name.strip() for name in options.only.split(",") if name.strip()],
         "after": after,
     }
+    job |= first_color_job(out, options) if options.story == "first-color" else afternoon_job()
     file.write_text(json.dumps(job))
     return file

@@ -51,7 +51,7 @@ def _is_drawn(function: FunctionType) -> bool:
 def _classes(package: str) -> Iterator[str]:
     for base in BASES:
         for each in getattr(bpy.types, base).__subclasses__():
-            if _is_of(each, package) and each.is_registered:
+            if _is_of(each, package) and "bl_rna" in vars(each):  # a gizmo has no is_registered
                 yield f"class {each.__name__}"
 
 

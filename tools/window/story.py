@@ -1,9 +1,19 @@
-"""The story of an artist's afternoon, step by step, with what must hold after each. Runs inside Blender.
+"""The stories, step by step, with what must hold after each. Runs inside Blender.
 
 A step is a generator: it yields the seconds to wait until Blender resumes it. Its `how` says by what it is done: mouse
 and keys are events in the window; what no event can reach in a sensible time is done by script.
 """
 
-from . import editing, keeping, learning, pictures
+from . import editing, first_color, keeping, learning, pictures
+from .telling import Chapter, Step
 
-STEPS = [step for chapter in (learning, editing, pictures, keeping) for step in chapter.CHAPTER.steps]
+CHAPTERS = {
+    "afternoon": (learning, editing, pictures, keeping),
+    "first-color": (first_color,),
+}
+
+
+def steps_of(story: str) -> list[Step]:
+    """The steps of a story."""
+    chapters: list[Chapter] = [module.CHAPTER for module in CHAPTERS[story]]
+    return [step for chapter in chapters for step in chapter.steps]

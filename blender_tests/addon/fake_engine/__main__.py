@@ -92,7 +92,7 @@ def correct(job, options):
     )
     mask = np.zeros((view.camera.height, view.camera.width), bool)
     mask[:, : mask.shape[1] // 2] = True
-    return {"masks": {view.name: {"pot": str(write_mask(job, mask))}}}
+    return {"masks": {"pot": str(write_mask(job, mask))}, "suggestions": {}}
 
 
 def write_mask(job, mask):
@@ -204,12 +204,27 @@ def points(project, options):
 
 
 def write_seen(out, view):
-    """What is learned, flat blue, and masks: the lid left, the pot right of the middle."""
+    """What is learned, flat blue, and masks."""
     height, width = view.camera.height, view.camera.width
     write_png(out / "render" / f"{view.name}.png", np.broadcast_to([0.0, 0.0, 1.0], (height, width, 3)))
-    left = np.broadcast_to(np.arange(width)[:, None] < width // 2, (height, width, 3))
-    for name, mask in (("lid", left), ("pot", ~left)):
-        write_png(out / "masks" / name / f"{view.name}.png", mask.astype(float))
+    write_masks(out / "masks", view)
+
+
+def write_masks(out, view):
+    """The lid left, the pot right of the middle; returns the files by object."""
+    left = np.broadcast_to(
+        np.arange(view.camera.width)[:, None] < view.camera.width // 2, (view.camera.height, view.camera.width, 3)
+    )
+    files = {name: out / name / f"{view.name}.png" for name in ("lid", "pot")}
+    for path, mask in zip(files.values(), (left, ~left), strict=True):
+        write_png(path, mask.astype(float))
+    return files
+
+
+def masks(job, options):
+    """Of the view, as `write_seen` has them."""
+    (view,) = views_of(Project(options["project"]), options["view"])
+    return {"masks": {name: str(path) for name, path in write_masks(job / "answers", view).items()}}
 
 
 def colorways(project, options):
@@ -260,6 +275,7 @@ ANSWERS = {
     "preview": preview,
     "propose": propose,
     "correct": correct,
+    "masks": masks,
 }  # of a warm engine: kind -> function of the job's folder and the options
 
 if __name__ == "__main__":

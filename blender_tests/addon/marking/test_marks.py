@@ -264,18 +264,6 @@ def test_the_engines_corrected_masks_are_shown_at_once(addon, correcting):
     assert addon.sheets.open_sheet(correcting).solved["pot"].version != before
 
 
-def test_a_corrected_mask_lies_over_the_photo_with_its_lens(addon):
-    """A disc of the pinhole's picture is where the lens puts it."""
-    api = addon.engine_api
-    camera = api.Camera(480, 360, 320.0, 336.0, 228.0, 192.0, np.eye(4), (-0.3, 0.08, 0.002, -0.003))
-    small = camera.scaled(120, 90)
-    rows, columns = np.mgrid[0:90, 0:120] + 0.5
-    for x, y in ((20.5, 15.5), (100.5, 70.5)):
-        shown = addon.asking._as_stored(np.hypot(columns - x, rows - y) < 4, camera) > 0
-        ((there_x, there_y),) = api.distort(small, np.array([[x, y]]))
-        assert np.hypot(columns[shown].mean() - there_x, rows[shown].mean() - there_y) < 0.7
-
-
 # --- objects and views ---------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     "typed, name",
@@ -342,3 +330,33 @@ def test_another_project_brings_its_own_objects(addon, marked, tmp_path):
     addon.images.write_png(given, disc(8, 8, 5)[..., None].repeat(3, -1))
     marked.karf.project = str(tmp_path / "other")
     assert marked.karf.marking.objects.keys() == ["lid"]
+
+
+def test_suggested_views_come_one_after_the_other(addon, correcting):
+    with pytest.raises(addon.engine_api.BadRequest, match="No view is suggested"):
+        addon.steps.go_to_suggested(correcting)
+    report = addon.folders.project_of(correcting).segmentation_report
+    addon.engine_api.write_json(report, {"suggestions": {"photo_2": 0.9, "photo_1": 0.4}})
+    assert [addon.steps.go_to_suggested(correcting) for _ in range(3)] == ["photo_2", "photo_1", "photo_2"]
+
+
+def test_a_box_and_a_mesh_become_volumes_of_the_captures_world_and_undo_takes_them_back(bpy, addon, marked):
+    scene = bpy.context.scene
+    scene.karf.rig.location = (1, 2, 3)
+    empty = bpy.data.objects.new("box", None)
+    empty.location, empty.empty_display_size = (1, 2, 5), 0.5
+    bpy.ops.mesh.primitive_cube_add(location=(2, 2, 3))
+    scene.collection.objects.link(empty)
+    bpy.context.view_layer.update()
+    bpy.ops.ed.undo_push(message="shapes")
+    assert addon.steps.set_volume(scene, empty, "inside") == 1
+    bpy.ops.ed.undo_push(message="first")
+    assert addon.steps.set_volume(scene, bpy.context.active_object, "outside") == 2
+    file = addon.folders.project_of(scene).volumes_file
+    inside, outside = addon.engine_api.read_volumes(file)["pot"]
+    np.testing.assert_allclose(inside.matrix, [[0.5, 0, 0, 0], [0, 0.5, 0, 0], [0, 0, 0.5, 2], [0, 0, 0, 1]], atol=1e-6)
+    np.testing.assert_allclose(outside.vertices.mean(0), [1, 0, 0], atol=1e-6)
+    bpy.ops.ed.undo_push(message="second")
+    bpy.ops.ed.undo()
+    assert [volume.kind for volume in addon.engine_api.read_volumes(file)["pot"]] == ["inside"]
+    assert addon.steps.set_volume(bpy.context.scene, None, "none") == 0 and not file.exists()

@@ -1,5 +1,7 @@
 """The learned scene as an object: its colors are the engine's, follow the swatches, and go into files as they are."""
 
+import json
+import struct
 import subprocess
 import sys
 
@@ -173,14 +175,30 @@ def test_other_palettes_than_the_scenes_are_said_and_left_as_learned(bpy, addon,
     assert np.abs(colors_of(bpy, shown) - recolored(points)).max() > 0.1
 
 
-def imported(bpy, path):
-    """The colors of a file's points or faces, as Blender reads it, without order; sRGB [n, 3]."""
+def glb_colors(addon, path):
+    """The colors of a binary glTF's vertices (Khronos, glTF 2.0), without order; sRGB 0..255 [n, 3].
+
+    Read by hand: not every Blender reads the colors of points.
+    """
+    content = path.read_bytes()
+    (size,) = struct.unpack("<I", content[12:16])
+    head, binary = json.loads(content[20 : 20 + size]), content[28 + size :]
+    (primitive,) = head["meshes"][0]["primitives"]
+    accessor = head["accessors"][primitive["attributes"]["COLOR_0"]]
+    view = head["bufferViews"][accessor["bufferView"]]
+    kind = {5123: np.uint16, 5126: np.float32}[accessor["componentType"]]
+    values = np.frombuffer(binary, kind, 4 * accessor["count"], view.get("byteOffset", 0)).reshape(-1, 4)
+    linear = values[:, :3] / (65535 if kind is np.uint16 else 1)
+    return np.unique(np.rint(addon.engine_api.linear_to_srgb(linear) * 255).astype(int), axis=0)
+
+
+def imported(bpy, addon, path):
+    """The colors of a file's points or faces, as Blender reads it, without order; sRGB 0..255 [n, 3]."""
+    if path.suffix == ".glb":
+        return glb_colors(addon, path)
     bpy.ops.wm.read_homefile(use_empty=True)
-    kind = path.suffix
-    if kind == ".ply":
+    if path.suffix == ".ply":
         bpy.ops.wm.ply_import(filepath=str(path))
-    elif kind in (".glb", ".gltf"):
-        bpy.ops.import_scene.gltf(filepath=str(path))
     else:
         bpy.ops.wm.usd_import(filepath=str(path))
     (item,) = [each for each in bpy.data.objects if each.type == "MESH" and not each.name.startswith("Icosphere")]
@@ -195,11 +213,15 @@ def imported(bpy, path):
     [("a.ply", "quads"), ("a.ply", "points"), ("a.glb", "quads"), ("a.glb", "points"), ("a.usdc", "quads")],
 )
 def test_a_file_has_the_colors_as_recolored(bpy, addon, points, shown, tmp_path, name, shape):
+    if (name, shape) == ("a.glb", "points") and bpy.app.version < (4, 3, 0):
+        with pytest.raises(addon.engine_api.BadRequest, match="cannot write points to glTF"):
+            addon.headless.export_scene(tmp_path / name, shape)
+        return
     set_edit(addon)
     kept = set(bpy.data.objects.keys()), set(bpy.data.materials.keys()), list(bpy.context.selected_objects)
     addon.headless.export_scene(tmp_path / name, shape)
     assert (set(bpy.data.objects.keys()), set(bpy.data.materials.keys()), list(bpy.context.selected_objects)) == kept
-    wanted, found = recolored(points) * 255, imported(bpy, tmp_path / name)
+    wanted, found = recolored(points) * 255, imported(bpy, addon, tmp_path / name)
     distances = np.abs(wanted[:, None] - found[None]).max(2)  # exporters round each in their own way
     assert distances.min(1).max() < 2 and distances.min(0).max() < 2
 
