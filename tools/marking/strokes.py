@@ -6,7 +6,9 @@ PROJECT is learned; DIR has `labels/` as the demo has them, or true masks as <ob
 is drawn as a hand would where the masks are worst among training views: a short line in the largest error that is wide
 enough to be hit with a brush, "this is it" or "this is not". An object without such an error gets none. With
 `--choose suggested` it is drawn in the view that the engine suggests, with `random` in any. The ceiling is
-what the surface can show: every training view is corrected in all of its pixels.
+what the surface can show: every training view is corrected in all of its pixels. Where the ceiling contradicts a view's
+truth, the truth of the other views does, and no stroke is drawn, but with `--any-error`. A stroke that agrees with the
+masks, in each object, shows what solving again does by itself.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ from karf_engine.capture.capture import Capture, View
 from karf_engine.fields.files import load_scene
 from karf_engine.files import write_json
 from karf_engine.images import read_mask, resize
-from karf_engine.metrics.masks import iou
+from karf_engine.metrics.masks import iou, iou_border_excluded
 from karf_engine.progress import Progress
 from karf_engine.project import Project
 from karf_engine.project.contents import capture_of, settings_for
@@ -39,17 +41,22 @@ from karf_engine.segmentation.corrections import find_corrections
 BRUSH, LENGTH = 0.02, 0.15  # of the picture's long side: the brush's radius, the stroke's length
 NARROW = 2.0  # pixels from the middle of an error to its border: less is no error that a hand would correct
 STROKES = 2
+Truth = Callable[[View, str], np.ndarray | None]
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A learned scene with its truth. truth: the mask of a view and an object at the working size, None if unknown."""
+    """A learned scene with its truth.
+
+    Attributes:
+        truth: the mask of a view and an object at the working size, None if unknown.
+    """
 
     capture: Capture
     correcting: Correcting
     learned: list[View]
     judged: list[View]
-    truth: Callable[[View, str], np.ndarray | None]
+    truth: Truth
 
 
 def main() -> None:
@@ -67,7 +74,11 @@ def main() -> None:
     learned = [view for view in known if view.split == "train"][:: options.every]
     scene = Scene(capture, correcting, learned, [view for view in known if view.split == "test"], truth)
     random = np.random.default_rng(options.seed)
-    rows = play(scene, lambda: candidates(scene, options.choose, random)) | {"ceiling": ceiling(scene)}
+    top, shown = ceiling(scene)
+    if options.any_error:
+        shown = truth
+    rows = {"before": scores(scene), "agreeing": agreeing(scene)}
+    rows |= play(scene, lambda: candidates(scene, options.choose, random), shown) | {"ceiling": top}
     for name, row in rows.items():
         print(f"{name:10} {json.dumps(row)}")
     if options.json:
@@ -83,12 +94,13 @@ def parse_arguments() -> argparse.Namespace:
     )
     parser.add_argument("--seed", type=int, default=0, help="of random views")
     parser.add_argument("--every", type=int, default=1, help="look for errors in every so many-th training view")
+    parser.add_argument("--any-error", action="store_true", help="correct what the truth of other views denies, too")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--json", type=Path, help="write the figures there")
     return parser.parse_args()
 
 
-def truth_in(folder: Path, long_side: int) -> Callable[[View, str], np.ndarray | None]:
+def truth_in(folder: Path, long_side: int) -> Truth:
     """The true masks below a folder, by view and object."""
     names = folder / "labels" / "names.json"
     numbers = json.loads(names.read_text()) if names.is_file() else None
@@ -115,14 +127,14 @@ def candidates(scene: Scene, choose: str, random: np.random.Generator) -> list[V
     return suggested[:1] if choose == "suggested" else [scene.learned[random.integers(len(scene.learned))]]
 
 
-def play(scene: Scene, choose: Callable[[], list[View]]) -> dict[str, dict]:
-    """Figures before, and after each stroke an object. choose: the views that a stroke may be drawn in."""
-    rows = {"before": scores(scene)}
+def play(scene: Scene, choose: Callable[[], list[View]], shown: Truth) -> dict[str, dict]:
+    """Figures after each stroke an object. choose: the views that a stroke may be drawn in. shown: as in `draw_stroke`."""
+    rows = {}
     with tempfile.TemporaryDirectory() as folder:
         for number in range(1, STROKES + 1):
             views = choose()
             for name in scene.correcting.objects:
-                draw_stroke(scene, views, name, Path(folder))
+                draw_stroke(scene, views, name, shown, Path(folder))
             seconds = solve(scene, Path(folder))
             rows[f"stroke {number}"] = scores(scene) | {"seconds": seconds}
             print(f"stroke {number}: {json.dumps(rows[f'stroke {number}'])}", flush=True)
@@ -137,8 +149,25 @@ def solve(scene: Scene, folder: Path) -> float:
     return round(time.process_time() - start, 2)
 
 
-def ceiling(scene: Scene) -> dict[str, float]:
-    """Figures once all pixels of the training views are corrected."""
+def agreeing(scene: Scene) -> dict[str, float]:
+    """Figures after a stroke in each object that says what the masks show already."""
+    with tempfile.TemporaryDirectory() as folder:
+        for name in scene.correcting.objects:
+            right = {
+                view.name: largest(scene.correcting.masks(view)[name] & true)
+                for view in scene.learned
+                if (true := scene.truth(view, name)) is not None
+            }
+            view = max(right, key=lambda view: right[view].sum())
+            add_to(Path(folder) / name / f"{view}.png", stroke_in(right[view]), True)
+        solve(scene, Path(folder))
+    found = scores(scene)
+    scene.correcting.correct(())
+    return found
+
+
+def ceiling(scene: Scene) -> tuple[dict[str, float], Truth]:
+    """Figures once all pixels of the training views are corrected, and the masks that these then show."""
     with tempfile.TemporaryDirectory() as folder:
         for view in scene.learned:
             for name in scene.correcting.objects:
@@ -147,31 +176,40 @@ def ceiling(scene: Scene) -> dict[str, float]:
                     add_to(Path(folder) / name / f"{view.name}.png", mask, True)
                     add_to(Path(folder) / name / f"{view.name}.png", ~mask, False)
         solve(scene, Path(folder))
-    return scores(scene)
+    found, masks = scores(scene), {view.name: scene.correcting.masks(view) for view in scene.learned}
+    scene.correcting.correct(())
+    return found, lambda view, name: masks[view.name][name]
 
 
 def scores(scene: Scene) -> dict[str, float]:
-    """Mean IoU of each object over the held-out views that show it, and the mean of these."""
-    values: dict[str, list[float]] = {name: [] for name in scene.correcting.objects}
+    """Mean IoU of each object over the held-out views that show it, the mean of these, and that without borders."""
+    values: dict[str, list[tuple[float, float]]] = {name: [] for name in scene.correcting.objects}
     for view in scene.judged:
         found = scene.correcting.masks(view)
         for name, own in values.items():
             true = scene.truth(view, name)
             if true is not None and true.any():
-                own.append(iou(found[name], true))
-    means = {name: float(np.mean(own)) for name, own in values.items()}
-    return {name: round(value, 4) for name, value in (means | {"mean": float(np.mean(list(means.values())))}).items()}
+                own.append((iou(found[name], true), iou_border_excluded(found[name], true)))
+    means = {name: np.mean(own, 0) for name, own in values.items()}
+    mean, inside = np.mean(list(means.values()), 0)
+    all_means = {name: own[0] for name, own in means.items()} | {"mean": mean, "border left out": inside}
+    return {name: round(float(value), 4) for name, value in all_means.items()}
 
 
-def draw_stroke(scene: Scene, views: list[View], name: str, folder: Path) -> None:
-    """Add a stroke to an object's corrections, in the view of these where its mask is worst and a stroke can be drawn."""
+def draw_stroke(scene: Scene, views: list[View], name: str, shown: Truth, folder: Path) -> None:
+    """Add a stroke to an object's corrections, in the view of these where its mask is worst and a stroke can be drawn.
+
+    shown: the masks that must agree with the truth where a stroke is drawn.
+    """
     worst = None
     for view in views:
         true, found = scene.truth(view, name), scene.correcting.masks(view)[name]
         if true is None or not true.any():
             continue
-        is_it = largest(true & ~found).sum() >= largest(found & ~true).sum()
-        error = largest(true & ~found if is_it else found & ~true)
+        certain = true == shown(view, name)
+        missing, too_much = largest(certain & true & ~found), largest(certain & found & ~true)
+        is_it = missing.sum() >= too_much.sum()
+        error = missing if is_it else too_much
         if depth(error).max() >= NARROW and (worst is None or iou(found, true) < worst[0]):
             worst = iou(found, true), view, error, is_it
     if worst is None:
