@@ -15,6 +15,7 @@ from .hands import Wait
 from .telling import Chapter
 
 CHAPTER = Chapter()
+TO_BLUE = 45, 35  # from the middle of a picker's wheel, pixels
 OBJECT = "object"  # as the extension calls the first
 MOST_BEFORE, MOST_AFTER = 8, 2  # interactions until it learns, and from then to the first recolored picture
 MASK_SECONDS, LEARNING_SECONDS, LOOK_SECONDS = 120, 7200, 120
@@ -101,6 +102,8 @@ def learn(story: Story) -> Wait:
         story.note(f"{progress.stage}: {progress.fraction:.0%}")
     yield from acts.job_end(story)
     yield from reach(story, "learned")
+    bpy.ops.wm.save_as_mainfile(filepath=str(story.home / "first_color.blend"))  # for `--only`
+    story.facts["blend"] = bpy.data.filepath
     story.facts["project"] = str(desk.module("project.folders").project_of(desk.scene()).folder)
     check(before <= MOST_BEFORE, f"{before} interactions lie before learning, more than {MOST_BEFORE}")
     check(desk.is_in_step(), "the picture is not what the swatches say")
@@ -112,7 +115,7 @@ def first_color(story: Story) -> Wait:
     swatches = desk.swatches()[OBJECT]
     index = max(range(1, len(swatches)), key=lambda number: max(swatches[number]) - min(swatches[number]))
     start = yield from pickers.open_picker(OBJECT, index)
-    yield from hands.drag([start, *pickers.way(start, (-40, -40), 10)])
+    yield from hands.drag([start, *pickers.way(start, TO_BLUE, 10)])
     yield 0.5
     check(desk.picture() != learned, "the picture did not change")
     yield from reach(story, "first color")

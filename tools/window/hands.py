@@ -17,6 +17,7 @@ import bpy
 Place = tuple[int, int]
 Wait = Generator[float, None, None]
 PAUSE = 0.03  # seconds in which Blender takes an event in
+SETTLED = 0.2  # seconds after which a button knows that the mouse is over it, also on a busy machine
 ROW = 13  # pixels between two rows of a search; the lowest buttons are about 18 high
 EMPTY_ROWS = 26  # so many rows without a button are the end of the panels
 RIGHT = 0.845  # where a sidebar has the small button at the end of a row
@@ -201,9 +202,9 @@ def find(where: Where, pattern: str, first: float = COLUMNS[0]) -> Generator[flo
 
 def _search(where: Where, pattern: str, first: float) -> Generator[float, None, Place]:
     seen = _seen.setdefault(where, {})
-    for place in [place for meant, place in seen.items() if re.search(pattern, meant)]:
-        yield from move(place)
-        if re.search(pattern, meaning(where)):
+    for known in [place for meant, place in seen.items() if re.search(pattern, meant)]:
+        place = yield from _settled(where, pattern, known)
+        if place:
             return place
     seen.clear()  # the panels have moved
     region = region_of(where)
@@ -219,10 +220,23 @@ def _search(where: Where, pattern: str, first: float) -> Generator[float, None, 
             if meant:
                 seen.setdefault(meant, (x, y))
             if re.search(pattern, meant):
-                return x, y
+                place = yield from _settled(where, pattern, (x, y))
+                if place:
+                    return place
             if empty > EMPTY_ROWS:
                 break
     raise NotFound(f"no button of {where.editor} {where.region} is {pattern}; there are {sorted(seen)}")
+
+
+def _settled(where: Where, pattern: str, place: Place) -> Generator[float, None, Place | None]:
+    """The place itself or one just above: a busy machine may have answered for where the mouse was before."""
+    for above in (0, ROW, 2 * ROW):
+        x, y = place[0], place[1] + above
+        yield from move((x, y))
+        yield SETTLED
+        if re.search(pattern, meaning(where)):
+            return x, y
+    return None
 
 
 def press_button(where: Where, pattern: str, first: float = COLUMNS[0]) -> Wait:

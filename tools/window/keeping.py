@@ -53,7 +53,14 @@ def extract_again(story: Story) -> Wait:
     karf = desk.scene().karf
     karf.active_view = story.job["masked_view"]
     edited = pickers.color_of("pot", 1)
-    yield from acts.paint(story, "apple")
+    yield from acts.open_step("mark")
+    yield from hands.press_button(SIDEBAR, r"karf\.mark\(")
+    with hands.inside(PICTURE):
+        bpy.ops.image.view_all(fit_view=True)
+    yield from hands.press_button(SIDEBAR, r"karf\.add_object", hands.RIGHT)
+    yield from acts.mark(story, 2, "apple")
+    folding = bpy.data.window_managers[0].karf_folding
+    yield from until(lambda: folding.show_segment, "Segment's opening, which is stale,", 10)
     yield from acts.button_job(story, r"karf\.segment\(")
     yield from hands.press_button(SIDEBAR, r"karf\.extract_palette")
     yield 0.5

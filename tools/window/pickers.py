@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Generator
 
 from . import acts, desk, hands
 from .acts import Story
 from .hands import Wait
 
-WHEEL = 55, 215  # from a click into a swatch at the left of its row to the middle of the picker's wheel, pixels
+STEP = 8  # pixels between two looks for the wheel
+PICKER = 340  # pixels above the swatch in which its picker is
+LEAST = 100  # pixels: a wheel is wider and higher than the fields below it
 
 
 def swatch(name: str, index: int) -> str:
@@ -44,9 +47,41 @@ def open_picker(name: str, index: int) -> Generator[float, None, hands.Place]:
     field = yield from hands.find(acts.SIDEBAR, swatch(name, index), 0.2)
     yield from hands.click(field)
     yield 0.3
-    middle = field[0] + WHEEL[0], field[1] + WHEEL[1]
+    begin = time.monotonic()
+    middle = yield from _wheel(field)
+    hands.looked(begin)
     yield from hands.move(middle)
     return middle
+
+
+def _wheel(field: hands.Place) -> Generator[float, None, hands.Place]:
+    """The middle of the wheel, which lies above the field that was clicked: what changes the color under the mouse."""
+    x, low = field[0], 0
+    for y in range(field[1] + 4 * STEP, field[1] + PICKER, STEP):
+        is_color = yield from _is_color((x, y))
+        if is_color:
+            low = low or y
+        elif low and y - low >= LEAST:
+            break
+        else:
+            low = 0
+    acts.check(bool(low), "the picker has no wheel")
+    middle = (low + y - STEP) // 2
+    left = yield from _end(x, middle, -STEP)
+    right = yield from _end(x, middle, STEP)
+    return (left + right) // 2, middle
+
+
+def _end(x: int, y: int, step: int) -> Generator[float, None, int]:
+    while (yield from _is_color((x + step, y))):
+        x += step
+    return x
+
+
+def _is_color(place: hands.Place) -> Generator[float, None, bool]:
+    yield from hands.move(place)
+    yield 0.1
+    return hands.meaning(acts.SIDEBAR).endswith(".color")
 
 
 def way(start: hands.Place, offset: tuple[int, int], steps: int) -> list[hands.Place]:
