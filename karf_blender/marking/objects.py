@@ -29,7 +29,7 @@ def corrections_folder(scene: bpy.types.Scene) -> Path:
     Raises:
         BadRequest: There is no project.
     """
-    return folders.project_of(scene).folder / "corrections"
+    return folders.project_of(scene).corrections_folder
 
 
 def active(scene: bpy.types.Scene) -> bpy.types.PropertyGroup | None:

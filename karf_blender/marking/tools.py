@@ -43,6 +43,7 @@ class Tool:
 
     bl_space_type = "IMAGE_EDITOR"
     bl_context_mode = "VIEW"
+    bl_cursor = "CROSSHAIR"
 
     @staticmethod
     def draw_settings(context, layout, tool):
@@ -60,7 +61,6 @@ class Click(Tool, bpy.types.WorkSpaceTool):
     bl_idname = "karf.mark_click"
     bl_label = "Mark: Click"
     bl_icon = "ops.generic.select"
-    bl_cursor = "CROSSHAIR"
     bl_keymap = _keymap("karf.mark_click")
 
 
@@ -70,7 +70,6 @@ class Box(Tool, bpy.types.WorkSpaceTool):
     bl_idname = "karf.mark_box"
     bl_label = "Mark: Box"
     bl_icon = "ops.generic.select_box"
-    bl_cursor = "CROSSHAIR"
     bl_keymap = _keymap("karf.mark_box")
 
 
@@ -80,7 +79,6 @@ class Lasso(Tool, bpy.types.WorkSpaceTool):
     bl_idname = "karf.mark_lasso"
     bl_label = "Mark: Lasso"
     bl_icon = "ops.generic.select_lasso"
-    bl_cursor = "CROSSHAIR"
     bl_keymap = _keymap("karf.mark_lasso")
 
 
@@ -90,7 +88,6 @@ class Brush(Tool, bpy.types.WorkSpaceTool):
     bl_idname = "karf.mark_brush"
     bl_label = "Mark: Brush"
     bl_icon = "ops.generic.select_paint"
-    bl_cursor = "CROSSHAIR"
     bl_keymap = _keymap("karf.mark_brush")
 
     @staticmethod

@@ -46,10 +46,12 @@ def _volume(scene: bpy.types.Scene, shape: bpy.types.Object, kind: str) -> Volum
         return Volume(kind, np.array(to_capture @ Matrix.Scale(shape.empty_display_size, 4)))
     if shape.type != "MESH":
         raise BadRequest(f"{shape.name!r} is no mesh and no Empty.", "Select a mesh, or an Empty for its box.")
-    mesh = shape.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
+    evaluated = shape.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    mesh = evaluated.to_mesh()
     mesh.calc_loop_triangles()
     vertices = np.array([to_capture @ vertex.co for vertex in mesh.vertices])
     triangles = np.array([triangle.vertices for triangle in mesh.loop_triangles])
+    evaluated.to_mesh_clear()
     if len(vertices) < 4:
         raise BadRequest(f"{shape.name!r} surrounds nothing.", "Select a mesh with a volume.")
     return Volume(kind, None, vertices, triangles)

@@ -39,18 +39,20 @@ def outdated(scene: bpy.types.Scene) -> frozenset[str]:
     project = folders.project_of(scene)
     results = {"segmentation": project.segmentation_file, "recoloring": project.recoloring_file}
     found = {name for name, result in results.items() if name not in stages and result.exists()}
-    if "segmentation" in stages and _newest_mask(scene) > _written(project.segmentation_file) + GRACE_SECONDS:
+    if "segmentation" in stages and _newest_mark(scene, project) > _written(project.segmentation_file) + GRACE_SECONDS:
         found.add("segmentation")
     return frozenset(found)
 
 
-def _newest_mask(scene: bpy.types.Scene) -> float:
-    """When a mask was written last, in seconds as the disk counts; folders too, which know of masks taken away."""
-    folder = folders.absolute(scene.karf.masks) if scene.karf.masks else None
-    if folder is None or not folder.is_dir():
-        return 0.0
-    objects = [each for each in folder.iterdir() if each.is_dir()]
-    return max((path.stat().st_mtime for each in objects for path in (each, *each.rglob("*.png"))), default=0.0)
+def _newest_mark(scene: bpy.types.Scene, project: Project) -> float:
+    """When a mask, correction or volume was written last, in seconds as the disk counts; folders too, which know of
+    those taken away."""
+    roots = [folders.absolute(scene.karf.masks)] if scene.karf.masks else []
+    roots = [root for root in (*roots, project.corrections_folder) if root.is_dir()]
+    objects = [each for root in roots for each in root.iterdir() if each.is_dir()]
+    marks = [path for each in objects for path in (each, *each.rglob("*.png"))]
+    marks += [project.volumes_file] if project.volumes_file.exists() else []
+    return max((path.stat().st_mtime for path in marks), default=0.0)
 
 
 def _written(path: Path) -> float:

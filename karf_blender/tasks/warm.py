@@ -13,6 +13,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from .. import preferences, progress
+from ..engine import jobs
 from ..engine.warm import WarmEngine, refusal
 from ..engine_api import Event, KarfError
 from ..host import compat, rendering, windows
@@ -146,6 +147,8 @@ def _hand_out(asked: _Asked, event: Event) -> None:
         asked.on_answer(scene, {name: value for name, value in event.values.items() if name != "id"})
     except KarfError as error:
         asked.on_error(error)
+    except OSError as error:  # what follows writes masks: were it raised, nobody would hear of other answers any more
+        asked.on_error(jobs.disk_error(error))
 
 
 def _ask_again(asked: _Asked) -> None:

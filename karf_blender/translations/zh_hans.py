@@ -15,7 +15,7 @@ TEXTS = {
     "cancelled": "已取消",
     "Starting": "正在启动",
     "Stopping": "正在停止",
-    "Masks have changed since: segment again.": "遮罩在此之后有改动：请重新分割。",
+    "Marks have changed since: segment again.": "标记在此之后有改动：请重新分割。",
     "The scene was learned anew since: segment again.": "场景在此之后重新学习过：请重新分割。",
     "The objects were segmented anew since: extract the palettes again.": "物体在此之后重新分割过：请重新提取调色板。",
     "Learned with another preset: learn the scene again to follow this one.": "学习时用的是另一个预设：要采用此预设，请重新学习场景。",
@@ -655,8 +655,8 @@ TEXTS = {
     "{count} marked": "已标记 {count}",
     # --- live camera
     "Live Camera": "实时相机",
-    "Show what the scene's camera sees in the Image Editor, coarse while it moves, fine when it stands still; swatches\n"
-    "    change it at once": "在图像编辑器中显示场景相机所见，移动时粗略，静止时精细；色板变化立即生效",
+    "Show what the scene's camera sees in the Image Editor, coarse while it moves, fine when it stands still; swatches "
+    "change it at once": "在图像编辑器中显示场景相机所见，移动时粗略，静止时精细；色板变化立即生效",
     "Of the followed camera's picture": "所跟随相机的画面的",
     "The engine is at work": "引擎正在工作",
     "KaRF Wipe": "KaRF 擦拭对比",

@@ -21,7 +21,7 @@ STEP_OF_STAGE = {
 }
 OTHER_PRESET = shown("Learned with another preset: learn the scene again to follow this one.")
 OTHER_NERF = shown("Learned from another NeRF, or none: learn the scene again to follow this one.")
-OTHER_MASKS = shown("Masks have changed since: segment again.")
+OTHER_MARKS = shown("Marks have changed since: segment again.")
 OTHER_SCENE = shown("The scene was learned anew since: segment again.")
 OTHER_OBJECTS = shown("The objects were segmented anew since: extract the palettes again.")
 
@@ -70,7 +70,7 @@ def _why_stale(scene: bpy.types.Scene, step: str, known: Contents) -> str:
     if step == "learn":
         return _why_learn_again(scene, known)
     if step == "segment" and "segmentation" in known.outdated:
-        return OTHER_MASKS if "segmentation" in known.stages else OTHER_SCENE
+        return OTHER_MARKS if "segmentation" in known.stages else OTHER_SCENE
     if step == "palette" and "recoloring" in known.outdated:
         return OTHER_OBJECTS
     return ""

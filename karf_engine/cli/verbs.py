@@ -46,9 +46,11 @@ def learn_geometry(options: argparse.Namespace) -> int:
 def segment(options: argparse.Namespace) -> int:
     """Objects, or only which views to mark next."""
     if getattr(options, "suggest", False):
+        from ..segmentation.report import SegmentationReport  # needs torch
+
         project = Project(options.project)
         project.require("segmentation")
-        for name, score in read_json(project.segmentation_report, "report").get("suggestions", {}).items():
+        for name, score in SegmentationReport.read(project.segmentation_report).suggestions.items():
             print(f"{score:.4f}  {name}")
         return 0
     more = {name: getattr(options, name, None) for name in ("corrections", "volumes")}

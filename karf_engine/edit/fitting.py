@@ -27,7 +27,7 @@ def match_pixels(
 ) -> np.ndarray:
     """The palette that moves n colors closest to n targets, by bounded least squares in sRGB.
 
-    It matches a painted view, or any targets. A hull encloses the colors, so its entries lie near the rim of [0, 1] and
+    A hull encloses the colors, so its entries lie near the rim of [0, 1] and
     brighter paint needs some beyond white; the pixels themselves are clipped when they are composed.
 
     Args:

@@ -27,11 +27,10 @@ if TYPE_CHECKING:
 def correct(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     """Heed a project's corrections and show what becomes of a view. The first time it looks at the whole scene.
 
-    Options: `project`; `view`, its name; `masks` and `corrections`, folders, by default the
-    project's own.
+    Options: `project`; `view`, its name; `masks` and `corrections`, folders, by default the project's own.
 
     Returns:
-        `masks`, {object: path of a PNG}, as large as the photo and in its own grid; the caller's to delete. `suggestions`, {view: score}, the views to mark next, the best first.
+        `masks`, {object: path of a PNG}, as large as the photo and in its own grid; the caller's to delete.
 
     Raises:
         KarfError: Geometry is not learned, a mark cannot be read, or an option is wrong.
@@ -59,7 +58,7 @@ def correct(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     correcting = session.held(("correcting", project.folder), (geometry, _digests(masks), objects, volumes), begun)
     given = id(correcting), _digests(corrections)
     session.held(("corrected", project.folder), given, lambda: correcting.correct(corrections))
-    return {"masks": _written(session, correcting, view), "suggestions": correcting.suggestions()}
+    return {"masks": _written(session, correcting, view)}
 
 
 def _digests(marks: list[CoarseMask]) -> list:

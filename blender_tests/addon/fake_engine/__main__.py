@@ -92,7 +92,7 @@ def correct(job, options):
     )
     mask = np.zeros((view.camera.height, view.camera.width), bool)
     mask[:, : mask.shape[1] // 2] = True
-    return {"masks": {"pot": str(write_mask(job, mask))}, "suggestions": {}}
+    return {"masks": {"pot": str(write_mask(job, mask))}}
 
 
 def write_mask(job, mask):

@@ -1,5 +1,7 @@
 """Asks of the warm engine: one process for many, none that outlives the extension, and no error that is lost."""
 
+import errno
+
 import pytest
 
 from ..timers import run_to_end
@@ -124,6 +126,21 @@ def test_an_error_in_what_follows_an_answer_is_told_too(addon, project_scene, be
     addon.warm.ask(project_scene, "echo", {}, refuse, errors.append)
     run_to_end(addon.warm._tick)
     assert [error.sentence for error in errors] == ["The planes are damaged."]
+
+
+def test_a_disk_that_does_not_take_what_follows_an_answer_is_told_and_later_answers_still_come(
+    addon, project_scene, beside
+):
+    def write(scene, values):
+        raise OSError(errno.ENOSPC, "No space left on device", "mask.png")
+
+    errors, answers = [], []
+    addon.warm.ask(project_scene, "echo", {}, write, errors.append)
+    run_to_end(addon.warm._tick)
+    assert len(errors) == 1 and "mask.png" in errors[0].sentence + errors[0].hint
+    addon.warm.ask(project_scene, "echo", {}, lambda scene, values: answers.append(values))
+    run_to_end(addon.warm._tick)
+    assert len(answers) == 1
 
 
 def test_other_threads_in_the_preferences_start_another_engine(addon, project_scene, chosen):

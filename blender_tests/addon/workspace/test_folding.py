@@ -39,7 +39,20 @@ def test_a_mask_that_is_newer_than_the_segments_makes_them_stale(addon, project_
     later = mask.stat().st_mtime + 60
     os.utime(mask, (later, later))
     state = addon.states.state_of(project_scene, "segment")
-    assert state.kind == "stale" and "Masks have changed" in state.reason
+    assert state.kind == "stale" and "Marks have changed" in state.reason
+
+
+@pytest.mark.parametrize("mark", ["corrections/pot/photo_0.png", "volumes.json"])
+def test_so_does_a_correction_or_a_volume(addon, project_scene, masks, mark):
+    file = addon.folders.project_of(project_scene).folder / mark
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_bytes(b"")
+    addon.disk.refresh()
+    assert kinds(addon, project_scene)["segment"] == "done"
+    later = file.stat().st_mtime + 60
+    os.utime(file, (later, later))
+    addon.disk.refresh()
+    assert kinds(addon, project_scene)["segment"] == "stale"
 
 
 def test_a_stage_that_ran_anew_makes_the_later_ones_stale(addon, project_scene, masks):
