@@ -19,8 +19,8 @@ from .label_propagation import SMOOTHNESS, Labels
 from .neighbor_graph import conjugate_gradients
 
 FIRM = 1000.0  # confidence of what was corrected, far above what neighbors say together
-HELD, LEAST_HELD = 1.0, 0.02  # confidence of labels without a margin of doubt, and of none
-POWER = 3.0  # of the margin: only where labels are quite sure a change ends
+HELD, LEAST_HELD = 30.0, 0.02  # confidence of labels without a doubt, and of those with nothing else
+POWER = 10.0  # of the margin: a change runs through what is unsure, and ends where labels are
 
 
 def spread(labels: Labels, graph: sparse.csr_matrix, constraints: Constraints) -> Labels:

@@ -195,7 +195,10 @@ def ceiling(scene: Scene) -> tuple[dict[str, float], Truth]:
 def learned(options: argparse.Namespace, scene: Scene) -> dict[str, float]:
     """Figures of F_s, learned anew from the uncorrected labels."""
     with tempfile.TemporaryDirectory() as folder:
-        model = learn_again(karf.load(options.project), Path(folder), (), ("segmentation",), threads=options.threads)
+        model = karf.load(options.project)
+        model = learn_again(
+            model, Path(folder), (), ("segmentation",), model.project.masks_folder, threads=options.threads
+        )
         test = render_test_views(model)
     shown = [plate.view.name for plate in test.plates]
     masks = {name: dict(zip(shown, test.masks(name), strict=True)) for name in model.objects}

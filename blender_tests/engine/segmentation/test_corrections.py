@@ -116,11 +116,12 @@ def test_a_slip_of_the_hand_changes_little_but_is_obeyed(wall):
     assert (corrected.classes != labels.classes).sum() <= 5 * stroke.sum()
 
 
-def test_a_stroke_that_agrees_changes_no_label(wall):
+def test_a_stroke_that_agrees_changes_no_other_point(wall):
     points, graph, labels, _ = wall
     stroke = np.linalg.norm(points.positions[:, :2] - [15, 10], axis=1) < 5
     corrected = spread(labels, graph, constraints(points, stroke, 0, 1))
     assert (corrected.classes == labels.classes).all()
+    np.testing.assert_allclose(corrected.probabilities[~stroke], labels.probabilities[~stroke], atol=1e-8)
 
 
 def test_not_this_object_leaves_it_to_the_labels_which_other_it_is(wall):
