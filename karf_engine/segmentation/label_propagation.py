@@ -252,7 +252,8 @@ class _Propagation:
     def _with_patches(self, x: np.ndarray) -> np.ndarray:
         """Let patches in doubt follow what surrounds them; all other points are as they were."""
         solved = self._smooth(x, LEAST_HELD + HELD * _margin(x), x)
-        changed = solved.argmax(1) != x.argmax(1)
+        before, after = x.argmax(1), solved.argmax(1)
+        changed = (before != after) & (before * after == 0)  # only the background's colors counted untested
         together = changed & (self.graph @ changed >= TOGETHER * np.asarray(self.graph.sum(1)).ravel())
         return np.where(together[:, None], solved, x)
 
