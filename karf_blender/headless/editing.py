@@ -6,7 +6,7 @@ from pathlib import Path
 import bpy
 
 from .. import steps
-from ..engine_api import Edit, ObjectMatch, hex_to_rgb
+from ..engine_api import REACH, Edit, ObjectMatch, hex_to_rgb
 from ..swatches import edits
 from ..tasks import runner
 from .context import scene_of
@@ -79,7 +79,7 @@ def add_color(
     object_name: str,
     picked: Color,
     color: Color | None = None,
-    reach: float = 1.0,
+    reach: float = REACH,
     scene: bpy.types.Scene | None = None,
 ) -> int:
     """Give an object one more swatch, which changes only what has the pigment of a color that it shows.

@@ -4,7 +4,7 @@ import bpy
 from bpy.props import FloatProperty, StringProperty
 
 from .. import steps
-from ..engine_api import MOST_REACH
+from ..engine_api import MOST_REACH, REACH
 from ..host import windows
 from ..host.words import tell
 from ..properties.colors import srgb
@@ -24,7 +24,7 @@ class KARF_OT_add_color(PreparedStep, bpy.types.Operator):
     picked: srgb("Picked", 0.5, description="A color of the object, as the photos show it", options={"SKIP_SAVE"})
     reach: FloatProperty(
         name="Reach",
-        default=1.0,
+        default=REACH,
         min=0.05,
         max=MOST_REACH,
         soft_max=2.0,

@@ -12,7 +12,7 @@ from bpy.props import (
 )
 
 from .. import progress
-from ..engine_api import BRIGHTEST, MOST_REACH, KarfError
+from ..engine_api import BRIGHTEST, MOST_REACH, REACH, KarfError
 from ..swatches import becomes, edits, groups, recolor, wishes
 from .colors import srgb
 
@@ -79,7 +79,7 @@ class KARF_PG_swatch(bpy.types.PropertyGroup):
     is_added: BoolProperty(description="The artist has added this color; its pigment has a set of swatches behind it")
     reach: FloatProperty(
         name="Reach",
-        default=1.0,
+        default=REACH,
         min=0.05,
         max=MOST_REACH,
         soft_max=2.0,

@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from ..engine_api import MOST_ADDED, AddedColor, BadRequest, rgb_to_hex, srgb_to_lab
+from ..engine_api import MOST_ADDED, REACH, AddedColor, BadRequest, rgb_to_hex, srgb_to_lab
 from ..swatches import colors, edits, groups, keyframes, pigments, planes, recolor
 
 Swatch = tuple[str, int]
@@ -89,7 +89,7 @@ def color_at(scene: bpy.types.Scene, name: str, place: tuple[float, float]) -> n
     return np.clip(own / own.sum() @ learned, 0, 1)
 
 
-def add_color(scene: bpy.types.Scene, name: str, picked: np.ndarray, reach: float = 1.0) -> int:
+def add_color(scene: bpy.types.Scene, name: str, picked: np.ndarray, reach: float = REACH) -> int:
     """Give an object one more swatch, for the pigment of a color that it shows; the picture stays as it is.
 
     Args:

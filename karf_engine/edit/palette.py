@@ -24,7 +24,7 @@ EDIT_SCHEMA = "karf-edit/1"
 COMPOSITING_MODES = ("delta", "paper")
 MOST_OBJECTS, MOST_COLORS = 255, 64
 MOST_ADDED = 16  # colors of an object
-MOST_REACH = 4.0
+REACH, MOST_REACH = 0.5, 4.0  # of an added color: where nothing is said, and at most
 BRIGHTEST = 2.0  # of an edited color: a swatch may be brighter than white, its mixtures are clipped
 
 
@@ -56,7 +56,7 @@ class AddedColor:
     """
 
     picked: np.ndarray
-    reach: float = 1.0
+    reach: float = REACH
 
 
 @dataclass(frozen=True)
@@ -234,7 +234,7 @@ def _added(entry: Any, where: str, size: int) -> tuple[AddedColor, np.ndarray]:
     """An added color and its set [size, 3], the wanted color first."""
     if not isinstance(entry, dict):
         raise DataError(f"{where} has the added color {entry!r:.200}.", "Add colors again, and save the edit.")
-    reach, colors = entry.get("reach", 1.0), _list(entry.get("colors"), f"{where}: an added color", MOST_COLORS)
+    reach, colors = entry.get("reach", REACH), _list(entry.get("colors"), f"{where}: an added color", MOST_COLORS)
     if not _is_number(reach) or not 0 < reach <= MOST_REACH:
         raise DataError(f"{where} has the reach {reach!r:.200}.", f"Write a number above 0, up to {MOST_REACH:g}.")
     if len(colors) != size:

@@ -11,7 +11,17 @@ import numpy as np
 from ..edit.added import solve_set
 from ..edit.becomes import match_becomes, match_fewest, nearest_weights
 from ..edit.object_colors import read_object_colors
-from ..edit.palette import BRIGHTEST, MOST_ADDED, MOST_REACH, AddedColor, Edit, Palette, hex_to_rgb, read_palettes
+from ..edit.palette import (
+    BRIGHTEST,
+    MOST_ADDED,
+    MOST_REACH,
+    REACH,
+    AddedColor,
+    Edit,
+    Palette,
+    hex_to_rgb,
+    read_palettes,
+)
 from ..edit.palette_files import read_edit_file, write_edit_file
 from ..errors import BadRequest
 from ..settings import from_dict
@@ -54,14 +64,15 @@ class ProjectEdit(Edit):
         sets = self.colors[name][len(colors) :]
         return replace(self, colors=self.colors | {name: np.concatenate([colors, sets])})
 
-    def add_color(self, name: str, picked: Color, wanted: Color, reach: float = 1.0) -> ProjectEdit:
+    def add_color(self, name: str, picked: Color, wanted: Color, reach: float = REACH) -> ProjectEdit:
         """Let one pigment of an object have a color of its own, and leave it out of what the swatches change.
 
         Args:
             name: the object.
             picked: the pigment, as photos show it.
             wanted: the color that it shall have; numbers may go up to 2, brighter than white.
-            reach: how far around its hue, or in chroma where it is grey, other colors are of it: over 0 up to 4.
+            reach: how far around its hue, or in chroma where it is grey, other colors are of it: over 0 up to 4; 1 is as far as
+                `becomes` reaches.
 
         Raises:
             BadRequest: there is no such object, it has 16 added colors already, the pigment is black, or the reach
