@@ -34,8 +34,11 @@ class KARF_OT_add_color(PreparedStep, bpy.types.Operator):
         description="How far around its hue (of a gray: its chroma) colors of the object are of this pigment",
     )
 
-    @reports_errors
     def invoke(self, context, event):
+        return self._wait(context)
+
+    @reports_errors
+    def _wait(self, context):
         if not list(_pictures(context)):
             raise BadRequest("No Image Editor shows the recolored picture.", "Open one, and press Show in step 6.")
         context.window_manager.modal_handler_add(self)
