@@ -13,6 +13,7 @@ from .hands import Wait
 STEP = 4  # pixels between two looks for an edge
 PICKER = 206  # its width; pixels of the screen, as all here
 WHEEL = 91, 223  # from the picker's left edge, and from the swatch's upper one, to the middle of the wheel
+STATUS_BAR = 8  # pixels from the window's lower edge
 
 
 def swatch(name: str, index: int) -> str:
@@ -65,11 +66,12 @@ def open_picker(name: str, index: int) -> Generator[float, None, hands.Place]:
 
 def _edge(place: hands.Place, step: tuple[int, int], pattern: str) -> Generator[float, None, hands.Place]:
     """The last place on a way that still is the swatch's."""
-    while re.search(pattern, hands.meaning(acts.SIDEBAR)):
-        place = place[0] + step[0], place[1] + step[1]
+    while True:
         yield from hands.move(place)
         yield 0.1
-    return place[0] - step[0], place[1] - step[1]
+        if not re.search(pattern, hands.meaning(acts.SIDEBAR)):
+            return place[0] - step[0], place[1] - step[1]
+        place = place[0] + step[0], place[1] + step[1]
 
 
 def way(start: hands.Place, offset: tuple[int, int], steps: int) -> list[hands.Place]:
@@ -81,8 +83,8 @@ def way(start: hands.Place, offset: tuple[int, int], steps: int) -> list[hands.P
 
 
 def close_picker() -> Wait:
-    """Click beside the picker."""
-    outside = hands.middle_of(acts.PICTURE)
+    """Click beside the picker, on the status bar: where the picker went when the mouse did, a click means nothing there."""
+    outside = hands.window().width // 2, STATUS_BAR
     yield from hands.move(outside)
     yield from hands.click(outside)
     yield 0.3
