@@ -41,7 +41,12 @@ def picture_in(region: bpy.types.Region) -> Rectangle:
 
 def shows_result(context: bpy.types.Context) -> bool:
     """Whether the context's editor is an Image Editor that shows the scene's result image."""
-    space, result = context.space_data, context.scene.karf.result
+    return is_result(context.scene, context.space_data)
+
+
+def is_result(scene: bpy.types.Scene, space: bpy.types.Space | None) -> bool:
+    """Whether a space is an Image Editor that shows a scene's result image."""
+    result = scene.karf.result
     return space is not None and space.type == "IMAGE_EDITOR" and result is not None and space.image == result
 
 
