@@ -4,6 +4,7 @@ import bpy
 import gpu
 from gpu_extras.presets import draw_circle_2d
 
+from ..pictures import editors
 from ..project import disk
 
 MARGIN = 0.95  # of the editor that a picture fills
@@ -117,14 +118,12 @@ def take_up(context: bpy.types.Context, area: bpy.types.Area) -> None:
 
 def fit(area: bpy.types.Area) -> None:
     """Let an Image Editor show its whole picture beside its sidebar and toolbar, which may lie over it."""
-    space = area.spaces.active
+    width, height = area.spaces.active.image.size
     region, (x0, y0, x1, y1) = _free(area)
-    zoom = MARGIN * min((x1 - x0) / space.image.size[0], (y1 - y0) / space.image.size[1])
-    aside = x0 + x1 - 2 * region.x - region.width, y0 + y1 - 2 * region.y - region.height
-    with bpy.context.temp_override(area=area, region=region):
-        bpy.ops.image.view_all()  # to its middle
-        space.zoom_percentage = 100 * zoom
-        bpy.ops.image.view_pan(offset=tuple(-value / 2 / zoom for value in aside))
+    zoom = MARGIN * min((x1 - x0) / width, (y1 - y0) / height)
+    x, y = (x0 + x1) / 2 - region.x, (y0 + y1) / 2 - region.y
+    half = zoom * width / 2, zoom * height / 2
+    editors.place(area, (x - half[0], y - half[1]), (x + half[0], y + half[1]))
 
 
 def _free(area: bpy.types.Area) -> tuple[bpy.types.Region, tuple[int, int, int, int]]:
