@@ -10,7 +10,7 @@ from . import acts, desk, hands
 from .acts import Story
 from .hands import Wait
 
-STEP = 4  # pixels between two looks for an edge
+STEP, STEPS = 4, 200  # pixels between two looks for an edge, and so many looks at most
 PICKER = 206  # its width; pixels of the screen, as all here
 WHEEL = 91, 223  # from the picker's left edge, and from the swatch's upper one, to the middle of the wheel
 STATUS_BAR = 8  # pixels from the window's lower edge
@@ -66,12 +66,13 @@ def open_picker(name: str, index: int) -> Generator[float, None, hands.Place]:
 
 def _edge(place: hands.Place, step: tuple[int, int], pattern: str) -> Generator[float, None, hands.Place]:
     """The last place on a way that still is the swatch's."""
-    while True:
+    for _ in range(STEPS):
         yield from hands.move(place)
         yield 0.1
         if not re.search(pattern, hands.meaning(acts.SIDEBAR)):
             return place[0] - step[0], place[1] - step[1]
         place = place[0] + step[0], place[1] + step[1]
+    raise acts.Broken("the swatch has no edge: a popup is open, which answers for every place")
 
 
 def way(start: hands.Place, offset: tuple[int, int], steps: int) -> list[hands.Place]:
