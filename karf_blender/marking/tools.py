@@ -7,6 +7,7 @@ from gpu_extras.presets import draw_circle_2d
 from ..pictures import editors
 from ..project import disk
 
+BLENDERS = "builtin.sample"  # the first tool of the Image Editor
 MARGIN = 0.95  # of the editor that a picture fills
 
 
@@ -150,7 +151,20 @@ def register():
         after = {tool.bl_idname}
 
 
+def lay_down() -> None:
+    """Take up Blender's first tool in the Image Editors that have one of these: Blender would draw its cursor on."""
+    for window in bpy.data.window_managers[0].windows:
+        tool = window.workspace.tools.from_space_image_mode("VIEW")
+        if tool is None or tool.idname not in {each.bl_idname for each in TOOLS}:
+            continue
+        for area in window.screen.areas:
+            if area.type == "IMAGE_EDITOR":
+                with bpy.context.temp_override(window=window, area=area):
+                    bpy.ops.wm.tool_set_by_id(name=BLENDERS, space_type="IMAGE_EDITOR")
+
+
 def unregister():
     """Called when the extension is disabled."""
+    lay_down()
     for tool in reversed(TOOLS):
         bpy.utils.unregister_tool(tool)

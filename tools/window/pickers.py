@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import time
 from collections.abc import Generator
 
 from . import acts, desk, hands
@@ -50,28 +48,16 @@ def open_picker(name: str, index: int) -> Generator[float, None, hands.Place]:
     The picker lies above the swatch, both left edges in line, or the right ones where the window ends before.
     """
     field = yield from hands.find(acts.SIDEBAR, swatch(name, index), 0.2)
-    begin = time.monotonic()
     ends = []
-    for way_to in ((-STEP, 0), (STEP, 0), (0, STEP)):
-        ends.append((yield from _edge(field, way_to, swatch(name, index))))
+    for step in ((-STEP, 0), (STEP, 0), (0, STEP)):
+        ends.append((yield from hands.edge(acts.SIDEBAR, swatch(name, index), field, step)))
     (left, _), (right, _), (_, top) = ends
-    hands.looked(begin)
     yield from hands.click(field)
     yield 0.3
     start = left if right + PICKER < hands.window().width else right - PICKER
     middle = start + WHEEL[0], top + WHEEL[1]
     yield from hands.move(middle)
     return middle
-
-
-def _edge(place: hands.Place, step: tuple[int, int], pattern: str) -> Generator[float, None, hands.Place]:
-    """The last place on a way that still is the swatch's."""
-    while True:
-        yield from hands.move(place)
-        yield 0.1
-        if not re.search(pattern, hands.meaning(acts.SIDEBAR)):
-            return place[0] - step[0], place[1] - step[1]
-        place = place[0] + step[0], place[1] + step[1]
 
 
 def way(start: hands.Place, offset: tuple[int, int], steps: int) -> list[hands.Place]:
