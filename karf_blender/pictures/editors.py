@@ -27,6 +27,11 @@ def reveal(image: bpy.types.Image, is_wanted: bool = False) -> None:
             editor.image = image
 
 
+def is_shown(image: bpy.types.Image) -> bool:
+    """Whether an Image Editor of an open window shows this image."""
+    return any(area.spaces.active.image == image for area in windows.areas("IMAGE_EDITOR"))
+
+
 def set_mode(image: bpy.types.Image, mode: str) -> None:
     """Switch the Image Editors that show this image to `PAINT` or `VIEW`."""
     for area in windows.areas("IMAGE_EDITOR"):

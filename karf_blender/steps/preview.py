@@ -1,7 +1,8 @@
 """Live Camera: what the scene's camera sees, rendered by the warm engine while it or the rig moves.
 
 A coarse picture comes first, finer ones while the camera stands still; swatches change each in Blender alone. One timer
-looks at the camera, so that whatever moves it counts: the mouse, keyframes, drivers, parents, constraints.
+looks at the camera, so that whatever moves it counts: the mouse, keyframes, drivers, parents, constraints. While no
+editor shows the picture, nothing is rendered.
 """
 
 import json
@@ -17,6 +18,7 @@ from bpy.app.handlers import persistent
 
 from ..engine_api import BadRequest, Camera, KarfError, camera_to_json, read_planes
 from ..host import handlers, rendering, windows
+from ..host.words import shown
 from ..pictures import editors, images
 from ..rig import frames
 from ..swatches import colors
@@ -26,6 +28,7 @@ from ..tasks.ownership import Owner
 from .cameras import camera_of
 
 IMAGE_NAME = f"{editors.PREFIX} camera"
+UNSEEN = shown("No Image Editor shows the picture KaRF camera, so it is not rendered. Choose it in one.")
 KIND = "preview"
 COARSE_SIDE = 96  # pixels
 LOOK_SECONDS = 0.03
@@ -44,6 +47,7 @@ class _Live:
         view: The planes that came last.
         colors: The swatches that they are shown with.
         message: Why there is no picture; empty where there is one.
+        is_seen: An editor shows the picture.
     """
 
     owner: Owner
@@ -54,6 +58,7 @@ class _Live:
     view: ShownView | None = None
     colors: bytes = b""
     message: str = "The engine starts"
+    is_seen: bool = True
 
 
 class _Memory:
@@ -68,12 +73,15 @@ def is_live() -> bool:
 
 
 def message() -> str:
-    """Why the followed camera has no picture; empty where it has one."""
-    return _Memory.live.message if _Memory.live else ""
+    """Why the followed camera has no picture, or an old one; empty where it has one."""
+    live = _Memory.live
+    if live is None:
+        return ""
+    return live.message if live.is_seen else UNSEEN
 
 
 def start(scene: bpy.types.Scene) -> None:
-    """Follow the scene's camera.
+    """Follow the scene's camera, whose picture is shown in the Image Editors that are free.
 
     Raises:
         BadRequest: There is no window, or no camera.
@@ -81,6 +89,9 @@ def start(scene: bpy.types.Scene) -> None:
     if bpy.app.background:
         raise BadRequest("Live Camera needs a window.", "Write a picture instead: headless.preview_camera.")
     camera_of(scene, None)
+    image = bpy.data.images.get(IMAGE_NAME)
+    if image is not None:
+        editors.reveal(image, is_wanted=True)
     _Memory.live = _Live(Owner.of(scene))
     if not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=0.0, persistent=True)
@@ -130,18 +141,27 @@ def _tick() -> float | None:
         stop()
         windows.redraw(*windows.PANEL_AREAS)
         return None
-    before = live.message
+    before = message()
+    live.is_seen = _is_seen(live)
     if not rendering.is_over() or runner.is_running():
         live.text = ""  # what a task learns changes the picture, and meanwhile the cores are its own
-    else:
+    elif live.is_seen:
         try:
             _look(live, scene)
             _follow_swatches(live, scene)
         except KarfError as error:
             _say(live, error)
-    if live.message != before:
+    if message() != before:
         windows.redraw(*windows.PANEL_AREAS)
     return LOOK_SECONDS
+
+
+def _is_seen(live: _Live) -> bool:
+    """Whether an editor shows the picture; one that is not there yet, or that undo took, is shown when it comes."""
+    image = bpy.data.images.get(IMAGE_NAME)
+    if image is None:
+        live.colors = b""
+    return image is None or editors.is_shown(image)
 
 
 def _look(live: _Live, scene: bpy.types.Scene) -> None:
@@ -172,11 +192,8 @@ def _take(asked: Wanted, scene: bpy.types.Scene, answer: dict[str, Any]) -> None
     view, live = _taken(answer), _Memory.live
     if live is None or live.asked != asked:
         return
-    is_first = live.view is None
     live.asked, live.view, live.message = None, view, ""
     _show(live, scene)
-    if is_first:
-        editors.reveal(bpy.data.images[IMAGE_NAME], is_wanted=True)
 
 
 def _follow_swatches(live: _Live, scene: bpy.types.Scene) -> None:
@@ -188,7 +205,10 @@ def _show(live: _Live, scene: bpy.types.Scene) -> None:
     """Put the planes, with the swatches as they stand, into the camera's image, coarse ones enlarged."""
     live.colors = _colors(scene)
     size = live.camera.width, live.camera.height
-    image = bpy.data.images.get(IMAGE_NAME) or images.new_image(IMAGE_NAME, *size)
+    image = bpy.data.images.get(IMAGE_NAME)
+    if image is None:
+        image = images.new_image(IMAGE_NAME, *size)
+        editors.reveal(image, is_wanted=True)
     images.fit(image, *size)
     images.upload(image, images.enlarged(_picture(live.view, scene), *size))
 

@@ -657,6 +657,9 @@ TEXTS = {
     "Live Camera": "实时相机",
     "Show what the scene's camera sees in the Image Editor, coarse while it moves, fine when it stands still; swatches "
     "change it at once": "在图像编辑器中显示场景相机所见，移动时粗略，静止时精细；色板变化立即生效",
+    "No Image Editor shows the picture KaRF camera, so it is not rendered. Choose it in one.": (
+        "没有图像编辑器显示画面“KaRF camera”，因此不渲染它。请在某个图像编辑器中选择它。"
+    ),
     "Of the followed camera's picture": "所跟随相机的画面的",
     "The engine is at work": "引擎正在工作",
     "KaRF Wipe": "KaRF 擦拭对比",

@@ -37,8 +37,10 @@ def live(bpy, addon, learned, monkeypatch):
             time.sleep(0.01)
         return sides[known:]
 
+    area = bpy.data.window_managers[0].windows[0].screen.areas[0]
+    area.type = "IMAGE_EDITOR"
     addon.preview.start(learned)
-    return SimpleNamespace(look=look, scene=learned, sides=sides)
+    return SimpleNamespace(look=look, scene=learned, sides=sides, editor=area.spaces.active)
 
 
 def picture(bpy, addon):
@@ -80,6 +82,28 @@ def test_the_picture_follows_swatches_without_the_engine(bpy, addon, live):
     addon.preview._tick()
     assert addon.warm._Memory.engine is None
     assert np.allclose(picture(bpy, addon) - before, [0, 0.4 * 0.25 * 255, 0], atol=1.5)
+
+
+def test_nothing_is_rendered_while_no_editor_shows_the_picture_and_it_goes_on_when_one_does(bpy, addon, live):
+    live.look(3)
+    live.editor.image = bpy.data.images.new("another", 8, 8)
+    live.scene.camera.location *= 0.5
+    for _ in range(5):
+        addon.preview._tick()
+    assert not addon.warm.is_waiting("preview")
+    assert "No Image Editor shows the picture KaRF camera" in addon.preview.message()
+    live.editor.image = bpy.data.images["KaRF camera"]
+    assert live.look(3) == [96, LONG_SIDE // 2, LONG_SIDE]
+    assert addon.preview.message() == ""
+
+
+def test_a_picture_that_undo_has_taken_comes_back_into_its_editor(bpy, addon, live):
+    live.look(3)
+    before = picture(bpy, addon)
+    bpy.data.images.remove(bpy.data.images["KaRF camera"])
+    addon.preview._tick()
+    assert live.editor.image == bpy.data.images["KaRF camera"]
+    assert np.array_equal(picture(bpy, addon), before)
 
 
 def test_the_files_of_answers_are_removed(addon, live):
