@@ -6,8 +6,6 @@ from gpu_extras.presets import draw_circle_2d
 
 from ..project import disk
 
-MARGIN = 0.95  # of the editor that a picture fills
-
 
 def _mark(operator: str, does: str = "ADD", **keys) -> tuple:
     return operator, {"type": "LEFTMOUSE", "value": "PRESS", **keys}, {"properties": [("does", does)]}
@@ -113,34 +111,6 @@ def take_up(context: bpy.types.Context, area: bpy.types.Area) -> None:
         region = next(region for region in area.regions if region.type == "WINDOW")
         with context.temp_override(area=area, region=region):
             bpy.ops.wm.tool_set_by_id(name=Box.bl_idname, space_type="IMAGE_EDITOR")
-
-
-def fit(area: bpy.types.Area) -> None:
-    """Let an Image Editor show its whole picture beside its sidebar and toolbar, which may lie over it."""
-    space = area.spaces.active
-    region, (x0, y0, x1, y1) = _free(area)
-    zoom = MARGIN * min((x1 - x0) / space.image.size[0], (y1 - y0) / space.image.size[1])
-    aside = x0 + x1 - 2 * region.x - region.width, y0 + y1 - 2 * region.y - region.height
-    with bpy.context.temp_override(area=area, region=region):
-        bpy.ops.image.view_all()  # to its middle
-        space.zoom_percentage = 100 * zoom
-        bpy.ops.image.view_pan(offset=tuple(-value / 2 / zoom for value in aside))
-
-
-def _free(area: bpy.types.Area) -> tuple[bpy.types.Region, tuple[int, int, int, int]]:
-    """The main region of an editor, and what of it no other covers: left, bottom, right, top in the window."""
-    main = next(region for region in area.regions if region.type == "WINDOW")
-    x0, y0, x1, y1 = main.x, main.y, main.x + main.width, main.y + main.height
-    for region in area.regions:
-        if min(region.width, region.height) <= 1:  # hidden
-            continue
-        if region.alignment == "LEFT":
-            x0 = max(x0, region.x + region.width)
-        elif region.alignment == "RIGHT":
-            x1 = min(x1, region.x)
-        elif region.alignment == "TOP":
-            y1 = min(y1, region.y)
-    return main, (x0, y0, x1, y1)
 
 
 def register():

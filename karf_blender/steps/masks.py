@@ -12,6 +12,7 @@ from ..engine_api import BadRequest, KarfError
 from ..marking import asking, objects, photo, proposals, raster, sheets, tools, volumes
 from ..marking.raster import Place
 from ..marking.sheets import Layer
+from ..pictures import editors
 from ..preferences import state
 from ..project import contents, disk, folders
 
@@ -53,14 +54,13 @@ def begin_marking(window: bpy.types.Window) -> None:
 
 def fit_photo(window: bpy.types.Window) -> None:
     """Show the whole photo to mark, beside the sidebar."""
-    with bpy.context.temp_override(window=window):
-        for area in _photo_editors(window):
-            tools.fit(area)
+    for area in _photo_editors(window):
+        editors.fit(window, area)
 
 
 def _photo_editors(window: bpy.types.Window) -> list[bpy.types.Area]:
-    editors = [area for area in window.screen.areas if area.type == "IMAGE_EDITOR"]
-    return [area for area in editors if photo.is_shown(window.scene, area.spaces.active)]
+    areas = [area for area in window.screen.areas if area.type == "IMAGE_EDITOR"]
+    return [area for area in areas if photo.is_shown(window.scene, area.spaces.active)]
 
 
 # --- marks ---------------------------------------------------------------------------------------------------------

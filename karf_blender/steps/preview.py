@@ -91,7 +91,7 @@ def start(scene: bpy.types.Scene) -> None:
     camera_of(scene, None)
     image = bpy.data.images.get(IMAGE_NAME)
     if image is not None:
-        editors.reveal(image, is_wanted=True)
+        editors.reveal(image, is_wanted=True, is_whole=True)
     _Memory.live = _Live(Owner.of(scene))
     if not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=0.0, persistent=True)
@@ -208,7 +208,7 @@ def _show(live: _Live, scene: bpy.types.Scene) -> None:
     image = bpy.data.images.get(IMAGE_NAME)
     if image is None:
         image = images.new_image(IMAGE_NAME, *size)
-        editors.reveal(image, is_wanted=True)
+        editors.reveal(image, is_wanted=True, is_whole=True)
     images.fit(image, *size)
     images.upload(image, images.enlarged(_picture(live.view, scene), *size))
 
