@@ -23,6 +23,7 @@ class ShownView:
         file: Where they are from.
         written: The file's time, in nanoseconds.
         planes: As stored.
+        is_free: A camera's that has no photo: the base is what is learned.
         pictures: By compositing, once it was asked for: the picture that follows the swatches, and the RGBA buffer
             [H, W, 4] float32 in Blender's row order that it writes to.
     """
@@ -30,6 +31,7 @@ class ShownView:
     file: Path
     written: int
     planes: Planes
+    is_free: bool = False
     pictures: dict[str, tuple[SwatchPicture, np.ndarray]] = field(default_factory=dict)
 
     def picture(self, compositing: str) -> tuple[SwatchPicture, np.ndarray]:
@@ -94,10 +96,14 @@ def composite(scene: bpy.types.Scene) -> np.ndarray:
 def recolored(view: ShownView, scene: bpy.types.Scene) -> np.ndarray:
     """The picture that planes of any view or camera make with the scene's swatches, as `composite` returns it.
 
+    Planes of before palettes were learned show their base.
+
     Raises:
         DataError: The planes belong to other palettes.
     """
     objects = view.planes.objects
+    if not view.planes.palette_weights.shape[1]:
+        return view.picture("delta")[1]
     items = {item.name: item for item in scene.karf.objects}
     if set(objects) != set(items):
         raise DataError(f"{view.file} was made for the objects {', '.join(objects)}.", "Extract the palettes again.")

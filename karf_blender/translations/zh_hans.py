@@ -660,6 +660,13 @@ TEXTS = {
     "No Image Editor shows the picture KaRF camera, so it is not rendered. Choose it in one.": (
         "没有图像编辑器显示画面“KaRF camera”，因此不渲染它。请在某个图像编辑器中选择它。"
     ),
+    "A free camera has no photo: Original is the scene as learned.": "自由相机没有照片：“原图”是学习到的场景。",
+    "There are no palettes yet, so the picture is the scene as learned. Extract Palette, step 5.": (
+        "还没有调色板，因此画面是学习到的场景。请执行第 5 步的“提取调色板”。"
+    ),
+    "Nothing is segmented yet, so there are no masks to show. Segment, step 4.": (
+        "尚未分割，因此没有可显示的遮罩。请执行第 4 步的“分割”。"
+    ),
     "Of the followed camera's picture": "所跟随相机的画面的",
     "The engine is at work": "引擎正在工作",
     "KaRF Wipe": "KaRF 擦拭对比",
