@@ -58,8 +58,12 @@ def shown_view(scene: bpy.types.Scene) -> ShownView:
     """
     file = contents.planes_file(scene)
     if not contents.is_prepared(scene):
-        what = "is older than the palettes" if file.exists() else "does not exist"
-        raise DataError(f"{file} (edit planes) {what}.", "Press Prepare in step 6.")
+        raise DataError(
+            f"{file} (edit planes) is older than the palettes."
+            if file.exists()
+            else f"{file} (edit planes) does not exist.",
+            "Press Prepare in step 6.",
+        )
     return load(file)
 
 

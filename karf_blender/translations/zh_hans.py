@@ -653,6 +653,7 @@ TEXTS = {
     "CIEDE2000 to the picture: {left}": "与画面的 CIEDE2000：{left}",
     "{name}: CIEDE2000 {before} before, {left} left": "{name}：CIEDE2000 之前 {before}，剩余 {left}",
     "{count} marked": "已标记 {count}",
+    "Brush, lasso and box mark without it.": "画笔、套索和框不需要引擎也能标记。",
     # --- live camera
     "Live Camera": "实时相机",
     "Show what the scene's camera sees in the Image Editor, coarse while it moves, fine when it stands still; swatches "
