@@ -26,7 +26,7 @@ MODULES = {
     "project": "captures contents disk folders saving",
     "pictures": "editors images photos sequences chips tints",
     "rig": "camera_paths cameras frames lens looking placement points reprojection",
-    "swatches": "becomes display drawn_over edits free_camera object_masks palettes planes recolor wishes",
+    "swatches": "becomes display drawn_over edits free_camera object_masks palettes pigments planes recolor wishes",
     "marking": "asking following gestures history objects overlay photo png proposals raster sheets tools",
     "steps": "masks preview",
     "tasks": "ownership runner task warm",

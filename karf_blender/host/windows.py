@@ -7,15 +7,15 @@ import bpy
 PANEL_AREAS = ("VIEW_3D", "IMAGE_EDITOR")  # those with the KaRF tab
 
 
-def editors(*kinds: str) -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
-    """The areas of these types, in all windows, each with its window."""
-    for window in bpy.data.window_managers[0].windows:
-        yield from ((window, area) for area in window.screen.areas if area.type in kinds)
-
-
 def areas(*kinds: str) -> Iterator[bpy.types.Area]:
     """The areas of these types, in all windows."""
-    yield from (area for _, area in editors(*kinds))
+    for window in bpy.data.window_managers[0].windows:
+        yield from (area for area in window.screen.areas if area.type in kinds)
+
+
+def window_of(area: bpy.types.Area) -> bpy.types.Window:
+    """The window that an area is in."""
+    return next(window for window in bpy.data.window_managers[0].windows if window.screen == area.id_data)
 
 
 def redraw(*kinds: str) -> None:

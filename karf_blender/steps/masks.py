@@ -57,7 +57,7 @@ def begin_marking(window: bpy.types.Window) -> None:
 def fit_photo(window: bpy.types.Window) -> None:
     """Show the whole photo to mark, beside the sidebar."""
     for area in _photo_editors(window):
-        editors.fit(window, area)
+        editors.fit(area)
 
 
 def _photo_editors(window: bpy.types.Window) -> list[bpy.types.Area]:

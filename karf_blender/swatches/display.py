@@ -14,7 +14,7 @@ import numpy as np
 from ..engine_api import KarfError, ciede2000, srgb_to_lab
 from ..pictures import images, photos
 from ..project import captures, contents, folders
-from . import planes
+from . import pigments, planes
 from .planes import ShownView
 
 PHOTO_SIDE = 800  # pixels at most of a photo that stands in for a view that is not prepared
@@ -150,9 +150,11 @@ def _learned(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
 
 def _weights(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
     seeing = bpy.context.window_manager.karf_seeing
-    objects, weights = view.planes.objects, view.planes.palette_weights
-    k = objects.index(seeing.solo_object) if seeing.solo_object in objects else 0
-    return weights[k, min(seeing.solo_swatch, weights.shape[1] - 1), :, :, None].astype(np.float32)
+    shown = planes.spread(view, scene).planes
+    k = shown.objects.index(seeing.solo_object) if seeing.solo_object in shown.objects else 0
+    number = min(seeing.solo_swatch, shown.palette_weights.shape[1] - 1)
+    weights = shown.palette_weights[k, pigments.paints(scene.karf.objects[shown.objects[k]], number)]
+    return weights.sum(axis=0, dtype=np.float32)[..., None]
 
 
 def _difference(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:

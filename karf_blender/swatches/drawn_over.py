@@ -41,10 +41,16 @@ def picture_in(region: bpy.types.Region) -> Rectangle:
 
 def shows_picture(context: bpy.types.Context) -> bool:
     """Whether the context's editor is an Image Editor that shows the scene's result image, or a followed camera's."""
-    space, result = context.space_data, context.scene.karf.result
+    space = context.space_data
     if space is None or space.type != "IMAGE_EDITOR":
         return False
-    return free_camera.is_in(space) or (result is not None and space.image == result)
+    return free_camera.is_in(space) or is_result(context.scene, space)
+
+
+def is_result(scene: bpy.types.Scene, space: bpy.types.Space | None) -> bool:
+    """Whether a space is an Image Editor that shows a scene's result image."""
+    result = scene.karf.result
+    return space is not None and space.type == "IMAGE_EDITOR" and result is not None and space.image == result
 
 
 def _camera_frame(context: bpy.types.Context) -> Rectangle | None:

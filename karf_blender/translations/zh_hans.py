@@ -610,6 +610,26 @@ TEXTS = {
     ),
     "Swatches of the object that may move this one too.": "也可带动此色板的同一物体的色板。",
     "The number of the object's swatch that moves this one; 0: none": "带动此色板的物体色板的编号；0：无",
+    "Add Color": "添加颜色",
+    "Pick a color of the object in the picture: it becomes one more swatch, which changes only what has this pigment": (
+        "在图片中拾取物体的一种颜色：它成为又一个色板，只改变具有此颜料的部分"
+    ),
+    "Picked": "拾取的颜色",
+    "A color of the object, as the photos show it": "物体在照片中的一种颜色",
+    "Reach": "范围",
+    "How far around its hue (of a gray: its chroma) colors of the object are of this pigment": (
+        "物体的颜色在其色相（灰色则为彩度）周围多大范围内属于此颜料"
+    ),
+    "Click on {name} in the picture to add its color there.  Esc: none": (
+        "在图片中点击 {name}，添加该处的颜色。  Esc：取消"
+    ),
+    "Added as swatch {number}: change its color": "已添加为色板 {number}：请更改其颜色",
+    "Take this added color away: its pigment follows the other swatches again": (
+        "移除此添加的颜色：其颜料重新跟随其他色板"
+    ),
+    "The artist has added this color; its pigment has a set of swatches behind it": (
+        "此颜色由艺术家添加；其颜料另有一组色板"
+    ),
     "Copy": "复制",
     "Paste": "粘贴",
     "Remove": "移除",

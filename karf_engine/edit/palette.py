@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,8 @@ PALETTE_SCHEMA = "karf-palette/1"
 EDIT_SCHEMA = "karf-edit/1"
 COMPOSITING_MODES = ("delta", "paper")
 MOST_OBJECTS, MOST_COLORS = 255, 64
+MOST_ADDED = 16  # colors of an object
+REACH, MOST_REACH = 0.5, 4.0  # of an added color: where nothing is said, and at most
 BRIGHTEST = 2.0  # of an edited color: a swatch may be brighter than white, its mixtures are clipped
 
 
@@ -45,12 +47,27 @@ class Palette:
 
 
 @dataclass(frozen=True)
+class AddedColor:
+    """A color of an object that is none of its swatches, and shall have one; see `edit.added`.
+
+    Attributes:
+        picked: The color as learned, sRGB [3] in [0, 1]; not black.
+        reach: How far around its hue it counts, in (0, MOST_REACH]; 1 is as far as *Becomes* reaches.
+    """
+
+    picked: np.ndarray
+    reach: float = REACH
+
+
+@dataclass(frozen=True)
 class Edit:
     """What the artist wants.
 
     Attributes:
-        colors: The edited palette of every object by its name, [M, 3] sRGB in [0, BRIGHTEST].
+        colors: The edited palette of every object by its name, [M, 3] sRGB in [0, BRIGHTEST]; with A added colors
+            [M (1 + A), 3], the sets of these behind it.
         compositing: How planes become the picture, `delta` or `paper` (see `edit.compositing`).
+        added: The added colors of objects that have some, by name.
 
     Examples:
         >>> edit = Edit({"pot": np.stack([hex_to_rgb("#000000"), hex_to_rgb("#3059b8")])})
@@ -60,6 +77,7 @@ class Edit:
 
     colors: dict[str, np.ndarray]
     compositing: str = "delta"
+    added: dict[str, tuple[AddedColor, ...]] = field(default_factory=dict)
 
 
 def hex_to_rgb(text: str) -> np.ndarray:
@@ -187,7 +205,7 @@ def read_edit(path: Path, palettes: Sequence[Palette], compositing: str = "delta
     objects = content.get("objects", {})
     if not isinstance(objects, dict):
         raise DataError(f"{path}: 'objects' is not a table of objects.", 'Write {"name": {"colors": [...]}}.')
-    colors = {palette.name: palette.colors.copy() for palette in palettes}
+    colors, added = {palette.name: palette.colors.copy() for palette in palettes}, {}
     for name, entry in objects.items():
         if name not in colors:
             raise DataError(f"{path} edits the unknown object {name!r:.200}.", f"Objects are: {', '.join(colors)}.")
@@ -203,7 +221,29 @@ def read_edit(path: Path, palettes: Sequence[Palette], compositing: str = "delta
                 colors[name][index] = _triple(value, where, BRIGHTEST)
         if colors[name][0].any():
             raise DataError(f"{where} changes entry 0.", "Entry 0 is black and frozen; write null or #000000 there.")
-    return Edit(colors, compositing)
+        if "added" in entry:
+            sets = [
+                _added(each, where, len(entries)) for each in _list(entry["added"], f"{where}: 'added'", MOST_ADDED)
+            ]
+            added[name] = tuple(each for each, _ in sets)
+            colors[name] = np.concatenate([colors[name], *(own for _, own in sets)])
+    return Edit(colors, compositing, added)
+
+
+def _added(entry: Any, where: str, size: int) -> tuple[AddedColor, np.ndarray]:
+    """An added color and its set [size, 3], the wanted color first."""
+    if not isinstance(entry, dict):
+        raise DataError(f"{where} has the added color {entry!r:.200}.", "Add colors again, and save the edit.")
+    reach, colors = entry.get("reach", REACH), _list(entry.get("colors"), f"{where}: an added color", MOST_COLORS)
+    if not _is_number(reach) or not 0 < reach <= MOST_REACH:
+        raise DataError(f"{where} has the reach {reach!r:.200}.", f"Write a number above 0, up to {MOST_REACH:g}.")
+    if len(colors) != size:
+        raise DataError(
+            f"{where} has an added color of {len(colors)} colors, its palette has {size}.",
+            "Give the wanted color, then one color per swatch.",
+        )
+    picked = _triple(entry.get("picked"), where, 1)
+    return AddedColor(picked, float(reach)), np.stack([_triple(value, where, BRIGHTEST) for value in colors])
 
 
 def write_edit(path: Path, edit: Edit) -> None:
@@ -218,8 +258,19 @@ def write_edit(path: Path, edit: Edit) -> None:
         >>> again.compositing, rgb_to_hex(again.colors["pot"][1])
         ('paper', '#001aff')
     """
-    objects = {name: {"colors": _rows(colors)} for name, colors in edit.colors.items()}
+    objects = {name: _object(colors, edit.added.get(name, ())) for name, colors in edit.colors.items()}
     write_json(path, {"schema": EDIT_SCHEMA, "compositing": edit.compositing, "objects": objects})
+
+
+def _object(colors: np.ndarray, added: Sequence[AddedColor]) -> dict[str, Any]:
+    palette, *sets = np.split(np.asarray(colors), 1 + len(added))
+    if not sets:
+        return {"colors": _rows(palette)}
+    listed = [
+        {"picked": _rows(each.picked[None])[0], "reach": float(each.reach), "colors": _rows(own)}
+        for each, own in zip(added, sets, strict=True)
+    ]
+    return {"colors": _rows(palette), "added": listed}
 
 
 def _read_schema(path: Path, what: str, schema: str) -> dict[str, Any]:

@@ -11,7 +11,7 @@ def editor(bpy, addon, learned, monkeypatch):
     area.type = "IMAGE_EDITOR"
     space = area.spaces.active
     fitted = []
-    monkeypatch.setattr(addon.editors, "fit", lambda window, area: fitted.append(area.spaces.active.image.name))
+    monkeypatch.setattr(addon.editors, "fit", lambda area: fitted.append(area.spaces.active.image.name))
     yield space, fitted
     space.image = None
 
@@ -43,7 +43,7 @@ def test_an_editor_with_a_picture_that_cannot_be_read_is_left_alone(bpy, addon, 
     area = window.screen.areas[0]
     area.type = "IMAGE_EDITOR"
     area.spaces.active.image = bpy.data.images.load(str(_damaged(addon, tmp_path)))
-    addon.editors.fit(window, area)
+    addon.editors.fit(area)
 
 
 def _damaged(addon, folder):

@@ -116,6 +116,15 @@ TEXTS = {
     "Swatch {0} of {1} cannot be merged into {2}.": "{1} 的色板 {0} 不能合并到 {2}。",
     "Choose another swatch.": "请选择另一个色板。",
     "Choose another swatch of this object that is shown.": "请选择此物体的另一个已显示的色板。",
+    "A color that was added to {0} is locked.": "添加到 {0} 的一个颜色已锁定。",
+    "Swatch {0} of {1} was added: it cannot be merged.": "{1} 的色板 {0} 是添加的：不能合并。",
+    "Swatch {0} of {1} was learned: it stays.": "{1} 的色板 {0} 是学习到的：它会保留。",
+    "Remove it in its menu.": "请在其菜单中移除它。",
+    "Remove one of them in its menu.": "请在其菜单中移除其中一个。",
+    "Merge it into another in its menu.": "请在其菜单中将其合并到另一个。",
+    "{0} is not there in {1}.": "{1} 中没有 {0}。",
+    "Click on it in the picture.": "请在画面中点击它。",
+    "{0} colors were added to {1}.": "{1} 已添加 {0} 个颜色。",
     "The clipboard has no color.": "剪贴板中没有颜色。",
     "Copy one as #rrggbb; several, with anything between, for all swatches.": (
         "请以 #rrggbb 复制一个颜色；要用于所有色板，请复制多个，之间可有任意字符。"
@@ -165,6 +174,9 @@ TEXTS = {
     "The swatches of {0} are of other palettes than the {1}: the sockets begin as learned. Choose the project anew in "
     "step 1 to bring its palettes, then build again.": (
         "{0} 的色板与 {1} 属于不同的调色板：插口从学习到的颜色开始。请在第 1 步重新选择项目以引入其调色板，然后重新构建。"
+    ),
+    "Colors that were added to {0} are not in the {1}: build again to have them there.": (
+        "添加到 {0} 的颜色不在 {1} 中：请重新构建以将其加入。"
     ),
     "{0} has no layer {1}.": "{0} 没有图层 {1}。",
     "Render the layers again.": "请重新渲染图层。",
