@@ -1,10 +1,12 @@
 """Step 6: a color of an object is picked in the picture and becomes one more swatch."""
 
+from collections.abc import Iterator
+
 import bpy
 from bpy.props import FloatProperty, StringProperty
 
 from .. import steps
-from ..engine_api import MOST_REACH, REACH
+from ..engine_api import MOST_REACH, REACH, BadRequest
 from ..host import windows
 from ..host.words import tell
 from ..properties.colors import srgb
@@ -33,6 +35,12 @@ class KARF_OT_add_color(PreparedStep, bpy.types.Operator):
     )
 
     def invoke(self, context, event):
+        return self._wait(context)
+
+    @reports_errors
+    def _wait(self, context):
+        if not list(_pictures(context)):
+            raise BadRequest("No Image Editor shows the recolored picture.", "Open one, and press Show in step 6.")
         context.window_manager.modal_handler_add(self)
         context.window.cursor_modal_set("EYEDROPPER")
         context.workspace.status_text_set(
@@ -79,13 +87,19 @@ class KARF_OT_remove_color(OneSwatch, bpy.types.Operator):
 
 def _place_in_picture(context: bpy.types.Context, event: bpy.types.Event) -> tuple[float, float]:
     """Where the mouse is in the picture, from its lower left corner to its upper right one; beside it, out of 0 to 1."""
-    for area in context.screen.areas:
-        region = next(region for region in area.regions if region.type == "WINDOW")
+    for region in _pictures(context):
         x, y = event.mouse_x - region.x, event.mouse_y - region.y
-        if 0 <= x < region.width and 0 <= y < region.height and drawn_over.is_result(context.scene, area.spaces.active):
+        if 0 <= x < region.width and 0 <= y < region.height:
             left, bottom, right, top = drawn_over.picture_in(region)
             return (x - left) / max(1, right - left), (y - bottom) / max(1, top - bottom)
     return -1.0, -1.0
+
+
+def _pictures(context: bpy.types.Context) -> Iterator[bpy.types.Region]:
+    """The main regions of the Image Editors that show the result image."""
+    for area in context.screen.areas:
+        if drawn_over.is_result(context.scene, area.spaces.active):
+            yield next(region for region in area.regions if region.type == "WINDOW")
 
 
 CLASSES = (KARF_OT_add_color, KARF_OT_remove_color)

@@ -61,8 +61,13 @@ def merge_swatch(scene: bpy.types.Scene, name: str, index: int, into: int | None
 
 
 def split_swatch(scene: bpy.types.Scene, name: str, index: int) -> None:
-    """Show the swatches again that were merged into one; each moves by itself, colors stay."""
-    edits.swatch_at(scene, name, index)
+    """Show the swatches again that were merged into one; each moves by itself, colors stay.
+
+    Raises:
+        BadRequest: There is no such swatch, or it was added.
+    """
+    if edits.swatch_at(scene, name, index).is_added:
+        raise BadRequest(f"Swatch {index} of {name!r} was added: nothing is merged into it.", "Remove it in its menu.")
     groups.split(edits.object_named(scene, name), index)
 
 

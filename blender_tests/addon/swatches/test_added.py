@@ -25,7 +25,7 @@ def pots(addon, learned):
 
 def shown(addon, scene):
     """The result image's two halves, sRGB [2, 3] of the pixels in their middle."""
-    pixels = addon.images.upright(addon.images.pixels(scene.karf.result))[8, [6, 18], :3]
+    pixels = addon.images.pixels(scene.karf.result)[8, [6, 18], :3]
     return np.array(pixels)
 
 
