@@ -125,6 +125,9 @@ TEXTS = {
     "{0} is not there in {1}.": "{1} 中没有 {0}。",
     "Click on it in the picture.": "请在画面中点击它。",
     "{0} colors were added to {1}.": "{1} 已添加 {0} 个颜色。",
+    "Swatch {0} of {1} was added: nothing is merged into it.": "{1} 的色板 {0} 是添加的：不能合并到它。",
+    "No Image Editor shows the recolored picture.": "没有图像编辑器显示重新着色的画面。",
+    "Open one, and press Show in step 6.": "请打开一个，并按第 6 步的“显示”。",
     "The clipboard has no color.": "剪贴板中没有颜色。",
     "Copy one as #rrggbb; several, with anything between, for all swatches.": (
         "请以 #rrggbb 复制一个颜色；要用于所有色板，请复制多个，之间可有任意字符。"
