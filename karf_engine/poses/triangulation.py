@@ -15,7 +15,8 @@ import numpy as np
 
 from ..capture.camera import Camera
 from ..capture.capture import SparsePoints
-from ..images import write_png
+from ..color import to_bytes
+from ..images import encoded
 from ..plates import Plate
 from ..progress import Progress
 from .child import child_messages
@@ -48,7 +49,7 @@ def triangulate(plates: list[Plate], threads: int, progress: Progress) -> Sparse
     with work_folder(Path(tempfile.gettempdir()), "karf-points-") as folder:
         task = _Task(folder, [f"{n:05d}.png" for n in range(len(plates))], [p.camera for p in plates], threads)
         for photo, plate in zip(task.names, plates, strict=True):
-            write_png(task.folder / photo, plate.color)
+            (task.folder / photo).write_bytes(encoded(".png", to_bytes(plate.color)))
         with child_messages("pycolmap", _find, task) as messages:
             for kind, found in messages:  # noqa: B007, the last one is the result
                 progress.step(int(kind == "photo"))
