@@ -19,23 +19,28 @@ from ..karf_engine.capture.reprojection import (
 from ..karf_engine.capture.transforms_json import camera_to_json
 from ..karf_engine.capture.undistortion import undistorted
 from ..karf_engine.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
-from ..karf_engine.edit.becomes import match_becomes, match_fewest, nearest_weights
+from ..karf_engine.edit.added import palettes_with, solve_set, spread, spread_objects
+from ..karf_engine.edit.becomes import match_becomes, match_fewest, mean_weights, nearest_weights
 from ..karf_engine.edit.color_text import color_to_text, colors_of_text
 from ..karf_engine.edit.colorways import reached_color
 from ..karf_engine.edit.colorways import shown as shown_colors
 from ..karf_engine.edit.compositing import Planes, read_planes, stack_palettes
+from ..karf_engine.edit.edit_files import write_edit
 from ..karf_engine.edit.layers import ObjectLayers, read_layer_names
 from ..karf_engine.edit.object_colors import ColorHistogram, read_object_colors
 from ..karf_engine.edit.painted import ObjectMatch, match_picture
 from ..karf_engine.edit.palette import (
     BRIGHTEST,
     COMPOSITING_MODES,
+    MOST_ADDED,
+    MOST_REACH,
+    REACH,
+    AddedColor,
     Edit,
     Palette,
     hex_to_rgb,
     read_palettes,
     rgb_to_hex,
-    write_edit,
 )
 from ..karf_engine.edit.palette_files import SUFFIXES as EDIT_SUFFIXES
 from ..karf_engine.edit.palette_files import read_edit_file, write_edit_file
@@ -67,14 +72,18 @@ __all__ = [
     "ENGINE_FOLDER",
     "ERROR",
     "LOG_FILE",
+    "MOST_ADDED",
+    "MOST_REACH",
     "OK",
     "PRESETS",
+    "REACH",
     "REQUEST_FILE",
     "REQUIRED",
     "VERDICT",
     "VERSION",
     "WARM",
     "WARNING",
+    "AddedColor",
     "Ask",
     "BadRequest",
     "Camera",
@@ -119,10 +128,12 @@ __all__ = [
     "match_becomes",
     "match_fewest",
     "match_picture",
+    "mean_weights",
     "nearest_weights",
     "observed_points",
     "open_capture",
     "palette_only",
+    "palettes_with",
     "photo_plus_change",
     "plan_colorways",
     "reached_color",
@@ -140,6 +151,9 @@ __all__ = [
     "same_but_for_case",
     "seconds_of_stages",
     "shown_colors",
+    "solve_set",
+    "spread",
+    "spread_objects",
     "srgb_to_lab",
     "srgb_to_linear",
     "stack_palettes",

@@ -7,15 +7,16 @@ Pixels are done in bands of rows, so that memory grows with what the files hold 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from .capture.capture import View
 from .color import to_bytes
+from .edit.added import palettes_with, spread, with_sets
 from .edit.compositing import hard_masks
-from .edit.palette import Edit, Palette
+from .edit.palette import AddedColor, Edit, Palette
 from .errors import BadRequest
 from .frames import Frame
 from .handover.layers import Layers
@@ -83,28 +84,32 @@ class PhotoView:
         """An edited copy as its camera sees it, on white where it is transparent: float32 sRGB [H, W, 3]."""
         return oriented(over(photo.colors(), photo.alpha()), self.orientation)
 
-    def layers(self, depth: np.ndarray) -> Layers:
+    def layers(self, depth: np.ndarray, added: Mapping[str, Sequence[AddedColor]] | None = None) -> Layers:
         """The photo in layers, as its camera sees it, on white where it is transparent.
 
         depth: [h, w] along the optical axis in the camera's grid, of any size; each pixel takes the nearest one, as
-        what lies between two surfaces is on neither.
+        what lies between two surfaces is on neither. added: colors that have layers of their own, by object.
         """
         is_deep = self.photo.pixels.dtype != np.uint8
         base = self.shown(self.photo) if is_deep else turned(self.photo.shown(), self.orientation)
         height, width = base.shape[:2]
-        coverage = np.zeros((len(self.palettes), height, width), np.float16)
-        most = max(len(palette.colors) for palette in self.palettes)
-        weights = np.zeros((len(self.palettes), most, height, width), np.float16)
+        added = added or {}
+        palettes = palettes_with(self.palettes, added)
+        coverage = np.zeros((len(palettes), height, width), np.float16)
+        most = max(len(palette.colors) for palette in palettes)
+        weights = np.zeros((len(palettes), most, height, width), np.float16)
         for rows, columns in self._bands(self.mattes):
             coverages, alpha = self._coverages(rows, columns), self.photo.alpha(rows, columns)
             coverages = coverages if alpha is None else np.minimum(coverages, alpha)
             for k, covered, shares in self._shares(rows, columns, coverages):
                 inside = covered > 0
                 self._as_stored(coverage[k])[rows, columns] = covered
-                for plane, share in zip(weights[k], shares.T, strict=False):  # small palettes have fewer
+                own = self.palettes[k]
+                planes = spread(shares.T, own.colors, added.get(own.name, ()))
+                for plane, share in zip(weights[k], planes, strict=False):  # small palettes have fewer
                     self._as_stored(plane)[rows, columns][inside] = covered[inside] * share
         nearest = (_nearest(*sides) for sides in zip(depth.shape, (height, width), strict=True))
-        return Layers(tuple(self.palettes), base, coverage, weights, depth[np.ix_(*nearest)])
+        return Layers(palettes, base, coverage, weights, depth[np.ix_(*nearest)])
 
     def _as_stored(self, plane: np.ndarray) -> np.ndarray:
         """The camera's grid seen as the stored one."""
@@ -143,12 +148,13 @@ class PhotoView:
         for k, coverage, weights in self._shares(rows, columns, coverages):
             palette, wins, inside = self.palettes[k], winners[k], coverage > 0
             for edit, change in zip(edits, changes, strict=True):
-                edited = edit.colors[palette.name]
+                edited, added = edit.colors[palette.name], edit.added.get(palette.name, ())
+                learned, shares = with_sets(palette.colors, added), spread(weights.T, palette.colors, added).T
                 if edit.compositing == "paper":
                     inner = wins[inside]
-                    change[wins & inside] = (weights[inner] @ edited) - self.photo.colors(rows, columns)[wins & inside]
-                elif (edited != palette.colors).any():
-                    change[inside] += coverage[inside][:, None] * (weights @ (edited - palette.colors))
+                    change[wins & inside] = (shares[inner] @ edited) - self.photo.colors(rows, columns)[wins & inside]
+                elif (edited != learned).any():
+                    change[inside] += coverage[inside][:, None] * (shares @ (edited - learned))
         return changes
 
     def _shares(

@@ -18,6 +18,7 @@ from .capture.camera import Camera
 from .capture.capture import Capture, View
 from .capture.distortion import straighten
 from .color import to_bytes
+from .edit.added import palettes_with, spread_objects
 from .edit.compositing import delta_composite, paper_composite, stack_palettes
 from .edit.painted import ObjectMatch, match_picture
 from .edit.palette import Edit, Palette, read_palettes
@@ -74,10 +75,10 @@ class Model:
         self.palettes: tuple[Palette, ...] = ()
         self.segmentation: SegmentationField | None = None
         self.recoloring: RecoloringField | None = None
-        n_features = self.scene.field.n_features
+        n_features, space = self.scene.field.n_features, self.scene.field.space
         if project.finished("segmentation"):
             path = project.checked(project.segmentation_file)
-            self.segmentation, self.objects = load_segmentation(path, n_features, self.device)
+            self.segmentation, self.objects = load_segmentation(path, n_features, self.device, space)
         if project.finished("recoloring"):
             self.palettes = read_palettes(project.checked(project.palette_file), objects=self.objects)
             path, bounds = project.checked(project.recoloring_file), self.segmentation.bounds
@@ -286,7 +287,7 @@ class Model:
         Args:
             view: of the capture.
             picture: as large as the photo, then with its lens; or of any other size, then without lens distortion.
-            edit: the palettes as they stand, on which the picture may have been painted.
+            edit: the palettes as they stand, on which the picture may have been painted; its added colors stay.
 
         Returns:
             one for each object that the picture wants otherwise.
@@ -297,7 +298,10 @@ class Model:
         """
         wanted = load_wanted(view, picture, self.settings.render.preview)
         frame = self.preview(view)
-        return match_picture(frame.palette_weights, frame.probabilities, frame.base, wanted, self.palettes, edit.colors)
+        weights = spread_objects(frame.palette_weights, self.palettes, edit.added)
+        palettes = palettes_with(self.palettes, edit.added)
+        sets = {each.name: range(len(each.colors), len(edit.colors[each.name])) for each in self.palettes}
+        return match_picture(weights, frame.probabilities, frame.base, wanted, palettes, edit.colors, sets)
 
     def recolor(self, view: View, edit: Edit, size: str | int = "photo") -> np.ndarray:
         """A captured view with an edit.
@@ -330,6 +334,10 @@ class Model:
                 f"{self.project.folder} has no finished recoloring stage.", "Run the recoloring stage first."
             )
         edited = stack_palettes(self.objects, edit.colors)
+        weights = spread_objects(frame.palette_weights, self.palettes, edit.added)
         if edit.compositing == "paper":
-            return paper_composite(frame.base, frame.palette_weights, frame.probabilities, edited)
-        return delta_composite(frame.base, frame.palette_weights, self.learned_colors, edited)
+            return paper_composite(frame.base, weights, frame.probabilities, edited)
+        learned = palettes_with(self.palettes, edit.added)
+        return delta_composite(
+            frame.base, weights, stack_palettes(self.objects, {each.name: each.colors for each in learned}), edited
+        )

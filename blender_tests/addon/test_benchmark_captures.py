@@ -100,3 +100,25 @@ def test_a_copy_with_larger_test_views_has_their_coverage_and_keeps_all_that_is_
     mixed = (coverage > 0) & (coverage < 1)
     assert 0.005 < mixed.mean() < 0.2 and np.abs(coverage - labels)[~mixed].max() == 0
     assert (full / "recolor" / "jug_to_red" / "test" / "r_000.png").exists()
+
+
+def test_a_seed_gives_a_capture_laid_out_like_the_others_whose_edits_change_what_they_name(bpy, tmp_path):
+    arguments = ("--seeds", "240", "--size", "24", "--samples", "1", "--threads", "1")  # of few photos
+    make(bpy, tmp_path, *arguments)
+    folder = tmp_path / "seed_240"
+    names = json.loads((folder / "labels" / "names.json").read_text())
+    assert len(list((folder / "train").iterdir())) == 14 and len(list((folder / "test").iterdir())) == 8
+    edits = json.loads((folder / "edits.json").read_text())["edits"]
+    assert edits["first"]["objects"] == list(names)[:1] and edits["all"]["objects"] == list(names)
+    view = f"{edits['first']['reference_view']}.png"
+    before, after = (iio.imread(path / "train" / view) for path in (folder, folder / "recolor" / "first"))
+    labels = iio.imread(folder / "labels" / "train" / view, mode="P")
+    change = np.abs(before.astype(int) - after)[..., :3].max(-1)
+    assert np.median(change[labels == 1]) > 10 > np.median(change[labels != 1])
+    for name in names:
+        masks = {
+            count: {path.name for path in (folder / "coarse_masks" / count / name).iterdir()}
+            for count in ("one", "three")
+        }
+        assert len(masks["one"]) == 1 and len(masks["three"]) == 3 and masks["one"] < masks["three"]
+    assert make(bpy, tmp_path, *arguments) == f"{folder}: there already"

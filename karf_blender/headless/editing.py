@@ -6,7 +6,7 @@ from pathlib import Path
 import bpy
 
 from .. import steps
-from ..engine_api import Edit, ObjectMatch, hex_to_rgb
+from ..engine_api import REACH, Edit, ObjectMatch, hex_to_rgb
 from ..swatches import edits
 from ..tasks import runner
 from .context import scene_of
@@ -73,6 +73,36 @@ def link_swatches(one: tuple[str, int], other: tuple[str, int], scene: bpy.types
 def merge_swatch(object_name: str, index: int, into: int | None = None, scene: bpy.types.Scene | None = None) -> int:
     """Let one swatch of an object (default: that of the nearest learned color) move another too; returns its number."""
     return steps.merge_swatch(scene_of(scene), object_name, index, into)
+
+
+def add_color(
+    object_name: str,
+    picked: Color,
+    color: Color | None = None,
+    reach: float = REACH,
+    scene: bpy.types.Scene | None = None,
+) -> int:
+    """Give an object one more swatch, which changes only what has the pigment of a color that it shows.
+
+    Args:
+        object_name: Name of the object.
+        picked: A color of the object as the photos show it: sRGB in [0, 1], or "#rrggbb".
+        color: What it shall be; default: as it is shown now.
+        reach: How far around its hue (of a gray: its chroma) colors are of this pigment, 0.05 to 4.
+        scene: Default: the context's.
+
+    Returns:
+        The swatch's number, for `set_swatch`.
+    """
+    number = steps.add_color(scene_of(scene), object_name, _color(picked), reach)
+    if color is not None:
+        set_swatch(object_name, number, color, scene)
+    return number
+
+
+def remove_color(object_name: str, index: int, scene: bpy.types.Scene | None = None) -> None:
+    """Take a color away that was added to an object."""
+    steps.remove_color(scene_of(scene), object_name, index)
 
 
 def apply_edit(edit: str | Path | Edit, scene: bpy.types.Scene | None = None) -> None:

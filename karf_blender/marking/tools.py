@@ -6,7 +6,7 @@ from gpu_extras.presets import draw_circle_2d
 
 from ..project import disk
 
-MARGIN = 0.95  # of the editor that a picture fills
+BLENDERS = "builtin.sample"  # the first tool of the Image Editor
 
 
 def _mark(operator: str, does: str = "ADD", **keys) -> tuple:
@@ -115,34 +115,6 @@ def take_up(context: bpy.types.Context, area: bpy.types.Area) -> None:
             bpy.ops.wm.tool_set_by_id(name=Box.bl_idname, space_type="IMAGE_EDITOR")
 
 
-def fit(area: bpy.types.Area) -> None:
-    """Let an Image Editor show its whole picture beside its sidebar and toolbar, which may lie over it."""
-    space = area.spaces.active
-    region, (x0, y0, x1, y1) = _free(area)
-    zoom = MARGIN * min((x1 - x0) / space.image.size[0], (y1 - y0) / space.image.size[1])
-    aside = x0 + x1 - 2 * region.x - region.width, y0 + y1 - 2 * region.y - region.height
-    with bpy.context.temp_override(area=area, region=region):
-        bpy.ops.image.view_all()  # to its middle
-        space.zoom_percentage = 100 * zoom
-        bpy.ops.image.view_pan(offset=tuple(-value / 2 / zoom for value in aside))
-
-
-def _free(area: bpy.types.Area) -> tuple[bpy.types.Region, tuple[int, int, int, int]]:
-    """The main region of an editor, and what of it no other covers: left, bottom, right, top in the window."""
-    main = next(region for region in area.regions if region.type == "WINDOW")
-    x0, y0, x1, y1 = main.x, main.y, main.x + main.width, main.y + main.height
-    for region in area.regions:
-        if min(region.width, region.height) <= 1:  # hidden
-            continue
-        if region.alignment == "LEFT":
-            x0 = max(x0, region.x + region.width)
-        elif region.alignment == "RIGHT":
-            x1 = min(x1, region.x)
-        elif region.alignment == "TOP":
-            y1 = min(y1, region.y)
-    return main, (x0, y0, x1, y1)
-
-
 def register():
     """Called when the extension is enabled."""
     after = None
@@ -151,7 +123,20 @@ def register():
         after = {tool.bl_idname}
 
 
+def lay_down() -> None:
+    """Take up Blender's first tool in the Image Editors that have one of these: Blender would draw its cursor on."""
+    for window in bpy.data.window_managers[0].windows:
+        tool = window.workspace.tools.from_space_image_mode("VIEW")
+        if tool is None or tool.idname not in {each.bl_idname for each in TOOLS}:
+            continue
+        for area in window.screen.areas:
+            if area.type == "IMAGE_EDITOR":
+                with bpy.context.temp_override(window=window, area=area):
+                    bpy.ops.wm.tool_set_by_id(name=BLENDERS, space_type="IMAGE_EDITOR")
+
+
 def unregister():
     """Called when the extension is disabled."""
+    lay_down()
     for tool in reversed(TOOLS):
         bpy.utils.unregister_tool(tool)

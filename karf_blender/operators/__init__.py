@@ -3,6 +3,7 @@
 import bpy
 
 from . import (
+    adding,
     cameras,
     cancel,
     capture,
@@ -32,6 +33,7 @@ FILES = (
     probing,
     edit,
     swatches,
+    adding,
     seeing,
     wiping,
     render,

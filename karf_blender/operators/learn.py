@@ -4,6 +4,7 @@ import bpy
 from bpy.props import StringProperty
 
 from .. import steps
+from ..pictures import editors
 from ..swatches import palettes
 from ..tasks import runner
 from .reporting import EngineStep, ProjectSwatchStep, reports_errors
@@ -96,8 +97,9 @@ class KARF_OT_show_view(ProjectSwatchStep, bpy.types.Operator):
         task = steps.show_view(context.scene, self.view)
         if task is not None:
             runner.launch(task)
-        if context.area and context.area.type == "IMAGE_EDITOR":
-            context.space_data.image = context.scene.karf.result or context.space_data.image
+        result = context.scene.karf.result
+        if context.area and context.area.type == "IMAGE_EDITOR" and result is not None:
+            editors.show(context.area, result)
         return {"FINISHED"}
 
 

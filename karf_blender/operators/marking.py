@@ -6,6 +6,7 @@ from bpy.props import EnumProperty
 from .. import steps
 from ..marking import gestures, photo, raster, sheets
 from ..marking.gestures import Gesture
+from ..pictures import editors
 from ..steps import masks
 from .reporting import has_project, reports_errors
 
@@ -37,7 +38,7 @@ class MarkingTool:
         if context.region.type != "WINDOW":
             return {"PASS_THROUGH"}
         if not photo.is_shown(context.scene, context.space_data) or sheets.shown(context.scene) is None:
-            context.space_data.image = steps.show_photo(context.scene)
+            editors.show(context.area, steps.show_photo(context.scene))
             return {"FINISHED"}
         return self.begin(context, event)
 

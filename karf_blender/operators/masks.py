@@ -8,6 +8,7 @@ from ..engine_api import BadRequest
 from ..host import windows
 from ..host.words import tell
 from ..marking import objects, sheets, tools
+from ..pictures import editors
 from ..project import disk
 from .reporting import has_project, has_stage, reports_errors
 
@@ -45,7 +46,7 @@ class KARF_OT_mark(MarkingStep, bpy.types.Operator):
     def execute(self, context):
         image = steps.show_photo(context.scene)
         if context.area is not None and context.area.type == "IMAGE_EDITOR":
-            context.space_data.image = image
+            editors.show(context.area, image)
         disk.refresh()
         shown = [area for area in windows.areas("IMAGE_EDITOR") if area.spaces.active.image == image]
         if not shown and not bpy.app.background:
@@ -73,7 +74,7 @@ class KARF_OT_go_to_view(MarkingStep, bpy.types.Operator):
     def execute(self, context):
         steps.go_to_view(context.scene, self.by, self.marked)
         if context.region is not None and context.area.type == "IMAGE_EDITOR" and context.region.type == "WINDOW":
-            context.space_data.image = steps.show_photo(context.scene)  # by a key of the tools
+            editors.show(context.area, steps.show_photo(context.scene))  # by a key of the tools
         return {"FINISHED"}
 
 

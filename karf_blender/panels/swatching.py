@@ -18,6 +18,7 @@ def draw_object(layout, item):
     for index, swatch in enumerate(item.swatches):
         if index and not swatch.merged:  # black is frozen
             draw_swatch(row.column(align=True), item, index, swatch)
+    row.operator("karf.add_color", text="", icon="EYEDROPPER").object_name = item.name
     row = layout.row()
     row.alignment = "LEFT"
     row.prop(item, "show_becomes", icon="DOWNARROW_HLT" if item.show_becomes else "RIGHTARROW", emboss=False)
@@ -31,7 +32,7 @@ def draw_swatch(column, item, index, swatch):
     column.context_pointer_set("karf_swatch", swatch)
     row = column.row(align=True)
     for each in item.swatches:
-        if each == swatch or each.merged == index:
+        if each == swatch or (each.merged == index and not swatch.is_added):
             learned = row.operator("karf.reset_swatch", text="", icon_value=chips.icon(each.learned))
             learned.object_name, learned.index = item.name, index
     edited = column.row(align=True)
@@ -92,6 +93,10 @@ class KARF_MT_swatch(bpy.types.Menu):
         if swatch.link:
             act(layout, "karf.unlink_swatch", context, icon="UNLINKED")
         layout.separator()
+        if swatch.is_added:
+            layout.prop(swatch, "reach")
+            act(layout, "karf.remove_color", context, icon="X")
+            return
         layout.menu("KARF_MT_merge")
         act(layout, "karf.merge_swatch", context, text="Remove", icon="X")
         if any(each.merged == number_of(item, swatch) for each in item.swatches):
@@ -134,7 +139,7 @@ class KARF_MT_merge(bpy.types.Menu):
     def draw(self, context):
         item = context.karf_object
         for index, other in enumerate(item.swatches):
-            if index and other != context.karf_swatch and not other.merged:
+            if index and other != context.karf_swatch and not (other.merged or other.is_added):
                 icon = chips.icon(other.learned)
                 act(
                     self.layout, "karf.merge_swatch", context, text=f"{item.name} {index}", icon_value=icon

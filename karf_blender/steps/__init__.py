@@ -29,16 +29,18 @@ from .render import camera_folder, render_camera, render_captured, render_view, 
 from .seeing import see_view, show_masks
 from .sequences import add_strip, show_frames
 from .surface import export_scene, place_points, show_colors, show_scene
-from .swatches import link_swatches, merge_swatch, split_swatch, unlink_swatch
+from .swatches import add_color, color_at, link_swatches, merge_swatch, remove_color, split_swatch, unlink_swatch
 from .view import leave_view, look_through, reprojection_error
 
 __all__ = [
+    "add_color",
     "add_object",
     "add_strip",
     "becomes",
     "build_compositor",
     "camera_bundle",
     "camera_folder",
+    "color_at",
     "colorways_folder",
     "compositor_node",
     "erase_mask",
@@ -68,6 +70,7 @@ __all__ = [
     "place_points",
     "predict_colorways",
     "prepare_views",
+    "remove_color",
     "remove_object",
     "render_camera",
     "render_captured",

@@ -8,6 +8,7 @@ import bpy
 from .. import progress
 from ..engine_api import PlannedColorway, Request, plan_colorways
 from ..project import folders
+from ..swatches import pigments
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
 from . import requests
@@ -25,7 +26,10 @@ def predict_colorways(scene: bpy.types.Scene, sheet: Path) -> tuple[PlannedColor
 
 def _locked(scene: bpy.types.Scene) -> dict[str, list[int]]:
     """Numbers of the locked swatches of each object that has some."""
-    locked = {item.name: [i for i, swatch in enumerate(item.swatches) if swatch.locked] for item in scene.karf.objects}
+    locked = {
+        item.name: [i for i, swatch in enumerate(item.swatches[: pigments.size(item)]) if swatch.locked]
+        for item in scene.karf.objects
+    }
     return {name: numbers for name, numbers in locked.items() if numbers}
 
 

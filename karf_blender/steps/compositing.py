@@ -9,9 +9,11 @@ from .. import progress
 from ..compositor import placing
 from ..engine_api import Request, find_header, read_layer_names
 from ..project import captures, folders
+from ..swatches import pigments
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
 from . import following, requests, sequences
+from .edit import save_edit
 
 
 def build_compositor(scene: bpy.types.Scene, view: str = "", driven: bool = False) -> Task:
@@ -19,7 +21,10 @@ def build_compositor(scene: bpy.types.Scene, view: str = "", driven: bool = Fals
     view = captures.view_of(scene, view).name
     out = folders.out_folder(scene)
     finish = partial(_place, out / "layers" / f"{view}.exr", driven)
-    return requests.task(scene, "Build Compositor", requests.layers(view, out), finish=finish)
+    edit = out / "edit.json" if pigments.of(scene) else None
+    if edit is not None:
+        save_edit(scene, edit)
+    return requests.task(scene, "Build Compositor", requests.layers(view, out, edit), finish=finish)
 
 
 def _place(path: Path, driven: bool, owner: Owner, request: Request) -> None:

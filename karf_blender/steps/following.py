@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import progress
 from ..nodes import drivers
-from ..swatches import colors
+from ..swatches import colors, pigments
 
 
 class Palettes(Protocol):
@@ -25,12 +25,14 @@ def known_of(scene: bpy.types.Scene, objects: Sequence[Palettes]) -> list[Palett
 
 def _fits(scene: bpy.types.Scene, each: Palettes) -> bool:
     item = scene.karf.objects.get(each.name)
-    return item is not None and colors.learned(item).tolist() == each.colors.tolist()
+    if item is None or len(each.colors) < pigments.size(item):
+        return False
+    return colors.learned(item)[: len(each.colors)].tolist() == each.colors.tolist()
 
 
 def edited(scene: bpy.types.Scene, known: Sequence[Palettes]) -> Mapping[str, np.ndarray]:
     """Palettes [M, 3] as the swatches stand, by the object's name."""
-    return {each.name: colors.edited(scene.karf.objects[each.name]) for each in known}
+    return {each.name: colors.edited(scene.karf.objects[each.name])[: len(each.colors)] for each in known}
 
 
 def follow(scene: bpy.types.Scene, node: bpy.types.Node, known: Sequence[Palettes]) -> None:
@@ -49,3 +51,12 @@ def say_others(scene: bpy.types.Scene, objects: Sequence[Palettes], what: str) -
             f"The swatches of {', '.join(others)} are of other palettes than the {what}: the sockets begin as learned. "
             "Choose the project anew in step 1 to bring its palettes, then build again."
         )
+    fewer = [each.name for each in objects if _fits(scene, each) and len(each.colors) < len(_swatches(scene, each))]
+    if fewer:
+        progress.warn(
+            f"Colors that were added to {', '.join(fewer)} are not in the {what}: build again to have them there."
+        )
+
+
+def _swatches(scene: bpy.types.Scene, each: Palettes):
+    return scene.karf.objects[each.name].swatches

@@ -38,7 +38,7 @@ def import_results(owner: Owner, request: Request) -> None:
             recolor.forget()
             palettes.load_palettes(scene, read_palettes(Project(request.project).palette_file))
         elif contents.is_prepared(scene):
-            editors.reveal(recolor.show(scene))
+            editors.reveal(recolor.show(scene), is_whole=True)
 
 
 def task(
@@ -89,9 +89,9 @@ def seen(scene: bpy.types.Scene, out: Path) -> tuple[str, dict]:
     return _render(scene.karf.active_view, out=str(out), size="learned")
 
 
-def layers(view: str, out: Path) -> tuple[str, dict]:
-    """The job that writes the layers of a captured view."""
-    return _render(view, out=str(out), layers=True)
+def layers(view: str, out: Path, edit: Path | None = None) -> tuple[str, dict]:
+    """The job that writes the layers of a captured view; added colors of an edit get layers of their own."""
+    return _render(view, out=str(out), layers=True, edit=edit and str(edit))
 
 
 def _render(views: str, **chosen: Any) -> tuple[str, dict]:

@@ -3,8 +3,8 @@
 import bpy
 import numpy as np
 
-from ..engine_api import BadRequest, srgb_to_lab
-from ..swatches import colors, edits, groups, recolor
+from ..engine_api import MOST_ADDED, REACH, AddedColor, BadRequest, rgb_to_hex, srgb_to_lab
+from ..swatches import colors, edits, groups, keyframes, pigments, planes, recolor
 
 Swatch = tuple[str, int]
 
@@ -44,7 +44,9 @@ def merge_swatch(scene: bpy.types.Scene, name: str, index: int, into: int | None
     """
     edits.unlocked(scene, name, index)
     item = edits.object_named(scene, name)
-    others = [each for each in range(1, len(item.swatches)) if each != index and not item.swatches[each].merged]
+    others = [each for each in range(1, pigments.size(item)) if each != index and not item.swatches[each].merged]
+    if item.swatches[index].is_added:
+        raise BadRequest(f"Swatch {index} of {name!r} was added: it cannot be merged.", "Remove it in its menu.")
     if not others or into not in (None, *others):
         raise BadRequest(
             f"Swatch {index} of {name!r} cannot be merged into {into or 'another'}.",
@@ -59,6 +61,81 @@ def merge_swatch(scene: bpy.types.Scene, name: str, index: int, into: int | None
 
 
 def split_swatch(scene: bpy.types.Scene, name: str, index: int) -> None:
-    """Show the swatches again that were merged into one; each moves by itself, colors stay."""
-    edits.swatch_at(scene, name, index)
+    """Show the swatches again that were merged into one; each moves by itself, colors stay.
+
+    Raises:
+        BadRequest: There is no such swatch, or it was added.
+    """
+    if edits.swatch_at(scene, name, index).is_added:
+        raise BadRequest(f"Swatch {index} of {name!r} was added: nothing is merged into it.", "Remove it in its menu.")
     groups.split(edits.object_named(scene, name), index)
+
+
+def color_at(scene: bpy.types.Scene, name: str, place: tuple[float, float]) -> np.ndarray:
+    """The color that an object has in the active view, as learned, sRGB [3]: the mean of a few pixels.
+
+    Args:
+        scene: The scene.
+        name: The object's.
+        place: Where in the picture, from its lower left corner to its upper right one, 0 to 1.
+
+    Raises:
+        BadRequest: The object is not there.
+        KarfError: The view is not prepared.
+    """
+    view, learned = planes.shown_view(scene).planes, pigments.learned(edits.object_named(scene, name))
+    height, width = view.base.shape[:2]
+    column, row = int(place[0] * width), int((1 - place[1]) * height)
+    near = slice(max(0, row - 1), row + 2), slice(max(0, column - 1), column + 2)
+    weights = view.palette_weights[view.objects.index(name)][: len(learned), *near].reshape(len(learned), -1)
+    own = weights.sum(axis=1, dtype=np.float32)
+    if not (0 <= row < height and 0 <= column < width) or own.sum() < weights.shape[1] / 2:
+        raise BadRequest(f"{name!r} is not there in {scene.karf.active_view!r}.", "Click on it in the picture.")
+    return np.clip(own / own.sum() @ learned, 0, 1)
+
+
+def add_color(scene: bpy.types.Scene, name: str, picked: np.ndarray, reach: float = REACH) -> int:
+    """Give an object one more swatch, for the pigment of a color that it shows; the picture stays as it is.
+
+    Args:
+        scene: The scene.
+        name: The object's.
+        picked: The color as the photos show it, sRGB [3] in [0, 1].
+        reach: How far around its hue colors are of this pigment; see `edit.added`.
+
+    Returns:
+        The swatch's number.
+
+    Raises:
+        BadRequest: The color is black, or the object has too many.
+        DataError: The project's histogram of the object's colors is damaged.
+    """
+    item, picked = edits.object_named(scene, name), np.array(picked, np.float32)
+    if len(pigments.added(item)) >= MOST_ADDED:
+        raise BadRequest(f"{MOST_ADDED} colors were added to {name!r}.", "Remove one of them in its menu.")
+    color = AddedColor(picked, reach)
+    found = pigments.solved(item, color, pigments.shown(item, picked))
+    with recolor.batched(scene), groups.apart():
+        number = pigments.append(item, color)
+        pigments.paint(item, number, found)
+    return number
+
+
+def remove_color(scene: bpy.types.Scene, name: str, index: int) -> None:
+    """Take an added color away: its pigment is the swatches' again.
+
+    Raises:
+        BadRequest: There is no such swatch, it is locked, or it was learned.
+    """
+    swatch, item = edits.unlocked(scene, name, index), edits.object_named(scene, name)
+    if not swatch.is_added:
+        raise BadRequest(f"Swatch {index} of {name!r} was learned: it stays.", "Merge it into another in its menu.")
+    keyframes.copy_shared_action(scene)
+    curves, count, learned = keyframes.of(scene), pigments.size(item), rgb_to_hex(swatch.learned)
+    with recolor.batched(scene), groups.apart():
+        groups.unlink(swatch)
+        pigments.remove(item, index)
+    numbers = {each: number for number, each in enumerate(scene.karf.objects.keys())}
+    for curve in curves:
+        if curve.object_name == name and isinstance(curve.swatch, int) and curve.swatch >= index:
+            keyframes.move(curve, numbers, learned if curve.swatch == index else curve.swatch - count)

@@ -14,7 +14,7 @@ from ..engine_api import (
     shown_colors,
     srgb_to_lab,
 )
-from . import colors, edits, groups, histograms
+from . import colors, edits, groups, pigments
 
 FOREIGN = 10.0  # CIEDE2000 from which an object shows no such color
 
@@ -40,7 +40,7 @@ def apply(
         DataError: The project's histogram of the object's colors is damaged.
     """
     item = edits.object_named(scene, name)
-    seen = histograms.of(scene, name)
+    seen = pigments.seen(item)
     locked, now = groups.held(item), colors.edited(item)
     start = np.where(np.isin(np.arange(len(now)), locked)[:, None], now, start)
     shown = shown_colors(seen, Palette(name, colors.learned(item)), start)
@@ -49,7 +49,7 @@ def apply(
         edited = match_fewest(nearest_weights(shown, weights, source), start, target, locked, shown=source)
     else:
         edited = match_becomes(shown, seen.counts, weights, start, source, target, locked)
-    edits.apply_edit(scene, Edit({name: edited}, scene.karf.compositing))
+    edits.apply_edit(scene, Edit({name: edited}, scene.karf.compositing, pigments.of(scene)))
     distance = ciede2000(srgb_to_lab(shown), srgb_to_lab(source)).min()
     if distance < FOREIGN:
         return ""

@@ -10,26 +10,29 @@ import bpy
 import numpy as np
 
 from ..engine_api import BadRequest, Edit, Palette, color_to_text, colors_of_text
-from . import colors, groups, recolor
+from . import colors, groups, pigments, recolor
 
 
 def learned(scene: bpy.types.Scene) -> tuple[Palette, ...]:
     """The palettes as learned."""
-    return tuple(Palette(item.name, colors.learned(item)) for item in scene.karf.objects)
+    return pigments.palettes(scene)
 
 
 def current_edit(scene: bpy.types.Scene) -> Edit:
     """The palettes as the swatches stand now."""
-    return Edit({item.name: colors.edited(item) for item in scene.karf.objects}, scene.karf.compositing)
+    edited = {item.name: colors.edited(item) for item in scene.karf.objects}
+    return Edit(edited, scene.karf.compositing, pigments.of(scene))
 
 
 def apply_edit(scene: bpy.types.Scene, edit: Edit) -> None:
-    """Set the swatches to an edit of these objects. Objects that it leaves out and locked swatches stay, merged ones
-    follow."""
+    """Set the swatches to an edit of these objects, added colors among them. Objects that it leaves out and locked
+    swatches stay, merged ones follow."""
     with recolor.batched(scene):
         scene.karf.compositing = edit.compositing
         for name, wanted in edit.colors.items():
-            for swatch, color in zip(object_named(scene, name).swatches, wanted, strict=True):
+            item = object_named(scene, name)
+            pigments.replace(item, edit.added.get(name, ()))
+            for swatch, color in zip(item.swatches, wanted, strict=True):
                 if not (swatch.locked or swatch.merged):
                     swatch.color = color
 

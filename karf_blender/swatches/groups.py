@@ -1,7 +1,8 @@
 """Swatches that move together: linked ones have one color, merged ones change alike; locked ones stay.
 
 A link is a number that any swatches of a scene share. A merged swatch names the one of its object that moves it (its
-number, from 1; 0: none): the paint of both then changes by the same amount, so that merging changes no picture.
+number, from 1; 0: none): the paint of both then changes by the same amount, so that merging changes no picture. An
+added color moves its set, see `pigments`.
 """
 
 from collections.abc import Iterator
@@ -13,7 +14,7 @@ from bpy.app.handlers import persistent
 
 from ..engine_api import BRIGHTEST
 from ..host import handlers, rendering
-from . import keyframes
+from . import keyframes, pigments
 
 
 class _Memory:
@@ -39,8 +40,12 @@ def follow(swatch: bpy.types.PropertyGroup) -> bool:
     with apart():
         for each in together(swatch):
             leader = _leader(each)
+            if leader is not None and leader.is_added:
+                continue  # one of a set, which is solved as a whole
             if each != swatch and not each.locked:
                 each.color = swatch.color if leader is None else _moved_with(leader, each)
+            if each.is_added:
+                pigments.update(each)
     return True
 
 
@@ -105,16 +110,17 @@ def split(item: bpy.types.PropertyGroup, index: int) -> None:
 
 
 def held(item: bpy.types.PropertyGroup) -> list[int]:
-    """Numbers of an object's swatches that no solve may move: locked ones, and those that others move."""
-    return [index for index, swatch in enumerate(item.swatches) if swatch.locked or swatch.merged]
+    """Numbers of an object's swatches that no solve may move: locked ones, those that others move, and added ones."""
+    return [index for index, each in enumerate(item.swatches) if each.locked or each.merged or each.is_added]
 
 
 def gathered(item: bpy.types.PropertyGroup, weights: np.ndarray) -> np.ndarray:
-    """An object's weights [M, ...] with those of merged swatches given to the ones that move them."""
+    """An object's weights [M, ...] with those of merged swatches given to the ones that move them; sets of added colors
+    stay as they are."""
     if not any(swatch.merged for swatch in item.swatches):
         return weights
     weights = weights.copy()
-    for index, swatch in enumerate(item.swatches):
+    for index, swatch in enumerate(item.swatches[: pigments.size(item)]):
         if swatch.merged and not swatch.locked:
             weights[swatch.merged] += weights[index]
             weights[index] = 0

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..engine_api import BadRequest, Edit, ObjectMatch, Palette, find_header, linear_to_srgb, match_picture
 from ..pictures import images
-from . import colors, edits, groups, planes
+from . import colors, edits, groups, pigments, planes
 
 PAINTING_NAME = "KaRF painting"
 ASPECT_TOLERANCE = 0.02  # by which a picture's sides may differ from the view's: rounding of small sizes
@@ -81,7 +81,7 @@ def match(scene: bpy.types.Scene, name: str, picture: np.ndarray) -> tuple[Objec
     karf = scene.karf
     if karf.compositing != "delta":
         raise BadRequest("A picture can be matched where photos are edited.", "Set Result to Photo plus change.")
-    view, items = planes.shown_view(scene).planes, {item.name: item for item in karf.objects}
+    view, items = planes.spread(planes.shown_view(scene), scene).planes, {item.name: item for item in karf.objects}
     ordered = [items[name] for name in view.objects]
     found = match_picture(
         [groups.gathered(item, weights) for item, weights in zip(ordered, view.palette_weights, strict=True)],
@@ -97,7 +97,7 @@ def match(scene: bpy.types.Scene, name: str, picture: np.ndarray) -> tuple[Objec
             f"{name!r} shows the objects as they are in {karf.active_view!r}.",
             "Paint on them, or choose another picture.",
         )
-    edits.apply_edit(scene, Edit({each.name: each.colors for each in found}, karf.compositing))
+    edits.apply_edit(scene, Edit({each.name: each.colors for each in found}, karf.compositing, pigments.of(scene)))
     return found
 
 

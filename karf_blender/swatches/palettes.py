@@ -12,17 +12,28 @@ import bpy
 import numpy as np
 
 from .. import progress
-from ..engine_api import DataError, KarfError, Palette, hex_to_rgb, read_palettes, rgb_to_hex, srgb_to_lab, write_edit
+from ..engine_api import (
+    AddedColor,
+    DataError,
+    KarfError,
+    Palette,
+    hex_to_rgb,
+    read_palettes,
+    rgb_to_hex,
+    srgb_to_lab,
+    write_edit,
+)
 from ..project import folders
-from . import colors, edits, groups, keyframes, recolor
+from . import colors, edits, groups, keyframes, pigments, recolor
 
 NEAR = 20.0  # a learned color this far from another in CIE L*a*b* may still be the same swatch's
 
 
 @dataclass(frozen=True)
 class _ObjectEdits:
-    """What the artist has done to an object: swatches by number, and the object's own values by name."""
+    """What the artist has done to an object: swatches by number, its added colors, and the object's own values by name."""
 
+    added: tuple[AddedColor, ...]
     learned: np.ndarray
     colors: np.ndarray
     locked: tuple[bool, ...]
@@ -35,14 +46,23 @@ class _ObjectEdits:
         own = {name: tuple(getattr(item, name)) for name in ("source", "target")}
         own |= {name: getattr(item, name) for name in ("rule", "show_becomes")}
         flags = zip(*((swatch.locked, swatch.link, swatch.merged) for swatch in item.swatches), strict=True)
-        return cls(colors.learned(item), colors.edited(item), *flags, own)
+        return cls(pigments.added(item), colors.learned(item), colors.edited(item), *flags, own)
+
+    @property
+    def size(self) -> int:
+        """How many swatches were learned."""
+        return len(self.learned) // (1 + len(self.added))
 
     @property
     def touched(self) -> set[int]:
-        """The swatches that are edited, locked or move with others."""
+        """The swatches that are edited, locked, move with others or were added."""
         edited = (self.colors != self.learned).any(axis=-1)
-        kept = zip(edited, self.locked, self.links, self.merged, strict=True)
-        return {index for index, each in enumerate(kept) if index and any(each)}
+        kept = list(zip(edited, self.locked, self.links, self.merged, strict=True))[: self.size]
+        return {index for index, each in enumerate(kept) if index and any(each)} | set(self.places(self.size))
+
+    def places(self, size: int) -> range:
+        """Where added colors are behind `size` learned swatches."""
+        return range(size, size * (1 + len(self.added)), size)
 
 
 def load_palettes(scene: bpy.types.Scene, palettes: Sequence[Palette]) -> None:
@@ -55,7 +75,7 @@ def load_palettes(scene: bpy.types.Scene, palettes: Sequence[Palette]) -> None:
     """
     before = {item.name: _ObjectEdits.of(item) for item in scene.karf.objects}
     after = {palette.name: palette.colors for palette in palettes}
-    matches = {name: _match_swatches(each.learned, after.get(name)) for name, each in before.items()}
+    matches = {name: _match(each, after.get(name)) for name, each in before.items()}
     lost = [name for name, each in before.items() if each.touched - set(matches[name])]
     if lost:
         _keep(scene, lost)
@@ -91,18 +111,28 @@ def _add(scene: bpy.types.Scene, palette: Palette, before: _ObjectEdits | None, 
         return
     for name, value in before.own.items():
         setattr(item, name, value)
+    for color in before.added:
+        pigments.append(item, color)
     for old in before.touched & set(matches):
         swatch = item.swatches[matches[old]]
         swatch.locked, swatch.link = before.locked[old], before.links[old]
         swatch.merged = matches.get(before.merged[old], 0)
         if (before.colors[old] != before.learned[old]).any():
             swatch.color = before.colors[old]
+        if swatch.is_added:
+            pigments.update(swatch)
 
 
-def _match_swatches(old: np.ndarray, new: np.ndarray | None) -> dict[int, int]:
-    """Where the swatches of a palette [n, 3] are in another [m, 3]: nearest pairs first, each swatch in one pair."""
+def _match(before: _ObjectEdits, new: np.ndarray | None) -> dict[int, int]:
+    """Where an object's swatches are in another palette [m, 3], and its added colors behind that."""
     if new is None:
         return {}
+    learned = _match_swatches(before.learned[: before.size], new)
+    return learned | dict(zip(before.places(before.size), before.places(len(new)), strict=True))
+
+
+def _match_swatches(old: np.ndarray, new: np.ndarray) -> dict[int, int]:
+    """Where the swatches of a palette [n, 3] are in another [m, 3]: nearest pairs first, each swatch in one pair."""
     distances = np.linalg.norm(srgb_to_lab(old)[:, None] - srgb_to_lab(new)[None], axis=-1)
     distances[0], distances[:, 0] = np.inf, np.inf  # black is black
     matches = {0: 0}

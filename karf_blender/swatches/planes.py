@@ -3,16 +3,26 @@
 Planes come from the project folder; only those of the view shown last are kept in memory.
 """
 
+import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-from ..engine_api import DataError, Planes, SwatchPicture, palette_only, photo_plus_change, read_planes, stack_palettes
+from ..engine_api import (
+    DataError,
+    Planes,
+    SwatchPicture,
+    palette_only,
+    photo_plus_change,
+    read_planes,
+    spread_objects,
+    stack_palettes,
+)
 from ..pictures import images
 from ..project import contents
-from . import colors
+from . import colors, pigments
 
 
 @dataclass(frozen=True)
@@ -23,14 +33,18 @@ class ShownView:
         file: Where they are from.
         written: The file's time, in nanoseconds.
         planes: As stored.
+        is_free: A camera's that has no photo: the base is what is learned.
         pictures: By compositing, once it was asked for: the picture that follows the swatches, and the RGBA buffer
             [H, W, 4] float32 in Blender's row order that it writes to.
+        with_sets: By added colors, those asked for last: the view whose weights are spread over their sets.
     """
 
     file: Path
     written: int
     planes: Planes
+    is_free: bool = False
     pictures: dict[str, tuple[SwatchPicture, np.ndarray]] = field(default_factory=dict)
+    with_sets: dict[str, "ShownView"] = field(default_factory=dict)
 
     def picture(self, compositing: str) -> tuple[SwatchPicture, np.ndarray]:
         """The picture of one compositing, and its buffer."""
@@ -56,8 +70,12 @@ def shown_view(scene: bpy.types.Scene) -> ShownView:
     """
     file = contents.planes_file(scene)
     if not contents.is_prepared(scene):
-        what = "is older than the palettes" if file.exists() else "does not exist"
-        raise DataError(f"{file} (edit planes) {what}.", "Press Prepare in step 6.")
+        raise DataError(
+            f"{file} (edit planes) is older than the palettes."
+            if file.exists()
+            else f"{file} (edit planes) does not exist.",
+            "Press Prepare in step 6.",
+        )
     return load(file)
 
 
@@ -91,19 +109,42 @@ def composite(scene: bpy.types.Scene) -> np.ndarray:
     return recolored(shown_view(scene), scene)
 
 
-def recolored(view: ShownView, scene: bpy.types.Scene) -> np.ndarray:
-    """The picture that planes of any view or camera make with the scene's swatches, as `composite` returns it.
+def spread(view: ShownView, scene: bpy.types.Scene) -> ShownView:
+    """A view with its weights spread over the sets of the scene's added colors; without such colors the view itself.
 
     Raises:
         DataError: The planes belong to other palettes.
     """
-    objects = view.planes.objects
-    items = {item.name: item for item in scene.karf.objects}
-    if set(objects) != set(items):
+    objects, learned = view.planes.objects, {palette.name: palette for palette in pigments.palettes(scene)}
+    if set(objects) != set(learned):
         raise DataError(f"{view.file} was made for the objects {', '.join(objects)}.", "Extract the palettes again.")
-    factors = stack_palettes(objects, {name: colors.edited(item) for name, item in items.items()})
-    if factors.shape[1] != view.planes.palette_weights.shape[1]:
+    if max(len(palette.colors) for palette in learned.values()) != view.planes.palette_weights.shape[1]:
         raise DataError(f"{view.file} was made for other palettes.", "Press Prepare in step 6.")
+    added = pigments.of(scene)
+    if not added:
+        return view
+    key = repr([(name, pigments.keys(own)) for name, own in added.items()])
+    if key not in view.with_sets:
+        weights = spread_objects(view.planes.palette_weights, [learned[name] for name in objects], added)
+        planes = dataclasses.replace(view.planes, palette_weights=weights)
+        view.with_sets.clear()
+        view.with_sets[key] = ShownView(view.file, view.written, planes)
+    return view.with_sets[key]
+
+
+def recolored(view: ShownView, scene: bpy.types.Scene) -> np.ndarray:
+    """The picture that planes of any view or camera make with the scene's swatches, as `composite` returns it.
+
+    Planes of before palettes were learned show their base.
+
+    Raises:
+        DataError: The planes belong to other palettes.
+    """
+    if not view.planes.palette_weights.shape[1]:
+        return view.picture("delta")[1]
+    view = spread(view, scene)
+    objects, items = view.planes.objects, {item.name: item for item in scene.karf.objects}
+    factors = stack_palettes(objects, {name: colors.edited(item) for name, item in items.items()})
     compositing = scene.karf.compositing
     if compositing != "paper":
         factors -= stack_palettes(objects, {name: colors.learned(item) for name, item in items.items()})

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ..engine_api import KarfError, Palette, ciede2000, reached_color, shown_colors, srgb_to_lab
-from . import colors, histograms
+from . import colors, pigments
 
 
 class _Memory:
@@ -34,7 +34,7 @@ def update(scene: bpy.types.Scene) -> None:
         key = (*_wish(item), scene.karf.project, *palettes)
         if place not in _Memory.left or _Memory.left[place][0] != key:
             try:
-                _Memory.left[place] = key, _difference(scene, item)
+                _Memory.left[place] = key, _difference(item)
             except (KarfError, OSError):  # the project is gone, or has no such object yet
                 _Memory.left.pop(place, None)
 
@@ -48,8 +48,8 @@ def _wish(item: bpy.types.PropertyGroup) -> tuple:
     return tuple(item.source), tuple(item.target)
 
 
-def _difference(scene: bpy.types.Scene, item: bpy.types.PropertyGroup) -> float:
-    seen, learned = histograms.of(scene, item.name), Palette(item.name, colors.learned(item))
+def _difference(item: bpy.types.PropertyGroup) -> float:
+    seen, learned = pigments.seen(item), Palette(item.name, colors.learned(item))
     before = shown_colors(seen, learned, colors.picked_with(item))
     after = shown_colors(seen, learned, colors.edited(item))
     reached = reached_color(before, after, np.array(item.source), seen.counts)

@@ -610,6 +610,26 @@ TEXTS = {
     ),
     "Swatches of the object that may move this one too.": "也可带动此色板的同一物体的色板。",
     "The number of the object's swatch that moves this one; 0: none": "带动此色板的物体色板的编号；0：无",
+    "Add Color": "添加颜色",
+    "Pick a color of the object in the picture: it becomes one more swatch, which changes only what has this pigment": (
+        "在图片中拾取物体的一种颜色：它成为又一个色板，只改变具有此颜料的部分"
+    ),
+    "Picked": "拾取的颜色",
+    "A color of the object, as the photos show it": "物体在照片中的一种颜色",
+    "Reach": "范围",
+    "How far around its hue (of a gray: its chroma) colors of the object are of this pigment": (
+        "物体的颜色在其色相（灰色则为彩度）周围多大范围内属于此颜料"
+    ),
+    "Click on {name} in the picture to add its color there.  Esc: none": (
+        "在图片中点击 {name}，添加该处的颜色。  Esc：取消"
+    ),
+    "Added as swatch {number}: change its color": "已添加为色板 {number}：请更改其颜色",
+    "Take this added color away: its pigment follows the other swatches again": (
+        "移除此添加的颜色：其颜料重新跟随其他色板"
+    ),
+    "The artist has added this color; its pigment has a set of swatches behind it": (
+        "此颜色由艺术家添加；其颜料另有一组色板"
+    ),
     "Copy": "复制",
     "Paste": "粘贴",
     "Remove": "移除",
@@ -653,10 +673,21 @@ TEXTS = {
     "CIEDE2000 to the picture: {left}": "与画面的 CIEDE2000：{left}",
     "{name}: CIEDE2000 {before} before, {left} left": "{name}：CIEDE2000 之前 {before}，剩余 {left}",
     "{count} marked": "已标记 {count}",
+    "Brush, lasso and box mark without it.": "画笔、套索和框不需要引擎也能标记。",
     # --- live camera
     "Live Camera": "实时相机",
     "Show what the scene's camera sees in the Image Editor, coarse while it moves, fine when it stands still; swatches "
     "change it at once": "在图像编辑器中显示场景相机所见，移动时粗略，静止时精细；色板变化立即生效",
+    "No Image Editor shows the picture KaRF camera, so it is not rendered. Choose it in one.": (
+        "没有图像编辑器显示画面“KaRF camera”，因此不渲染它。请在某个图像编辑器中选择它。"
+    ),
+    "A free camera has no photo: Original is the scene as learned.": "自由相机没有照片：“原图”是学习到的场景。",
+    "There are no palettes yet, so the picture is the scene as learned. Extract Palette, step 5.": (
+        "还没有调色板，因此画面是学习到的场景。请执行第 5 步的“提取调色板”。"
+    ),
+    "Nothing is segmented yet, so there are no masks to show. Segment, step 4.": (
+        "尚未分割，因此没有可显示的遮罩。请执行第 4 步的“分割”。"
+    ),
     "Of the followed camera's picture": "所跟随相机的画面的",
     "The engine is at work": "引擎正在工作",
     "KaRF Wipe": "KaRF 擦拭对比",

@@ -93,8 +93,9 @@ def _add_editing(commands: Commands) -> None:
     verb.add_argument("--object", help="which object")
     verb.add_argument("--from", dest="source", metavar="COLOR", help="a color it shows, #rrggbb")
     verb.add_argument("--to", dest="target", metavar="COLOR", help="the color it shall become, #rrggbb")
-    verb.add_argument("--rule", default="becomes", choices=("becomes", "fewest"), help="becomes: the whole material; "
-                      "fewest: as few swatches as possible (default: %(default)s)")  # fmt: skip
+    verb.add_argument("--rule", default="becomes", choices=("becomes", "fewest", "added"), help="becomes: the whole "
+                      "material; fewest: as few swatches as possible; added: this pigment alone, by a color that is "
+                      "added to the swatches (default: %(default)s)")  # fmt: skip
     verb.add_argument("--view", help="in place of a color pair: the view that --picture shows")
     verb.add_argument("--picture", metavar="FILE", help="this view painted over or graded, of any size")
     verb.add_argument("--edit", metavar="FILE", help="start from this edit (one call an object); with "

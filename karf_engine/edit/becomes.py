@@ -48,13 +48,15 @@ def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray
         >>> reflection_target(np.stack([red, green]), red, blue).round(3).tolist()
         [[0.1, 0.2, 0.7], [0.1, 0.6, 0.2]]
     """
-    source = np.asarray(source, np.float64)
-    light, r, t = srgb_to_linear(colors), srgb_to_linear(source), srgb_to_linear(target)
+    return _repainted(colors, source, target, pigment_gate(colors, source))
+
+
+def _repainted(colors: np.ndarray, source: np.ndarray, target: np.ndarray, gate: np.ndarray | float) -> np.ndarray:
+    """`reflection_target` with any gate, [n] or one for all."""
+    light, r, t = srgb_to_linear(colors), srgb_to_linear(np.asarray(source, np.float64)), srgb_to_linear(target)
     if r @ r < 1e-6:
         raise BadRequest("The source color is black, so its shading cannot be told.", "Pick a lit spot of the object.")
-    shading = _shading(light, r)
-    gate = _pigment_gate(srgb_to_lab(colors), srgb_to_lab(source))
-    return np.clip(linear_to_srgb(light + (gate * shading)[:, None] * (t - r)), 0, 1)
+    return np.clip(linear_to_srgb(light + (gate * _shading(light, r))[:, None] * (t - r)), 0, 1)
 
 
 def _shading(light: np.ndarray, r: np.ndarray) -> np.ndarray:
@@ -68,12 +70,24 @@ def _shading(light: np.ndarray, r: np.ndarray) -> np.ndarray:
     return np.where(gloss < 0, paint_only, np.maximum(paint, 0))
 
 
-def _pigment_gate(lab: np.ndarray, source: np.ndarray) -> np.ndarray:
-    """1 for colors of the source's pigment, 0 for others, [n]."""
+def pigment_gate(colors: np.ndarray, source: np.ndarray, reach: float = 1.0) -> np.ndarray:
+    """1 for colors of the source's pigment, 0 for others, [n]; in the light and in the shade alike.
+
+    Args:
+        colors: sRGB [n, 3] in [0, 1].
+        source: sRGB [3] in [0, 1].
+        reach: How far in hue, or in chroma of a grey source, other colors still count; 1 is that of *Becomes*.
+
+    Examples:
+        >>> reds, green = np.array([[0.7, 0.1, 0.1], [0.3, 0.03, 0.03]]), np.array([[0.1, 0.6, 0.2]])
+        >>> pigment_gate(np.vstack([reds, green]), reds[0]).round(2).tolist()
+        [1.0, 1.0, 0.0]
+    """
+    lab, source = srgb_to_lab(colors), srgb_to_lab(np.asarray(source, np.float64))
     if lab_chroma(source) < GREY_CHROMA:
-        return np.exp(-(((lab_chroma(lab) - lab_chroma(source)) / CHROMA_GATE) ** 4))
+        return np.exp(-(((lab_chroma(lab) - lab_chroma(source)) / (reach * CHROMA_GATE)) ** 4))
     turn = (lab_hue(lab) - lab_hue(source) + np.pi) % (2 * np.pi) - np.pi
-    return np.exp(-((turn / HUE_GATE) ** 4))
+    return np.exp(-((turn / (reach * HUE_GATE)) ** 4))
 
 
 def match_becomes(
@@ -114,9 +128,50 @@ def match_becomes(
          [0.1 0.2 0.7]]
     """
     targets = reflection_target(colors, source, target)
+    return _matched(colors, counts, palette_weights, palette, source, target, targets, locked)
+
+
+def match_pigment(
+    colors: np.ndarray,
+    counts: np.ndarray,
+    palette_weights: np.ndarray,
+    palette: np.ndarray,
+    source: np.ndarray,
+    target: np.ndarray,
+    reach: float,
+) -> np.ndarray:
+    """`match_becomes` of one pigment by itself: other colors of the object have no say, as swatches of their own serve
+    them. reach: see `pigment_gate`.
+
+    Examples:
+        Of a red and a green that are of one swatch, the green does not hold the red back:
+
+        >>> palette, weights = np.array([[0, 0, 0], [0.5, 0.5, 0.1]]), np.array([[0.0, 1.0], [0.0, 1.0]])
+        >>> red, green, blue = np.array([0.7, 0.1, 0.1]), np.array([0.1, 0.6, 0.2]), np.array([0.1, 0.2, 0.7])
+        >>> change = match_pigment(np.stack([red, green]), np.ones(2), weights, palette, red, blue, 1.0) - palette
+        >>> print(change[1].round(2))
+        [-0.5  0.1  0.6]
+    """
+    counts = counts * pigment_gate(colors, source, reach)
+    targets = _repainted(colors, source, target, 1.0)
+    return _matched(colors, counts, palette_weights, palette, source, target, targets, ())
+
+
+def _matched(
+    colors: np.ndarray,
+    counts: np.ndarray,
+    palette_weights: np.ndarray,
+    palette: np.ndarray,
+    source: np.ndarray,
+    target: np.ndarray,
+    targets: np.ndarray,
+    locked: Iterable[int],
+) -> np.ndarray:
+    """The palette [M, 3] that moves colors to their targets, and above all the source to its own."""
     own = mean_weights(colors, counts, palette_weights, source)
     palette_weights, colors = np.vstack([palette_weights, own]), np.vstack([colors, source])
-    targets, counts = np.vstack([targets, target]), np.append(counts, EMPHASIS * np.sum(counts))
+    targets = np.vstack([targets, target])
+    counts = np.append(counts, EMPHASIS * max(np.sum(counts), 1e-9))  # an object may show nothing like the source
     return match_pixels(palette_weights, colors, targets, palette, counts, locked)
 
 

@@ -21,12 +21,13 @@ import numpy as np
 from ..errors import DataError
 from ..inputs import check_file
 from ..names import is_file_name
-from .palette import MOST_COLORS, MOST_OBJECTS, Palette
+from .palette import MOST_ADDED, MOST_COLORS, MOST_OBJECTS, Palette
 
 LAYERS_SCHEMA = "karf-layers/1"
 ATTRIBUTE = "karf"  # of the header
+MOST_LAYERS = MOST_COLORS * (1 + MOST_ADDED)  # of an object
 LONGEST = 40  # bytes of an object's part of a layer's name: Blender cuts names at 63
-MOST_HEADER = 16 << 20  # bytes; that of a picture with the most objects and colors has three quarters of it
+MOST_HEADER = 16 << 20  # bytes; with the most objects and colors, none of them added, it has three quarters of that
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 AGAIN = "Render the layers again."
 
@@ -133,7 +134,7 @@ def _object(entry: dict[str, Any]) -> ObjectLayers:
     """Raises ValueError, TypeError or KeyError for what is no object's entry."""
     colors = np.array(entry["colors"], np.float32)
     weights = tuple(entry["weights"])
-    if colors.shape != (len(weights), 3) or len(weights) > MOST_COLORS or not ((colors >= 0) & (colors <= 1)).all():
+    if colors.shape != (len(weights), 3) or len(weights) > MOST_LAYERS or not ((colors >= 0) & (colors <= 1)).all():
         raise ValueError("colors do not fit")
     names = (entry["name"], entry["coverage"], *weights)
     if not all(is_file_name(name) for name in names):

@@ -1,7 +1,8 @@
 """Edits in the palette files of other programs: GIMP's `.gpl`, Adobe's swatch exchange `.ase`, and our own JSON.
 
 Hand-written by the published descriptions of both formats, because Blender's Python has no reader of them. A swatch is
-called `<object> <number>`, from 1; black is not written. Both formats end at white; `.gpl` has 8 bits a channel.
+called `<object> <number>`, from 1; black is not written. Both formats end at white; `.gpl` has 8 bits a channel. Neither
+can say what an added color was picked for, so these are kept in JSON alone.
 """
 
 from __future__ import annotations
@@ -15,10 +16,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..color import to_bytes
-from ..errors import DataError
+from ..errors import BadRequest, DataError
 from ..files import atomic_write
 from ..inputs import check_file
-from .palette import Edit, Palette, read_edit, write_edit
+from .edit_files import read_edit, write_edit
+from .palette import Edit, Palette
 
 SUFFIXES = (".json", ".gpl", ".ase")
 MOST_BYTES = 4 << 20  # twice what the most objects with the most colors and the longest names need
@@ -41,6 +43,9 @@ def write_edit_file(path: Path, edit: Edit) -> None:
 
     Colors brighter than white are clipped in palettes, and kept in JSON.
 
+    Raises:
+        BadRequest: The edit has added colors, and the file is a palette.
+
     Examples:
         >>> import tempfile
         >>> with tempfile.TemporaryDirectory() as folder:
@@ -55,8 +60,12 @@ def write_edit_file(path: Path, edit: Edit) -> None:
     write = {".gpl": _write_gpl, ".ase": _write_ase}.get(path.suffix.lower())
     if write is None:
         write_edit(path, edit)
-    else:
-        write(path, edit.colors)
+        return
+    if edit.added:
+        raise BadRequest(
+            f"{path.name} cannot hold the colors that were added to {', '.join(edit.added)}.", "Save a .json file."
+        )
+    write(path, edit.colors)
 
 
 def read_edit_file(path: Path, palettes: Sequence[Palette], compositing: str = "delta") -> Edit:

@@ -5,7 +5,8 @@ Naming as in `compositing`: K objects, M palette entries, here of N points in pl
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,9 @@ from ..errors import DataError
 from ..files import atomic_write
 from ..names import check_names
 from ..npz import read_arrays
-from .compositing import delta_composite
+from .added import palettes_with, spread_objects
+from .compositing import delta_composite, stack_palettes
+from .palette import AddedColor, Palette
 
 NUMBERS = ("positions", "normals", "sizes", "colors", "probabilities", "palette_weights", "learned")
 AGAIN = "Make the points again."
@@ -46,6 +49,12 @@ class ScenePoints:
 
     def __len__(self) -> int:
         return len(self.positions)
+
+    def with_added(self, palettes: Sequence[Palette], added: Mapping[str, Sequence[AddedColor]]) -> ScenePoints:
+        """The points with the sets of added colors; palettes: of the K objects as learned. See `edit.added`."""
+        weights = spread_objects(self.palette_weights.transpose(1, 2, 0), palettes, added).transpose(2, 0, 1)
+        learned = {each.name: each.colors for each in palettes_with(palettes, added)}
+        return replace(self, palette_weights=weights, learned=stack_palettes(self.objects, learned))
 
     def recolored(self, edited: np.ndarray) -> np.ndarray:
         """Colors with an edit's palettes [K, M, 3], [N, 3] float32 sRGB in [0, 1], by the rule of `delta_composite`.

@@ -8,9 +8,20 @@ from pathlib import Path
 
 import numpy as np
 
+from ..edit.added import solve_set
 from ..edit.becomes import match_becomes, match_fewest, nearest_weights
 from ..edit.object_colors import read_object_colors
-from ..edit.palette import BRIGHTEST, Edit, Palette, hex_to_rgb, read_palettes
+from ..edit.palette import (
+    BRIGHTEST,
+    MOST_ADDED,
+    MOST_REACH,
+    REACH,
+    AddedColor,
+    Edit,
+    Palette,
+    hex_to_rgb,
+    read_palettes,
+)
 from ..edit.palette_files import read_edit_file, write_edit_file
 from ..errors import BadRequest
 from ..settings import from_dict
@@ -25,8 +36,10 @@ class ProjectEdit(Edit):
     """An edit that knows the project it is for. Each method gives a new edit; nothing is changed in place.
 
     Attributes:
-        colors: edited palette of every object by its name, [M, 3] float32 sRGB; entry 0 is black.
+        colors: edited palette of every object by its name, [M, 3] float32 sRGB; entry 0 is black. The sets of added
+            colors stand behind it.
         compositing: `delta` adds the palette's change to the picture, `paper` replaces it by the palette's mixture.
+        added: added colors of objects that have some, by name.
         project: the learned project.
         palettes: its palettes as learned.
     """
@@ -48,7 +61,37 @@ class ProjectEdit(Edit):
             DataError: a color is none, or the project's histogram of the object's colors is damaged.
         """
         colors = solve(self.project, self._palette(name), as_color(source), as_color(target), rule)
-        return replace(self, colors=self.colors | {name: colors})
+        sets = self.colors[name][len(colors) :]
+        return replace(self, colors=self.colors | {name: np.concatenate([colors, sets])})
+
+    def add_color(self, name: str, picked: Color, wanted: Color, reach: float = REACH) -> ProjectEdit:
+        """Let one pigment of an object have a color of its own, and leave it out of what the swatches change.
+
+        Args:
+            name: the object.
+            picked: the pigment, as photos show it.
+            wanted: the color that it shall have; numbers may go up to 2, brighter than white.
+            reach: how far around its hue, or in chroma where it is grey, other colors are of it: over 0 up to 4; 1 is as far as
+                `becomes` reaches.
+
+        Raises:
+            BadRequest: there is no such object, it has 16 added colors already, the pigment is black, or the reach
+                cannot be.
+            DataError: a color is none, or the project's histogram of the object's colors is damaged.
+        """
+        palette, before = self._palette(name), self.added.get(name, ())
+        if not 0 < reach <= MOST_REACH:
+            raise BadRequest(f"{reach!r} is no reach.", f"Give a number above 0, up to {MOST_REACH:g}.")
+        if len(before) == MOST_ADDED:
+            raise BadRequest(f"{name!r} has {MOST_ADDED} added colors.", "Leave one of them out.")
+        added = AddedColor(as_color(picked), float(reach))
+        seen = read_object_colors(self.project.checked(self.project.object_colors_file), name)
+        colors = solve_set(seen, palette.colors, added, as_color(wanted, BRIGHTEST))
+        return replace(
+            self,
+            colors=self.colors | {name: np.concatenate([self.colors[name], colors])},
+            added=self.added | {name: (*before, added)},
+        )
 
     def swatch(self, name: str, index: int, color: Color) -> ProjectEdit:
         """Set one swatch of an object.
@@ -62,9 +105,9 @@ class ProjectEdit(Edit):
             BadRequest: there is no such object or swatch.
             DataError: the color is none.
         """
-        colors = self.colors[self._palette(name).name].copy()
-        if not 1 <= index < len(colors):
-            raise BadRequest(f"{name!r} has no swatch {index}.", f"Its swatches are 1 to {len(colors) - 1}.")
+        colors, size = self.colors[self._palette(name).name].copy(), len(self._palette(name).colors)
+        if not 1 <= index < size:
+            raise BadRequest(f"{name!r} has no swatch {index}.", f"Its swatches are 1 to {size - 1}.")
         colors[index] = as_color(color, BRIGHTEST)
         return replace(self, colors=self.colors | {name: colors})
 
@@ -92,7 +135,7 @@ def edit_of(project: Project, path: Path | str | None = None) -> ProjectEdit:
     edit = Edit({palette.name: palette.colors for palette in palettes}, compositing)
     if path is not None:
         edit = read_edit_file(Path(path), palettes, compositing)
-    return ProjectEdit(edit.colors, edit.compositing, project=project, palettes=palettes)
+    return ProjectEdit(edit.colors, edit.compositing, edit.added, project=project, palettes=palettes)
 
 
 def solve(project: Project, palette: Palette, source: np.ndarray, target: np.ndarray, rule: str) -> np.ndarray:

@@ -102,7 +102,9 @@ def frame_mark(view: str, edit: Edit | None) -> str:
     """A text that changes when a frame would be another: by its `view_mark`, or by its edit (None without one)."""
     if edit is None:
         return view
-    return fingerprint(view, {name: colors.tolist() for name, colors in edit.colors.items()}, edit.compositing)
+    added = {name: [[each.picked.tolist(), each.reach] for each in own] for name, own in edit.added.items()}
+    options = ({name: colors.tolist() for name, colors in edit.colors.items()}, edit.compositing)
+    return fingerprint(view, *options, added) if added else fingerprint(view, *options)
 
 
 @dataclass(frozen=True)

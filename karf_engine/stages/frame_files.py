@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from ..capture.capture import View
+from ..edit.added import palettes_with, spread_objects
 from ..edit.compositing import write_planes
-from ..edit.palette import Edit
+from ..edit.palette import AddedColor, Edit
 from ..errors import BadRequest
 from ..files import atomic_write
 from ..finishing import PhotoView
@@ -61,6 +62,11 @@ class _Files:
     written: list[Path] = field(default_factory=list)
     disputed: set[str] = field(default_factory=set)
 
+    @property
+    def added(self) -> dict[str, tuple[AddedColor, ...]]:
+        """The colors that the edit adds, which have layers of their own."""
+        return {} if self.edit is None else self.edit.added
+
     def write_rendering(self) -> None:
         camera = self.model.working_camera(self.view) if self.captured else self.view.camera
         frame = self.model.render(camera, self.job.settings.render.supersampling)
@@ -99,7 +105,9 @@ class _Files:
             picture = _cut_out(self.model.composite(frame, self.edit), frame, behind)
             write_frame(self._path("recolor", FORMATS[kind]), picture, kind)
         if self.job.options.get("layers"):
-            layers = Layers(self.model.palettes, frame.base, frame.probabilities, frame.palette_weights, frame.depth)
+            palettes = palettes_with(self.model.palettes, self.added)
+            weights = spread_objects(frame.palette_weights, self.model.palettes, self.added)
+            layers = Layers(palettes, frame.base, frame.probabilities, weights, frame.depth)
             write_layers(self._path("layers", ".exr"), layers)
 
     def _photo(self, finished: PhotoView) -> None:
@@ -112,7 +120,7 @@ class _Files:
             write_photo(self._path("recolor", suffix), finished.recolored(self.edit))
         if self.job.options.get("layers"):
             depth = self.model.look(self.model.working_camera(self.view)).depth
-            write_layers(self._path("layers", ".exr"), finished.layers(depth))
+            write_layers(self._path("layers", ".exr"), finished.layers(depth, self.added))
 
     def _planes(self, frame: Frame) -> None:
         self.disputed.update(frame.disputed)

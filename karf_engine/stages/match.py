@@ -1,7 +1,7 @@
 """To an edit: from one color pair, "this color of the object becomes that color", or from a painted or graded view.
 
-Options: edit (EDIT.json to start from), out (EDIT.json), and object, source, target (#rrggbb), rule (becomes | fewest);
-or view, picture (of that view as it shall look).
+Options: edit (EDIT.json to start from), out (EDIT.json), and object, source, target (#rrggbb), rule (becomes | fewest |
+added); or view, picture (of that view as it shall look).
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     if asked == PICTURE:
         edit = _match_picture(project, options, edit, emit)
     else:
-        edit = edit.becomes(options["object"], options["source"], options["target"], options.get("rule") or "becomes")
+        pair, rule = [options[name] for name in PAIR], options.get("rule") or "becomes"
+        edit = edit.add_color(*pair) if rule == "added" else edit.becomes(*pair, rule)
     edit.save(options["out"])
     emit("artifact", kind="edit", path=str(Path(options["out"])))
 

@@ -45,7 +45,10 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     emit("stage", name="points", text=f"{len(chosen_views(views))} views")
     points = scene_points(model, views, options.get("count") or COUNT, job.progress("points", len(chosen_views(views))))
     if is_ply:
-        palettes = model.learned_colors if edit is None else stack_palettes(model.objects, edit.colors)
+        palettes = model.learned_colors
+        if edit is not None:
+            points = points.with_added(model.palettes, edit.added)
+            palettes = stack_palettes(model.objects, edit.colors)
         write_ply(out, points.positions, points.normals, points.recolored(palettes))
     else:
         write_points(out, points)

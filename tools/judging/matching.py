@@ -2,7 +2,7 @@
 
     python -m tools.judging.matching CAPTURE PROJECT
 
-Beside *Becomes* with one color pair an object, and the swatches that fit all test views best, which nothing can know.
+Beside *Becomes* with one color pair an object, an added color with the same pair, and the swatches that fit all test views best, which nothing can know.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ class MatchScore:
     Attributes:
         no_edit: Of the photos.
         becomes: By one color pair an object.
+        added: By an added color an object, with the same pair.
         others: Matched to one view, in the others: mean over the views given.
         worst: The same for the worst view to give.
         given: Matched to one view, in that view.
@@ -42,6 +43,7 @@ class MatchScore:
 
     no_edit: float
     becomes: float
+    added: float
     others: float
     worst: float
     given: float
@@ -59,18 +61,26 @@ def _score_edit(model: Model, truth: Truth, frames: list[Frame], edit: str) -> M
     seen = [number for number, inside in enumerate(insides) if inside.any()]
     learned = model.learned_colors
 
-    def differences(edited: np.ndarray) -> np.ndarray:
-        pictures = [delta_composite(frames[view].base, frames[view].palette_weights, learned, edited) for view in seen]
+    def differences_of(pictures: list[np.ndarray]) -> np.ndarray:
         return np.array([mean_ciede2000(p, recolored[v], insides[v]) for p, v in zip(pictures, seen, strict=True)])
+
+    def differences(edited: np.ndarray) -> np.ndarray:
+        return differences_of(
+            [delta_composite(frames[view].base, frames[view].palette_weights, learned, edited) for view in seen]
+        )
 
     given, others = [], []
     for place, view in enumerate(seen):
         of_views = differences(_matched(model, frames[view], recolored[view]))
         given.append(of_views[place])
         others.append(np.delete(of_views, place).mean())
+    added = model.edit()
+    for name in truth.edits[edit]["objects"]:
+        added = added.add_color(name, *truth.color_pair(edit, name))
     return MatchScore(
         no_edit=float(differences(learned).mean()),
         becomes=float(differences(stack_palettes(model.objects, edit_to_judge(model, truth, edit).colors)).mean()),
+        added=float(differences_of([model.composite(frames[view], added) for view in seen]).mean()),
         others=float(np.mean(others)),
         worst=float(np.max(others)),
         given=float(np.mean(given)),

@@ -24,6 +24,11 @@ class View:
     stem: str
     camera_to_world: Matrix
 
+    @property
+    def number(self) -> int:
+        """Its number within its split."""
+        return int(self.stem.removeprefix("r_"))
+
 
 def dome_views(train: int, test: int, radius: float, target) -> list[View]:
     """Return the views of both splits, spread over a dome by one golden-angle spiral with a small jitter.
@@ -55,6 +60,24 @@ def patch_views(train: int, test: int, center, size: tuple[float, float], target
         position = Vector(center) + Vector((across * size[0], rng.uniform(-0.1, 0.1), up * size[1]))
         jittered = Vector(target) + Vector(rng.uniform(-0.1, 0.1, 3))
         views.append(View(split, stem, facing(position, position - jittered)))
+    return views
+
+
+def path_views(train: int, test: int, distance: float, target, seed: int) -> list[View]:
+    """Return the views of both splits along a hand-held walk round a part of ``target``, at about ``distance``.
+
+    The walk goes round a third to a half, rises and sinks once, and the hand trembles.
+    """
+    rng = np.random.default_rng(seed)
+    span, low, high = math.radians(rng.uniform(110, 180)), *np.radians(rng.uniform((12, 22), (20, 40)))
+    views = []
+    for place, (split, stem) in enumerate(split_stems(train, test)):
+        share = (place + 0.5) / (train + test)
+        azimuth = -math.pi / 2 + span * (share - 0.5) + rng.normal(0, 0.02)
+        elevation = low + (high - low) * math.sin(math.pi * share) + rng.normal(0, 0.02)
+        looked_at = Vector(target) + Vector(rng.normal(0, 0.07, 3))
+        matrix = look_at(azimuth, elevation, distance * rng.uniform(0.93, 1.07), looked_at)
+        views.append(View(split, stem, matrix @ Matrix.Rotation(rng.normal(0, 0.03), 4, "Z")))
     return views
 
 

@@ -51,7 +51,7 @@ def set_up_photo(samples: int) -> None:
     scene.cycles.use_denoising = True
     scene.cycles.filter_width = 1.5
     scene.render.image_settings.file_format = "PNG"
-    scene.render.image_settings.color_mode = "RGB"
+    scene.render.image_settings.color_mode = "RGBA" if scene.render.film_transparent else "RGB"
 
 
 def set_up_truth(folder: Path, subpixels: int) -> None:
@@ -95,14 +95,18 @@ def render_view(view: View, file: Path) -> float:
 
 
 def render_photos(out: Path, views: list[View], samples: int) -> None:
-    """Render ``out/<split>/<stem>.png`` for every view and print the mean time of one."""
+    """Render ``out/<split>/<stem>.png`` for every view and print the mean time of one; with alpha if the film has it.
+
+    The frame is the view's number: what moves in the scene moves from photo to photo.
+    """
     set_up_photo(samples)
     seconds = []
     with tempfile.TemporaryDirectory() as folder:
         for view in views:
+            bpy.context.scene.frame_set(view.number)
             raw = Path(folder) / "photo.png"
             seconds.append(render_view(view, raw))
-            write_png(out / view.split / f"{view.stem}.png", iio.imread(raw)[..., :3])
+            write_png(out / view.split / f"{view.stem}.png", iio.imread(raw))
     print(f"{out}: {len(seconds)} photos, {np.mean(seconds):.2f} s each", flush=True)
 
 

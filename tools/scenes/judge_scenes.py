@@ -34,10 +34,13 @@ FIGURES = {
     "iou_ceiling": ("ceiling", None, None),
     "iou_below_ceiling": ("below ceiling", 0.02, "at most"),
     "ciede2000": ("CIEDE2000", 4.0, "at most"),
+    "ciede2000_hue_shift": ("hue shift", None, None),
     "ciede2000_no_edit": ("no edit", None, None),
     "mse_outside": ("MSE outside", 5e-5, "at most"),
     "mse_outside_of_truth": ("of the truth", None, None),
 }
+HIGHER_IS_BETTER = ("psnr", "iou", "iou_border_excluded", "iou_ceiling")
+MEANS = {"mean": np.mean, "median": np.median}
 
 
 def main() -> None:
@@ -47,10 +50,18 @@ def main() -> None:
         summary = judge(options.captures / scene, options.out / scene, options)
         table[scene] = figures(summary)
         print(f"{scene}: {rounded(table[scene])}", flush=True)
-    table["mean"] = {key: float(np.mean([row[key] for row in table.values()])) for key in FIGURES}
+    table |= means_of(table)
     targets = {key: {direction: target} for key, (_, target, direction) in FIGURES.items() if direction}
     write_json(options.out / "benchmark.json", rounded({"preset": options.preset, "targets": targets, "scenes": table}))
     report(table)
+
+
+def means_of(table: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
+    """The rows below the scenes: mean, median and the worst of each figure."""
+    columns = {key: [row[key] for row in table.values()] for key in FIGURES}
+    worst = {key: (min if key in HIGHER_IS_BETTER else max)(column) for key, column in columns.items()}
+    means = {name: {key: float(take(columns[key])) for key in FIGURES} for name, take in MEANS.items()}
+    return means | {"worst": worst}
 
 
 def parse_arguments() -> argparse.Namespace:
@@ -125,6 +136,7 @@ def figures(summary: dict) -> dict[str, float]:
         "iou_ceiling": highest,
         "iou_below_ceiling": highest - iou,
         "ciede2000": mean["ours"],
+        "ciede2000_hue_shift": mean["hue_shift_in_true_mask"],
         "ciede2000_no_edit": mean["no_edit"],
         "mse_outside": mean["mse_outside"],
         "mse_outside_of_truth": summary["mse_outside_of_truth"],

@@ -1,6 +1,7 @@
 """Make the benchmark captures: five procedural scenes, each with true masks, depth and three true recolors.
 
     .venv/blender/bin/python -m tools.scenes.make_captures --out DIR [SCENE ...] [--size 160] [--views 40+8]
+    .venv/blender/bin/python -m tools.scenes.make_captures --out DIR --seeds 0-7 [--size 160]
     .venv/blender/bin/python -m tools.scenes.make_captures --out DIR [SCENE ...] --full DIR2 [--full-size 1024]
 
     single   one jug on a table
@@ -11,6 +12,7 @@
              gourd of its own color
 
 Each is laid out as the demo capture. A scene that DIR has already, of the same arguments, is not made again. The second
+form makes scenes that nobody chose: a seed draws all that is in them (tools/procedural/seeded). The third
 form also copies them to DIR2, with a few test views at a larger size and the coverage of each object there. Needs the
 bpy wheel, numpy and imageio. Everything is procedural and seeded: the same arguments give the same files.
 """
@@ -23,6 +25,7 @@ import math
 import os
 import shutil
 import sys
+from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -31,8 +34,10 @@ from ..procedural import full_size, thin_things, things
 from ..procedural.cameras import dome_views, patch_views
 from ..procedural.files import write_json
 from ..procedural.recipe import Extent, Recipe, TrueEdit, make_capture
+from ..procedural.seeded.recipe import make_drawn_capture
 
 RECIPE_VERSION = 1  # goes up with every change to the scenes, so that captures of older ones are made again
+DRAWING_VERSION = 1  # likewise, of the drawn scenes
 MADE_BY = "made_by.json"
 FIELD_OF_VIEW = math.radians(38.0)
 ON_TABLE = """\
@@ -204,8 +209,10 @@ RECIPES = {
 def main(argv: list[str] | None = None) -> int:
     """Make the named scenes, or all."""
     options = parse_arguments(argv)
+    for seed in options.seeds:
+        make_seed_once(seed, options)
     extent = Extent(options.size, *options.views, options.samples)
-    for scene in options.scenes or RECIPES:
+    for scene in options.scenes or (RECIPES if not options.seeds else ()):
         capture = options.out / scene
         make_once(scene, extent, capture, options.threads)
         if options.full:
@@ -219,6 +226,7 @@ def parse_arguments(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="*", metavar="SCENE", help=", ".join(RECIPES))
     parser.add_argument("--out", type=Path, required=True, help="folder of the captures, DIR/<scene>")
+    parser.add_argument("--seeds", type=numbers, default=(), metavar="A-B", help="drawn scenes instead: 7, or 0-7")
     parser.add_argument("--size", type=int, default=160, help="width and height in pixels (default: %(default)s)")
     parser.add_argument("--views", type=views, default=(40, 8), metavar="TRAIN+TEST", help="numbers (default: 40+8)")
     parser.add_argument("--samples", type=int, default=24, help="samples per pixel at most (default: %(default)s)")
@@ -237,18 +245,38 @@ def views(text: str) -> tuple[int, int]:
     return int(train), int(test)
 
 
+def numbers(text: str) -> range:
+    """Numbers of a text like 7 or 0-7. Raises ValueError for any other."""
+    first, _, last = text.partition("-")
+    return range(int(first), int(last or first) + 1)
+
+
 def make_once(scene: str, extent: Extent, folder: Path, threads: int) -> None:
-    """Make a capture, unless ``folder`` has it; it appears there when it is complete."""
+    """Make a capture, unless ``folder`` has it."""
     arguments = {"scene": scene, "recipe_version": RECIPE_VERSION} | asdict(extent)
+    command = f"python -m tools.scenes.make_captures --out DIR {scene} --size {extent.size}"
+    command += f" --views {extent.train}+{extent.test} --samples {extent.samples}"
+    _unless_there(folder, arguments, lambda out: make_capture(RECIPES[scene], extent, out, command, threads))
+
+
+def make_seed_once(seed: int, options: argparse.Namespace) -> None:
+    """Make the capture of a drawn scene, unless it is there."""
+    size, samples = options.size, options.samples
+    arguments = {"seed": seed, "drawing_version": DRAWING_VERSION, "size": size, "samples": samples}
+    command = f"python -m tools.scenes.make_captures --out DIR --seeds {seed} --size {size} --samples {samples}"
+    make = partial(make_drawn_capture, seed, size, samples, command=command, threads=options.threads)
+    _unless_there(options.out / f"seed_{seed:03d}", arguments, make)
+
+
+def _unless_there(folder: Path, arguments: dict, make: Callable[[Path], None]) -> None:
+    """Make a capture, unless ``folder`` has one of the same arguments; it appears there when it is complete."""
     made_by = folder / MADE_BY
     if made_by.exists() and json.loads(made_by.read_text(encoding="utf-8")) == arguments:
         print(f"{folder}: there already")
         return
     unfinished = folder.with_name(f"{folder.name}.unfinished")
     shutil.rmtree(unfinished, ignore_errors=True)
-    command = f"python -m tools.scenes.make_captures --out DIR {scene} --size {extent.size}"
-    command += f" --views {extent.train}+{extent.test} --samples {extent.samples}"
-    make_capture(RECIPES[scene], extent, unfinished, command, threads)
+    make(unfinished)
     write_json(unfinished / MADE_BY, arguments)
     shutil.rmtree(folder, ignore_errors=True)
     unfinished.rename(folder)

@@ -23,6 +23,7 @@ TOOLBAR = Where("IMAGE_EDITOR", "TOOLS")
 VIEW = Where("VIEW_3D", "WINDOW")
 JOB_SECONDS = 900.0  # a machine may be busy with other things
 ASKED_SECONDS = 4.0  # in which a busy machine has opened what was asked for, where Blender asks nothing
+MARKED = r"karf\.marking\.active"  # the rows of the list of objects to mark
 LIST_ROW = 20  # pixels between two rows of a list
 BRUSH = 14  # at most: radius, pixels of the screen
 
@@ -177,8 +178,9 @@ def show_tab() -> Wait:
 
 def mark(story: Story, number: int, name: str) -> Wait:
     """Name the object of a number in the list, and paint over it with the brush from the toolbar."""
-    x, y = yield from hands.find(SIDEBAR, r"karf\.marking\.active", 0.2)
-    yield from hands.write(name, (x, y - number * LIST_ROW), ctrl=True)
+    row = yield from hands.find(SIDEBAR, MARKED, 0.2)
+    x, top = yield from hands.edge(SIDEBAR, MARKED, row, (0, 1))
+    yield from hands.write(name, (x, top - number * LIST_ROW - LIST_ROW // 2), ctrl=True)
     item = desk.scene().karf.marking.objects[number]
     check(item.name == name, f"typed {name}, got {item.name}")
     yield from hands.press_button(TOOLBAR, r"karf\.mark_brush", 0.5)

@@ -32,6 +32,11 @@ def reach(story: Story, milestone: str) -> Wait:
     yield from story.shoot(milestone)
 
 
+def width_of_picture() -> int:
+    """How wide the Image Editor's picture is on the screen, in pixels."""
+    return acts.on_photo(1, 0)[0] - acts.on_photo(0, 0)[0]
+
+
 @CHAPTER.step(
     "install", "script: Install from Disk, the engine's Python in the preferences; keys: Esc closes the splash screen"
 )
@@ -70,8 +75,10 @@ def choose(story: Story) -> Wait:
     while karf.preset != story.job["preset"]:
         place = yield from hands.find(SIDEBAR, r"karf\.preset")
         yield from hands.turn_wheel(place)
+    width = width_of_picture()
     while karf.active_view != story.job["view"]:
         yield from hands.press("PAGE_DOWN", hands.middle_of(PICTURE))
+    check(width_of_picture() == width, "another view's photo is not as wide on the screen")
 
 
 @CHAPTER.step("mark", "mouse: a box dragged around the object")
@@ -91,7 +98,7 @@ def learn(story: Story) -> Wait:
     runner, progress = desk.module("tasks.runner"), bpy.data.window_managers[0].karf_progress
     yield from hands.press_button(SIDEBAR, r"karf\.learn_all")
     yield from until(runner.is_running, "the job", 10)
-    before = hands.interactions()
+    before, width = hands.interactions(), width_of_picture()
     yield from reach(story, "pressed")
     yield from hands.move(hands.middle_of(PICTURE))
     end = time.monotonic() + LEARNING_SECONDS
@@ -107,6 +114,7 @@ def learn(story: Story) -> Wait:
     story.facts["project"] = str(desk.module("project.folders").project_of(desk.scene()).folder)
     check(before <= MOST_BEFORE, f"{before} interactions lie before learning, more than {MOST_BEFORE}")
     check(desk.is_in_step(), "the picture is not what the swatches say")
+    check(width_of_picture() == width, "the learned picture is not as wide on the screen as the photo")
 
 
 @CHAPTER.step("first color", "mouse: a swatch's picker is opened, its color dragged")

@@ -20,6 +20,7 @@ PAUSE = 0.03  # seconds in which Blender takes an event in
 SETTLED = 0.2  # seconds after which a button knows that the mouse is over it, also on a busy machine
 ROW = 13  # pixels between two rows of a search; the lowest buttons are about 18 high
 EMPTY_ROWS = 26  # so many rows without a button are the end of the panels
+EDGE_STEPS = 200  # at most, from a button to its edge
 RIGHT = 0.845  # where a sidebar has the small button at the end of a row
 COLUMNS = (0.45, RIGHT, 0.2, 0.68, 0.32, 0.57)  # of a region's width, in the order of a search
 
@@ -237,6 +238,19 @@ def _settled(where: Where, pattern: str, place: Place) -> Generator[float, None,
         if re.search(pattern, meaning(where)):
             return x, y
     return None
+
+
+def edge(where: Where, pattern: str, place: Place, step: Place) -> Generator[float, None, Place]:
+    """The last place on a way, so many pixels a step, that still is the button's; from a place in it. Raises NotFound."""
+    begin = time.monotonic()
+    for _ in range(EDGE_STEPS):
+        yield from move(place)
+        yield 0.1
+        if not re.search(pattern, meaning(where)):
+            looked(begin)
+            return place[0] - step[0], place[1] - step[1]
+        place = place[0] + step[0], place[1] + step[1]
+    raise NotFound(f"{pattern} has no edge: a popup is open, which answers for every place")
 
 
 def press_button(where: Where, pattern: str, first: float = COLUMNS[0]) -> Wait:

@@ -17,6 +17,7 @@ from tools.window.story import steps_of
 from tools.window.telling import Step
 
 SHOT_SECONDS = 5.0
+IDLE_SECONDS = 0.005  # that Blender sleeps between two looks for events, where they are not simulated
 
 
 def play(job: dict) -> Generator[float, None, None]:
@@ -32,7 +33,8 @@ def play(job: dict) -> Generator[float, None, None]:
     names = [step.name for step in steps]
     start = names.index(job["after"]) + 1 if job["after"] else 0
     for step in steps[start:]:
-        if not job["only"] or step.name in job["only"]:
+        parts = {part.strip() for part in step.name.split(",")}  # as the names of steps that are given
+        if not job["only"] or parts <= set(job["only"]):
             yield from perform(story, step, lines)
             acts.save_facts(story)
 
@@ -94,6 +96,13 @@ def main() -> None:
         return None
 
     bpy.app.timers.register(tick, first_interval=1.0, persistent=True)
+    bpy.app.timers.register(idle, persistent=True)
+
+
+def idle() -> float:
+    """Let Blender sleep as an artist's does: where events are simulated it never would, and take a core from the engine."""
+    time.sleep(IDLE_SECONDS)
+    return 0.0
 
 
 main()

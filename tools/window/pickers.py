@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Generator
 
 from . import acts, desk, hands
 from .acts import Story
 from .hands import Wait
 
-STEP = 8  # pixels between two looks for the wheel
-PICKER = 340  # pixels above the swatch in which its picker is
-LEAST = 100  # pixels: a wheel is wider and higher than the fields below it
+STEP = 4  # pixels between two looks for an edge
+PICKER = 206  # its width; pixels of the screen, as all here
+WHEEL = 91, 223  # from the picker's left edge, and from the swatch's upper one, to the middle of the wheel
+STATUS_BAR = 8  # pixels from the window's lower edge
 
 
 def swatch(name: str, index: int) -> str:
@@ -43,45 +43,21 @@ def drag_swatch(story: Story, name: str, index: int, steps: int, angle: tuple[in
 
 
 def open_picker(name: str, index: int) -> Generator[float, None, hands.Place]:
-    """Open a swatch's picker; returns the middle of its wheel, where the mouse is then."""
+    """Open a swatch's picker; returns the middle of its wheel, where the mouse is then.
+
+    The picker lies above the swatch, both left edges in line, or the right ones where the window ends before.
+    """
     field = yield from hands.find(acts.SIDEBAR, swatch(name, index), 0.2)
+    ends = []
+    for step in ((-STEP, 0), (STEP, 0), (0, STEP)):
+        ends.append((yield from hands.edge(acts.SIDEBAR, swatch(name, index), field, step)))
+    (left, _), (right, _), (_, top) = ends
     yield from hands.click(field)
     yield 0.3
-    begin = time.monotonic()
-    middle = yield from _wheel(field)
-    hands.looked(begin)
+    start = left if right + PICKER < hands.window().width else right - PICKER
+    middle = start + WHEEL[0], top + WHEEL[1]
     yield from hands.move(middle)
     return middle
-
-
-def _wheel(field: hands.Place) -> Generator[float, None, hands.Place]:
-    """The middle of the wheel, which lies above the field that was clicked: what changes the color under the mouse."""
-    x, low = field[0], 0
-    for y in range(field[1] + 4 * STEP, field[1] + PICKER, STEP):
-        is_color = yield from _is_color((x, y))
-        if is_color:
-            low = low or y
-        elif low and y - low >= LEAST:
-            break
-        else:
-            low = 0
-    acts.check(bool(low), "the picker has no wheel")
-    middle = (low + y - STEP) // 2
-    left = yield from _end(x, middle, -STEP)
-    right = yield from _end(x, middle, STEP)
-    return (left + right) // 2, middle
-
-
-def _end(x: int, y: int, step: int) -> Generator[float, None, int]:
-    while (yield from _is_color((x + step, y))):
-        x += step
-    return x
-
-
-def _is_color(place: hands.Place) -> Generator[float, None, bool]:
-    yield from hands.move(place)
-    yield 0.1
-    return hands.meaning(acts.SIDEBAR).endswith(".color")
 
 
 def way(start: hands.Place, offset: tuple[int, int], steps: int) -> list[hands.Place]:
@@ -93,8 +69,8 @@ def way(start: hands.Place, offset: tuple[int, int], steps: int) -> list[hands.P
 
 
 def close_picker() -> Wait:
-    """Click beside the picker."""
-    outside = hands.middle_of(acts.PICTURE)
+    """Click beside the picker, on the status bar: where the picker went when the mouse did, a click means nothing there."""
+    outside = hands.window().width // 2, STATUS_BAR
     yield from hands.move(outside)
     yield from hands.click(outside)
     yield 0.3

@@ -27,6 +27,19 @@ def test_the_tools_come_and_go_with_the_extension(addon, in_toolbar):
     assert in_toolbar() == NAMES
 
 
+def test_a_tool_that_is_taken_up_is_laid_down_with_the_extension_and_no_cursor_is_drawn_on(bpy, addon):
+    window = bpy.context.window_manager.windows[0]
+    area = window.screen.areas[0]
+    area.type = "IMAGE_EDITOR"
+    with bpy.context.temp_override(window=window, area=area):
+        addon.tools.take_up(bpy.context, area)
+    taken = window.workspace.tools.from_space_image_mode("VIEW")
+    assert taken.idname == "karf.mark_box"
+    addon.tools.unregister()
+    assert window.workspace.tools.from_space_image_mode("VIEW").idname == addon.tools.BLENDERS
+    addon.tools.register()
+
+
 def test_every_key_of_the_tools_calls_an_operator_that_there_is(bpy, addon):
     for tool in addon.tools.TOOLS:
         for operator, _, options in tool.bl_keymap:

@@ -152,6 +152,47 @@ def test_at_the_learned_size_the_photo_and_its_pinhole_are_the_same(model, green
     assert_array_equal(to_bytes(model.recolor(view, green)), to_bytes(plain))
 
 
+def test_an_added_color_is_the_same_in_a_photo_its_pinhole_and_its_layers(model, photo, tmp_path):
+    from karf_engine.edit.compositing import delta_composite, stack_palettes
+
+    edit = model.edit().add_color("ball", "#c0221a", "#1ec040")
+    view = model.capture.split("test")[0]
+    shown = model.recolor(view, edit)
+    assert (shown != model.recolor(view, model.edit())).any()
+    assert_array_equal(to_bytes(shown), to_bytes(model.recolor(view, edit, "learned")))
+    ready = model.photo_view(saved(tmp_path / "a.png", photo.color))
+    layers = ready.layers(np.ones((2, 2)), edit.added)
+    base = layers.base.astype(np.float32) / 255
+    learned = stack_palettes(model.objects, {palette.name: palette.colors for palette in layers.palettes})
+    result = delta_composite(base, layers.palette_weights, learned, stack_palettes(model.objects, edit.colors))
+    assert_allclose(result, ready.shown(ready.recolored(edit)), atol=1.6 / 255)
+    paper = replace(edit, compositing="paper")
+    assert_array_equal(to_bytes(model.recolor(view, paper)), to_bytes(model.recolor(view, paper, "learned")))
+
+
+def test_other_edits_of_the_object_leave_its_added_colors(model):
+    added = model.edit().add_color("ball", "#c0221a", "#1ec040")
+    size = len(model.edit().colors["ball"])
+    for edit in (added.becomes("ball", "#c0221a", "#2040c0"), added.swatch("ball", 1, "#ffffff")):
+        assert_array_equal(edit.colors["ball"][size:], added.colors["ball"][size:])
+        assert (edit.colors["ball"][:size] != added.colors["ball"][:size]).any()
+        assert edit.added == added.added
+
+
+@pytest.mark.parametrize(("reach", "sentence"), [(0, "is no reach"), (4.5, "is no reach")])
+def test_a_reach_that_cannot_be_is_refused(model, reach, sentence):
+    with pytest.raises(BadRequest, match=sentence):
+        model.edit().add_color("ball", "#c0221a", "#1ec040", reach)
+
+
+def test_an_edit_with_an_added_color_is_another_frame(model):
+    from karf_engine.stages.finished_frames import frame_mark
+
+    edit = model.edit().add_color("ball", "#c0221a", "#1ec040")
+    further = replace(edit, added={"ball": (replace(edit.added["ball"][0], reach=2.0),)})
+    assert len({frame_mark("view", each) for each in (model.edit(), edit, further)}) == 3
+
+
 def test_layers_of_a_photo_recolor_it(model, green, photo, tmp_path):
     from karf_engine.edit.compositing import delta_composite, stack_palettes
 

@@ -1,0 +1,105 @@
+"""Step 6: a color of an object is picked in the picture and becomes one more swatch."""
+
+from collections.abc import Iterator
+
+import bpy
+from bpy.props import FloatProperty, StringProperty
+
+from .. import steps
+from ..engine_api import MOST_REACH, REACH, BadRequest
+from ..host import windows
+from ..host.words import tell
+from ..properties.colors import srgb
+from ..swatches import drawn_over
+from .reporting import PreparedStep, reports_errors
+from .swatches import OneSwatch
+
+
+class KARF_OT_add_color(PreparedStep, bpy.types.Operator):
+    """Pick a color of the object in the picture: it becomes one more swatch, which changes only what has this pigment"""
+
+    bl_idname = "karf.add_color"
+    bl_label = "Add Color"
+    bl_options = {"REGISTER", "UNDO"}
+
+    object_name: StringProperty(name="Object")
+    picked: srgb("Picked", 0.5, description="A color of the object, as the photos show it", options={"SKIP_SAVE"})
+    reach: FloatProperty(
+        name="Reach",
+        default=REACH,
+        min=0.05,
+        max=MOST_REACH,
+        soft_max=2.0,
+        options={"SKIP_SAVE"},
+        description="How far around its hue (of a gray: its chroma) colors of the object are of this pigment",
+    )
+
+    def invoke(self, context, event):
+        return self._wait(context)
+
+    @reports_errors
+    def _wait(self, context):
+        if not list(_pictures(context)):
+            raise BadRequest("No Image Editor shows the recolored picture.", "Open one, and press Show in step 6.")
+        context.window_manager.modal_handler_add(self)
+        context.window.cursor_modal_set("EYEDROPPER")
+        context.workspace.status_text_set(
+            tell("Click on {name} in the picture to add its color there.  Esc: none", name=self.object_name)
+        )
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type in {"ESC", "RIGHTMOUSE"}:
+            return self._ended(context, {"CANCELLED"})
+        if event.type != "LEFTMOUSE" or event.value != "PRESS":
+            return {"PASS_THROUGH"} if event.type.startswith(("WHEEL", "MIDDLE", "TRACKPAD")) else {"RUNNING_MODAL"}
+        return self._ended(context, self._pick(context, event))
+
+    @reports_errors
+    def _pick(self, context, event):
+        self.picked = steps.color_at(context.scene, self.object_name, _place_in_picture(context, event))
+        return self.execute(context)
+
+    def _ended(self, context, result):
+        context.window.cursor_modal_restore()
+        context.workspace.status_text_set(None)
+        return result
+
+    @reports_errors
+    def execute(self, context):
+        number = steps.add_color(context.scene, self.object_name, self.picked, self.reach)
+        windows.redraw(*windows.PANEL_AREAS)
+        self.report({"INFO"}, tell("Added as swatch {number}: change its color", number=number))
+        return {"FINISHED"}
+
+
+class KARF_OT_remove_color(OneSwatch, bpy.types.Operator):
+    """Take this added color away: its pigment follows the other swatches again"""
+
+    bl_idname = "karf.remove_color"
+    bl_label = "Remove"
+
+    @reports_errors
+    def execute(self, context):
+        steps.remove_color(context.scene, self.object_name, self.index)
+        return {"FINISHED"}
+
+
+def _place_in_picture(context: bpy.types.Context, event: bpy.types.Event) -> tuple[float, float]:
+    """Where the mouse is in the picture, from its lower left corner to its upper right one; beside it, out of 0 to 1."""
+    for region in _pictures(context):
+        x, y = event.mouse_x - region.x, event.mouse_y - region.y
+        if 0 <= x < region.width and 0 <= y < region.height:
+            left, bottom, right, top = drawn_over.picture_in(region)
+            return (x - left) / max(1, right - left), (y - bottom) / max(1, top - bottom)
+    return -1.0, -1.0
+
+
+def _pictures(context: bpy.types.Context) -> Iterator[bpy.types.Region]:
+    """The main regions of the Image Editors that show the result image."""
+    for area in context.screen.areas:
+        if drawn_over.is_result(context.scene, area.spaces.active):
+            yield next(region for region in area.regions if region.type == "WINDOW")
+
+
+CLASSES = (KARF_OT_add_color, KARF_OT_remove_color)
