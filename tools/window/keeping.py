@@ -86,6 +86,7 @@ def disable_enable(story: Story) -> Wait:
     left = remains.remains(desk.PACKAGE)
     yield from story.shoot("disabled")
     bpy.ops.preferences.addon_enable(module=desk.PACKAGE)
+    acts.choose_engine(story)  # else `--only` has none from now on: Blender forgets an extension's preferences
     yield 1.0
     yield from acts.show_tab()
     check(not left, f"a disabled extension leaves {left}")
