@@ -25,6 +25,7 @@ from ..karf_engine.edit.color_text import color_to_text, colors_of_text
 from ..karf_engine.edit.colorways import reached_color
 from ..karf_engine.edit.colorways import shown as shown_colors
 from ..karf_engine.edit.compositing import Planes, read_planes, stack_palettes
+from ..karf_engine.edit.edit_files import write_edit
 from ..karf_engine.edit.layers import ObjectLayers, read_layer_names
 from ..karf_engine.edit.object_colors import ColorHistogram, read_object_colors
 from ..karf_engine.edit.painted import ObjectMatch, match_picture
@@ -40,7 +41,6 @@ from ..karf_engine.edit.palette import (
     hex_to_rgb,
     read_palettes,
     rgb_to_hex,
-    write_edit,
 )
 from ..karf_engine.edit.palette_files import SUFFIXES as EDIT_SUFFIXES
 from ..karf_engine.edit.palette_files import read_edit_file, write_edit_file

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from .capture import open_capture
     from .capture.camera import Camera
     from .capture.capture import Capture, View
-    from .edit.palette import Edit, Palette, read_edit, write_edit
+    from .edit.edit_files import read_edit, write_edit
+    from .edit.palette import Edit, Palette
     from .errors import KarfError
     from .farm.bundle import learning_bundle, render_bundle
     from .frames import Frame
@@ -60,11 +61,11 @@ _HOME = {  # name -> the module that defines it
     "load": "library",
     "mark": "library",
     "open_capture": "capture",
-    "read_edit": "edit.palette",
+    "read_edit": "edit.edit_files",
     "render": "library",
     "render_bundle": "farm.bundle",
     "segment": "library",
-    "write_edit": "edit.palette",
+    "write_edit": "edit.edit_files",
     "write_points": "library",
 }
 

@@ -56,10 +56,10 @@ class Frame:
 
 
 def planes_of(frame: Frame, objects: Sequence[str]) -> Planes:
-    """The edit planes of a frame; before palettes are learned there is no object to edit."""
+    """The edit planes of a frame; before palettes are learned an object has no swatches."""
     weights, probabilities = frame.palette_weights, frame.probabilities
     if weights is None:
-        objects, weights, probabilities = (), np.zeros((0, 0, *probabilities.shape[1:])), probabilities[:0]
+        weights = np.zeros((len(objects), 0, *probabilities.shape[1:]))
     return Planes(tuple(objects), weights.astype(np.float16), probabilities.astype(np.float16), to_bytes(frame.base))
 
 

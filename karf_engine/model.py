@@ -75,10 +75,10 @@ class Model:
         self.palettes: tuple[Palette, ...] = ()
         self.segmentation: SegmentationField | None = None
         self.recoloring: RecoloringField | None = None
-        n_features = self.scene.field.n_features
+        n_features, space = self.scene.field.n_features, self.scene.field.space
         if project.finished("segmentation"):
             path = project.checked(project.segmentation_file)
-            self.segmentation, self.objects = load_segmentation(path, n_features, self.device)
+            self.segmentation, self.objects = load_segmentation(path, n_features, self.device, space)
         if project.finished("recoloring"):
             self.palettes = read_palettes(project.checked(project.palette_file), objects=self.objects)
             path, bounds = project.checked(project.recoloring_file), self.segmentation.bounds

@@ -2,30 +2,39 @@
 
 Texts are found in the sources: labels and tooltips of classes, names and descriptions of properties, enum items, texts
 of layouts, and what is marked by `host/words.py`. A text with values in it that is not put together there cannot be
-translated, and is listed too. Error sentences stay English, as those of the engine do.
+translated, and is listed too. Sentences of errors and warnings are known by what is left where {0}, {1} .. stand for
+their values; a translation of one that neither the extension nor the engine says any more is listed as well.
 """
 
 from __future__ import annotations
 
 import ast
+import itertools
 import sys
 from collections.abc import Iterator
 from importlib import util
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1] / "karf_blender"
+ENGINE = ROOT.with_name("karf_engine")
 TABLES = ROOT / "translations"
+SENTENCES = TABLES / "sentences"
 MARKS = ("shown", "say", "tell")
 KEYWORDS = ("text", "title", "message", "heading", "name", "description")  # of calls, whose values are shown
 POSITIONS = {"poll_message_set": 0, "report": 1, "draw_text": 1, "srgb": 0, "append": None}
 CLASS_TEXTS = ("bl_label", "bl_description")
 CONSTANTS = ("_ITEMS", "_NAMES", "_HELP")  # ends of names of module constants that are shown
+ERRORS = ("KarfError", "BadRequest", "DataError", "MissingDependency", "OutOfMemory", "Cancelled", "Diverged")
+TOLD = {**dict.fromkeys(ERRORS, (0, 1)), "warn": (0,), "find_scene": (1,)}  # which arguments are sentences
+ENGLISH = ("headless", "managed")  # folders whose sentences stay English: for programmers, and of installing
 UNTRANSLATED = ("KaRF", "RGB", "RGBA", "PNG", "OpenEXR", "NeRF")
 
 
 def main() -> int:
     faults = [f"{where}: {text!r} has values: use say() or tell()" for where, text in untranslatable()]
-    faults += [f"{language}: {text!r} is missing" for language in languages() for text in missing(language)]
+    for language in languages():
+        faults += [f"{language}: {text!r} is missing" for text in missing(language)]
+        faults += [f"{language}: {text!r} is said nowhere" for text in stale(language)]
     print("\n".join(faults) or "All that is shown is translated.")
     return 1 if faults else 0
 
@@ -37,12 +46,21 @@ def languages() -> list[str]:
 
 def missing(language: str) -> list[str]:
     """The texts that the table of a language lacks."""
-    return sorted(texts() - table(language).keys())
+    return sorted((texts() | sentences(ROOT)) - table(language).keys())
+
+
+def stale(language: str) -> list[str]:
+    """The sentences in the table of a language that nobody says."""
+    return sorted(_read(SENTENCES / f"{language}.py").keys() - (sentences(ROOT) | sentences(ENGINE)))
 
 
 def table(language: str) -> dict[str, str]:
     """A language's table, read without Blender."""
-    spec = util.spec_from_file_location(language, TABLES / f"{language}.py")
+    return _read(TABLES / f"{language}.py") | _read(SENTENCES / f"{language}.py")
+
+
+def _read(path: Path) -> dict[str, str]:
+    spec = util.spec_from_file_location(path.stem, path)
     module = util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module.TEXTS
@@ -52,6 +70,24 @@ def texts() -> set[str]:
     """All texts that are shown; what has no letters needs no translation."""
     found = {text for _, node in _shown_nodes() for text in _literals(node)}
     return {text for text in found if any(map(str.isalpha, text)) and text not in UNTRANSLATED and " " != text}
+
+
+def sentences(package: Path) -> set[str]:
+    """The sentences of errors and warnings in the sources of a package, with {0}, {1} .. for their values."""
+    paths = [path for path in package.rglob("*.py") if not set(ENGLISH) & set(path.parts)]
+    calls = [node for path in paths for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)]
+    told = [node.args[at] for node in calls for at in TOLD.get(_name(node.func), ()) if at < len(node.args)]
+    found = {_template(each) for node in told for each in _alternatives(node)}
+    return {text for text in found if any(map(str.isalpha, text))}
+
+
+def _template(node: ast.AST) -> str:
+    """A sentence with {0}, {1} .. for its values; empty for what is put together elsewhere."""
+    if isinstance(node, ast.Constant):
+        return str(node.value)
+    parts = node.values if isinstance(node, ast.JoinedStr) else []
+    numbers = itertools.count()
+    return "".join(part.value if isinstance(part, ast.Constant) else f"{{{next(numbers)}}}" for part in parts)
 
 
 def untranslatable() -> list[tuple[str, str]]:

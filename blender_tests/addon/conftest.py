@@ -19,14 +19,14 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 # the modules that tests use, by their room ("" is karf_blender itself); the fixture `addon` has each by its own name
 MODULES = {
     "": "engine_api headless preferences progress steps",
-    "host": "compat rendering",
+    "host": "compat labels rendering words",
     "engine": "environment examination installing jobs probing processes removing report speed",
     "engine.managed": "home",
     "preferences": "managing state",
     "project": "captures contents disk folders saving",
     "pictures": "editors images photos sequences chips tints",
     "rig": "camera_paths cameras frames lens looking placement points reprojection",
-    "swatches": "becomes display drawn_over edits object_masks palettes pigments planes recolor wishes",
+    "swatches": "becomes display drawn_over edits free_camera object_masks palettes pigments planes recolor wishes",
     "marking": "asking following gestures history objects overlay photo png proposals raster sheets tools",
     "steps": "masks preview",
     "tasks": "ownership runner task warm",

@@ -30,8 +30,8 @@ SHARED = [
 ]
 # the rooms of karf_blender from the ground up: each may import those on lower floors, and no others
 FLOORS = (
-    ("engine_api",),
-    ("host", "translations"),
+    ("engine_api", "translations"),
+    ("host",),
     ("progress",),
     ("engine",),
     ("preferences",),

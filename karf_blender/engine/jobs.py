@@ -97,17 +97,24 @@ class Job:
         Raises:
             KarfError: It is not: the job's own error, or how it ended without one.
         """
-        job, how = f"the {self.request.stage} job", processes.ending(self._process)
+        stage, how = self.request.stage, processes.ending(self._process)
         if self._silent:
             raise MissingDependency("The engine did not answer after its start.", "Try Test Engine in the preferences.")
         if self._final is None and not self.folder.is_dir():
-            raise DataError(f"{self.folder} was taken away while {job} ran.", "Bring the project back and try again.")
+            raise DataError(
+                f"{self.folder} was taken away while the {stage} job ran.", "Bring the project back and try again."
+            )
         if self._final is None and self._is_cancelled:
-            raise Cancelled(f"{job.capitalize()} did not stop by itself and was ended ({how}).")
+            raise Cancelled(f"The {stage} job did not stop by itself and was ended ({how}).")
         if self._final is None:
-            raise KarfError(f"The engine crashed in {job} ({how}).", _advice(how))
+            raise KarfError(
+                f"The engine crashed in the {stage} job ({how}).",
+                "Most likely memory ran out: use a smaller preset, or fewer threads."
+                if how == "SIGKILL"
+                else "Its log tells more.",
+            )
         if self._final.kind == "cancelled":
-            raise Cancelled(f"{job.capitalize()} was cancelled.")
+            raise Cancelled(f"The {stage} job was cancelled.")
         if self._final.kind == "error":
             raise error_from_code(self._final["code"], self._final["sentence"], self._final.get("hint") or "")
 
@@ -190,9 +197,3 @@ def disk_errors() -> Iterator[None]:
         yield
     except OSError as error:
         raise disk_error(error) from error
-
-
-def _advice(how: str) -> str:
-    if how == "SIGKILL":
-        return "Most likely memory ran out: use a smaller preset, or fewer threads."
-    return "Its log tells more."

@@ -13,6 +13,11 @@ def areas(*kinds: str) -> Iterator[bpy.types.Area]:
         yield from (area for area in window.screen.areas if area.type in kinds)
 
 
+def window_of(area: bpy.types.Area) -> bpy.types.Window:
+    """The window that an area is in."""
+    return next(window for window in bpy.data.window_managers[0].windows if window.screen == area.id_data)
+
+
 def redraw(*kinds: str) -> None:
     """Draw the areas of these types again."""
     for area in areas(*kinds):

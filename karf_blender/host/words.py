@@ -1,10 +1,17 @@
 """Words that Blender translates: what it does not see by itself is marked or asked for here.
 
 Labels, names and tooltips are translated where they are shown. Sentences with values in them are put together here,
-after their translation. `tools/translations.py` collects both from the sources.
+after their translation. Sentences of errors and warnings stay English where they are raised, as in logs and reports to
+developers, and as the engine says them; `told` knows them again where they are shown. `tools/translations.py` collects
+all of them from the sources.
 """
 
+import re
+from functools import lru_cache
+
 from bpy.app.translations import pgettext_iface, pgettext_rpt
+
+from ..translations import sentences
 
 
 def shown(text: str) -> str:
@@ -21,3 +28,35 @@ def say(text: str, **values: object) -> str:
 def tell(text: str, **values: object) -> str:
     """The same for a report."""
     return pgettext_rpt(text).format(**values)
+
+
+def told(text: str) -> str:
+    """Sentences of errors or warnings, put together in English, in the user's language.
+
+    Those that are not known stay as they are. Values in them may be such sentences too; names are never translated.
+    """
+    translated = say(text) if text else ""
+    return translated if translated != text else _retold(text)
+
+
+def _retold(text: str) -> str:
+    for end in _ends(text):
+        template, values = _known(text[:end])
+        if template:
+            return f"{say(template).format(*map(_retold, values))} {told(text[end:].strip())}".strip()
+    return text
+
+
+def _ends(text: str) -> list[int]:
+    """Where sentences may end."""
+    return [*(found.start() + 1 for found in re.finditer(r"[.?] ", text)), len(text)]
+
+
+@lru_cache(maxsize=256)
+def _known(sentence: str) -> tuple[str, tuple[str, ...]]:
+    """A sentence as the tables have it, and the values in it; empty where they have none."""
+    for template, pattern in sentences.PATTERNS.items():
+        match = pattern.fullmatch(sentence)
+        if match:
+            return template, match.groups()
+    return "", ()

@@ -4,11 +4,9 @@ import bpy
 import gpu
 from gpu_extras.presets import draw_circle_2d
 
-from ..pictures import editors
 from ..project import disk
 
 BLENDERS = "builtin.sample"  # the first tool of the Image Editor
-MARGIN = 0.95  # of the editor that a picture fills
 
 
 def _mark(operator: str, does: str = "ADD", **keys) -> tuple:
@@ -115,32 +113,6 @@ def take_up(context: bpy.types.Context, area: bpy.types.Area) -> None:
         region = next(region for region in area.regions if region.type == "WINDOW")
         with context.temp_override(area=area, region=region):
             bpy.ops.wm.tool_set_by_id(name=Box.bl_idname, space_type="IMAGE_EDITOR")
-
-
-def fit(area: bpy.types.Area) -> None:
-    """Let an Image Editor show its whole picture beside its sidebar and toolbar, which may lie over it."""
-    width, height = area.spaces.active.image.size
-    region, (x0, y0, x1, y1) = _free(area)
-    zoom = MARGIN * min((x1 - x0) / width, (y1 - y0) / height)
-    x, y = (x0 + x1) / 2 - region.x, (y0 + y1) / 2 - region.y
-    half = zoom * width / 2, zoom * height / 2
-    editors.place(area, (x - half[0], y - half[1]), (x + half[0], y + half[1]))
-
-
-def _free(area: bpy.types.Area) -> tuple[bpy.types.Region, tuple[int, int, int, int]]:
-    """The main region of an editor, and what of it no other covers: left, bottom, right, top in the window."""
-    main = next(region for region in area.regions if region.type == "WINDOW")
-    x0, y0, x1, y1 = main.x, main.y, main.x + main.width, main.y + main.height
-    for region in area.regions:
-        if min(region.width, region.height) <= 1:  # hidden
-            continue
-        if region.alignment == "LEFT":
-            x0 = max(x0, region.x + region.width)
-        elif region.alignment == "RIGHT":
-            x1 = min(x1, region.x)
-        elif region.alignment == "TOP":
-            y1 = min(y1, region.y)
-    return main, (x0, y0, x1, y1)
 
 
 def register():

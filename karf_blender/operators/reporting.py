@@ -7,7 +7,7 @@ from .. import preferences
 from ..engine import installing, jobs, removing
 from ..engine_api import VERSION, KarfError, MissingDependency
 from ..host import compat
-from ..host.words import shown, tell
+from ..host.words import shown, tell, told
 from ..project import disk
 from ..tasks import runner
 
@@ -27,9 +27,9 @@ def reports_errors(execute: Callable) -> Callable:
         try:
             return execute(self, context, *event)
         except KarfError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, told(str(error)))
         except OSError as error:
-            self.report({"ERROR"}, str(jobs.disk_error(error)))
+            self.report({"ERROR"}, told(str(jobs.disk_error(error))))
         return {"CANCELLED"}
 
     return safe

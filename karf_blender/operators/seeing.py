@@ -72,7 +72,7 @@ class LookingStep:
 
     @classmethod
     def poll(cls, context):
-        return drawn_over.shows_result(context)
+        return drawn_over.shows_picture(context)
 
 
 class KARF_OT_before_after(LookingStep, bpy.types.Operator):

@@ -15,7 +15,7 @@ class KARF_OT_drag_wipe(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return drawn_over.shows_result(context)
+        return drawn_over.shows_picture(context)
 
     def invoke(self, context, event):
         context.window_manager.karf_seeing.is_wiped = True
@@ -85,7 +85,7 @@ class KARF_GGT_wipe(bpy.types.GizmoGroup):
 
     @classmethod
     def poll(cls, context):
-        return context.window_manager.karf_seeing.is_wiped and drawn_over.shows_result(context)
+        return context.window_manager.karf_seeing.is_wiped and drawn_over.shows_picture(context)
 
     def setup(self, context):
         self.gizmos.new(KARF_GT_wipe.bl_idname)

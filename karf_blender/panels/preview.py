@@ -4,6 +4,7 @@ import bpy
 
 from ..host.labels import draw_text
 from ..steps import preview
+from ..swatches import free_camera
 
 
 def draw_live(layout, karf):
@@ -14,3 +15,5 @@ def draw_live(layout, karf):
     row.prop(bpy.data.window_managers[0].karf_preview, "long_side", text="")
     if preview.message():
         draw_text(layout, preview.message(), "INFO")
+    for sentence in free_camera.lacks():
+        draw_text(layout, sentence, "INFO")

@@ -8,9 +8,10 @@ from ..host import windows
 
 PREFIX = "KaRF"  # of the names of all pictures that are shown
 PREVIEW_NAME = f"{PREFIX} preview"
+MARGIN = 0.95  # of the editor that a picture fills
 
 
-def reveal(image: bpy.types.Image, is_wanted: bool = False) -> None:
+def reveal(image: bpy.types.Image, is_wanted: bool = False, is_whole: bool = False) -> None:
     """Show an image in the Image Editors that show none, or one of KaRF's own.
 
     The engine's preview never takes the place of another picture.
@@ -18,13 +19,21 @@ def reveal(image: bpy.types.Image, is_wanted: bool = False) -> None:
     Args:
         image: The picture to show.
         is_wanted: The user asked for this very picture; else one that is being painted on is left alone.
+        is_whole: Editors that get it show all of it; those that have it already stay as they are zoomed.
     """
     replaced = PREVIEW_NAME if image.name.startswith(PREVIEW_NAME) else PREFIX
     for area in windows.areas("IMAGE_EDITOR"):
         editor = area.spaces.active
         is_free = editor.image is None or editor.image.name.startswith(replaced)
-        if is_free and (is_wanted or editor.mode != "PAINT"):
+        if editor.image != image and is_free and (is_wanted or editor.mode != "PAINT"):
             show(area, image)
+            if is_whole:
+                fit(area)
+
+
+def is_shown(image: bpy.types.Image) -> bool:
+    """Whether an Image Editor of an open window shows this image."""
+    return any(area.spaces.active.image == image for area in windows.areas("IMAGE_EDITOR"))
 
 
 def show(area: bpy.types.Area, image: bpy.types.Image) -> None:
@@ -38,12 +47,24 @@ def show(area: bpy.types.Area, image: bpy.types.Image) -> None:
         place(area, *ends)
 
 
+def fit(area: bpy.types.Area) -> None:
+    """Let an Image Editor show its whole picture beside its sidebar and toolbar, which may lie over it."""
+    width, height = area.spaces.active.image.size
+    region, (x0, y0, x1, y1) = _free(area)
+    if not width or min(x1 - x0, y1 - y0) <= 1:  # it cannot be read, or the editor was not drawn yet
+        return
+    zoom = MARGIN * min((x1 - x0) / width, (y1 - y0) / height)
+    x, y = (x0 + x1) / 2 - region.x, (y0 + y1) / 2 - region.y
+    half = zoom * width / 2, zoom * height / 2
+    place(area, (x - half[0], y - half[1]), (x + half[0], y + half[1]))
+
+
 def place(area: bpy.types.Area, low: tuple[float, float], high: tuple[float, float]) -> None:
     """Let an Image Editor show its picture between two corners of its main region, in pixels; the width counts."""
     space, region = area.spaces.active, _main_region(area)
     zoom = (high[0] - low[0]) / space.image.size[0]
     aside = low[0] + high[0] - region.width, low[1] + high[1] - region.height
-    with bpy.context.temp_override(area=area, region=region):
+    with bpy.context.temp_override(window=windows.window_of(area), area=area, region=region):
         bpy.ops.image.view_all()  # to its middle
         space.zoom_percentage = 100 * zoom
         bpy.ops.image.view_pan(offset=tuple(-value / 2 / zoom for value in aside))
@@ -55,6 +76,22 @@ def _ends(area: bpy.types.Area) -> tuple[tuple[int, int], tuple[int, int]] | Non
     if area.spaces.active.image is None:
         return None
     return view.view_to_region(0, 0, clip=False), view.view_to_region(1, 1, clip=False)
+
+
+def _free(area: bpy.types.Area) -> tuple[bpy.types.Region, tuple[int, int, int, int]]:
+    """The main region of an editor, and what of it no other covers: left, bottom, right, top in the window."""
+    main = _main_region(area)
+    x0, y0, x1, y1 = main.x, main.y, main.x + main.width, main.y + main.height
+    for region in area.regions:
+        if min(region.width, region.height) <= 1:  # hidden
+            continue
+        if region.alignment == "LEFT":
+            x0 = max(x0, region.x + region.width)
+        elif region.alignment == "RIGHT":
+            x1 = min(x1, region.x)
+        elif region.alignment == "TOP":
+            y1 = min(y1, region.y)
+    return main, (x0, y0, x1, y1)
 
 
 def _main_region(area: bpy.types.Area) -> bpy.types.Region:
@@ -79,4 +116,4 @@ def show_preview(path: Path) -> None:
         return
     image.filepath = str(path)
     image.reload()
-    reveal(image)
+    reveal(image, is_whole=True)

@@ -59,7 +59,7 @@ def show(files: Sequence[Path], first: int, is_wanted: bool = True) -> bpy.types
         old.user_remap(image)
         bpy.data.images.remove(old)
     image.name = NAME
-    editors.reveal(image, is_wanted)
+    editors.reveal(image, is_wanted, is_whole=True)
     for area in windows.areas("IMAGE_EDITOR"):
         if area.spaces.active.image == image and image.source == "SEQUENCE":
             _follow_frames(area.spaces.active.image_user, numbers, first)

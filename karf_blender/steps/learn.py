@@ -92,5 +92,5 @@ def show_view(scene: bpy.types.Scene, name: str = "") -> Task | None:
         karf.active_view = name
     if not contents.is_current(folders.project_of(scene), karf.active_view):
         return prepare_views(scene, karf.active_view)
-    editors.reveal(recolor.show(scene), is_wanted=True)
+    editors.reveal(recolor.show(scene), is_wanted=True, is_whole=True)
     return None

@@ -9,14 +9,17 @@ from collections.abc import Sequence
 import bpy
 
 from ..engine_api import BadRequest, KarfError
+from ..host.words import shown
 from ..marking import asking, objects, photo, proposals, raster, sheets, tools, volumes
 from ..marking.raster import Place
 from ..marking.sheets import Layer
+from ..pictures import editors
 from ..preferences import state
 from ..project import contents, disk, folders
 
 MASK_VALUES = {"ADD": 1, "TAKE": 0, "CLEAR": 0}
 CORRECTION_VALUES = {"ADD": 1, "TAKE": -1, "CLEAR": 0}
+WITHOUT_ENGINE = shown("Brush, lasso and box mark without it.")
 CLICK_SHARE = 1 / 150  # of the photo's longer side: the radius of a correction's click
 
 
@@ -53,14 +56,13 @@ def begin_marking(window: bpy.types.Window) -> None:
 
 def fit_photo(window: bpy.types.Window) -> None:
     """Show the whole photo to mark, beside the sidebar."""
-    with bpy.context.temp_override(window=window):
-        for area in _photo_editors(window):
-            tools.fit(area)
+    for area in _photo_editors(window):
+        editors.fit(area)
 
 
 def _photo_editors(window: bpy.types.Window) -> list[bpy.types.Area]:
-    editors = [area for area in window.screen.areas if area.type == "IMAGE_EDITOR"]
-    return [area for area in editors if photo.is_shown(window.scene, area.spaces.active)]
+    areas = [area for area in window.screen.areas if area.type == "IMAGE_EDITOR"]
+    return [area for area in areas if photo.is_shown(window.scene, area.spaces.active)]
 
 
 # --- marks ---------------------------------------------------------------------------------------------------------
@@ -110,7 +112,7 @@ def mark_click(scene: bpy.types.Scene, place: Place, does: str = "ADD") -> None:
     if scene.karf.marking.correct:
         mark_stroke(scene, [place], max(sheets.open_sheet(scene).size) * CLICK_SHARE, does)
     elif problem := state.known().problem:
-        raise BadRequest(f"Clicks need the engine: {problem}", "Brush, lasso and box mark without it.")
+        raise BadRequest("Clicks need the engine.", f"{problem} {WITHOUT_ENGINE}")
     else:
         _choose_folder(scene)
         asking.propose(scene, proposals.click(scene, _name(scene), place, does == "ADD"))

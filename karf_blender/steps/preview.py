@@ -1,7 +1,8 @@
 """Live Camera: what the scene's camera sees, rendered by the warm engine while it or the rig moves.
 
 A coarse picture comes first, finer ones while the camera stands still; swatches change each in Blender alone. One timer
-looks at the camera, so that whatever moves it counts: the mouse, keyframes, drivers, parents, constraints.
+looks at the camera, so that whatever moves it counts: the mouse, keyframes, drivers, parents, constraints. While no
+editor shows the picture, nothing is rendered.
 """
 
 import json
@@ -12,20 +13,20 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-import numpy as np
 from bpy.app.handlers import persistent
 
 from ..engine_api import BadRequest, Camera, KarfError, camera_to_json, read_planes
 from ..host import handlers, rendering, windows
+from ..host.words import shown
 from ..pictures import editors, images
 from ..rig import frames
-from ..swatches import colors
+from ..swatches import colors, display, free_camera
 from ..swatches.planes import ShownView, recolored
 from ..tasks import runner, warm
 from ..tasks.ownership import Owner
 from .cameras import camera_of
 
-IMAGE_NAME = f"{editors.PREFIX} camera"
+UNSEEN = shown("No Image Editor shows the picture KaRF camera, so it is not rendered. Choose it in one.")
 KIND = "preview"
 COARSE_SIDE = 96  # pixels
 LOOK_SECONDS = 0.03
@@ -42,8 +43,9 @@ class _Live:
         camera: As it was seen last; its text; and the long sides that it is still to be asked for.
         asked: What is on its way.
         view: The planes that came last.
-        colors: The swatches that they are shown with.
+        looks: The swatches that they are shown with, and how they are looked at.
         message: Why there is no picture; empty where there is one.
+        is_seen: An editor shows the picture.
     """
 
     owner: Owner
@@ -52,8 +54,9 @@ class _Live:
     sides: tuple[int, ...] = ()
     asked: Wanted | None = None
     view: ShownView | None = None
-    colors: bytes = b""
+    looks: tuple = ()
     message: str = "The engine starts"
+    is_seen: bool = True
 
 
 class _Memory:
@@ -68,12 +71,15 @@ def is_live() -> bool:
 
 
 def message() -> str:
-    """Why the followed camera has no picture; empty where it has one."""
-    return _Memory.live.message if _Memory.live else ""
+    """Why the followed camera has no picture, or an old one; empty where it has one."""
+    live = _Memory.live
+    if live is None:
+        return ""
+    return live.message if live.is_seen else UNSEEN
 
 
 def start(scene: bpy.types.Scene) -> None:
-    """Follow the scene's camera.
+    """Follow the scene's camera, whose picture is shown in the Image Editors that are free.
 
     Raises:
         BadRequest: There is no window, or no camera.
@@ -81,6 +87,9 @@ def start(scene: bpy.types.Scene) -> None:
     if bpy.app.background:
         raise BadRequest("Live Camera needs a window.", "Write a picture instead: headless.preview_camera.")
     camera_of(scene, None)
+    image = free_camera.image()
+    if image is not None:
+        editors.reveal(image, is_wanted=True, is_whole=True)
     _Memory.live = _Live(Owner.of(scene))
     if not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=0.0, persistent=True)
@@ -89,6 +98,7 @@ def start(scene: bpy.types.Scene) -> None:
 def stop() -> None:
     """Follow no camera; its last picture stays."""
     _Memory.live = None
+    free_camera.forget()
 
 
 def write_preview(scene: bpy.types.Scene, camera: bpy.types.Object | None, path: Path, long_side: int) -> None:
@@ -99,7 +109,7 @@ def write_preview(scene: bpy.types.Scene, camera: bpy.types.Object | None, path:
     """
     pinhole = frames.pinhole(scene, camera_of(scene, camera))
     view = _taken(warm.wait(scene, KIND, _options(pinhole, long_side)))
-    images.write_png(path, images.upright(_picture(view, scene)))
+    images.write_png(path, images.upright(recolored(view, scene)))
 
 
 def _options(camera: Camera, long_side: int) -> dict[str, Any]:
@@ -110,15 +120,10 @@ def _taken(answer: dict[str, Any]) -> ShownView:
     """The planes of an answer, whose file is removed."""
     file = Path(answer["planes"])
     try:
-        return ShownView(file, 0, read_planes(file))
+        return ShownView(file, 0, read_planes(file), is_free=True)
     finally:
         with suppress(OSError):
             file.unlink()
-
-
-def _picture(view: ShownView, scene: bpy.types.Scene) -> np.ndarray:
-    """The RGBA buffer of planes with the scene's swatches; before palettes are learned, the scene as learned."""
-    return recolored(view, scene) if view.planes.objects else view.picture("delta")[1]
 
 
 # --- following -----------------------------------------------------------------------------------------------------
@@ -130,18 +135,27 @@ def _tick() -> float | None:
         stop()
         windows.redraw(*windows.PANEL_AREAS)
         return None
-    before = live.message
+    before = message()
+    live.is_seen = _is_seen(live)
     if not rendering.is_over() or runner.is_running():
         live.text = ""  # what a task learns changes the picture, and meanwhile the cores are its own
-    else:
+    elif live.is_seen:
         try:
             _look(live, scene)
-            _follow_swatches(live, scene)
+            _follow_looks(live, scene)
         except KarfError as error:
             _say(live, error)
-    if live.message != before:
+    if message() != before:
         windows.redraw(*windows.PANEL_AREAS)
     return LOOK_SECONDS
+
+
+def _is_seen(live: _Live) -> bool:
+    """Whether an editor shows the picture; one that is not there yet, or that undo took, is shown when it comes."""
+    image = free_camera.image()
+    if image is None:
+        live.looks = ()
+    return image is None or editors.is_shown(image)
 
 
 def _look(live: _Live, scene: bpy.types.Scene) -> None:
@@ -172,30 +186,24 @@ def _take(asked: Wanted, scene: bpy.types.Scene, answer: dict[str, Any]) -> None
     view, live = _taken(answer), _Memory.live
     if live is None or live.asked != asked:
         return
-    is_first = live.view is None
     live.asked, live.view, live.message = None, view, ""
     _show(live, scene)
-    if is_first:
-        editors.reveal(bpy.data.images[IMAGE_NAME], is_wanted=True)
 
 
-def _follow_swatches(live: _Live, scene: bpy.types.Scene) -> None:
-    if live.view is not None and _colors(scene) != live.colors:
+def _follow_looks(live: _Live, scene: bpy.types.Scene) -> None:
+    if live.view is not None and _looks(scene) != live.looks:
         _show(live, scene)
 
 
 def _show(live: _Live, scene: bpy.types.Scene) -> None:
-    """Put the planes, with the swatches as they stand, into the camera's image, coarse ones enlarged."""
-    live.colors = _colors(scene)
-    size = live.camera.width, live.camera.height
-    image = bpy.data.images.get(IMAGE_NAME) or images.new_image(IMAGE_NAME, *size)
-    images.fit(image, *size)
-    images.upload(image, images.enlarged(_picture(live.view, scene), *size))
+    live.looks = _looks(scene)
+    free_camera.show(scene, live.view, live.camera.width, live.camera.height)
 
 
-def _colors(scene: bpy.types.Scene) -> bytes:
+def _looks(scene: bpy.types.Scene) -> tuple:
+    """What the picture of planes depends on."""
     edited = [colors.edited(item).tobytes() for item in scene.karf.objects]
-    return b"".join([scene.karf.compositing.encode(), *edited])
+    return scene.karf.compositing, *display.key(), *edited
 
 
 def _say(live: _Live | None, error: KarfError) -> None:
@@ -207,7 +215,7 @@ def _say(live: _Live | None, error: KarfError) -> None:
 @persistent
 def _before_save(*_):
     # pixels that are only in memory are not saved
-    image = bpy.data.images.get(IMAGE_NAME)
+    image = free_camera.image()
     if image is not None and image.is_dirty:
         image.pack()
 

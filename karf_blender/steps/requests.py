@@ -38,7 +38,7 @@ def import_results(owner: Owner, request: Request) -> None:
             recolor.forget()
             palettes.load_palettes(scene, read_palettes(Project(request.project).palette_file))
         elif contents.is_prepared(scene):
-            editors.reveal(recolor.show(scene))
+            editors.reveal(recolor.show(scene), is_whole=True)
 
 
 def task(

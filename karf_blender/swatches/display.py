@@ -1,9 +1,10 @@
-"""What the result image shows of the active view: the edited picture or another side of it, with a wipe or without.
+"""What is shown of the active view, or of a free camera: the edited picture or another side of it, with a wipe or without.
 
 `WindowManager.karf_seeing` says which (properties/seeing.py).
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from math import ceil, sqrt
 from pathlib import Path
 
@@ -22,18 +23,30 @@ HOTTEST = 20.0  # CIEDE2000 that is white in the heat map, with all beyond
 HEAT = np.array([[0, 0, 0.05], [0.33, 0.06, 0.43], [0.73, 0.21, 0.33], [0.98, 0.55, 0.04], [1, 1, 0.75]], np.float32)
 
 
-class _Memory:
-    """The buffer of the last picture that was not just the edited one, and what it has of which original: all left of a
-    line. And the rendering read last, by file and time."""
+@dataclass
+class _Canvas:
+    """Where a picture that is not just the edited one is put together.
+
+    Attributes:
+        buffer: The last one.
+        original: What it has of which original: all left of a line.
+    """
 
     buffer: np.ndarray | None = None
     original: tuple[Path, int, int] | None = None
+
+
+class _Memory:
+    """The pictures of the active view and of a free camera, and the rendering read last, by file and time."""
+
+    view = _Canvas()
+    camera = _Canvas()
     rendering: tuple[tuple[Path, int], np.ndarray] | None = None
 
 
 def forget() -> None:
     """Drop what is in memory."""
-    _Memory.buffer = _Memory.original = _Memory.rendering = None
+    _Memory.view, _Memory.camera, _Memory.rendering = _Canvas(), _Canvas(), None
 
 
 def picture(scene: bpy.types.Scene) -> np.ndarray:
@@ -45,22 +58,43 @@ def picture(scene: bpy.types.Scene) -> np.ndarray:
     Raises:
         KarfError: The view has no planes, or they belong to other palettes.
     """
+    return _looked_at(scene, planes.shown_view(scene), _Memory.view)
+
+
+def camera_picture(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
+    """The same of planes of a free camera.
+
+    Raises:
+        DataError: They belong to other palettes.
+    """
+    return _looked_at(scene, view, _Memory.camera)
+
+
+def key() -> tuple:
+    """The settings that pictures depend on."""
     seeing = bpy.context.window_manager.karf_seeing
-    edited = planes.composite(scene)
-    if seeing.mode == "EDITED" and not seeing.is_wiped:
+    solo = seeing.solo_object, seeing.solo_swatch
+    return seeing.mode, *solo, seeing.is_wiped, seeing.wipe, seeing.show_masks
+
+
+def _looked_at(scene: bpy.types.Scene, view: ShownView, canvas: _Canvas) -> np.ndarray:
+    seeing = bpy.context.window_manager.karf_seeing
+    edited = planes.recolored(view, scene)
+    mode = seeing.mode if view.planes.palette_weights.shape[1] else "EDITED"
+    if mode == "EDITED" and not seeing.is_wiped:
         return edited
-    view, width = planes.shown_view(scene), edited.shape[1]
-    if _Memory.buffer is None or _Memory.buffer.shape != edited.shape:
-        _Memory.buffer, _Memory.original = images.blank(width, len(edited)), None
+    width = edited.shape[1]
+    if canvas.buffer is None or canvas.buffer.shape != edited.shape:
+        canvas.buffer, canvas.original = images.blank(width, len(edited)), None
     line = round(seeing.wipe * width) if seeing.is_wiped else 0
-    if seeing.mode == "EDITED":  # a swatch may be being dragged: whole pixels are copied fastest
-        _Memory.buffer[:, line:] = edited[:, line:]
+    if mode == "EDITED":  # a swatch may be being dragged: whole pixels are copied fastest
+        canvas.buffer[:, line:] = edited[:, line:]
     else:
-        images.upright(_Memory.buffer)[:, line:] = SIDES[seeing.mode](scene, view)[:, line:]
-    if _Memory.original is None or _Memory.original != (view.file, view.written, line):
-        images.upright(_Memory.buffer)[:, :line] = _original(scene, view)[:, :line]
-        _Memory.original = view.file, view.written, line
-    return _Memory.buffer
+        images.upright(canvas.buffer)[:, line:] = SIDES[mode](scene, view)[:, line:]
+    if canvas.original is None or canvas.original != (view.file, view.written, line):
+        images.upright(canvas.buffer)[:, :line] = _original(scene, view)[:, :line]
+        canvas.original = view.file, view.written, line
+    return canvas.buffer
 
 
 def stand_in(scene: bpy.types.Scene) -> np.ndarray:
@@ -108,8 +142,8 @@ def _original(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
 
 
 def _learned(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
-    rendering = _rendering(scene)
-    if rendering is None:  # the panel says that there is none
+    rendering = None if view.is_free else _rendering(scene)
+    if rendering is None:  # the base is it, or the panel says that there is none
         return _original(scene, view)
     return images.resized(rendering, *view.planes.base.shape[1::-1])
 

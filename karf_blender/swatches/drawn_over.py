@@ -1,6 +1,6 @@
 """What is drawn over pictures, and never into them: the objects' masks, the wipe's line, the scale of differences.
 
-Masks are drawn in Image Editors that show the result image, and in 3D Views that look through the active view's camera.
+Masks are drawn in Image Editors that show the result image or a followed camera's, and in 3D Views that look through the active view's camera.
 """
 
 import blf
@@ -11,7 +11,7 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from gpu_extras.batch import batch_for_shader
 
 from ..host import windows
-from . import display, object_masks
+from . import display, free_camera, object_masks
 
 LINE_WIDTH = 1.5
 TEXT_SIZE, MARGIN = 12, 16
@@ -39,9 +39,12 @@ def picture_in(region: bpy.types.Region) -> Rectangle:
     return (*region.view2d.view_to_region(0, 0, clip=False), *region.view2d.view_to_region(1, 1, clip=False))
 
 
-def shows_result(context: bpy.types.Context) -> bool:
-    """Whether the context's editor is an Image Editor that shows the scene's result image."""
-    return is_result(context.scene, context.space_data)
+def shows_picture(context: bpy.types.Context) -> bool:
+    """Whether the context's editor is an Image Editor that shows the scene's result image, or a followed camera's."""
+    space = context.space_data
+    if space is None or space.type != "IMAGE_EDITOR":
+        return False
+    return free_camera.is_in(space) or is_result(context.scene, space)
 
 
 def is_result(scene: bpy.types.Scene, space: bpy.types.Space | None) -> bool:
@@ -68,11 +71,12 @@ def _camera_frame(context: bpy.types.Context) -> Rectangle | None:
 # --- drawing -------------------------------------------------------------------------------------------------------
 def _draw_in_image() -> None:
     context = bpy.context
-    if not shows_result(context) or not context.space_data.overlay.show_overlays:
+    if not shows_picture(context) or not context.space_data.overlay.show_overlays:
         return
     seeing, place = context.window_manager.karf_seeing, picture_in(context.region)
     if seeing.show_masks:
-        _draw_masks(context.scene, place)
+        is_camera = free_camera.is_in(context.space_data)
+        _draw_masks(free_camera.masks() if is_camera else object_masks.of(context.scene), place)
     if seeing.mode == "DIFFERENCE":
         _draw_scale(context.preferences.system.ui_scale)
     if seeing.is_wiped:
@@ -84,13 +88,13 @@ def _draw_in_view() -> None:
     if context.window_manager.karf_seeing.show_masks and context.space_data.overlay.show_overlays:
         place = _camera_frame(context)
         if place is not None:
-            _draw_masks(context.scene, place)
+            _draw_masks(object_masks.of(context.scene), place)
 
 
-def _draw_masks(scene: bpy.types.Scene, place: Rectangle) -> None:
-    masks, seeing = object_masks.of(scene), bpy.context.window_manager.karf_seeing
+def _draw_masks(masks: object_masks.ObjectMasks | None, place: Rectangle) -> None:
     if masks is None:
         return
+    seeing = bpy.context.window_manager.karf_seeing
     fill, lines = (gpu.shader.from_builtin(name) for name in ("IMAGE_COLOR", "POLYLINE_FLAT_COLOR"))
     if not masks.drawn:
         masks.drawn.extend(_on_card(masks, fill, lines))

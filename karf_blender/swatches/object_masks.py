@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..engine_api import KarfError
+from ..engine_api import KarfError, Planes
 from ..pictures import images, tints
 from ..project import contents
 from . import planes
@@ -72,7 +72,11 @@ def _place(scene: bpy.types.Scene) -> tuple[str, str]:
 
 
 def _from_planes(scene: bpy.types.Scene) -> ObjectMasks:
-    shown = planes.shown_view(scene).planes
+    return of_planes(planes.shown_view(scene).planes)
+
+
+def of_planes(shown: Planes) -> ObjectMasks:
+    """The objects in planes of any view or camera, of which there are some."""
     return paint(dict(zip(shown.objects, shown.probabilities.astype(np.float32), strict=True)))
 
 

@@ -33,6 +33,7 @@ class ShownView:
         file: Where they are from.
         written: The file's time, in nanoseconds.
         planes: As stored.
+        is_free: A camera's that has no photo: the base is what is learned.
         pictures: By compositing, once it was asked for: the picture that follows the swatches, and the RGBA buffer
             [H, W, 4] float32 in Blender's row order that it writes to.
         with_sets: By added colors, those asked for last: the view whose weights are spread over their sets.
@@ -41,6 +42,7 @@ class ShownView:
     file: Path
     written: int
     planes: Planes
+    is_free: bool = False
     pictures: dict[str, tuple[SwatchPicture, np.ndarray]] = field(default_factory=dict)
     with_sets: dict[str, "ShownView"] = field(default_factory=dict)
 
@@ -68,8 +70,12 @@ def shown_view(scene: bpy.types.Scene) -> ShownView:
     """
     file = contents.planes_file(scene)
     if not contents.is_prepared(scene):
-        what = "is older than the palettes" if file.exists() else "does not exist"
-        raise DataError(f"{file} (edit planes) {what}.", "Press Prepare in step 6.")
+        raise DataError(
+            f"{file} (edit planes) is older than the palettes."
+            if file.exists()
+            else f"{file} (edit planes) does not exist.",
+            "Press Prepare in step 6.",
+        )
     return load(file)
 
 
@@ -129,9 +135,13 @@ def spread(view: ShownView, scene: bpy.types.Scene) -> ShownView:
 def recolored(view: ShownView, scene: bpy.types.Scene) -> np.ndarray:
     """The picture that planes of any view or camera make with the scene's swatches, as `composite` returns it.
 
+    Planes of before palettes were learned show their base.
+
     Raises:
         DataError: The planes belong to other palettes.
     """
+    if not view.planes.palette_weights.shape[1]:
+        return view.picture("delta")[1]
     view = spread(view, scene)
     objects, items = view.planes.objects, {item.name: item for item in scene.karf.objects}
     factors = stack_palettes(objects, {name: colors.edited(item) for name, item in items.items()})

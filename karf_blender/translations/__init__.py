@@ -3,10 +3,10 @@
 import bpy
 
 from ... import __package__ as extension
-from . import zh_hans
+from . import sentences, zh_hans
 
 # languages by Blender's own names
-TABLES = {"zh_HANS": zh_hans.TEXTS}
+TABLES = {"zh_HANS": zh_hans.TEXTS | sentences.TABLES["zh_HANS"]}
 CONTEXTS = ("*", "Operator")  # in which Blender looks for texts, and for labels of operators
 
 

@@ -673,10 +673,21 @@ TEXTS = {
     "CIEDE2000 to the picture: {left}": "与画面的 CIEDE2000：{left}",
     "{name}: CIEDE2000 {before} before, {left} left": "{name}：CIEDE2000 之前 {before}，剩余 {left}",
     "{count} marked": "已标记 {count}",
+    "Brush, lasso and box mark without it.": "画笔、套索和框不需要引擎也能标记。",
     # --- live camera
     "Live Camera": "实时相机",
     "Show what the scene's camera sees in the Image Editor, coarse while it moves, fine when it stands still; swatches "
     "change it at once": "在图像编辑器中显示场景相机所见，移动时粗略，静止时精细；色板变化立即生效",
+    "No Image Editor shows the picture KaRF camera, so it is not rendered. Choose it in one.": (
+        "没有图像编辑器显示画面“KaRF camera”，因此不渲染它。请在某个图像编辑器中选择它。"
+    ),
+    "A free camera has no photo: Original is the scene as learned.": "自由相机没有照片：“原图”是学习到的场景。",
+    "There are no palettes yet, so the picture is the scene as learned. Extract Palette, step 5.": (
+        "还没有调色板，因此画面是学习到的场景。请执行第 5 步的“提取调色板”。"
+    ),
+    "Nothing is segmented yet, so there are no masks to show. Segment, step 4.": (
+        "尚未分割，因此没有可显示的遮罩。请执行第 4 步的“分割”。"
+    ),
     "Of the followed camera's picture": "所跟随相机的画面的",
     "The engine is at work": "引擎正在工作",
     "KaRF Wipe": "KaRF 擦拭对比",

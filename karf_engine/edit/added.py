@@ -72,7 +72,14 @@ def spread(weights: np.ndarray, palette: np.ndarray, added: Sequence[AddedColor]
 def spread_objects(
     weights: np.ndarray, palettes: Sequence[Palette], added: Mapping[str, Sequence[AddedColor]]
 ) -> np.ndarray:
-    """`spread` of K objects, [K, M, ...] to the largest M (1 + A) of them; their added colors by their names."""
+    """`spread` of K objects, [K, M, ...] to the largest M (1 + A) of them; their added colors by their names.
+
+    Examples:
+        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.1, 0.1, 0.8]]))
+        >>> blue = AddedColor(np.array([0.1, 0.1, 0.7]))
+        >>> spread_objects(np.array([[[0.5], [0.5]]]), [pot], {"pot": [blue]})[0, :, 0].round(2).tolist()
+        [0.5, 0.0, 0.0, 0.5]
+    """
     if not any(added.get(palette.name) for palette in palettes):
         return weights
     parts = [
@@ -86,7 +93,14 @@ def spread_objects(
 
 
 def palettes_with(palettes: Sequence[Palette], added: Mapping[str, Sequence[AddedColor]]) -> tuple[Palette, ...]:
-    """Palettes as learned, with the sets of added colors, which are given by the objects' names."""
+    """Palettes as learned, with the sets of added colors, which are given by the objects' names.
+
+    Examples:
+        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.1, 0.1, 0.8]]))
+        >>> (longer,) = palettes_with([pot], {"pot": [AddedColor(np.array([0.1, 0.1, 0.7]))]})
+        >>> longer.colors.shape
+        (4, 3)
+    """
     return tuple(Palette(each.name, with_sets(each.colors, added.get(each.name, ()))) for each in palettes)
 
 

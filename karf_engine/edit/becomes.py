@@ -141,7 +141,17 @@ def match_pigment(
     reach: float,
 ) -> np.ndarray:
     """`match_becomes` of one pigment by itself: other colors of the object have no say, as swatches of their own serve
-    them. reach: see `pigment_gate`."""
+    them. reach: see `pigment_gate`.
+
+    Examples:
+        Of a red and a green that are of one swatch, the green does not hold the red back:
+
+        >>> palette, weights = np.array([[0, 0, 0], [0.5, 0.5, 0.1]]), np.array([[0.0, 1.0], [0.0, 1.0]])
+        >>> red, green, blue = np.array([0.7, 0.1, 0.1]), np.array([0.1, 0.6, 0.2]), np.array([0.1, 0.2, 0.7])
+        >>> change = match_pigment(np.stack([red, green]), np.ones(2), weights, palette, red, blue, 1.0) - palette
+        >>> print(change[1].round(2))
+        [-0.5  0.1  0.6]
+    """
     counts = counts * pigment_gate(colors, source, reach)
     targets = _repainted(colors, source, target, 1.0)
     return _matched(colors, counts, palette_weights, palette, source, target, targets, ())

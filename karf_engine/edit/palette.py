@@ -1,4 +1,4 @@
-"""Palettes and edits of palettes: what they are, and their JSON files.
+"""Palettes and edits of palettes: what they are, and the JSON file of palettes (that of edits: `edit_files`).
 
 Colors are display-referred sRGB: in [0, 1] as learned, in [0, BRIGHTEST] as edited. Entry 0 of every palette is black
 and stays black.
@@ -20,7 +20,6 @@ from ..files import read_json, write_json
 from ..names import check_name, check_names
 
 PALETTE_SCHEMA = "karf-palette/1"
-EDIT_SCHEMA = "karf-edit/1"
 COMPOSITING_MODES = ("delta", "paper")
 MOST_OBJECTS, MOST_COLORS = 255, 64
 MOST_ADDED = 16  # colors of an object
@@ -129,12 +128,12 @@ def read_palettes(path: Path, which: str = "colors", objects: Sequence[str] | No
         >>> [rgb_to_hex(palette.colors[1]) for (palette,) in found]
         ['#800000', '#ff0000']
     """
-    content = _read_schema(path, "palettes", PALETTE_SCHEMA)
+    content = read_schema(path, "palettes", PALETTE_SCHEMA)
     palettes = []
-    for entry in _list(content.get("objects"), f"{path}: 'objects'", MOST_OBJECTS):
+    for entry in list_of(content.get("objects"), f"{path}: 'objects'", MOST_OBJECTS):
         name = check_name(entry.get("name") if isinstance(entry, dict) else None, path, "an object")
         where = f"{path}: palette of {name!r}"
-        colors = np.stack([_triple(c, where, 1) for c in _list(entry.get(which), where, MOST_COLORS)])
+        colors = np.stack([color_of(c, where, 1) for c in list_of(entry.get(which), where, MOST_COLORS)])
         if colors[0].any():
             raise DataError(f"{where} does not begin with black.", "Entry 0 is black and frozen; put [0, 0, 0] there.")
         palettes.append(Palette(name, colors))
@@ -169,111 +168,22 @@ def write_palettes(
     """
     initial = palettes if initial is None else initial
     objects = [
-        {"name": palette.name, "colors": _rows(palette.colors), "initial": _rows(first.colors)}
+        {"name": palette.name, "colors": rows_of(palette.colors), "initial": rows_of(first.colors)}
         for palette, first in zip(palettes, initial, strict=True)
     ]
     write_json(path, {"schema": PALETTE_SCHEMA, "shared": shared, "objects": objects})
 
 
-def read_edit(path: Path, palettes: Sequence[Palette], compositing: str = "delta") -> Edit:
-    """Read edit.json over the learned palettes: null entries and objects left out stay as learned.
-
-    Args:
-        path: The file.
-        palettes: As learned, one an object.
-        compositing: What a file that names none means, `delta` or `paper`.
-
-    Raises:
-        DataError: The file is missing or of another schema, or has an unknown object, a wrong number of colors, a bad
-            color or a changed black.
+def read_schema(path: Path, what: str, schema: str) -> dict[str, Any]:
+    """The JSON file of a schema. Raises DataError where it is missing or of another.
 
     Examples:
         >>> import tempfile
-        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0], [1, 1, 1]], np.float32))
-        >>> text = '{"schema": "karf-edit/1", "objects": {"pot": {"colors": [null, "#0000ff", null]}}}'
         >>> with tempfile.TemporaryDirectory() as folder:
-        ...     path = Path(folder) / "edit.json"
-        ...     _ = path.write_text(text)
-        ...     edit = read_edit(path, [pot])
-        >>> edit.compositing, edit.colors["pot"].tolist()
-        ('delta', [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0, 1.0, 1.0]])
+        ...     write_json(Path(folder) / "a.json", {"schema": "karf-edit/1"})
+        ...     read_schema(Path(folder) / "a.json", "edit", "karf-edit/1")
+        {'schema': 'karf-edit/1'}
     """
-    content = _read_schema(path, "edit", EDIT_SCHEMA)
-    compositing = content.get("compositing", compositing)
-    if compositing not in COMPOSITING_MODES:
-        raise DataError(f"{path} has compositing {compositing!r:.200}.", f"Use one of {', '.join(COMPOSITING_MODES)}.")
-    objects = content.get("objects", {})
-    if not isinstance(objects, dict):
-        raise DataError(f"{path}: 'objects' is not a table of objects.", 'Write {"name": {"colors": [...]}}.')
-    colors, added = {palette.name: palette.colors.copy() for palette in palettes}, {}
-    for name, entry in objects.items():
-        if name not in colors:
-            raise DataError(f"{path} edits the unknown object {name!r:.200}.", f"Objects are: {', '.join(colors)}.")
-        where = f"{path}: edit of {name!r}"
-        entries = _list(entry.get("colors") if isinstance(entry, dict) else None, where, MOST_COLORS)
-        if len(entries) != len(colors[name]):
-            raise DataError(
-                f"{where} has {len(entries)} colors, its palette has {len(colors[name])}.",
-                "Give one color per swatch, black first; null leaves a swatch as it is.",
-            )
-        for index, value in enumerate(entries):
-            if value is not None:
-                colors[name][index] = _triple(value, where, BRIGHTEST)
-        if colors[name][0].any():
-            raise DataError(f"{where} changes entry 0.", "Entry 0 is black and frozen; write null or #000000 there.")
-        if "added" in entry:
-            sets = [
-                _added(each, where, len(entries)) for each in _list(entry["added"], f"{where}: 'added'", MOST_ADDED)
-            ]
-            added[name] = tuple(each for each, _ in sets)
-            colors[name] = np.concatenate([colors[name], *(own for _, own in sets)])
-    return Edit(colors, compositing, added)
-
-
-def _added(entry: Any, where: str, size: int) -> tuple[AddedColor, np.ndarray]:
-    """An added color and its set [size, 3], the wanted color first."""
-    if not isinstance(entry, dict):
-        raise DataError(f"{where} has the added color {entry!r:.200}.", "Add colors again, and save the edit.")
-    reach, colors = entry.get("reach", REACH), _list(entry.get("colors"), f"{where}: an added color", MOST_COLORS)
-    if not _is_number(reach) or not 0 < reach <= MOST_REACH:
-        raise DataError(f"{where} has the reach {reach!r:.200}.", f"Write a number above 0, up to {MOST_REACH:g}.")
-    if len(colors) != size:
-        raise DataError(
-            f"{where} has an added color of {len(colors)} colors, its palette has {size}.",
-            "Give the wanted color, then one color per swatch.",
-        )
-    picked = _triple(entry.get("picked"), where, 1)
-    return AddedColor(picked, float(reach)), np.stack([_triple(value, where, BRIGHTEST) for value in colors])
-
-
-def write_edit(path: Path, edit: Edit) -> None:
-    """Write edit.json atomically, colors as sRGB triples (hex would round them).
-
-    Examples:
-        >>> import tempfile
-        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0]], np.float32))
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     write_edit(Path(folder) / "edit.json", Edit({"pot": np.array([[0, 0, 0], [0, 0.1, 1.5]])}, "paper"))
-        ...     again = read_edit(Path(folder) / "edit.json", [pot])
-        >>> again.compositing, rgb_to_hex(again.colors["pot"][1])
-        ('paper', '#001aff')
-    """
-    objects = {name: _object(colors, edit.added.get(name, ())) for name, colors in edit.colors.items()}
-    write_json(path, {"schema": EDIT_SCHEMA, "compositing": edit.compositing, "objects": objects})
-
-
-def _object(colors: np.ndarray, added: Sequence[AddedColor]) -> dict[str, Any]:
-    palette, *sets = np.split(np.asarray(colors), 1 + len(added))
-    if not sets:
-        return {"colors": _rows(palette)}
-    listed = [
-        {"picked": _rows(each.picked[None])[0], "reach": float(each.reach), "colors": _rows(own)}
-        for each, own in zip(added, sets, strict=True)
-    ]
-    return {"colors": _rows(palette), "added": listed}
-
-
-def _read_schema(path: Path, what: str, schema: str) -> dict[str, Any]:
     content = read_json(path, what)
     found = content.get("schema") if isinstance(content, dict) else None
     if found != schema:
@@ -281,30 +191,51 @@ def _read_schema(path: Path, what: str, schema: str) -> dict[str, Any]:
     return content
 
 
-def _list(value: Any, where: str, most: int) -> list:
+def list_of(value: Any, where: str, most: int) -> list:
+    """A list of 1 to `most` entries. Raises DataError for anything else.
+
+    Examples:
+        >>> list_of(["#ff0000"], "edit.json", 2)
+        ['#ff0000']
+    """
     if not isinstance(value, list) or not 0 < len(value) <= most:
         raise DataError(f"{where} is not a list of 1 to {most} entries.", "Write a list, black first.")
     return value
 
 
-def _triple(value: Any, where: str, highest: float) -> np.ndarray:
-    """sRGB [3] float32 of a hex text or three numbers in [0, highest]."""
+def color_of(value: Any, where: str, highest: float) -> np.ndarray:
+    """sRGB [3] float32 of a hex text or three numbers in [0, highest]. Raises DataError for anything else.
+
+    Examples:
+        >>> color_of("#ff0000", "edit.json", 1).tolist(), color_of([0, 1.5, 0], "edit.json", 2).tolist()
+        ([1.0, 0.0, 0.0], [0.0, 1.5, 0.0])
+    """
     if isinstance(value, str):
         try:
             return hex_to_rgb(value)
         except DataError as error:
             raise DataError(f"{where}: {error.sentence}", error.hint) from error
-    if not isinstance(value, list) or len(value) != 3 or not all(_is_number(v) and 0 <= v <= highest for v in value):
+    if not isinstance(value, list) or len(value) != 3 or not all(is_number(v) and 0 <= v <= highest for v in value):
         hint = f"Write #rrggbb or three sRGB numbers from 0 to {highest:g}."
         raise DataError(f"{where} has the color {value!r:.200}.", hint)
     return np.array(value, np.float32)
 
 
-def _is_number(value: Any) -> bool:
-    # bool is an int to Python, but no color
+def is_number(value: Any) -> bool:
+    """Whether a JSON value is a number; bool is an int to Python, but no color.
+
+    Examples:
+        >>> is_number(1), is_number(True), is_number("1")
+        (True, False, False)
+    """
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _rows(colors: np.ndarray) -> list[list[float]]:
-    # the shortest decimal that reads back as the same float32
+def rows_of(colors: np.ndarray) -> list[list[float]]:
+    """Colors [n, 3] as JSON: the shortest decimals that read back as the same float32.
+
+    Examples:
+        >>> rows_of(np.array([[0, 0.1, 1]], np.float32))
+        [[0.0, 0.1, 1.0]]
+    """
     return [[float(str(v)) for v in row] for row in np.asarray(colors, np.float32)]

@@ -19,7 +19,8 @@ from ..color import to_bytes
 from ..errors import BadRequest, DataError
 from ..files import atomic_write
 from ..inputs import check_file
-from .palette import Edit, Palette, read_edit, write_edit
+from .edit_files import read_edit, write_edit
+from .palette import Edit, Palette
 
 SUFFIXES = (".json", ".gpl", ".ase")
 MOST_BYTES = 4 << 20  # twice what the most objects with the most colors and the longest names need

@@ -11,8 +11,10 @@ from torch import Tensor, nn
 
 from ..kan.encoding import positional_encoding
 from ..kan.standardize import Standardizer
+from ..rendering.space import Space
 from ..settings import RecoloringSettings, SegmentationSettings
 from .registry import build_head
+from .volumes import Volumes
 
 
 def scale_positions(positions: Tensor, bounds: Tensor) -> Tensor:
@@ -38,10 +40,20 @@ class SegmentationField(nn.Module):
             probability 0.
         n_features: F, prior features of the scene's field.
         settings: octaves of the encoding, and the head.
+        volumes: that objects must be inside or outside of; else they have probability 0 too.
+        space: of the scene's field; needed where F_s with volumes is asked.
     """
 
-    def __init__(self, boxes: Tensor, n_features: int, settings: SegmentationSettings) -> None:
+    def __init__(
+        self,
+        boxes: Tensor,
+        n_features: int,
+        settings: SegmentationSettings,
+        volumes: Volumes | None = None,
+        space: Space | None = None,
+    ) -> None:
         super().__init__()
+        self.volumes, self.space = volumes, space
         self.frequencies = settings.frequencies
         self.register_buffer("boxes", boxes.float())
         self.register_buffer("bounds", torch.stack([boxes[:, 0].amin(0), boxes[:, 1].amax(0)]).float())
@@ -54,12 +66,15 @@ class SegmentationField(nn.Module):
         return self.head(encoded, self.standardizer(prior_features))
 
     def inside(self, positions: Tensor) -> Tensor:
-        """True where a position lies in an object's box, [n, K]."""
+        """True where an object can be at a position: in its box, and as its volumes say, [n, K]."""
         point = positions[:, None]
-        return ((point >= self.boxes[:, 0]) & (point <= self.boxes[:, 1])).all(-1)
+        boxed = ((point >= self.boxes[:, 0]) & (point <= self.boxes[:, 1])).all(-1)
+        if self.volumes is None:
+            return boxed
+        return boxed & self.volumes(self.space.to_world(positions), len(self.boxes))
 
     def forward(self, positions: Tensor, prior_features: Tensor) -> Tensor:
-        """Class probabilities, differentiable to the parameters; boxes cut off without a gradient.
+        """Class probabilities, differentiable to the parameters; boxes and volumes cut off without a gradient.
 
         Args:
             positions: [n, 3] grid coordinates.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import torch
@@ -11,9 +11,11 @@ from torch import Tensor
 from ..checkpoints import load_tensors, restoring, save_tensors
 from ..edit.palette import Palette
 from ..names import check_names
+from ..rendering.space import Space
 from ..settings import RecoloringSettings, SegmentationSettings, from_dict, to_dict
 from .fields import RecoloringField, SegmentationField
 from .object_surface import ObjectSurface
+from .volumes import Volumes
 
 SEGMENTATION_SCHEMA = "karf-segmentation/1"
 SURFACE_SCHEMA = "karf-surface/1"
@@ -34,7 +36,7 @@ def save_segmentation(path: Path, karf: SegmentationField, objects: list[str], s
 
 
 def load_segmentation(
-    path: Path, n_features: int, device: torch.device | str = "cpu"
+    path: Path, n_features: int, device: torch.device | str = "cpu", space: Space | None = None
 ) -> tuple[SegmentationField, list[str]]:
     """F_s, frozen, and the names of its classes 1..K.
 
@@ -42,6 +44,7 @@ def load_segmentation(
         path: what `save_segmentation` wrote.
         n_features: prior features of the scene's field.
         device: where F_s shall be.
+        space: of the scene's field; None where F_s is not asked.
 
     Raises:
         DataError: the file is damaged or belongs to another field.
@@ -52,9 +55,24 @@ def load_segmentation(
         if tensors["boxes"].shape != (len(objects), 2, 3):
             raise ValueError(f"{len(objects)} objects, boxes {tuple(tensors['boxes'].shape)}")
         settings = from_dict(facts["settings"], SegmentationSettings)
-        karf = SegmentationField(tensors["boxes"], n_features, settings).to(device)
+        volumes = _volumes_of(tensors, len(objects))
+        karf = SegmentationField(tensors["boxes"], n_features, settings, volumes, space).to(device)
         karf.load_state_dict(tensors)
     return karf.requires_grad_(False), objects
+
+
+def _volumes_of(tensors: Mapping[str, Tensor], n_objects: int) -> Volumes | None:
+    """The volumes of F_s; None where it has none. Raises ValueError where they contradict each other."""
+    if "volumes.rules" not in tensors:
+        return None
+    faces, volume_of_face, rules = (tensors[f"volumes.{name}"] for name in ("faces", "volume_of_face", "rules"))
+    shapes = [tuple(each.shape) for each in (faces, volume_of_face, rules)]
+    known = set(volume_of_face.tolist()) == set(range(len(rules))) and set(rules[:, 0].tolist()) <= set(
+        range(n_objects)
+    )
+    if shapes != [(len(faces), 4), (len(faces),), (len(rules), 2)] or not known:
+        raise ValueError(f"volumes of {shapes}")
+    return Volumes(faces, volume_of_face, rules)
 
 
 def save_recoloring(path: Path, karf: RecoloringField, sizes: list[int], settings: RecoloringSettings) -> None:

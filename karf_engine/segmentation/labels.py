@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 
 from ..errors import DataError
 from ..fields.protocol import Field
+from ..heads.volumes import Volumes
 from ..progress import Emit
 from ..project.volumes import Volume
 from .constraints import Constraints
@@ -20,7 +21,6 @@ from .label_propagation import Labels, has_seeds, propagate_labels
 from .neighbor_graph import neighbor_graph
 from .spreading import spread
 from .surface_points import SurfacePoints
-from .volumes import allowed_classes
 from .votes import RayVotes, vote_on_points
 
 LOW_PRECISION = 0.6
@@ -92,7 +92,9 @@ class Labelling:
         )
         positions = torch.from_numpy(points.positions).float().to(scene_field.bounds.device)
         normals = scene_field.normals(positions).cpu().numpy()
-        allowed = allowed_classes(volumes, objects, scene_field.space.to_world(positions).double().cpu().numpy())
+        world = scene_field.space.to_world(positions)
+        allowed = Volumes.of(volumes, objects).to(world.device)(world, len(objects)).cpu().numpy()
+        allowed = np.concatenate([np.ones((len(points), 1), bool), allowed], 1)
         votes_left = targets * allowed
         counts = votes_left.sum(1) > 0
         targets = np.where(counts[:, None], votes_left / np.maximum(votes_left.sum(1, keepdims=True), 1e-12), targets)

@@ -18,6 +18,7 @@ from ..fields.protocol import Field
 from ..heads.fields import SegmentationField
 from ..heads.files import save_segmentation, save_surface
 from ..heads.rendering import segment_cache
+from ..heads.volumes import Volumes
 from ..progress import Emit
 from ..project.volumes import Volume, read_volumes
 from ..segmentation.coarse_masks import CoarseMask, copy_masks, find_masks
@@ -35,6 +36,7 @@ from ..wire import Request
 from .job import Job, StageRun, file_digest, open_job, run_stage
 
 VERSION = 1
+WITHIN = "F_s"  # what heeds volumes
 
 
 def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
@@ -49,7 +51,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     volumes = read_volumes(volumes_file)
     # without corrections and volumes, the fingerprint is that of before there were any
     inputs = [_digests(marks) for marks in (masks, corrections) if marks]
-    inputs += [file_digest(volumes_file)] if volumes else []
+    inputs += [file_digest(volumes_file), WITHIN] if volumes else []
     with run_stage(job, "segmentation", VERSION, *inputs) as run:
         if run is None:
             return
@@ -62,6 +64,8 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         votes = votes_of_rays(cached)
         surface = _label(job, field, cached, votes, corrections, volumes)
         karf = _fit(job, field, cached, votes, surface, run.unfinished)
+        if volumes:  # labels heed them already, but F_s goes on smoothly beyond
+            karf.volumes, karf.space = Volumes.of(volumes, surface.objects).to(job.runtime.device), field.space
         _write(job, run, karf, field, cached, surface)
         if folder.resolve() != job.project.masks_folder.resolve():
             copy_masks(masks, run.output(job.project.masks_folder))

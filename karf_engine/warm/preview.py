@@ -20,7 +20,7 @@ def preview(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     """Render a camera, whose lens distortion is left out, from what is learned of a project now.
 
     Options: `project`; `camera`, as a frame of a CAMERAS.json; `long_side`, the pixels to which its picture is reduced.
-    Before palettes are learned the planes have no objects: the picture is the scene as learned.
+    Before palettes are learned the planes have no swatches: the picture is the scene as learned.
 
     Returns:
         `planes`, the file; the caller's to delete. `size`, width and height.

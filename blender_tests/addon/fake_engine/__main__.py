@@ -23,7 +23,8 @@ from karf_engine.capture.capture import View, capture_from_json, capture_to_json
 from karf_engine.capture.transforms_frames import camera_from_json
 from karf_engine.cli import main as engine_main
 from karf_engine.edit.compositing import Planes, write_planes
-from karf_engine.edit.palette import Palette, read_edit, read_palettes, write_palettes
+from karf_engine.edit.edit_files import read_edit
+from karf_engine.edit.palette import Palette, read_palettes, write_palettes
 from karf_engine.files import read_json, write_json
 from karf_engine.project import Project
 from karf_engine.project.colorways import plan_colorways

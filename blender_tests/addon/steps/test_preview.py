@@ -1,6 +1,7 @@
 """Live Camera: the picture follows camera, rig and swatches; a coarse one comes first."""
 
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -37,8 +38,10 @@ def live(bpy, addon, learned, monkeypatch):
             time.sleep(0.01)
         return sides[known:]
 
+    area = bpy.data.window_managers[0].windows[0].screen.areas[0]
+    area.type = "IMAGE_EDITOR"
     addon.preview.start(learned)
-    return SimpleNamespace(look=look, scene=learned, sides=sides)
+    return SimpleNamespace(look=look, scene=learned, sides=sides, editor=area.spaces.active)
 
 
 def picture(bpy, addon):
@@ -80,6 +83,93 @@ def test_the_picture_follows_swatches_without_the_engine(bpy, addon, live):
     addon.preview._tick()
     assert addon.warm._Memory.engine is None
     assert np.allclose(picture(bpy, addon) - before, [0, 0.4 * 0.25 * 255, 0], atol=1.5)
+
+
+def test_nothing_is_rendered_while_no_editor_shows_the_picture_and_it_goes_on_when_one_does(bpy, addon, live):
+    live.look(3)
+    live.editor.image = bpy.data.images.new("another", 8, 8)
+    live.scene.camera.location *= 0.5
+    for _ in range(5):
+        addon.preview._tick()
+    assert not addon.warm.is_waiting("preview")
+    assert "No Image Editor shows the picture KaRF camera" in addon.preview.message()
+    live.editor.image = bpy.data.images["KaRF camera"]
+    assert live.look(3) == [96, LONG_SIDE // 2, LONG_SIDE]
+    assert addon.preview.message() == ""
+
+
+def test_a_picture_that_undo_has_taken_comes_back_into_its_editor(bpy, addon, live):
+    live.look(3)
+    before = picture(bpy, addon)
+    bpy.data.images.remove(bpy.data.images["KaRF camera"])
+    addon.preview._tick()
+    assert live.editor.image == bpy.data.images["KaRF camera"]
+    assert np.array_equal(picture(bpy, addon), before)
+
+
+@pytest.fixture
+def seeing(bpy, live):
+    """How pictures are looked at, as at the start of a session."""
+    seeing = bpy.context.window_manager.karf_seeing
+    yield seeing
+    for name in seeing.bl_rna.properties.keys():
+        seeing.property_unset(name)
+
+
+def test_the_picture_is_looked_at_as_those_of_photos_are(bpy, addon, live, seeing):
+    live.look(3)
+    learned = picture(bpy, addon)
+    live.scene.karf.objects["pot"].swatches[1].color = (0.8, 0.6, 0.1)
+    addon.preview._tick()
+    edited = picture(bpy, addon)
+    for mode, expected in (("ORIGINAL", learned), ("LEARNED", learned), ("EDITED", edited)):
+        seeing.mode = mode
+        addon.preview._tick()
+        assert np.array_equal(picture(bpy, addon), expected), mode
+    seeing.is_wiped, seeing.wipe = True, 0.25
+    addon.preview._tick()
+    assert np.array_equal(picture(bpy, addon)[:, :50], learned[:, :50])
+    assert np.array_equal(picture(bpy, addon)[:, 50:], edited[:, 50:])
+    seeing.is_wiped = False
+    bpy.ops.karf.solo_swatch(object_name="pot", index=1)
+    addon.preview._tick()
+    assert np.allclose(picture(bpy, addon), 0.25 * 255, atol=1)  # of every pixel a quarter is the swatch's
+    seeing.mode = "DIFFERENCE"
+    addon.preview._tick()
+    unchanged = addon.display.heat(np.zeros(1))[0] * 255
+    assert (picture(bpy, addon) > unchanged + 1).any()
+
+
+def test_masks_lie_over_the_picture_where_they_are_looked_at(bpy, addon, live, seeing):
+    live.look(3)
+    assert addon.free_camera.masks() is None
+    seeing.show_masks = True
+    addon.preview._tick()
+    assert list(addon.free_camera.masks().tints) == ["lid", "pot"]
+    assert addon.free_camera.masks().fill.shape == (100, 200, 4)
+    assert addon.free_camera.is_in(live.editor)
+    addon.preview.stop()  # what stays is a picture as any other
+    assert addon.free_camera.masks() is None and not addon.free_camera.is_in(live.editor)
+
+
+def test_what_a_camera_cannot_show_is_said(bpy, addon, live, seeing, monkeypatch):
+    live.look(3)
+    assert addon.free_camera.lacks() == ()
+    seeing.mode = "ORIGINAL"
+    assert addon.free_camera.lacks() == (addon.free_camera.NO_PHOTO,)
+    taken = addon.preview._taken
+
+    def unlearned(answer):
+        view = taken(answer)
+        none = {"objects": (), "palette_weights": view.planes.palette_weights[:0, :0]}
+        return replace(view, planes=replace(view.planes, probabilities=view.planes.probabilities[:0], **none))
+
+    monkeypatch.setattr(addon.preview, "_taken", unlearned)
+    live.scene.camera.location.x += 0.1
+    seeing.mode, seeing.show_masks = "WEIGHTS", True
+    live.look(3)
+    assert addon.free_camera.lacks() == (addon.free_camera.NO_PALETTES, addon.free_camera.NO_MASKS)
+    assert np.ptp(picture(bpy, addon)) == 0  # the scene as learned, of one gray
 
 
 def test_the_files_of_answers_are_removed(addon, live):

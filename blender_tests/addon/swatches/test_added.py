@@ -1,5 +1,7 @@
 """Colors added to an object: what their swatches change, and that every tool treats them as swatches."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -209,6 +211,16 @@ def test_it_stays_when_palettes_are_found_anew(addon, pots):
     assert curve.data_path == "karf.objects[0].swatches[4].color"
     hidden = np.array([each.color for each in swatches[5:]])
     np.testing.assert_allclose(hidden[2], BLUE, atol=0.02)
+
+
+def test_the_compositors_layers_have_it(addon, pots):
+    (request,) = addon.steps.build_compositor(pots).requests
+    assert request.options["edit"] is None
+    addon.headless.add_color("pot", YELLOW, BLUE)
+    (request,) = addon.steps.build_compositor(pots).requests
+    palettes = addon.edits.learned(pots)
+    edit = addon.engine_api.read_edit_file(Path(request.options["edit"]), palettes)
+    assert len(edit.added["pot"]) == 1 and len(edit.colors["pot"]) == 6
 
 
 def test_the_scene_in_3d_has_it(addon, pots):

@@ -12,8 +12,9 @@ from karf_engine.color import linear_to_srgb, srgb_to_linear
 from karf_engine.edit.added import palettes_with, solve_set, spread, spread_objects, with_sets
 from karf_engine.edit.becomes import match_becomes
 from karf_engine.edit.compositing import delta_composite, paper_composite
+from karf_engine.edit.edit_files import read_edit, write_edit
 from karf_engine.edit.object_colors import ColorHistogram
-from karf_engine.edit.palette import AddedColor, Edit, Palette, read_edit, write_edit
+from karf_engine.edit.palette import AddedColor, Edit, Palette
 from karf_engine.edit.palette_files import write_edit_file
 from karf_engine.edit.points import ScenePoints
 from karf_engine.errors import BadRequest, DataError

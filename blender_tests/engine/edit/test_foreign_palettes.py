@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from karf_engine.edit.palette import Edit, Palette, read_edit
+from karf_engine.edit.edit_files import read_edit
+from karf_engine.edit.palette import Edit, Palette
 from karf_engine.edit.palette_files import read_edit_file, write_edit_file
 from karf_engine.errors import DataError
 

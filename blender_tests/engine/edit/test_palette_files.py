@@ -8,14 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from karf_engine.edit.edit_files import read_edit, write_edit
 from karf_engine.edit.palette import (
     Edit,
     Palette,
     hex_to_rgb,
-    read_edit,
     read_palettes,
     rgb_to_hex,
-    write_edit,
     write_palettes,
 )
 from karf_engine.errors import DataError

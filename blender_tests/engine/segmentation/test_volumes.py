@@ -5,16 +5,20 @@ import json
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
+torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
 from karf_engine.errors import DataError
+from karf_engine.heads.fields import SegmentationField
+from karf_engine.heads.files import load_segmentation, save_segmentation
+from karf_engine.heads.volumes import Volumes
 from karf_engine.project.volumes import Volume, read_volumes, write_volumes
-from karf_engine.segmentation.volumes import allowed_classes
+from karf_engine.rendering.space import Similarity
+from karf_engine.settings import SegmentationSettings
 
 MOVED = np.array([[2.0, 0, 0, 1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])  # x from -1 to 3
 CORNERS = np.array([[0.0, 0, 0], [2, 0, 0], [0, 2, 0], [0, 0, 2]])
-POINTS = np.array([[2.5, 0.0, 0.0], [0.3, 0.3, 0.3], [9.0, 9.0, 9.0]])
+POINTS = torch.tensor([[2.5, 0.0, 0.0], [0.3, 0.3, 0.3], [9.0, 9.0, 9.0]])
 
 
 def test_volumes_are_read_as_they_were_written(tmp_path):
@@ -31,15 +35,54 @@ def test_volumes_are_read_as_they_were_written(tmp_path):
 
 def test_an_object_is_inside_its_boxes_and_outside_of_its_meshes_and_others_are_left_alone():
     volumes = {"pot": [Volume("inside", MOVED), Volume("outside", None, CORNERS)], "gone": [Volume("inside", MOVED)]}
-    allowed = allowed_classes(volumes, ["lid", "pot"], POINTS)
-    assert allowed[:, 2].tolist() == [True, False, False]
-    assert allowed[:, :2].all()
+    allowed = Volumes.of(volumes, ["lid", "pot"])(POINTS, 2)
+    assert allowed[:, 1].tolist() == [True, False, False]
+    assert allowed[:, 0].all()
+
+
+def test_without_volumes_objects_can_be_anywhere():
+    assert Volumes.of({}, ["lid", "pot"])(POINTS, 2).all()
 
 
 def test_a_flat_mesh_is_refused_by_the_objects_name():
     flat = Volume("inside", None, np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]))
     with pytest.raises(DataError, match="'pot' is flat"):
-        allowed_classes({"pot": [flat]}, ["pot"], POINTS)
+        Volumes.of({"pot": [flat]}, ["pot"])
+
+
+@pytest.fixture
+def bounded():
+    """F_s of two objects in a grid half as large as the world; the second must be in a box."""
+    torch.manual_seed(0)
+    boxes = torch.tensor([[[-9.0] * 3, [9.0] * 3]] * 2)
+    volumes = Volumes.of({"pot": [Volume("inside", MOVED)]}, ["lid", "pot"])
+    space = Similarity(torch.diag(torch.tensor([0.5, 0.5, 0.5, 1.0])))
+    return SegmentationField(boxes, 4, SegmentationSettings(width=8), volumes, space).requires_grad_(False)
+
+
+def test_an_object_has_no_probability_where_its_volumes_do_not_let_it_be(bounded):
+    grid = (torch.rand(500, 3) * 8 - 4) * 0.5
+    world = grid / 0.5
+    within = ((world[:, 0] > -1) & (world[:, 0] < 3) & (world[:, 1:].abs() < 1).all(1)).tolist()
+    probabilities = bounded(grid, torch.zeros(500, 4))
+    assert any(within) and not all(within)
+    assert (probabilities[:, 2] > 0).tolist() == within
+    assert (probabilities[:, 1] > 0).all()
+    torch.testing.assert_close(probabilities.sum(1), torch.ones(500))
+
+
+def test_volumes_are_kept_with_f_s(bounded, tmp_path):
+    path, positions = tmp_path / "f_s.safetensors", torch.rand(50, 3) * 2 - 1
+    save_segmentation(path, bounded, ["lid", "pot"], SegmentationSettings(width=8))
+    again, _ = load_segmentation(path, 4, space=bounded.space)
+    assert torch.equal(again(positions, torch.zeros(50, 4)), bounded(positions, torch.zeros(50, 4)))
+
+
+def test_volumes_of_no_object_are_named_with_their_file(bounded, tmp_path):
+    bounded.volumes.rules[0, 0] = 7
+    save_segmentation(tmp_path / "f_s.safetensors", bounded, ["lid", "pot"], SegmentationSettings(width=8))
+    with pytest.raises(DataError, match=r"f_s\.safetensors"):
+        load_segmentation(tmp_path / "f_s.safetensors", 4)
 
 
 @pytest.mark.parametrize(

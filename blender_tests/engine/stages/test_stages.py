@@ -19,8 +19,9 @@ from karf_engine.capture.capture import View
 from karf_engine.cli import main
 from karf_engine.color import linear_to_srgb
 from karf_engine.edit.compositing import read_planes
+from karf_engine.edit.edit_files import read_edit
 from karf_engine.edit.layers import read_layer_names
-from karf_engine.edit.palette import read_edit, read_palettes, rgb_to_hex
+from karf_engine.edit.palette import read_palettes, rgb_to_hex
 from karf_engine.errors import BadRequest
 from karf_engine.images import read_mask, read_photo
 from karf_engine.metrics.images import psnr

@@ -17,6 +17,11 @@ def test_a_language_has_every_text(language):
 
 
 @pytest.mark.parametrize("language", translations.languages())
+def test_a_language_has_no_sentence_that_nobody_says(language):
+    assert translations.stale(language) == []
+
+
+@pytest.mark.parametrize("language", translations.languages())
 def test_a_translation_has_the_places_of_the_values(language):
     def places(text):
         return sorted(name for _, name, _, _ in string.Formatter().parse(text) if name)
@@ -34,3 +39,13 @@ def test_what_is_shown_is_found():
         "Photo plus change",
         "About a minute on this computer",
     } <= found
+
+
+def test_sentences_of_errors_are_found_with_places_for_their_values():
+    assert {
+        "The scene {0} has no capture.",
+        "Import a capture first.",
+        "{0} (edit planes) is older than the palettes.",
+        "The pictures are in {0}.",
+    } <= translations.sentences(translations.ROOT)
+    assert "{0} marks nothing of {1}." in translations.sentences(translations.ENGINE)

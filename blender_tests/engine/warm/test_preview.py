@@ -81,7 +81,17 @@ def test_what_is_wrong_with_an_ask_is_named(session, learned, model, wrong, erro
         preview(session, asked(learned, model, **wrong))
 
 
-def test_before_palettes_are_learned_the_planes_have_no_objects(session, learned, model, tmp_path):
+def test_before_palettes_are_learned_the_planes_have_masks_and_no_swatches(session, learned, model, tmp_path):
+    project = shutil.copytree(learned.project, tmp_path / "no palettes")
+    for name in ("geometry", "segmentation"):
+        Project(project).finish(name, "again")
+    answer = preview(session, asked(learned, model, project=str(project), long_side=300))
+    planes, frame = read_planes(Path(answer["planes"])), model.render(model.capture.views[0].camera.scaled(300, 200))
+    assert planes.objects == tuple(model.objects) and planes.palette_weights.shape[1] == 0
+    assert np.abs(planes.probabilities - frame.probabilities).max() < 0.02
+
+
+def test_before_segmentation_the_planes_have_no_objects(session, learned, model, tmp_path):
     project = shutil.copytree(learned.project, tmp_path / "geometry only")
     Project(project).finish("geometry", "again")
     for name in ("segmentation", "palette", "recoloring"):

@@ -20,9 +20,10 @@ from karf_engine.capture.capture import capture_to_json
 from karf_engine.capture.image_size import image_header
 from karf_engine.capture.ply import read_points
 from karf_engine.edit.compositing import read_planes
+from karf_engine.edit.edit_files import read_edit
 from karf_engine.edit.layers import read_layer_names
 from karf_engine.edit.object_colors import read_object_colors
-from karf_engine.edit.palette import read_edit, read_palettes
+from karf_engine.edit.palette import read_palettes
 from karf_engine.edit.palette_files import read_edit_file
 from karf_engine.errors import KarfError
 from karf_engine.fields.nerf.files import read_nerf
