@@ -75,7 +75,7 @@ class Correcting:
     def correct(self, corrections: Sequence[CoarseMask]) -> None:
         """Solve again with these corrections, all that there are."""
         constraints = self._seen.constraints(corrections, self.objects)
-        self.labels = self._labelling.corrected(self._of_masks, constraints, self.labels.probabilities)
+        self.labels = self._labelling.corrected(self._of_masks, constraints)
 
     def suggestions(self) -> dict[str, float]:
         """The views to mark next, with their scores; see `suggestions.views_to_mark`."""

@@ -17,6 +17,9 @@ kept from running away:
 - Mixtures are drawn anew in each round, and the mean of their labels so far counts.
 - A color that no class has gives even labels.
 - An object's colors fade with the distance to its seeds, and in the end only parts connected to its seeds remain.
+
+In the end patches in doubt follow what surrounds them: the system is solved once more with the labels themselves as
+unary terms, as sure as their margins. A point that would change alone stays: that is how thin ends and rims erode.
 """
 
 from __future__ import annotations
@@ -37,6 +40,8 @@ UNKNOWN_LOG_DENSITY = -15.5  # of a color that belongs to no class
 RARE_BACKGROUND = 0.25  # the background's density falls with this power of its mass, where it has less than the objects
 DECIDED = 0.6  # a seed's largest vote; with less its class is open
 FADE_RADII = 2.0  # an object's colors fade beyond this many seed radii
+HELD, LEAST_HELD = 5.0, 0.02  # confidence of labels without a margin of doubt, and of none, as patches follow
+TOGETHER = 0.5  # of the ties of a point that changes, those to others that do
 REACH_RADII = 4.0  # points farther than this many seed radii from every object are background without being solved for
 
 
@@ -60,8 +65,7 @@ class Labels:
     @property
     def margin(self) -> np.ndarray:
         """How much more likely each point's class is than the next, [p] in [0, 1]."""
-        top_two = np.sort(self.probabilities, 1)[:, -2:]
-        return top_two[:, 1] - top_two[:, 0]
+        return _margin(self.probabilities)
 
 
 def propagate_labels(
@@ -167,7 +171,7 @@ class _Propagation:
             unary = reliable[:, None] * shared + color_confidence[:, None] * color_labels
             x = self._smooth(unary / np.maximum(together, 1e-12)[:, None], together, x)
             mixture_weight = np.maximum(reliable, 0.1 * color_confidence)
-        return self._connected(x), precision
+        return self._with_patches(self._connected(x)), precision
 
     def _smooth(self, targets: np.ndarray, confidence: np.ndarray, start: np.ndarray | None) -> np.ndarray:
         """Solve the linear system for all classes; they sum to one by themselves."""
@@ -182,9 +186,7 @@ class _Propagation:
 
     def _color_labels(self, x: np.ndarray, weight: np.ndarray) -> np.ndarray:
         """Class probabilities by each point's color and its distance to the objects, [p, K+1]."""
-        top_two = np.sort(x, 1)[:, -2:]
-        weight = weight * (top_two[:, 1] - top_two[:, 0])
-        strengths = weight[:, None] * np.eye(x.shape[1])[x.argmax(1)]
+        strengths = (weight * _margin(x))[:, None] * np.eye(x.shape[1])[x.argmax(1)]
         log_density = class_log_densities(self.lab, strengths, self.random)
         mass = strengths.sum(0)
         # before an empty background most of its seeds are what the masks left out of the objects
@@ -246,6 +248,20 @@ class _Propagation:
             x[loose, 0] += 1e-6
             x /= x.sum(1, keepdims=True)
         return x
+
+    def _with_patches(self, x: np.ndarray) -> np.ndarray:
+        """Let patches in doubt follow what surrounds them; all other points are as they were."""
+        solved = self._smooth(x, LEAST_HELD + HELD * _margin(x), x)
+        before, after = x.argmax(1), solved.argmax(1)
+        changed = (before != after) & (before * after == 0)  # only the background's colors counted untested
+        together = changed & (self.graph @ changed >= TOGETHER * np.asarray(self.graph.sum(1)).ravel())
+        return np.where(together[:, None], solved, x)
+
+
+def _margin(x: np.ndarray) -> np.ndarray:
+    """How much more likely each point's class is than the next, [p] in [0, 1]."""
+    top_two = np.sort(x, 1)[:, -2:]
+    return top_two[:, 1] - top_two[:, 0]
 
 
 def _share_open_votes(targets: np.ndarray, color_labels: np.ndarray) -> np.ndarray:

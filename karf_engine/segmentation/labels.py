@@ -136,11 +136,11 @@ class Labelling:
         left = (labels.probabilities + 1e-9) * self.allowed
         return Labels(left / left.sum(1, keepdims=True), labels.precision)
 
-    def corrected(self, labels: Labels, constraints: Constraints, start: np.ndarray | None = None) -> Labels:
-        """The labels once corrections have changed them, see `spreading`. start: a solution that is near, [p, K+1]."""
+    def corrected(self, labels: Labels, constraints: Constraints) -> Labels:
+        """The labels once corrections have changed them, see `spreading`."""
         if not constraints.fixed.any():
             return labels
-        return self._within_volumes(spread(labels, self.points, self.graph, constraints, start))
+        return self._within_volumes(spread(labels, self.graph, constraints))
 
 
 def label_surface(

@@ -1,14 +1,17 @@
 """What strokes of correction are worth: the masks of held-out views before, after one stroke an object, and after two.
 
-    python -m tools.marking.strokes PROJECT --truth DIR [--choose worst] [--threads 1] [--json FILE]
+    python -m tools.marking.strokes PROJECT --truth DIR [--choose worst suggested random] [--hand line along] [--json FILE]
 
 PROJECT is learned; DIR has `labels/` as the demo has them, or true masks as <object>[/<split>]/<photo stem>.png. A stroke
-is drawn as a hand would where the masks are worst among training views: a short line in the largest error that is wide
-enough to be hit with a brush, "this is it" or "this is not". An object without such an error gets none. With
-`--choose suggested` it is drawn in the view that the engine suggests, with `random` in any. The ceiling is
-what the surface can show: every training view is corrected in all of its pixels. Where the ceiling contradicts a view's
-truth, the truth of the other views does, and no stroke is drawn, but with `--any-error`. A stroke that agrees with the
-masks, in each object, shows what solving again does by itself.
+is drawn as a hand would where the masks are worst among training views, in the largest error that is wide enough to be
+hit with a brush, "this is it" or "this is not": a short line (`--hand line`), or along all of the error (`along`). An
+object without such an error gets none. With `--choose suggested` it is drawn in the view that the engine suggests, with
+`random` in any, with as many seeds as wanted.
+
+The ceiling is what the surface can show: every training view is corrected in all of its pixels. Where the ceiling
+contradicts a view's truth, the truth of the other views does, and no stroke is drawn, but with `--any-error`. `agreeing`
+are strokes that say what the masks show, which shows what solving again does by itself; `slip` are wrong ones, a short
+line in the middle of each object that says it is not there. With `--learn` F_s is learned from the uncorrected labels.
 """
 
 from __future__ import annotations
@@ -16,71 +19,59 @@ from __future__ import annotations
 import argparse
 import json
 import tempfile
-import time
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
-import imageio.v3 as iio
 import numpy as np
-from scipy.ndimage import distance_transform_edt, label
 
-from karf_engine.capture.capture import Capture, View
-from karf_engine.fields.files import load_scene
+import karf_engine as karf
+from karf_engine.capture.capture import View
 from karf_engine.files import write_json
-from karf_engine.images import read_mask, resize
-from karf_engine.metrics.masks import iou, iou_border_excluded
-from karf_engine.progress import Progress
+from karf_engine.metrics.masks import iou
 from karf_engine.project import Project
-from karf_engine.project.contents import capture_of, settings_for
 from karf_engine.runtime import start_runtime
-from karf_engine.segmentation.coarse_masks import find_masks
-from karf_engine.segmentation.correcting import Correcting
-from karf_engine.segmentation.corrections import find_corrections
 
-BRUSH, LENGTH = 0.02, 0.15  # of the picture's long side: the brush's radius, the stroke's length
-NARROW = 2.0  # pixels from the middle of an error to its border: less is no error that a hand would correct
+from ..judging.views import learn_again, render_test_views
+from .hand import HANDS, can_be_hit, largest_error, short_line
+from .scene import Masks, Scene, Truth, add_to, scene_of, scores, scores_after, scores_of, solve
+
 STROKES = 2
-Truth = Callable[[View, str], np.ndarray | None]
 
 
 @dataclass(frozen=True)
-class Scene:
-    """A learned scene with its truth.
+class Way:
+    """How strokes are drawn.
 
     Attributes:
-        truth: the mask of a view and an object at the working size, None if unknown.
+        choose: the views: `worst`, `suggested` or `random`.
+        hand: one of `HANDS`.
+        seed: of random views.
+        shown: the masks that must agree with the truth where a stroke is drawn.
     """
 
-    capture: Capture
-    correcting: Correcting
-    learned: list[View]
-    judged: list[View]
-    truth: Truth
+    choose: str
+    hand: str
+    seed: int
+    shown: Truth
+
+    def __str__(self) -> str:
+        return f"{self.choose} {self.seed} {self.hand}" if self.choose == "random" else f"{self.choose} {self.hand}"
 
 
 def main() -> None:
     options = parse_arguments()
     start_runtime(0, options.threads, "cpu")
-    project = Project(options.project)
-    capture, settings = capture_of(project), settings_for(project, "segmentation")
-    field = load_scene(project.geometry_file).field
-    start = time.perf_counter()
-    masks, progress = find_masks(project.masks_folder, capture), Progress(lambda *_, **__: None, lambda: False, "", 1)
-    correcting = Correcting(field, capture, masks, (), settings, progress)
-    print(f"looked at and labelled in {time.perf_counter() - start:.1f} s", flush=True)
-    truth = truth_in(options.truth, settings.geometry.long_side)
-    known = [view for view in capture.views if any(truth(view, name) is not None for name in correcting.objects)]
-    learned = [view for view in known if view.split == "train"][:: options.every]
-    scene = Scene(capture, correcting, learned, [view for view in known if view.split == "test"], truth)
-    random = np.random.default_rng(options.seed)
+    scene = scene_of(Project(options.project), options.truth, options.every)
     top, shown = ceiling(scene)
-    if options.any_error:
-        shown = truth
-    rows = {"before": scores(scene), "agreeing": agreeing(scene)}
-    rows |= play(scene, lambda: candidates(scene, options.choose, random), shown) | {"ceiling": top}
+    rows = {"before": scores(scene), "agreeing": agreeing(scene), "slip": slip(scene), "ceiling": top}
+    if options.learn:
+        rows["learned"] = learned(options, scene)
     for name, row in rows.items():
-        print(f"{name:10} {json.dumps(row)}")
+        print(f"{name:10} {json.dumps(row)}", flush=True)
+    for way in ways(options, scene.truth if options.any_error else shown):
+        rows |= play(scene, way)
     if options.json:
         write_json(options.json, rows)
 
@@ -89,33 +80,38 @@ def parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("project", type=Path)
     parser.add_argument("--truth", type=Path, required=True)
-    parser.add_argument(
-        "--choose", choices=("worst", "suggested", "random"), default="worst", help="the view to stroke"
-    )
-    parser.add_argument("--seed", type=int, default=0, help="of random views")
+    views = ("worst", "suggested", "random")
+    parser.add_argument("--choose", nargs="+", choices=views, default=["worst"], help="the view to stroke")
+    parser.add_argument("--hand", nargs="+", choices=HANDS, default=["line"], help="how strokes are drawn")
+    parser.add_argument("--seeds", type=int, default=1, help="how many times random views are drawn")
     parser.add_argument("--every", type=int, default=1, help="look for errors in every so many-th training view")
     parser.add_argument("--any-error", action="store_true", help="correct what the truth of other views denies, too")
+    parser.add_argument("--learn", action="store_true", help="also learn F_s, in a scratch project")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--json", type=Path, help="write the figures there")
     return parser.parse_args()
 
 
-def truth_in(folder: Path, long_side: int) -> Truth:
-    """The true masks below a folder, by view and object."""
-    names = folder / "labels" / "names.json"
-    numbers = json.loads(names.read_text()) if names.is_file() else None
+def ways(options: argparse.Namespace, shown: Truth) -> Iterator[Way]:
+    """All ways of drawing strokes that are asked for."""
+    for choose, hand in product(options.choose, options.hand):
+        for seed in range(options.seeds if choose == "random" else 1):
+            yield Way(choose, hand, seed, shown)
 
-    def mask(view: View, name: str) -> np.ndarray | None:
-        if numbers:
-            path = folder / "labels" / view.split / f"{view.stem}.png"
-            found = iio.imread(path, mode="P") == numbers[name] if path.is_file() else None
-        else:
-            places = (folder / name / view.split / f"{view.stem}.png", folder / name / f"{view.stem}.png")
-            found = next((read_mask(path) for path in places if path.is_file()), None)
-        working = view.camera.reduced(long_side)
-        return None if found is None else resize(found.astype(np.float32), working.width, working.height) >= 0.5
 
-    return mask
+def play(scene: Scene, way: Way) -> dict[str, dict]:
+    """Figures after each stroke an object."""
+    rows, random = {}, np.random.default_rng(way.seed)
+    with tempfile.TemporaryDirectory() as folder:
+        for number in range(1, STROKES + 1):
+            shown = {view.name: scene.correcting.masks(view) for view in candidates(scene, way.choose, random)}
+            for name in scene.correcting.objects:
+                draw_stroke(scene, shown, name, way, Path(folder))
+            seconds = solve(scene, Path(folder))
+            row = rows[f"{way}, stroke {number}"] = scores(scene) | {"seconds": seconds}
+            print(f"{way}, stroke {number}: {json.dumps(row)}", flush=True)
+    scene.correcting.correct(())
+    return rows
 
 
 def candidates(scene: Scene, choose: str, random: np.random.Generator) -> list[View]:
@@ -127,43 +123,58 @@ def candidates(scene: Scene, choose: str, random: np.random.Generator) -> list[V
     return suggested[:1] if choose == "suggested" else [scene.learned[random.integers(len(scene.learned))]]
 
 
-def play(scene: Scene, choose: Callable[[], list[View]], shown: Truth) -> dict[str, dict]:
-    """Figures after each stroke an object. choose: the views that a stroke may be drawn in. shown: as in `draw_stroke`."""
-    rows = {}
-    with tempfile.TemporaryDirectory() as folder:
-        for number in range(1, STROKES + 1):
-            views = choose()
-            for name in scene.correcting.objects:
-                draw_stroke(scene, views, name, shown, Path(folder))
-            seconds = solve(scene, Path(folder))
-            rows[f"stroke {number}"] = scores(scene) | {"seconds": seconds}
-            print(f"stroke {number}: {json.dumps(rows[f'stroke {number}'])}", flush=True)
-    return rows
+def draw_stroke(scene: Scene, shown: dict[str, Masks], name: str, way: Way, folder: Path) -> None:
+    """Add a stroke to an object's corrections, in the view of these where its mask is worst and a stroke can be drawn.
 
-
-def solve(scene: Scene, folder: Path) -> float:
-    """Heed the corrections in a folder; seconds of the processor, the masks of one view included."""
-    start = time.process_time()
-    scene.correcting.correct(find_corrections(folder, scene.capture))
-    scene.correcting.masks(scene.judged[0])
-    return round(time.process_time() - start, 2)
+    shown: the objects' masks in the views that may be chosen.
+    """
+    worst = None
+    for view in scene.learned:
+        true = scene.truth(view, name) if view.name in shown else None
+        if true is None or not true.any():
+            continue
+        found = shown[view.name][name]
+        error, is_it = largest_error(found, true, true == way.shown(view, name))
+        if can_be_hit(error) and (worst is None or iou(found, true) < worst[0]):
+            worst = iou(found, true), view, error, is_it
+    if worst is None:
+        print(f"  {name}: no error that a brush would hit")
+        return
+    value, view, error, is_it = worst
+    drawn = HANDS[way.hand](error)
+    said = "is" if is_it else "is not"
+    print(f"  {name}: {view.name}, IoU {value:.3f}, {said}, {drawn.sum()} of {error.sum()} pixels")
+    add_to(folder / name / f"{view.name}.png", drawn, is_it)
 
 
 def agreeing(scene: Scene) -> dict[str, float]:
     """Figures after a stroke in each object that says what the masks show already."""
     with tempfile.TemporaryDirectory() as folder:
         for name in scene.correcting.objects:
-            right = {
-                view.name: largest(scene.correcting.masks(view)[name] & true)
-                for view in scene.learned
-                if (true := scene.truth(view, name)) is not None
-            }
-            view = max(right, key=lambda view: right[view].sum())
-            add_to(Path(folder) / name / f"{view}.png", stroke_in(right[view]), True)
-        solve(scene, Path(folder))
-    found = scores(scene)
-    scene.correcting.correct(())
-    return found
+            draw_in_middle(scene, name, True, Path(folder))
+        return scores_after(scene, Path(folder))
+
+
+def slip(scene: Scene) -> dict[str, float]:
+    """Figures of each object after a stroke in its middle that wrongly says it is not there, and the means of these."""
+    rows = {}
+    for name in scene.correcting.objects:
+        with tempfile.TemporaryDirectory() as folder:
+            draw_in_middle(scene, name, False, Path(folder))
+            rows[name] = scores_after(scene, Path(folder))
+    means = {key: round(float(np.mean([row[key] for row in rows.values()])), 4) for key in ("mean", "border left out")}
+    return {name: row[name] for name, row in rows.items()} | means
+
+
+def draw_in_middle(scene: Scene, name: str, is_it: bool, folder: Path) -> None:
+    """Draw a short line in the middle of an object, in the view that shows most of it rightly."""
+    right = {
+        view.name: scene.correcting.masks(view)[name] & true
+        for view in scene.learned
+        if (true := scene.truth(view, name)) is not None
+    }
+    view = max(right, key=lambda view: right[view].sum())
+    add_to(folder / name / f"{view}.png", short_line(right[view]), is_it)
 
 
 def ceiling(scene: Scene) -> tuple[dict[str, float], Truth]:
@@ -181,89 +192,17 @@ def ceiling(scene: Scene) -> tuple[dict[str, float], Truth]:
     return found, lambda view, name: masks[view.name][name]
 
 
-def scores(scene: Scene) -> dict[str, float]:
-    """Mean IoU of each object over the held-out views that show it, the mean of these, and that without borders."""
-    values: dict[str, list[tuple[float, float]]] = {name: [] for name in scene.correcting.objects}
-    for view in scene.judged:
-        found = scene.correcting.masks(view)
-        for name, own in values.items():
-            true = scene.truth(view, name)
-            if true is not None and true.any():
-                own.append((iou(found[name], true), iou_border_excluded(found[name], true)))
-    means = {name: np.mean(own, 0) for name, own in values.items()}
-    mean, inside = np.mean(list(means.values()), 0)
-    all_means = {name: own[0] for name, own in means.items()} | {"mean": mean, "border left out": inside}
-    return {name: round(float(value), 4) for name, value in all_means.items()}
-
-
-def draw_stroke(scene: Scene, views: list[View], name: str, shown: Truth, folder: Path) -> None:
-    """Add a stroke to an object's corrections, in the view of these where its mask is worst and a stroke can be drawn.
-
-    shown: the masks that must agree with the truth where a stroke is drawn.
-    """
-    worst = None
-    for view in views:
-        true, found = scene.truth(view, name), scene.correcting.masks(view)[name]
-        if true is None or not true.any():
-            continue
-        certain = true == shown(view, name)
-        missing, too_much = largest(certain & true & ~found), largest(certain & found & ~true)
-        is_it = missing.sum() >= too_much.sum()
-        error = missing if is_it else too_much
-        if depth(error).max() >= NARROW and (worst is None or iou(found, true) < worst[0]):
-            worst = iou(found, true), view, error, is_it
-    if worst is None:
-        print(f"  {name}: no error that a brush would hit")
-        return
-    value, view, error, is_it = worst
-    drawn = stroke_in(error)
-    print(
-        f"  {name}: {view.name}, IoU {value:.3f}, {'is' if is_it else 'is not'}, {drawn.sum()} of {error.sum()} pixels"
-    )
-    add_to(folder / name / f"{view.name}.png", drawn, is_it)
-
-
-def largest(error: np.ndarray) -> np.ndarray:
-    """The largest connected part of a mask."""
-    parts, count = label(error)
-    return parts == 1 + np.bincount(parts.ravel())[1:].argmax() if count else error
-
-
-def depth(mask: np.ndarray) -> np.ndarray:
-    """Pixels from each place in a mask to its border, which the picture's is too."""
-    return distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1]
-
-
-def stroke_in(error: np.ndarray) -> np.ndarray:
-    """A short straight line from the middle of an error, as far as a brush stays inside it."""
-    inside, long_side = depth(error), max(error.shape)
-    middle = np.array(np.unravel_index(inside.argmax(), error.shape))
-    radius = min(BRUSH * long_side, 0.8 * inside[tuple(middle)])
-    ends = np.argwhere(inside >= 0.9 * radius)
-    ends = ends[np.linalg.norm(ends - middle, axis=1) <= LENGTH / 2 * long_side]
-    best = max(
-        (path for path in (_line(middle, end) for end in ends) if (inside[path] >= 0.9 * radius).all()), key=_length
-    )
-    away = np.ones(error.shape, bool)
-    away[best] = False
-    return error & (distance_transform_edt(away) <= radius - 0.5)
-
-
-def _line(start: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    steps = np.linspace(0, 1, int(abs(end - start).max()) + 1)[:, None]
-    return tuple(np.round(start + steps * (end - start)).astype(int).T)
-
-
-def _length(path: tuple[np.ndarray, np.ndarray]) -> float:
-    return float(np.hypot(path[0][-1] - path[0][0], path[1][-1] - path[1][0]))
-
-
-def add_to(path: Path, drawn: np.ndarray, is_it: bool) -> None:
-    """Draw into a correction's file, which is made if needed."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    picture = iio.imread(path)[..., [0, -1]] if path.exists() else np.zeros((*drawn.shape, 2), np.uint8)
-    picture[drawn] = 255 * is_it, 255
-    iio.imwrite(path, picture)
+def learned(options: argparse.Namespace, scene: Scene) -> dict[str, float]:
+    """Figures of F_s, learned anew from the uncorrected labels."""
+    with tempfile.TemporaryDirectory() as folder:
+        model = karf.load(options.project)
+        model = learn_again(
+            model, Path(folder), (), ("segmentation",), model.project.masks_folder, threads=options.threads
+        )
+        test = render_test_views(model)
+    shown = [plate.view.name for plate in test.plates]
+    masks = {name: dict(zip(shown, test.masks(name), strict=True)) for name in model.objects}
+    return scores_of(scene, lambda view: {name: own[view.name] for name, own in masks.items()})
 
 
 if __name__ == "__main__":

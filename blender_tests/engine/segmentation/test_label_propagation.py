@@ -252,3 +252,15 @@ def test_classes_of_one_color_are_equally_likely(random):
         densities = class_log_densities(lab, np.eye(2)[np.arange(60) % 2], random)
     assert np.isfinite(densities).all()
     assert_allclose(densities[:, 0], densities[:, 1])
+
+
+def test_a_patch_in_doubt_follows_what_surrounds_it_and_a_point_that_would_change_alone_stays():
+    places = np.stack(np.meshgrid(np.arange(30.0), np.arange(20.0), indexing="ij"), -1).reshape(-1, 2)
+    positions = np.column_stack([places, np.zeros(len(places))])
+    graph = neighbor_graph(positions, np.full((len(places), 3), 50.0), np.tile([0.0, 0.0, 1.0], (len(places), 1)), 1.0)
+    patch = np.linalg.norm(places - [8, 10], axis=1) < 4
+    alone = (places == [22, 10]).all(1)
+    x = np.where((patch | alone)[:, None], [0.55, 0.45], [0.05, 0.95])
+    found = _Propagation(None, graph, None, None, None, None)._with_patches(x)
+    assert (found.argmax(1)[patch] == 1).mean() > 0.8
+    assert_allclose(found[~patch], x[~patch])
