@@ -1,5 +1,6 @@
 """`python -m karf_engine ...`, and `python -I path/to/karf_engine ...` for a caller that sets no import path."""
 
+import os
 import sys
 
 if sys.version_info < (3, 11):  # noqa: UP036 - said before anything is imported that an older Python cannot read
@@ -24,4 +25,9 @@ if not __package__:
 from karf_engine.cli import main
 
 if __name__ == "__main__":
-    sys.exit(main())
+    code = main()
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+    finally:
+        os._exit(code)  # Python would take torch apart first, which takes a second

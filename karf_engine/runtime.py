@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import torch
 
+from . import cores
 from .errors import BadRequest
 from .team import Team
 
@@ -83,7 +84,7 @@ def start_runtime(seed: int = 0, threads: int | None = None, device: str | None 
         BadRequest: The device is not there.
     """
     chosen = find_device(device)
-    torch.set_num_threads(threads or default_threads())
+    cores.use(threads or default_threads())
     torch.set_flush_denormal(True)  # decaying Adam moments become denormal and slow every step down
     torch.manual_seed(seed)
     return Runtime(chosen, torch.Generator(device=chosen).manual_seed(seed))

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ..capture.camera import Camera
+from ..cores import share
 from ..rendering.rays import PixelBank, Rays, camera_rays, depth_per_distance
 from ..rendering.surface_cache import SurfaceCache, join_caches, quantile_samples
 from ..rendering.volume import VISIBLE_WEIGHT, accumulate
@@ -87,8 +88,15 @@ class Scene:
     def _render_rays(self, rays: Rays, n_quantiles: int) -> tuple[tuple, ...]:
         """Colors, opacities, distances and caches, each in chunks."""
         chunk = CPU_RAYS_PER_CHUNK if rays.origins.device.type == "cpu" else ACCELERATOR_RAYS_PER_CHUNK
-        parts = [self._render_chunk(rays[i : i + chunk], i, n_quantiles) for i in range(0, len(rays), chunk)]
-        return tuple(zip(*parts, strict=True))
+        starts = range(0, len(rays), chunk)
+        parts = {}
+
+        def render(first: int, last: int) -> None:
+            for start in starts[first:last]:
+                parts[start] = self._render_chunk(rays[start : start + chunk], start, n_quantiles)
+
+        share(render, len(starts))
+        return tuple(zip(*(parts[start] for start in starts), strict=True))
 
     def _render_chunk(self, rays: Rays, first: int, n_quantiles: int) -> tuple[Tensor, Tensor, Tensor, SurfaceCache]:
         field = self.field

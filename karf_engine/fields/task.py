@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
+from .. import cores
 from ..capture.capture import SparsePoints, View
 from ..plates import Plate, background_kind, solid_pixels
 from ..rendering.rays import PixelBank
@@ -49,10 +50,10 @@ def task_of(
     seed: int,
     device: torch.device,
 ) -> FitTask:
-    """The task of learning from plates of these views, in the space that suits them, on as many threads as torch has."""
+    """The task of learning from plates of these views, in the space that suits them, on as many threads as this process."""
     views = [replace(view, camera=plate.camera) for view, plate in zip(views, plates, strict=True)]
     space = choose_space(kind, views, points, settings)
-    return FitTask(plates, kind, space, views, points, settings, seed, torch.get_num_threads(), device.type)
+    return FitTask(plates, kind, space, views, points, settings, seed, cores.count(), device.type)
 
 
 def background_of(plates: list[Plate]) -> str:

@@ -15,6 +15,7 @@ from ..progress import Progress
 from ..rendering.surface_cache import SurfaceCache
 from ..runtime import Runtime
 from ..settings import HeadSettings, RecoloringSettings, SegmentationSettings
+from ..training.adam import Adam
 from ..training.course import Course
 from ..training.loop import Schedule, Step, constant, cosine_with_warmup, train
 from ..training.unfinished import Unfinished
@@ -65,7 +66,7 @@ def fit_on_points(
     near_pool, any_pool = _pool(certainty * (near & (classes == 0))), _pool(certainty)
     n_near = int(settings.batch * NEAR_SHARE)
     n_object = int(settings.batch * OBJECT_SHARE) // max(len(pools), 1)
-    optimizer = torch.optim.Adam(karf.parameters(), lr=settings.rate)
+    optimizer = Adam(karf.parameters(), lr=settings.rate)
 
     def step(_: int, scale: float) -> tuple[Tensor, dict[str, Tensor]]:
         parts = [_draw(pool, int(n_object * scale) + 1, runtime) for pool in pools]
@@ -109,7 +110,7 @@ def fit_on_rays(
     karf.standardizer.fit(scene_field.features(flat[:: max(1, len(flat) // 65536)]))
     inside = _pool((targets[:, 1:].sum(1) > 0.99).float())
     features = RayFeatures(scene_field, cache.positions, settings)
-    optimizer = torch.optim.Adam(karf.parameters(), lr=settings.rate)
+    optimizer = Adam(karf.parameters(), lr=settings.rate)
 
     def step(_: int, scale: float) -> tuple[Tensor, dict[str, Tensor]]:
         count = max(16, int(settings.batch * scale))
@@ -182,7 +183,7 @@ def fit_recoloring(
         {"params": list(karf.parameters()), "lr": settings.rate},
         {"params": [learned], "lr": settings.palette_rate},
     ]
-    optimizer = torch.optim.Adam(groups)
+    optimizer = Adam(groups)
     first_palette_iteration = int(settings.iterations * (1 - settings.palette_share))
 
     def step(iteration: int, scale: float) -> tuple[Tensor, dict[str, Tensor]]:

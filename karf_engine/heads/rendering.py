@@ -5,17 +5,19 @@ Because density is frozen, a ray's samples are cached once (rendering.surface_ca
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
+from ..cores import share
 from ..fields.protocol import Field
 from ..rendering.surface_cache import SurfaceCache
 from .fields import RecoloringField, SegmentationField
 
 SAMPLES_PER_CHUNK = 1 << 17
+CPU_SAMPLES_PER_CHUNK = 1 << 13  # whose layers stay near the processor's cache
 NEGLIGIBLE = 1 / 1024  # probability of a class: too little to change an 8-bit picture
 
 
@@ -68,20 +70,33 @@ class _Part:
         return (torch.cumsum(self.first.view(-1), 0) - 1).view(self.first.shape)
 
 
-def _parts(karf: SegmentationField, scene_field: Field, cache: SurfaceCache) -> Iterator[_Part]:
-    """The rays of a cache that touch an object's box, in parts."""
+def _ask(karf: SegmentationField, scene_field: Field, cache: SurfaceCache, take: Callable[[int, _Part], None]) -> None:
+    """Ask F_s along the rays of a cache that touch an object's box, in parts; `take` gets each, with its number."""
     n_samples = cache.positions.shape[1]
-    at_once = max(1, SAMPLES_PER_CHUNK // n_samples)
+    at_once = max(1, _samples_at_once(cache) // n_samples)
     touching = [
         karf.inside(some.reshape(-1, 3)).any(1).view(-1, n_samples).any(1) for some in cache.positions.split(at_once)
     ]
-    for rays in torch.nonzero(torch.cat(touching)).squeeze(1).split(at_once):
-        distances = cache.distances[rays]
-        first = torch.ones_like(distances, dtype=torch.bool)
-        first[:, 1:] = distances[:, 1:] != distances[:, :-1]
-        positions = cache.positions[rays][first]
-        features = scene_field.features(positions)
-        yield _Part(rays, first, positions, features, karf(positions, features))
+    rays_of_parts = torch.nonzero(torch.cat(touching)).squeeze(1).split(at_once)
+
+    def ask(first: int, last: int) -> None:
+        for number in range(first, last):
+            take(number, _part(karf, scene_field, cache, rays_of_parts[number]))
+
+    share(ask, len(rays_of_parts))
+
+
+def _part(karf: SegmentationField, scene_field: Field, cache: SurfaceCache, rays: Tensor) -> _Part:
+    distances = cache.distances[rays]
+    first = torch.ones_like(distances, dtype=torch.bool)
+    first[:, 1:] = distances[:, 1:] != distances[:, :-1]
+    positions = cache.positions[rays][first]
+    features = scene_field.features(positions)
+    return _Part(rays, first, positions, features, karf(positions, features))
+
+
+def _samples_at_once(cache: SurfaceCache) -> int:
+    return CPU_SAMPLES_PER_CHUNK if cache.opacity.device.type == "cpu" else SAMPLES_PER_CHUNK
 
 
 @torch.no_grad()
@@ -96,8 +111,11 @@ def segment_cache(karf: SegmentationField, scene_field: Field, cache: SurfaceCac
         cache: n rays with their surface samples.
     """
     result = _background(karf, cache)
-    for part in _parts(karf, scene_field, cache):
+
+    def take(_: int, part: _Part) -> None:
         result[part.rays] = _rendered(part.classes[part.sample_of], cache.opacity[part.rays])
+
+    _ask(karf, scene_field, cache, take)
     return result
 
 
@@ -141,16 +159,20 @@ def object_samples(segmentation: SegmentationField, scene_field: Field, cache: S
 
     Arguments as for `segment_cache`.
     """
-    rendered, parts = _background(segmentation, cache), []
-    for part in _parts(segmentation, scene_field, cache):
+    rendered, parts = _background(segmentation, cache), {}
+
+    def take(number: int, part: _Part) -> None:
         sample_of = part.sample_of
         rendered[part.rays] = _rendered(part.classes[sample_of], cache.opacity[part.rays])
         classes = part.classes[:, 1:]
         own = torch.nonzero(classes.amax(1) > NEGLIGIBLE).squeeze(1)
         rays = part.rays[torch.nonzero(part.first)[own, 0]]
         counts = torch.bincount(sample_of.view(-1), minlength=len(classes))[own]
-        parts.append((part.positions[own], cache.viewdirs[rays], part.features[own], classes[own], rays, counts))
-    return ObjectSamples(rendered, *[torch.cat(values) for values in zip(*parts, strict=True)])
+        parts[number] = part.positions[own], cache.viewdirs[rays], part.features[own], classes[own], rays, counts
+
+    _ask(segmentation, scene_field, cache, take)
+    in_order = [parts[number] for number in sorted(parts)]
+    return ObjectSamples(rendered, *[torch.cat(values) for values in zip(*in_order, strict=True)])
 
 
 @torch.no_grad()

@@ -22,6 +22,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 
+from ..cores import share
 from ..errors import BadRequest
 
 GRID_LIMIT = 2.0
@@ -36,6 +37,8 @@ _LOWEST_EXPONENT = 80.0
 # Rows whose bases ((N + 1) * n_in floats each) stay in a processor's cache; accelerators prefer fewer, larger launches.
 _CPU_ROWS_PER_CHUNK = 256
 _ACCELERATOR_ROWS_PER_CHUNK = 8192
+# Gradients of the weights are summed up by so many cores at most, and the same bits come out on any number of them.
+_MOST_SUMS = 4
 
 
 def grid_spacing(n_centers: int) -> float:
@@ -170,12 +173,8 @@ class _GRBF(torch.autograd.Function):
         recurrence = _Recurrence(bandwidth, n_centers)
         ctx.save_for_backward(x, u, weight, bandwidth)
         ctx.recurrence = recurrence
-        output = x.new_empty(x.shape[0], weight.shape[0])
-        buffer, scaled = _chunk_buffer(u, n_centers + 1), weight.T * recurrence.scale
-        for rows in _chunks(u):
-            blocks = buffer[: u[rows].shape[0]]
-            _fill_blocks(blocks, x[rows], recurrence.offsets(u[rows]), recurrence)
-            torch.addmm(bias, blocks.flatten(1), scaled, out=output[rows])
+        output, scaled = x.new_empty(x.shape[0], weight.shape[0]), weight.T * recurrence.scale
+        share(_fill_outputs, len(_chunks(u)), x, u, scaled, bias, recurrence, output)
         return output
 
     @staticmethod
@@ -184,28 +183,45 @@ class _GRBF(torch.autograd.Function):
         x, u, weight, bandwidth = ctx.saved_tensors
         recurrence = ctx.recurrence
         n, kappa, scale = recurrence.n_centers, recurrence.kappa, recurrence.scale
-        grad_x, grad_u, grad_weight = torch.empty_like(x), torch.empty_like(u), torch.zeros_like(weight)
-        quadratic = u.new_zeros(())
-        blocks_buffer, products_buffer = _chunk_buffer(u, n + 1), _chunk_buffer(u, n + 1)
-        for rows in _chunks(u):
-            w, gradient = recurrence.offsets(u[rows]), grad_output[rows]
-            blocks, products = blocks_buffer[: w.shape[0]], products_buffer[: w.shape[0]]
-            _fill_blocks(blocks, x[rows], w, recurrence)
-            grad_weight.addmm_(gradient.T, blocks.flatten(1))
-            torch.mm(gradient, weight, out=products.flatten(1))  # dL/dB_k, then dL/dSiLU
-            torch.mul(products[:, n], _silu_slope(x[rows]), out=grad_x[rows])
-            # With E_j = B_j dL/dB_j, dL/dw = kappa (sum_j j E_j - w sum_j E_j).
-            total, first_moment = _moments(products[:, :n].mul_(blocks[:, :n]), recurrence.anchor)
-            weighted_total = total.mul_(w)
-            quadratic += torch.sum(w * (weighted_total - 2 * first_moment))
-            torch.sub(first_moment, weighted_total, out=grad_u[rows])
+        grad_x, grad_u = torch.empty_like(x), torch.empty_like(u)
+        n_sums = max(1, min(_MOST_SUMS, len(_chunks(u)))) if u.device.type == "cpu" else 1
+        grad_weights, quadratics = weight.new_zeros(n_sums, *weight.shape), u.new_zeros(n_sums)
+        share(_fill_gradients, n_sums, x, u, weight, grad_output, recurrence, grad_x, grad_u, grad_weights, quadratics)
         grad_u.mul_(scale * kappa / recurrence.spacing)
-        grad_weight.mul_(scale)
+        grad_weight, quadratic = grad_weights.sum(0).mul_(scale), quadratics.sum()
         # dL/dkappa = -1/2 sum (w - j)^2 E_j. Its part in j^2 needs no bases: summed over rows, E_j is W dL/dW.
         per_center = (grad_weight * weight).unflatten(1, (n + 1, -1))[:, :n].sum(dim=(0, 2))
         steps = torch.arange(n, dtype=u.dtype, device=u.device) - recurrence.anchor
         grad_kappa = -0.5 * (scale * quadratic + steps.square() @ per_center)
         return grad_x, grad_u, grad_weight, grad_output.sum(0), grad_kappa * (-2 * kappa / bandwidth), None
+
+
+def _fill_outputs(first, last, x, u, scaled, bias, recurrence, output):
+    """The layer's output for the chunks number first to last."""
+    buffer = _chunk_buffer(u, recurrence.n_centers + 1)
+    for rows in _chunks(u)[first:last]:
+        blocks = buffer[: u[rows].shape[0]]
+        _fill_blocks(blocks, x[rows], recurrence.offsets(u[rows]), recurrence)
+        torch.addmm(bias, blocks.flatten(1), scaled, out=output[rows])
+
+
+def _fill_gradients(first, last, x, u, weight, grad_output, recurrence, grad_x, grad_u, grad_weights, quadratics):
+    """Gradients by x and u (up to a factor) of the sums number first to last, and what adds up to the others."""
+    n, chunks, n_sums = recurrence.n_centers, _chunks(u), len(quadratics)
+    blocks_buffer, products_buffer = _chunk_buffer(u, n + 1), _chunk_buffer(u, n + 1)
+    for number in range(first, last):
+        for rows in chunks[len(chunks) * number // n_sums : len(chunks) * (number + 1) // n_sums]:
+            w, gradient = recurrence.offsets(u[rows]), grad_output[rows]
+            blocks, products = blocks_buffer[: w.shape[0]], products_buffer[: w.shape[0]]
+            _fill_blocks(blocks, x[rows], w, recurrence)
+            grad_weights[number].addmm_(gradient.T, blocks.flatten(1))
+            torch.mm(gradient, weight, out=products.flatten(1))  # dL/dB_k, then dL/dSiLU
+            torch.mul(products[:, n], _silu_slope(x[rows]), out=grad_x[rows])
+            # With E_j = B_j dL/dB_j, dL/dw = kappa (sum_j j E_j - w sum_j E_j).
+            total, first_moment = _moments(products[:, :n].mul_(blocks[:, :n]), recurrence.anchor)
+            weighted_total = total.mul_(w)
+            quadratics[number] += torch.sum(w * (weighted_total - 2 * first_moment))
+            torch.sub(first_moment, weighted_total, out=grad_u[rows])
 
 
 def _fill_blocks(blocks: Tensor, x: Tensor, w: Tensor, recurrence: _Recurrence) -> None:

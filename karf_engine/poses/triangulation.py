@@ -15,13 +15,15 @@ import numpy as np
 
 from ..capture.camera import Camera
 from ..capture.capture import SparsePoints
-from ..images import write_png
+from ..color import to_bytes
+from ..images import encoded
 from ..plates import Plate
 from ..progress import Progress
 from .child import child_messages
 from .work_folder import work_folder
 
 MAX_FEATURES = 2500  # a photo
+AT_ONCE = 16  # photos that share the cores
 NEIGHBORS = 10  # photos that each photo is matched with
 TURN = 2.0  # how much a rotated view counts as far, against a camera at the rig's typical distance
 
@@ -48,10 +50,10 @@ def triangulate(plates: list[Plate], threads: int, progress: Progress) -> Sparse
     with work_folder(Path(tempfile.gettempdir()), "karf-points-") as folder:
         task = _Task(folder, [f"{n:05d}.png" for n in range(len(plates))], [p.camera for p in plates], threads)
         for photo, plate in zip(task.names, plates, strict=True):
-            write_png(task.folder / photo, plate.color)
+            (task.folder / photo).write_bytes(encoded(".png", to_bytes(plate.color)))
         with child_messages("pycolmap", _find, task) as messages:
-            for kind, found in messages:  # noqa: B007, the last one is the result
-                progress.step(int(kind == "photo"))
+            for kind, found in messages:
+                progress.step(found if kind == "photos" else 0)
     return found
 
 
@@ -60,10 +62,11 @@ def _find(send: Callable[..., None], task: _Task) -> SparsePoints:
     import pycolmap
 
     pycolmap.logging.minloglevel = pycolmap.logging.FATAL.value
-    for name in task.names:
-        _extract(pycolmap, task, name)
-        send("photo")
-    _set_cameras(pycolmap, task)
+    _note_cameras(pycolmap, task)
+    for first in range(0, len(task.names), AT_ONCE):
+        names = task.names[first : first + AT_ONCE]
+        _extract(pycolmap, task, names)
+        send("photos", len(names))
     _match_features(pycolmap, task)
     options = pycolmap.IncrementalPipelineOptions(num_threads=task.threads)
     out = task.folder / "points"
@@ -72,14 +75,14 @@ def _find(send: Callable[..., None], task: _Task) -> SparsePoints:
     return _sparse_points(pycolmap.triangulate_points(model, task.database, task.folder, out, options=options))
 
 
-def _extract(pycolmap: Any, task: _Task, name: str) -> None:
+def _extract(pycolmap: Any, task: _Task, names: list[str]) -> None:
     options = pycolmap.FeatureExtractionOptions(num_threads=task.threads, use_gpu=False)
     options.sift.max_num_features = MAX_FEATURES
     options.sift.peak_threshold = 0.003  # photos of some hundred pixels have faint features only
     pycolmap.extract_features(
         task.database,
         task.folder,
-        [name],
+        names,
         pycolmap.CameraMode.PER_IMAGE,
         pycolmap.ImageReaderOptions(camera_model="PINHOLE"),
         options,
@@ -87,12 +90,13 @@ def _extract(pycolmap: Any, task: _Task, name: str) -> None:
     )
 
 
-def _set_cameras(pycolmap: Any, task: _Task) -> None:
+def _note_cameras(pycolmap: Any, task: _Task) -> None:
+    """Number the photos by their names: several are looked at at once, and any may be ready first."""
     with pycolmap.Database.open(task.database) as content:
         for name, camera in zip(task.names, task.cameras, strict=True):
-            stored = content.read_camera(content.read_image_with_name(name).camera_id)
-            stored.params = [camera.fx, camera.fy, camera.cx, camera.cy]
-            content.update_camera(stored)
+            lens = {"params": [camera.fx, camera.fy, camera.cx, camera.cy]}
+            pinhole = pycolmap.Camera(model="PINHOLE", width=camera.width, height=camera.height, **lens)
+            content.write_image(pycolmap.Image(name=name, camera_id=content.write_camera(pinhole)))
 
 
 def _match_features(pycolmap: Any, task: _Task) -> None:

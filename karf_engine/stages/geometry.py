@@ -17,8 +17,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
-import torch
 
+from .. import cores
 from .. import settings as settings_module
 from ..capture import hold_out, open_capture
 from ..capture.capture import Capture, SparsePoints, capture_to_json, with_split
@@ -246,7 +246,7 @@ def training_points(job: Job, capture: Capture, plates: list[Plate], kind: str) 
         )
         return None
     try:
-        return triangulate(plates, torch.get_num_threads(), job.progress("points", len(plates)))
+        return triangulate(plates, cores.count(), job.progress("points", len(plates)))
     except Cancelled:
         raise
     except KarfError as error:

@@ -65,9 +65,14 @@ def install(story: Story) -> Wait:
     view.filebrowser_display_type, view.render_display_type = "SCREEN", "NONE"
     bpy.ops.extensions.package_install_files(filepath=story.job["package"], repo="user_default", enable_on_install=True)
     check(desk.PACKAGE in bpy.context.preferences.addons, "the extension is not enabled after its installation")
+    choose_engine(story)
+    yield from until(lambda: not desk.module("preferences.state").known().problem, "the engine to be noticed", 10)
+
+
+def choose_engine(story: Story) -> None:
+    """Set the engine's Python in the preferences."""
     preferences = desk.module("preferences").current()
     preferences.engine_python, preferences.threads = story.job["engine_python"], story.job["threads"]
-    yield from until(lambda: not desk.module("preferences.state").known().problem, "the engine to be noticed", 10)
 
 
 # --- what several steps do -----------------------------------------------------------------------------------------

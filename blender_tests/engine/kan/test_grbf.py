@@ -5,6 +5,7 @@ import math
 import pytest
 import torch
 
+from karf_engine import cores
 from karf_engine.errors import BadRequest
 from karf_engine.kan import grbf as grbf_module
 from karf_engine.kan.grbf import GRBFLayer, grbf, grbf_reference, grid_spacing, resolve_bandwidth
@@ -89,6 +90,19 @@ def test_result_does_not_depend_on_the_chunk_size(rows, monkeypatch):
     monkeypatch.setattr(grbf_module, "_CPU_ROWS_PER_CHUNK", 7)
     for chunked, expected in zip(value_and_gradients(grbf, inputs, 8), whole, strict=True):
         torch.testing.assert_close(chunked, expected)
+
+
+def test_one_and_two_cores_give_the_same_bits(monkeypatch):
+    monkeypatch.setattr(grbf_module, "_CPU_ROWS_PER_CHUNK", 7)
+    inputs = make_inputs(8, 1.0, torch.float32, n=60)
+    results = []
+    for n_cores in (1, 2):
+        cores.use(n_cores)
+        cores.take_from_torch()
+        results.append(value_and_gradients(grbf, inputs, 8))
+    cores.use(1)
+    for one, two in zip(*results, strict=True):
+        assert torch.equal(one, two)
 
 
 def test_layer_equals_its_formula_written_with_loops():

@@ -9,7 +9,7 @@ import numpy as np
 import OpenEXR
 import pytest
 
-pytest.importorskip("torch")
+torch = pytest.importorskip("torch")
 maximum_filter = pytest.importorskip("scipy.ndimage").maximum_filter
 
 import karf_engine
@@ -26,7 +26,9 @@ from karf_engine.errors import BadRequest
 from karf_engine.images import read_mask, read_photo
 from karf_engine.metrics.images import psnr
 from karf_engine.metrics.masks import iou
+from karf_engine.model import Model
 from karf_engine.project import STAGE_ORDER, Project
+from karf_engine.project.volumes import Volume, write_volumes
 from karf_engine.stages import render
 from karf_engine.wire import Request
 
@@ -108,6 +110,20 @@ def test_changed_masks_run_the_segmentation_again(still_life, copy, tmp_path, ca
     assert main(["segmentation", str(copy.folder), "--masks", str(masks), "--threads", "1"]) == 0
     assert "already done" not in capsys.readouterr().err
     assert [copy.finished(stage) is not None for stage in STAGE_ORDER] == [True, True, False, False]
+
+
+def test_no_view_shows_an_object_beyond_its_volume(copy):
+    half = np.diag([0.2, 2.0, 2.0, 1.0])
+    half[0, 3] = 0.25  # x from 0.05 to 0.45; the block's is from 0.15 to 0.75
+    write_volumes(copy.volumes_file, {"block": [Volume("inside", half)]})
+    before = Model(copy)
+    assert main(["segmentation", str(copy.folder), "--threads", "1"]) == 0
+    after = Model(copy)
+    camera, block = before.working_camera(before.capture.views[0]), before.objects.index("block")
+    covered = [model.look(camera).probabilities[block].sum() for model in (before, after)]
+    assert 0.2 < covered[1] / covered[0] < 0.8
+    beyond = after.scene.field.space.to_grid(torch.tensor([[0.6, 0.0, 0.0]]))
+    assert not after.segmentation.inside(beyond)[0, block]
 
 
 # -------------------------------------------------------------------------------------------------------------- rendering

@@ -17,6 +17,7 @@ from ...rendering.rays import PixelBank, Rays
 from ...rendering.surface_cache import cache_surface
 from ...runtime import Runtime
 from ...settings import NerfSettings
+from ...training.adam import Adam
 from ...training.course import Course, below, check_alike, number, prefixed, whole_number
 from ...training.loop import train
 from ...training.unfinished import Unfinished
@@ -53,7 +54,7 @@ class NerfFit:
         self._crop = 0 if kind == "opaque" else settings.crop_iterations
         self._loss_average = number(0.1).to(runtime.device)  # stays there: reading it would wait for the device
         self._yielded = 0  # iterations of which the scene has been yielded
-        optimizer = torch.optim.Adam(field.parameters(), lr=settings.rate)
+        optimizer = Adam(field.parameters(), lr=settings.rate)
         self._course = Course(settings.iterations, optimizer, field.state_dict, runtime)
 
     @property

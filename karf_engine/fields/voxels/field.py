@@ -8,6 +8,7 @@ three features plus a small network of all features and the viewing direction.
 from __future__ import annotations
 
 import math
+import threading
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -26,6 +27,7 @@ from .tables import WeightedGather, dilate, rescaled_raw
 if TYPE_CHECKING:
     from .fused.frozen import FrozenField
 
+FREEZING = threading.Lock()  # chunks of a picture ask for the same field at once
 CORNERS = torch.tensor([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
 
 
@@ -135,10 +137,11 @@ class VoxelField(VoxelGrid):
         table = self.feature_table
         if table.requires_grad or table.dtype != torch.float32 or not suit_kernels(self.vertex_rows):
             return None
-        if self._frozen is None:
-            from .fused.frozen import FrozenField  # needs numba
+        with FREEZING:
+            if self._frozen is None:
+                from .fused.frozen import FrozenField  # needs numba
 
-            self._frozen = FrozenField(self)
+                self._frozen = FrozenField(self)
         return self._frozen
 
     def summary(self) -> dict[str, Any]:

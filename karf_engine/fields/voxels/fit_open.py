@@ -16,6 +16,7 @@ from ...rendering.rays import PixelBank
 from ...rendering.space import OpenSpace
 from ...runtime import Runtime
 from ...settings import Level, OpenSettings
+from ...training.adam import Adam
 from ...training.course import Course
 from ..background import Background
 from ..extent import is_free
@@ -103,7 +104,7 @@ def start_open_fit(
 def fit_background(bank: PixelBank, runtime: Runtime) -> Background:
     """What the photos show in each direction on average: a better filling for unseen gaps than any one color."""
     background = Background().to(runtime.device)
-    optimizer = torch.optim.Adam(background.parameters(), lr=1e-2)
+    optimizer = Adam(background.parameters(), lr=1e-2)
     for _ in range(200):
         index = bank.draw(2048, runtime)
         loss = ((background(bank.rays(index).viewdirs) - bank.color[index].float() / 255) ** 2).mean()

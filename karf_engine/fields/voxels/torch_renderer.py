@@ -16,6 +16,7 @@ from ...rendering.volume import (
     transmittance_from_optical_depths,
 )
 from ...runtime import Runtime
+from ...training.adam import Adam
 from .field import VoxelField
 from .renderer import DARK, Observing, RayBatch, RaySums
 
@@ -28,8 +29,8 @@ class TorchRenderer:
         self.field, self.runtime = field, runtime
         self._unit, self._lottery, self._observing = unit, lottery, observing
 
-    def optimizer(self, groups: list[dict], betas: tuple[float, float]) -> torch.optim.Adam:
-        return torch.optim.Adam(groups, betas=betas, eps=1e-12, fused=True)
+    def optimizer(self, groups: list[dict], betas: tuple[float, float]) -> Adam:
+        return Adam(groups, betas=betas, eps=1e-12, fused=True)
 
     def render(self, batch: RayBatch) -> RaySums:
         field, rays, n_rays = self.field, batch.rays, len(batch.rays)

@@ -11,6 +11,7 @@ pytest.importorskip("numba")
 from torch.testing import assert_close
 
 from blender_tests.engine.fields.voxels.test_kernels import SPACES, check_bounds, random_batch, random_field
+from karf_engine import cores
 from karf_engine.fields import scene as scenes
 from karf_engine.fields.scene import Scene
 from karf_engine.fields.voxels.field import VoxelField
@@ -97,11 +98,12 @@ def test_a_picture_depends_neither_on_its_chunks_nor_on_threads(space, monkeypat
     try:
         whole = scene.colors(rays)
         for chunk, threads in ((1, 1), (333, 1), (100, 2)):
-            torch.set_num_threads(threads)
+            cores.use(threads)
+            cores.take_from_torch()
             monkeypatch.setattr(scenes, "CPU_RAYS_PER_CHUNK", chunk)
             assert torch.equal(scene.colors(rays[:200]), whole[:200])
     finally:
-        torch.set_num_threads(1)
+        cores.use(1)
 
 
 def test_samples_that_need_more_room_get_it():

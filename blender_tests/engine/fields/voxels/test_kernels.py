@@ -13,6 +13,7 @@ pytest.importorskip("numba")
 
 from torch.testing import assert_close
 
+from karf_engine import cores
 from karf_engine.errors import Diverged
 from karf_engine.fields.voxels.choice import new_renderer
 from karf_engine.fields.voxels.field import VoxelField
@@ -214,7 +215,7 @@ def test_one_and_two_threads_learn_the_same_bits():
     try:
         one, two = _learn(1), _learn(2)
     finally:
-        torch.set_num_threads(1)
+        cores.use(1)
     for (name, value), other in zip(one.state_dict().items(), two.state_dict().values(), strict=True):
         assert torch.equal(value, other), name
 

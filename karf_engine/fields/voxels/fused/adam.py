@@ -8,9 +8,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ....cores import share
 from ....team import Team
+from ....training.adam import Adam
 from .arrays import BOTH, DENSITY, FEATURES, Table
-from .compiled import kernel, share
+from .compiled import kernel
 from .marching import ONE, TWO, ZERO
 from .tables import FieldTables, flat
 
@@ -96,7 +98,7 @@ def difference_gradients(rows, other_rows, values, gradients, n_features, touche
             gradients[1][b + k] += gradient
 
 
-class LazyAdam(torch.optim.Adam):
+class LazyAdam(Adam):
     """Adam whose first group are the tables of a field: their rows only step in iterations that touch them.
 
     All other parameters step as ever. The tables' gradients are those that kernels have added up, not `.grad`.

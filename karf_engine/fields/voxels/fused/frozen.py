@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ....cores import share, take_from_torch
 from ....rendering.rays import Rays
 from ....rendering.sampling import Samples
 from ....rendering.spherical_harmonics import spherical_harmonics
@@ -14,7 +15,6 @@ from ..grid import VoxelGrid
 from .arrays import REMAINDER, Limits, RayArrays, new_rays, new_samples
 from .arrays import Samples as Chunks
 from .asking import colors_at, features_at, pack
-from .compiled import share
 from .marching import CHUNK, march
 from .tables import flat, grid_of, network_of
 
@@ -26,6 +26,7 @@ class FrozenField:
     """What kernels read of a field that changes no more: its dense densities are a copy."""
 
     def __init__(self, field: VoxelGrid) -> None:
+        take_from_torch()
         self._space, self._bounds = field.space, field.bounds
         self._grid, self._network = grid_of(field), network_of(field)
         self._features = flat(field.feature_table)

@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ....cores import share, take_from_torch
 from ....rendering.rays import Rays
 from ....rendering.spherical_harmonics import spherical_harmonics
 from ....runtime import Runtime
@@ -14,7 +15,6 @@ from ..renderer import Observing, RayBatch, RaySums
 from .adam import LazyAdam, difference_gradients, difference_sums
 from .arrays import Limits, Network, Samples, Sorted, new_rays, new_samples
 from .coloring import color_samples, composite
-from .compiled import share
 from .gradients import ray_gradients, slab_gradients
 from .marching import CHUNK, march, mark_visible, sort_by_place
 from .tables import FieldTables
@@ -28,6 +28,7 @@ class FusedRenderer:
 
     def __init__(self, field: VoxelField, runtime: Runtime, unit: float, lottery: float, observing: Observing) -> None:
         """See ../renderer.py: new_renderer."""
+        take_from_torch()
         self.field, self.runtime = field, runtime
         self.tables = FieldTables(field)
         self._limits = Limits(
