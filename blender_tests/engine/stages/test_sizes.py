@@ -25,7 +25,7 @@ from karf_engine.metrics.masks import iou
 from karf_engine.photos import open_photo, write_photo
 
 CAMERA = camera_at(0.2, 0.6, 96)  # three times what was learned from
-LENS = (1.2, 0.0, 0.02, -0.02)
+LENS = (2.0, 0.0, 0.02, -0.02)
 
 
 @pytest.fixture(scope="module")
