@@ -120,5 +120,5 @@ def test_a_seed_gives_a_capture_laid_out_like_the_others_whose_edits_change_what
             count: {path.name for path in (folder / "coarse_masks" / count / name).iterdir()}
             for count in ("one", "three")
         }
-        assert len(masks["one"]) == 1 and len(masks["three"]) == 3 and masks["one"] < masks["three"]
+        assert masks["one"] == {view} and len(masks["three"]) == 3 and masks["one"] < masks["three"]
     assert make(bpy, tmp_path, *arguments) == f"{folder}: there already"

@@ -9,27 +9,28 @@ import numpy as np
 
 from ..cameras import View
 from ..files import write_png
-from ..masks import coarse_mask, intersection_over_union, read_truth, signed_distance, visible_shares
+from ..masks import coarse_mask, intersection_over_union, read_truth, reference_view, signed_distance, visible_shares
 
 FLAWS = ("none", "gap", "spill", "side")
 OVERLAPS = (0.60, 0.90)  # IoU with the truth that a mask may have
 SIDE = (0.6, 0.85)  # share of the object that a mask of one side covers
 STRENGTHS, TRIES = (0.5, 1.0, 1.5, 2.0, 3.0), 6
-SHOWN = 0.5  # of the most that any photo shows of it: an object is marked where at least so much is seen
+SHOWN = 0.5  # of the most that any photo shows of it: an object is drawn where at least so much is seen
 
 
 def draw_hasty_masks(out: Path, views: list[View], names: dict[str, int], seed: int) -> str:
     """Draw ``out/coarse_masks/one`` and ``three`` of every object, and return the table of their overlaps.
 
-    ``one`` has a mask of each object in one training photo; ``three`` has the same and two more.
+    ``one`` has a mask of each object in the reference view, where edits' color pairs are read; ``three`` has the same
+    and two more, in photos drawn among those that show the object.
     """
     train = [view for view in views if view.split == "train"]
-    shares = visible_shares(out, train, names)
+    shares, reference = visible_shares(out, train, names), train.index(reference_view(out, views, names))
     lines = ["object  view   flaw   IoU"]
     for column, (name, object_id) in enumerate(names.items()):
         rng = np.random.default_rng((seed, object_id))
-        candidates = np.flatnonzero(shares[:, column] >= SHOWN)
-        for place, index in enumerate(rng.permutation(candidates)[:3]):
+        others = np.setdiff1d(np.flatnonzero(shares[:, column] >= SHOWN), reference)
+        for place, index in enumerate([reference, *rng.permutation(others)[:2]]):
             view, truth = train[index], read_truth(out, train[index]) == object_id
             flaw = str(rng.choice(FLAWS))
             mask = _hasty_mask(truth, flaw, rng)
