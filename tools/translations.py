@@ -75,7 +75,12 @@ def texts() -> set[str]:
 def sentences(package: Path) -> set[str]:
     """The sentences of errors and warnings in the sources of a package, with {0}, {1} .. for their values."""
     paths = [path for path in package.rglob("*.py") if not set(ENGLISH) & set(path.parts)]
-    calls = [node for path in paths for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)]
+    calls = [
+        node
+        for path in paths
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call)
+    ]
     told = [node.args[at] for node in calls for at in TOLD.get(_name(node.func), ()) if at < len(node.args)]
     found = {_template(each) for node in told for each in _alternatives(node)}
     return {text for text in found if any(map(str.isalpha, text))}
@@ -123,7 +128,7 @@ def _shown_nodes() -> Iterator[tuple[str, ast.AST]]:
     for path in sorted(ROOT.rglob("*.py")):
         if "headless" in path.parts or TABLES in path.parents:
             continue
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             yield from ((f"{path.relative_to(ROOT.parent)}:{each.lineno}", each) for each in _of(node))
 
 

@@ -3,13 +3,13 @@
 from collections.abc import Iterator
 
 import bpy
-from bpy.props import FloatProperty, StringProperty
+from bpy.props import StringProperty
 
 from .. import steps
-from ..engine_api import MOST_REACH, REACH, BadRequest
+from ..engine_api import BadRequest
 from ..host import windows
 from ..host.words import tell
-from ..properties.colors import srgb
+from ..properties.colors import pigment_reach, srgb
 from ..swatches import drawn_over
 from .reporting import PreparedStep, reports_errors
 from .swatches import OneSwatch
@@ -24,15 +24,7 @@ class KARF_OT_add_color(PreparedStep, bpy.types.Operator):
 
     object_name: StringProperty(name="Object")
     picked: srgb("Picked", 0.5, description="A color of the object, as the photos show it", options={"SKIP_SAVE"})
-    reach: FloatProperty(
-        name="Reach",
-        default=REACH,
-        min=0.05,
-        max=MOST_REACH,
-        soft_max=2.0,
-        options={"SKIP_SAVE"},
-        description="How far around its hue (of a gray: its chroma) colors of the object are of this pigment",
-    )
+    reach: pigment_reach(options={"SKIP_SAVE"})
 
     def invoke(self, context, event):
         return self._wait(context)

@@ -12,9 +12,9 @@ from bpy.props import (
 )
 
 from .. import progress
-from ..engine_api import BRIGHTEST, MOST_REACH, REACH, KarfError
+from ..engine_api import BRIGHTEST, KarfError
 from ..swatches import becomes, edits, groups, recolor, wishes
-from .colors import srgb
+from .colors import pigment_reach, srgb
 
 RULE_ITEMS = [
     ("becomes", "Material", "Paint the whole object anew, light and highlights kept"),
@@ -77,16 +77,7 @@ class KARF_PG_swatch(bpy.types.PropertyGroup):
     link: IntProperty(description="Swatches with the same number have one color; 0: none")
     merged: IntProperty(description="The number of the object's swatch that moves this one; 0: none")
     is_added: BoolProperty(description="The artist has added this color; its pigment has a set of swatches behind it")
-    reach: FloatProperty(
-        name="Reach",
-        default=REACH,
-        min=0.05,
-        max=MOST_REACH,
-        soft_max=2.0,
-        options=set(),
-        description="How far around its hue (of a gray: its chroma) colors of the object are of this pigment",
-        update=_reach_changed,
-    )
+    reach: pigment_reach(options=set(), update=_reach_changed)
     before: srgb("Before", highest=BRIGHTEST, description="The color when the source was picked")
     after: srgb("After", highest=BRIGHTEST, description="The color that Becomes gave it last")
 

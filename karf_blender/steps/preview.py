@@ -20,7 +20,7 @@ from ..host import handlers, rendering, windows
 from ..host.words import shown
 from ..pictures import editors, images
 from ..rig import frames
-from ..swatches import colors, display, free_camera
+from ..swatches import colors, display, free_camera, pigments
 from ..swatches.planes import ShownView, recolored
 from ..tasks import runner, warm
 from ..tasks.ownership import Owner
@@ -203,7 +203,8 @@ def _show(live: _Live, scene: bpy.types.Scene) -> None:
 def _looks(scene: bpy.types.Scene) -> tuple:
     """What the picture of planes depends on."""
     edited = [colors.edited(item).tobytes() for item in scene.karf.objects]
-    return scene.karf.compositing, *display.key(), *edited
+    added = [pigments.keys(own) for own in pigments.of(scene).values()]
+    return scene.karf.compositing, *display.key(), *edited, added
 
 
 def _say(live: _Live | None, error: KarfError) -> None:

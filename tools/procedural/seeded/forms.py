@@ -18,24 +18,23 @@ WIRE = 0.011
 
 def add_thing(thing: Thing) -> None:
     """Add a thing, all of one material that has its name."""
-    paint, rng = _material(thing.name, thing.paint), np.random.default_rng(thing.proportions)
+    offset = np.random.default_rng((thing.proportions, 1)).uniform(0, 0.3)  # the same on twins
+    paint, rng = _material(thing.name, thing.paint, offset), np.random.default_rng(thing.proportions)
     moved = Matrix.Translation(thing.position) @ Matrix.Rotation(thing.azimuth, 4, "Z") @ Matrix.Scale(thing.size, 4)
     for part in BUILDERS[thing.form](rng, paint):
         part.name, part.pass_index = thing.name, thing.object_id
         part.matrix_world = moved @ part.matrix_world
 
 
-def _material(name: str, paint: Paint):
-    rng = np.random.default_rng(len(name))
+def _material(name: str, paint: Paint, offset: float):
     patterns = {
-        "plain": lambda: None,
-        "bands": lambda: bands(0.3, rng.uniform(0, 0.3)),
-        "checks": lambda: checks(4, 0.4),
-        "clouds": lambda: clouds(6.0, 1.0),
-        "rise": lambda: rise(0.15, 0.6),
+        "bands": bands(0.3, offset),
+        "checks": checks(4, 0.4),
+        "clouds": clouds(6.0, 1.0),
+        "rise": rise(0.15, 0.6),
     }
     second = paint.colors[1] if len(paint.colors) > 1 else None
-    made = material(name, paint.colors[0], paint.roughness, second, patterns[paint.pattern]())
+    made = material(name, paint.colors[0], paint.roughness, second, patterns.get(paint.pattern))
     if paint.translucency:
         shader = next(node for node in made.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
         shader.inputs["Subsurface Weight"].default_value = paint.translucency
