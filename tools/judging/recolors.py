@@ -37,21 +37,21 @@ def edit_to_judge(model: Model, truth: Truth, name: str) -> Edit:
 def score_scene(test: TestViews, truth: Truth) -> dict:
     """The render, the palettes' own picture of the objects, and the edit that changes nothing."""
     model, identity = test.model, 0
-    for frame, plate in zip(test.frames, test.plates, strict=True):
+    for frame in test.frames:
         unchanged = delta_composite(frame.base, frame.palette_weights, model.learned_colors, model.learned_colors)
-        identity = max(identity, int(np.abs(to_bytes(unchanged).astype(int) - to_bytes(plate.color)).max()))
+        identity = max(identity, int(np.abs(to_bytes(unchanged).astype(int) - to_bytes(frame.base)).max()))
     palettes = score_palettes_of(test, truth.masks("test"))
     return score_renders(test) | {"psnr_object": palettes.psnr_object, "identity_max_abs": identity}
 
 
-def score_edits(truth: Truth, plates: list[Plate], out: Path) -> dict:
+def score_edits(truth: Truth, test: TestViews, out: Path) -> dict:
     """Our frames against the true recolors, beside no edit and hue shifts."""
     scores = {}
+    photos = [frame.base.astype(np.float64) for frame in test.frames]
     for name, edit in truth.edits.items():
-        recolored = [recolored_frame(out, name, plate) for plate in plates]
+        recolored = [recolored_frame(out, name, plate) for plate in test.plates]
         masks = [{o: labels == truth.names[o] for o in edit["objects"]} for labels in truth.labels("test")]
         pairs = {o: truth.color_pair(name, o) for o in edit["objects"]}
-        photos = [plate.color.astype(np.float64) for plate in plates]
         scores[name] = asdict(score_edit(photos, recolored, truth.recolored(name), masks, pairs))
     mean = {key: float(np.mean([score[key] for score in scores.values()])) for key in next(iter(scores.values()))}
     return {"ciede2000": scores | {"mean": mean}, "mse_outside": mean["mse_outside"]}
@@ -67,7 +67,7 @@ def contact_sheet(out: Path, test: TestViews, truth: Truth) -> None:
     rows = []
     for number in sheet_numbers(len(test.frames)):
         plate, frame = test.plates[number], test.frames[number]
-        row = [plate.color, frame.color, tinted(plate.color, frame.masks)]
+        row = [frame.base, frame.color, tinted(frame.base, frame.masks)]
         for name in truth.edits:
             row += [recolored_frame(out, name, plate), truth.recolored(name)[number]]
         rows.append(row)

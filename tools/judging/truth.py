@@ -38,10 +38,8 @@ class Truth:
 
     @cache  # noqa: B019
     def recolored(self, edit: str) -> list[np.ndarray]:
-        """True recolors of the test views."""
-        return [
-            iio.imread(path)[..., :3] / 255 for path in sorted((self.folder / "recolor" / edit / "test").glob("*.png"))
-        ]
+        """True recolors of the test views; of a matte capture over white, as renderings are."""
+        return [_over_white(path) for path in sorted((self.folder / "recolor" / edit / "test").glob("*.png"))]
 
     def coverage(self, name: str, split: str = "test") -> list[np.ndarray]:
         """The share of each pixel that shows an object, float32 [H, W] of each view; where no file has it, its labels."""
@@ -64,7 +62,7 @@ class Truth:
         """The one training photo whose true recolor is known, and that recolor."""
         name = f"{self.edits[edit]['reference_view']}.png"
         folders = self.folder / "train", self.folder / "recolor" / edit / "train"
-        before, after = (iio.imread(folder / name)[..., :3] / 255 for folder in folders)
+        before, after = (_over_white(folder / name) for folder in folders)
         return before, after
 
     def coarse_mask(self, edit: str, object_name: str) -> np.ndarray:
@@ -84,3 +82,9 @@ class Truth:
                     target.parent.mkdir(parents=True, exist_ok=True)
                     iio.imwrite(target, ((labels == number) * 255).astype(np.uint8))
         return folder
+
+
+def _over_white(path: Path) -> np.ndarray:
+    picture = iio.imread(path) / 255
+    alpha = picture[..., 3:] if picture.shape[-1] == 4 else 1.0
+    return picture[..., :3] * alpha + 1 - alpha

@@ -92,7 +92,7 @@ def judge(capture: Path, out: Path, options: argparse.Namespace) -> dict:
     true_masks = truth.masks("test")
     summary = stage_summary(model.project) | score_scene(test, truth) | score_objects(test, true_masks)
     summary |= score_objects(ceiling(test, truth, out / "scratch", options.threads), true_masks, "_ceiling")
-    summary |= score_edits(truth, test.plates, out) | {"mse_outside_of_truth": true_change_outside(truth, test)}
+    summary |= score_edits(truth, test, out) | {"mse_outside_of_truth": true_change_outside(truth, test)}
     write_json(out / "summary.json", rounded(summary))
     contact_sheet(out, test, truth)
     return summary
@@ -120,8 +120,8 @@ def true_change_outside(truth: Truth, test: TestViews) -> float:
     """What the true recolors change outside the edited objects: reflected light, and pixels that a border cuts."""
     changes = []
     for name in truth.edits:
-        for plate, inside, recolored in zip(test.plates, truth.inside(name), truth.recolored(name), strict=True):
-            changes.append(mse_outside(recolored, plate.color, inside))
+        for frame, inside, recolored in zip(test.frames, truth.inside(name), truth.recolored(name), strict=True):
+            changes.append(mse_outside(recolored, frame.base, inside))
     return float(np.mean(changes))
 
 
