@@ -14,13 +14,14 @@ import numpy as np
 from karf_engine.color import to_bytes
 from karf_engine.edit.compositing import delta_composite
 from karf_engine.edit.palette import Edit
-from karf_engine.metrics.scores import score_edit
+from karf_engine.metrics.images import mean_ciede2000
+from karf_engine.metrics.scores import MIN_PIXELS, score_edit
 from karf_engine.model import Model
 from karf_engine.plates import Plate
 from karf_engine.project.edit import solve
 
 from .scores import score_palettes_of, score_renders
-from .sheets import sheet_numbers, tinted, write_sheet
+from .sheets import difference, sheet_numbers, tinted, write_sheet
 from .truth import Truth
 from .views import TestViews
 
@@ -60,6 +61,23 @@ def score_edits(truth: Truth, test: TestViews, out: Path) -> dict:
 def recolored_frame(out: Path, edit: str, plate: Plate) -> np.ndarray:
     """The judged frame of a test view."""
     return iio.imread(out / "frames" / edit / "recolor" / f"{plate.view.name}.png")[..., :3] / 255
+
+
+def worst_row(out: Path, test: TestViews, truth: Truth) -> list[np.ndarray]:
+    """The edit and test view that are farthest from the truth: photo, learned render, mask errors, ours and the truth."""
+    farthest = -1.0
+    for name in truth.edits:
+        pictures = zip(test.plates, truth.recolored(name), truth.inside(name), strict=True)
+        for number, (plate, recolored, inside) in enumerate(pictures):
+            ours = recolored_frame(out, name, plate)
+            distance = mean_ciede2000(ours, recolored, inside) if inside.sum() >= MIN_PIXELS else -1.0
+            if distance > farthest:
+                farthest, row = distance, (number, name, ours, recolored)
+    number, name, ours, recolored = row
+    frame, edited = test.frames[number], truth.edits[name]["objects"]
+    masks = np.stack([test.masks(key)[number] for key in edited])
+    true_masks = np.stack([truth.masks("test")[key][number] for key in edited])
+    return [frame.base, frame.color, difference(frame.base, masks, true_masks), ours, recolored]
 
 
 def contact_sheet(out: Path, test: TestViews, truth: Truth) -> None:

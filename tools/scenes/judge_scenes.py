@@ -1,10 +1,12 @@
-"""Learn, recolor and judge the benchmark captures: OUT/benchmark.json, and of each scene a summary and a contact sheet.
+"""Learn, recolor and judge the benchmark captures: OUT/benchmark.json, and of each scene a summary and pictures.
 
     .venv/engine/bin/python -m tools.scenes.judge_scenes CAPTURES [SCENE ...] --out OUT [--preset demo] [--threads N]
 
 CAPTURES/<scene> is what `tools/scenes/make_captures.py` wrote. The engine sees the training photos and one rough mask
 of each object; each edit knows one color pair an object, read in the reference view. Only held-out test views count.
-In the same OUT only what has changed is learned again.
+In the same OUT only what has changed is learned again. OUT/worst.png shows the five scenes whose recolors are farthest from
+the truth, each in its worst view: photo, learned render, what the masks have too much (red) and miss (blue), our recolor,
+the true one.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+import imageio.v3 as iio
 import numpy as np
 
 import karf_engine as karf
@@ -21,8 +24,9 @@ from karf_engine.metrics.images import mse_outside
 from karf_engine.progress import TerminalEmit
 from karf_engine.settings import PRESETS
 
-from ..judging.recolors import contact_sheet, edit_to_judge, score_edits, score_scene
+from ..judging.recolors import contact_sheet, edit_to_judge, score_edits, score_scene, worst_row
 from ..judging.scores import rounded, score_objects, stage_summary
+from ..judging.sheets import write_sheet
 from ..judging.truth import Truth
 from ..judging.views import TestViews, learn_again, render_test_views, with_model
 
@@ -40,13 +44,15 @@ FIGURES = {
     "mse_outside_of_truth": ("of the truth", None, None),
 }
 HIGHER_IS_BETTER = ("psnr", "iou", "iou_border_excluded", "iou_ceiling")
+SHEET_SCENES = 5  # in the picture of the worst
 MEANS = {"mean": np.mean, "median": np.median}
 
 
 def main() -> None:
     options = parse_arguments()
     table = {}
-    for scene in options.scenes or sorted(path.parent.name for path in options.captures.glob("*/edits.json")):
+    scenes = options.scenes or sorted(path.parent.name for path in options.captures.glob("*/edits.json"))
+    for scene in scenes:
         summary = judge(options.captures / scene, options.out / scene, options)
         table[scene] = figures(summary)
         print(f"{scene}: {rounded(table[scene])}", flush=True)
@@ -54,6 +60,10 @@ def main() -> None:
     targets = {key: {direction: target} for key, (_, target, direction) in FIGURES.items() if direction}
     write_json(options.out / "benchmark.json", rounded({"preset": options.preset, "targets": targets, "scenes": table}))
     report(table)
+    worst = sorted(scenes, key=lambda scene: -table[scene]["ciede2000"])[:SHEET_SCENES]
+    write_sheet(
+        options.out / "worst.png", [[iio.imread(options.out / scene / "worst_view.png") / 255] for scene in worst]
+    )
 
 
 def means_of(table: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
@@ -95,6 +105,7 @@ def judge(capture: Path, out: Path, options: argparse.Namespace) -> dict:
     summary |= score_edits(truth, test, out) | {"mse_outside_of_truth": true_change_outside(truth, test)}
     write_json(out / "summary.json", rounded(summary))
     contact_sheet(out, test, truth)
+    write_sheet(out / "worst_view.png", [worst_row(out, test, truth)])
     return summary
 
 
