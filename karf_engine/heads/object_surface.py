@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from torch import Tensor
 
-from ..errors import DataError
-
 MIN_INTERIOR_PIXELS = 50  # of an object in all views together: fewer do not make a palette
+UNSEEN = np.full((1, 3), 0.5, np.float32)  # the one color of an object that nothing shows
 
 
 @dataclass(frozen=True)
@@ -36,19 +35,25 @@ class ObjectSurface:
 def object_pixels(surface: ObjectSurface, objects: list[str]) -> list[list[np.ndarray]]:
     """Photo colors well inside each object: for each object one array [n, 3] float32 sRGB in [0, 1] a view.
 
+    Of an object with too few pixels to make a palette of (`scarce_objects`) it is their mean; where it has none, gray.
+
     Args:
         surface: rays of these objects.
         objects: their names.
-
-    Raises:
-        DataError: an object shows too few pixels to make a palette of.
     """
     colors = surface.colors.cpu().numpy().astype(np.float32) / 255
     owner, view, interior = (values.cpu().numpy() for values in (surface.object, surface.view, surface.interior))
-    pixels = []
+    scarce, pixels = scarce_objects(surface, objects), []
     for k, name in enumerate(objects):
         chosen = (owner == k) & interior
-        if chosen.sum() < MIN_INTERIOR_PIXELS:
-            raise DataError(f"{name!r} shows only {int(chosen.sum())} pixels in all views.", "Mark it more generously.")
-        pixels.append([colors[chosen & (view == v)] for v in np.unique(view[chosen])])
+        if name in scarce:
+            pixels.append([colors[chosen].mean(0, keepdims=True) if chosen.any() else UNSEEN])
+        else:
+            pixels.append([colors[chosen & (view == v)] for v in np.unique(view[chosen])])
     return pixels
+
+
+def scarce_objects(surface: ObjectSurface, objects: list[str]) -> dict[str, int]:
+    """How many pixels objects show that show too few to make a palette of, by their names; arguments as above."""
+    shown = np.bincount(surface.object[surface.interior].cpu().numpy(), minlength=len(objects)).tolist()
+    return {name: count for name, count in zip(objects, shown, strict=True) if count < MIN_INTERIOR_PIXELS}

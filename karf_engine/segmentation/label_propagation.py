@@ -7,6 +7,9 @@ pairwise terms (be as your neighbors are), which is one linear system:
 
     (D + C + eps) x - lambda W x = C y + eps / (K+1)         W: neighbor weights, D: lambda times their row sums
 
+What is thin or small has few seeds and many ties to what surrounds it. There all that is said of points, C, counts more:
+as much as makes the seeds hold.
+
 A few rounds follow. In each, mixtures of Gaussians in Lab are fitted to the colors of the classes as they are, each
 point gets a color label from them, and the system is solved again with these labels as a second unary term. This is
 kept from running away:
@@ -39,6 +42,7 @@ PRIOR = 1e-4  # eps
 UNKNOWN_LOG_DENSITY = -15.5  # of a color that belongs to no class
 RARE_BACKGROUND = 0.25  # the background's density falls with this power of its mass, where it has less than the objects
 DECIDED = 0.6  # a seed's largest vote; with less its class is open
+HOLDING, MOST_DOUBLINGS = 0.9, 6  # the share of an object's seeds that must hold; C doubles so many times at most
 FADE_RADII = 2.0  # an object's colors fade beyond this many seed radii
 HELD, LEAST_HELD = 5.0, 0.02  # confidence of labels without a margin of doubt, and of none, as patches follow
 TOGETHER = 0.5  # of the ties of a point that changes, those to others that do
@@ -78,7 +82,7 @@ def propagate_labels(
     rounds: int,
     random: np.random.Generator,
 ) -> Labels:
-    """Label all points from the seeds among them. Each object must have seeds (see `has_seeds`).
+    """Label all points from the seeds among them. An object without any (see `has_seeds`) gets no point.
 
     Args:
         positions: [p, 3] grid coordinates.
@@ -131,7 +135,7 @@ def _seed_regions(
     for k in range(1, seed_targets.shape[1]):
         seeds = positions[_seeds_of(k, seed_targets, seed_confidence)]
         trees.append(cKDTree(seeds, balanced_tree=False, compact_nodes=False))
-        radii.append(np.sqrt(((seeds - seeds.mean(0)) ** 2).sum(1).mean()) + 1e-9)
+        radii.append(np.sqrt(((seeds - seeds.mean(0)) ** 2).sum(1).mean()) if len(seeds) else 0)
     return trees, np.maximum(radii, grain)
 
 
@@ -153,7 +157,7 @@ class _Propagation:
     def run(self, rounds: int) -> tuple[np.ndarray, np.ndarray]:
         """Probabilities [p, K+1] and the objects' precision [K]."""
         targets, confidence = self.seed_targets, self.seed_confidence
-        x = self._smooth(targets, confidence, None)
+        x, say = self._holding()
         mixture_weight = confidence
         precision = np.ones(targets.shape[1] - 1)
         color_labels = np.zeros_like(x)
@@ -169,9 +173,24 @@ class _Propagation:
             together = reliable + color_confidence
             shared = _share_open_votes(targets, color_labels)
             unary = reliable[:, None] * shared + color_confidence[:, None] * color_labels
-            x = self._smooth(unary / np.maximum(together, 1e-12)[:, None], together, x)
+            x = self._smooth(unary / np.maximum(together, 1e-12)[:, None], say * together, x)
             mixture_weight = np.maximum(reliable, 0.1 * color_confidence)
-        return self._with_patches(self._connected(x)), precision
+        return self._with_patches(self._connected(x), say), precision
+
+    def _holding(self) -> tuple[np.ndarray, np.ndarray]:
+        """The first solution, [p, K+1], and the factor on what is said of points with which seeds hold there, [p]."""
+        n_objects = self.seed_targets.shape[1] - 1
+        numbers = np.arange(1, n_objects + 1)
+        own = np.stack([_seeds_of(k, self.seed_targets, self.seed_confidence) for k in numbers], 1)
+        factors = np.ones(n_objects)
+        for doublings in range(MOST_DOUBLINGS + 1):
+            say = np.where(self.distance_penalty > 0, 1, factors).max(1)
+            x = self._smooth(self.seed_targets, say * self.seed_confidence, None)
+            holding = (own & (x.argmax(1)[:, None] == numbers)).sum(0) >= HOLDING * own.sum(0)
+            if holding.all() or doublings == MOST_DOUBLINGS:
+                break
+            factors = np.where(holding, factors, 2 * factors)
+        return x, say
 
     def _smooth(self, targets: np.ndarray, confidence: np.ndarray, start: np.ndarray | None) -> np.ndarray:
         """Solve the linear system for all classes; they sum to one by themselves."""
@@ -249,9 +268,9 @@ class _Propagation:
             x /= x.sum(1, keepdims=True)
         return x
 
-    def _with_patches(self, x: np.ndarray) -> np.ndarray:
+    def _with_patches(self, x: np.ndarray, say: np.ndarray) -> np.ndarray:
         """Let patches in doubt follow what surrounds them; all other points are as they were."""
-        solved = self._smooth(x, LEAST_HELD + HELD * _margin(x), x)
+        solved = self._smooth(x, say * (LEAST_HELD + HELD * _margin(x)), x)
         before, after = x.argmax(1), solved.argmax(1)
         changed = (before != after) & (before * after == 0)  # only the background's colors counted untested
         together = changed & (self.graph @ changed >= TOGETHER * np.asarray(self.graph.sum(1)).ravel())

@@ -24,6 +24,7 @@ from .surface_points import SurfacePoints
 from .votes import RayVotes, vote_on_points
 
 LOW_PRECISION = 0.6
+AGAIN = "mark it more generously, or in another view."
 
 
 @dataclass(frozen=True)
@@ -38,16 +39,23 @@ class LabelledSurface:
     labels: Labels
     fixed: np.ndarray
 
+    @property
+    def lacking(self) -> list[str]:
+        """Names of the objects that no point belongs to."""
+        return [name for k, name in enumerate(self.objects, 1) if not (self.labels.classes == k).any()]
+
     def boxes(self, margin: float) -> np.ndarray:
         """Box round each object's points, [K, 2, 3] grid coordinates: least and greatest corner.
 
-        Each object must have points. margin: room on each side, grid coordinates.
+        That of an object without points is a corner of another's: empty. margin: room on each side, grid coordinates.
         """
-        boxes = []
+        boxes = {}
         for k in range(1, len(self.objects) + 1):
             own = self.points.positions[self.labels.classes == k]
-            boxes.append(np.stack([own.min(0) - margin, own.max(0) + margin]))
-        return np.stack(boxes)
+            if len(own):
+                boxes[k] = np.stack([own.min(0) - margin, own.max(0) + margin])
+        empty = next(iter(boxes.values()))[[0, 0]]
+        return np.stack([boxes.get(k, empty) for k in range(1, len(self.objects) + 1)])
 
     def near_objects(self, reach: float) -> np.ndarray:
         """True for points within about `reach` (grid coordinates) of an object's point, [p]."""
@@ -117,13 +125,13 @@ class Labelling:
             random: of the label propagation.
 
         Raises:
-            DataError: no point stands for one of the objects.
+            DataError: no point stands for any of the objects.
         """
         unmarked = ~np.append(True, has_seeds(self.targets, self.confidence))
         stroked = constraints.fixed & (constraints.targets[:, unmarked].max(1, initial=0) > 0.5)
         targets = np.where(stroked[:, None], constraints.targets, self.targets)
         confidence = np.where(stroked, np.maximum(self.confidence, 1), self.confidence)
-        _require_all(objects, has_seeds(targets, confidence))
+        _require_any(objects, has_seeds(targets, confidence).any())
         points = self.points
         labels = propagate_labels(
             points.positions, points.lab, self.normals, points.grain, targets, confidence, rounds, random
@@ -154,7 +162,7 @@ def label_surface(
     random: np.random.Generator,
     emit: Emit,
 ) -> LabelledSurface:
-    """Clean labels by label propagation; warns of objects whose masks contradict their colors.
+    """Clean labels by label propagation; warns of objects that get none, or whose masks contradict their colors.
 
     Args:
         scene_field: the frozen radiance field.
@@ -165,52 +173,56 @@ def label_surface(
         volumes: that objects must be inside or outside of, by their names.
         rounds: of the label propagation, at least 1.
         random: of the label propagation.
-        emit: is told the number of points, and of low precision.
+        emit: is told the number of points, of objects without any, and of low precision.
 
     Raises:
-        DataError: no point stands for one of the objects.
+        DataError: no point stands for any of the objects.
     """
     labelling = Labelling.of(scene_field, points, votes, objects, volumes)
     emit("stage", name="labels", text=f"{len(points)} surface points")
     labels = labelling.solve(objects, constraints, rounds, random)
-    _warn_of_low_precision(objects, labels, emit)
-    return _labelled(objects, points, labelling.corrected(labels, constraints), constraints.fixed)
+    surface = _labelled(objects, points, labelling.corrected(labels, constraints), constraints.fixed, emit)
+    _warn_of_low_precision(surface, emit)
+    return surface
 
 
 def vote_on_surface(
-    objects: list[str], points: SurfacePoints, votes: RayVotes, constraints: Constraints
+    objects: list[str], points: SurfacePoints, votes: RayVotes, constraints: Constraints, emit: Emit
 ) -> LabelledSurface:
     """The masks' votes as they are, but where corrections contradict them: the ceiling of what labels can be, where the masks are exact.
 
     Points without a vote are background. Arguments as for `label_surface`.
 
     Raises:
-        DataError: no point belongs to one of the objects.
+        DataError: no point belongs to any of the objects.
     """
     weight = (votes.confidence > 0) * votes.opacity
     targets, confidence = vote_on_points(points.point_of_sample, votes.targets, weight, len(points))
     targets[confidence == 0] = np.eye(votes.targets.shape[1])[0]
     targets[constraints.fixed] = constraints.targets[constraints.fixed]
-    return _labelled(objects, points, Labels(targets, np.ones(len(objects))), constraints.fixed)
+    return _labelled(objects, points, Labels(targets, np.ones(len(objects))), constraints.fixed, emit)
 
 
-def _labelled(objects: list[str], points: SurfacePoints, labels: Labels, fixed: np.ndarray) -> LabelledSurface:
-    classes = labels.classes
-    _require_all(objects, [(classes == number).any() for number in range(1, len(objects) + 1)])
-    return LabelledSurface(objects, points, labels, fixed)
+def _labelled(
+    objects: list[str], points: SurfacePoints, labels: Labels, fixed: np.ndarray, emit: Emit
+) -> LabelledSurface:
+    _require_any(objects, labels.classes.any())
+    surface = LabelledSurface(objects, points, labels, fixed)
+    for name in surface.lacking:
+        emit("warning", code="lacking", sentence=f"Nothing in the scene belongs to {name!r}: {AGAIN}")
+    return surface
 
 
-def _require_all(objects: list[str], is_there: Sequence[bool]) -> None:
-    for name, found in zip(objects, is_there, strict=True):
-        if not found:
-            raise DataError(
-                f"Nothing in the scene belongs to {name!r}.", "Mark it more generously, or in another view."
-            )
+def _require_any(objects: list[str], found: bool) -> None:
+    if not found:
+        raise DataError(
+            f"Nothing in the scene belongs to {objects[0]!r}.", "Mark it more generously, or in another view."
+        )
 
 
-def _warn_of_low_precision(objects: list[str], labels: Labels, emit: Emit) -> None:
-    for name, precision in zip(objects, labels.precision, strict=True):
-        if precision < LOW_PRECISION:
+def _warn_of_low_precision(surface: LabelledSurface, emit: Emit) -> None:
+    for name, precision in zip(surface.objects, surface.labels.precision, strict=True):
+        if precision < LOW_PRECISION and name not in surface.lacking:
             emit(
                 "warning",
                 code="precision",

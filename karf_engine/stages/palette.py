@@ -7,7 +7,7 @@ from collections.abc import Callable
 from ..edit.object_colors import write_object_colors
 from ..edit.palette import write_palettes
 from ..heads.files import load_surface
-from ..heads.object_surface import object_pixels
+from ..heads.object_surface import object_pixels, scarce_objects
 from ..palette.extraction import color_histograms, extract_palettes
 from ..progress import Emit
 from ..wire import Request
@@ -23,6 +23,11 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         if run is None:
             return
         surface, objects = load_surface(job.project.checked(job.project.surface_file))
+        for name, count in scarce_objects(surface, objects).items():
+            sentence = (
+                f"{name!r} shows only {count} pixels in all views, too few for a palette: mark it more generously."
+            )
+            job.emit("warning", code="scarce", sentence=sentence)
         pixels = object_pixels(surface, objects)
         palettes = extract_palettes(objects, pixels, job.settings.palette, job.settings.seed)
         write_palettes(run.output(job.project.palette_file), palettes, job.settings.palette.shared)

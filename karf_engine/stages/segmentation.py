@@ -88,7 +88,7 @@ def _label(
     seen = SeenPoints(field, points, job.settings.geometry.long_side)
     constraints = seen.constraints(corrections, objects)
     if job.settings.segmentation.labels != "surface":
-        return vote_on_surface(objects, points, votes, constraints)
+        return vote_on_surface(objects, points, votes, constraints, job.emit)
     random = np.random.default_rng(job.settings.seed)
     rounds = job.settings.segmentation.rounds
     return label_surface(field, objects, points, votes, constraints, volumes, rounds, random, job.emit)

@@ -220,6 +220,28 @@ def test_one_seed_is_enough(two_balls, random):
     assert np.isfinite(labels.probabilities).all() and labels.precision.shape == (1,)
 
 
+def test_a_thin_object_holds_on_to_its_seeds_among_many_neighbors(random):
+    places = np.stack(np.meshgrid(np.arange(60.0), np.arange(41.0), indexing="ij"), -1).reshape(-1, 2) * VOXEL
+    truth = (abs(places[:, 1] - 20 * VOXEL) < 0.5 * VOXEL).astype(int)
+    positions = np.column_stack([places, np.zeros(len(places))])
+    lab = srgb_to_lab(np.where(truth[:, None] == 1, RED, GRAY)) + random.normal(0, 3, (len(places), 3))
+    targets, confidence = seeds_from(truth, 2, places[:, 0] < 30 * VOXEL)
+    normals = np.tile([0.0, 0, 1], (len(places), 1))
+    classes = propagate_labels(positions, lab, normals, VOXEL, targets, confidence * 0.3, 4, random).classes
+    assert (classes[truth == 1] == 1).mean() > 0.7 and (classes[truth == 0] == 0).mean() > 0.98
+
+
+def test_an_object_without_seeds_gets_no_point_and_leaves_the_others_theirs(two_balls):
+    positions, lab, normals, _, coarse, seen = two_balls
+    targets, confidence = seeds_from(coarse, 3, seen)
+    more = np.column_stack([targets, np.zeros(len(targets))])
+    with_it, without = (
+        propagate_labels(positions, lab, normals, VOXEL, each, confidence, 2, np.random.default_rng(3)).classes
+        for each in (more, targets)
+    )
+    assert (with_it != 3).all() and (with_it == without).mean() > 0.99
+
+
 def test_a_single_point_far_from_all_others_is_solved(random):
     positions = np.array([[0.0, 0, 0], [50.0, 0, 0], [50.0, 0.04, 0]])
     lab, normals = srgb_to_lab(np.array([RED, GRAY, GRAY])), np.tile([0.0, 0, 1], (3, 1))
@@ -261,6 +283,6 @@ def test_a_patch_in_doubt_follows_what_surrounds_it_and_a_point_that_would_chang
     patch = np.linalg.norm(places - [8, 10], axis=1) < 4
     alone = (places == [22, 10]).all(1)
     x = np.where((patch | alone)[:, None], [0.55, 0.45], [0.05, 0.95])
-    found = _Propagation(None, graph, None, None, None, None)._with_patches(x)
+    found = _Propagation(None, graph, None, None, None, None)._with_patches(x, np.ones(len(x)))
     assert (found.argmax(1)[patch] == 1).mean() > 0.8
     assert_allclose(found[~patch], x[~patch])

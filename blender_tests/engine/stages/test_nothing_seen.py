@@ -131,11 +131,28 @@ def middle_of_ball(still_life):
 
 
 @pytest.mark.parametrize("labels", ["surface", "masks"])
-def test_a_mark_beside_everything_is_refused_in_a_sentence(still_life, learned, tmp_path, capsys, labels):
+def test_a_mark_beside_everything_does_not_stop_the_other_objects(still_life, learned, tmp_path, capsys, labels):
+    project = str(shutil.copytree(learned.project, tmp_path / "project"))
+    masks = marked(still_life, tmp_path, [(0, 0)])
+    assert main(replace(still_life, masks=masks).command(project, f"segmentation.labels={labels}")) == 0
+    printed = capsys.readouterr().err
+    assert "Nothing in the scene belongs to 'ball': mark it more generously, or in another view." in printed
+    assert "'ball' shows only 0 pixels in all views" in printed
+
+    edit, out = str(tmp_path / "edit.json"), tmp_path / "out"
+    colors = ["--from", "#808080", "--to", "#2ab450", "--out", edit]
+    assert main(["match", project, "--object", "block", *colors]) == 0
+    assert main(["match", project, "--object", "ball", *colors, "--edit", edit]) == 0
+    assert main(["render", project, "--views", "test", "--edit", edit, "--out", str(out), "--planes"]) == 0
+    shown = {name: [read_mask(path).any() for path in (out / "masks" / name).iterdir()] for name in ("ball", "block")}
+    assert any(shown["block"]) and not any(shown["ball"])
+
+
+def test_marks_that_are_all_beside_everything_are_refused_in_a_sentence(still_life, learned, tmp_path, capsys):
     project = shutil.copytree(learned.project, tmp_path / "project")
     masks = marked(still_life, tmp_path, [(0, 0)])
-    learn = replace(still_life, masks=masks).command(project, f"segmentation.labels={labels}")
-    assert main(learn) == 4
+    shutil.rmtree(masks / "block")
+    assert main(["segmentation", str(project), "--masks", str(masks)]) == 4
     assert "Nothing in the scene belongs to 'ball'." in capsys.readouterr().err
 
 
