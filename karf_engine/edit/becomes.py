@@ -17,7 +17,10 @@ from ..errors import BadRequest
 from .fitting import match_pixels, moved, room
 
 HUE_GATE = 0.65  # radians of Lab hue at which a color counts as another pigment
+PALE = 5.0  # Lab chroma of a source at which a difference of hue counts half
+SAME = 1e-3  # radians between colors in linear light that are the same paint
 GREY_CHROMA, CHROMA_GATE = 6.0, 25.0  # Lab chroma below which a source has no hue; and the gate that then stands in
+GLOSS_COST = 0.1  # of gloss beside white, 3, when a color is split into paint and gloss
 NEAR = 5.0  # Lab distance within which a color looks like another one of the same paint
 EMPHASIS = 10.0  # how many times the whole object the picked color counts: it is what the artist looks at
 
@@ -28,18 +31,19 @@ def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray
     Linear light c = a r + s (1, 1, 1) + rest with the source r; shading a and gloss s are not negative, found by least
     squares. The paint's part follows: c + gate a (t - r); gate = exp(-(dh / 0.65)^4) of the Lab hue difference dh to
     the source leaves other pigments alone. A grey source has no hue: there the chroma difference gates. This is the
-    dichromatic model of Shafer (1985), "Using color to separate reflection components", with one light.
+    dichromatic model of Shafer (1985), "Using color to separate reflection components", with one light. Several
+    paints share each color, the nearer one gets more.
 
     Args:
         colors: sRGB [n, 3] in [0, 1].
-        source: sRGB [3] in [0, 1], what an eyedropper shows before.
-        target: sRGB [3] in [0, 1], what it is to show after.
+        source: sRGB [3] in [0, 1], what an eyedropper shows before; of several paints [P, 3].
+        target: The same after the change.
 
     Returns:
         sRGB [n, 3] float64 in [0, 1].
 
     Raises:
-        BadRequest: The source is black, and so the shading is unknown.
+        BadRequest: A source is black, and so the shading is unknown.
 
     Examples:
         The source becomes the target, a green beside it stays:
@@ -47,27 +51,47 @@ def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray
         >>> red, blue, green = np.array([0.7, 0.1, 0.1]), np.array([0.1, 0.2, 0.7]), np.array([0.1, 0.6, 0.2])
         >>> reflection_target(np.stack([red, green]), red, blue).round(3).tolist()
         [[0.1, 0.2, 0.7], [0.1, 0.6, 0.2]]
+        >>> reflection_target(np.stack([red, green]), np.stack([red, green]), np.stack([green, red])).round(3).tolist()
+        [[0.1, 0.6, 0.2], [0.7, 0.1, 0.1]]
     """
-    return _repainted(colors, source, target, pigment_gate(colors, source))
+    sources = np.atleast_2d(source)
+    reached = np.max([pigment_gate(colors, each) for each in sources], axis=0)
+    return _repainted(colors, source, target, reached * _shares(colors, sources))
 
 
-def _repainted(colors: np.ndarray, source: np.ndarray, target: np.ndarray, gate: np.ndarray | float) -> np.ndarray:
-    """`reflection_target` with any gate, [n] or one for all."""
-    light, r, t = srgb_to_linear(colors), srgb_to_linear(np.asarray(source, np.float64)), srgb_to_linear(target)
-    if r @ r < 1e-6:
-        raise BadRequest("The source color is black, so its shading cannot be told.", "Pick a lit spot of the object.")
-    return np.clip(linear_to_srgb(light + (gate * _shading(light, r))[:, None] * (t - r)), 0, 1)
+def _shares(colors: np.ndarray, sources: np.ndarray) -> np.ndarray:
+    """How much of each color is of each of some paints, [P, n], sums 1: by the angles between them in linear light, which
+    shading does not change."""
+    light, paints = (srgb_to_linear(each) for each in (colors, sources))
+    lengths = np.linalg.norm(light, axis=1) * np.linalg.norm(paints, axis=1)[:, None]
+    cosines = np.divide(paints @ light.T, lengths, out=np.ones_like(lengths), where=lengths > 0)
+    nearness = np.maximum(np.arccos(np.clip(cosines, -1, 1)), SAME) ** -4.0
+    return nearness / nearness.sum(axis=0)
+
+
+def _repainted(colors: np.ndarray, source: np.ndarray, target: np.ndarray, gates: np.ndarray) -> np.ndarray:
+    """`reflection_target` with any gates [P, n]."""
+    light, sources, targets = (srgb_to_linear(np.atleast_2d(each)) for each in (colors, source, target))
+    result = light.copy()
+    for r, t, gate in zip(sources, targets, gates, strict=True):
+        if r @ r < 1e-6:
+            raise BadRequest(
+                "The source color is black, so its shading cannot be told.", "Pick a lit spot of the object."
+            )
+        result += (gate * _shading(light, r))[:, None] * (t - r)
+    return np.clip(linear_to_srgb(result), 0, 1)
 
 
 def _shading(light: np.ndarray, r: np.ndarray) -> np.ndarray:
-    """The factor a >= 0 [n] of light = a r + s (1, 1, 1) + rest, s >= 0, by least squares."""
+    """The factor a >= 0 [n] of light = a r + s (1, 1, 1) + rest, s >= 0, by least squares with a little cost of s^2.
+
+    The paler the paint, the less it differs from gloss: there the cost decides that light is paint.
+    """
     rr, r1, cr, c1 = r @ r, r.sum(), light @ r, light.sum(axis=1)
-    paint_only = np.maximum(cr / rr, 0)
-    determinant = 3 * rr - r1 * r1
-    if determinant < 1e-3 * rr:  # gloss and paint are both grey, and cannot be separated
-        return paint_only
-    paint, gloss = (3 * cr - r1 * c1) / determinant, (rr * c1 - r1 * cr) / determinant
-    return np.where(gloss < 0, paint_only, np.maximum(paint, 0))
+    ones = 3 + GLOSS_COST
+    determinant = ones * rr - r1 * r1
+    paint, gloss = (ones * cr - r1 * c1) / determinant, (rr * c1 - r1 * cr) / determinant
+    return np.maximum(np.where(gloss < 0, cr / rr, paint), 0)
 
 
 def pigment_gate(colors: np.ndarray, source: np.ndarray, reach: float = 1.0) -> np.ndarray:
@@ -87,6 +111,7 @@ def pigment_gate(colors: np.ndarray, source: np.ndarray, reach: float = 1.0) -> 
     if lab_chroma(source) < GREY_CHROMA:
         return np.exp(-(((lab_chroma(lab) - lab_chroma(source)) / (reach * CHROMA_GATE)) ** 4))
     turn = (lab_hue(lab) - lab_hue(source) + np.pi) % (2 * np.pi) - np.pi
+    turn *= lab_chroma(source) / (lab_chroma(source) + PALE)  # light and noise turn the hue of pale paint
     return np.exp(-((turn / (reach * HUE_GATE)) ** 4))
 
 
@@ -108,8 +133,8 @@ def match_becomes(
         counts: How often each color occurs, [n], >= 0.
         palette_weights: Of each color, [n, M].
         palette: With which the object has these colors, sRGB [M, 3] in [0, BRIGHTEST].
-        source: sRGB [3] in [0, 1], a color of the object now.
-        target: sRGB [3] in [0, 1], what it is to become.
+        source: sRGB [3] in [0, 1], a color of the object now; of several paints [P, 3].
+        target: sRGB [3] in [0, 1], what it is to become; of several paints [P, 3].
         locked: Entries that stay as they are.
 
     Returns:
@@ -153,7 +178,7 @@ def match_pigment(
         [-0.5  0.1  0.6]
     """
     counts = counts * pigment_gate(colors, source, reach)
-    targets = _repainted(colors, source, target, 1.0)
+    targets = _repainted(colors, source, target, np.ones((1, 1)))
     return _matched(colors, counts, palette_weights, palette, source, target, targets, ())
 
 
@@ -167,11 +192,12 @@ def _matched(
     targets: np.ndarray,
     locked: Iterable[int],
 ) -> np.ndarray:
-    """The palette [M, 3] that moves colors to their targets, and above all the source to its own."""
-    own = mean_weights(colors, counts, palette_weights, source)
-    palette_weights, colors = np.vstack([palette_weights, own]), np.vstack([colors, source])
-    targets = np.vstack([targets, target])
-    counts = np.append(counts, EMPHASIS * max(np.sum(counts), 1e-9))  # an object may show nothing like the source
+    """The palette [M, 3] that moves colors to their targets, and above all the sources to their own."""
+    sources = np.atleast_2d(source)
+    own = [mean_weights(colors, counts, palette_weights, each) for each in sources]
+    emphasis = EMPHASIS * max(np.sum(counts), 1e-9) / len(sources)  # an object may show nothing like the source
+    palette_weights, colors = np.vstack([palette_weights, *own]), np.vstack([colors, sources])
+    targets, counts = np.vstack([targets, target]), np.append(counts, [emphasis] * len(sources))
     return match_pixels(palette_weights, colors, targets, palette, counts, locked)
 
 

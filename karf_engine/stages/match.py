@@ -1,7 +1,7 @@
 """To an edit: from one color pair, "this color of the object becomes that color", or from a painted or graded view.
 
 Options: edit (EDIT.json to start from), out (EDIT.json), and object, source, target (#rrggbb), rule (becomes | fewest |
-added); or view, picture (of that view as it shall look).
+added), also (further [source, target] of the object); or view, picture (of that view as it shall look).
 """
 
 from __future__ import annotations
@@ -38,7 +38,12 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         edit = _match_picture(project, options, edit, emit)
     else:
         pair, rule = [options[name] for name in PAIR], options.get("rule") or "becomes"
-        edit = edit.add_color(*pair) if rule == "added" else edit.becomes(*pair, rule)
+        also = [tuple(each) for each in options.get("also") or ()]
+        if rule == "added":
+            for source, target in (pair[1:], *also):
+                edit = edit.add_color(pair[0], source, target)
+        else:
+            edit = edit.becomes(*pair, rule, also)
     edit.save(options["out"])
     emit("artifact", kind="edit", path=str(Path(options["out"])))
 

@@ -1,6 +1,6 @@
 """What lies between a recolor and the truth, split by cause:
 
-    python -m tools.judging.causes CAPTURE PROJECT
+    python -m tools.judging.causes CAPTURE PROJECT [--per-paint]
 
 The same pixels are recolored in five ways, each of which lacks one thing less than the one before: ours; ours in the
 true masks; the swatches that come nearest to the true recolors; the same with a palette made of the true pixels; any
@@ -169,11 +169,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("capture", type=Path, help="with true recolors, laid out like the demo")
     parser.add_argument("project", type=Path, help="learned of it")
+    parser.add_argument("--per-paint", action="store_true", help="a color pair for each paint, not for each object")
     options = parser.parse_args()
     model, truth = karf.load(options.project), Truth(options.capture)
     frames = [model.render_plate(model.plate(view)) for view in model.capture.split("test")]
     for name in truth.edits:
-        for key, causes in split_by_cause(model, truth, frames, edit_to_judge(model, truth, name), name).items():
+        for key, causes in split_by_cause(
+            model, truth, frames, edit_to_judge(model, truth, name, options.per_paint), name
+        ).items():
             print(f"{name} {key}:", *(f"{cause} {value:.2f}" for cause, value in vars(causes).items()), flush=True)
 
 

@@ -26,12 +26,16 @@ from .truth import Truth
 from .views import TestViews
 
 
-def edit_to_judge(model: Model, truth: Truth, name: str) -> Edit:
-    """The edit of one who knows one color pair an object, read in the reference view: it "becomes" the second."""
+def edit_to_judge(model: Model, truth: Truth, name: str, per_paint: bool = False) -> Edit:
+    """The edit of one who knows one color pair an object, read in the reference view: it "becomes" the second.
+
+    per_paint: they know one for each paint of it.
+    """
     palettes = {palette.name: palette for palette in model.palettes}
     colors = {key: palette.colors for key, palette in palettes.items()}
     for key in truth.edits[name]["objects"]:
-        colors[key] = solve(model.project, palettes[key], *truth.color_pair(name, key), "becomes")
+        pairs = truth.paint_pairs(name, key) if per_paint else [truth.color_pair(name, key)]
+        colors[key] = solve(model.project, palettes[key], *map(np.stack, zip(*pairs, strict=True)), "becomes")
     return Edit(colors, "delta")
 
 

@@ -177,6 +177,8 @@ def test_wrong_words_for_views_objects_and_colors_are_named(learned, tmp_path, c
     assert "has no val views" in fails(capsys, 4, "render", learned.project, "--views", "val", *out)[0]
     colors = ["--from", "#ff0000", "--to", "#00ff00"]
     assert "no object 'vase'" in fails(capsys, 2, "match", learned.project, "--object", "vase", *colors, *out)[0]
+    also = ["--object", "ball", "--also", "green", "#00ff00"]
+    assert "'green' is no color" in fails(capsys, 4, "match", learned.project, *also, *colors, *out)[0]
     colors = ["--from", "red", "--to", "#00ff00"]
     assert "'red' is no color" in fails(capsys, 4, "match", learned.project, "--object", "ball", *colors, *out)[0]
 
