@@ -11,6 +11,7 @@ import numpy as np
 
 import karf_engine as karf
 from karf_engine import settings as settings_module
+from karf_engine.capture.capture import View
 from karf_engine.files import write_json
 from karf_engine.frames import Frame
 from karf_engine.model import Model
@@ -105,3 +106,9 @@ def with_model(test: TestViews, model: Model, weights_from: str = "field") -> Te
     """
     frames = [model.frame_of(frame.picture, frame.base, weights_from == "field") for frame in test.frames]
     return TestViews(model, test.plates, frames)
+
+
+def mask_file(masks: Path, view: View) -> Path:
+    """Where an object's true mask of a view is, below the object's folder: in one for each split, or beside all others."""
+    of_split = masks / view.split
+    return (of_split if of_split.is_dir() else masks) / f"{view.stem}.png"

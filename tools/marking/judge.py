@@ -21,7 +21,7 @@ from karf_engine.images import read_mask
 from karf_engine.plates import photo_of
 
 from ..judging.truth import Truth
-from ..scenes.judge_capture import mask_file
+from ..judging.views import mask_file
 from .user import SHOWN, Marking, mark
 
 LEAST_SHARE = 0.002  # of the photo: less of an object is not marked

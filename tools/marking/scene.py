@@ -109,7 +109,7 @@ def scores_of(scene: Scene, masks_of: Callable[[View], Masks]) -> dict[str, floa
             true = scene.truth(view, name)
             if true is not None and true.any():
                 own.append((iou(found[name], true), iou_border_excluded(found[name], true)))
-    means = {name: np.mean(own, 0) for name, own in values.items()}
+    means = {name: np.mean(own, 0) for name, own in values.items() if own}
     mean, inside = np.mean(list(means.values()), 0)
     all_means = {name: own[0] for name, own in means.items()} | {"mean": mean, "border left out": inside}
     return {name: round(float(value), 4) for name, value in all_means.items()}

@@ -38,6 +38,7 @@ from .hand import HANDS, can_be_hit, largest_error, short_line
 from .scene import Masks, Scene, Truth, add_to, scene_of, scores, scores_after, scores_of, solve
 
 STROKES = 2
+RANDOM_SEEDS = 3
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,23 @@ def ways(options: argparse.Namespace, shown: Truth) -> Iterator[Way]:
     for choose, hand in product(options.choose, options.hand):
         for seed in range(options.seeds if choose == "random" else 1):
             yield Way(choose, hand, seed, shown)
+
+
+def iou_after_marks(project: Path, truth: Path, choose: str = "suggested") -> list[float]:
+    """Mean IoU of the labels in the held-out views of a learned scene: as learned, after one stroke an object, after two.
+
+    Args:
+        project: learned from rough masks.
+        truth: folder of the true masks.
+        choose: the views, see `Way`; the mean of `RANDOM_SEEDS` draws where they are random.
+    """
+    scene = scene_of(Project(project), truth, 1)
+    _, shown = ceiling(scene)
+    played = [
+        play(scene, Way(choose, "line", seed, shown)) for seed in range(RANDOM_SEEDS if choose == "random" else 1)
+    ]
+    means = [[row["mean"] for row in rows.values()] for rows in played]
+    return [scores(scene)["mean"], *np.mean(means, 0).round(4).tolist()]
 
 
 def play(scene: Scene, way: Way) -> dict[str, dict]:

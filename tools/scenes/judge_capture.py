@@ -32,7 +32,7 @@ from karf_engine.settings import PRESETS
 from ..judging import HOLDOUT
 from ..judging.scores import print_common, rounded, score_objects, score_renders, stage_summary
 from ..judging.sheets import difference, sheet_numbers, tinted, write_sheet
-from ..judging.views import TestViews, learn_again, render_test_views, with_model
+from ..judging.views import TestViews, learn_again, mask_file, render_test_views, with_model
 
 KINDS = ("blob", "chunk", "spill")
 DISK = 0.38  # radius of a missing chunk or a spill, in radii of a disk as large as the object
@@ -119,12 +119,6 @@ def choose_views(capture: Capture, masks: Path, random: np.random.Generator, cou
     large = [view for view, area in zip(views, areas, strict=True) if area > np.median(areas)]
     first = large[random.integers(len(large))]
     return farthest_point_views(large, [first.name], count)
-
-
-def mask_file(masks: Path, view: View) -> Path:
-    """Where an object's true mask of a view is, below the object's folder: in one for each split, or beside all others."""
-    of_split = masks / view.split
-    return (of_split if of_split.is_dir() else masks) / f"{view.stem}.png"
 
 
 def coarse_mask(truth: np.ndarray, kind: str, random: np.random.Generator) -> np.ndarray:
