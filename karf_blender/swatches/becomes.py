@@ -4,12 +4,14 @@ import bpy
 import numpy as np
 
 from ..engine_api import (
+    ColorHistogram,
     Edit,
     Palette,
     ciede2000,
     match_becomes,
     match_fewest,
     nearest_weights,
+    reached_by,
     rgb_to_hex,
     shown_colors,
     srgb_to_lab,
@@ -33,7 +35,7 @@ def apply(
         start: The palette to go on from, [M, 3].
 
     Returns:
-        What is odd about the source, as a sentence; else nothing.
+        What is odd about the source, or why the target is missed, as a sentence; else nothing.
 
     Raises:
         BadRequest: The source is black.
@@ -51,9 +53,13 @@ def apply(
         edited = match_becomes(shown, seen.counts, weights, start, source, target, locked)
     edits.apply_edit(scene, Edit({name: edited}, scene.karf.compositing, pigments.of(scene)))
     distance = ciede2000(srgb_to_lab(shown), srgb_to_lab(source)).min()
-    if distance < FOREIGN:
-        return ""
-    return f"{name} shows no color like {rgb_to_hex(source)}: the nearest differs by CIEDE2000 {distance:.0f}. Pick it anew."
+    if distance > FOREIGN:
+        return f"{name} shows no color like {rgb_to_hex(source)}: the nearest differs by CIEDE2000 {distance:.0f}. Pick it anew."
+    before = ColorHistogram(shown, seen.counts, weights)
+    reached, left, reason = reached_by(edited, Palette(name, start), before, source, srgb_to_lab(target), locked)
+    return (
+        reason and f"{name} shows {rgb_to_hex(reached)}, CIEDE2000 {left:.0f} from what was wanted, because {reason}."
+    )
 
 
 def apply_picked(item: bpy.types.PropertyGroup) -> str:

@@ -116,3 +116,10 @@ def test_a_color_that_the_object_does_not_show_is_told(addon, learned):
     item = learned.karf.objects["pot"]
     item.source, item.target = (0.0, 1.0, 0.0), BLUE
     assert "pot shows no color like #00ff00" in addon.becomes.apply_picked(item)
+
+
+def test_a_target_that_is_missed_is_told_with_the_reason(addon, learned):
+    item = learned.karf.objects["pot"]
+    item.source, item.target = RED, BLUE
+    item.swatches[1].locked = True
+    assert "from what was wanted, because" in addon.becomes.apply_picked(item)
