@@ -45,6 +45,7 @@ DECIDED = 0.6  # a seed's largest vote; with less its class is open
 HOLDING, MOST_DOUBLINGS = 0.9, 6  # the share of an object's seeds that must hold; C doubles so many times at most
 FADE_RADII = 2.0  # an object's colors fade beyond this many seed radii
 HELD, LEAST_HELD = 5.0, 0.02  # confidence of labels without a margin of doubt, and of none, as patches follow
+MOST_OF_OBJECT = 0.1  # of an object's points: a larger part of it is no patch
 TOGETHER = 0.5  # of the ties of a point that changes, those to others that do
 REACH_RADII = 4.0  # points farther than this many seed radii from every object are background without being solved for
 
@@ -250,14 +251,9 @@ class _Propagation:
     def _connected(self, x: np.ndarray) -> np.ndarray:
         """Move parts of an object that are not connected to its seeds to the next likely class."""
         x = x.copy()
-        edges = self.graph.tocoo()
-        strong = edges.data > 1e-5
-        rows, columns = edges.row[strong], edges.col[strong]
         for _ in range(x.shape[1]):
             label = x.argmax(1)
-            same = label[rows] == label[columns]
-            part_graph = sparse.coo_matrix((np.ones(same.sum()), (rows[same], columns[same])), shape=self.graph.shape)
-            _, part = connected_components(part_graph, directed=False)
+            part = self._parts(label)
             strength = self.seed_confidence * self.seed_targets[np.arange(len(label)), label]
             anchored = np.bincount(part, strength * (strength > 0.1), part.max() + 1) > 0
             loose = ~anchored[part] & (label > 0)
@@ -274,7 +270,16 @@ class _Propagation:
         before, after = x.argmax(1), solved.argmax(1)
         changed = (before != after) & (before * after == 0)  # only the background's colors counted untested
         together = changed & (self.graph @ changed >= TOGETHER * np.asarray(self.graph.sum(1)).ravel())
-        return np.where(together[:, None], solved, x)
+        patch = self._parts(np.where(together, before, -1))
+        is_small = np.bincount(patch)[patch] <= MOST_OF_OBJECT * np.bincount(before)[before]
+        return np.where((together & ((before == 0) | is_small))[:, None], solved, x)
+
+    def _parts(self, label: np.ndarray) -> np.ndarray:
+        """Number of the connected part of equal labels that each point belongs to, [p]."""
+        edges = self.graph.tocoo()
+        same = (edges.data > 1e-5) & (label[edges.row] == label[edges.col])
+        tied = sparse.coo_matrix((np.ones(same.sum()), (edges.row[same], edges.col[same])), shape=self.graph.shape)
+        return connected_components(tied, directed=False)[1]
 
 
 def _margin(x: np.ndarray) -> np.ndarray:
