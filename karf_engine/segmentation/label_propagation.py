@@ -57,10 +57,12 @@ class Labels:
     Attributes:
         probabilities: [p, K+1]; rows sum to 1.
         precision: [K] in [0, 1], of the seeds whose color looks like an object, the share that the masks call so.
+        opinion: [p, K+1]; rows sum to 1: the mean of what masks and neighbors, colors, and all together say.
     """
 
     probabilities: np.ndarray
     precision: np.ndarray
+    opinion: np.ndarray
 
     @property
     def classes(self) -> np.ndarray:
@@ -71,6 +73,15 @@ class Labels:
     def margin(self) -> np.ndarray:
         """How much more likely each point's class is than the next, [p] in [0, 1]."""
         return _margin(self.probabilities)
+
+    @property
+    def doubt(self) -> np.ndarray:
+        """How far the opinions contradict what the labels say of each object, [p, K] in [0, 1].
+
+        A label is mistaken most often where masks alone, or colors alone, would have said something else.
+        """
+        is_it = self.classes[:, None] == np.arange(1, self.opinion.shape[1])
+        return np.where(is_it, 1 - self.opinion[:, 1:], self.opinion[:, 1:])
 
 
 def propagate_labels(
@@ -107,11 +118,10 @@ def propagate_labels(
         4.5 * np.maximum(0, distance[near] / (FADE_RADII * radii) - 1) ** 2,
         random,
     )
-    near_probabilities, precision = propagation.run(rounds)
-    probabilities = np.zeros((len(positions), n_classes))
-    probabilities[:, 0] = 1
-    probabilities[near] = near_probabilities
-    return Labels(probabilities, precision)
+    solved = propagation.run(rounds)
+    probabilities, opinion = (np.tile(np.eye(n_classes)[0], (len(positions), 1)) for _ in range(2))
+    probabilities[near], opinion[near] = solved.probabilities, solved.opinion
+    return Labels(probabilities, solved.precision, opinion)
 
 
 def has_seeds(seed_targets: np.ndarray, seed_confidence: np.ndarray) -> np.ndarray:
@@ -155,10 +165,11 @@ class _Propagation:
     distance_penalty: np.ndarray
     random: np.random.Generator
 
-    def run(self, rounds: int) -> tuple[np.ndarray, np.ndarray]:
-        """Probabilities [p, K+1] and the objects' precision [K]."""
+    def run(self, rounds: int) -> Labels:
+        """Labels of the points."""
         targets, confidence = self.seed_targets, self.seed_confidence
-        x, say = self._holding()
+        of_masks, say = self._holding()
+        x = of_masks
         mixture_weight = confidence
         precision = np.ones(targets.shape[1] - 1)
         color_labels = np.zeros_like(x)
@@ -176,7 +187,8 @@ class _Propagation:
             unary = reliable[:, None] * shared + color_confidence[:, None] * color_labels
             x = self._smooth(unary / np.maximum(together, 1e-12)[:, None], say * together, x)
             mixture_weight = np.maximum(reliable, 0.1 * color_confidence)
-        return self._with_patches(self._connected(x), say), precision
+        x = self._connected(self._with_patches(self._connected(x), say))
+        return Labels(x, precision, (of_masks + color_labels + x) / 3)
 
     def _holding(self) -> tuple[np.ndarray, np.ndarray]:
         """The first solution, [p, K+1], and the factor on what is said of points with which seeds hold there, [p]."""
