@@ -23,9 +23,8 @@ def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray
     Linear light c = a r + s (1, 1, 1) + rest with the source r; shading a and gloss s are not negative, found by least
     squares. The paint's part follows: c + gate a (t - r); gate = exp(-(dh / 0.65)^4) of the Lab hue difference dh to
     the source, of which pale paint counts less, leaves other pigments alone. A grey source has no hue: there the chroma
-    difference gates. This is the
-    dichromatic model of Shafer (1985), "Using color to separate reflection components", with one light. Several
-    paints share each color, the nearer one gets more.
+    difference gates. This is the dichromatic model of Shafer (1985), "Using color to separate reflection components",
+    with one light. Several paints share each color, the nearer one gets more.
 
     Args:
         colors: sRGB [n, 3] in [0, 1].
