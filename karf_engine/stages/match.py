@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from ..color import srgb_to_lab
-from ..edit.becomes import pigment_gate
 from ..edit.colorways import reached_by
 from ..edit.object_colors import read_object_colors
+from ..edit.paints import pigment_gate
 from ..edit.palette import rgb_to_hex
 from ..errors import BadRequest
 from ..locking import consistent, opened
