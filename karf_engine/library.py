@@ -151,6 +151,7 @@ def render(
     base: str | None = None,
     size: str | int = "photo",
     depth: bool = False,
+    unsure: bool = False,
     planes: bool = False,
     alpha: bool = False,
     jpeg: bool = False,
@@ -176,6 +177,7 @@ def render(
             as its pinhole shows it at the size that was learned from, as all with the rendering as base; or the long
             side in pixels to which the photo is reduced.
         depth: write OUT/depth too, float32 .npy along the optical axis, world units.
+        unsure: write OUT/unsure/<object> too, white where nothing is sure that is said of the object, of the size learned.
         planes: write OUT/planes too, what Blender recolors from.
         alpha: write renderings without what is behind the scene, with alpha.
         jpeg: write recolored JPEG photos as JPEG, not as PNG: pixels that no edit reaches change a little.
@@ -197,7 +199,7 @@ def render(
         "jpeg": jpeg,
         "format": format,
     }
-    options |= {"depth": depth, "planes": planes, "layers": layers, "skip_existing": skip_existing}
+    options |= {"depth": depth, "unsure": unsure, "planes": planes, "layers": layers, "skip_existing": skip_existing}
     options |= {name: str(value) for name, value in (("edit", edit), ("base", base)) if value is not None}
     part = {"first": first, "last": last, "count": count}
     options |= {name: number for name, number in part.items() if number is not None}

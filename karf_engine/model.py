@@ -42,6 +42,7 @@ from .project.contents import capture_of, settings_for
 from .project.edit import ProjectEdit, edit_of
 from .rendering.rays import camera_rays
 from .runtime import find_device
+from .segmentation.doubts import SurfaceDoubts
 from .settings import Settings
 
 BASES = {"delta": "photo", "paper": "render"}  # what an edit of a captured view changes, where nothing is said
@@ -190,6 +191,24 @@ class Model:
             beyond = np.isnan(straighten(camera, camera.pixel_centers())).any(1).reshape(frame.depth.shape)
             frame.probabilities[:, beyond] = 0
         return frame
+
+    def unsure(self, pinhole: Camera, frame: Frame) -> np.ndarray:
+        """How unsure it is what a frame shows of each object, [K, H, W] float32 in [0, 1].
+
+        Args:
+            pinhole: whose frame it is.
+            frame: only its depth and opacity count.
+
+        Raises:
+            DataError: the segmentation kept no doubts, or they are damaged.
+        """
+        origins, directions = pinhole.rays(pinhole.pixel_centers())
+        doubts = self._doubts.at(origins + frame.depth.reshape(-1, 1) * directions)
+        return np.ascontiguousarray(doubts.T).reshape(-1, *frame.depth.shape) * frame.opacity
+
+    @cached_property
+    def _doubts(self) -> SurfaceDoubts:
+        return SurfaceDoubts.read(self.project.checked(self.project.doubts_file))
 
     def preview(self, view: View, long_side: int | None = None) -> Frame:
         """A captured view as its pinhole shows it, at a size to look at and to recolor quickly.

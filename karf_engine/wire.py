@@ -54,7 +54,7 @@ OPTION_TYPES: dict[str, tuple[type, ...]] = {
     ),
     **dict.fromkeys(("photos", "matching", "object", "source", "target", "rule", "sheet", "format"), (str,)),
     **dict.fromkeys(("view", "picture"), (str,)),
-    **dict.fromkeys(("depth", "planes", "layers", "alpha", "jpeg", "predict_only", "skip_existing"), (bool,)),
+    **dict.fromkeys(("depth", "unsure", "planes", "layers", "alpha", "jpeg", "predict_only", "skip_existing"), (bool,)),
     "edit": (str, list),
     "size": (str, int),
     **dict.fromkeys(("overrides", "locked"), (list,)),

@@ -66,7 +66,7 @@ def _add_learning(commands: Commands) -> None:
     verb.add_argument("--masks", metavar="DIR", help="coarse masks: DIR/<object>/<photo stem>.png (default: the "
                       "project's own)")  # fmt: skip
     verb.add_argument("--suggest", action="store_true", help="print the views to mark next, with their scores, the best "
-                      "first; nothing is computed")  # fmt: skip
+                      "first, and how unsure each object is; nothing is computed")  # fmt: skip
     verb.add_argument("--volumes", metavar="FILE", help="boxes and meshes that objects must be inside or outside of "
                       "(default: the project's own volumes.json)")  # fmt: skip
     verb.add_argument("--corrections", metavar="DIR", help="partial marks: DIR/<object>/<view>.png, gray with alpha "
@@ -150,6 +150,9 @@ def _add_picture_options(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("--format", choices=("png8", "png16", "exr16", "exr32"), default="png8", help="of recolored "
                       "frames of new cameras; exr is scene-linear (default: %(default)s)")  # fmt: skip
     verb.add_argument("--depth", action="store_true", help="write depth/ too")
+    verb.add_argument(
+        "--unsure", action="store_true", help="write unsure/ too: where objects' labels are unsure, white"
+    )
     verb.add_argument("--layers", action="store_true", help="write layers/ too (OpenEXR for compositors)")
 
 

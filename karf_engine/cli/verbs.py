@@ -50,8 +50,10 @@ def segment(options: argparse.Namespace) -> int:
 
         project = Project(options.project)
         project.require("segmentation")
-        for name, score in SegmentationReport.read(project.segmentation_report).suggestions.items():
+        report = SegmentationReport.read(project.segmentation_report)
+        for name, score in report.suggestions.items():
             print(f"{score:.4f}  {name}")
+        print("\n".join(each.sentence(name) for name, each in report.unsure.items()))
         return 0
     more = {name: getattr(options, name, None) for name in ("corrections", "volumes")}
     library.segment(options.project, options.masks, **more, **_run_of(options))
@@ -107,7 +109,7 @@ def match(options: argparse.Namespace) -> int:
 def render(options: argparse.Namespace) -> int:
     """Pictures of views."""
     names = (
-        "views", "edit", "base", "size", "depth", "planes", "layers", "alpha", "jpeg", "overrides", "skip_existing",
+        "views", "edit", "base", "size", "depth", "unsure", "planes", "layers", "alpha", "jpeg", "overrides", "skip_existing",
         "format", "first", "last", "count",
     )  # fmt: skip
     chosen = {name: getattr(options, name) for name in names}

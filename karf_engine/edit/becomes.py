@@ -8,111 +8,43 @@ the palette whose change moves colors to their targets (`fitting`).
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ..color import lab_chroma, lab_hue, linear_to_srgb, srgb_to_lab, srgb_to_linear
-from ..errors import BadRequest
+from ..color import srgb_to_lab
 from .fitting import match_pixels, moved, room
+from .paints import angles, pigment_gate, reflection_target, repainted
 
-HUE_GATE = 0.65  # radians of Lab hue at which a color counts as another pigment
-PALE = 5.0  # Lab chroma of a source at which a difference of hue counts half
-SAME = 1e-3  # radians between colors in linear light that are the same paint
-GREY_CHROMA, CHROMA_GATE = 6.0, 25.0  # Lab chroma below which a source has no hue; and the gate that then stands in
-GLOSS_COST = 0.1  # of gloss beside white, 3, when a color is split into paint and gloss
+OTHER = 0.17  # radians in linear light from which on colors are of different paints
 NEAR = 5.0  # Lab distance within which a color looks like another one of the same paint
 EMPHASIS = 10.0  # how many times the whole object the picked color counts: it is what the artist looks at
 
 
-def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """What each color becomes when the paint that looks like `source` is changed to look like `target`.
-
-    Linear light c = a r + s (1, 1, 1) + rest with the source r; shading a and gloss s are not negative, found by least
-    squares. The paint's part follows: c + gate a (t - r); gate = exp(-(dh / 0.65)^4) of the Lab hue difference dh to
-    the source leaves other pigments alone. A grey source has no hue: there the chroma difference gates. This is the
-    dichromatic model of Shafer (1985), "Using color to separate reflection components", with one light. Several
-    paints share each color, the nearer one gets more.
+def with_held(
+    colors: np.ndarray, source: np.ndarray, target: np.ndarray, held: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sources and targets [P, 3] of one paint that changes, and of those that stay, as they were given their color before.
 
     Args:
-        colors: sRGB [n, 3] in [0, 1].
-        source: sRGB [3] in [0, 1], what an eyedropper shows before; of several paints [P, 3].
-        target: The same after the change.
-
-    Returns:
-        sRGB [n, 3] float64 in [0, 1].
-
-    Raises:
-        BadRequest: A source is black, and so the shading is unknown.
+        colors: What the object shows now, sRGB [n, 3].
+        source: sRGB [3].
+        target: sRGB [3].
+        held: Colors that stay, sRGB [3] each. One that the object does not show, or of the source's own paint, is no
+            paint to hold.
 
     Examples:
-        The source becomes the target, a green beside it stays:
+        A teal is held, a darker red is of the paint that changes:
 
-        >>> red, blue, green = np.array([0.7, 0.1, 0.1]), np.array([0.1, 0.2, 0.7]), np.array([0.1, 0.6, 0.2])
-        >>> reflection_target(np.stack([red, green]), red, blue).round(3).tolist()
-        [[0.1, 0.2, 0.7], [0.1, 0.6, 0.2]]
-        >>> reflection_target(np.stack([red, green]), np.stack([red, green]), np.stack([green, red])).round(3).tolist()
-        [[0.1, 0.6, 0.2], [0.7, 0.1, 0.1]]
+        >>> red, blue, teal = np.array([0.8, 0.1, 0.1]), np.array([0.1, 0.2, 0.7]), np.array([0.1, 0.6, 0.6])
+        >>> colors = np.stack([red, red / 2, teal])
+        >>> with_held(colors, red, blue, [teal, red / 2, blue])[0].tolist()
+        [[0.8, 0.1, 0.1], [0.1, 0.6, 0.6]]
     """
-    sources = np.atleast_2d(source)
-    reached = np.max([pigment_gate(colors, each) for each in sources], axis=0)
-    return _repainted(colors, source, target, reached * _shares(colors, sources))
-
-
-def _shares(colors: np.ndarray, sources: np.ndarray) -> np.ndarray:
-    """How much of each color is of each of some paints, [P, n], sums 1: by the angles between them in linear light, which
-    shading does not change."""
-    light, paints = (srgb_to_linear(each) for each in (colors, sources))
-    lengths = np.linalg.norm(light, axis=1) * np.linalg.norm(paints, axis=1)[:, None]
-    cosines = np.divide(paints @ light.T, lengths, out=np.ones_like(lengths), where=lengths > 0)
-    nearness = np.maximum(np.arccos(np.clip(cosines, -1, 1)), SAME) ** -4.0
-    return nearness / nearness.sum(axis=0)
-
-
-def _repainted(colors: np.ndarray, source: np.ndarray, target: np.ndarray, gates: np.ndarray) -> np.ndarray:
-    """`reflection_target` with any gates [P, n]."""
-    light, sources, targets = (srgb_to_linear(np.atleast_2d(each)) for each in (colors, source, target))
-    result = light.copy()
-    for r, t, gate in zip(sources, targets, gates, strict=True):
-        if r @ r < 1e-6:
-            raise BadRequest(
-                "The source color is black, so its shading cannot be told.", "Pick a lit spot of the object."
-            )
-        result += (gate * _shading(light, r))[:, None] * (t - r)
-    return np.clip(linear_to_srgb(result), 0, 1)
-
-
-def _shading(light: np.ndarray, r: np.ndarray) -> np.ndarray:
-    """The factor a >= 0 [n] of light = a r + s (1, 1, 1) + rest, s >= 0, by least squares with a little cost of s^2.
-
-    The paler the paint, the less it differs from gloss: there the cost decides that light is paint.
-    """
-    rr, r1, cr, c1 = r @ r, r.sum(), light @ r, light.sum(axis=1)
-    ones = 3 + GLOSS_COST
-    determinant = ones * rr - r1 * r1
-    paint, gloss = (ones * cr - r1 * c1) / determinant, (rr * c1 - r1 * cr) / determinant
-    return np.maximum(np.where(gloss < 0, cr / rr, paint), 0)
-
-
-def pigment_gate(colors: np.ndarray, source: np.ndarray, reach: float = 1.0) -> np.ndarray:
-    """1 for colors of the source's pigment, 0 for others, [n]; in the light and in the shade alike.
-
-    Args:
-        colors: sRGB [n, 3] in [0, 1].
-        source: sRGB [3] in [0, 1].
-        reach: How far in hue, or in chroma of a grey source, other colors still count; 1 is that of *Becomes*.
-
-    Examples:
-        >>> reds, green = np.array([[0.7, 0.1, 0.1], [0.3, 0.03, 0.03]]), np.array([[0.1, 0.6, 0.2]])
-        >>> pigment_gate(np.vstack([reds, green]), reds[0]).round(2).tolist()
-        [1.0, 1.0, 0.0]
-    """
-    lab, source = srgb_to_lab(colors), srgb_to_lab(np.asarray(source, np.float64))
-    if lab_chroma(source) < GREY_CHROMA:
-        return np.exp(-(((lab_chroma(lab) - lab_chroma(source)) / (reach * CHROMA_GATE)) ** 4))
-    turn = (lab_hue(lab) - lab_hue(source) + np.pi) % (2 * np.pi) - np.pi
-    turn *= lab_chroma(source) / (lab_chroma(source) + PALE)  # light and noise turn the hue of pale paint
-    return np.exp(-((turn / (reach * HUE_GATE)) ** 4))
+    kept = [
+        each for each in held if near(colors, each, or_nearest=False).any() and angles(source[None], each)[0] > OTHER
+    ]
+    return np.stack([source, *kept]), np.stack([target, *kept])
 
 
 def match_becomes(
@@ -178,7 +110,7 @@ def match_pigment(
         [-0.5  0.1  0.6]
     """
     counts = counts * pigment_gate(colors, source, reach)
-    targets = _repainted(colors, source, target, np.ones((1, 1)))
+    targets = repainted(colors, source, target, np.ones((1, 1)))
     return _matched(colors, counts, palette_weights, palette, source, target, targets, ())
 
 

@@ -5,4 +5,4 @@ from __future__ import annotations
 PER_TASK = 10  # frames
 PYTHON = "python3"
 MACHINE = ("threads", "device")
-PICTURES = ("base", "size", "format", "depth", "layers", "alpha", "jpeg", "overrides", *MACHINE)
+PICTURES = ("base", "size", "format", "depth", "unsure", "layers", "alpha", "jpeg", "overrides", *MACHINE)

@@ -41,6 +41,7 @@ def pack_project(project: Project, target: Path, views: Sequence[View]) -> None:
         project.geometry_file,
         project.segmentation_file,
         project.segmentation_report,
+        project.doubts_file,
         project.palette_file,
         project.object_colors_file,
         project.recoloring_file,

@@ -99,6 +99,11 @@ class Project:
         return self.folder / "surface.safetensors"
 
     @property
+    def doubts_file(self) -> Path:
+        """How unsure the labels of surface points are."""
+        return self.folder / "doubts.npz"
+
+    @property
     def palette_file(self) -> Path:
         """Palettes as extracted, then as learned; see `edit.palette`."""
         return self.folder / "palette.json"

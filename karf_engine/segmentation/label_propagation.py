@@ -45,6 +45,7 @@ DECIDED = 0.6  # a seed's largest vote; with less its class is open
 HOLDING, MOST_DOUBLINGS = 0.9, 6  # the share of an object's seeds that must hold; C doubles so many times at most
 FADE_RADII = 2.0  # an object's colors fade beyond this many seed radii
 HELD, LEAST_HELD = 5.0, 0.02  # confidence of labels without a margin of doubt, and of none, as patches follow
+MOST_OF_OBJECT = 0.1  # of an object's points: a larger part of it is no patch
 TOGETHER = 0.5  # of the ties of a point that changes, those to others that do
 REACH_RADII = 4.0  # points farther than this many seed radii from every object are background without being solved for
 
@@ -56,10 +57,12 @@ class Labels:
     Attributes:
         probabilities: [p, K+1]; rows sum to 1.
         precision: [K] in [0, 1], of the seeds whose color looks like an object, the share that the masks call so.
+        opinion: [p, K+1]; rows sum to 1: the mean of what masks and neighbors, colors, and all together say.
     """
 
     probabilities: np.ndarray
     precision: np.ndarray
+    opinion: np.ndarray
 
     @property
     def classes(self) -> np.ndarray:
@@ -70,6 +73,15 @@ class Labels:
     def margin(self) -> np.ndarray:
         """How much more likely each point's class is than the next, [p] in [0, 1]."""
         return _margin(self.probabilities)
+
+    @property
+    def doubt(self) -> np.ndarray:
+        """How far the opinions contradict what the labels say of each object, [p, K] in [0, 1].
+
+        A label is mistaken most often where masks alone, or colors alone, would have said something else.
+        """
+        is_it = self.classes[:, None] == np.arange(1, self.opinion.shape[1])
+        return np.where(is_it, 1 - self.opinion[:, 1:], self.opinion[:, 1:])
 
 
 def propagate_labels(
@@ -106,11 +118,10 @@ def propagate_labels(
         4.5 * np.maximum(0, distance[near] / (FADE_RADII * radii) - 1) ** 2,
         random,
     )
-    near_probabilities, precision = propagation.run(rounds)
-    probabilities = np.zeros((len(positions), n_classes))
-    probabilities[:, 0] = 1
-    probabilities[near] = near_probabilities
-    return Labels(probabilities, precision)
+    solved = propagation.run(rounds)
+    probabilities, opinion = (np.tile(np.eye(n_classes)[0], (len(positions), 1)) for _ in range(2))
+    probabilities[near], opinion[near] = solved.probabilities, solved.opinion
+    return Labels(probabilities, solved.precision, opinion)
 
 
 def has_seeds(seed_targets: np.ndarray, seed_confidence: np.ndarray) -> np.ndarray:
@@ -154,10 +165,11 @@ class _Propagation:
     distance_penalty: np.ndarray
     random: np.random.Generator
 
-    def run(self, rounds: int) -> tuple[np.ndarray, np.ndarray]:
-        """Probabilities [p, K+1] and the objects' precision [K]."""
+    def run(self, rounds: int) -> Labels:
+        """Labels of the points."""
         targets, confidence = self.seed_targets, self.seed_confidence
-        x, say = self._holding()
+        of_masks, say = self._holding()
+        x = of_masks
         mixture_weight = confidence
         precision = np.ones(targets.shape[1] - 1)
         color_labels = np.zeros_like(x)
@@ -175,7 +187,8 @@ class _Propagation:
             unary = reliable[:, None] * shared + color_confidence[:, None] * color_labels
             x = self._smooth(unary / np.maximum(together, 1e-12)[:, None], say * together, x)
             mixture_weight = np.maximum(reliable, 0.1 * color_confidence)
-        return self._with_patches(self._connected(x), say), precision
+        x = self._connected(self._with_patches(self._connected(x), say))
+        return Labels(x, precision, (of_masks + color_labels + x) / 3)
 
     def _holding(self) -> tuple[np.ndarray, np.ndarray]:
         """The first solution, [p, K+1], and the factor on what is said of points with which seeds hold there, [p]."""
@@ -250,14 +263,9 @@ class _Propagation:
     def _connected(self, x: np.ndarray) -> np.ndarray:
         """Move parts of an object that are not connected to its seeds to the next likely class."""
         x = x.copy()
-        edges = self.graph.tocoo()
-        strong = edges.data > 1e-5
-        rows, columns = edges.row[strong], edges.col[strong]
         for _ in range(x.shape[1]):
             label = x.argmax(1)
-            same = label[rows] == label[columns]
-            part_graph = sparse.coo_matrix((np.ones(same.sum()), (rows[same], columns[same])), shape=self.graph.shape)
-            _, part = connected_components(part_graph, directed=False)
+            part = self._parts(label)
             strength = self.seed_confidence * self.seed_targets[np.arange(len(label)), label]
             anchored = np.bincount(part, strength * (strength > 0.1), part.max() + 1) > 0
             loose = ~anchored[part] & (label > 0)
@@ -274,7 +282,16 @@ class _Propagation:
         before, after = x.argmax(1), solved.argmax(1)
         changed = (before != after) & (before * after == 0)  # only the background's colors counted untested
         together = changed & (self.graph @ changed >= TOGETHER * np.asarray(self.graph.sum(1)).ravel())
-        return np.where(together[:, None], solved, x)
+        patch = self._parts(np.where(together, before, -1))
+        is_small = np.bincount(patch)[patch] <= MOST_OF_OBJECT * np.bincount(before)[before]
+        return np.where((together & ((before == 0) | is_small))[:, None], solved, x)
+
+    def _parts(self, label: np.ndarray) -> np.ndarray:
+        """Number of the connected part of equal labels that each point belongs to, [p]."""
+        edges = self.graph.tocoo()
+        same = (edges.data > 1e-5) & (label[edges.row] == label[edges.col])
+        tied = sparse.coo_matrix((np.ones(same.sum()), (edges.row[same], edges.col[same])), shape=self.graph.shape)
+        return connected_components(tied, directed=False)[1]
 
 
 def _margin(x: np.ndarray) -> np.ndarray:

@@ -141,8 +141,8 @@ class Labelling:
     def _within_volumes(self, labels: Labels) -> Labels:
         if self.allowed.all():
             return labels
-        left = (labels.probabilities + 1e-9) * self.allowed
-        return Labels(left / left.sum(1, keepdims=True), labels.precision)
+        left, opinion = ((each + 1e-9) * self.allowed for each in (labels.probabilities, labels.opinion))
+        return Labels(left / left.sum(1, keepdims=True), labels.precision, opinion / opinion.sum(1, keepdims=True))
 
     def corrected(self, labels: Labels, constraints: Constraints) -> Labels:
         """The labels once corrections have changed them, see `spreading`."""
@@ -200,7 +200,7 @@ def vote_on_surface(
     targets, confidence = vote_on_points(points.point_of_sample, votes.targets, weight, len(points))
     targets[confidence == 0] = np.eye(votes.targets.shape[1])[0]
     targets[constraints.fixed] = constraints.targets[constraints.fixed]
-    return _labelled(objects, points, Labels(targets, np.ones(len(objects))), constraints.fixed, emit)
+    return _labelled(objects, points, Labels(targets, np.ones(len(objects)), targets), constraints.fixed, emit)
 
 
 def _labelled(

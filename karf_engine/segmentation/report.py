@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from ..errors import DataError
 from ..files import read_json, write_json
 from ..metrics.masks import iou
 from ..names import check_names
+from .doubts import Unsure, unsure_objects
 from .label_propagation import Labels
 from .suggestions import views_to_mark
 from .surface_points import SurfacePoints
@@ -30,6 +31,7 @@ class SegmentationReport:
         views: names of the views used, in the order by which the objects' rays number them.
         masked_views: names of those that have a coarse mask.
         surface_points: number of labelled points.
+        unsure: how unsure each object is, by name; empty in reports that older versions wrote.
         suggestions: the views to mark next, the best first, with their scores in [0, 1]; see `suggestions`.
     """
 
@@ -39,6 +41,7 @@ class SegmentationReport:
     views: list[str]
     masked_views: list[str]
     surface_points: int
+    unsure: dict[str, Unsure]
     suggestions: dict[str, float]
 
     def write(self, path: Path) -> None:
@@ -50,6 +53,7 @@ class SegmentationReport:
             "views": self.views,
             "marked": self.masked_views,
             "surface_points": self.surface_points,
+            "unsure": {name: asdict(each) for name, each in self.unsure.items()},
             "suggestions": self.suggestions,
         }
         write_json(path, content)
@@ -71,10 +75,14 @@ class SegmentationReport:
         surface_points = content.get("surface_points")
         if type(surface_points) is not int or surface_points < 0:
             raise _damaged(path, "no number of surface points")
+        unsure = content.get("unsure", {})  # older ones have none
+        if not isinstance(unsure, dict) or not all(map(_is_unsure, unsure.values())):
+            raise _damaged(path, "no doubts of objects")
+        unsure = {name: Unsure(**each) for name, each in unsure.items()}
         suggestions = content.get("suggestions", {})  # older ones have none
         if not isinstance(suggestions, dict) or not all(map(_is_share, suggestions.values())):
             raise _damaged(path, "no scores of views")
-        return cls(objects, precision, agreement, views, masked_views, surface_points, suggestions)
+        return cls(objects, precision, agreement, views, masked_views, surface_points, unsure, suggestions)
 
 
 def report_of(cached: CachedViews, points: SurfacePoints, labels: Labels, probabilities: Tensor) -> SegmentationReport:
@@ -100,6 +108,7 @@ def report_of(cached: CachedViews, points: SurfacePoints, labels: Labels, probab
         views=views.names,
         masked_views=views.masked_names,
         surface_points=len(labels.probabilities),
+        unsure=unsure_objects(cached, points, labels),
         suggestions=views_to_mark(cached, points, labels),
     )
 
@@ -114,6 +123,10 @@ def _is_table(value: Any, names: list[str]) -> bool:
 
 def _is_share(value: Any) -> bool:
     return isinstance(value, int | float) and 0 <= value <= 1
+
+
+def _is_unsure(value: Any) -> bool:
+    return isinstance(value, dict) and set(value) == {"share", "unseen"} and all(map(_is_share, value.values()))
 
 
 def _are_shares(values: Any) -> bool:

@@ -42,5 +42,7 @@ def spread(labels: Labels, graph: sparse.csr_matrix, constraints: Constraints) -
     change = conjugate_gradients(
         lambda d: diagonal * d - SMOOTHNESS * (graph @ d), diagonal[:, 0], right, np.zeros_like(x)
     )
-    solved = np.where(fixed[:, None], wanted, np.clip(x + change, 0, None) + 1e-9)
-    return Labels(solved / solved.sum(1, keepdims=True), labels.precision)
+    solved, opinion = (
+        np.where(fixed[:, None], wanted, np.clip(each + change, 0, None) + 1e-9) for each in (x, labels.opinion)
+    )
+    return Labels(solved / solved.sum(1, keepdims=True), labels.precision, opinion / opinion.sum(1, keepdims=True))

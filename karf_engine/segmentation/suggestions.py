@@ -1,32 +1,75 @@
-"""Which views to mark next: those that show most of the surface whose labels are unsure."""
+"""Which views to mark next: those where one stroke would decide most.
+
+A stroke decides the patch of unsure surface that it is drawn in, in all views. So of each object the unsure points are
+joined to patches, each of what the labels call it or of what they do not. A patch counts in a view where it is wide
+enough to be hit with a brush, as the geometric mean of the pixels that show it in all views and in this one, times its
+mean doubt: the former is what the stroke decides, the latter how likely it is drawn there, and runs through all of it.
+"""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
+from .doubts import DOUBTED
 from .label_propagation import Labels
-from .surface_points import SurfacePoints
+from .surface_points import CELL_IN_GRAINS, SurfacePoints
 from .views import CachedViews
 
 MOST = 8
 PLACES = 4  # decimal, of a score
+WIDE = 2.0  # pixels from the middle of a patch to its border
+JOINED = 2.0  # cells, within which unsure points are of one patch
 
 
 def views_to_mark(cached: CachedViews, points: SurfacePoints, labels: Labels) -> dict[str, float]:
-    """The unmarked views that a mark would decide most in, the best first, with their scores.
+    """The unmarked views that a mark would decide most in, the best first, with their scores in [0, 1].
 
-    A view's score is the mean doubt of its pixels, in [0, 1]: 1 less the margin of the labels that a pixel's ray hits, 0
-    where it hits nothing.
+    A score is the mean over the objects of what the best patch counts, in parts of the pixels that show the object.
 
     Args:
         cached: the views and the n rays that the points were merged from.
         points: on the surface.
         labels: of the points.
     """
-    doubt = (1 - labels.margin)[points.point_of_sample].mean(1) * cached.cache.opacity.cpu().numpy()
-    views, offsets = cached.views, cached.views.offsets
-    view = np.searchsorted(offsets, cached.cache.index.cpu().numpy(), side="right") - 1
-    scores = np.bincount(view, doubt, len(views.plates)) / np.diff(offsets)
+    views, end = cached.views, points.point_of_sample[:, points.point_of_sample.shape[1] // 2]
+    pixels, scores = np.bincount(end, minlength=len(points)), np.zeros(len(views.plates))
+    for k, doubt in enumerate(labels.doubt.T, 1):
+        patch = _patches(points, np.where(doubt > DOUBTED, 1 + (labels.classes == k), 0))
+        total = np.maximum(np.bincount(patch, pixels), 1)
+        worth = (
+            np.sqrt(total) * np.bincount(patch, pixels * doubt) / total / max((pixels * labels.opinion[:, k]).sum(), 1)
+        )
+        best = [_best(picture, worth) for picture in cached.pictures(patch[end])]
+        scores += np.minimum(best, 1) / len(views.objects)
     found = {name: round(float(score), PLACES) for name, score in zip(views.names, scores, strict=True)}
     unmarked = [name for name in found if name not in views.masked_names]
     return {name: found[name] for name in sorted(unmarked, key=lambda name: -found[name])[:MOST]}
+
+
+def _patches(points: SurfacePoints, kind: np.ndarray) -> np.ndarray:
+    """Number of the patch of each point, [p], 0 where there is none. kind: [p], alike in a patch; 0 is in none."""
+    patch, chosen = np.zeros(len(kind), int), np.flatnonzero(kind)
+    if len(chosen):
+        tree = cKDTree(points.positions[chosen], balanced_tree=False, compact_nodes=False)
+        first, second = tree.query_pairs(JOINED * CELL_IN_GRAINS * points.grain, output_type="ndarray").T
+        same = kind[chosen[first]] == kind[chosen[second]]
+        tied = coo_matrix((same, (first, second)), (len(chosen), len(chosen)))
+        tied.eliminate_zeros()
+        patch[chosen] = 1 + connected_components(tied, directed=False)[1]
+    return patch
+
+
+def _best(picture: np.ndarray, worth: np.ndarray) -> float:
+    """What the best patch of a view counts. picture: [H, W] patches; worth: of each, times the root of its pixels here."""
+    numbers, counts = np.unique(picture, return_counts=True)
+    large = (numbers > 0) & (counts >= WIDE**2)
+    best = 0.0
+    for number, count in zip(numbers[large], counts[large], strict=True):
+        value = worth[number] * np.sqrt(count)
+        if value > best and distance_transform_edt(np.pad(picture == number, 1)).max() >= WIDE:
+            best = value
+    return best

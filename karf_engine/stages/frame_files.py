@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..capture.camera import Camera
 from ..capture.capture import View
 from ..edit.added import palettes_with, spread_objects
 from ..edit.compositing import write_planes
@@ -72,7 +73,7 @@ class _Files:
         frame = self.model.render(camera, self.job.settings.render.supersampling)
         if self.job.options.get("out"):
             behind = self.model.behind(camera) if self.job.options.get("alpha") else None
-            self._scene(frame, behind)
+            self._scene(camera.without_distortion(), frame, behind)
             self._frame(frame, behind)
         if self.job.options.get("planes"):
             self._planes(frame)
@@ -80,7 +81,8 @@ class _Files:
     def write_photo(self) -> None:
         if self.job.options.get("out"):
             pinhole = self.model.working_camera(self.view).without_distortion()
-            self._scene(self.model.look(pinhole), self.model.behind(pinhole) if self.job.options.get("alpha") else None)
+            behind = self.model.behind(pinhole) if self.job.options.get("alpha") else None
+            self._scene(pinhole, self.model.look(pinhole), behind)
             size = size_of(self.job.options.get("size"))
             if size == "learned":
                 self._frame(self.model.preview(self.view, self.job.settings.geometry.long_side), None)
@@ -89,11 +91,15 @@ class _Files:
         if self.job.options.get("planes"):
             self._planes(self.model.preview(self.view))
 
-    def _scene(self, frame: Frame, behind: np.ndarray | None) -> None:
-        """The scene as learned, and its depth."""
+    def _scene(self, pinhole: Camera, frame: Frame, behind: np.ndarray | None) -> None:
+        """The scene as learned, its depth, and where its objects are unsure."""
         write_png(self._path("render", ".png"), _cut_out(frame.color, frame, behind))
         if self.job.options.get("depth"):
             atomic_write(self._path("depth", ".npy"), lambda temporary: np.save(temporary, frame.depth))
+
+        if self.job.options.get("unsure"):
+            for name, plane in zip(self.model.objects, self.model.unsure(pinhole, frame), strict=True):
+                write_png(self._path(f"unsure/{name}", ".png"), plane)
 
     def _frame(self, frame: Frame, behind: np.ndarray | None) -> None:
         """Masks, recolored picture and layers of a frame; behind: what to take out of the picture."""

@@ -5,13 +5,14 @@ in their order, or a folder with <view>.json for each), first, last, count (whic
 count: at most so many), out (folder), base (photo | render, for captured views; by default the photo, with the paper's
 compositing the render, as there), size (photo | learned | pixels of the long side, for captured views with the photo as
 base), format (png8 | png16 | exr16 | exr32, of recolored pictures that are none of a photo's size), planes, layers,
-depth, alpha, jpeg (bools), overrides (texts render.field=value), skip_existing (bool: keep frames that are there
+depth, unsure, alpha, jpeg (bools), overrides (texts render.field=value), skip_existing (bool: keep frames that are there
 already, made from the same). Writes
 
     OUT/render/<view>.png            the scene as learned; with alpha without what is behind it
     OUT/masks/<object>/<view>.png    0 or 255
     OUT/recolor/<view>.png           the edited base picture; of a photo .png, .tif or .exr (with jpeg .jpg) as it came
     OUT/depth/<view>.npy             float32 along the optical axis, world units, 0 where empty
+    OUT/unsure/<object>/<view>.png   8 bits, 255 where nothing is sure that is said of the object
     OUT/layers/<view>.exr            base, coverage, weights, depth and mattes for compositors (handover.layers)
     OUT/planes/<view>.npz            edit planes; of captured views also in the project, where Blender finds them
     OUT/finished.jsonl               what each frame was made from
@@ -57,6 +58,8 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
 def _render(job: Job, model: Model, learned: str) -> None:
     """Render what is not finished. learned: `model_mark` of the model."""
     options = job.options
+    if options.get("unsure"):
+        job.project.require("segmentation")
     if options.get("edit") or options.get("planes") or options.get("layers"):
         job.project.require("recoloring")
     if not options.get("out") and not options.get("planes"):

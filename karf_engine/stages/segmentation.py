@@ -12,7 +12,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import torch
 
+from ..color import to_bytes
 from ..fields.files import load_scene
 from ..fields.protocol import Field
 from ..heads.fields import SegmentationField
@@ -24,6 +26,7 @@ from ..project.volumes import Volume, read_volumes
 from ..segmentation.coarse_masks import CoarseMask, copy_masks, find_masks
 from ..segmentation.constraints import SeenPoints
 from ..segmentation.corrections import find_corrections
+from ..segmentation.doubts import SurfaceDoubts
 from ..segmentation.field_fit import fit_to_labels, fit_to_masks
 from ..segmentation.interior import object_surface
 from ..segmentation.labels import LabelledSurface, label_surface, vote_on_surface
@@ -35,7 +38,7 @@ from ..training.unfinished import Unfinished
 from ..wire import Request
 from .job import Job, StageRun, file_digest, open_job, run_stage
 
-VERSION = 1
+VERSION = 2
 WITHIN = "F_s"  # what heeds volumes
 
 
@@ -108,10 +111,13 @@ def _fit(
 def _write(
     job: Job, run: StageRun, karf: SegmentationField, field: Field, cached: CachedViews, surface: LabelledSurface
 ) -> None:
-    """Write F_s, the objects' rays as F_s sees them, and the report."""
+    """Write F_s, the objects' rays as F_s sees them, the labels' doubts, and the report."""
     settings, objects = job.settings.segmentation, cached.views.objects
     probabilities = segment_cache(karf, field, cached.cache)
     save_segmentation(run.output(job.project.segmentation_file), karf, objects, settings)
     save_surface(run.output(job.project.surface_file), object_surface(cached, probabilities), objects, settings)
+    world = field.space.to_world(torch.from_numpy(surface.points.positions).float().to(job.runtime.device))
+    doubts = SurfaceDoubts(objects, world.float().cpu().numpy(), to_bytes(surface.labels.doubt))
+    doubts.write(run.output(job.project.doubts_file))
     report_of(cached, surface.points, surface.labels, probabilities).write(run.output(job.project.segmentation_report))
     run.summary["objects"] = objects

@@ -88,7 +88,7 @@ class Pixels:
 
 
 def split_by_cause(model: Model, truth: Truth, frames: Sequence[Frame], edit: Edit, name: str) -> dict[str, Causes]:
-    """The causes of an edit, in each of its objects and, as `all`, in all of them together.
+    """The causes of an edit, in each of its objects that test views show and, as `all`, in all of them together.
 
     Args:
         model: Learned of the capture.
@@ -100,8 +100,9 @@ def split_by_cause(model: Model, truth: Truth, frames: Sequence[Frame], edit: Ed
     pictures = [model.composite(frame, edit) for frame in frames]
     found = {}
     for palette in model.palettes:
-        if palette.name in truth.edits[name]["objects"]:
-            pixels = _pixels(truth.masks("test")[palette.name], frames, pictures, truth.recolored(name))
+        masks = truth.masks("test")[palette.name]
+        if palette.name in truth.edits[name]["objects"] and np.any(masks):
+            pixels = _pixels(masks, frames, pictures, truth.recolored(name))
             edited, added = edit.colors[palette.name], edit.added.get(palette.name, ())
             found[palette.name] = pixels.view, _steps(pixels, palette.colors, edited, added)
     found["all"] = tuple(np.concatenate(parts, axis=-1) for parts in zip(*found.values(), strict=True))

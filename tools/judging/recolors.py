@@ -1,6 +1,6 @@
 """Projects with true recolors: their scores and contact sheet.
 
-The judged frames are OUT/frames/<edit>/recolor/<view>.png.
+The judged frames are FRAMES/<edit>/recolor/<view>.png.
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ def score_scene(test: TestViews, truth: Truth) -> dict:
     return score_renders(test) | {"psnr_object": palettes.psnr_object, "identity_max_abs": identity}
 
 
-def score_edits(truth: Truth, test: TestViews, out: Path) -> dict:
+def score_edits(truth: Truth, test: TestViews, frames: Path) -> dict:
     """Our frames against the true recolors, beside no edit and hue shifts."""
     scores = {}
     photos = [frame.base.astype(np.float64) for frame in test.frames]
     for name, edit in truth.edits.items():
-        recolored = [recolored_frame(out, name, plate) for plate in test.plates]
+        recolored = [recolored_frame(frames, name, plate) for plate in test.plates]
         masks = [{o: labels == truth.names[o] for o in edit["objects"]} for labels in truth.labels("test")]
         pairs = {o: truth.color_pair(name, o) for o in edit["objects"]}
         scores[name] = asdict(score_edit(photos, recolored, truth.recolored(name), masks, pairs))
@@ -62,18 +62,18 @@ def score_edits(truth: Truth, test: TestViews, out: Path) -> dict:
     return {"ciede2000": scores | {"mean": mean}, "mse_outside": mean["mse_outside"]}
 
 
-def recolored_frame(out: Path, edit: str, plate: Plate) -> np.ndarray:
+def recolored_frame(frames: Path, edit: str, plate: Plate) -> np.ndarray:
     """The judged frame of a test view."""
-    return iio.imread(out / "frames" / edit / "recolor" / f"{plate.view.name}.png")[..., :3] / 255
+    return iio.imread(frames / edit / "recolor" / f"{plate.view.name}.png")[..., :3] / 255
 
 
-def worst_row(out: Path, test: TestViews, truth: Truth) -> list[np.ndarray]:
+def worst_row(frames: Path, test: TestViews, truth: Truth) -> list[np.ndarray]:
     """The edit and test view that are farthest from the truth: photo, learned render, mask errors, ours and the truth."""
     farthest = -1.0
     for name in truth.edits:
         pictures = zip(test.plates, truth.recolored(name), truth.inside(name), strict=True)
         for number, (plate, recolored, inside) in enumerate(pictures):
-            ours = recolored_frame(out, name, plate)
+            ours = recolored_frame(frames, name, plate)
             distance = mean_ciede2000(ours, recolored, inside) if inside.sum() >= MIN_PIXELS else -1.0
             if distance > farthest:
                 farthest, row = distance, (number, name, ours, recolored)
@@ -84,13 +84,13 @@ def worst_row(out: Path, test: TestViews, truth: Truth) -> list[np.ndarray]:
     return [frame.base, frame.color, difference(frame.base, masks, true_masks), ours, recolored]
 
 
-def contact_sheet(out: Path, test: TestViews, truth: Truth) -> None:
+def contact_sheet(frames: Path, out: Path, test: TestViews, truth: Truth) -> None:
     """Columns: photo, learned render, masks over the photo, then each edit and its truth."""
     rows = []
     for number in sheet_numbers(len(test.frames)):
         plate, frame = test.plates[number], test.frames[number]
         row = [frame.base, frame.color, tinted(frame.base, frame.masks)]
         for name in truth.edits:
-            row += [recolored_frame(out, name, plate), truth.recolored(name)[number]]
+            row += [recolored_frame(frames, name, plate), truth.recolored(name)[number]]
         rows.append(row)
-    write_sheet(out / "contact_sheet.png", rows)
+    write_sheet(out, rows)

@@ -60,10 +60,8 @@ class Truth:
 
         Of the pixels in the object's coarse mask whose paint really changes. [3] each, sRGB.
         """
-        before, after = self.reference(edit)
-        mask = self.coarse_mask(edit, object_name)
-        changed = mask & (np.abs(after - before).max(-1) > CHANGED)
-        return np.median(before[changed], 0), np.median(after[changed], 0)
+        before, after = self._changed(edit, object_name)
+        return np.median(before, 0), np.median(after, 0)
 
     def paint_pairs(self, edit: str, object_name: str) -> list[tuple[np.ndarray, np.ndarray]]:
         """A color pair for each of an object's paints, as one reads them who clicks on each paint; at most two.
@@ -71,15 +69,21 @@ class Truth:
         As `color_pair`, of each paint in that half of its pixels that changes most: there it fills the pixel and is lit.
         In linear light all pixels of a paint change in one direction, so two directions are two paints.
         """
-        before, after = self.reference(edit)
-        changed = self.coarse_mask(edit, object_name) & (np.abs(after - before).max(-1) > CHANGED)
-        before, after = before[changed], after[changed]
+        before, after = self._changed(edit, object_name)
         strength, paint = np.abs(after - before).max(-1), _paints(srgb_to_linear(after) - srgb_to_linear(before))
         pairs = []
         for number in np.argsort(-np.bincount(paint)):
             most = (paint == number) & (strength >= np.median(strength[paint == number]))
             pairs.append((np.median(before[most], 0), np.median(after[most], 0)))
         return pairs
+
+    def _changed(self, edit: str, object_name: str) -> tuple[np.ndarray, np.ndarray]:
+        """The reference photo and its recolor, [n, 3], where an object's rough mask changes; where none does, in all of it."""
+        before, after = self.reference(edit)
+        mask = self.coarse_mask(edit, object_name)
+        changed = mask & (np.abs(after - before).max(-1) > CHANGED)
+        where = changed if changed.any() else mask
+        return before[where], after[where]
 
     def reference(self, edit: str) -> tuple[np.ndarray, np.ndarray]:
         """The one training photo whose true recolor is known, and that recolor."""
@@ -109,7 +113,7 @@ class Truth:
 
 def _paints(changes: np.ndarray) -> np.ndarray:
     """Which of one or two paints each of n changes [n, 3] in linear light is of, int [n]: 2-means of their directions."""
-    directions = changes / np.linalg.norm(changes, axis=1, keepdims=True)
+    directions = changes / np.maximum(np.linalg.norm(changes, axis=1, keepdims=True), 1e-9)
     first = directions[(directions @ directions.mean(0)).argmin()]
     middles = np.stack([first, directions[(directions @ first).argmin()]])
     for _ in range(ROUNDS):

@@ -183,6 +183,17 @@ def test_wrong_words_for_views_objects_and_colors_are_named(learned, tmp_path, c
     assert "'red' is no color" in fails(capsys, 4, "match", learned.project, "--object", "ball", *colors, *out)[0]
 
 
+def test_what_an_edit_cannot_reach_is_told_with_the_reason(learned, tmp_path, capsys):
+    def told(source, target):
+        pair = "--object", "ball", "--from", source, "--to", target, "--out", tmp_path / "edit.json"
+        assert main(["match", str(learned.project), *map(str, pair)]) == 0
+        return "".join(capsys.readouterr())
+
+    assert "is of the paint that becomes another" in told("#d92619", "#1f5fbf")
+    assert "warning" not in told("#d92619", "#1f5fbf")
+    assert "shows no color like #00ff00" in told("#00ff00", "#1f5fbf")
+
+
 def test_a_damaged_checkpoint_is_named(learned, tmp_path, capsys):
     project = shutil.copytree(learned.project, tmp_path / "project")
     path = project / "geometry.safetensors"

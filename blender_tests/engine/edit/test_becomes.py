@@ -12,11 +12,11 @@ from karf_engine.edit.becomes import (
     match_becomes,
     match_fewest,
     nearest_weights,
-    reflection_target,
 )
 from karf_engine.edit.compositing import delta_composite
 from karf_engine.edit.fitting import match_pixels
 from karf_engine.edit.least_squares import bounded_least_squares
+from karf_engine.edit.paints import reflection_target
 from karf_engine.errors import BadRequest
 from karf_engine.metrics.images import hue_shift, mean_ciede2000
 

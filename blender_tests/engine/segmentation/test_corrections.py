@@ -90,7 +90,7 @@ def wall():
     points = SurfacePoints(positions, lab, np.zeros((0, 3), int), 1.0)
     graph = neighbor_graph(positions, lab, np.tile([0.0, 0.0, 1.0], (len(grid), 1)), 1.0)
     found = np.where((positions[:, 0] < 40)[:, None], [0.1, 0.9], [0.9, 0.1])
-    return points, graph, Labels(found, np.ones(1)), red
+    return points, graph, Labels(found, np.ones(1), found), red
 
 
 def constraints(points, fixed, *target):
@@ -128,5 +128,5 @@ def test_not_this_object_leaves_it_to_the_labels_which_other_it_is(wall):
     points, graph, _, _ = wall
     found = np.tile([0.1, 0.6, 0.3], (len(points), 1))
     stroke = np.linalg.norm(points.positions[:, :2] - [15, 10], axis=1) < 3
-    corrected = spread(Labels(found, np.ones(2)), graph, constraints(points, stroke, 0.5, 0, 0.5))
+    corrected = spread(Labels(found, np.ones(2), found), graph, constraints(points, stroke, 0.5, 0, 0.5))
     assert (corrected.classes[stroke] == 2).all()

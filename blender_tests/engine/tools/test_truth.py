@@ -58,3 +58,10 @@ def test_each_paint_has_a_pair_and_the_most_frequent_one_comes_first(tmp_path):
 def test_light_and_shade_of_one_paint_are_one_pair(tmp_path):
     truth = write_repaint(tmp_path, lit(RED, RED), lit(BLUE, BLUE))
     assert len(truth.paint_pairs("new", "pot")) == 1
+
+
+def test_a_mask_beside_what_changes_still_has_a_pair(tmp_path):
+    truth = write_repaint(tmp_path, lit(RED), lit(RED))
+    ((before, after),) = truth.paint_pairs("new", "pot")
+    np.testing.assert_array_equal(before, after)
+    assert np.isfinite(truth.color_pair("new", "pot")).all()

@@ -1,0 +1,96 @@
+"""How unsure each object's labels are, where, and why: what is not yet said, and what masks and colors say differently."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..errors import DataError
+from ..files import atomic_write
+from ..npz import read_arrays
+from .label_propagation import Labels
+from .surface_points import SurfacePoints
+from .views import CachedViews
+
+DOUBTED = 0.3  # doubt above which a point is unsure: a third is one of three opinions
+AGAIN = "Run the segmentation stage again."
+
+
+@dataclass(frozen=True)
+class Unsure:
+    """How unsure an object is.
+
+    Attributes:
+        share: unsure points, in [0, 1] of these and the object's.
+        unseen: of them the share that no marked view shows, in [0, 1].
+    """
+
+    share: float
+    unseen: float
+
+    def sentence(self, name: str) -> str:
+        """What to tell of the object."""
+        if self.unseen > 0.5:
+            return f"{self.share:.0%} of {name!r} is unsure, most of it where no marked photo shows it."
+        return f"{self.share:.0%} of {name!r} is unsure, most of it where masks and colors contradict each other."
+
+
+def unsure_objects(cached: CachedViews, points: SurfacePoints, labels: Labels) -> dict[str, Unsure]:
+    """How unsure each object is, by name.
+
+    Args:
+        cached: views, masks, and the n rays that the points were merged from.
+        points: on the surface.
+        labels: of the points.
+    """
+    views = cached.views
+    has_masks = np.repeat([bool(masks) for masks in views.masks], np.diff(views.offsets))
+    from_masked = points.point_of_sample[has_masks[cached.cache.index.cpu().numpy()]]
+    is_seen = np.bincount(from_masked.ravel(), minlength=len(points)) > 0
+    found = {}
+    for k, name in enumerate(views.objects, 1):
+        unsure = labels.doubt[:, k - 1] > DOUBTED
+        count, whole = unsure.sum(), (unsure | (labels.classes == k)).sum()
+        shares = count / max(whole, 1), (unsure & ~is_seen).sum() / max(count, 1)
+        found[name] = Unsure(*(round(float(share), 4) for share in shares))
+    return found
+
+
+@dataclass(frozen=True)
+class SurfaceDoubts:
+    """The doubt of p surface points.
+
+    Attributes:
+        objects: names of the K objects.
+        positions: [p, 3] float32, of the capture's world.
+        doubts: [p, K] uint8, 255 where nothing is sure; see `Labels.doubt`.
+    """
+
+    objects: Sequence[str]
+    positions: np.ndarray
+    doubts: np.ndarray
+
+    def at(self, positions: np.ndarray) -> np.ndarray:
+        """Doubt of the nearest points, [n, K] in [0, 1]. positions: [n, 3] of the capture's world."""
+        tree = cKDTree(self.positions, balanced_tree=False, compact_nodes=False)
+        return self.doubts[tree.query(positions)[1]] / np.float32(255)
+
+    def write(self, path: Path) -> None:
+        """Write them, atomically."""
+        arrays = {"objects": np.array(self.objects, np.str_), "positions": self.positions, "doubts": self.doubts}
+        atomic_write(path, lambda temporary: np.savez_compressed(temporary, **arrays))
+
+    @classmethod
+    def read(cls, path: Path) -> SurfaceDoubts:
+        """Read them. Raises DataError where the file is missing, damaged, or holds other values than `write` writes."""
+        objects, positions, doubts = read_arrays(path, ["objects", "positions", "doubts"], "doubts", AGAIN)
+        fits = positions.ndim == 2 and positions.shape[1] == 3 and doubts.shape == (len(positions), len(objects))
+        if not (fits and len(positions) and positions.dtype == np.float32 and np.isfinite(positions).all()):
+            raise DataError(f"{path} has points {positions.shape} and doubts {doubts.shape}.", AGAIN)
+        if objects.dtype.kind != "U" or doubts.dtype != np.uint8:
+            raise DataError(f"{path} has doubts of {doubts.dtype} of objects of {objects.dtype}.", AGAIN)
+        return cls(objects.tolist(), positions, doubts)
