@@ -32,7 +32,7 @@ DENSITY_BIAS = -4.5  # fog that is thick enough to be seen at once: everything i
 LATE_POINTS = 0.25  # of their weight in the last level, where photos know better than points by some tenths of a pixel
 TV_VERTICES = 30_000
 SKY_PIXELS, FEWEST_SKY_PIXELS = 200_000, 200  # of all photos that are looked at; above the horizon
-SKY_LIKENESS = 0.08  # median difference of photos above the horizon from a function of direction, in a channel
+AGREEING, SKY_LIKENESS = 0.8, 0.11  # share of what photos show above the horizon; its difference from a sky, a channel
 MIST = 5e-2  # weight of opacity before a sky that shows the photo's color by itself
 ALIKE = 0.2  # standard deviation of a photo's color from the sky that it shows: clouds move
 
@@ -144,7 +144,7 @@ def fit_sky(bank: PixelBank, horizon: Horizon, runtime: Runtime) -> Background |
     sky = Background().to(runtime.device)
     # absolute differences: things before the sky are strays
     gaps = _learn_directions(sky, bank, index, torch.abs, runtime)
-    return sky if float(gaps.median()) < SKY_LIKENESS else None
+    return sky if float(gaps.quantile(AGREEING)) < SKY_LIKENESS else None
 
 
 def _learn_directions(
