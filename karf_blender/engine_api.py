@@ -20,9 +20,9 @@ from ..karf_engine.capture.transforms_json import camera_to_json
 from ..karf_engine.capture.undistortion import undistorted
 from ..karf_engine.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from ..karf_engine.edit.added import palettes_with, solve_set, spread, spread_objects
-from ..karf_engine.edit.becomes import match_becomes, match_fewest, mean_weights, nearest_weights
+from ..karf_engine.edit.becomes import match_becomes, match_fewest, mean_weights, nearest_weights, with_held
 from ..karf_engine.edit.color_text import color_to_text, colors_of_text
-from ..karf_engine.edit.colorways import reached_color
+from ..karf_engine.edit.colorways import reached_by, reached_color
 from ..karf_engine.edit.colorways import shown as shown_colors
 from ..karf_engine.edit.compositing import Planes, read_planes, stack_palettes
 from ..karf_engine.edit.edit_files import write_edit
@@ -136,6 +136,7 @@ __all__ = [
     "palettes_with",
     "photo_plus_change",
     "plan_colorways",
+    "reached_by",
     "reached_color",
     "read_edit_file",
     "read_json",
@@ -160,6 +161,7 @@ __all__ = [
     "summarize",
     "undistorted",
     "undistorted_near",
+    "with_held",
     "write_cameras",
     "write_edit",
     "write_edit_file",

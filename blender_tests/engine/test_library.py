@@ -77,6 +77,13 @@ def test_an_edit_changes_its_object_and_nothing_else(model):
     np.testing.assert_array_equal(after[far], before[far])
 
 
+def test_a_pair_that_changes_nothing_holds_its_paint(model):
+    pairs = ("#d92619", "#1f5fbf"), ("#d92619", "#d92619")
+    alone, held = model.edit().becomes("ball", *pairs[0]), model.edit().becomes("ball", *pairs[0], also=pairs[1:])
+    change = [np.abs(edit.colors["ball"] - model.edit().colors["ball"]).max() for edit in (alone, held)]
+    assert 0 < change[1] < 0.7 * change[0]
+
+
 def test_an_edit_is_saved_and_read_back(model, tmp_path):
     edit = model.edit().swatch("block", 1, "#2060a0").swatch("ball", 1, (0.1, 1.5, 0.2))
     edit.save(tmp_path / "edit.json")
@@ -98,6 +105,10 @@ def test_an_edit_is_a_value(model):
     [
         (lambda edit: edit.becomes("cup", "#000000", "#ffffff"), "no object 'cup'"),
         (lambda edit: edit.becomes("ball", "#d92619", "#1f5fbf", rule="most"), "Unknown rule 'most'"),
+        (
+            lambda edit: edit.becomes("ball", "#d92619", "#1f5fbf", "fewest", also=[("#ffffff", "#000000")]),
+            "takes one pair",
+        ),
         (lambda edit: edit.swatch("ball", 0, "#ffffff"), "no swatch 0"),
         (lambda edit: edit.swatch("ball", 99, "#ffffff"), "no swatch 99"),
         (lambda edit: edit.swatch("ball", 1, "blue"), "'blue' is no color"),

@@ -93,6 +93,7 @@ class KARF_PG_object(bpy.types.PropertyGroup):
         update=_source_picked,
     )
     target: srgb("Target", 0.5, description="The color that the source shall become", update=_target_changed)
+    held: StringProperty(name="Held", description="Colors that its paints were given before, which Becomes keeps")
     rule: EnumProperty(name="Rule", items=RULE_ITEMS, update=_target_changed)
     live: BoolProperty(name="Live", description="Follow the target color while it is dragged", update=_target_changed)
     show_becomes: BoolProperty(

@@ -44,7 +44,7 @@ class _ObjectEdits:
     @classmethod
     def of(cls, item: bpy.types.PropertyGroup) -> "_ObjectEdits":
         own = {name: tuple(getattr(item, name)) for name in ("source", "target")}
-        own |= {name: getattr(item, name) for name in ("rule", "show_becomes")}
+        own |= {name: getattr(item, name) for name in ("rule", "show_becomes", "held")}
         flags = zip(*((swatch.locked, swatch.link, swatch.merged) for swatch in item.swatches), strict=True)
         return cls(pigments.added(item), colors.learned(item), colors.edited(item), *flags, own)
 

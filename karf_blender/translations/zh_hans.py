@@ -571,6 +571,8 @@ TEXTS = {
     "A color of the object in the picture as it is, edited or not; pick it there (E)": "物体在当前画面中的颜色，编辑与否均可；在那里拾取 (E)",
     "The color when the source was picked": "拾取源颜色时的颜色",
     "The color that Becomes gave it last": "“变为”上次赋予它的颜色",
+    "Held": "保持",
+    "Colors that its paints were given before, which Becomes keeps": "其涂料此前被赋予的颜色，“变为”会予以保持",
     "Live": "实时",
     "Follow the target color while it is dragged": "拖动目标颜色时随之变化",
     "No tool changes this swatch": "任何工具都不改动此色板",

@@ -93,6 +93,8 @@ def _add_editing(commands: Commands) -> None:
     verb.add_argument("--object", help="which object")
     verb.add_argument("--from", dest="source", metavar="COLOR", help="a color it shows, #rrggbb")
     verb.add_argument("--to", dest="target", metavar="COLOR", help="the color it shall become, #rrggbb")
+    verb.add_argument("--also", nargs=2, action="append", default=[], metavar=("FROM", "TO"), help="another paint of "
+                      "the object and what it becomes; all pairs are solved together (may be repeated)")  # fmt: skip
     verb.add_argument("--rule", default="becomes", choices=("becomes", "fewest", "added"), help="becomes: the whole "
                       "material; fewest: as few swatches as possible; added: this pigment alone, by a color that is "
                       "added to the swatches (default: %(default)s)")  # fmt: skip

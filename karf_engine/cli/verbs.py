@@ -100,7 +100,7 @@ def find_poses(options: argparse.Namespace) -> int:
 
 def match(options: argparse.Namespace) -> int:
     """An edit."""
-    names = ("object", "source", "target", "rule", "view", "picture", "edit", "out", "device", "threads")
+    names = ("object", "source", "target", "also", "rule", "view", "picture", "edit", "out", "device", "threads")
     values = {name: getattr(options, name) for name in names}
     run_request(Request("match", Path(options.project), values), TerminalEmit(), lambda: False)
     return 0

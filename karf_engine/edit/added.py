@@ -16,8 +16,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from .becomes import match_pigment, pigment_gate
+from .becomes import match_pigment
 from .object_colors import ColorHistogram
+from .paints import pigment_gate
 from .palette import AddedColor, Palette
 
 

@@ -8,86 +8,43 @@ the palette whose change moves colors to their targets (`fitting`).
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ..color import lab_chroma, lab_hue, linear_to_srgb, srgb_to_lab, srgb_to_linear
-from ..errors import BadRequest
+from ..color import srgb_to_lab
 from .fitting import match_pixels, moved, room
+from .paints import angles, pigment_gate, reflection_target, repainted
 
-HUE_GATE = 0.65  # radians of Lab hue at which a color counts as another pigment
-GREY_CHROMA, CHROMA_GATE = 6.0, 25.0  # Lab chroma below which a source has no hue; and the gate that then stands in
+OTHER = 0.17  # radians in linear light from which on colors are of different paints
 NEAR = 5.0  # Lab distance within which a color looks like another one of the same paint
 EMPHASIS = 10.0  # how many times the whole object the picked color counts: it is what the artist looks at
 
 
-def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """What each color becomes when the paint that looks like `source` is changed to look like `target`.
-
-    Linear light c = a r + s (1, 1, 1) + rest with the source r; shading a and gloss s are not negative, found by least
-    squares. The paint's part follows: c + gate a (t - r); gate = exp(-(dh / 0.65)^4) of the Lab hue difference dh to
-    the source leaves other pigments alone. A grey source has no hue: there the chroma difference gates. This is the
-    dichromatic model of Shafer (1985), "Using color to separate reflection components", with one light.
+def with_held(
+    colors: np.ndarray, source: np.ndarray, target: np.ndarray, held: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sources and targets [P, 3] of one paint that changes, and of those that stay, as they were given their color before.
 
     Args:
-        colors: sRGB [n, 3] in [0, 1].
-        source: sRGB [3] in [0, 1], what an eyedropper shows before.
-        target: sRGB [3] in [0, 1], what it is to show after.
-
-    Returns:
-        sRGB [n, 3] float64 in [0, 1].
-
-    Raises:
-        BadRequest: The source is black, and so the shading is unknown.
+        colors: What the object shows now, sRGB [n, 3].
+        source: sRGB [3].
+        target: sRGB [3].
+        held: Colors that stay, sRGB [3] each. One that the object does not show, or of the source's own paint, is no
+            paint to hold.
 
     Examples:
-        The source becomes the target, a green beside it stays:
+        A teal is held, a darker red is of the paint that changes:
 
-        >>> red, blue, green = np.array([0.7, 0.1, 0.1]), np.array([0.1, 0.2, 0.7]), np.array([0.1, 0.6, 0.2])
-        >>> reflection_target(np.stack([red, green]), red, blue).round(3).tolist()
-        [[0.1, 0.2, 0.7], [0.1, 0.6, 0.2]]
+        >>> red, blue, teal = np.array([0.8, 0.1, 0.1]), np.array([0.1, 0.2, 0.7]), np.array([0.1, 0.6, 0.6])
+        >>> colors = np.stack([red, red / 2, teal])
+        >>> with_held(colors, red, blue, [teal, red / 2, blue])[0].tolist()
+        [[0.8, 0.1, 0.1], [0.1, 0.6, 0.6]]
     """
-    return _repainted(colors, source, target, pigment_gate(colors, source))
-
-
-def _repainted(colors: np.ndarray, source: np.ndarray, target: np.ndarray, gate: np.ndarray | float) -> np.ndarray:
-    """`reflection_target` with any gate, [n] or one for all."""
-    light, r, t = srgb_to_linear(colors), srgb_to_linear(np.asarray(source, np.float64)), srgb_to_linear(target)
-    if r @ r < 1e-6:
-        raise BadRequest("The source color is black, so its shading cannot be told.", "Pick a lit spot of the object.")
-    return np.clip(linear_to_srgb(light + (gate * _shading(light, r))[:, None] * (t - r)), 0, 1)
-
-
-def _shading(light: np.ndarray, r: np.ndarray) -> np.ndarray:
-    """The factor a >= 0 [n] of light = a r + s (1, 1, 1) + rest, s >= 0, by least squares."""
-    rr, r1, cr, c1 = r @ r, r.sum(), light @ r, light.sum(axis=1)
-    paint_only = np.maximum(cr / rr, 0)
-    determinant = 3 * rr - r1 * r1
-    if determinant < 1e-3 * rr:  # gloss and paint are both grey, and cannot be separated
-        return paint_only
-    paint, gloss = (3 * cr - r1 * c1) / determinant, (rr * c1 - r1 * cr) / determinant
-    return np.where(gloss < 0, paint_only, np.maximum(paint, 0))
-
-
-def pigment_gate(colors: np.ndarray, source: np.ndarray, reach: float = 1.0) -> np.ndarray:
-    """1 for colors of the source's pigment, 0 for others, [n]; in the light and in the shade alike.
-
-    Args:
-        colors: sRGB [n, 3] in [0, 1].
-        source: sRGB [3] in [0, 1].
-        reach: How far in hue, or in chroma of a grey source, other colors still count; 1 is that of *Becomes*.
-
-    Examples:
-        >>> reds, green = np.array([[0.7, 0.1, 0.1], [0.3, 0.03, 0.03]]), np.array([[0.1, 0.6, 0.2]])
-        >>> pigment_gate(np.vstack([reds, green]), reds[0]).round(2).tolist()
-        [1.0, 1.0, 0.0]
-    """
-    lab, source = srgb_to_lab(colors), srgb_to_lab(np.asarray(source, np.float64))
-    if lab_chroma(source) < GREY_CHROMA:
-        return np.exp(-(((lab_chroma(lab) - lab_chroma(source)) / (reach * CHROMA_GATE)) ** 4))
-    turn = (lab_hue(lab) - lab_hue(source) + np.pi) % (2 * np.pi) - np.pi
-    return np.exp(-((turn / (reach * HUE_GATE)) ** 4))
+    kept = [
+        each for each in held if near(colors, each, or_nearest=False).any() and angles(source[None], each)[0] > OTHER
+    ]
+    return np.stack([source, *kept]), np.stack([target, *kept])
 
 
 def match_becomes(
@@ -108,8 +65,8 @@ def match_becomes(
         counts: How often each color occurs, [n], >= 0.
         palette_weights: Of each color, [n, M].
         palette: With which the object has these colors, sRGB [M, 3] in [0, BRIGHTEST].
-        source: sRGB [3] in [0, 1], a color of the object now.
-        target: sRGB [3] in [0, 1], what it is to become.
+        source: sRGB [3] in [0, 1], a color of the object now; of several paints [P, 3].
+        target: sRGB [3] in [0, 1], what it is to become; of several paints [P, 3].
         locked: Entries that stay as they are.
 
     Returns:
@@ -153,7 +110,7 @@ def match_pigment(
         [-0.5  0.1  0.6]
     """
     counts = counts * pigment_gate(colors, source, reach)
-    targets = _repainted(colors, source, target, 1.0)
+    targets = repainted(colors, source, target, np.ones((1, 1)))
     return _matched(colors, counts, palette_weights, palette, source, target, targets, ())
 
 
@@ -167,11 +124,12 @@ def _matched(
     targets: np.ndarray,
     locked: Iterable[int],
 ) -> np.ndarray:
-    """The palette [M, 3] that moves colors to their targets, and above all the source to its own."""
-    own = mean_weights(colors, counts, palette_weights, source)
-    palette_weights, colors = np.vstack([palette_weights, own]), np.vstack([colors, source])
-    targets = np.vstack([targets, target])
-    counts = np.append(counts, EMPHASIS * max(np.sum(counts), 1e-9))  # an object may show nothing like the source
+    """The palette [M, 3] that moves colors to their targets, and above all the sources to their own."""
+    sources = np.atleast_2d(source)
+    own = [mean_weights(colors, counts, palette_weights, each) for each in sources]
+    emphasis = EMPHASIS * max(np.sum(counts), 1e-9) / len(sources)  # an object may show nothing like the source
+    palette_weights, colors = np.vstack([palette_weights, *own]), np.vstack([colors, sources])
+    targets, counts = np.vstack([targets, target]), np.append(counts, [emphasis] * len(sources))
     return match_pixels(palette_weights, colors, targets, palette, counts, locked)
 
 

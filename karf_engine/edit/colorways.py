@@ -84,7 +84,7 @@ def predict(wish: Wish, palette: Palette, seen: ColorHistogram, locked: Iterable
         >>> for color in ([0.05, 0.1, 0.3], [0.6, 0.7, 1.0]):
         ...     result = predict(Wish("pot", srgb_to_lab(np.array(color)), None, "sheet.csv, line 2"), pot, seen)
         ...     print(rgb_to_hex(result.reached), round(result.ciede2000), result.reason[:54] or "reached")
-        #0e194b 0 reached
+        #0d194c 0 reached
         #666666 35 80 % of its color #330505 are the palette's black: too
     """
     source = dominant_color(seen) if wish.source is None else np.asarray(wish.source, np.float64)
@@ -95,11 +95,41 @@ def predict(wish: Wish, palette: Palette, seen: ColorHistogram, locked: Iterable
         colors, reason = palette.colors, error.sentence.rstrip(".")
     else:
         reason = ""
-    reached = reached_color(seen.colors, shown(seen, palette, colors), source, seen.counts)
-    difference = float(ciede2000(srgb_to_lab(reached), wish.lab))
-    if difference > TOLERANCE:
-        reason = reason or _reason(wish, palette, seen, source, locked)
-    return Prediction(wish, source, colors, reached, difference, reason)
+    reached, difference, why = reached_by(colors, palette, seen, source, wish.lab, locked)
+    return Prediction(wish, source, colors, reached, difference, reason if reason and why else why)
+
+
+def reached_by(
+    edited: np.ndarray,
+    palette: Palette,
+    seen: ColorHistogram,
+    source: np.ndarray,
+    wanted: np.ndarray,
+    locked: Iterable[int] = (),
+) -> tuple[np.ndarray, float, str]:
+    """What a color becomes by an edit.
+
+    Args:
+        edited: The edited palette [M, 3].
+        palette: As learned.
+        seen: The object's colors.
+        source: The color, sRGB [3].
+        wanted: What it was to become, Lab [3].
+        locked: Swatches that stay as they are.
+
+    Returns:
+        The color reached, sRGB [3]; its CIEDE2000 to the wanted one; and the reason where that is over 2, else nothing.
+
+    Examples:
+        >>> seen = ColorHistogram(np.array([[0.5, 0.5, 0.5]]), np.array([1]), np.array([[0.5, 0.5]]))
+        >>> grey, darker = np.array([[0.0, 0, 0], [1, 1, 1]]), np.array([[0.0, 0, 0], [0.5, 0.5, 0.5]])
+        >>> color, left, _ = reached_by(darker, Palette("pot", grey), seen, seen.colors[0], np.array([27.1, 0, 0]))
+        >>> rgb_to_hex(color), round(left)
+        ('#404040', 0)
+    """
+    reached = reached_color(seen.colors, shown(seen, palette, edited), source, seen.counts)
+    left = float(ciede2000(srgb_to_lab(reached), wanted))
+    return reached, left, _reason(wanted, palette, seen, source, locked) if left > TOLERANCE else ""
 
 
 def shown(seen: ColorHistogram, palette: Palette, edited: np.ndarray) -> np.ndarray:
@@ -142,9 +172,9 @@ def reached_color(
     return np.clip(source + np.take_along_axis(np.take_along_axis(change, order, 0), middle[None], 0)[0], 0, 1)
 
 
-def _reason(wish: Wish, palette: Palette, seen: ColorHistogram, source: np.ndarray, locked: Iterable[int]) -> str:
-    """Why the edit does not reach the wish: the first cause that holds."""
-    wanted, color = lab_to_srgb(wish.lab), rgb_to_hex(source)
+def _reason(lab: np.ndarray, palette: Palette, seen: ColorHistogram, source: np.ndarray, locked: Iterable[int]) -> str:
+    """Why an edit does not reach a color: the first cause that holds."""
+    wanted, color = lab_to_srgb(lab), rgb_to_hex(source)
     distance = ciede2000(srgb_to_lab(seen.colors), srgb_to_lab(source)).min()
     if distance > FOREIGN:
         return f"the object shows no color like {color}; the nearest differs by CIEDE2000 {distance:.0f}"

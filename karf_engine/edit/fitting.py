@@ -14,7 +14,7 @@ from .least_squares import bounded_least_squares
 from .palette import BRIGHTEST
 
 STILL = 1e-4  # a move of a swatch under this, 1/40 of a step of 8 bits, is rounding
-RIDGE = 1e-3  # per unit of counts: what keeps swatches still that hardly any pixel uses
+RIDGE = 3e-4  # per unit of counts: what keeps swatches still that hardly any pixel uses
 
 
 def match_pixels(

@@ -13,7 +13,7 @@ import numpy as np
 from ..color import ciede2000, srgb_to_lab
 from ..errors import BadRequest
 from .compositing import hard_masks
-from .fitting import RIDGE, moved, room
+from .fitting import moved, room
 from .least_squares import bounded_least_squares
 from .palette import BRIGHTEST, Palette
 
@@ -22,6 +22,7 @@ ENOUGH = 0.002  # the share of an object's pixels that must be painted to speak 
 UNPAINTED = 0.1  # what all unpainted pixels of an object count together, of what the painted ones do
 OUTLIER = 0.1  # distance in sRGB to what swatches can reach at which a pixel counts a quarter
 SPILL = 0.4  # how strongly an object must be painted, of the strongest, where a fit to parts of it worsens the whole
+RIDGE = 1e-3  # per unit of counts: what keeps swatches still that hardly any pixel uses
 ROUNDS = 10  # of reweighting; later ones move no color by a step of 8 bits
 MOST_PIXELS = 20_000  # of an object that are looked at, evenly over it: more of them tell nothing new
 

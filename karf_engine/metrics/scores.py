@@ -96,12 +96,13 @@ class RecolorScore:
 def score_recolor(
     recolored: list[np.ndarray], truths: list[np.ndarray], photos: list[np.ndarray], insides: list[np.ndarray]
 ) -> RecolorScore:
-    """Judge recolored views; insides: true masks of all edited objects together."""
+    """Judge recolored views; insides: true masks of all edited objects together. Views without any have no CIEDE2000."""
     rows = [
         [mean_ciede2000(ours, truth, inside), psnr(ours, truth), mse_outside(ours, photo, inside)]
         for ours, truth, photo, inside in zip(recolored, truths, photos, insides, strict=True)
     ]
-    return RecolorScore(*np.mean(rows, 0).tolist())
+    distances, *others = np.array(rows).T
+    return RecolorScore(float(np.nanmean(distances)), *np.mean(others, 1).tolist())
 
 
 def hue_shifted(

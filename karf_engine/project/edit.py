@@ -47,7 +47,14 @@ class ProjectEdit(Edit):
     project: Project = field(kw_only=True, repr=False, compare=False)
     palettes: tuple[Palette, ...] = field(kw_only=True, repr=False, compare=False)
 
-    def becomes(self, name: str, source: Color, target: Color, rule: str = "becomes") -> ProjectEdit:
+    def becomes(
+        self,
+        name: str,
+        source: Color,
+        target: Color,
+        rule: str = "becomes",
+        also: Sequence[tuple[Color, Color]] = (),
+    ) -> ProjectEdit:
         """Let one color that an object shows become another.
 
         Args:
@@ -55,12 +62,16 @@ class ProjectEdit(Edit):
             source: a color that it shows.
             target: the color that this one shall become.
             rule: `becomes` carries the whole material along; `fewest` changes as few swatches as possible.
+            also: of a thing of several paints further pairs of source and target, which `becomes` solves together with
+                the first: one after the other would take what a paint has become for another paint.
 
         Raises:
-            BadRequest: there is no such object or rule.
+            BadRequest: there is no such object or rule, or a rule was given pairs that it cannot solve together.
             DataError: a color is none, or the project's histogram of the object's colors is damaged.
         """
-        colors = solve(self.project, self._palette(name), as_color(source), as_color(target), rule)
+        sources, targets = zip((source, target), *also, strict=True)
+        pairs = (np.stack([as_color(each) for each in colors]) for colors in (sources, targets))
+        colors = solve(self.project, self._palette(name), *pairs, rule)
         sets = self.colors[name][len(colors) :]
         return replace(self, colors=self.colors | {name: np.concatenate([colors, sets])})
 
@@ -139,16 +150,19 @@ def edit_of(project: Project, path: Path | str | None = None) -> ProjectEdit:
 
 
 def solve(project: Project, palette: Palette, source: np.ndarray, target: np.ndarray, rule: str) -> np.ndarray:
-    """The edited palette [M, 3] with which the color `source` [3] of the palette's object becomes `target` [3], sRGB.
+    """The edited palette [M, 3] with which colors `source` [P, 3] of the palette's object become `target` [P, 3], sRGB.
 
-    Raises BadRequest for an unknown rule (see `RULES`), DataError where the histogram of the object's colors is damaged.
+    Raises BadRequest for an unknown rule (see `RULES`) and for several colors by a rule that takes one, DataError where the
+    histogram of the object's colors is damaged.
     """
     if rule not in RULES:
         raise BadRequest(f"Unknown rule {rule!r}.", f"Use one of: {', '.join(RULES)}.")
     colors, counts, weights = read_object_colors(project.checked(project.object_colors_file), palette.name)
     if rule == "becomes":
         return match_becomes(colors, counts, weights, palette.colors, source, target)
-    return match_fewest(nearest_weights(colors, weights, source), palette.colors, target, shown=source)
+    if len(source) > 1:
+        raise BadRequest("The rule 'fewest' takes one pair of colors.", "Use the rule 'becomes' for several.")
+    return match_fewest(nearest_weights(colors, weights, source[0]), palette.colors, target[0], shown=source[0])
 
 
 def as_color(value: Color, highest: float = 1.0) -> np.ndarray:

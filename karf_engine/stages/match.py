@@ -1,7 +1,7 @@
 """To an edit: from one color pair, "this color of the object becomes that color", or from a painted or graded view.
 
 Options: edit (EDIT.json to start from), out (EDIT.json), and object, source, target (#rrggbb), rule (becomes | fewest |
-added); or view, picture (of that view as it shall look).
+added), also (further [source, target] of the object); or view, picture (of that view as it shall look).
 """
 
 from __future__ import annotations
@@ -11,11 +11,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from ..color import srgb_to_lab
+from ..edit.colorways import reached_by
+from ..edit.object_colors import read_object_colors
+from ..edit.paints import pigment_gate
+from ..edit.palette import rgb_to_hex
 from ..errors import BadRequest
 from ..locking import consistent, opened
 from ..progress import Emit
 from ..project import Project
-from ..project.edit import ProjectEdit, edit_of
+from ..project.edit import ProjectEdit, as_color, edit_of
 from ..wire import Request
 
 PAIR, PICTURE = ("object", "source", "target"), ("view", "picture")
@@ -38,9 +45,32 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         edit = _match_picture(project, options, edit, emit)
     else:
         pair, rule = [options[name] for name in PAIR], options.get("rule") or "becomes"
-        edit = edit.add_color(*pair) if rule == "added" else edit.becomes(*pair, rule)
+        also = [tuple(each) for each in options.get("also") or ()]
+        if rule == "added":
+            for source, target in (pair[1:], *also):
+                edit = edit.add_color(pair[0], source, target)
+        else:
+            edit = edit.becomes(*pair, rule, also)
+            _tell(edit, pair[0], [tuple(pair[1:]), *also], emit)
     edit.save(options["out"])
     emit("artifact", kind="edit", path=str(Path(options["out"])))
+
+
+def _tell(edit: ProjectEdit, name: str, pairs: list[tuple[str, str]], emit: Emit) -> None:
+    """Say how much of an object the edit repaints, and which of the colors are missed, and why."""
+    palette = next(each for each in edit.palettes if each.name == name)
+    seen = read_object_colors(edit.project.checked(edit.project.object_colors_file), name)
+    sources = [as_color(source) for source, _ in pairs]
+    for source, (before, after) in zip(sources, pairs, strict=True):
+        reached, left, reason = reached_by(edit.colors[name], palette, seen, source, srgb_to_lab(as_color(after)))
+        if reason:
+            told = (
+                f"{name}: {before} becomes {rgb_to_hex(reached)}, not {after} (CIEDE2000 {left:.0f}), because {reason}."
+            )
+            emit("warning", code="missed", sentence=told)
+    named = np.max([pigment_gate(seen.colors, source) for source in sources], axis=0)
+    share = np.average(named, weights=seen.counts)
+    emit("stage", name="match", text=f"{name}: {share:.0%} of it is of the paint that becomes another; the rest stays")
 
 
 def _match_picture(project: Project, options: dict[str, Any], edit: ProjectEdit, emit: Emit) -> ProjectEdit:

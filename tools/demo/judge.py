@@ -45,10 +45,10 @@ def main() -> None:
             overrides, stages = [f"segmentation.labels={labels}"], ("segmentation",)
             other = learn_again(model, scratch / name, overrides, stages, masks, options.threads)
             summary |= score_objects(with_model(test, other), true_masks, f"_{name}")
-    summary |= score_edits(truth, test.plates, options.out)
+    summary |= score_edits(truth, test, options.out / "frames")
     summary["seconds_judging"] = round(time.monotonic() - start, 1)
     write_json(options.out / "summary.json", rounded(summary))
-    contact_sheet(options.out, test, truth)
+    contact_sheet(options.out / "frames", options.out / "contact_sheet.png", test, truth)
     report(options.out, rounded(summary))
 
 

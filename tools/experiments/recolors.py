@@ -11,9 +11,10 @@ import numpy as np
 from scipy.cluster.vq import kmeans2
 
 from karf_engine.color import to_bytes
-from karf_engine.edit.becomes import match_becomes, reflection_target
+from karf_engine.edit.becomes import match_becomes
 from karf_engine.edit.compositing import delta_composite, paper_composite
 from karf_engine.edit.fitting import match_pixels
+from karf_engine.edit.paints import reflection_target
 from karf_engine.frames import Frame
 from karf_engine.heads.files import load_surface
 from karf_engine.heads.object_surface import object_pixels

@@ -1,6 +1,6 @@
 """Projects with true recolors: their scores and contact sheet.
 
-The judged frames are OUT/frames/<edit>/recolor/<view>.png.
+The judged frames are FRAMES/<edit>/recolor/<view>.png.
 """
 
 from __future__ import annotations
@@ -14,61 +14,83 @@ import numpy as np
 from karf_engine.color import to_bytes
 from karf_engine.edit.compositing import delta_composite
 from karf_engine.edit.palette import Edit
-from karf_engine.metrics.scores import score_edit
+from karf_engine.metrics.images import mean_ciede2000
+from karf_engine.metrics.scores import MIN_PIXELS, score_edit
 from karf_engine.model import Model
 from karf_engine.plates import Plate
 from karf_engine.project.edit import solve
 
 from .scores import score_palettes_of, score_renders
-from .sheets import sheet_numbers, tinted, write_sheet
+from .sheets import difference, sheet_numbers, tinted, write_sheet
 from .truth import Truth
 from .views import TestViews
 
 
-def edit_to_judge(model: Model, truth: Truth, name: str) -> Edit:
-    """The edit of one who knows one color pair an object, read in the reference view: it "becomes" the second."""
+def edit_to_judge(model: Model, truth: Truth, name: str, per_paint: bool = False) -> Edit:
+    """The edit of one who knows one color pair an object, read in the reference view: it "becomes" the second.
+
+    per_paint: they know one for each paint of it.
+    """
     palettes = {palette.name: palette for palette in model.palettes}
     colors = {key: palette.colors for key, palette in palettes.items()}
     for key in truth.edits[name]["objects"]:
-        colors[key] = solve(model.project, palettes[key], *truth.color_pair(name, key), "becomes")
+        pairs = truth.paint_pairs(name, key) if per_paint else [truth.color_pair(name, key)]
+        colors[key] = solve(model.project, palettes[key], *map(np.stack, zip(*pairs, strict=True)), "becomes")
     return Edit(colors, "delta")
 
 
 def score_scene(test: TestViews, truth: Truth) -> dict:
     """The render, the palettes' own picture of the objects, and the edit that changes nothing."""
     model, identity = test.model, 0
-    for frame, plate in zip(test.frames, test.plates, strict=True):
+    for frame in test.frames:
         unchanged = delta_composite(frame.base, frame.palette_weights, model.learned_colors, model.learned_colors)
-        identity = max(identity, int(np.abs(to_bytes(unchanged).astype(int) - to_bytes(plate.color)).max()))
+        identity = max(identity, int(np.abs(to_bytes(unchanged).astype(int) - to_bytes(frame.base)).max()))
     palettes = score_palettes_of(test, truth.masks("test"))
     return score_renders(test) | {"psnr_object": palettes.psnr_object, "identity_max_abs": identity}
 
 
-def score_edits(truth: Truth, plates: list[Plate], out: Path) -> dict:
+def score_edits(truth: Truth, test: TestViews, frames: Path) -> dict:
     """Our frames against the true recolors, beside no edit and hue shifts."""
     scores = {}
+    photos = [frame.base.astype(np.float64) for frame in test.frames]
     for name, edit in truth.edits.items():
-        recolored = [recolored_frame(out, name, plate) for plate in plates]
+        recolored = [recolored_frame(frames, name, plate) for plate in test.plates]
         masks = [{o: labels == truth.names[o] for o in edit["objects"]} for labels in truth.labels("test")]
         pairs = {o: truth.color_pair(name, o) for o in edit["objects"]}
-        photos = [plate.color.astype(np.float64) for plate in plates]
         scores[name] = asdict(score_edit(photos, recolored, truth.recolored(name), masks, pairs))
     mean = {key: float(np.mean([score[key] for score in scores.values()])) for key in next(iter(scores.values()))}
     return {"ciede2000": scores | {"mean": mean}, "mse_outside": mean["mse_outside"]}
 
 
-def recolored_frame(out: Path, edit: str, plate: Plate) -> np.ndarray:
+def recolored_frame(frames: Path, edit: str, plate: Plate) -> np.ndarray:
     """The judged frame of a test view."""
-    return iio.imread(out / "frames" / edit / "recolor" / f"{plate.view.name}.png")[..., :3] / 255
+    return iio.imread(frames / edit / "recolor" / f"{plate.view.name}.png")[..., :3] / 255
 
 
-def contact_sheet(out: Path, test: TestViews, truth: Truth) -> None:
+def worst_row(frames: Path, test: TestViews, truth: Truth) -> list[np.ndarray]:
+    """The edit and test view that are farthest from the truth: photo, learned render, mask errors, ours and the truth."""
+    farthest = -1.0
+    for name in truth.edits:
+        pictures = zip(test.plates, truth.recolored(name), truth.inside(name), strict=True)
+        for number, (plate, recolored, inside) in enumerate(pictures):
+            ours = recolored_frame(frames, name, plate)
+            distance = mean_ciede2000(ours, recolored, inside) if inside.sum() >= MIN_PIXELS else -1.0
+            if distance > farthest:
+                farthest, row = distance, (number, name, ours, recolored)
+    number, name, ours, recolored = row
+    frame, edited = test.frames[number], truth.edits[name]["objects"]
+    masks = np.stack([test.masks(key)[number] for key in edited])
+    true_masks = np.stack([truth.masks("test")[key][number] for key in edited])
+    return [frame.base, frame.color, difference(frame.base, masks, true_masks), ours, recolored]
+
+
+def contact_sheet(frames: Path, out: Path, test: TestViews, truth: Truth) -> None:
     """Columns: photo, learned render, masks over the photo, then each edit and its truth."""
     rows = []
     for number in sheet_numbers(len(test.frames)):
         plate, frame = test.plates[number], test.frames[number]
-        row = [plate.color, frame.color, tinted(plate.color, frame.masks)]
+        row = [frame.base, frame.color, tinted(frame.base, frame.masks)]
         for name in truth.edits:
-            row += [recolored_frame(out, name, plate), truth.recolored(name)[number]]
+            row += [recolored_frame(frames, name, plate), truth.recolored(name)[number]]
         rows.append(row)
-    write_sheet(out / "contact_sheet.png", rows)
+    write_sheet(out, rows)

@@ -9,8 +9,15 @@ from pathlib import Path
 import imageio.v3 as iio
 import numpy as np
 
+from karf_engine.color import srgb_to_linear
+
 DEMO = Path(__file__).resolve().parents[2] / "demo"
 CHANGED = 0.06  # a pixel takes part in an edit where the reference recolor differs by more, sRGB
+PAINT_ANGLE, PAINT_SHARE = (
+    15.0,
+    0.1,
+)  # degrees between the changes of two paints in linear light; share of each at least
+ROUNDS = 20  # of 2-means
 
 
 class Truth:
@@ -38,10 +45,8 @@ class Truth:
 
     @cache  # noqa: B019
     def recolored(self, edit: str) -> list[np.ndarray]:
-        """True recolors of the test views."""
-        return [
-            iio.imread(path)[..., :3] / 255 for path in sorted((self.folder / "recolor" / edit / "test").glob("*.png"))
-        ]
+        """True recolors of the test views; of a matte capture over white, as renderings are."""
+        return [_over_white(path) for path in sorted((self.folder / "recolor" / edit / "test").glob("*.png"))]
 
     def coverage(self, name: str, split: str = "test") -> list[np.ndarray]:
         """The share of each pixel that shows an object, float32 [H, W] of each view; where no file has it, its labels."""
@@ -55,16 +60,36 @@ class Truth:
 
         Of the pixels in the object's coarse mask whose paint really changes. [3] each, sRGB.
         """
+        before, after = self._changed(edit, object_name)
+        return np.median(before, 0), np.median(after, 0)
+
+    def paint_pairs(self, edit: str, object_name: str) -> list[tuple[np.ndarray, np.ndarray]]:
+        """A color pair for each of an object's paints, as one reads them who clicks on each paint; at most two.
+
+        As `color_pair`, of each paint in that half of its pixels that changes most: there it fills the pixel and is lit.
+        In linear light all pixels of a paint change in one direction, so two directions are two paints.
+        """
+        before, after = self._changed(edit, object_name)
+        strength, paint = np.abs(after - before).max(-1), _paints(srgb_to_linear(after) - srgb_to_linear(before))
+        pairs = []
+        for number in np.argsort(-np.bincount(paint)):
+            most = (paint == number) & (strength >= np.median(strength[paint == number]))
+            pairs.append((np.median(before[most], 0), np.median(after[most], 0)))
+        return pairs
+
+    def _changed(self, edit: str, object_name: str) -> tuple[np.ndarray, np.ndarray]:
+        """The reference photo and its recolor, [n, 3], where an object's rough mask changes; where none does, in all of it."""
         before, after = self.reference(edit)
         mask = self.coarse_mask(edit, object_name)
         changed = mask & (np.abs(after - before).max(-1) > CHANGED)
-        return np.median(before[changed], 0), np.median(after[changed], 0)
+        where = changed if changed.any() else mask
+        return before[where], after[where]
 
     def reference(self, edit: str) -> tuple[np.ndarray, np.ndarray]:
         """The one training photo whose true recolor is known, and that recolor."""
         name = f"{self.edits[edit]['reference_view']}.png"
         folders = self.folder / "train", self.folder / "recolor" / edit / "train"
-        before, after = (iio.imread(folder / name)[..., :3] / 255 for folder in folders)
+        before, after = (_over_white(folder / name) for folder in folders)
         return before, after
 
     def coarse_mask(self, edit: str, object_name: str) -> np.ndarray:
@@ -84,3 +109,23 @@ class Truth:
                     target.parent.mkdir(parents=True, exist_ok=True)
                     iio.imwrite(target, ((labels == number) * 255).astype(np.uint8))
         return folder
+
+
+def _paints(changes: np.ndarray) -> np.ndarray:
+    """Which of one or two paints each of n changes [n, 3] in linear light is of, int [n]: 2-means of their directions."""
+    directions = changes / np.maximum(np.linalg.norm(changes, axis=1, keepdims=True), 1e-9)
+    first = directions[(directions @ directions.mean(0)).argmin()]
+    middles = np.stack([first, directions[(directions @ first).argmin()]])
+    for _ in range(ROUNDS):
+        paint = (directions @ middles.T).argmax(1)
+        middles = np.stack([directions[paint == number].sum(0) for number in (0, 1)])
+        middles /= np.maximum(np.linalg.norm(middles, axis=1, keepdims=True), 1e-9)
+    apart = np.degrees(np.arccos(np.clip(middles[0] @ middles[1], -1, 1)))
+    is_two = apart > PAINT_ANGLE and np.bincount(paint, minlength=2).min() > PAINT_SHARE * len(paint)
+    return paint if is_two else np.zeros_like(paint)
+
+
+def _over_white(path: Path) -> np.ndarray:
+    picture = iio.imread(path) / 255
+    alpha = picture[..., 3:] if picture.shape[-1] == 4 else 1.0
+    return picture[..., :3] * alpha + 1 - alpha

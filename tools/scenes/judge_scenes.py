@@ -1,17 +1,24 @@
-"""Learn, recolor and judge the benchmark captures: OUT/benchmark.json, and of each scene a summary and a contact sheet.
+"""Learn, recolor and judge the benchmark captures: OUT/benchmark.json, and of each scene a summary and pictures.
 
-    .venv/engine/bin/python -m tools.scenes.judge_scenes CAPTURES [SCENE ...] --out OUT [--preset demo] [--threads N]
+    .venv/engine/bin/python -m tools.scenes.judge_scenes CAPTURES [SCENE ...] --out OUT [--marks] [--preset demo]
+        [--threads N]
 
 CAPTURES/<scene> is what `tools/scenes/make_captures.py` wrote. The engine sees the training photos and one rough mask
-of each object; each edit knows one color pair an object, read in the reference view. Only held-out test views count.
-In the same OUT only what has changed is learned again.
+of each object. Only held-out test views count. Recolors are those of the photos with mattes (`photo`), as the render
+stage makes them, of one who knows a color pair for each paint, read in the reference view; beside them those of one who
+knows one pair an object (`one pair`), and then also with the field's masks instead of mattes (`field`). --marks also
+draws one and two strokes an object in suggested views and in random ones. In the same OUT only what has changed is
+learned again. OUT/worst.png shows the five scenes whose recolors are farthest from the truth, each in its worst view:
+photo, learned render, what the masks have too much (red) and miss (blue), our recolor, the true one.
 """
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
 from pathlib import Path
 
+import imageio.v3 as iio
 import numpy as np
 
 import karf_engine as karf
@@ -21,10 +28,13 @@ from karf_engine.metrics.images import mse_outside
 from karf_engine.progress import TerminalEmit
 from karf_engine.settings import PRESETS
 
-from ..judging.recolors import contact_sheet, edit_to_judge, score_edits, score_scene
+from ..judging.causes import split_by_cause
+from ..judging.recolors import contact_sheet, edit_to_judge, score_edits, score_scene, worst_row
 from ..judging.scores import rounded, score_objects, stage_summary
+from ..judging.sheets import write_sheet
 from ..judging.truth import Truth
 from ..judging.views import TestViews, learn_again, render_test_views, with_model
+from ..marking.strokes import iou_after_marks
 
 # figure -> (title, target, whether it shall be as high or as low)
 FIGURES = {
@@ -33,20 +43,41 @@ FIGURES = {
     "iou_border_excluded": ("border left out", 0.97, "at least"),
     "iou_ceiling": ("ceiling", None, None),
     "iou_below_ceiling": ("below ceiling", 0.02, "at most"),
+    "iou_photo": ("IoU, photo", None, None),
     "ciede2000": ("CIEDE2000", 4.0, "at most"),
+    "ciede2000_one_pair": ("one pair", None, None),
+    "ciede2000_field": ("field", None, None),
     "ciede2000_hue_shift": ("hue shift", None, None),
     "ciede2000_no_edit": ("no edit", None, None),
     "mse_outside": ("MSE outside", 5e-5, "at most"),
+    "mse_outside_field": ("field", 5e-5, "at most"),
     "mse_outside_of_truth": ("of the truth", None, None),
 }
-HIGHER_IS_BETTER = ("psnr", "iou", "iou_border_excluded", "iou_ceiling")
+CAUSES = {
+    "bound": "bound",
+    "mask": "mask",
+    "rule": "rule",
+    "palette": "palette",
+    "weights": "weights",
+    "light": "light",
+}
+MARKS = {
+    "iou_labels": "labels",
+    "iou_suggested_1": "1 suggested",
+    "iou_suggested_2": "2 suggested",
+    "iou_random_1": "1 random",
+    "iou_random_2": "2 random",
+}
+HIGHER_IS_BETTER = ("psnr", "iou", "iou_border_excluded", "iou_ceiling", "iou_photo", *MARKS)
+SHEET_SCENES = 5  # in the picture of the worst
 MEANS = {"mean": np.mean, "median": np.median}
 
 
 def main() -> None:
     options = parse_arguments()
     table = {}
-    for scene in options.scenes or sorted(path.parent.name for path in options.captures.glob("*/edits.json")):
+    scenes = options.scenes or sorted(path.parent.name for path in options.captures.glob("*/edits.json"))
+    for scene in scenes:
         summary = judge(options.captures / scene, options.out / scene, options)
         table[scene] = figures(summary)
         print(f"{scene}: {rounded(table[scene])}", flush=True)
@@ -54,13 +85,16 @@ def main() -> None:
     targets = {key: {direction: target} for key, (_, target, direction) in FIGURES.items() if direction}
     write_json(options.out / "benchmark.json", rounded({"preset": options.preset, "targets": targets, "scenes": table}))
     report(table)
+    worst = sorted(scenes, key=lambda scene: -table[scene]["ciede2000"])[:SHEET_SCENES]
+    rows = [[iio.imread(options.out / scene / "worst_view.png") / 255] for scene in worst]
+    write_sheet(options.out / "worst.png", rows)
 
 
 def means_of(table: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
     """The rows below the scenes: mean, median and the worst of each figure."""
-    columns = {key: [row[key] for row in table.values()] for key in FIGURES}
+    columns = {key: [row[key] for row in table.values()] for key in next(iter(table.values()))}
     worst = {key: (min if key in HIGHER_IS_BETTER else max)(column) for key, column in columns.items()}
-    means = {name: {key: float(take(columns[key])) for key in FIGURES} for name, take in MEANS.items()}
+    means = {name: {key: float(take(column)) for key, column in columns.items()} for name, take in MEANS.items()}
     return means | {"worst": worst}
 
 
@@ -71,6 +105,7 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--out", type=Path, required=True, help="folder for everything written")
     parser.add_argument("--preset", default="demo", choices=tuple(PRESETS))
     parser.add_argument("--set", dest="overrides", action="append", default=[], metavar="STAGE.FIELD=VALUE")
+    parser.add_argument("--marks", action="store_true", help="also draw strokes in suggested and in random views")
     parser.add_argument("--threads", type=int)
     return parser.parse_args()
 
@@ -86,27 +121,48 @@ def judge(capture: Path, out: Path, options: argparse.Namespace) -> dict:
         threads=options.threads,
         emit=TerminalEmit(),
     )
-    test = render_test_views(model)
-    truth = Truth(capture)
-    recolor(test, truth, out)
+    test, truth = render_test_views(model), Truth(capture)
+    long_side = model.settings.geometry.long_side
+    photos = TestViews(model, test.plates, [model.preview(plate.view, long_side) for plate in test.plates])
     true_masks = truth.masks("test")
     summary = stage_summary(model.project) | score_scene(test, truth) | score_objects(test, true_masks)
+    summary |= score_objects(photos, true_masks, "_photo")
     summary |= score_objects(ceiling(test, truth, out / "scratch", options.threads), true_masks, "_ceiling")
-    summary |= score_edits(truth, test.plates, out) | {"mse_outside_of_truth": true_change_outside(truth, test)}
+    ways = {"": (photos, True), "_one_pair": (photos, False), "_field": (test, False)}
+    for suffix, (views, per_paint) in ways.items():
+        recolor(views, truth, per_paint, out / f"frames{suffix}")
+        scores = score_edits(truth, views, out / f"frames{suffix}")
+        summary |= {f"{key}{suffix}": value for key, value in scores.items()}
+    summary |= {"mse_outside_of_truth": true_change_outside(truth, test), "causes": causes(photos, truth)}
+    if options.marks:
+        summary["marks"] = marks(model.project.folder, capture)
     write_json(out / "summary.json", rounded(summary))
-    contact_sheet(out, test, truth)
+    contact_sheet(out / "frames", out / "contact_sheet.png", test, truth)
+    write_sheet(out / "worst_view.png", [worst_row(out / "frames", photos, truth)])
     return summary
 
 
-def recolor(test: TestViews, truth: Truth, out: Path) -> None:
-    """Write each edit's frames of the test views, as the render stage would: OUT/frames/<edit>/recolor/<view>.png."""
-    model = test.model
-    frames = [model.render_plate(plate) for plate in test.plates]
+def recolor(views: TestViews, truth: Truth, per_paint: bool, out: Path) -> None:
+    """Write each edit's frames of the test views: OUT/<edit>/recolor/<view>.png."""
     for name in truth.edits:
-        edit = edit_to_judge(model, truth, name)
-        for plate, frame in zip(test.plates, frames, strict=True):
-            picture = model.composite(frame, edit)
-            write_png(out / "frames" / name / "recolor" / f"{plate.view.name}.png", picture)
+        edit = edit_to_judge(views.model, truth, name, per_paint)
+        for plate, frame in zip(views.plates, views.frames, strict=True):
+            write_png(out / name / "recolor" / f"{plate.view.name}.png", views.model.composite(frame, edit))
+
+
+def causes(photos: TestViews, truth: Truth) -> dict[str, float]:
+    """What lies between our recolors and the true ones by cause, means over the edits."""
+    model = photos.model
+    edits = {name: edit_to_judge(model, truth, name, per_paint=True) for name in truth.edits}
+    found = [asdict(split_by_cause(model, truth, photos.frames, edit, name)["all"]) for name, edit in edits.items()]
+    return {key: float(np.mean([each[key] for each in found])) for key in CAUSES}
+
+
+def marks(project: Path, capture: Path) -> dict[str, float]:
+    """Mean IoU of the labels as learned, and after strokes in views that are suggested or drawn at random."""
+    before, *suggested = iou_after_marks(project, capture, "suggested")
+    _, *random = iou_after_marks(project, capture, "random")
+    return dict(zip(MARKS, (before, *suggested, *random), strict=True))
 
 
 def ceiling(test: TestViews, truth: Truth, scratch: Path, threads: int | None) -> TestViews:
@@ -120,8 +176,8 @@ def true_change_outside(truth: Truth, test: TestViews) -> float:
     """What the true recolors change outside the edited objects: reflected light, and pixels that a border cuts."""
     changes = []
     for name in truth.edits:
-        for plate, inside, recolored in zip(test.plates, truth.inside(name), truth.recolored(name), strict=True):
-            changes.append(mse_outside(recolored, plate.color, inside))
+        for frame, inside, recolored in zip(test.frames, truth.inside(name), truth.recolored(name), strict=True):
+            changes.append(mse_outside(recolored, frame.base, inside))
     return float(np.mean(changes))
 
 
@@ -129,27 +185,40 @@ def figures(summary: dict) -> dict[str, float]:
     """The row of one scene, means over its objects, edits and test views."""
     mean = summary["ciede2000"]["mean"]
     iou, highest = summary["iou"]["mean"], summary["iou_ceiling"]["mean"]
-    return {
+    row = {
         "psnr": summary["psnr_full"],
         "iou": iou,
         "iou_border_excluded": summary["iou_border_excluded"]["mean"],
         "iou_ceiling": highest,
         "iou_below_ceiling": highest - iou,
+        "iou_photo": summary["iou_photo"]["mean"],
         "ciede2000": mean["ours"],
+        "ciede2000_one_pair": summary["ciede2000_one_pair"]["mean"]["ours"],
+        "ciede2000_field": summary["ciede2000_field"]["mean"]["ours"],
         "ciede2000_hue_shift": mean["hue_shift_in_true_mask"],
         "ciede2000_no_edit": mean["no_edit"],
         "mse_outside": mean["mse_outside"],
+        "mse_outside_field": summary["mse_outside_field"],
         "mse_outside_of_truth": summary["mse_outside_of_truth"],
     }
+    return row | summary["causes"] | summary.get("marks", {})
 
 
 def report(table: dict[str, dict[str, float]]) -> None:
-    """Print the table, and the targets below it."""
-    print("\n" + " ".join(f"{title:>15}" for title in ["", *(title for title, _, _ in FIGURES.values())]))
+    """Print the figures with their targets, what CIEDE2000 consists of, and what marks are worth."""
+    wanted = {key: f"{direction} {target:g}" for key, (_, target, direction) in FIGURES.items() if direction}
+    print_table({key: title for key, (title, _, _) in FIGURES.items()}, table)
+    print(" ".join(f"{cell:>15}" for cell in ["target", *(wanted.get(key, "") for key in FIGURES)]))
+    print_table(CAUSES, table)
+    if set(MARKS) <= set(next(iter(table.values()))):
+        print_table(MARKS, table)
+
+
+def print_table(titles: dict[str, str], table: dict[str, dict[str, float]]) -> None:
+    """Print these figures of all rows."""
+    print("\n" + " ".join(f"{title:>15}" for title in ["", *titles.values()]))
     for scene, row in table.items():
-        print(" ".join(f"{cell:>15}" for cell in [scene, *(f"{row[key]:.4g}" for key in FIGURES)]))
-    wanted = [f"{direction} {target:g}" if direction else "" for _, target, direction in FIGURES.values()]
-    print(" ".join(f"{cell:>15}" for cell in ["target", *wanted]))
+        print(" ".join(f"{cell:>15}" for cell in [scene, *(f"{row[key]:.4g}" for key in titles)]))
 
 
 if __name__ == "__main__":

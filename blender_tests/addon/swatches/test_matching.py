@@ -112,7 +112,29 @@ def test_it_goes_on_from_what_was_changed_since_the_color_was_picked(bpy, addon,
     np.testing.assert_allclose(color(learned, "pot", 2), (0.3, 0.9, 0.9), atol=1e-6)
 
 
+def test_paint_after_paint_what_a_paint_became_is_kept(bpy, addon, learned):
+    item = learned.karf.objects["pot"]
+    yellow, orange = tuple(item.swatches[2].learned), (0.9, 0.6, 0.1)
+    item.source, item.target = RED, orange
+    bpy.ops.karf.becomes(object_name="pot")
+    item.source, item.target = yellow, BLUE
+    bpy.ops.karf.becomes(object_name="pot")
+    np.testing.assert_allclose(color(learned, "pot", 1), orange, atol=0.06)
+    np.testing.assert_allclose(color(learned, "pot", 2), BLUE, atol=0.06)
+    item.source, item.target = orange, (0.2, 0.8, 0.3)  # what was held is another's paint no more
+    bpy.ops.karf.becomes(object_name="pot")
+    np.testing.assert_allclose(color(learned, "pot", 1), (0.2, 0.8, 0.3), atol=0.06)
+    np.testing.assert_allclose(color(learned, "pot", 2), BLUE, atol=0.06)
+
+
 def test_a_color_that_the_object_does_not_show_is_told(addon, learned):
     item = learned.karf.objects["pot"]
     item.source, item.target = (0.0, 1.0, 0.0), BLUE
     assert "pot shows no color like #00ff00" in addon.becomes.apply_picked(item)
+
+
+def test_a_target_that_is_missed_is_told_with_the_reason(addon, learned):
+    item = learned.karf.objects["pot"]
+    item.source, item.target = RED, BLUE
+    item.swatches[1].locked = True
+    assert "from what was wanted, because" in addon.becomes.apply_picked(item)

@@ -177,8 +177,21 @@ def test_wrong_words_for_views_objects_and_colors_are_named(learned, tmp_path, c
     assert "has no val views" in fails(capsys, 4, "render", learned.project, "--views", "val", *out)[0]
     colors = ["--from", "#ff0000", "--to", "#00ff00"]
     assert "no object 'vase'" in fails(capsys, 2, "match", learned.project, "--object", "vase", *colors, *out)[0]
+    also = ["--object", "ball", "--also", "green", "#00ff00"]
+    assert "'green' is no color" in fails(capsys, 4, "match", learned.project, *also, *colors, *out)[0]
     colors = ["--from", "red", "--to", "#00ff00"]
     assert "'red' is no color" in fails(capsys, 4, "match", learned.project, "--object", "ball", *colors, *out)[0]
+
+
+def test_what_an_edit_cannot_reach_is_told_with_the_reason(learned, tmp_path, capsys):
+    def told(source, target):
+        pair = "--object", "ball", "--from", source, "--to", target, "--out", tmp_path / "edit.json"
+        assert main(["match", str(learned.project), *map(str, pair)]) == 0
+        return "".join(capsys.readouterr())
+
+    assert "is of the paint that becomes another" in told("#d92619", "#1f5fbf")
+    assert "warning" not in told("#d92619", "#1f5fbf")
+    assert "shows no color like #00ff00" in told("#00ff00", "#1f5fbf")
 
 
 def test_a_damaged_checkpoint_is_named(learned, tmp_path, capsys):

@@ -12,11 +12,11 @@ from karf_engine.edit.becomes import (
     match_becomes,
     match_fewest,
     nearest_weights,
-    reflection_target,
 )
 from karf_engine.edit.compositing import delta_composite
 from karf_engine.edit.fitting import match_pixels
 from karf_engine.edit.least_squares import bounded_least_squares
+from karf_engine.edit.paints import reflection_target
 from karf_engine.errors import BadRequest
 from karf_engine.metrics.images import hue_shift, mean_ciede2000
 
@@ -138,6 +138,29 @@ def test_becomes_is_far_below_no_edit_and_below_a_hue_shift(striped: bool) -> No
     shifted = mean_ciede2000(hue_shift(sphere.before, *sphere.eyedroppers), sphere.after)
     assert error < 0.1 * unedited
     assert error < 0.5 * shifted
+
+
+def test_paints_of_one_thing_are_repainted_together() -> None:
+    paint, stripes = make_sphere(GREEN, RED, striped=True), make_sphere(GREEN, GREEN, striped=True)
+    before, inside = stripes.before, stripes.paint
+    palette = np.array([[0, 0, 0], [0.05, 0.6, 0.2], [1, 1, 0.95], [0.95, 0.85, 0.6]], np.float32)
+    sources = np.stack([np.median(before[each], axis=0) for each in (inside, ~inside)])
+    targets = np.stack([np.median(paint.after[inside], axis=0), BLUE])
+    repainted = reflection_target(before, sources, targets)
+    assert mean_ciede2000(repainted, paint.after, inside) < 2.5  # gloss on green has the stripes' color
+    weights = tetrahedron_weights(before, palette)
+    edited = match_becomes(before, np.ones(len(weights)), weights, palette, sources, targets)
+    shown = recolored(stripes, palette, edited)
+    for each, target in zip((inside, ~inside), targets, strict=True):
+        assert mean_ciede2000(np.median(shown[each], axis=0), target) < 4
+
+
+def test_a_pale_paints_shades_are_paint_and_no_gloss() -> None:
+    pale, darker = np.array([0.75, 0.75, 0.85]), np.array([0.5, 0.6, 0.75])
+    shades = np.linspace(0.2, 1, 9)[:, None]
+    light = shades * srgb_to_linear(pale) + np.random.default_rng(0).normal(0, 0.004, (9, 3))  # a photo's noise
+    moved = reflection_target(linear_to_srgb(light), pale, darker)
+    assert mean_ciede2000(moved, linear_to_srgb(shades * srgb_to_linear(darker))) < 2
 
 
 def test_brighter_paint_takes_swatches_beyond_white() -> None:

@@ -6,7 +6,8 @@ What makes it clean, by kind of background:
 - black, white: rays end at that color, and at a random one where the photo shows something else, which must then be
   opaque: otherwise opacity and brightness trade off; half-transparent rays are punished;
 - opaque: the background is a function of direction that only rays through empty space may teach. Where no such ray
-  exists it is random, so that what stands there must become opaque; a ray's samples are drawn together.
+  exists it is random, so that what stands there must become opaque; a ray's samples are drawn together. Where the
+  background alone shows a photo's color, opacity costs: mist of that color, which no photo contradicts, clears.
 """
 
 from __future__ import annotations
@@ -27,6 +28,9 @@ from .fit import Batch, VoxelFit
 from .renderer import RayBatch, RaySums
 
 AZIMUTH_BINS, ELEVATION_BINS = 36, 36
+MIST = 3e-2  # weight of opacity before a background that shows the photo's color by itself
+ALIKE = 0.03  # standard deviation of a photo's color from a background that it shows
+SEEING = 0.25  # of the views see all that mattes may be of: a table is wider than a picture
 
 
 class BackgroundSupport:
@@ -93,7 +97,10 @@ class BoxFit(VoxelFit):
             matte = self.bank.alpha[index].float()[:, None] / 255
             target = target * matte + (1 - matte) * behind
         error = ((sums.color + sums.remainder[:, None] * behind - target) ** 2).mean()
-        return Batch(error + self._regularization(number, sums), error, sums.n_samples)
+        loss = error + self._regularization(number, sums)
+        if number > 0 and self.background is not None:
+            loss = loss + MIST * (self._needless(rays, target) * (1 - sums.remainder)).mean()
+        return Batch(loss, error, sums.n_samples)
 
     def _behind(self, number: int, index: Tensor, rays: Rays, sums: RaySums) -> Tensor:
         """The color behind the ray of each pixel, [R, 3]."""
@@ -110,6 +117,12 @@ class BoxFit(VoxelFit):
         known = self._support.supported(rays.viewdirs)[:, None]
         color = torch.where(free, color, color.detach())
         return torch.where(known | free, color, self.runtime.rand(n_rays, 3))
+
+    @torch.no_grad()
+    def _needless(self, rays: Rays, target: Tensor) -> Tensor:
+        """How well the background alone shows each pixel, [R] in [0, 1]; 0 where it is not known."""
+        gap = ((self.background(rays.viewdirs) - target) ** 2).sum(1)
+        return torch.exp(-gap / (2 * ALIKE**2)) * self._support.supported(rays.viewdirs)
 
     def _regularization(self, number: int, sums: RaySums) -> Tensor:
         settings = self.recipe
@@ -149,7 +162,7 @@ class BoxFit(VoxelFit):
 
 
 def visual_hull(bank: PixelBank, points: Tensor, margin: float) -> Tensor:
-    """True for points [n, 3] that at least half the views see, each with something within `margin` (world units)."""
+    """True for points [n, 3] that SEEING of the views see, each with something within `margin` (world units)."""
     possible = torch.ones(len(points), dtype=torch.bool, device=points.device)
     n_seen = torch.zeros(len(points), dtype=torch.long, device=points.device)
     for number, camera in enumerate(bank.cameras):
@@ -165,7 +178,7 @@ def visual_hull(bank: PixelBank, points: Tensor, margin: float) -> Tensor:
         inside = (local[:, 2] < 0) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
         possible &= ~inside | matte[v.clamp(0, camera.height - 1), u.clamp(0, camera.width - 1)]
         n_seen += inside
-    return possible & (2 * n_seen >= len(bank.cameras))
+    return possible & (n_seen >= SEEING * len(bank.cameras))
 
 
 def start_box_fit(bank: PixelBank, background_kind: str, settings: GeometrySettings, runtime: Runtime) -> BoxFit:

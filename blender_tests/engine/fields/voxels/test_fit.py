@@ -12,6 +12,7 @@ maximum_filter = pytest.importorskip("scipy.ndimage").maximum_filter
 from blender_tests.engine.reference.still_life import camera_at, cameras, take_photo
 from karf_engine.errors import Diverged
 from karf_engine.fields.extent import focus_point
+from karf_engine.fields.voxels import fit_box
 from karf_engine.fields.voxels.fit_box import start_box_fit, visual_hull
 from karf_engine.metrics.images import psnr
 from karf_engine.plates import solid_pixels
@@ -68,6 +69,17 @@ def test_the_first_level_already_makes_something_solid(photos, kind):
     assert picture.opacity[12:20, 12:20].mean() > 0.5
 
 
+def test_mist_of_the_backgrounds_color_clears_and_things_stay(photos, monkeypatch):
+    camera = camera_at(0.3, 0.6)
+    alpha, opacities = take_photo(camera).alpha, []
+    for weight in (fit_box.MIST, 0.0):
+        monkeypatch.setattr(fit_box, "MIST", weight)
+        opacities.append(fit(photos[True], "opaque").render(camera, 1).opacity.numpy())
+    cleared, misty = opacities
+    assert cleared[alpha < 0.01].mean() < misty[alpha < 0.01].mean() - 0.05
+    assert cleared[alpha > 0.99].mean() > 0.98
+
+
 def test_two_runs_of_the_same_seed_are_bit_identical(photos):
     short = replace(SETTINGS, levels=(Level(16, 60, 1.0), Level(24, 4, 1.0)), samples=8000)
     first, second = (fit(photos[True], "opaque", short).field.state_dict() for _ in range(2))
@@ -102,3 +114,14 @@ def test_the_visual_hull_holds_the_scene_and_nothing_that_a_view_sees_empty(phot
         near_something = maximum_filter(photo.alpha, 5)[v.clip(0, 31), u.clip(0, 31)] > 0
         assert not hull[inside & ~near_something].any()
     assert 0.005 < hull.mean() < 0.1
+
+
+def test_the_visual_hull_holds_what_is_wider_than_a_picture(photos):
+    narrow = [replace(photo.camera, fx=2.5 * photo.camera.fx, fy=2.5 * photo.camera.fy) for photo in photos[False]]
+    slab = torch.rand(500, 3, generator=torch.Generator().manual_seed(0)) * torch.tensor([1.9, 1.5, 0.1])
+    slab -= torch.tensor([0.95, 0.75, 0.43])
+    pixels = np.stack([camera.project(slab.double().numpy())[0] for camera in narrow])
+    share = ((pixels > 0) & (pixels < 32)).all(2).mean(0)
+    at_the_rim = (share > 0.3) & (share < 0.5)
+    assert at_the_rim.sum() > 20
+    assert visual_hull(bank_of([take_photo(camera) for camera in narrow], "alpha"), slab, 0.1)[at_the_rim].all()
