@@ -30,14 +30,19 @@ from .renderer import RayBatch, RaySums
 AZIMUTH_BINS, ELEVATION_BINS = 36, 36
 MIST = 3e-2  # weight of opacity before a background that shows the photo's color by itself
 ALIKE = 0.03  # standard deviation of a photo's color from a background that it shows
+COMMON = 0.2  # of the rays in a direction: else it shows things, which a background learned past them may look like
 SEEING = 0.25  # of the views see all that mattes may be of: a table is wider than a picture
 
 
 class BackgroundSupport:
-    """Which directions are seen through empty space by some training ray, in bins of 10 by 5 degrees."""
+    """Which directions training rays see through empty space, in bins of 10 by 5 degrees.
+
+    Attributes:
+        free: Share of the rays in each bin that met no occupied cell.
+    """
 
     def __init__(self, device: torch.device) -> None:
-        self.seen = torch.zeros(AZIMUTH_BINS * ELEVATION_BINS, dtype=torch.bool, device=device)
+        self.free = torch.zeros(AZIMUTH_BINS * ELEVATION_BINS, device=device)
 
     def _bins(self, viewdirs: Tensor) -> Tensor:
         azimuth = (torch.atan2(viewdirs[:, 1], viewdirs[:, 0]) / (2 * math.pi) + 0.5) * AZIMUTH_BINS
@@ -46,13 +51,19 @@ class BackgroundSupport:
             ELEVATION_BINS - 1
         )
 
-    def note(self, viewdirs: Tensor) -> None:
-        """Directions [n, 3] of rays that met no occupied cell."""
-        self.seen[self._bins(viewdirs)] = True
+    def note(self, viewdirs: Tensor, free: Tensor) -> None:
+        """Directions [n, 3] of rays, and which of them met no occupied cell, [n] bool."""
+        bins, size = self._bins(viewdirs), len(self.free)
+        all_rays = torch.bincount(bins, minlength=size)
+        self.free = torch.bincount(bins[free], minlength=size) / all_rays.clamp_min(1)
 
     def supported(self, viewdirs: Tensor) -> Tensor:
         """True for the directions in whose bin such a ray was seen, [n]."""
-        return self.seen[self._bins(viewdirs)]
+        return self.free[self._bins(viewdirs)] > 0
+
+    def common(self, viewdirs: Tensor) -> Tensor:
+        """True for the directions in whose bin COMMON of the rays are such rays, [n]."""
+        return self.free[self._bins(viewdirs)] > COMMON
 
 
 class BoxFit(VoxelFit):
@@ -80,7 +91,7 @@ class BoxFit(VoxelFit):
             self._learn_support(level)
 
     def _own_tensors(self) -> dict[str, Tensor]:
-        return {"support": self._support.seen}
+        return {"support": self._support.free}
 
     def _trained_networks(self, field: VoxelField) -> list:
         return super()._trained_networks(field) + (
@@ -120,9 +131,9 @@ class BoxFit(VoxelFit):
 
     @torch.no_grad()
     def _needless(self, rays: Rays, target: Tensor) -> Tensor:
-        """How well the background alone shows each pixel, [R] in [0, 1]; 0 where it is not known."""
+        """How well the background alone shows each pixel, [R] in [0, 1]; 0 in directions that rarely show it."""
         gap = ((self.background(rays.viewdirs) - target) ** 2).sum(1)
-        return torch.exp(-gap / (2 * ALIKE**2)) * self._support.supported(rays.viewdirs)
+        return torch.exp(-gap / (2 * ALIKE**2)) * self._support.common(rays.viewdirs)
 
     def _regularization(self, number: int, sums: RaySums) -> Tensor:
         settings = self.recipe
@@ -152,13 +163,14 @@ class BoxFit(VoxelFit):
     @torch.no_grad()
     def _learn_support(self, level: Level) -> None:
         """Note which directions training rays see past every occupied cell."""
-        self._support = BackgroundSupport(self.runtime.device)
+        viewdirs, free = [], []
         for _ in range(16):
             rays = self.bank.rays(self.bank.draw(8192, self.runtime))
             samples = self.field.march(rays, level.step)
-            free = torch.ones(len(rays), dtype=torch.bool, device=self.runtime.device)
-            free[samples.ray_indices] = False
-            self._support.note(rays.viewdirs[free])
+            viewdirs.append(rays.viewdirs)
+            free.append(torch.ones(len(rays), dtype=torch.bool, device=self.runtime.device))
+            free[-1][samples.ray_indices] = False
+        self._support.note(torch.cat(viewdirs), torch.cat(free))
 
 
 def visual_hull(bank: PixelBank, points: Tensor, margin: float) -> Tensor:

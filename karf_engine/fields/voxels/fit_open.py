@@ -3,11 +3,13 @@
 The grid lies in a contraction or a frustum (rendering.space), and every ray ends on something. Photos alone do not say
 where: fog before the cameras explains them as well, and held-out views then show it. Sparse points do: a ray to a point
 is free up to it and ends at it (after DS-NeRF, Deng et al. 2022, and Urban Radiance Fields, Rematas et al. 2022).
+Above them lies the sky, a function of direction alone, before which opacity costs.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import torch
 from torch import Tensor
@@ -20,6 +22,7 @@ from ...training.adam import Adam
 from ...training.course import Course
 from ..background import Background
 from ..extent import is_free
+from ..horizon import Horizon
 from .field import VoxelField
 from .fit import Batch, VoxelFit
 from .observations import Observations
@@ -28,20 +31,33 @@ from .renderer import RayBatch, Renderer
 DENSITY_BIAS = -4.5  # fog that is thick enough to be seen at once: everything in open space is opaque somewhere
 LATE_POINTS = 0.25  # of their weight in the last level, where photos know better than points by some tenths of a pixel
 TV_VERTICES = 30_000
+SKY_PIXELS, FEWEST_SKY_PIXELS = 200_000, 200  # of all photos that are looked at; above the horizon
+SKY_LIKENESS = 0.08  # median difference of photos above the horizon from a function of direction, in a channel
+MIST = 5e-2  # weight of opacity before a sky that shows the photo's color by itself
+ALIKE = 0.2  # standard deviation of a photo's color from the sky that it shows: clouds move
 
 
 class OpenFit(VoxelFit):
-    """The fit of open space. observations may be empty."""
+    """The fit of open space. observations may be empty; horizon: above which there is a sky, None for nowhere."""
 
     cuts = (1 / 4, 1 / 2)
     lottery = 0.02
     background_kind = "opaque"
 
     def __init__(
-        self, bank: PixelBank, settings: OpenSettings, runtime: Runtime, field: VoxelField, observations: Observations
+        self,
+        bank: PixelBank,
+        settings: OpenSettings,
+        runtime: Runtime,
+        field: VoxelField,
+        observations: Observations,
+        horizon: Horizon | None,
     ) -> None:
-        super().__init__(bank, settings, runtime, field, fit_background(bank, runtime))
+        background = fit_background(bank, runtime)
+        sky = None if horizon is None else fit_sky(bank, horizon, runtime)
+        super().__init__(bank, settings, runtime, field, sky or background)
         self._observations = observations
+        self._horizon = None if sky is None else horizon
 
     def _learn(self, field: VoxelField, renderer: Renderer, course: Course) -> None:
         super()._learn(field, renderer, course)
@@ -54,11 +70,17 @@ class OpenFit(VoxelFit):
         chosen = runtime.randint(max(1, len(self._observations)), n_observed)
         index[n_rays - n_observed :] = self._observations.index[chosen]
         jitter, observed = runtime.rand(n_rays), self._observations.positions[chosen]
-        sums = self._renderer.render(RayBatch(bank.rays(index), level.step, jitter, number == 0, observed))
-        # behind everything it is any color, so that rays must end on something
-        color = sums.color + sums.remainder[:, None] * runtime.rand(n_rays, 3)
-        error = ((color - bank.color[index].float() / 255) ** 2).mean()
-        loss = error + settings.distortion * sums.distortion.mean() + settings.transparency * sums.remainder.mean()
+        rays, target = bank.rays(index), bank.color[index].float() / 255
+        sums = self._renderer.render(RayBatch(rays, level.step, jitter, number == 0, observed))
+        # behind everything but the sky it is any color, so that rays must end on something
+        behind, passing = runtime.rand(n_rays, 3), settings.transparency * sums.remainder
+        if self._horizon is not None:
+            is_sky, sky = self._horizon.is_sky(rays.viewdirs), self.background(rays.viewdirs)
+            needless = torch.exp(-((sky.detach() - target) ** 2).sum(1) / (2 * ALIKE**2))
+            behind = torch.where(is_sky[:, None], sky, behind)
+            passing = torch.where(is_sky, MIST * needless * (1 - sums.remainder), passing)
+        error = ((sums.color + sums.remainder[:, None] * behind - target) ** 2).mean()
+        loss = error + settings.distortion * sums.distortion.mean() + passing.mean()
         loss = loss + settings.total_variation * self._total_variation()
         if n_observed:
             strength = settings.point_depth * (LATE_POINTS if level is settings.levels[-1] else 1.0)
@@ -66,6 +88,10 @@ class OpenFit(VoxelFit):
             missed = (sums.before + 1 - sums.up_to) * sums.observes
             loss = loss + strength * missed.sum() / n_observed
         return Batch(loss, error, sums.n_samples)
+
+    def _trained_networks(self, field: VoxelField) -> list:
+        networks = super()._trained_networks(field)
+        return networks if self._horizon is None else networks + list(self.background.parameters())
 
     def _total_variation(self) -> Tensor:
         """Mean squared difference to the next vertex along each axis, over random vertices."""
@@ -84,11 +110,12 @@ def start_open_fit(
     n_features: int,
     observations: Observations,
     depths: list[float],
+    horizon: Horizon | None,
     runtime: Runtime,
 ) -> OpenFit:
     """A fresh field in all of a space, on the runtime's device, that at least two cameras see and none sees through.
 
-    depths: up to which each of the bank's cameras sees nothing, world units.
+    depths: up to which each of the bank's cameras sees nothing, world units. horizon: above which there may be a sky.
     """
     low, high = space.grid_bounds(bank.cameras)
     voxel = float((high - low).max()) / settings.levels[0].voxels
@@ -98,17 +125,38 @@ def start_open_fit(
     free = is_free(space.to_world(cells).double().cpu().numpy(), bank.cameras, depths)
     occupied = (space.is_seen(cells, bank.cameras) & ~torch.from_numpy(free).to(cells.device)).view(shape)
     field = VoxelField(low, voxel, occupied, n_features, 64, DENSITY_BIAS, space)
-    return OpenFit(bank, settings, runtime, field, observations)
+    return OpenFit(bank, settings, runtime, field, observations, horizon)
 
 
 def fit_background(bank: PixelBank, runtime: Runtime) -> Background:
     """What the photos show in each direction on average: a better filling for unseen gaps than any one color."""
     background = Background().to(runtime.device)
+    _learn_directions(background, bank, None, torch.square, runtime)
+    return background.requires_grad_(False)
+
+
+def fit_sky(bank: PixelBank, horizon: Horizon, runtime: Runtime) -> Background | None:
+    """What most photos show in each direction above the horizon; None where that does not follow from the direction."""
+    index = bank.draw(SKY_PIXELS, runtime)
+    index = index[horizon.is_sky(bank.rays(index).viewdirs)]
+    if len(index) < FEWEST_SKY_PIXELS:
+        return None
+    sky = Background().to(runtime.device)
+    # absolute differences: things before the sky are strays
+    gaps = _learn_directions(sky, bank, index, torch.abs, runtime)
+    return sky if float(gaps.median()) < SKY_LIKENESS else None
+
+
+def _learn_directions(
+    background: Background, bank: PixelBank, index: Tensor | None, penalty: Callable[[Tensor], Tensor], runtime: Runtime
+) -> Tensor:
+    """Learn the colors of random pixels, or of those in `index`; differences of the last ones, [n] in a channel."""
     optimizer = Adam(background.parameters(), lr=1e-2)
     for _ in range(200):
-        index = bank.draw(2048, runtime)
-        loss = ((background(bank.rays(index).viewdirs) - bank.color[index].float() / 255) ** 2).mean()
+        some = bank.draw(2048, runtime) if index is None else index[runtime.randint(len(index), 2048)]
+        gaps = background(bank.rays(some).viewdirs) - bank.color[some].float() / 255
+        loss = penalty(gaps).mean()
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
-    return background.requires_grad_(False)
+    return gaps.detach().square().mean(1).sqrt()

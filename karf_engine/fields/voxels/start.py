@@ -8,6 +8,7 @@ from ...rendering.space_values import space_on
 from ...settings import Level
 from ..extent import free_depths
 from ..fit import FitInputs
+from ..horizon import horizon_of
 from ..spaces import contraction_round_focus, middle_frustum
 from .fit import VoxelFit
 from .fit_box import start_box_fit
@@ -24,7 +25,7 @@ def start_voxel_fit(inputs: FitInputs) -> VoxelFit:
     bank, settings, runtime = inputs.bank, inputs.settings, inputs.runtime
     if inputs.space == "box":
         return start_box_fit(bank, inputs.background_kind, settings, runtime)
-    recipe = settings.open
+    recipe, horizon = settings.open, None
     if inputs.space == "frustum":
         space = middle_frustum(inputs.views, inputs.points)
         levels = tuple(_finer(level, recipe.frustum_detail) for level in recipe.levels)
@@ -32,10 +33,11 @@ def start_voxel_fit(inputs: FitInputs) -> VoxelFit:
         recipe = replace(recipe, levels=levels, total_variation=smoothness)
     else:
         space = contraction_round_focus(bank.cameras, recipe)
+        horizon = horizon_of(bank.cameras, inputs.points, space.center, space.radius).to(runtime.device)
     space = space_on(space, runtime.device)
     observations = observations_of(bank, space, inputs.points)
     depths = free_depths(inputs.views, inputs.points)
-    return start_open_fit(bank, space, recipe, settings.features, observations, depths, runtime)
+    return start_open_fit(bank, space, recipe, settings.features, observations, depths, horizon, runtime)
 
 
 def _finer(level: Level, factor: float) -> Level:
