@@ -93,8 +93,20 @@ def draw_engine(layout):
 def draw_segment(layout, context):
     """Step 4."""
     layout.operator("karf.segment", icon="MOD_MASK")
-    if "segmentation" in disk.contents_of(context.scene).stages:
-        draw_masks(layout, context)
+    known = disk.contents_of(context.scene)
+    if "segmentation" not in known.stages:
+        return
+    draw_masks(layout, context)
+    column = layout.column(align=True)
+    for name, share, is_unseen in known.unsure:
+        shown = {"name": name, "share": f"{100 * share:.0f}"}
+        if is_unseen:
+            column.label(text=say("{name}: {share} % unsure, where no mark shows it", **shown), icon="QUESTION")
+        else:
+            column.label(text=say("{name}: {share} % unsure, where marks and colors differ", **shown), icon="QUESTION")
+    if known.suggested:
+        text = say("Mark next: {view}", view=known.suggested[0])
+        layout.operator("karf.go_to_suggested", text=text, icon="LIGHT")
 
 
 def draw_palette(layout, context):

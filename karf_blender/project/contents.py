@@ -143,10 +143,27 @@ def mask_counts(scene: bpy.types.Scene) -> dict[str, int]:
 
 def views_to_mark(scene: bpy.types.Scene) -> tuple[str, ...]:
     """The views whose mark would decide most, as the last segmentation found them, the best first."""
-    if "segmentation" not in finished_stages(scene):
-        return ()
+    suggestions = _reported(scene, "suggestions")
+    return tuple(name for name in suggestions if name in scene.karf.views)
+
+
+def unsure_objects(scene: bpy.types.Scene) -> tuple[tuple[str, float, bool], ...]:
+    """Each object's name, the share of it that is unsure, in [0, 1], and whether mostly because no marked photo shows
+    it; as the last segmentation found it."""
     try:
-        report = read_json(folders.project_of(scene).segmentation_report, "report")
-        return tuple(name for name in report.get("suggestions", {}) if name in scene.karf.views)
-    except (OSError, KarfError, AttributeError, TypeError):  # a report of something else is no reason to stop
+        return tuple(
+            (name, float(each["share"]), each["unseen"] > 0.5) for name, each in _reported(scene, "unsure").items()
+        )
+    except (KeyError, TypeError, ValueError):
         return ()
+
+
+def _reported(scene: bpy.types.Scene, key: str) -> Mapping[str, Any]:
+    """A table of the last segmentation's report; empty where there is none."""
+    if "segmentation" not in finished_stages(scene):
+        return {}
+    try:
+        found = read_json(folders.project_of(scene).segmentation_report, "report").get(key)
+        return found if isinstance(found, dict) else {}
+    except (OSError, KarfError, AttributeError):  # a report of something else is no reason to stop
+        return {}

@@ -32,6 +32,8 @@ class Contents:
         is_prepared: Whether the active view has edit planes.
         is_rendered: Whether what is learned was rendered from the active view's camera.
         masks: The number of masks of each object that has some.
+        suggested: The views whose mark would decide most, the best first.
+        unsure: How unsure each object is, see `contents.unsure_objects`.
     """
 
     missing: Path | None = None
@@ -41,6 +43,8 @@ class Contents:
     is_prepared: bool = False
     is_rendered: bool = False
     masks: Mapping[str, int] = field(default_factory=dict)
+    suggested: tuple[str, ...] = ()
+    unsure: tuple[tuple[str, float, bool], ...] = ()
 
 
 class _Memory:
@@ -92,7 +96,8 @@ def _read(scene: bpy.types.Scene) -> Contents:
             return Contents(missing=folder)
         stages, masks = contents.finished_stages(scene), contents.mask_counts(scene)
         outdated, learned_with = contents.outdated(scene), contents.learned_with(scene)
-        return Contents(None, stages, outdated, learned_with, *_view(scene), masks)
+        told = contents.views_to_mark(scene), contents.unsure_objects(scene)
+        return Contents(None, stages, outdated, learned_with, *_view(scene), masks, *told)
     except (OSError, KarfError):  # unreadable, or gone while it was read
         return Contents()
 

@@ -701,6 +701,9 @@ TEXTS = {
     "Ctrl: take away": "Ctrl：去除",
     "Ctrl: this is not the object": "Ctrl：这不是该物体",
     "Suggested View": "建议的视图",
+    "Mark next: {view}": "下一个标记：{view}",
+    "{name}: {share} % unsure, where marks and colors differ": "{name}：{share} % 不确定，标记与颜色在那里不一致",
+    "{name}: {share} % unsure, where no mark shows it": "{name}：{share} % 不确定，没有标记显示那里",
     "Go to the view whose mark would decide most, as the last segmentation found it; again: to the next best": "转到"
     "上次分割认为标记后最有帮助的视图；再按一次：下一个",
     "Volume": "体积",

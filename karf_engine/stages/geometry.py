@@ -44,7 +44,7 @@ from ..team import Team, joined
 from ..wire import Request
 from .job import Job, StageRun, file_digest, make_job, run_stage
 
-VERSION = 1
+VERSION = 2
 VALIDATION_VIEWS = 8
 COMPARED_VIEWS, COMPARED_LONG_SIDE = 3, 200  # photos that a foreign NeRF must show
 DETAIL_PHOTOS = 8  # that are asked how much they lose with detail

@@ -5,6 +5,7 @@ The judged frames are FRAMES/<edit>/recolor/<view>.png.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import numpy as np
 from karf_engine.color import to_bytes
 from karf_engine.edit.compositing import delta_composite
 from karf_engine.edit.palette import Edit
+from karf_engine.errors import BadRequest
 from karf_engine.metrics.images import mean_ciede2000
 from karf_engine.metrics.scores import MIN_PIXELS, score_edit
 from karf_engine.model import Model
@@ -35,7 +37,8 @@ def edit_to_judge(model: Model, truth: Truth, name: str, per_paint: bool = False
     colors = {key: palette.colors for key, palette in palettes.items()}
     for key in truth.edits[name]["objects"]:
         pairs = truth.paint_pairs(name, key) if per_paint else [truth.color_pair(name, key)]
-        colors[key] = solve(model.project, palettes[key], *map(np.stack, zip(*pairs, strict=True)), "becomes")
+        with suppress(BadRequest):  # paint that the reading shows black cannot be told: it stays
+            colors[key] = solve(model.project, palettes[key], *map(np.stack, zip(*pairs, strict=True)), "becomes")
     return Edit(colors, "delta")
 
 

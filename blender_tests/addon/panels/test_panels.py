@@ -57,6 +57,15 @@ def test_a_learned_scene_shows_its_swatches_without_the_frozen_black(addon, lear
     assert drawn.count("karf.becomes") == drawn.count("karf.match_picture") == 1
 
 
+def test_the_view_to_mark_next_and_what_is_unsure_are_in_the_panel(addon, learned, draw):
+    report = {"suggestions": {"photo_2": 0.2}, "unsure": {"pot": {"share": 0.25, "unseen": 0.9}}}
+    project = addon.folders.project_of(learned)
+    project.finish("segmentation", "s")
+    addon.engine_api.write_json(project.segmentation_report, report)
+    shown = draw()
+    assert {"Mark next: photo_2", "pot: 25 % unsure, where no mark shows it"} <= set(shown)
+
+
 def test_a_merged_swatch_is_not_shown_but_its_learned_color_is(addon, learned, draw):
     addon.headless.merge_swatch("pot", 2, 1)
     drawn = draw()

@@ -29,3 +29,14 @@ def test_the_views_to_mark_next_are_those_that_segmentation_named(addon, importe
 def test_a_report_without_any_names_none(addon, imported, report):
     segmented(addon, imported, report)
     assert addon.contents.views_to_mark(imported) == ()
+
+
+def test_how_unsure_each_object_is_comes_from_the_report_too(addon, imported):
+    segmented(addon, imported, {"unsure": {"pot": {"share": 0.25, "unseen": 0.9}, "mug": {"share": 0, "unseen": 0}}})
+    assert addon.contents.unsure_objects(imported) == (("pot", 0.25, True), ("mug", 0.0, False))
+
+
+@pytest.mark.parametrize("report", [{}, {"unsure": 3}, {"unsure": {"pot": 1}}, {"unsure": {"pot": {"share": "x"}}}])
+def test_a_report_without_doubts_tells_none(addon, imported, report):
+    segmented(addon, imported, report)
+    assert addon.contents.unsure_objects(imported) == ()

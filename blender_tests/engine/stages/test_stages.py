@@ -54,8 +54,8 @@ def green(learned, tmp_path_factory):
 def frames(learned, green, tmp_path_factory):
     """The held-out views rendered with everything there is."""
     out = tmp_path_factory.mktemp("frames")
-    options = ["--views", "test", "--edit", str(green), "--depth", "--planes", "--out", str(out), "--threads", "1"]
-    assert main(["render", str(learned.project), *options]) == 0
+    options = ["--views", "test", "--edit", str(green), "--depth", "--unsure", "--planes", "--out", str(out)]
+    assert main(["render", str(learned.project), *options, "--threads", "1"]) == 0
     return out
 
 
@@ -142,6 +142,12 @@ def test_depth_is_that_of_the_still_life(still_life, frames):
     _, ball_depth = truth.camera.project(np.array([[-0.4, 0.0, 0.1]]))
     on_ball = depth[truth.labels == 1]
     assert abs(np.median(on_ball) - (ball_depth[0] - 0.3)) < 0.25
+
+
+def test_what_is_unsure_lies_where_objects_are_and_what_shows_nothing_is_not(frames):
+    for name in ("ball", "block"):
+        unsure = read_photo(frames / "unsure" / name / "test_r_0.png")[..., 0]
+        assert unsure.shape == (32, 32) and (unsure[:2, :2] == 0).all() and 0 < unsure.max() <= 1
 
 
 def test_the_edit_turns_the_ball_green_and_leaves_the_rest(still_life, frames):
