@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from ..errors import DataError
 from ..files import atomic_write
 from ..npz import read_arrays
-from .label_propagation import Labels
+from .point_labels import Labels
 from .surface_points import SurfacePoints
 from .views import CachedViews
 

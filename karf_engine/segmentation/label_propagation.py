@@ -32,10 +32,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from ..mixtures import class_log_densities
 from .neighbor_graph import conjugate_gradients, neighbor_graph
+from .point_labels import Labels, margin
+from .seeds import seed_regions, seeds_of
 
 SMOOTHNESS = 20.0  # lambda: weight of the pairwise terms
 PRIOR = 1e-4  # eps
@@ -48,40 +49,6 @@ HELD, LEAST_HELD = 5.0, 0.02  # confidence of labels without a margin of doubt, 
 MOST_OF_OBJECT = 0.1  # of an object's points: a larger part of it is no patch
 TOGETHER = 0.5  # of the ties of a point that changes, those to others that do
 REACH_RADII = 4.0  # points farther than this many seed radii from every object are background without being solved for
-
-
-@dataclass(frozen=True)
-class Labels:
-    """Labels of p surface points.
-
-    Attributes:
-        probabilities: [p, K+1]; rows sum to 1.
-        precision: [K] in [0, 1], of the seeds whose color looks like an object, the share that the masks call so.
-        opinion: [p, K+1]; rows sum to 1: the mean of what masks and neighbors, colors, and all together say.
-    """
-
-    probabilities: np.ndarray
-    precision: np.ndarray
-    opinion: np.ndarray
-
-    @property
-    def classes(self) -> np.ndarray:
-        """Most likely class of each point, [p] int."""
-        return self.probabilities.argmax(1)
-
-    @property
-    def margin(self) -> np.ndarray:
-        """How much more likely each point's class is than the next, [p] in [0, 1]."""
-        return _margin(self.probabilities)
-
-    @property
-    def doubt(self) -> np.ndarray:
-        """How far the opinions contradict what the labels say of each object, [p, K] in [0, 1].
-
-        A label is mistaken most often where masks alone, or colors alone, would have said something else.
-        """
-        is_it = self.classes[:, None] == np.arange(1, self.opinion.shape[1])
-        return np.where(is_it, 1 - self.opinion[:, 1:], self.opinion[:, 1:])
 
 
 def propagate_labels(
@@ -107,7 +74,7 @@ def propagate_labels(
         random: draws the colors that mixtures are fitted to.
     """
     n_classes = seed_targets.shape[1]
-    trees, radii = _seed_regions(positions, grain, seed_targets, seed_confidence)
+    trees, radii = seed_regions(positions, grain, seed_targets, seed_confidence)
     distance = np.stack([tree.query(positions)[0] for tree in trees], 1)  # [p, K]
     near = (distance < REACH_RADII * radii).any(1)
     propagation = _Propagation(
@@ -122,32 +89,6 @@ def propagate_labels(
     probabilities, opinion = (np.tile(np.eye(n_classes)[0], (len(positions), 1)) for _ in range(2))
     probabilities[near], opinion[near] = solved.probabilities, solved.opinion
     return Labels(probabilities, solved.precision, opinion)
-
-
-def has_seeds(seed_targets: np.ndarray, seed_confidence: np.ndarray) -> np.ndarray:
-    """Whether each object has a confident seed, [K] bool; arguments as for `propagate_labels`."""
-    objects = range(1, seed_targets.shape[1])
-    return np.array([_seeds_of(k, seed_targets, seed_confidence).any() for k in objects])
-
-
-def _seeds_of(k: int, seed_targets: np.ndarray, seed_confidence: np.ndarray) -> np.ndarray:
-    """True for the confident seeds of class k, [p]."""
-    # only among its own: a point far away gathers many votes, half of which may be for an object not marked there
-    strength = seed_confidence * seed_targets[:, k] * (seed_targets[:, k] > 0.5)
-    firm = np.maximum(0.25 * strength.max(initial=0), np.finfo(float).tiny)  # no confidence is no seed
-    return strength >= firm
-
-
-def _seed_regions(
-    positions: np.ndarray, grain: float, seed_targets: np.ndarray, seed_confidence: np.ndarray
-) -> tuple[list[cKDTree], np.ndarray]:
-    """For each object a search tree of its confident seeds, and their RMS radius, at least a grain: one may be all."""
-    trees, radii = [], []
-    for k in range(1, seed_targets.shape[1]):
-        seeds = positions[_seeds_of(k, seed_targets, seed_confidence)]
-        trees.append(cKDTree(seeds, balanced_tree=False, compact_nodes=False))
-        radii.append(np.sqrt(((seeds - seeds.mean(0)) ** 2).sum(1).mean()) if len(seeds) else 0)
-    return trees, np.maximum(radii, grain)
 
 
 @dataclass(frozen=True)
@@ -194,7 +135,7 @@ class _Propagation:
         """The first solution, [p, K+1], and the factor on what is said of points with which seeds hold there, [p]."""
         n_objects = self.seed_targets.shape[1] - 1
         numbers = np.arange(1, n_objects + 1)
-        own = np.stack([_seeds_of(k, self.seed_targets, self.seed_confidence) for k in numbers], 1)
+        own = np.stack([seeds_of(k, self.seed_targets, self.seed_confidence) for k in numbers], 1)
         factors = np.ones(n_objects)
         for doublings in range(MOST_DOUBLINGS + 1):
             say = np.where(self.distance_penalty > 0, 1, factors).max(1)
@@ -218,7 +159,7 @@ class _Propagation:
 
     def _color_labels(self, x: np.ndarray, weight: np.ndarray) -> np.ndarray:
         """Class probabilities by each point's color and its distance to the objects, [p, K+1]."""
-        strengths = (weight * _margin(x))[:, None] * np.eye(x.shape[1])[x.argmax(1)]
+        strengths = (weight * margin(x))[:, None] * np.eye(x.shape[1])[x.argmax(1)]
         log_density = class_log_densities(self.lab, strengths, self.random)
         mass = strengths.sum(0)
         # before an empty background most of its seeds are what the masks left out of the objects
@@ -278,7 +219,7 @@ class _Propagation:
 
     def _with_patches(self, x: np.ndarray, say: np.ndarray) -> np.ndarray:
         """Let patches in doubt follow what surrounds them; all other points are as they were."""
-        solved = self._smooth(x, say * (LEAST_HELD + HELD * _margin(x)), x)
+        solved = self._smooth(x, say * (LEAST_HELD + HELD * margin(x)), x)
         before, after = x.argmax(1), solved.argmax(1)
         changed = (before != after) & (before * after == 0)  # only the background's colors counted untested
         together = changed & (self.graph @ changed >= TOGETHER * np.asarray(self.graph.sum(1)).ravel())
@@ -292,12 +233,6 @@ class _Propagation:
         same = (edges.data > 1e-5) & (label[edges.row] == label[edges.col])
         tied = sparse.coo_matrix((np.ones(same.sum()), (edges.row[same], edges.col[same])), shape=self.graph.shape)
         return connected_components(tied, directed=False)[1]
-
-
-def _margin(x: np.ndarray) -> np.ndarray:
-    """How much more likely each point's class is than the next, [p] in [0, 1]."""
-    top_two = np.sort(x, 1)[:, -2:]
-    return top_two[:, 1] - top_two[:, 0]
 
 
 def _share_open_votes(targets: np.ndarray, color_labels: np.ndarray) -> np.ndarray:

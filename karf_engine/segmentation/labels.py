@@ -17,8 +17,10 @@ from ..heads.volumes import Volumes
 from ..progress import Emit
 from ..project.volumes import Volume
 from .constraints import Constraints
-from .label_propagation import Labels, has_seeds, propagate_labels
+from .label_propagation import propagate_labels
 from .neighbor_graph import neighbor_graph
+from .point_labels import Labels
+from .seeds import has_seeds
 from .spreading import spread
 from .surface_points import SurfacePoints
 from .votes import RayVotes, vote_on_points

@@ -14,7 +14,7 @@ from ..files import read_json, write_json
 from ..metrics.masks import iou
 from ..names import check_names
 from .doubts import Unsure, unsure_objects
-from .label_propagation import Labels
+from .point_labels import Labels
 from .suggestions import views_to_mark
 from .surface_points import SurfacePoints
 from .views import CachedViews

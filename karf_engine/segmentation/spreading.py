@@ -15,8 +15,9 @@ import numpy as np
 from scipy import sparse
 
 from .constraints import Constraints
-from .label_propagation import SMOOTHNESS, Labels
+from .label_propagation import SMOOTHNESS
 from .neighbor_graph import conjugate_gradients
+from .point_labels import Labels
 
 FIRM = 1000.0  # confidence of what was corrected, far above what neighbors say together
 HELD, LEAST_HELD = 30.0, 0.02  # confidence of labels without a doubt, and of those with nothing else

@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from .doubts import DOUBTED
-from .label_propagation import Labels
+from .point_labels import Labels
 from .surface_points import CELL_IN_GRAINS, SurfacePoints
 from .views import CachedViews
 

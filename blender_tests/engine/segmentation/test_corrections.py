@@ -12,8 +12,8 @@ from karf_engine.capture.capture import Capture, View
 from karf_engine.errors import DataError
 from karf_engine.segmentation.constraints import Constraints, correction_targets
 from karf_engine.segmentation.corrections import IS, IS_NOT, find_corrections, load_correction
-from karf_engine.segmentation.label_propagation import Labels
 from karf_engine.segmentation.neighbor_graph import neighbor_graph
+from karf_engine.segmentation.point_labels import Labels
 from karf_engine.segmentation.spreading import spread
 from karf_engine.segmentation.surface_points import SurfacePoints
 

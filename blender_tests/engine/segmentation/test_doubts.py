@@ -5,7 +5,7 @@ import pytest
 
 from karf_engine.errors import DataError
 from karf_engine.segmentation.doubts import SurfaceDoubts, Unsure
-from karf_engine.segmentation.label_propagation import Labels
+from karf_engine.segmentation.point_labels import Labels
 
 
 def test_a_label_is_doubted_as_far_as_opinions_contradict_it():
