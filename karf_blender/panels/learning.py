@@ -8,7 +8,7 @@ from ..preferences import state
 from ..project import disk
 from ..rig import reprojection
 from ..workspace import estimates
-from .seeing import draw_masks
+from .seeing import draw_lacking, draw_masks
 from .views import draw_view
 
 
@@ -104,6 +104,9 @@ def draw_segment(layout, context):
             column.label(text=say("{name}: {share} % unsure, where no mark shows it", **shown), icon="QUESTION")
         else:
             column.label(text=say("{name}: {share} % unsure, where marks and colors differ", **shown), icon="QUESTION")
+    if known.unsure:
+        column.prop_enum(context.window_manager.karf_seeing, "mode", "UNSURE")
+        draw_lacking(layout, context)
     if known.suggested:
         text = say("Mark next: {view}", view=known.suggested[0])
         layout.operator("karf.go_to_suggested", text=text, icon="LIGHT")

@@ -16,7 +16,7 @@ def draw_seeing(layout, context):
     seeing = context.window_manager.karf_seeing
     column = layout.column(align=True)
     names = seeing.bl_rna.properties["mode"].enum_items.keys()
-    for some in (names[:3], names[3:]):  # five do not fit side by side
+    for some in (names[:3], names[3:]):  # six do not fit side by side
         row = column.row(align=True)
         for name in some:
             row.prop_enum(seeing, "mode", name)
@@ -24,9 +24,15 @@ def draw_seeing(layout, context):
     row.prop(seeing, "is_wiped", text="", icon="ARROW_LEFTRIGHT")
     row.prop(seeing, "wipe", slider=True)
     row.operator("karf.drag_wipe", text="", icon="VIEW_PAN")
-    if seeing.mode == "LEARNED" and not disk.contents_of(context.scene).is_rendered:
-        layout.operator("karf.see_view", icon="OUTLINER_OB_VOLUME")
+    draw_lacking(layout, context)
     draw_masks(layout, context)
+
+
+def draw_lacking(layout, context):
+    """The button that renders what is to be shown, where that was not done yet."""
+    known, mode = disk.contents_of(context.scene), context.window_manager.karf_seeing.mode
+    if (mode == "LEARNED" and not known.is_rendered) or (mode == "UNSURE" and not known.is_doubted):
+        layout.operator("karf.see_view", icon="OUTLINER_OB_VOLUME")
 
 
 def draw_masks(layout, context):

@@ -103,7 +103,7 @@ def is_current(project: Project, view: str) -> bool:
 
 
 def seen_folder(scene: bpy.types.Scene) -> Path:
-    """Where the engine puts how it sees single views: a rendering, and the objects' masks."""
+    """Where the engine puts how it sees single views: a rendering, the objects' masks, and where these are unsure."""
     return folders.project_of(scene).folder / "seen"
 
 
@@ -123,6 +123,13 @@ def seen_masks(scene: bpy.types.Scene) -> dict[str, Path]:
     files = sorted(seen_folder(scene).glob(f"masks/*/{scene.karf.active_view}.png"))
     segmented = folders.project_of(scene).segmentation_report
     return {file.parent.name: file for file in files if _is_newer(file, segmented)}
+
+
+def seen_doubts(scene: bpy.types.Scene) -> list[Path]:
+    """Pictures of what is unsure of each object in the active view; none where they were not rendered since."""
+    files = sorted(seen_folder(scene).glob(f"unsure/*/{scene.karf.active_view}.png"))
+    segmented = folders.project_of(scene).doubts_file
+    return [file for file in files if _is_newer(file, segmented)]
 
 
 def _is_newer(file: Path, source: Path) -> bool:

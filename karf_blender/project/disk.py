@@ -31,6 +31,7 @@ class Contents:
         learned_with: The preset and the pretrained NeRF that the geometry was learned with.
         is_prepared: Whether the active view has edit planes.
         is_rendered: Whether what is learned was rendered from the active view's camera.
+        is_doubted: Whether pictures of what is unsure were rendered from it.
         masks: The number of masks of each object that has some.
         suggested: The views whose mark would decide most, the best first.
         unsure: How unsure each object is, see `contents.unsure_objects`.
@@ -42,6 +43,7 @@ class Contents:
     learned_with: tuple[str, str] = ("", "")
     is_prepared: bool = False
     is_rendered: bool = False
+    is_doubted: bool = False
     masks: Mapping[str, int] = field(default_factory=dict)
     suggested: tuple[str, ...] = ()
     unsure: tuple[tuple[str, float, bool], ...] = ()
@@ -102,10 +104,12 @@ def _read(scene: bpy.types.Scene) -> Contents:
         return Contents()
 
 
-def _view(scene: bpy.types.Scene) -> tuple[bool, bool]:
-    """Whether the active view is prepared, and whether what is learned was rendered from its camera."""
-    is_rendered = bool(scene.karf.project) and contents.seen_rendering(scene) is not None
-    return contents.is_prepared(scene), is_rendered
+def _view(scene: bpy.types.Scene) -> tuple[bool, bool, bool]:
+    """Whether the active view is prepared, and whether what is learned and what is unsure were rendered from its camera."""
+    if not scene.karf.project:
+        return False, False, False
+    is_rendered, is_doubted = contents.seen_rendering(scene) is not None, bool(contents.seen_doubts(scene))
+    return contents.is_prepared(scene), is_rendered, is_doubted
 
 
 # --- timer and handlers --------------------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ MODE_ITEMS = [
     ("LEARNED", "Learned", "What the engine has learned, rendered from here", "OUTLINER_OB_VOLUME", 2),
     ("WEIGHTS", "Weights", "How much of each pixel is one swatch's, white: all", "IMAGE_ALPHA", 3),
     ("DIFFERENCE", "Difference", "What the edit changes, in CIEDE2000", "MOD_HUE_SATURATION", 4),
+    ("UNSURE", "Unsure", "Where it is unsure what belongs to an object, in orange", "QUESTION", 5),
 ]
 
 

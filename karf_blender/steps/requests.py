@@ -85,8 +85,10 @@ def pictures(
 
 
 def seen(scene: bpy.types.Scene, out: Path) -> tuple[str, dict]:
-    """The job that writes how the active view is seen: what is learned, rendered, and the objects' masks over it."""
-    return _render(scene.karf.active_view, out=str(out), size="learned")
+    """The job that writes how the active view is seen: what is learned, rendered, the objects' masks, and where these are
+    unsure."""
+    is_known = folders.project_of(scene).doubts_file.is_file()  # earlier versions kept no doubts
+    return _render(scene.karf.active_view, out=str(out), size="learned", unsure=is_known)
 
 
 def layers(view: str, out: Path, edit: Path | None = None) -> tuple[str, dict]:

@@ -20,6 +20,7 @@ from .planes import ShownView
 PHOTO_SIDE = 800  # pixels at most of a photo that stands in for a view that is not prepared
 COMPARED_PIXELS = 160_000  # of differences: larger pictures are compared in every second pixel, or third
 HOTTEST = 20.0  # CIEDE2000 that is white in the heat map, with all beyond
+UNSURE, DIMMED = np.array([1.0, 0.55, 0.04], np.float32), np.float32(0.4)  # its color, and what is left of the photo
 HEAT = np.array([[0, 0, 0.05], [0.33, 0.06, 0.43], [0.73, 0.21, 0.33], [0.98, 0.55, 0.04], [1, 1, 0.75]], np.float32)
 
 
@@ -103,8 +104,10 @@ def stand_in(scene: bpy.types.Scene) -> np.ndarray:
     Black where nothing can be read.
     """
     try:
-        rendering = _rendering(scene) if _is_learned() else None
+        rendering = _rendering(scene) if _mode() == "LEARNED" else None
         shown = _photo(scene) if rendering is None else rendering
+        if shown is not None and _mode() == "UNSURE":
+            shown = _with_doubts(scene, shown)
     except KarfError:
         shown = None
     if shown is None:
@@ -116,7 +119,7 @@ def stand_in(scene: bpy.types.Scene) -> np.ndarray:
 
 def stand_in_key(scene: bpy.types.Scene) -> tuple:
     """What a stand-in depends on."""
-    return scene.karf.active_view, _is_learned(), bpy.context.window_manager.karf_seeing.show_masks
+    return scene.karf.active_view, _mode(), bpy.context.window_manager.karf_seeing.show_masks
 
 
 def difference(first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -161,17 +164,33 @@ def _difference(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
     return heat(difference(images.upright(planes.recolored(view, scene)), _original(scene, view)))
 
 
+def _unsure(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
+    photo = _original(scene, view)
+    return photo if view.is_free else _with_doubts(scene, photo)
+
+
 SIDES: dict[str, Callable[[bpy.types.Scene, ShownView], np.ndarray]] = {
     "ORIGINAL": _original,
     "LEARNED": _learned,
     "WEIGHTS": _weights,
     "DIFFERENCE": _difference,
+    "UNSURE": _unsure,
 }
 
 
 # --- files ---------------------------------------------------------------------------------------------------------
-def _is_learned() -> bool:
-    return bpy.context.window_manager.karf_seeing.mode == "LEARNED"
+def _mode() -> str:
+    return bpy.context.window_manager.karf_seeing.mode
+
+
+def _with_doubts(scene: bpy.types.Scene, photo: np.ndarray) -> np.ndarray:
+    """A dimmed photo [H, W, 3] of the active view with what is unsure in it; as it is where nothing was rendered since."""
+    files = contents.seen_doubts(scene)
+    if not files:
+        return photo
+    doubt = np.max([images.read_picture(file) for file in files], axis=0)
+    doubt = images.resized(doubt, *photo.shape[1::-1])
+    return (1 - doubt) * DIMMED * photo + doubt * UNSURE
 
 
 def _rendering(scene: bpy.types.Scene) -> np.ndarray | None:
@@ -186,10 +205,11 @@ def _rendering(scene: bpy.types.Scene) -> np.ndarray | None:
 
 
 def _photo(scene: bpy.types.Scene) -> np.ndarray | None:
-    """The active view's photo, [h, w, 3]; under masks as its pinhole shows it, as they are."""
+    """The active view's photo, [h, w, 3]; under masks and doubts as its pinhole shows it, as they are."""
     view = captures.view_of(scene)
     if view.image is None:
         return None
-    if bpy.context.window_manager.karf_seeing.show_masks and not photos.is_shown_as_stored(view):
+    is_covered = bpy.context.window_manager.karf_seeing.show_masks or _mode() == "UNSURE"
+    if is_covered and not photos.is_shown_as_stored(view):
         return images.read_picture(photos.straightened(view, folders.project_of(scene).photos_folder), PHOTO_SIDE)
     return photos.read(view, PHOTO_SIDE)

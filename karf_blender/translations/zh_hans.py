@@ -299,6 +299,8 @@ TEXTS = {
     "Swatch": "色板",
     "From 1; 0: all": "从 1 开始；0：全部",
     "Learned": "学习所得",
+    "Unsure": "不确定",
+    "Where it is unsure what belongs to an object, in orange": "以橙色显示不确定是否属于物体之处",
     "The color that was found in the photos": "在照片中找到的颜色",
     "Color": "颜色",
     "The color it shall have; it may be brighter than white, which bright paint can need": (

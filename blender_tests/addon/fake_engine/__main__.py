@@ -157,6 +157,7 @@ def geometry(project, options):
 def segmentation(project, options):
     names = sorted(folder.name for folder in Path(options["masks"]).iterdir())
     write_json(project.segmentation_report, {"objects": names})
+    project.doubts_file.touch()
     project.finish("segmentation", "fake", objects=names)
 
 
@@ -190,6 +191,8 @@ def render(project, options):
     if options["out"] and not options["edit"] and not options.get("layers"):
         for view in views:
             write_seen(Path(options["out"]), view)
+            if options.get("unsure"):
+                write_masks(Path(options["out"]) / "unsure", view)
     if options["edit"]:
         files = options["edit"] if isinstance(options["edit"], list) else [options["edit"]] * len(views)
         for view, file in zip(views, files, strict=True):

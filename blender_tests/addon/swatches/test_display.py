@@ -98,6 +98,20 @@ def test_the_learned_scene_is_shown_once_it_was_rendered(bpy, addon, learned, se
     assert not addon.disk.contents_of(learned).is_rendered
 
 
+def test_what_is_unsure_of_any_object_is_orange_once_it_was_rendered(bpy, addon, learned, seeing):
+    photo = shown(addon, learned)
+    addon.folders.project_of(learned).doubts_file.touch()
+    seeing.mode = "UNSURE"
+    np.testing.assert_array_equal(shown(addon, learned), photo)
+    assert not addon.disk.contents_of(learned).is_doubted
+    assert bpy.ops.karf.see_view() == {"FINISHED"}
+    assert addon.disk.contents_of(learned).is_doubted
+    # the fake engine is unsure of the lid on the left and of the pot on the right
+    np.testing.assert_array_equal(shown(addon, learned), np.broadcast_to([255, 140, 10], photo.shape))
+    addon.folders.project_of(learned).doubts_file.write_text("new")
+    assert not addon.disk.contents_of(learned).is_doubted
+
+
 def test_masks_of_a_prepared_view_come_from_its_planes(bpy, addon, learned, seeing, monkeypatch):
     monkeypatch.setenv("KARF_ENGINE_PYTHON", "/nowhere")
     assert bpy.ops.karf.show_masks() == {"FINISHED"}
