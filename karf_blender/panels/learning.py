@@ -97,15 +97,14 @@ def draw_segment(layout, context):
     if "segmentation" not in known.stages:
         return
     draw_masks(layout, context)
-    column = layout.column(align=True)
     for name, share, is_unseen in known.unsure:
         shown = {"name": name, "share": f"{100 * share:.0f}"}
         if is_unseen:
-            column.label(text=say("{name}: {share} % unsure, where no mark shows it", **shown), icon="QUESTION")
+            draw_text(layout, say("{name}: {share} % unsure, where no mark shows it", **shown), "QUESTION")
         else:
-            column.label(text=say("{name}: {share} % unsure, where marks and colors differ", **shown), icon="QUESTION")
+            draw_text(layout, say("{name}: {share} % unsure, where marks and colors differ", **shown), "QUESTION")
     if known.unsure:
-        column.prop_enum(context.window_manager.karf_seeing, "mode", "UNSURE")
+        layout.prop_enum(context.window_manager.karf_seeing, "mode", "UNSURE")
         draw_lacking(layout, context)
     if known.suggested:
         text = say("Mark next: {view}", view=known.suggested[0])
