@@ -17,7 +17,8 @@ kept from running away:
 - The color of an object has no influence where most of the seeds that look like the object were not drawn as it: its
   reliability is 0. Color decides between two classes only as far as both are reliable. The background always is.
 - A seed that its color clearly contradicts is ignored; where that color is the background's, so is the color.
-- Mixtures are drawn anew in each round, and the mean of their labels so far counts.
+- Mixtures are fitted where masks say something, never where only colors did.
+- They are drawn anew in each round, and the mean of their labels so far counts.
 - A color that no class has gives even labels.
 - An object's colors fade with the distance to its seeds, and in the end only parts connected to its seeds remain.
 
@@ -127,7 +128,8 @@ class _Propagation:
             shared = _share_open_votes(targets, color_labels)
             unary = reliable[:, None] * shared + color_confidence[:, None] * color_labels
             x = self._smooth(unary / np.maximum(together, 1e-12)[:, None], say * together, x)
-            mixture_weight = np.maximum(reliable, 0.1 * color_confidence)
+            # not where colors said it: they would confirm themselves, and a neighbor of nearly the object's hue be lost to it
+            mixture_weight = reliable
         x = self._connected(self._with_patches(self._connected(x), say))
         return Labels(x, precision, (of_masks + color_labels + x) / 3)
 

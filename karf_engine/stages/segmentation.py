@@ -38,7 +38,7 @@ from ..training.unfinished import Unfinished
 from ..wire import Request
 from .job import Job, StageRun, file_digest, open_job, run_stage
 
-VERSION = 2
+VERSION = 3
 WITHIN = "F_s"  # what heeds volumes
 
 
