@@ -53,7 +53,7 @@ FIGURES = {
     "mse_outside_field": ("field", 5e-5, "at most"),
     "mse_outside_of_truth": ("of the truth", None, None),
 }
-CAUSES = {
+CAUSES = ("bound", "mask", "rule", "palette", "weights", "light")  # see `judging.causes.Causes`
     "bound": "bound",
     "mask": "mask",
     "rule": "rule",
@@ -209,7 +209,7 @@ def report(table: dict[str, dict[str, float]]) -> None:
     wanted = {key: f"{direction} {target:g}" for key, (_, target, direction) in FIGURES.items() if direction}
     print_table({key: title for key, (title, _, _) in FIGURES.items()}, table)
     print(" ".join(f"{cell:>15}" for cell in ["target", *(wanted.get(key, "") for key in FIGURES)]))
-    print_table(CAUSES, table)
+    print_table({cause: cause for cause in CAUSES}, table)
     if set(MARKS) <= set(next(iter(table.values()))):
         print_table(MARKS, table)
 
