@@ -54,13 +54,6 @@ FIGURES = {
     "mse_outside_of_truth": ("of the truth", None, None),
 }
 CAUSES = ("bound", "mask", "rule", "palette", "weights", "light")  # see `judging.causes.Causes`
-    "bound": "bound",
-    "mask": "mask",
-    "rule": "rule",
-    "palette": "palette",
-    "weights": "weights",
-    "light": "light",
-}
 MARKS = {
     "iou_labels": "labels",
     "iou_suggested_1": "1 suggested",
