@@ -38,16 +38,17 @@ class _Canvas:
 
 
 class _Memory:
-    """The pictures of the active view and of a free camera, and the rendering read last, by file and time."""
+    """The pictures of the active view and of a free camera, and what was read last, by files and times."""
 
     view = _Canvas()
     camera = _Canvas()
     rendering: tuple[tuple[Path, int], np.ndarray] | None = None
+    doubt: tuple[list[tuple[Path, int]], np.ndarray] | None = None
 
 
 def forget() -> None:
     """Drop what is in memory."""
-    _Memory.view, _Memory.camera, _Memory.rendering = _Canvas(), _Canvas(), None
+    _Memory.view, _Memory.camera, _Memory.rendering, _Memory.doubt = _Canvas(), _Canvas(), None, None
 
 
 def picture(scene: bpy.types.Scene) -> np.ndarray:
@@ -188,8 +189,10 @@ def _with_doubts(scene: bpy.types.Scene, photo: np.ndarray) -> np.ndarray:
     files = contents.seen_doubts(scene)
     if not files:
         return photo
-    doubt = np.max([images.read_picture(file) for file in files], axis=0)
-    doubt = images.resized(doubt, *photo.shape[1::-1])
+    key = [(file, file.stat().st_mtime_ns) for file in files]
+    if _Memory.doubt is None or _Memory.doubt[0] != key:
+        _Memory.doubt = key, np.max([images.read_picture(file) for file in files], axis=0)
+    doubt = images.resized(_Memory.doubt[1], *photo.shape[1::-1])
     return (1 - doubt) * DIMMED * photo + doubt * UNSURE
 
 

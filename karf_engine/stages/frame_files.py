@@ -96,7 +96,6 @@ class _Files:
         write_png(self._path("render", ".png"), _cut_out(frame.color, frame, behind))
         if self.job.options.get("depth"):
             atomic_write(self._path("depth", ".npy"), lambda temporary: np.save(temporary, frame.depth))
-
         if self.job.options.get("unsure"):
             for name, plane in zip(self.model.objects, self.model.unsure(pinhole, frame), strict=True):
                 write_png(self._path(f"unsure/{name}", ".png"), plane)

@@ -13,10 +13,8 @@ from karf_engine.color import srgb_to_linear
 
 DEMO = Path(__file__).resolve().parents[2] / "demo"
 CHANGED = 0.06  # a pixel takes part in an edit where the reference recolor differs by more, sRGB
-PAINT_ANGLE, PAINT_SHARE = (
-    15.0,
-    0.1,
-)  # degrees between the changes of two paints in linear light; share of each at least
+PAINT_ANGLE = 15.0  # degrees at least between the changes of two paints in linear light
+PAINT_SHARE = 0.1  # of the changed pixels at least, of each paint
 ROUNDS = 20  # of 2-means
 
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 import argparse
 import json
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -100,21 +100,25 @@ def ways(options: argparse.Namespace, shown: Truth) -> Iterator[Way]:
             yield Way(choose, hand, seed, shown)
 
 
-def iou_after_marks(project: Path, truth: Path, choose: str = "suggested") -> list[float]:
-    """Mean IoU of the labels in the held-out views of a learned scene: as learned, after one stroke an object, after two.
+def iou_after_marks(project: Path, truth: Path, choices: Sequence[str]) -> tuple[float, dict[str, list[float]]]:
+    """Mean IoU of the labels in the held-out views of a learned scene.
 
     Args:
         project: learned from rough masks.
         truth: folder of the true masks.
-        choose: the views, see `Way`; the mean of `RANDOM_SEEDS` draws where they are random.
+        choices: of the views, see `Way`; the mean of `RANDOM_SEEDS` draws where they are random.
+
+    Returns:
+        As learned; and of each choice after one stroke an object, and after two.
     """
     scene = scene_of(Project(project), truth, 1)
     _, shown = ceiling(scene)
-    played = [
-        play(scene, Way(choose, "line", seed, shown)) for seed in range(RANDOM_SEEDS if choose == "random" else 1)
-    ]
-    means = [[row["mean"] for row in rows.values()] for rows in played]
-    return [scores(scene)["mean"], *np.mean(means, 0).round(4).tolist()]
+    before, after = scores(scene)["mean"], {}
+    for choose in choices:
+        seeds = range(RANDOM_SEEDS if choose == "random" else 1)
+        played = [play(scene, Way(choose, "line", seed, shown)) for seed in seeds]
+        after[choose] = np.mean([[row["mean"] for row in rows.values()] for rows in played], 0).round(4).tolist()
+    return before, after
 
 
 def play(scene: Scene, way: Way) -> dict[str, dict]:

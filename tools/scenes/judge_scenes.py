@@ -121,7 +121,8 @@ def judge(capture: Path, out: Path, options: argparse.Namespace) -> dict:
     summary = stage_summary(model.project) | score_scene(test, truth) | score_objects(test, true_masks)
     summary |= score_objects(photos, true_masks, "_photo")
     summary |= score_objects(ceiling(test, truth, out / "scratch", options.threads), true_masks, "_ceiling")
-    ways = {"": (photos, True), "_one_pair": (photos, False), "_field": (test, False)}
+    field = TestViews(model, test.plates, [model.render_plate(plate) for plate in test.plates])
+    ways = {"": (photos, True), "_one_pair": (photos, False), "_field": (field, False)}
     for suffix, (views, per_paint) in ways.items():
         recolor(views, truth, per_paint, out / f"frames{suffix}")
         scores = score_edits(truth, views, out / f"frames{suffix}")
@@ -153,9 +154,8 @@ def causes(photos: TestViews, truth: Truth) -> dict[str, float]:
 
 def marks(project: Path, capture: Path) -> dict[str, float]:
     """Mean IoU of the labels as learned, and after strokes in views that are suggested or drawn at random."""
-    before, *suggested = iou_after_marks(project, capture, "suggested")
-    _, *random = iou_after_marks(project, capture, "random")
-    return dict(zip(MARKS, (before, *suggested, *random), strict=True))
+    before, after = iou_after_marks(project, capture, ("suggested", "random"))
+    return dict(zip(MARKS, (before, *after["suggested"], *after["random"]), strict=True))
 
 
 def ceiling(test: TestViews, truth: Truth, scratch: Path, threads: int | None) -> TestViews:
