@@ -26,7 +26,7 @@ def new_renderer(field: VoxelField, runtime: Runtime, unit: float, lottery: floa
         lottery: Samples of less weight get a color with a probability in proportion to it; 0 for none.
         observing: How exactly rays observe points.
     """
-    if suit_kernels(field.vertex_rows):
+    if suit_kernels(field.index):
         from .fused.renderer import FusedRenderer  # needs numba
 
         return FusedRenderer(field, runtime, unit, lottery, observing)

@@ -64,12 +64,8 @@ class VoxelField(VoxelGrid):
         upper = torch.tensor(self.occupied.shape, device=positions.device) - 1
         cell = torch.minimum(local.floor().clamp_min(0), upper.float())
         fraction = local - cell
-        ny, nz = self.occupied.shape[1] + 1, self.occupied.shape[2] + 1
-        cell = cell.long()
-        first = (cell[:, 0] * ny + cell[:, 1]) * nz + cell[:, 2]
-        corners = CORNERS.to(positions.device)
-        offsets = (corners[:, 0] * ny + corners[:, 1]) * nz + corners[:, 2]
-        rows = self.vertex_rows.view(-1)[first[:, None] + offsets]
+        offsets = self.vertex_numbers(CORNERS.to(positions.device))
+        rows = self.rows_of(self.vertex_numbers(cell.long())[:, None] + offsets).int()
         x, y, z = torch.stack([1 - fraction, fraction], 2).unbind(1)  # [n, 2] each
         weights = (x[:, :, None, None] * y[:, None, :, None] * z[:, None, None, :]).reshape(-1, 8)
         if all_occupied:
@@ -135,7 +131,7 @@ class VoxelField(VoxelGrid):
     def _in_kernels(self) -> FrozenField | None:
         """This field for compiled kernels; None where torch computes: while it is learned, and where they do not run."""
         table = self.feature_table
-        if table.requires_grad or table.dtype != torch.float32 or not suit_kernels(self.vertex_rows):
+        if table.requires_grad or table.dtype != torch.float32 or not suit_kernels(self.index):
             return None
         with FREEZING:
             if self._frozen is None:
@@ -215,18 +211,16 @@ class VoxelField(VoxelGrid):
             self.space,
         )
         field.color_network.load_state_dict(self.color_network.state_dict())
-        has_row = field.vertex_rows >= 0
-        vertices = torch.nonzero(has_row)
-        rows = field.vertex_rows[has_row].long()
-        if same_grid:
-            old = self.vertex_rows[has_row].long()
-            field.raw_density.data[rows] = self.raw_density.data[old]
-            field.feature_table.data[rows] = self.feature_table.data[old]
-            return field
-        for part, target in zip(vertices.split(1 << 18), rows.split(1 << 18), strict=True):
-            corner_rows, weights = self.corners(field.minimum + part * field.voxel)
+        tables = field.numbers(), field.raw_density.data, field.feature_table.data
+        for numbers, densities, features in zip(*(table.split(1 << 18) for table in tables), strict=True):
+            if same_grid:
+                rows = self.rows_of(numbers)
+                densities.copy_(self.raw_density[rows])
+                features.copy_(self.feature_table[rows])
+                continue
+            rows, weights = self.corners(field.minimum + field.vertices_at(numbers) * field.voxel)
             weights = weights / weights.sum(1, keepdim=True).clamp_min(1e-6)
-            raw = WeightedGather.apply(self.raw_density, corner_rows, weights)
-            field.raw_density.data[target] = rescaled_raw(raw, field.voxel / self.voxel, self.density_bias)
-            field.feature_table.data[target] = WeightedGather.apply(self.feature_table, corner_rows, weights)
+            raw = WeightedGather.apply(self.raw_density, rows, weights)
+            densities.copy_(rescaled_raw(raw, field.voxel / self.voxel, self.density_bias))
+            features.copy_(WeightedGather.apply(self.feature_table, rows, weights))
         return field

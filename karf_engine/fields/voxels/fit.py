@@ -157,7 +157,9 @@ class VoxelFit:
     def _begin(self, part: Part) -> None:
         """Prune before every part but the first, and refine before every level but the first."""
         if part is not self._parts[0]:
+            self._course = None  # its memory is needed
             self.field = self._pruned()
+            self._renderer = None  # likewise
         if part.level and not part.before:
             self.field = self.field.refined(self.recipe.levels[part.level].voxels)
             self._begin_level(self.recipe.levels[part.level])
@@ -221,13 +223,11 @@ class VoxelFit:
     def _pruned(self) -> VoxelField:
         """The field with only the cells that are dense enough and that some training ray sees."""
         field = self.field
-        visibility = torch.zeros_like(field.occupied, dtype=torch.float32)
+        visibility = torch.zeros(int(field.occupied.sum()), device=field.occupied.device)
         for _ in range(16):
             rays = self.bank.rays(self.bank.draw(8192, self.runtime))
             visibility = torch.maximum(visibility, self._renderer.visibility(rays))
-        keep = (field.cell_alphas() > self.recipe.prune_alpha) & (
-            visibility[field.occupied] > self.recipe.prune_visibility
-        )
+        keep = (field.cell_alphas() > self.recipe.prune_alpha) & (visibility > self.recipe.prune_visibility)
         if not keep.any():
             raise Diverged(
                 "The geometry stage found nothing solid in the scene.",

@@ -27,6 +27,7 @@ from .field import VoxelField
 from .fit import Batch, VoxelFit
 from .observations import Observations
 from .renderer import RayBatch, Renderer
+from .vertices import BITS
 
 DENSITY_BIAS = -4.5  # fog that is thick enough to be seen at once: everything in open space is opaque somewhere
 LATE_POINTS = 0.25  # of their weight in the last level, where photos know better than points by some tenths of a pixel
@@ -61,7 +62,7 @@ class OpenFit(VoxelFit):
 
     def _learn(self, field: VoxelField, renderer: Renderer, course: Course) -> None:
         super()._learn(field, renderer, course)
-        self._vertices = torch.nonzero(field.vertex_rows.view(-1) >= 0).squeeze(1)
+        self._vertices = field.numbers()
 
     def _batch(self, number: int, level: Level, n_rays: int) -> Batch:
         settings, runtime, bank = self.recipe, self.runtime, self.bank
@@ -95,11 +96,12 @@ class OpenFit(VoxelFit):
 
     def _total_variation(self) -> Tensor:
         """Mean squared difference to the next vertex along each axis, over random vertices."""
-        flat = self.field.vertex_rows.view(-1)
-        vertices = self._vertices[self.runtime.randint(len(self._vertices), TV_VERTICES)]
-        steps = torch.tensor(self.field.vertex_rows.stride(), device=flat.device)
-        neighbors = flat[(vertices + steps[:, None]).clamp_max(len(flat) - 1)]
-        density, features = self._renderer.differences(flat[vertices].repeat(3), neighbors.view(-1))
+        field = self.field
+        rows = self.runtime.randint(len(self._vertices), TV_VERTICES)
+        steps = field.vertex_numbers(torch.eye(3, dtype=torch.long, device=rows.device))
+        last = field.index.numel() * BITS - 1
+        neighbors = field.rows_of((self._vertices[rows] + steps[:, None]).clamp_max(last))
+        density, features = self._renderer.differences(rows.repeat(3), neighbors.view(-1))
         return (density + features / self.field.n_features) / TV_VERTICES
 
 

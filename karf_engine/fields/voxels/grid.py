@@ -7,7 +7,7 @@ from torch import Tensor, nn
 
 from ...rendering.sampling import coarse_occupancy
 from ...rendering.space import Box, Space
-from .tables import vertex_rows
+from .vertices import BITS, n_rows, numbers_of, rows_of, vertex_index
 
 
 class VoxelGrid(nn.Module):
@@ -15,8 +15,8 @@ class VoxelGrid(nn.Module):
 
     minimum: [3] corner of the grid and voxel: cell edge, in grid coordinates; `space` says where they lie in the world
     (a box, whose coordinates are the world's, for None). occupied: [X, Y, Z] bool. density_bias: raw density that stands
-    for empty space; alpha of one voxel starts at softplus(bias). `vertex_rows` maps a vertex to its table row, -1 where
-    it has none.
+    for empty space; alpha of one voxel starts at softplus(bias). `index` says which vertices have a table row (see
+    vertices.py).
     """
 
     def __init__(
@@ -37,16 +37,39 @@ class VoxelGrid(nn.Module):
         self.density_bias = density_bias
         self.register_buffer("minimum", minimum.float())
         self.register_buffer("occupied", occupied)
-        self.register_buffer("vertex_rows", vertex_rows(occupied), persistent=False)
+        self.register_buffer("index", vertex_index(occupied), persistent=False)
         self.register_buffer("coarse", coarse_occupancy(occupied), persistent=False)
-        n_rows = int(self.vertex_rows.max()) + 1
-        self.raw_density = nn.Parameter(torch.zeros(n_rows, 1, device=minimum.device))
-        self.feature_table = nn.Parameter(torch.zeros(n_rows, n_features, device=minimum.device))
+        n = n_rows(self.index)
+        self.raw_density = nn.Parameter(torch.zeros(n, 1, device=minimum.device))
+        self.feature_table = nn.Parameter(torch.zeros(n, n_features, device=minimum.device))
         self.color_network = nn.Sequential(nn.Linear(n_features + 9, width), nn.ReLU(), nn.Linear(width, 3)).to(
             minimum.device
         )
         nn.init.zeros_(self.color_network[2].weight)
         nn.init.zeros_(self.color_network[2].bias)
+
+    def vertex_numbers(self, vertices: Tensor) -> Tensor:
+        """Numbers of vertices [.., 3] along x, y, z, int64 [..]."""
+        _, n_y, n_eights = self.index.shape
+        return (vertices[..., 0] * n_y + vertices[..., 1]) * (BITS * n_eights) + vertices[..., 2]
+
+    def vertices_at(self, numbers: Tensor) -> Tensor:
+        """Vertices [.., 3] along x, y, z of these numbers [..], int64."""
+        _, n_y, n_eights = self.index.shape
+        column, z = numbers // (BITS * n_eights), numbers % (BITS * n_eights)
+        return torch.stack([column // n_y, column % n_y, z], -1)
+
+    def numbers(self) -> Tensor:
+        """Number of each row's vertex, [n] int64."""
+        return numbers_of(self.index)
+
+    def rows_of(self, numbers: Tensor) -> Tensor:
+        """Table rows of the vertices with these numbers [..], int64; -1 where one has none."""
+        return rows_of(self.index, numbers)
+
+    def lowest_rows(self) -> Tensor:
+        """Table row of the lowest vertex of each occupied cell, [n] int64."""
+        return self.rows_of(self.vertex_numbers(torch.nonzero(self.occupied)))
 
     @property
     def bounds(self) -> Tensor:

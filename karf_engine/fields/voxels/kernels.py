@@ -6,6 +6,8 @@ import os
 
 from torch import Tensor
 
+from .vertices import BITS
+
 MOST_VERTICES = 2**31 - 1  # that kernels can number
 
 
@@ -20,6 +22,6 @@ def has_kernels() -> bool:
     return True
 
 
-def suit_kernels(vertex_rows: Tensor) -> bool:
-    """Whether kernels can compute the field of these vertices [X+1, Y+1, Z+1]."""
-    return vertex_rows.device.type == "cpu" and vertex_rows.numel() <= MOST_VERTICES and has_kernels()
+def suit_kernels(index: Tensor) -> bool:
+    """Whether kernels can compute the field with this index of vertices (see vertices.py)."""
+    return index.device.type == "cpu" and BITS * index.numel() <= MOST_VERTICES and has_kernels()

@@ -92,4 +92,4 @@ class Renderer(Protocol):
         """Adam over groups of parameters, of which the first holds the field's densities and features."""
 
     def visibility(self, rays: Rays) -> Tensor:
-        """Largest weight of a sample in each cell, over these rays, [X, Y, Z]."""
+        """Largest weight of a sample in each occupied cell, over these rays, [n]."""

@@ -46,12 +46,3 @@ def dilate(occupied: Tensor) -> Tensor:
     for axis in range(3):
         occupied = spread(occupied, axis, 1)
     return occupied
-
-
-def vertex_rows(occupied: Tensor) -> Tensor:
-    """Row number of each vertex that touches an occupied cell, else -1; [X+1, Y+1, Z+1] int32."""
-    touches = nn.functional.pad(occupied, (0, 1, 0, 1, 0, 1))
-    for axis in range(3):  # a vertex touches the cells before and after it
-        touches = touches | touches.roll(1, axis)
-    rows = torch.cumsum(touches.view(-1), 0, dtype=torch.int32).view(touches.shape) - 1
-    return rows.masked_fill_(~touches, -1)

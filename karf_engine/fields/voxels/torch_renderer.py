@@ -112,4 +112,4 @@ class TorchRenderer:
         visibility = torch.zeros(field.occupied.numel(), device=field.occupied.device)
         trace = field.trace(rays, 1.0)
         visibility.scatter_reduce_(0, field.cells(trace.samples.positions), trace.ray_weights, "amax")
-        return visibility.view(field.occupied.shape)
+        return visibility[field.occupied.view(-1)]

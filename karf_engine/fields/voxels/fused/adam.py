@@ -27,21 +27,19 @@ def adam_value(table, k, step, beta1, beta2, correction):
     mean = beta1 * table.means[k] + (ONE - beta1) * gradient
     square = beta2 * table.squares[k] + (ONE - beta2) * gradient * gradient
     table.means[k], table.squares[k] = mean, square
-    value = table.values[k] - step * mean / (np.float32(math.sqrt(square)) * correction + EPSILON)
-    table.values[k] = value
-    return value
+    table.values[k] -= step * mean / (np.float32(math.sqrt(square)) * correction + EPSILON)
 
 
 @kernel
-def adam_rows(first, last, touched, density, features, n_features, dense, vertices, step, beta1, beta2, correction):
-    """Adam's step of the touched rows first to last; `dense` follows the densities.
+def adam_rows(first, last, touched, density, features, n_features, step, beta1, beta2, correction):
+    """Adam's step of the touched rows first to last.
 
     step: the learning rate over the first moment's bias correction. correction: one over the root of the second's.
     """
     n = len(n_features)
     for row in range(first, last):
         if touched[row] & DENSITY and density.gradients[row] != ZERO:
-            dense[vertices[row]] = adam_value(density, row, step, beta1, beta2, correction)
+            adam_value(density, row, step, beta1, beta2, correction)
         at = np.uint64(row) * np.uint64(n)
         if touched[row] & FEATURES and has_gradient(features.gradients, at, n):
             for number in range(n):
@@ -121,8 +119,8 @@ class LazyAdam(Adam):
         correction = 1 / math.sqrt(1 - beta2**count)
         tables = self._tables
         share(
-            adam_rows, len(tables.touched), tables.touched, density, features, tables.n_features, tables.dense,
-            tables.vertices, *map(np.float32, (rate, beta1, beta2, correction)),
+            adam_rows, len(tables.touched), tables.touched, density, features, tables.n_features,
+            *map(np.float32, (rate, beta1, beta2, correction)),
         )  # fmt: skip
         for parameter in group["params"]:
             parameter.grad = None  # its step is done

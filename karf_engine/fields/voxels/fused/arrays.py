@@ -18,11 +18,12 @@ class Grid(NamedTuple):
     Attributes:
         minimum: [3], lowest corner, grid coordinates.
         voxel: Edge of a cell.
-        shape: Cells along each axis, then blocks of `coarse` along each, then bytes of a row of `bits`, [7].
+        shape: Cells along each axis, then blocks of `coarse` along each, then bytes of a row of `bits`, then numbers of
+            vertices along z and along y and z, [9].
         bits: Occupied cells, eight a byte along the last axis, [X * Y * bytes].
         coarse: `sampling.coarse_occupancy`, [CX * CY * CZ].
-        dense: Raw density of every vertex, also of those without a row, [(X+1) * (Y+1) * (Z+1)].
-        rows: Table row of each vertex, -1 for none, likewise.
+        index: Which vertices have a table row (see ../vertices.py).
+        densities: Raw density of each row: the field's own memory.
         bias: Raw density that stands for empty space.
     """
 
@@ -31,8 +32,8 @@ class Grid(NamedTuple):
     shape: np.ndarray
     bits: np.ndarray
     coarse: np.ndarray
-    dense: np.ndarray
-    rows: np.ndarray
+    index: np.ndarray
+    densities: np.ndarray
     bias: np.float32
 
 
@@ -41,6 +42,7 @@ class Samples(NamedTuple):
 
     Attributes:
         vertices: [S], the lowest vertex of each sample's cell.
+        corners: Table rows of the cell's four lower corners, by x and then y, [S, 4]; the next row is the upper one's.
         rays: [S].
         places: Fractions along x, y, z within the cell, and distance along the ray, [S, 4].
         light: Ray weight, share of light that passes the sample, light behind it, and the derivative of its optical depth
@@ -51,6 +53,7 @@ class Samples(NamedTuple):
     """
 
     vertices: np.ndarray
+    corners: np.ndarray
     rays: np.ndarray
     places: np.ndarray
     light: np.ndarray
@@ -64,6 +67,7 @@ def new_samples(n_chunks: int, capacity: int) -> Samples:
     size = n_chunks * capacity
     return Samples(
         np.empty(size, np.int32),
+        np.empty((size, 4), np.int32),
         np.empty(size, np.int32),
         np.empty((size, 4), np.float32),
         np.empty((size, 4), np.float32),
@@ -78,7 +82,7 @@ class Sorted(NamedTuple):
 
     Attributes:
         index: [S], each one's place in `Samples`.
-        vertices: [S].
+        corners: As in `Samples`, [S, 4].
         rays: [S].
         places: Fractions along x, y, z, and the share, [S, 4].
         features: [S, F].
@@ -87,7 +91,7 @@ class Sorted(NamedTuple):
     """
 
     index: np.ndarray
-    vertices: np.ndarray
+    corners: np.ndarray
     rays: np.ndarray
     places: np.ndarray
     features: np.ndarray

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from .coloring import GROUP, corner_rows, gather, hidden_layers, logits, sigmoid
+from .coloring import GROUP, gather, hidden_layers, logits, sigmoid
 from .compiled import kernel
-from .marching import ONE, ZERO
+from .marching import ONE, ZERO, corners_of, row_of
 
 
 @kernel
 def pack(first_chunk, last_chunk, grid, samples, capacity, starts, rays, distances, positions, weights):
     """Samples without the gaps between chunks. starts: where each chunk's begin there."""
-    row = grid.shape[2] + 1
-    plane = (grid.shape[1] + 1) * row
+    row, plane = grid.shape[7], grid.shape[8]
     low_x, low_y, low_z = grid.minimum[0], grid.minimum[1], grid.minimum[2]
     for chunk in range(first_chunk, last_chunk):
         for number in range(samples.counts[chunk]):
@@ -33,8 +32,6 @@ def pack(first_chunk, last_chunk, grid, samples, capacity, starts, rays, distanc
 @kernel
 def features_at(first, last, grid, positions, features, n_features, out):
     """Features [n, F] at the positions first to last, as `VoxelField.features` has them."""
-    row = grid.shape[2] + 1
-    plane = (grid.shape[1] + 1) * row
     for at in range(first, last):
         x = (positions[at, 0] - grid.minimum[0]) / grid.voxel
         y = (positions[at, 1] - grid.minimum[1]) / grid.voxel
@@ -43,24 +40,25 @@ def features_at(first, last, grid, positions, features, n_features, out):
         j = min(max(int(y), 0), grid.shape[1] - 1)
         k = min(max(int(z), 0), grid.shape[2] - 1)
         x, y, z = x - np.float32(i), y - np.float32(j), z - np.float32(k)
-        vertex = (i * (grid.shape[1] + 1) + j) * row + k
+        vertex = i * grid.shape[8] + j * grid.shape[7] + k
         if (grid.bits[(i * grid.shape[1] + j) * grid.shape[6] + (k >> 3)] >> (k & 7)) & 1:
-            gather(features, corner_rows(grid, vertex), x, y, z, len(n_features), out[at])
+            gather(features, corners_of(grid, vertex), x, y, z, len(n_features), out[at])
         else:
-            gather_some(grid.rows, vertex, row, plane, x, y, z, features, len(n_features), out[at])
+            gather_some(grid, vertex, x, y, z, features, len(n_features), out[at])
 
 
 @kernel
-def gather_some(rows, vertex, row, plane, x, y, z, features, n, out):
+def gather_some(grid, vertex, x, y, z, features, n, out):
     """The n features of a place in a cell that is not occupied: a vertex without a row counts nothing."""
     out[:] = ZERO
     for corner in range(8):
         i, j, k = corner >> 2 & 1, corner >> 1 & 1, corner & 1
-        found = rows[vertex + i * plane + j * row + k]
-        if found >= 0:
+        number = vertex + i * grid.shape[8] + j * grid.shape[7] + k
+        if (grid.index[number >> 3] >> (number & 7)) & 1:
+            found = row_of(grid.index, number)
             weight = (x if i else ONE - x) * (y if j else ONE - y) * (z if k else ONE - z)
-            for number in range(n):
-                out[number] += weight * features[np.int64(found) * n + number]
+            for feature in range(n):
+                out[feature] += weight * features[found * n + feature]
 
 
 @kernel

@@ -14,17 +14,8 @@ GROUP = 4  # samples that go through the network together
 
 
 @kernel
-def corner_rows(grid, vertex):
-    """Table rows of a cell's four lower corners; each has the upper one's after it."""
-    row = grid.shape[2] + 1
-    plane = (grid.shape[1] + 1) * row
-    rows = grid.rows
-    return rows[vertex], rows[vertex + row], rows[vertex + plane], rows[vertex + plane + row]
-
-
-@kernel
 def gather(features, corners, x, y, z, n, out):
-    """The n trilinear features of a place."""
+    """The n trilinear features of a place in the cell of these four lower corners."""
     # unsigned: no test for negative indices
     a, b = np.uint64(corners[0]) * np.uint64(n), np.uint64(corners[1]) * np.uint64(n)
     c, d = np.uint64(corners[2]) * np.uint64(n), np.uint64(corners[3]) * np.uint64(n)
@@ -92,7 +83,7 @@ def next_group(number, last, ordered, group):
 
 
 @kernel
-def color_samples(first, last, grid, ordered, samples, features, harmonics, network, n_features, n_hidden, is_diffuse):
+def color_samples(first, last, ordered, samples, features, harmonics, network, n_features, n_hidden, is_diffuse):
     """Colors of the ordered samples first to last that have one. Lengths of the tuples n_* are sizes."""
     inputs = np.zeros((GROUP, len(n_features) + 9), np.float32)
     hidden = np.zeros((GROUP, len(n_hidden)), np.float32)
@@ -103,7 +94,7 @@ def color_samples(first, last, grid, ordered, samples, features, harmonics, netw
             at = group[member]
             own = ordered.features[at]
             x, y, z = ordered.places[at, 0], ordered.places[at, 1], ordered.places[at, 2]
-            gather(features, corner_rows(grid, ordered.vertices[at]), x, y, z, len(n_features), own)
+            gather(features, ordered.corners[at], x, y, z, len(n_features), own)
         if not is_diffuse:
             read_inputs(group, count, ordered, harmonics, len(n_features), inputs)
             hidden_layers(inputs, network, hidden)

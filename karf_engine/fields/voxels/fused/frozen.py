@@ -23,7 +23,7 @@ NOTHING = np.zeros((0, 3), np.float32)
 
 
 class FrozenField:
-    """What kernels read of a field that changes no more: its dense densities are a copy."""
+    """What kernels read of a field that changes no more."""
 
     def __init__(self, field: VoxelGrid) -> None:
         take_from_torch()

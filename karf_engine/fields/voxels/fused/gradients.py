@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .arrays import ALPHA, BEFORE, BOTH, DENSITY, DISTANCE, DISTORTION, REMAINDER, SQUARE, UP_TO, Network
-from .coloring import GROUP, corner_rows, hidden_layers, next_group, read_inputs
+from .coloring import GROUP, hidden_layers, next_group, read_inputs
 from .compiled import kernel
 from .marching import ONE, THIRD, TWO, ZERO
 
@@ -110,7 +110,7 @@ def corner_shares(place):
 
 @kernel
 def slab_gradients(
-    first, last, offset, cuts, grid, ordered, samples, harmonics, network, gradients, touched, sums, n_features,
+    first, last, offset, cuts, ordered, samples, harmonics, network, gradients, touched, sums, n_features,
     n_hidden, is_diffuse,
 ):  # fmt: skip
     """Gradients of the slabs number offset + 2 * (first to last): no two of these share a vertex.
@@ -125,7 +125,7 @@ def slab_gradients(
     for pair in range(first, last):
         slab = offset + 2 * pair
         own_sums = Network(sums.w1[slab], sums.b1[slab], sums.w2[slab], sums.b2[slab])
-        density_gradients(cuts[slab], cuts[slab + 1], grid, ordered, samples, gradients[0], touched)
+        density_gradients(cuts[slab], cuts[slab + 1], ordered, samples, gradients[0], touched)
         count, number = next_group(cuts[slab], cuts[slab + 1], ordered, group)
         while count:
             logit_gradients[:] = ZERO
@@ -138,7 +138,7 @@ def slab_gradients(
                 hidden_layers(inputs, network, hidden)
                 network_gradients(inputs, hidden, logit_gradients, network, own_sums, hidden_gradients, input_gradients)
             for member in range(count):
-                corners = corner_rows(grid, ordered.vertices[group[member]])
+                corners = ordered.corners[group[member]]
                 shares, upper = corner_shares(ordered.places[group[member]])
                 for corner in range(4):
                     low, high = shares[corner] * (ONE - upper), shares[corner] * upper
@@ -147,11 +147,11 @@ def slab_gradients(
 
 
 @kernel
-def density_gradients(first, last, grid, ordered, samples, gradients, touched):
+def density_gradients(first, last, ordered, samples, gradients, touched):
     """Gradients of raw densities, of the ordered samples first to last, and which rows they touch."""
     for number in range(first, last):
         place = ordered.places[number]
-        corners = corner_rows(grid, ordered.vertices[number])
+        corners = ordered.corners[number]
         shares, upper = corner_shares(place)
         gradient = samples.light[ordered.index[number], 3]
         flag = DENSITY if place[3] == ZERO else BOTH

@@ -63,13 +63,32 @@ def distance_to(point, path, starts, directions, off_path):
 
 
 @kernel
-def raw_density(dense, lowest, row, plane, x, y, z):
-    """Trilinear in the cell whose lowest vertex is number `lowest`."""
-    a = dense[lowest] + z * (dense[lowest + 1] - dense[lowest])
-    b = dense[lowest + row] + z * (dense[lowest + row + 1] - dense[lowest + row])
-    lowest += plane
-    c = dense[lowest] + z * (dense[lowest + 1] - dense[lowest])
-    d = dense[lowest + row] + z * (dense[lowest + row + 1] - dense[lowest + row])
+def row_of(index, vertex):
+    """Table row of a vertex that has one: the rows before its eight, and those of lower bits than its own."""
+    entry = index[vertex >> 3]
+    below = entry & ((1 << (vertex & 7)) - 1)
+    below -= (below >> 1) & 0x55
+    below = (below & 0x33) + ((below >> 2) & 0x33)
+    return (entry >> 8) + ((below + (below >> 4)) & 0x0F)
+
+
+@kernel
+def corners_of(grid, vertex):
+    """Table rows of the four lower corners of the occupied cell at a vertex; each has the upper one's after it."""
+    row, plane = grid.shape[7], grid.shape[8]
+    return (
+        row_of(grid.index, vertex), row_of(grid.index, vertex + row),
+        row_of(grid.index, vertex + plane), row_of(grid.index, vertex + plane + row),
+    )  # fmt: skip
+
+
+@kernel
+def raw_density(densities, corners, x, y, z):
+    """Trilinear in a cell."""
+    a = densities[corners[0]] + z * (densities[corners[0] + 1] - densities[corners[0]])
+    b = densities[corners[1]] + z * (densities[corners[1] + 1] - densities[corners[1]])
+    c = densities[corners[2]] + z * (densities[corners[2] + 1] - densities[corners[2]])
+    d = densities[corners[3]] + z * (densities[corners[3] + 1] - densities[corners[3]])
     a += y * (b - a)
     c += y * (d - c)
     return a + x * (c - a)
@@ -114,8 +133,7 @@ def march_ray(ray, count, end, starts, directions, grid, rays, samples, limits):
     path, jitter, reach, sums = rays.paths[ray], rays.jitter[ray], rays.reach[ray], rays.sums[ray]
     size_x, size_y, size_z = grid.shape[0], grid.shape[1], grid.shape[2]
     blocks_x, blocks_y, blocks_z, row_bytes = grid.shape[3], grid.shape[4], grid.shape[5], grid.shape[6]
-    row = size_z + 1
-    plane = (size_y + 1) * row
+    row, plane = grid.shape[7], grid.shape[8]
     step = limits.step * grid.voxel
     stride = np.float32(BLOCK) * step
     unit = ONE / limits.unit
@@ -155,8 +173,9 @@ def march_ray(ray, count, end, starts, directions, grid, rays, samples, limits):
             if count == end:
                 return end  # a full chunk is computed again with more places
             x, y, z = x - np.float32(i), y - np.float32(j), z - np.float32(k)
-            lowest = (i * (size_y + 1) + j) * row + k
-            raw = raw_density(grid.dense, lowest, row, plane, x, y, z) + grid.bias
+            lowest = i * plane + j * row + k
+            corners = corners_of(grid, lowest)
+            raw = raw_density(grid.densities, corners, x, y, z) + grid.bias
             small = math.exp(-abs(raw))
             softplus = max(raw, ZERO) + (math.log(ONE + small) if small > np.float32(1e-4) or raw > ZERO else small)
             optical_depth = softplus * limits.step
@@ -178,6 +197,8 @@ def march_ray(ray, count, end, starts, directions, grid, rays, samples, limits):
             depth += optical_depth
             light *= through
             samples.vertices[count] = lowest
+            for corner in range(4):
+                samples.corners[count, corner] = corners[corner]
             samples.rays[count] = ray
             samples.places[count, 0], samples.places[count, 1], samples.places[count, 2] = x, y, z
             samples.places[count, 3] = distance
@@ -208,7 +229,7 @@ def share_of(weight, limits, ray, number):
 @kernel
 def sort_by_place(n_chunks, grid, samples, ordered, capacity):
     """Stable counting sort of all samples by plane of the grid and part of the plane; returns how many there are."""
-    plane = (grid.shape[1] + 1) * (grid.shape[2] + 1)
+    plane = grid.shape[8]
     n_planes = grid.shape[0] + 1
     parts = len(ordered.bins) // n_planes  # of each plane
     ordered.bins[:] = 0
@@ -227,7 +248,8 @@ def sort_by_place(n_chunks, grid, samples, ordered, capacity):
             to = ordered.bins[number]
             ordered.bins[number] = to + 1
             ordered.index[to] = sample
-            ordered.vertices[to] = samples.vertices[sample]
+            for corner in range(4):
+                ordered.corners[to, corner] = samples.corners[sample, corner]
             ordered.rays[to] = samples.rays[sample]
             for axis in range(3):
                 ordered.places[to, axis] = samples.places[sample, axis]
@@ -243,15 +265,9 @@ def bin_of(vertex, plane, parts):
 
 
 @kernel
-def mark_visible(n_chunks, grid, samples, capacity, visibility):
-    """Raise `visibility` [X * Y * Z] of each cell to the largest weight of a sample in it."""
-    row = grid.shape[2] + 1
-    plane = (grid.shape[1] + 1) * row
+def mark_visible(n_chunks, samples, capacity, visibility):
+    """Raise `visibility` of each cell, by the row of its lowest vertex, to the largest weight of a sample in it."""
     for chunk in range(n_chunks):
         for sample in range(chunk * capacity, chunk * capacity + samples.counts[chunk]):
-            vertex = samples.vertices[sample]
-            i = vertex // plane
-            j = (vertex - i * plane) // row
-            k = vertex - i * plane - j * row
-            cell = (i * grid.shape[1] + j) * grid.shape[2] + k
+            cell = samples.corners[sample, 0]
             visibility[cell] = max(visibility[cell], samples.light[sample, 0])

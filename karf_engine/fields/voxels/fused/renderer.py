@@ -54,9 +54,9 @@ class FusedRenderer:
     def visibility(self, rays: Rays) -> Tensor:
         jitter = torch.full((len(rays),), 0.5)
         self._march(RayBatch(rays, 1.0, jitter))
-        visibility = np.zeros(self.field.occupied.numel(), np.float32)
-        mark_visible(self._n_chunks, self.tables.grid, self._samples, self._limits.capacity, visibility)
-        return torch.from_numpy(visibility).view(self.field.occupied.shape)
+        visibility = np.zeros(len(self.field.raw_density), np.float32)
+        mark_visible(self._n_chunks, self._samples, self._limits.capacity, visibility)
+        return torch.from_numpy(visibility)[self.field.lowest_rows()]
 
     # ------------------------------------------------------------------------------------------------------ kernels
     def forward(self, batch: RayBatch) -> Tensor:
@@ -68,7 +68,7 @@ class FusedRenderer:
         self._network, self._is_diffuse = tables.network(), batch.is_diffuse
         self._total = total
         share(
-            color_samples, total, grid, ordered, samples, tables.values[1], self._harmonics, self._network,
+            color_samples, total, ordered, samples, tables.values[1], self._harmonics, self._network,
             tables.n_features, tables.n_hidden, batch.is_diffuse,
         )  # fmt: skip
         share(composite, len(batch.rays), self._rays, samples)
@@ -86,7 +86,7 @@ class FusedRenderer:
         sums = Network(*(np.zeros((n_slabs, *part.shape), np.float32) for part in self._network))
         for offset in range(2):  # even slabs share no vertex, nor do odd ones
             share(
-                slab_gradients, (n_slabs + 1 - offset) // 2, offset, cuts, tables.grid, ordered, samples,
+                slab_gradients, (n_slabs + 1 - offset) // 2, offset, cuts, ordered, samples,
                 self._harmonics, self._network, tables.gradients, tables.touched, sums, tables.n_features,
                 tables.n_hidden, self._is_diffuse,
             )  # fmt: skip
@@ -105,8 +105,6 @@ class FusedRenderer:
     def _march(self, batch: RayBatch) -> None:
         n_rays = len(batch.rays)
         self._n_chunks = -(-n_rays // CHUNK)
-        if self._samples is None:
-            self.tables.refresh()
         observed = np.zeros((0, 3), np.float32) if batch.observed is None else batch.observed.numpy()
         paths = self.field.space.paths(batch.rays, *self.field.bounds).contiguous().numpy()
         self._rays = new_rays(paths, batch.jitter.numpy(), observed)
@@ -133,7 +131,7 @@ class FusedRenderer:
         self._samples = new_samples(self._n_chunks, capacity)
         self._ordered = Sorted(
             room(np.int32, size),
-            room(np.int32, size),
+            room(np.int32, size, 4),
             room(np.int32, size),
             room(np.float32, size, 4),
             room(np.float32, size, self.field.n_features),

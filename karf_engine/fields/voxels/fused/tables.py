@@ -14,19 +14,17 @@ class FieldTables:
     """Arrays of one field; its parameters are shared, not copied.
 
     Attributes:
-        grid: The cells; its dense densities are those of `refresh`, and of `LazyAdam` from then on.
+        grid: The cells.
         gradients: Of densities [n] and of features [n * F], added up since the last step.
         touched: Which rows have gradients, bits of adam.DENSITY and adam.FEATURES, [n] uint8.
-        vertices: Number of each row's vertex, [n].
         n_features, n_hidden: Tuples as long as there are features and hidden units: lengths are constants to numba.
     """
 
     def __init__(self, field: VoxelGrid) -> None:
         self.field = field
-        self.vertices = vertices_of(field)
         self.grid = grid_of(field)
-        self.gradients = np.zeros(len(self.vertices), np.float32), np.zeros(field.feature_table.numel(), np.float32)
-        self.touched = np.zeros(len(self.vertices), np.uint8)
+        self.gradients = np.zeros(len(field.raw_density), np.float32), np.zeros(field.feature_table.numel(), np.float32)
+        self.touched = np.zeros(len(field.raw_density), np.uint8)
         self.n_features, self.n_hidden = (0,) * field.n_features, (0,) * field.width
 
     @property
@@ -35,19 +33,10 @@ class FieldTables:
         return self.field.raw_density, self.field.feature_table
 
     @property
-    def dense(self) -> np.ndarray:
-        """Raw density of every vertex."""
-        return self.grid.dense
-
-    @property
     def values(self) -> tuple[np.ndarray, np.ndarray]:
         """Raw densities [n] and features [n * F]."""
         density, features = self.parameters
         return flat(density), flat(features)
-
-    def refresh(self) -> None:
-        """Read the densities again, which something else than `LazyAdam` has changed."""
-        self.dense[self.vertices] = flat(self.field.raw_density)
 
     def show_gradients(self) -> None:
         """Let the field's parameters have these gradients, in this very memory: processes that learn together read it."""
@@ -65,26 +54,19 @@ class FieldTables:
 
 
 def grid_of(field: VoxelGrid) -> Grid:
-    """The cells of a field, and its densities as they are now."""
-    rows, occupied = field.vertex_rows.view(-1).numpy(), field.occupied.numpy()
-    bits = np.packbits(occupied, axis=2, bitorder="little")
-    dense = np.zeros(len(rows), np.float32)
-    dense[vertices_of(field)] = flat(field.raw_density)
+    """The cells of a field, with its densities."""
+    bits = np.packbits(field.occupied.numpy(), axis=2, bitorder="little")
+    row, plane = field.vertex_numbers(torch.tensor([[0, 1, 0], [1, 0, 0]])).tolist()
     return Grid(
         field.minimum.numpy(),
         np.float32(field.voxel),
-        np.array([*occupied.shape, *field.coarse.shape, bits.shape[2]]),
+        np.array([*field.occupied.shape, *field.coarse.shape, bits.shape[2], row, plane]),
         bits.ravel(),
         field.coarse.numpy().view(np.uint8).ravel(),
-        dense,
-        rows,
+        field.index.view(-1).numpy(),
+        flat(field.raw_density),
         np.float32(field.density_bias),
     )
-
-
-def vertices_of(field: VoxelGrid) -> np.ndarray:
-    """Number of each row's vertex, [n] int32."""
-    return np.flatnonzero(field.vertex_rows.view(-1).numpy() >= 0).astype(np.int32)
 
 
 def network_of(field: VoxelGrid) -> Network:
