@@ -7,6 +7,7 @@ iteration.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -28,6 +29,8 @@ from .field import VoxelField
 from .renderer import Observing, Renderer
 
 POINT_MARGIN = 2.0  # voxels; a point's surface is looked for this far round it
+PRUNING_RAYS, FEWEST_BATCHES = 8192, 16  # of a batch that looks which cells are seen; batches
+RAYS_PER_CELL = 0.25  # at least: with fewer, fine cells that few photos show are missed by chance, and holes appear
 OFF_PATH = 3.0  # voxels; an observation whose point lies farther from its own ray is a mistake
 
 
@@ -223,10 +226,9 @@ class VoxelFit:
     def _pruned(self) -> VoxelField:
         """The field with only the cells that are dense enough and that some training ray sees."""
         field = self.field
-        visibility = torch.zeros(int(field.occupied.sum()), device=field.occupied.device)
-        for _ in range(16):
-            rays = self.bank.rays(self.bank.draw(8192, self.runtime))
-            visibility = torch.maximum(visibility, self._renderer.visibility(rays))
+        n_batches = max(FEWEST_BATCHES, math.ceil(int(field.occupied.sum()) * RAYS_PER_CELL / PRUNING_RAYS))
+        batches = (self.bank.rays(self.bank.draw(PRUNING_RAYS, self.runtime)) for _ in range(n_batches))
+        visibility = self._renderer.visibility(batches)
         keep = (field.cell_alphas() > self.recipe.prune_alpha) & (visibility > self.recipe.prune_visibility)
         if not keep.any():
             raise Diverged(

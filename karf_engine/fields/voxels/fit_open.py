@@ -115,7 +115,7 @@ def start_open_fit(
     horizon: Horizon | None,
     runtime: Runtime,
 ) -> OpenFit:
-    """A fresh field in all of a space, on the runtime's device, that at least two cameras see and none sees through.
+    """A fresh field in all of a space, on the runtime's device, that a camera sees and none sees through.
 
     depths: up to which each of the bank's cameras sees nothing, world units. horizon: above which there may be a sky.
     """

@@ -6,6 +6,7 @@ that have numba. Losses are ordinary torch on the sums of each ray, and the same
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -91,5 +92,5 @@ class Renderer(Protocol):
     def optimizer(self, groups: list[dict], betas: tuple[float, float]) -> torch.optim.Optimizer:
         """Adam over groups of parameters, of which the first holds the field's densities and features."""
 
-    def visibility(self, rays: Rays) -> Tensor:
-        """Largest weight of a sample in each occupied cell, over these rays, [n]."""
+    def visibility(self, batches: Iterable[Rays]) -> Tensor:
+        """Largest weight of a sample in each occupied cell, over all these rays, [n]."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import torch
 from torch import Tensor, nn
 
@@ -107,9 +109,10 @@ class TorchRenderer:
         return squares(self.field.raw_density), squares(self.field.feature_table)
 
     @torch.no_grad()
-    def visibility(self, rays: Rays) -> Tensor:
+    def visibility(self, batches: Iterable[Rays]) -> Tensor:
         field = self.field
         visibility = torch.zeros(field.occupied.numel(), device=field.occupied.device)
-        trace = field.trace(rays, 1.0)
-        visibility.scatter_reduce_(0, field.cells(trace.samples.positions), trace.ray_weights, "amax")
+        for rays in batches:
+            trace = field.trace(rays, 1.0)
+            visibility.scatter_reduce_(0, field.cells(trace.samples.positions), trace.ray_weights, "amax")
         return visibility[field.occupied.view(-1)]

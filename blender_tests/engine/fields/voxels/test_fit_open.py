@@ -15,8 +15,11 @@ from karf_engine.fields.files import load_scene, save_scene
 from karf_engine.fields.fit import FitInputs
 from karf_engine.fields.registry import start_fit
 from karf_engine.fields.spaces import choose_space
+from karf_engine.fields.voxels import fit as voxel_fit
+from karf_engine.fields.voxels.choice import new_renderer
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.fields.voxels.observations import observations_of
+from karf_engine.fields.voxels.renderer import Observing
 from karf_engine.fields.voxels.torch_renderer import TorchRenderer
 from karf_engine.metrics.images import psnr
 from karf_engine.progress import Progress
@@ -30,6 +33,11 @@ SETTINGS = replace(
     features=6,
     open=replace(OpenSettings(), levels=(Level(24, 60, 1.0), Level(48, 110, 1.0)), samples=16_000, max_rays=1500),
 )
+
+
+def beside(camera):
+    """A place near a camera, at the border of what it sees."""
+    return camera.position + camera.camera_to_world[:3, :3] @ [0.48 * camera.width / camera.fx, 0.0, -1.0]
 
 
 def views_of(cameras):
@@ -189,6 +197,21 @@ def test_total_variation_asks_no_vertex_that_pruning_has_taken_away(monkeypatch)
     assert max((rows == 0).float().mean().item() for rows in asked) < 0.02
 
 
+def test_pruning_keeps_what_photos_show_however_many_cells_there_are(monkeypatch):
+    monkeypatch.setattr(voxel_fit, "PRUNING_RAYS", 64)
+    monkeypatch.setattr(voxel_fit, "FEWEST_BATCHES", 2)  # alone they miss a twentieth of it
+    levels = (Level(40, 30, 1.0), Level(48, 1, 1.0))
+    few = replace(SETTINGS, open=replace(SETTINGS.open, levels=levels, samples=6000))
+    state = start(cameras(8), "contraction", True, few)
+    unpruned = next(state.scenes(silent())).field
+    renderer = new_renderer(unpruned, state.runtime, 1.0, 0.0, Observing(0.1, 0.1))
+    pixels = torch.arange(len(state.bank))
+    is_shown = renderer.visibility(state.bank.rays(part) for part in pixels.split(4096)) > 0.1
+    kept = state._pruned().occupied[unpruned.occupied]
+    assert kept[is_shown].float().mean() > 0.99
+    assert kept.float().mean() < 0.97
+
+
 # ------------------------------------------------------------------------------------------------------------ the choice
 def test_the_space_follows_from_background_cameras_and_points():
     photos = [take_photo(camera) for camera in ring()]
@@ -237,11 +260,11 @@ def test_each_observation_is_the_pixel_that_shows_its_point():
     assert len(observations_of(bank, Box(), bad)) == (points.point >= 150).sum()
 
 
-def test_only_what_two_cameras_see_is_looked_for():
+def test_only_what_a_camera_sees_is_looked_for():
     space = Contraction(torch.zeros(3), 1.0, 1.0, 0.1)
     pair = [camera_at(0.0, 0.3), camera_at(0.4, 0.3)]
     behind_both = pair[0].position + pair[1].position
-    world = torch.tensor(np.stack([np.zeros(3), behind_both, [0.0, 0, 30]])).float()
-    assert space.is_seen(space.to_grid(world), pair).tolist() == [True, False, False]
+    world = torch.tensor(np.stack([np.zeros(3), behind_both, [0.0, 0, 30], beside(pair[0])])).float()
+    assert space.is_seen(space.to_grid(world), pair).tolist() == [True, False, False, True]
     low, high = space.grid_bounds(pair)
     assert low.tolist() == [-2, -2, -2] and high.tolist() == [2, 2, 2]

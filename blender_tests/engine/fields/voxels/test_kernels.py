@@ -137,7 +137,7 @@ def test_differences_between_rows_and_their_gradients_are_those_of_torch():
 
 def test_cells_are_seen_as_torch_sees_them():
     field, rays = random_field("contraction", share=0.5), random_batch("contraction").rays
-    seen, expected = fused(field).visibility(rays), exact(field).visibility(rays)
+    seen, expected = fused(field).visibility([rays]), exact(field).visibility([rays])
     assert (expected > 0).sum() > 100
     assert_close(seen, expected, rtol=1e-3, atol=1e-4)
 

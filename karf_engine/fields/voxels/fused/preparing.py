@@ -50,7 +50,7 @@ def prepare(n_features: int) -> None:
     renderer = FusedRenderer(field, runtime, 1.0, 0.02, Observing(0.1, 0.1))
     groups = [{"params": [field.raw_density, field.feature_table]}, {"params": list(field.color_network.parameters())}]
     optimizer = renderer.optimizer(groups, (0.9, 0.99))
-    renderer.visibility(rays)
+    renderer.visibility([rays])
     color = renderer.render(RayBatch(rays, 1.0, torch.full((1,), 0.5))).color
     density, features = renderer.differences(torch.tensor([0]), torch.tensor([1]))
     (color.sum() + density + features).backward()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -51,11 +53,11 @@ class FusedRenderer:
     def differences(self, rows: Tensor, other_rows: Tensor) -> tuple[Tensor, Tensor]:
         return _Differences.apply(self.field.raw_density, self, rows.int().numpy(), other_rows.int().numpy()).unbind(0)
 
-    def visibility(self, rays: Rays) -> Tensor:
-        jitter = torch.full((len(rays),), 0.5)
-        self._march(RayBatch(rays, 1.0, jitter))
+    def visibility(self, batches: Iterable[Rays]) -> Tensor:
         visibility = np.zeros(len(self.field.raw_density), np.float32)
-        mark_visible(self._n_chunks, self._samples, self._limits.capacity, visibility)
+        for rays in batches:
+            self._march(RayBatch(rays, 1.0, torch.full((len(rays),), 0.5)))
+            mark_visible(self._n_chunks, self._samples, self._limits.capacity, visibility)
         return torch.from_numpy(visibility)[self.field.lowest_rows()]
 
     # ------------------------------------------------------------------------------------------------------ kernels
