@@ -27,7 +27,7 @@ from .rays import Rays, camera_rays
 
 CONTRACTION_KNOTS = 64
 FAR = 1.002  # of a path's parameter at infinity: the last knot, at 1, is 1000 radii away
-MIN_VIEWS = 1  # that see a place; in one view alone its depth is not known, but a hole there would show in others
+MIN_VIEWS = 1  # that see a place: what one photo alone shows has no certain depth, but a hole would show in others
 BORDER = 0.02  # of a picture's sides: what lies this far outside it counts as seen
 
 

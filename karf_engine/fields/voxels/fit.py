@@ -16,7 +16,7 @@ from torch import Tensor
 
 from ...errors import DataError, Diverged
 from ...progress import Progress
-from ...rendering.rays import PixelBank
+from ...rendering.rays import PixelBank, Rays
 from ...runtime import Runtime
 from ...settings import GeometrySettings, Level, OpenSettings
 from ...training.course import Course, below, check_alike, number, prefixed, whole_number
@@ -29,8 +29,8 @@ from .field import VoxelField
 from .renderer import Observing, Renderer
 
 POINT_MARGIN = 2.0  # voxels; a point's surface is looked for this far round it
-PRUNING_RAYS, FEWEST_BATCHES = 8192, 16  # of a batch that looks which cells are seen; batches
-RAYS_PER_CELL = 0.25  # at least: with fewer, fine cells that few photos show are missed by chance, and holes appear
+BATCH_RAYS, FEWEST_BATCHES = 8192, 16  # that tell what training rays see
+RAYS_PER_CELL = 0.25  # for pruning: with fewer, fine cells that few photos show are missed by chance, and leave holes
 OFF_PATH = 3.0  # voxels; an observation whose point lies farther from its own ray is a mistake
 
 
@@ -165,9 +165,10 @@ class VoxelFit:
             self._renderer = None  # likewise
         if part.level and not part.before:
             self.field = self.field.refined(self.recipe.levels[part.level].voxels)
-            self._begin_level(self.recipe.levels[part.level])
         renderer = self._renderer_of(self.field)
         self._learn(self.field, renderer, self._course_of(self.field, renderer, part))
+        if part.level and not part.before:
+            self._begin_level(self.recipe.levels[part.level])
 
     def _begin_level(self, level: Level) -> None:
         """Called before the iterations of each level but the first, on its field."""
@@ -226,9 +227,7 @@ class VoxelFit:
     def _pruned(self) -> VoxelField:
         """The field with only the cells that are dense enough and that some training ray sees."""
         field = self.field
-        n_batches = max(FEWEST_BATCHES, math.ceil(int(field.occupied.sum()) * RAYS_PER_CELL / PRUNING_RAYS))
-        batches = (self.bank.rays(self.bank.draw(PRUNING_RAYS, self.runtime)) for _ in range(n_batches))
-        visibility = self._renderer.visibility(batches)
+        visibility = self._renderer.visibility(self._some_rays(RAYS_PER_CELL * float(field.occupied.sum())))
         keep = (field.cell_alphas() > self.recipe.prune_alpha) & (visibility > self.recipe.prune_visibility)
         if not keep.any():
             raise Diverged(
@@ -236,6 +235,11 @@ class VoxelFit:
                 "Check the camera poses, or raise the iterations.",
             )
         return field.pruned(keep)
+
+    def _some_rays(self, at_least: float = 0.0) -> Iterator[Rays]:
+        """Batches of rays through random pixels, that tell what training rays see; so many rays at least."""
+        n_batches = max(FEWEST_BATCHES, math.ceil(at_least / BATCH_RAYS))
+        return (self.bank.rays(self.bank.draw(BATCH_RAYS, self.runtime)) for _ in range(n_batches))
 
     def _parts_of(self, level: int) -> list[Part]:
         """The stretches between the cuts of a level; the first level has none."""

@@ -17,7 +17,7 @@ import math
 import torch
 from torch import Tensor, nn
 
-from ...rendering.rays import PixelBank, Rays
+from ...rendering.rays import PixelBank
 from ...runtime import Runtime
 from ...settings import GeometrySettings, Level
 from ..background import Background
@@ -57,13 +57,9 @@ class BackgroundSupport:
         all_rays = torch.bincount(bins, minlength=size)
         self.free = torch.bincount(bins[free], minlength=size) / all_rays.clamp_min(1)
 
-    def supported(self, viewdirs: Tensor) -> Tensor:
-        """True for the directions in whose bin such a ray was seen, [n]."""
-        return self.free[self._bins(viewdirs)] > 0
-
-    def common(self, viewdirs: Tensor) -> Tensor:
-        """True for the directions in whose bin COMMON of the rays are such rays, [n]."""
-        return self.free[self._bins(viewdirs)] > COMMON
+    def shares(self, viewdirs: Tensor) -> Tensor:
+        """Share of the rays in each direction's bin that are such rays, [n]."""
+        return self.free[self._bins(viewdirs)]
 
 
 class BoxFit(VoxelFit):
@@ -103,37 +99,36 @@ class BoxFit(VoxelFit):
         rays = self.bank.rays(index)
         target = self.bank.color[index].float() / 255
         sums = self._renderer.render(RayBatch(rays, level.step, self.runtime.rand(n_rays), number == 0))
-        behind = self._behind(number, index, rays, sums)
+        backdrop = None if self.background is None else self.background(rays.viewdirs)
+        free = None if number == 0 or backdrop is None else self._support.shares(rays.viewdirs)
+        behind = self._behind(index, sums, backdrop, free)
         if self.bank.alpha is not None:
             matte = self.bank.alpha[index].float()[:, None] / 255
             target = target * matte + (1 - matte) * behind
         error = ((sums.color + sums.remainder[:, None] * behind - target) ** 2).mean()
         loss = error + self._regularization(number, sums)
-        if number > 0 and self.background is not None:
-            loss = loss + MIST * (self._needless(rays, target) * (1 - sums.remainder)).mean()
+        if free is not None:
+            needless = _needless(backdrop.detach(), target, free)
+            loss = loss + MIST * (needless * (1 - sums.remainder)).mean()
         return Batch(loss, error, sums.n_samples)
 
-    def _behind(self, number: int, index: Tensor, rays: Rays, sums: RaySums) -> Tensor:
-        """The color behind the ray of each pixel, [R, 3]."""
-        n_rays = len(rays)
+    def _behind(self, index: Tensor, sums: RaySums, backdrop: Tensor | None, free: Tensor | None) -> Tensor:
+        """The color behind the ray of each pixel, [R, 3].
+
+        backdrop: what the background shows there, [R, 3]; None without one. free: share of the rays in the ray's
+        direction that see past everything, [R]; None while that is not known.
+        """
+        n_rays = len(index)
         if self.background_kind == "alpha":
             return self.runtime.rand(n_rays, 3)
-        if self.background is None:
+        if backdrop is None:
             plain = torch.full((n_rays, 3), 1.0 if self.background_kind == "white" else 0.0, device=self.runtime.device)
             return torch.where(self.bank.solid[index, None], self.runtime.rand(n_rays, 3), plain)
-        color = self.background(rays.viewdirs)
-        if number == 0:
-            return color
-        free = (sums.remainder.detach() > 1 - 1e-6)[:, None]
-        known = self._support.supported(rays.viewdirs)[:, None]
-        color = torch.where(free, color, color.detach())
-        return torch.where(known | free, color, self.runtime.rand(n_rays, 3))
-
-    @torch.no_grad()
-    def _needless(self, rays: Rays, target: Tensor) -> Tensor:
-        """How well the background alone shows each pixel, [R] in [0, 1]; 0 in directions that rarely show it."""
-        gap = ((self.background(rays.viewdirs) - target) ** 2).sum(1)
-        return torch.exp(-gap / (2 * ALIKE**2)) * self._support.common(rays.viewdirs)
+        if free is None:
+            return backdrop
+        passes = (sums.remainder.detach() > 1 - 1e-6)[:, None]
+        color = torch.where(passes, backdrop, backdrop.detach())
+        return torch.where((free > 0)[:, None] | passes, color, self.runtime.rand(n_rays, 3))
 
     def _regularization(self, number: int, sums: RaySums) -> Tensor:
         settings = self.recipe
@@ -164,13 +159,16 @@ class BoxFit(VoxelFit):
     def _learn_support(self, level: Level) -> None:
         """Note which directions training rays see past every occupied cell."""
         viewdirs, free = [], []
-        for _ in range(16):
-            rays = self.bank.rays(self.bank.draw(8192, self.runtime))
-            samples = self.field.march(rays, level.step)
+        for rays in self._some_rays():
             viewdirs.append(rays.viewdirs)
-            free.append(torch.ones(len(rays), dtype=torch.bool, device=self.runtime.device))
-            free[-1][samples.ray_indices] = False
+            free.append(self._renderer.is_free(rays, level.step))
         self._support.note(torch.cat(viewdirs), torch.cat(free))
+
+
+def _needless(backdrop: Tensor, target: Tensor, free: Tensor) -> Tensor:
+    """How well the background alone shows each pixel, [R] in [0, 1]; 0 in directions that rarely show it."""
+    gap = ((backdrop - target) ** 2).sum(1)
+    return torch.exp(-gap / (2 * ALIKE**2)) * (free > COMMON)
 
 
 def visual_hull(bank: PixelBank, points: Tensor, margin: float) -> Tensor:

@@ -97,11 +97,12 @@ class OpenFit(VoxelFit):
     def _total_variation(self) -> Tensor:
         """Mean squared difference to the next vertex along each axis, over random vertices."""
         field = self.field
-        rows = self.runtime.randint(len(self._vertices), TV_VERTICES)
+        # in the order of memory, a vertex with all its neighbors: waiting for memory is most of the time
+        rows = self.runtime.randint(len(self._vertices), TV_VERTICES).sort().values
         steps = field.vertex_numbers(torch.eye(3, dtype=torch.long, device=rows.device))
         last = field.index.numel() * BITS - 1
-        neighbors = field.rows_of((self._vertices[rows] + steps[:, None]).clamp_max(last))
-        density, features = self._renderer.differences(rows.repeat(3), neighbors.view(-1))
+        neighbors = field.rows_of((self._vertices[rows, None] + steps).clamp_max(last))
+        density, features = self._renderer.differences(rows.repeat_interleave(3), neighbors.view(-1))
         return (density + features / self.field.n_features) / TV_VERTICES
 
 

@@ -93,4 +93,7 @@ class Renderer(Protocol):
         """Adam over groups of parameters, of which the first holds the field's densities and features."""
 
     def visibility(self, batches: Iterable[Rays]) -> Tensor:
-        """Largest weight of a sample in each occupied cell, over all these rays, [n]."""
+        """Largest weight of a sample in each occupied cell, over the rays of all batches, [n]."""
+
+    def is_free(self, rays: Rays, step: float) -> Tensor:
+        """Whether a ray meets no occupied cell, by samples so many voxels apart, [R] bool."""

@@ -116,3 +116,9 @@ class TorchRenderer:
             trace = field.trace(rays, 1.0)
             visibility.scatter_reduce_(0, field.cells(trace.samples.positions), trace.ray_weights, "amax")
         return visibility[field.occupied.view(-1)]
+
+    @torch.no_grad()
+    def is_free(self, rays: Rays, step: float) -> Tensor:
+        free = torch.ones(len(rays), dtype=torch.bool, device=rays.origins.device)
+        free[self.field.march(rays, step).ray_indices] = False
+        return free

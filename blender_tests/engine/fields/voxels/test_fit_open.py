@@ -198,7 +198,7 @@ def test_total_variation_asks_no_vertex_that_pruning_has_taken_away(monkeypatch)
 
 
 def test_pruning_keeps_what_photos_show_however_many_cells_there_are(monkeypatch):
-    monkeypatch.setattr(voxel_fit, "PRUNING_RAYS", 64)
+    monkeypatch.setattr(voxel_fit, "BATCH_RAYS", 64)
     monkeypatch.setattr(voxel_fit, "FEWEST_BATCHES", 2)  # alone they miss a twentieth of it
     levels = (Level(40, 30, 1.0), Level(48, 1, 1.0))
     few = replace(SETTINGS, open=replace(SETTINGS.open, levels=levels, samples=6000))

@@ -18,6 +18,7 @@ from karf_engine.errors import Diverged
 from karf_engine.fields.voxels.choice import new_renderer
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.fields.voxels.fused import preparing
+from karf_engine.fields.voxels.fused.bending import paths_of
 from karf_engine.fields.voxels.fused.compiled import kernel
 from karf_engine.fields.voxels.fused.marching import share_of, uniform
 from karf_engine.fields.voxels.fused.renderer import FusedRenderer
@@ -142,6 +143,20 @@ def test_cells_are_seen_as_torch_sees_them():
     assert_close(seen, expected, rtol=1e-3, atol=1e-4)
 
 
+def test_rays_meet_occupied_cells_where_torch_says_so():
+    field, rays = random_field("box", share=0.02), random_batch("box").rays
+    free = fused(field).is_free(rays, 0.7)
+    assert torch.equal(free, exact(field).is_free(rays, 0.7))
+    assert 0.1 < free.float().mean() < 0.9
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_rays_bend_as_their_space_says(space):
+    field, rays = random_field(space), random_batch(space).rays
+    expected = field.space.paths(rays, *field.bounds)
+    assert_close(torch.from_numpy(paths_of(field.space, field.bounds, rays)), expected, rtol=1e-5, atol=1e-5)
+
+
 @pytest.mark.parametrize("make", [fused, exact])
 def test_a_ray_ends_where_its_light_is_used_up(make):
     field, batch = random_field("box"), random_batch("box")
@@ -203,10 +218,14 @@ def _learn(threads: int, iterations: int = 12) -> VoxelField:
         {"params": list(field.color_network.parameters()), "lr": 0.01},
     ]
     optimizer = renderer.optimizer(groups, (0.9, 0.99))
+    random = torch.Generator().manual_seed(2)
+    pairs = torch.randint(-1, len(field.raw_density), (2, 5000), generator=random)
     for _ in range(iterations):
         optimizer.zero_grad()
         sums = renderer.render(batch)
-        ((sums.color - 0.3) ** 2).mean().add(1e-3 * sums.distortion.mean()).backward()
+        density, features = renderer.differences(*pairs)
+        loss = ((sums.color - 0.3) ** 2).mean() + 1e-3 * sums.distortion.mean()
+        (loss + 1e-5 * (density + features)).backward()
         optimizer.step()
     return field
 
@@ -269,7 +288,7 @@ def check_bounds(file, names, cache):
 
 
 def test_no_kernel_reads_or_writes_outside_its_arrays(tmp_path):
-    names = "sums_and_gradients and box-12 or contraction-12 or differences or cells_are or threads or rest"
+    names = "sums_and_gradients and box-12 or contraction-12 or differences or cells_are or threads or rest or bend"
     check_bounds(__file__, names, tmp_path)
 
 

@@ -11,9 +11,9 @@ from torch import Tensor
 from ....cores import share
 from ....team import Team
 from ....training.adam import Adam
-from .arrays import BOTH, DENSITY, FEATURES, Table
+from .arrays import DENSITY, FEATURES, Table
 from .compiled import kernel
-from .marching import ONE, TWO, ZERO
+from .marching import ONE, ZERO
 from .tables import FieldTables, flat
 
 EPSILON = np.float32(1e-12)
@@ -54,46 +54,6 @@ def has_gradient(gradients, at, n):
         if gradients[at + np.uint64(number)] != ZERO:
             return True
     return False
-
-
-@kernel
-def difference_sums(rows, other_rows, density, features, n_features):
-    """Sums of squared differences of densities and of features; pairs with a row of -1 count nothing."""
-    density_sum, feature_sum = 0.0, 0.0
-    for pair in range(len(rows)):
-        one, other = rows[pair], other_rows[pair]
-        if one < 0 or other < 0:
-            continue
-        density_sum += (density[other] - density[one]) ** 2
-        a = np.uint64(one) * np.uint64(len(n_features))
-        b = np.uint64(other) * np.uint64(len(n_features))
-        total = ZERO
-        for number in range(len(n_features)):
-            k = np.uint64(number)
-            total += (features[b + k] - features[a + k]) ** 2
-        feature_sum += total
-    return density_sum, feature_sum
-
-
-@kernel
-def difference_gradients(rows, other_rows, values, gradients, n_features, touched, density_share, feature_share):
-    """Add the gradients of these sums, times the shares."""
-    for pair in range(len(rows)):
-        one, other = rows[pair], other_rows[pair]
-        if one < 0 or other < 0:
-            continue
-        touched[one] = BOTH
-        touched[other] = BOTH
-        gradient = TWO * density_share * (values[0][other] - values[0][one])
-        gradients[0][one] -= gradient
-        gradients[0][other] += gradient
-        a = np.uint64(one) * np.uint64(len(n_features))
-        b = np.uint64(other) * np.uint64(len(n_features))
-        for number in range(len(n_features)):
-            k = np.uint64(number)
-            gradient = TWO * feature_share * (values[1][b + k] - values[1][a + k])
-            gradients[1][a + k] -= gradient
-            gradients[1][b + k] += gradient
 
 
 class LazyAdam(Adam):

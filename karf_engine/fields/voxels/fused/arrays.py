@@ -86,7 +86,7 @@ class Sorted(NamedTuple):
         rays: [S].
         places: Fractions along x, y, z, and the share, [S, 4].
         features: [S, F].
-        bins: Working space of the sort, samples of each part of a plane.
+        bins: Working space of the sort: for each core, samples of each part of a plane.
         planes: First sample of each plane of the grid, and their number, [X + 2].
     """
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .coloring import GROUP, gather, hidden_layers, logits, sigmoid
-from .compiled import kernel
+from .compiled import kernel, making_kernel
 from .marching import ONE, ZERO, corners_of, row_of
 
 
@@ -61,7 +61,7 @@ def gather_some(grid, vertex, x, y, z, features, n, out):
                 out[feature] += weight * features[found * n + feature]
 
 
-@kernel
+@making_kernel
 def colors_at(first, last, features, harmonics, network, n_features, n_hidden, out):
     """sRGB colors [n, 3] of the features [n, F] and harmonics of directions [n, 9] first to last."""
     inputs = np.zeros((GROUP, len(n_features) + 9), np.float32)
@@ -69,8 +69,10 @@ def colors_at(first, last, features, harmonics, network, n_features, n_hidden, o
     for start in range(first, last, GROUP):
         count = min(GROUP, last - start)
         for member in range(count):
-            inputs[member, : len(n_features)] = features[start + member]
-            inputs[member, len(n_features) :] = harmonics[start + member]
+            for number in range(len(n_features)):
+                inputs[member, number] = features[start + member, number]
+            for number in range(9):
+                inputs[member, len(n_features) + number] = harmonics[start + member, number]
         hidden_layers(inputs, network, hidden)
         for member in range(count):
             red, green, blue = logits(features[start + member], hidden[member], network)

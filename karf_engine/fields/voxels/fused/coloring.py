@@ -7,10 +7,11 @@ import math
 import numpy as np
 
 from .arrays import RED
-from .compiled import kernel
+from .compiled import kernel, making_kernel, prefetch
 from .marching import ONE, ZERO
 
 GROUP = 4  # samples that go through the network together
+AHEAD = 12  # samples; rows are asked for so much earlier: memory answers while the network computes
 
 
 @kernel
@@ -29,6 +30,17 @@ def gather(features, corners, x, y, z, n, out):
         ) + z * (
             wa * features[a + above] + wb * features[b + above] + wc * features[c + above] + wd * features[d + above]
         )
+
+
+@kernel
+def ask_for_rows(number, last, ordered, table, n):
+    """Ask for the rows of n of the ordered sample AHEAD of this one."""
+    number += AHEAD
+    if number < last and ordered.places[number, 3] != ZERO:
+        for corner in range(4):
+            at = np.int64(ordered.corners[number, corner]) * n
+            prefetch(table, at)
+            prefetch(table, at + n)  # of the upper corner
 
 
 @kernel
@@ -82,17 +94,28 @@ def next_group(number, last, ordered, group):
     return count, number
 
 
-@kernel
+@making_kernel
 def color_samples(first, last, ordered, samples, features, harmonics, network, n_features, n_hidden, is_diffuse):
     """Colors of the ordered samples first to last that have one. Lengths of the tuples n_* are sizes."""
     inputs = np.zeros((GROUP, len(n_features) + 9), np.float32)
     hidden = np.zeros((GROUP, len(n_hidden)), np.float32)
     group = np.zeros(GROUP, np.int64)
+    color_groups(
+        first, last, ordered, samples, features, harmonics, network, n_features, is_diffuse, inputs, hidden, group
+    )
+
+
+@kernel
+def color_groups(
+    first, last, ordered, samples, features, harmonics, network, n_features, is_diffuse, inputs, hidden, group
+):
+    """The same, in room for a group."""
     count, number = next_group(first, last, ordered, group)
     while count:
         for member in range(count):
             at = group[member]
             own = ordered.features[at]
+            ask_for_rows(at, last, ordered, features, len(n_features))
             x, y, z = ordered.places[at, 0], ordered.places[at, 1], ordered.places[at, 2]
             gather(features, ordered.corners[at], x, y, z, len(n_features), own)
         if not is_diffuse:
@@ -113,8 +136,11 @@ def read_inputs(group, count, ordered, harmonics, n_features, inputs):
     """Features and harmonics of the direction, of the first `count` members of a group."""
     for member in range(count):
         at = group[member]
-        inputs[member, :n_features] = ordered.features[at]
-        inputs[member, n_features:] = harmonics[ordered.rays[at]]
+        ray = ordered.rays[at]
+        for number in range(n_features):
+            inputs[member, number] = ordered.features[at, number]
+        for number in range(9):
+            inputs[member, n_features + number] = harmonics[ray, number]
 
 
 @kernel

@@ -15,6 +15,7 @@ from ..grid import VoxelGrid
 from .arrays import REMAINDER, Limits, RayArrays, new_rays, new_samples
 from .arrays import Samples as Chunks
 from .asking import colors_at, features_at, pack
+from .bending import paths_of
 from .marching import CHUNK, march
 from .tables import flat, grid_of, network_of
 
@@ -36,8 +37,7 @@ class FrozenField:
     def trace(self, rays: Rays, step_in_voxels: float) -> Trace:
         """Where these rays end (see `VoxelField.trace`); what lies behind the last of their light is left out."""
         step = np.float32(step_in_voxels)
-        paths = self._space.paths(rays, *self._bounds).contiguous().numpy()
-        arrays = new_rays(paths, np.full(len(rays), 0.5, np.float32), NOTHING)
+        arrays = new_rays(paths_of(self._space, self._bounds, rays), np.full(len(rays), 0.5, np.float32), NOTHING)
         chunks = self._march(arrays, step)
         starts = np.cumsum(chunks.counts) - chunks.counts
         total = int(chunks.counts.sum())

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from .arrays import ALPHA, BEFORE, BOTH, DENSITY, DISTANCE, DISTORTION, REMAINDER, SQUARE, UP_TO, Network
-from .coloring import GROUP, hidden_layers, next_group, read_inputs
-from .compiled import kernel
+from .coloring import GROUP, ask_for_rows, hidden_layers, next_group, read_inputs
+from .compiled import kernel, making_kernel
 from .marching import ONE, THIRD, TWO, ZERO
 
 
@@ -54,24 +54,31 @@ def ray_gradients(first, last, rays, samples, gradients, margin, unit, step):
 
 
 @kernel
-def network_gradients(inputs, hidden, logit_gradients, network, sums, hidden_gradients, input_gradients):
-    """Add the gradients of GROUP samples to those of the network; fill those of their inputs [GROUP, F + 9].
+def network_gradients(inputs, n_features, hidden, logit_gradients, network, sums, hidden_gradients, feature_gradients):
+    """Add the gradients of GROUP samples to those of the network; fill those of their features [GROUP, F].
 
-    Members without a sample have logit gradients of 0, and add nothing.
+    Members without a sample have logit gradients of 0, and add nothing. Nobody asks for gradients of directions.
     """
     n_units = hidden.shape[1]
-    for member in range(GROUP):
-        red, green, blue = logit_gradients[member, 0], logit_gradients[member, 1], logit_gradients[member, 2]
-        for unit in range(n_units):
-            value = max(hidden[member, unit], ZERO)
-            gradient = red * network.w2[0, unit] + green * network.w2[1, unit] + blue * network.w2[2, unit]
-            gradient = gradient if value > ZERO else ZERO
-            hidden_gradients[member, unit] = gradient
-            sums.b1[unit] += gradient
-            sums.w2[0, unit] += red * value
-            sums.w2[1, unit] += green * value
-            sums.w2[2, unit] += blue * value
-    for k in range(inputs.shape[1]):
+    red, green, blue = logit_gradients[:, 0], logit_gradients[:, 1], logit_gradients[:, 2]
+    red0, red1, red2, red3 = red[0], red[1], red[2], red[3]
+    green0, green1, green2, green3 = green[0], green[1], green[2], green[3]
+    blue0, blue1, blue2, blue3 = blue[0], blue[1], blue[2], blue[3]
+    for unit in range(n_units):  # of all members at once: the sums are read and written once
+        r, g, b = network.w2[0, unit], network.w2[1, unit], network.w2[2, unit]
+        value0, value1 = max(hidden[0, unit], ZERO), max(hidden[1, unit], ZERO)
+        value2, value3 = max(hidden[2, unit], ZERO), max(hidden[3, unit], ZERO)
+        gradient0 = red0 * r + green0 * g + blue0 * b if value0 > ZERO else ZERO
+        gradient1 = red1 * r + green1 * g + blue1 * b if value1 > ZERO else ZERO
+        gradient2 = red2 * r + green2 * g + blue2 * b if value2 > ZERO else ZERO
+        gradient3 = red3 * r + green3 * g + blue3 * b if value3 > ZERO else ZERO
+        hidden_gradients[0, unit], hidden_gradients[1, unit] = gradient0, gradient1
+        hidden_gradients[2, unit], hidden_gradients[3, unit] = gradient2, gradient3
+        sums.b1[unit] += gradient0 + gradient1 + gradient2 + gradient3
+        sums.w2[0, unit] += red0 * value0 + red1 * value1 + red2 * value2 + red3 * value3
+        sums.w2[1, unit] += green0 * value0 + green1 * value1 + green2 * value2 + green3 * value3
+        sums.w2[2, unit] += blue0 * value0 + blue1 * value1 + blue2 * value2 + blue3 * value3
+    for k in range(n_features):
         x0, x1, x2, x3 = inputs[0, k], inputs[1, k], inputs[2, k], inputs[3, k]
         total0, total1, total2, total3 = ZERO, ZERO, ZERO, ZERO
         for unit in range(n_units):
@@ -83,12 +90,18 @@ def network_gradients(inputs, hidden, logit_gradients, network, sums, hidden_gra
             total1 += weight * g1
             total2 += weight * g2
             total3 += weight * g3
-        input_gradients[0, k], input_gradients[1, k] = total0, total1
-        input_gradients[2, k], input_gradients[3, k] = total2, total3
+        feature_gradients[0, k], feature_gradients[1, k] = total0, total1
+        feature_gradients[2, k], feature_gradients[3, k] = total2, total3
+    for k in range(n_features, inputs.shape[1]):
+        x0, x1, x2, x3 = inputs[0, k], inputs[1, k], inputs[2, k], inputs[3, k]
+        for unit in range(n_units):
+            g0, g1 = hidden_gradients[0, unit], hidden_gradients[1, unit]
+            g2, g3 = hidden_gradients[2, unit], hidden_gradients[3, unit]
+            sums.w1[k, unit] += x0 * g0 + x1 * g1 + x2 * g2 + x3 * g3
     for member in range(GROUP):
         for channel in range(3):
             sums.b2[channel] += logit_gradients[member, channel]
-            input_gradients[member, channel] += logit_gradients[member, channel]
+            feature_gradients[member, channel] += logit_gradients[member, channel]
 
 
 @kernel
@@ -108,7 +121,7 @@ def corner_shares(place):
     return ((ONE - x) * (ONE - y), (ONE - x) * y, x * (ONE - y), x * y), place[2]
 
 
-@kernel
+@making_kernel
 def slab_gradients(
     first, last, offset, cuts, ordered, samples, harmonics, network, gradients, touched, sums, n_features,
     n_hidden, is_diffuse,
@@ -118,32 +131,49 @@ def slab_gradients(
     The network's are summed by slab. Which thread takes which slab is chance, and changes no bit.
     """
     inputs = np.zeros((GROUP, len(n_features) + 9), np.float32)
-    input_gradients, logit_gradients = np.zeros_like(inputs), np.zeros((GROUP, 3), np.float32)
+    feature_gradients = np.zeros((GROUP, len(n_features)), np.float32)
+    logit_gradients = np.zeros((GROUP, 3), np.float32)
     hidden = np.zeros((GROUP, len(n_hidden)), np.float32)
     hidden_gradients = np.zeros_like(hidden)
     group = np.zeros(GROUP, np.int64)
+    room = inputs, feature_gradients, logit_gradients, hidden, hidden_gradients, group
     for pair in range(first, last):
         slab = offset + 2 * pair
         own_sums = Network(sums.w1[slab], sums.b1[slab], sums.w2[slab], sums.b2[slab])
-        density_gradients(cuts[slab], cuts[slab + 1], ordered, samples, gradients[0], touched)
-        count, number = next_group(cuts[slab], cuts[slab + 1], ordered, group)
-        while count:
-            logit_gradients[:] = ZERO
-            for member in range(count):
-                logit_gradients[member] = samples.colors[ordered.index[group[member]]]
-            if is_diffuse:
-                input_gradients[:, :3] = logit_gradients
-            else:
-                read_inputs(group, count, ordered, harmonics, len(n_features), inputs)
-                hidden_layers(inputs, network, hidden)
-                network_gradients(inputs, hidden, logit_gradients, network, own_sums, hidden_gradients, input_gradients)
-            for member in range(count):
-                corners = ordered.corners[group[member]]
-                shares, upper = corner_shares(ordered.places[group[member]])
-                for corner in range(4):
-                    low, high = shares[corner] * (ONE - upper), shares[corner] * upper
-                    add_at(gradients[1], corners[corner], low, high, len(n_features), input_gradients[member])
-            count, number = next_group(number, cuts[slab + 1], ordered, group)
+        slab_gradients_in(
+            room, cuts[slab], cuts[slab + 1], ordered, samples, harmonics, network, gradients, touched, own_sums,
+            n_features, is_diffuse,
+        )  # fmt: skip
+
+
+@kernel
+def slab_gradients_in(
+    room, first, last, ordered, samples, harmonics, network, gradients, touched, sums, n_features, is_diffuse
+):
+    """Gradients of the slab of ordered samples first to last, in room for a group."""
+    inputs, feature_gradients, logit_gradients, hidden, hidden_gradients, group = room
+    density_gradients(first, last, ordered, samples, gradients[0], touched)
+    count, number = next_group(first, last, ordered, group)
+    while count:
+        logit_gradients[:] = ZERO
+        for member in range(count):
+            for channel in range(3):
+                gradient = samples.colors[ordered.index[group[member]], channel]
+                logit_gradients[member, channel] = feature_gradients[member, channel] = gradient
+        if not is_diffuse:
+            read_inputs(group, count, ordered, harmonics, len(n_features), inputs)
+            hidden_layers(inputs, network, hidden)
+            network_gradients(
+                inputs, len(n_features), hidden, logit_gradients, network, sums, hidden_gradients, feature_gradients
+            )
+        for member in range(count):
+            ask_for_rows(group[member], last, ordered, gradients[1], len(n_features))
+            corners = ordered.corners[group[member]]
+            shares, upper = corner_shares(ordered.places[group[member]])
+            for corner in range(4):
+                low, high = shares[corner] * (ONE - upper), shares[corner] * upper
+                add_at(gradients[1], corners[corner], low, high, len(n_features), feature_gradients[member])
+        count, number = next_group(number, last, ordered, group)
 
 
 @kernel

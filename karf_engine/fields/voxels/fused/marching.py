@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import renderer
 from .arrays import ALPHA, BEFORE, DISTANCE, DISTORTION, REMAINDER, SQUARE, UP_TO, Grid, Limits, RayArrays, Samples
-from .compiled import kernel
+from .compiled import kernel, making_kernel
 
 CHUNK = 32  # rays whose samples lie in one piece of memory
 BLOCK = 4  # cells a side of the coarse grid's blocks, and steps of a coarse stride (sampling.BLOCK)
@@ -104,7 +104,7 @@ def place_at(path, starts, directions, piece, distance, grid):
     return x, y, z
 
 
-@kernel
+@making_kernel
 def march(first_chunk, last_chunk, grid: Grid, rays: RayArrays, samples: Samples, limits: Limits):
     """Fill `samples`, and all of `rays` but the colors. A chunk that needs more places says so in its count."""
     n_rays, n_knots = len(rays.jitter), rays.paths.shape[1]
@@ -227,34 +227,50 @@ def share_of(weight, limits, ray, number):
 
 
 @kernel
-def sort_by_place(n_chunks, grid, samples, ordered, capacity):
-    """Stable counting sort of all samples by plane of the grid and part of the plane; returns how many there are."""
+def count_places(first, last, pieces, grid, samples, bins, capacity):
+    """Of each piece of the chunks, how many samples lie in each bin: a part of a plane of the grid."""
     plane = grid.shape[8]
-    n_planes = grid.shape[0] + 1
-    parts = len(ordered.bins) // n_planes  # of each plane
-    ordered.bins[:] = 0
-    for chunk in range(n_chunks):
-        for sample in range(chunk * capacity, chunk * capacity + samples.counts[chunk]):
-            ordered.bins[bin_of(samples.vertices[sample], plane, parts)] += 1
+    parts = bins.shape[1] // (grid.shape[0] + 1)  # of each plane
+    for piece in range(first, last):
+        own = bins[piece]
+        own[:] = 0
+        for chunk in range(pieces[piece], pieces[piece + 1]):
+            for sample in range(chunk * capacity, chunk * capacity + samples.counts[chunk]):
+                own[bin_of(samples.vertices[sample], plane, parts)] += 1
+
+
+@kernel
+def place_bins(n_planes, bins, planes):
+    """Where in the order each piece's samples of each bin begin, in place of their numbers; how many there are in all."""
+    parts = bins.shape[1] // n_planes
     total = 0
     for number in range(n_planes * parts):
         if number % parts == 0:
-            ordered.planes[number // parts] = total
-        total, ordered.bins[number] = total + ordered.bins[number], total
-    ordered.planes[n_planes] = total
-    for chunk in range(n_chunks):
-        for sample in range(chunk * capacity, chunk * capacity + samples.counts[chunk]):
-            number = bin_of(samples.vertices[sample], plane, parts)
-            to = ordered.bins[number]
-            ordered.bins[number] = to + 1
-            ordered.index[to] = sample
-            for corner in range(4):
-                ordered.corners[to, corner] = samples.corners[sample, corner]
-            ordered.rays[to] = samples.rays[sample]
-            for axis in range(3):
-                ordered.places[to, axis] = samples.places[sample, axis]
-            ordered.places[to, 3] = samples.shares[sample]
+            planes[number // parts] = total
+        for piece in range(len(bins)):
+            total, bins[piece, number] = total + bins[piece, number], total
+    planes[n_planes] = total
     return total
+
+
+@kernel
+def put_in_place(first, last, pieces, grid, samples, ordered, bins, capacity):
+    """Write the samples of these pieces of the chunks in order: a stable counting sort, however they are cut."""
+    plane = grid.shape[8]
+    parts = bins.shape[1] // (grid.shape[0] + 1)
+    for piece in range(first, last):
+        for chunk in range(pieces[piece], pieces[piece + 1]):
+            for sample in range(chunk * capacity, chunk * capacity + samples.counts[chunk]):
+                number = bin_of(samples.vertices[sample], plane, parts)
+                to = bins[piece, number]
+                bins[piece, number] = to + 1
+                ordered.index[to] = sample
+                for corner in range(4):
+                    ordered.corners[to, corner] = samples.corners[sample, corner]
+                ordered.rays[to] = samples.rays[sample]
+                for axis in range(3):
+                    ordered.places[to, axis] = samples.places[sample, axis]
+                ordered.places[to, 3] = samples.shares[sample]
 
 
 @kernel

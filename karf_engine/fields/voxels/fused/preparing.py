@@ -15,10 +15,12 @@ import numba
 import torch
 
 from ....rendering.rays import Rays
+from ....rendering.space import Contraction
 from ....runtime import start_runtime
 from ...scene import Scene
 from ..field import VoxelField
 from ..renderer import Observing, RayBatch
+from .bending import paths_of
 from .compiled import cache_folder
 from .renderer import FusedRenderer
 
@@ -51,6 +53,7 @@ def prepare(n_features: int) -> None:
     groups = [{"params": [field.raw_density, field.feature_table]}, {"params": list(field.color_network.parameters())}]
     optimizer = renderer.optimizer(groups, (0.9, 0.99))
     renderer.visibility([rays])
+    paths_of(Contraction(torch.zeros(3), 1.0, 1.0, 0.1), field.bounds, rays)
     color = renderer.render(RayBatch(rays, 1.0, torch.full((1,), 0.5))).color
     density, features = renderer.differences(torch.tensor([0]), torch.tensor([1]))
     (color.sum() + density + features).backward()

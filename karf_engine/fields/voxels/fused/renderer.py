@@ -8,17 +8,19 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ....cores import share, take_from_torch
+from ....cores import count, share, take_from_torch
 from ....rendering.rays import Rays
 from ....rendering.spherical_harmonics import spherical_harmonics
 from ....runtime import Runtime
 from ..field import VoxelField
 from ..renderer import Observing, RayBatch, RaySums
-from .adam import LazyAdam, difference_gradients, difference_sums
+from .adam import LazyAdam
 from .arrays import Limits, Network, Samples, Sorted, new_rays, new_samples
+from .bending import paths_of
 from .coloring import color_samples, composite
 from .gradients import ray_gradients, slab_gradients
-from .marching import CHUNK, march, mark_visible, sort_by_place
+from .marching import CHUNK, count_places, march, mark_visible, place_bins, put_in_place
+from .smoothing import BLOCK_PAIRS, difference_gradients, difference_sums
 from .tables import FieldTables
 
 BINS = 65536  # of the sort by place
@@ -60,12 +62,16 @@ class FusedRenderer:
             mark_visible(self._n_chunks, self._samples, self._limits.capacity, visibility)
         return torch.from_numpy(visibility)[self.field.lowest_rows()]
 
+    def is_free(self, rays: Rays, step: float) -> Tensor:
+        self._march(RayBatch(rays, step, torch.full((len(rays),), 0.5)))
+        return torch.from_numpy(self._rays.counts == 0)
+
     # ------------------------------------------------------------------------------------------------------ kernels
     def forward(self, batch: RayBatch) -> Tensor:
         """Sums of each ray, [R, 10], in the order of arrays.RED to ALPHA."""
         self._march(batch)
-        grid, samples, ordered, tables = self.tables.grid, self._samples, self._ordered, self.tables
-        total = sort_by_place(self._n_chunks, grid, samples, ordered, self._limits.capacity)
+        samples, ordered, tables = self._samples, self._ordered, self.tables
+        total = self._sort_by_place()
         self._harmonics = spherical_harmonics(batch.rays.viewdirs).numpy()
         self._network, self._is_diffuse = tables.network(), batch.is_diffuse
         self._total = total
@@ -99,6 +105,16 @@ class FusedRenderer:
             for parameter, gradient in ((first.weight, w1.T), (first.bias, b1), (last.weight, w2), (last.bias, b2)):
                 parameter.grad = gradient.contiguous() if parameter.grad is None else parameter.grad + gradient
 
+    def _sort_by_place(self) -> int:
+        """Order the samples by plane of the grid and part of the plane; returns how many there are."""
+        grid, samples, ordered, bins = self.tables.grid, self._samples, self._ordered, self._ordered.bins
+        capacity, n_pieces = self._limits.capacity, len(bins)
+        pieces = np.arange(n_pieces + 1) * self._n_chunks // n_pieces
+        share(count_places, n_pieces, pieces, grid, samples, bins, capacity)
+        total = place_bins(len(ordered.planes) - 1, bins, ordered.planes)
+        share(put_in_place, n_pieces, pieces, grid, samples, ordered, bins, capacity)
+        return total
+
     def _cuts(self) -> np.ndarray:
         """First sample of each slab, and their number: slabs of whole planes, with about as many samples each."""
         wanted = np.searchsorted(self._ordered.planes, self._total * np.arange(1, SLABS) / SLABS)
@@ -108,7 +124,7 @@ class FusedRenderer:
         n_rays = len(batch.rays)
         self._n_chunks = -(-n_rays // CHUNK)
         observed = np.zeros((0, 3), np.float32) if batch.observed is None else batch.observed.numpy()
-        paths = self.field.space.paths(batch.rays, *self.field.bounds).contiguous().numpy()
+        paths = paths_of(self.field.space, self.field.bounds, batch.rays)
         self._rays = new_rays(paths, batch.jitter.numpy(), observed)
         seed = int(self.runtime.randint(2**31 - 1, 1)) if self._limits.lottery else 0
         self._limits = self._limits._replace(seed=seed, step=np.float32(batch.step))
@@ -137,7 +153,7 @@ class FusedRenderer:
             room(np.int32, size),
             room(np.float32, size, 4),
             room(np.float32, size, self.field.n_features),
-            room(np.int64, max(1, BINS // n_planes) * n_planes),
+            room(np.int32, count(), max(1, BINS // n_planes) * n_planes),
             room(np.int64, n_planes + 1),
         )
 
@@ -167,15 +183,17 @@ class _Differences(torch.autograd.Function):
         del densities
         context.renderer, context.pairs = renderer, (rows, other_rows)
         tables = renderer.tables
-        sums = difference_sums(rows, other_rows, *tables.values, tables.n_features)
-        return torch.tensor(sums, dtype=torch.float32)
+        sums = np.zeros((-(-len(rows) // BLOCK_PAIRS), 2))
+        share(difference_sums, len(sums), rows, other_rows, *tables.values, tables.n_features, sums)
+        return torch.from_numpy(sums.sum(0, dtype=np.float32))
 
     @staticmethod
     def backward(context, gradient: Tensor) -> tuple[None, None, None, None]:
         tables = context.renderer.tables
         density, features = (np.float32(value) for value in gradient.tolist())
-        difference_gradients(
-            *context.pairs, tables.values, tables.gradients, tables.n_features, tables.touched, density, features
-        )
+        share(
+            difference_gradients, len(tables.touched), *context.pairs, tables.values, tables.gradients,
+            tables.n_features, tables.touched, density, features,
+        )  # fmt: skip
         tables.show_gradients()
         return None, None, None, None

@@ -1,0 +1,47 @@
+"""Rays as polylines in the grid: the contraction's 64 knots a ray take torch longer than their samples take kernels."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from torch import Tensor
+
+from ....cores import share
+from ....rendering.rays import Rays
+from ....rendering.space import CONTRACTION_KNOTS, FAR, Contraction, Space
+from .compiled import kernel
+from .marching import ONE, TWO
+
+FARTHEST = np.float32(FAR)
+
+
+def paths_of(space: Space, bounds: Tensor, rays: Rays) -> np.ndarray:
+    """Knots of these rays in a space, within the corners `bounds` [2, 3] of a grid, [R, K, 3]: its `paths`."""
+    if not isinstance(space, Contraction):
+        return space.paths(rays, *bounds).contiguous().numpy()
+    paths = np.empty((len(rays), CONTRACTION_KNOTS, 3), np.float32)
+    origins, viewdirs = rays.origins.contiguous().numpy(), rays.viewdirs.contiguous().numpy()
+    numbers = map(np.float32, (space.radius, space.room, space.near))
+    share(contracted_paths, len(rays), origins, viewdirs, space.center.numpy(), *numbers, paths)
+    return paths
+
+
+@kernel
+def contracted_paths(first, last, origins, viewdirs, center, radius, room, near, paths):
+    """Knots of the rays first to last in a contraction (see space.Contraction.paths)."""
+    n_knots = paths.shape[1]
+    to_unit = ONE / radius
+    for ray in range(first, last):
+        dx, dy, dz = viewdirs[ray, 0], viewdirs[ray, 1], viewdirs[ray, 2]
+        x, y, z = origins[ray, 0] - center[0], origins[ray, 1] - center[1], origins[ray, 2] - center[2]
+        closest = -(x * dx + y * dy + z * dz)
+        start = (near - closest) / (TWO * radius)
+        start = FARTHEST * start / (ONE + abs(start))
+        for knot in range(n_knots):
+            u = start + np.float32(knot) / np.float32(n_knots - 1) * (ONE - start)
+            t = closest + TWO * radius * u / (FARTHEST - abs(u))
+            a, b, c = (x + t * dx) * to_unit, (y + t * dy) * to_unit, (z + t * dz) * to_unit
+            norm = max(math.sqrt(a * a + b * b + c * c), ONE)
+            scale = (ONE + room - room / norm) / norm
+            paths[ray, knot, 0], paths[ray, knot, 1], paths[ray, knot, 2] = a * scale, b * scale, c * scale

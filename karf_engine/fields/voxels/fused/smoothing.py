@@ -1,0 +1,90 @@
+"""Squared differences between rows of the tables, which a loss wants small, and their gradients."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .arrays import BOTH
+from .compiled import kernel, literal_kernel, prefetch
+from .marching import TWO, ZERO
+
+BLOCK_PAIRS = 2048  # whose sums are added up by themselves: any number of threads gives the same ones
+AHEAD = 8  # pairs; rows are asked for so much earlier
+
+
+@kernel
+def difference_sums(first, last, rows, other_rows, density, features, n_features, sums):
+    """Sums [blocks, 2] of squared differences of densities and of features; pairs with a row of -1 count nothing."""
+    for block in range(first, last):
+        density_sum, feature_sum = 0.0, 0.0
+        for pair in range(block * BLOCK_PAIRS, min(len(rows), (block + 1) * BLOCK_PAIRS)):
+            ask_for_pair(pair, rows, other_rows, features, len(n_features))
+            one, other = rows[pair], other_rows[pair]
+            if one < 0 or other < 0:
+                continue
+            density_sum += (density[other] - density[one]) ** 2
+            a = np.uint64(one) * np.uint64(len(n_features))
+            b = np.uint64(other) * np.uint64(len(n_features))
+            total = ZERO
+            for number in range(len(n_features)):
+                k = np.uint64(number)
+                total += (features[b + k] - features[a + k]) ** 2
+            feature_sum += total
+        sums[block, 0], sums[block, 1] = density_sum, feature_sum
+
+
+@kernel
+def ask_for_pair(pair, rows, other_rows, table, n):
+    """Ask for the rows of n of the pair AHEAD of this one."""
+    pair += AHEAD
+    if pair < len(rows):
+        prefetch(table, np.int64(rows[pair]) * n)
+        prefetch(table, np.int64(other_rows[pair]) * n)
+
+
+@kernel
+def difference_gradients(
+    first, last, rows, other_rows, values, gradients, n_features, touched, density_share, feature_share
+):
+    """Add the gradients of these sums, times the shares, to the table rows first to last."""
+    for pair in range(len(rows)):
+        one, other = rows[pair], other_rows[pair]
+        if one < 0 or other < 0:
+            continue
+        has_one, has_other = first <= one < last, first <= other < last
+        if has_one and has_other:
+            ask_for_pair(pair, rows, other_rows, values[1], len(n_features))
+            ask_for_pair(pair, rows, other_rows, gradients[1], len(n_features))
+            draw_together(one, other, values, gradients, n_features, touched, density_share, feature_share)
+        elif has_one:
+            draw(one, other, values, gradients, n_features, touched, density_share, feature_share)
+        elif has_other:
+            draw(other, one, values, gradients, n_features, touched, density_share, feature_share)
+
+
+@literal_kernel
+def draw_together(one, other, values, gradients, n_features, touched, density_share, feature_share):
+    """Add to the gradients of two rows what their difference asks of them."""
+    touched[one] = touched[other] = BOTH
+    gradient = TWO * density_share * (values[0][other] - values[0][one])
+    gradients[0][one] -= gradient
+    gradients[0][other] += gradient
+    a = np.uint64(one) * np.uint64(len(n_features))
+    b = np.uint64(other) * np.uint64(len(n_features))
+    for number in range(len(n_features)):
+        k = np.uint64(number)
+        gradient = TWO * feature_share * (values[1][b + k] - values[1][a + k])
+        gradients[1][a + k] -= gradient
+        gradients[1][b + k] += gradient
+
+
+@literal_kernel
+def draw(row, other, values, gradients, n_features, touched, density_share, feature_share):
+    """The same for the first of them alone: another core adds to the other one."""
+    touched[row] = BOTH
+    gradients[0][row] -= TWO * density_share * (values[0][other] - values[0][row])
+    a = np.uint64(row) * np.uint64(len(n_features))
+    b = np.uint64(other) * np.uint64(len(n_features))
+    for number in range(len(n_features)):
+        k = np.uint64(number)
+        gradients[1][a + k] -= TWO * feature_share * (values[1][b + k] - values[1][a + k])
