@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import torch
@@ -121,10 +122,13 @@ def psnr_of_views(scene: Scene, bank: PixelBank, n_pixels: int = VALIDATION_PIXE
     Returns:
         Values in dB, at most 100.
     """
+    errors = [((shown - photo) ** 2).mean() for shown, photo in compared_pixels(scene, bank, n_pixels)]
+    return [-10 * math.log10(float(error) + 1e-10) for error in errors]
+
+
+def compared_pixels(scene: Scene, bank: PixelBank, n_pixels: int) -> Iterator[tuple[Tensor, Tensor]]:
+    """What the scene and the photo show at random pixels of each plate of the bank (always the same ones), [n, 3] each."""
     random = torch.Generator().manual_seed(0)
-    values = []
     for first, last in itertools.pairwise(bank.first.tolist()):
         index = torch.randint(first, last, (n_pixels,), generator=random).to(bank.color.device)
-        error = ((scene.colors(bank.rays(index)) - bank.color[index].float() / 255) ** 2).mean()
-        values.append(-10 * math.log10(float(error) + 1e-10))
-    return values
+        yield scene.colors(bank.rays(index)), bank.color[index].float() / 255

@@ -36,7 +36,8 @@ PRESETS: dict[str, Settings] = {
             levels=(Level(48, 120, 1.0), Level(112, 250, 0.75), Level(240, 500, 0.6), Level(360, 1500, 0.6)),
             samples=120_000,
             open=OpenSettings(
-                levels=(Level(64, 150, 1.0), Level(128, 250, 1.0), Level(256, 600, 1.0), Level(384, 1600, 1.0))
+                levels=(Level(64, 150, 1.0), Level(128, 250, 1.0), Level(256, 600, 1.0), Level(448, 2400, 1.0)),
+                frustum_detail=1.2,
             ),
         ),
         segmentation=SegmentationSettings(cache_long_side=200, iterations=300),
