@@ -185,7 +185,7 @@ class _Differences(torch.autograd.Function):
         tables = renderer.tables
         sums = np.zeros((-(-len(rows) // BLOCK_PAIRS), 2))
         share(difference_sums, len(sums), rows, other_rows, *tables.values, tables.n_features, sums)
-        return torch.from_numpy(sums.sum(0, dtype=np.float32))
+        return torch.from_numpy(sums.sum(0)).float()
 
     @staticmethod
     def backward(context, gradient: Tensor) -> tuple[None, None, None, None]:
