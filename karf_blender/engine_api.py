@@ -56,7 +56,7 @@ from ..karf_engine.project.colorways import PlannedColorway, plan_colorways
 from ..karf_engine.project.volumes import Volume, read_volumes, write_volumes
 from ..karf_engine.requirements import REQUIRED
 from ..karf_engine.settings import PRESETS, seconds_of_stages
-from ..karf_engine.wire import LOG_FILE, REQUEST_FILE, WARM, Ask, Event, EventReader, Request
+from ..karf_engine.wire import CANCEL, LOG_FILE, REQUEST_FILE, WARM, Ask, Event, EventReader, Request, folder_line
 
 # the file or folder by which each known kind of capture is recognized
 CAPTURE_MARKS = tuple(known.marker for known in FORMATS)
@@ -66,6 +66,7 @@ VERSION = karf_engine.__version__
 
 __all__ = [
     "BRIGHTEST",
+    "CANCEL",
     "CAPTURE_MARKS",
     "COMPOSITING_MODES",
     "EDIT_SUFFIXES",
@@ -120,6 +121,7 @@ __all__ = [
     "error_from_code",
     "file_name",
     "find_header",
+    "folder_line",
     "hex_to_rgb",
     "hold_out",
     "is_file_name",

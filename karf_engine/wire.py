@@ -2,7 +2,8 @@
 
 A job is a folder. The caller writes `request.json`; the child appends one JSON object a line to `events.jsonl` and
 leaves stray output in `engine.log`. A file cannot block, survives either side's crash and is readable by a person.
-The child's standard input is lifeline and cancel: the line `cancel`, or its end, asks the child to stop.
+The child's standard input is lifeline and cancel: the line `cancel`, or its end, asks the child to stop. A child that
+was told to wait after a job that is done takes the next one there: a line with its folder (`folder_line`).
 
 Events: hello, stage, progress, preview, artifact, warning, error, done, cancelled. Exit codes are those of `errors`,
 0 for done and 70 for an internal error; anything else is a crash.
@@ -34,6 +35,7 @@ STAGES = (
 )
 WARM = STAGES[-1]  # answers asks until it is done; see `karf_engine.warm`
 FINAL_EVENTS = ("done", "error", "cancelled")
+CANCEL = "cancel"  # the line that ends a job, as does the end of standard input
 MOST_THREADS = 256
 EVENT_VALUES: dict[str, dict[str, Any]] = {  # what a reader may rely on; other values are an event's own
     "hello": {"protocol": int},
@@ -123,6 +125,27 @@ class Request:
         if stage not in STAGES:
             raise BadRequest(f"Unknown stage {stage!r:.200}.", f"Use one of: {', '.join(STAGES)}.")
         return request
+
+
+def folder_line(job: Path) -> str:
+    """The line, without its end, that gives a waiting child its next job.
+
+    Example:
+        >>> folder_line(Path("/film/pots_karf/jobs/a"))
+        '"/film/pots_karf/jobs/a"'
+    """
+    return json.dumps(str(job))
+
+
+def folder_of_line(line: str) -> str:
+    """The folder of a line. Raises BadRequest where it names none."""
+    try:
+        folder = json.loads(line)
+    except (ValueError, RecursionError):
+        folder = None
+    if type(folder) is not str:
+        raise BadRequest(f"{line!r:.200} names no job folder.", "Write its path as JSON text.")
+    return folder
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 MODULES = {
     "": "engine_api headless preferences progress steps",
     "host": "compat labels rendering words",
-    "engine": "environment examination installing jobs probing processes removing report speed",
+    "engine": "environment examination installing jobs keeping probing processes removing report speed",
     "engine.managed": "home",
     "preferences": "managing state",
     "project": "captures contents disk folders saving",
@@ -70,6 +70,7 @@ def addon(bpy, monkeypatch):
     assert not modules.runner.is_running()
     modules.preview.stop()
     modules.warm.stop()
+    modules.runner.release()
 
 
 @pytest.fixture

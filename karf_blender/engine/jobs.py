@@ -1,7 +1,8 @@
-"""One engine job as a child process: start, poll, cancel, end. No bpy and no threads; the caller polls.
+"""One engine job in a child process: start, poll, cancel, end. No bpy and no threads; the caller polls.
 
 The child reports in files (see the engine's `wire`); its standard input is lifeline and cancel. A child that says
-nothing in time, or ends without a final event, counts as failed; what it wrote last is in its log.
+nothing in time, or ends without a final event, counts as failed; what it wrote last is in its log. A child that has
+done a job may wait for the next one (`follow`); one whose job failed or was cancelled always ends.
 """
 
 import contextlib
@@ -13,6 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ..engine_api import (
+    CANCEL,
     LOG_FILE,
     Cancelled,
     DataError,
@@ -22,6 +24,7 @@ from ..engine_api import (
     MissingDependency,
     Request,
     error_from_code,
+    folder_line,
 )
 from . import processes
 
@@ -35,11 +38,15 @@ LOG_BYTES = 20_000  # lines may be long
 class Job:
     """A child process at work. `poll` it until `ended`, then `check` how it ended."""
 
-    def __init__(self, request: Request, folder: Path, process: subprocess.Popen, hello_seconds: float) -> None:
+    def __init__(
+        self, request: Request, folder: Path, process: subprocess.Popen, hello_seconds: float, wait_seconds: float = 0
+    ) -> None:
         self.request = request
         self.folder = folder
         self.ended = False
         self._process = process
+        self._wait_seconds = wait_seconds
+        self._waits_until = float("-inf")
         self._reader = EventReader(folder)
         self._final: Event | None = None
         self._hello_by = time.monotonic() + hello_seconds
@@ -60,7 +67,10 @@ class Job:
                 self._final = event
                 self._end_after(EXIT_SECONDS)
         now = time.monotonic()
-        if has_exited:
+        if self._wait_seconds and not self._is_cancelled and self._final is not None and self._final.kind == "done":
+            self._waits_until = now + self._wait_seconds / 2  # well before the child ends by itself
+            self.ended = True
+        elif has_exited:
             self._close()
             # what it started may have outlived it
             processes.send(self._process, processes.KILL)
@@ -76,7 +86,7 @@ class Job:
     def cancel(self) -> None:
         """Ask the child to stop at its next safe point; it is ended by force where it does not."""
         self._is_cancelled = True
-        self.tell("cancel")
+        self.tell(CANCEL)
         self._end_after(CANCEL_SECONDS)
 
     def tell(self, line: str) -> None:
@@ -84,6 +94,23 @@ class Job:
         with contextlib.suppress(OSError, ValueError):
             self._process.stdin.write(f"{line}\n".encode())
             self._process.stdin.flush()
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether the job is done and its child waits for the next one."""
+        return time.monotonic() < self._waits_until and self._process.poll() is None
+
+    def follow(self, request: Request, folder: Path) -> "Job":
+        """Give the child, which waits, its next job; this one must not be polled any more.
+
+        Raises:
+            DataError: The folder cannot be written.
+        """
+        with disk_errors():
+            request.write(folder)
+        job = Job(request, folder, self._process, HELLO_SECONDS, self._wait_seconds)
+        job.tell(folder_line(folder))
+        return job
 
     def terminate(self) -> None:
         """End the child now; waits for it a few seconds at most."""
@@ -139,7 +166,13 @@ class Job:
 
 
 def start(
-    python: Path, engine: Path, request: Request, folder: Path, threads: int = 0, hello_seconds: float = HELLO_SECONDS
+    python: Path,
+    engine: Path,
+    request: Request,
+    folder: Path,
+    threads: int = 0,
+    hello_seconds: float = HELLO_SECONDS,
+    wait_seconds: float = 0,
 ) -> Job:
     """Start a job in its own empty folder.
 
@@ -150,6 +183,7 @@ def start(
         folder: The job's own folder.
         threads: Processor threads; 0: the engine chooses.
         hello_seconds: How long the engine may be silent after its start.
+        wait_seconds: How long the child waits for the next job once this one is done.
 
     Raises:
         MissingDependency: The Python cannot be started.
@@ -158,7 +192,8 @@ def start(
     with disk_errors():
         request.write(folder)
         log = (folder / LOG_FILE).open("ab")
-    command = processes.engine_command(python, engine, "run", folder)
+    waiting = ("--wait", str(wait_seconds)) if wait_seconds else ()
+    command = processes.engine_command(python, engine, "run", folder, *waiting)
     try:
         with log:
             process = processes.start(
@@ -168,7 +203,7 @@ def start(
         raise MissingDependency(
             f"{python} cannot be started ({error}).", "Set Engine Python in the KaRF preferences."
         ) from error
-    return Job(request, folder, process, hello_seconds)
+    return Job(request, folder, process, hello_seconds, wait_seconds)
 
 
 def log_tail(folder: Path) -> str:

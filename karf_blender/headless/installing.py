@@ -9,7 +9,7 @@ from ..engine.managed import home, machine, recipes, wheelhouse
 from ..engine.managed.home import Status
 from ..engine.managed.plan import Choices, Plan
 from ..engine_api import BadRequest
-from ..tasks import warm
+from ..tasks import runner, warm
 
 
 def plan_engine(
@@ -53,7 +53,7 @@ def install_engine(
     planned = plan_engine(build, extras, folder, wheels, starter)
     for sentence in planned.sentences:
         print(f"KaRF engine: {sentence}", flush=True)
-    warm.stop()  # its Python may be replaced
+    _leave_python()
     installing.wait(planned)
     return home.status(planned.choices.folder)
 
@@ -81,8 +81,14 @@ def repair_engine(folder: str | Path | None = None, wheels: str | Path | None = 
 
 def remove_engine(folder: str | Path | None = None) -> None:
     """Delete the environment; refuses a folder that KaRF has not made."""
-    warm.stop()
+    _leave_python()
     home.remove(Path(folder).absolute() if folder else preferences.engine_folder())
+
+
+def _leave_python() -> None:
+    """End what waits in the engine's Python, which may be replaced."""
+    warm.stop()
+    runner.release()
 
 
 def engine_files(

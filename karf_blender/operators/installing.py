@@ -11,7 +11,7 @@ from ..engine.managed import machine, recipes, shells
 from ..engine.managed.plan import Choices
 from ..engine_api import KarfError
 from ..host.labels import draw_text
-from ..tasks import warm
+from ..tasks import runner, warm
 from .reporting import is_free, is_unchanging, reports_errors
 
 BUILDS = {
@@ -29,6 +29,7 @@ def _leave_python() -> None:
     """End what still runs in the engine's Python, which may be replaced."""
     probing.cancel()
     warm.stop()
+    runner.release()
 
 
 class KARF_OT_install_engine(bpy.types.Operator):

@@ -2,7 +2,7 @@
 
 Beside the interface one persistent timer polls the running task; a modal operator would hold back auto-save for as long
 as it runs. In background mode timers never fire, so there a task blocks, prints its progress and raises its error.
-One task runs at a time: the engine uses all the cores it is given.
+One task runs at a time: the engine uses all the cores it is given. Its process is kept for a moment, for the next job.
 """
 
 import time
@@ -14,6 +14,7 @@ from bpy.app.handlers import persistent
 
 from .. import engine_api, preferences, progress
 from ..engine import jobs
+from ..engine.keeping import KeptEngine
 from ..engine_api import BadRequest, Cancelled, Event, KarfError, Project, Request
 from ..host import compat, rendering, windows
 from ..pictures import editors
@@ -42,7 +43,7 @@ class _Running:
         self._begin = time.monotonic()
         with jobs.disk_errors():
             folder = Project(request.project).new_job(request.stage)
-        return jobs.start(self._python, engine_api.ENGINE_FOLDER, request, folder, self._threads)
+        return _engine.start(self._python, request, folder, self._threads)
 
     def advance(self) -> bool:
         """Let Blender do what follows an ended job, and start the next.
@@ -68,6 +69,7 @@ class _Running:
 
 
 _running: list[_Running] = []
+_engine = KeptEngine()
 _listeners: list[Callable[[], None]] = []
 _timekeepers: list[Callable[[Request, float], None]] = []
 
@@ -170,6 +172,12 @@ def cancel() -> None:
     progress.state().text = "Stopping"
 
 
+def release() -> None:
+    """End the engine's process where it only waits for a next job: its Python may be replaced."""
+    if not _running:
+        _engine.end()
+
+
 def _begin(task: Task) -> _Running:
     if _running:
         raise BadRequest(f"KaRF is busy: {_running[0].task.title}.", "Wait for it, or cancel it.")
@@ -184,7 +192,7 @@ def _end() -> None:
     while _running:
         running = _running.pop()
         if not running.job.ended:
-            running.job.terminate()
+            _engine.end()
         progress.state().running = False
         disk.refresh()
 
@@ -244,6 +252,7 @@ def _show(task: Task, event: Event) -> None:
 @persistent
 def _before_exit(*_):
     _end()
+    _engine.end()
 
 
 @persistent
@@ -269,3 +278,4 @@ def unregister():
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
     _end()
+    _engine.end()

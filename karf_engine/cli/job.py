@@ -1,11 +1,16 @@
-"""A job folder as a child process: events to its file, cancel and asks by standard input (see wire)."""
+"""Job folders in a child process: events to their files; cancel, next jobs and asks by standard input (see wire)."""
 
 from __future__ import annotations
 
+import ctypes
+import gc
 import os
 import platform
+import queue
 import sys
+import tempfile
 import threading
+from collections.abc import Iterable
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -16,25 +21,101 @@ from ..progress import Emit
 from ..project import STAGE_ORDER, Project
 from ..stages.dispatch import run_request
 from ..version import __version__
-from ..wire import PROTOCOL, WARM, EventWriter, Request
+from ..wire import CANCEL, LOG_FILE, PROTOCOL, WARM, EventWriter, Request, folder_of_line
 from .failing import as_karf_error, say_error
 
 SAME_PATHS = PathMap()
 
 
-def run_job(job: Path, paths: PathMap = SAME_PATHS) -> int:
-    """Run a job folder as a child process: events to its file, cancel by standard input.
+class Orders:
+    """What the caller writes on standard input: to stop, and folders of next jobs.
+
+    Args:
+        lines: A stream, read in a thread of its own from `listen` on: reading blocks.
+    """
+
+    def __init__(self, lines: Iterable[str]) -> None:
+        self._lines = lines
+        self._folders: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._read, daemon=True)
+
+    def listen(self) -> None:
+        """Begin to read, if that is not done yet; a job that is asked things reads its input itself."""
+        if not self._thread.ident:
+            self._thread.start()
+
+    def is_stopped(self) -> bool:
+        """Whether the line `cancel`, or the end of input (the caller is gone), asked to stop."""
+        return self._stop.is_set()
+
+    def next_folder(self, seconds: float) -> str | None:
+        """The next job's folder; None where none came in so many seconds, or none will."""
+        try:
+            line = self._folders.get(timeout=seconds)
+        except queue.Empty:
+            return None
+        return None if line is None else folder_of_line(line)
+
+    def _read(self) -> None:
+        for line in self._lines:
+            if line.strip() == CANCEL:
+                break
+            self._folders.put(line)
+        self._stop.set()
+        self._folders.put(None)
+
+
+def run_jobs(job: Path, paths: PathMap = SAME_PATHS, wait_seconds: float = 0) -> int:
+    """Run a job folder as a child process, and those that the caller names while it waits after one that is done.
 
     Args:
         job: The folder, with its request.
-        paths: Of folders that the caller knows by other paths; request and events have the caller's.
+        paths: Of folders that the caller knows by other paths; requests and events have the caller's.
+        wait_seconds: How long to wait for the next job.
 
     Returns:
-        The exit code.
+        The last job's exit code.
 
     Raises:
         DataError: There is no such folder.
     """
+    orders = Orders(sys.stdin)
+    code = _run_job(job, orders, paths)
+    while code == 0 and wait_seconds:
+        _release()
+        folder = orders.next_folder(wait_seconds)
+        if folder is None:
+            break
+        job = Path(paths.here(folder))
+        _settle(job, job / LOG_FILE)
+        code = _run_job(job, orders, paths)
+    return code
+
+
+def _release() -> None:
+    """Hold as little as may be while waiting: no memory that others need, no folder or log that a system keeps in use."""
+    gc.collect()
+    torch = sys.modules.get("torch")
+    if torch is not None and torch.cuda.is_initialized():
+        torch.cuda.empty_cache()
+    if sys.platform == "linux" and hasattr(library := ctypes.CDLL(None), "malloc_trim"):  # not every C library has it
+        library.malloc_trim(0)
+    _settle(Path(tempfile.gettempdir()), Path(os.devnull))
+
+
+def _settle(folder: Path, log: Path) -> None:
+    """Be in this folder, with this file as standard output and error."""
+    os.chdir(folder)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    with log.open("ab") as stream:
+        for number in (1, 2):
+            os.dup2(stream.fileno(), number)
+
+
+def _run_job(job: Path, orders: Orders, paths: PathMap) -> int:
+    """Run one job; returns the exit code."""
     if not job.is_dir():
         raise DataError(f"{job} is no job folder.", "Give the folder that holds request.json.")
     write = EventWriter(job)
@@ -50,9 +131,8 @@ def run_job(job: Path, paths: PathMap = SAME_PATHS) -> int:
         if request.stage == WARM:
             _stay_warm(job, request, emit, paths)
         else:
-            cancelled = threading.Event()
-            threading.Thread(target=_watch_input, args=(cancelled,), daemon=True).start()
-            run_request(request, emit, cancelled.is_set)
+            orders.listen()
+            run_request(request, emit, orders.is_stopped)
         emit("done", summary=_summary(request))
     except Exception as raised:
         error = as_karf_error(raised)
@@ -96,11 +176,3 @@ def _summary(request: Request) -> dict:
     if not project.state_file.exists():  # poses need no project
         return {}
     return {stage: facts for stage in STAGE_ORDER if (facts := project.finished(stage))}
-
-
-def _watch_input(cancelled: threading.Event) -> None:
-    """The line `cancel`, or the end of input (the caller is gone), asks the job to stop."""
-    for line in sys.stdin:
-        if line.strip() == "cancel":
-            break
-    cancelled.set()

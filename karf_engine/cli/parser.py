@@ -189,6 +189,8 @@ def _add_others(commands: Commands) -> None:
     verb.add_argument("job", metavar="JOB", help="folder with request.json")
     verb.add_argument("--map", dest="folders", action="append", default=[], metavar="CALLERS=OURS", help="a folder that "
                       "the caller knows by another path; may be repeated")  # fmt: skip
+    verb.add_argument("--wait", type=float, default=0, metavar="SECONDS", help="after a job that is done, wait so long "
+                      "for the folder of a next one, as a line of JSON on standard input")  # fmt: skip
     verb.set_defaults(action=verbs.run)
 
 

@@ -16,7 +16,7 @@ from ..project import Project
 from ..settings import describe
 from ..stages.dispatch import run_request
 from ..wire import Request
-from .job import run_job
+from .job import run_jobs
 
 
 def learn_all(options: argparse.Namespace) -> int:
@@ -162,5 +162,5 @@ def speed(options: argparse.Namespace) -> int:
 
 
 def run(options: argparse.Namespace) -> int:
-    """A job folder."""
-    return run_job(Path(options.job), PathMap.of(options.folders))
+    """A job folder, and those that follow it."""
+    return run_jobs(Path(options.job), PathMap.of(options.folders), options.wait)

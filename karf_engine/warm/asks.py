@@ -7,9 +7,7 @@ import threading
 from collections.abc import Callable, Iterable
 
 from ..errors import BadRequest
-from ..wire import Ask
-
-END = "cancel"  # the line that ends the asking, as does the stream's end
+from ..wire import CANCEL, Ask
 
 
 class Asks:
@@ -66,7 +64,7 @@ class Asks:
 
     def _read(self, lines: Iterable[str]) -> None:
         for line in lines:
-            if line.strip() == END:
+            if line.strip() == CANCEL:
                 break
             self._arrived.put(line)
         self._arrived.put(None)

@@ -28,13 +28,21 @@ from karf_engine.edit.palette import Palette, read_palettes, write_palettes
 from karf_engine.files import read_json, write_json
 from karf_engine.project import Project
 from karf_engine.project.colorways import plan_colorways
-from karf_engine.wire import PROTOCOL, WARM, Ask, EventWriter, Request
+from karf_engine.wire import PROTOCOL, WARM, Ask, EventWriter, Request, folder_of_line
 
 LEARNED = {"lid": [[0, 0, 0], [0.2, 0.4, 0.6], [1, 1, 1]], "pot": [[0, 0, 0], [0.8, 0.2, 0.1], [0.9, 0.9, 0.5]]}
 SHARES = (0.125, 0.25, 0.125)  # of the three palette entries, each object; exact in float16
 
 
-def main(job):
+def main(job, is_waiting):
+    """Run a job, and those that follow on standard input where it shall wait for them."""
+    code = run(job)
+    while is_waiting and (line := sys.stdin.readline()) not in ("cancel\n", ""):
+        code = run(Path(folder_of_line(line)))
+    return code
+
+
+def run(job):
     emit = EventWriter(job)
     request = Request.read(job)
     misbehave(request.options.get("behave", ""), emit)
@@ -286,4 +294,4 @@ if __name__ == "__main__":
     if sys.argv[1] == "doctor":  # the true one: it needs no torch to say that there is none
         sys.exit(engine_main(sys.argv[1:]))
     assert sys.argv[1] == "run", json.dumps(sys.argv)
-    sys.exit(main(Path(sys.argv[2])))
+    sys.exit(main(Path(sys.argv[2]), "--wait" in sys.argv))

@@ -83,6 +83,21 @@ def test_a_file_saved_during_a_job_does_not_show_it_when_loaded(bpy, addon, scen
     assert not progress.running and progress.error == ""
 
 
+def test_one_process_runs_what_is_learned_in_a_row_and_ends_with_the_extension(bpy, addon, project_scene, tmp_path):
+    (tmp_path / "masks" / "pot").mkdir(parents=True)
+    addon.headless.learn_scene()
+    addon.headless.segment(tmp_path / "masks")
+    addon.headless.extract_palette()
+    jobs = (addon.folders.project_of(project_scene).folder / "jobs").iterdir()
+    hellos = [next(iter(addon.engine_api.EventReader(job).poll())) for job in jobs]
+    assert len(hellos) == 5 and len({hello["pid"] for hello in hellos}) == 1
+    process = addon.runner._engine._last._process
+    assert process.poll() is None
+    addon.runner.unregister()
+    addon.runner.register()
+    assert process.poll() is not None
+
+
 def test_disabling_the_extension_ends_the_job_and_its_timer(bpy, addon, project_scene):
     runner = addon.runner
     runner._begin(failing(addon, project_scene, "deaf"))

@@ -123,7 +123,7 @@ def test_a_job_whose_events_cannot_be_written_keeps_its_exit_code_and_says_why(
     Request("palette", tmp_path).write(tmp_path / "job")
     monkeypatch.setattr(job, "EventWriter", lambda job: FullDisk())
     monkeypatch.setattr(job, "run_request", raising)
-    assert job.run_job(tmp_path / "job") == code
+    assert job.run_jobs(tmp_path / "job") == code
     assert error.sentence in capsys.readouterr().err
 
 
@@ -175,6 +175,6 @@ def test_an_impossible_number_of_threads_is_a_bad_request(tmp_path, capsys, thre
 )
 def test_options_of_another_type_are_named_to_the_caller(tmp_path, options, words):
     Request("render", tmp_path, options).write(tmp_path)
-    assert job.run_job(tmp_path) == BadRequest.exit_code
+    assert job.run_jobs(tmp_path) == BadRequest.exit_code
     last = list(EventReader(tmp_path).poll())[-1]
     assert last.kind == "error" and last["code"] == "request" and words in last["sentence"] and last["hint"]

@@ -1,8 +1,11 @@
 """Job folders: the engine as a child process, its events, and how it is stopped."""
 
+import os
 import subprocess
 import sys
+import tempfile
 import time
+from pathlib import Path
 
 import pytest
 
@@ -12,13 +15,13 @@ pytest.importorskip("imageio")
 from blender_tests.engine.conftest import ROOT
 from karf_engine.cli import main
 from karf_engine.project import Project
-from karf_engine.wire import EventReader, Request
+from karf_engine.wire import EventReader, Request, folder_line
 
 
-def start_job(job):
+def start_job(job, *options):
     """As Blender does it: the folder of the engine, isolated, with a pipe as lifeline."""
     return subprocess.Popen(
-        [sys.executable, "-I", str(ROOT / "karf_engine"), "run", str(job)],
+        [sys.executable, "-I", str(ROOT / "karf_engine"), "run", str(job), *options],
         stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         stderr=(job / "engine.log").open("w"),
@@ -103,3 +106,71 @@ def test_a_job_that_fails_says_why_as_an_event(tmp_path, monkeypatch, request_te
 def test_a_job_folder_that_is_missing_is_named(tmp_path, capsys):
     assert main(["run", str(tmp_path / "none")]) == 4
     assert f"error: {tmp_path / 'none'} is no job folder." in capsys.readouterr().err
+
+
+def render_job(learned, job, **options):
+    Request("render", learned.project, {"views": "test", "out": str(job / "out"), "threads": 1} | options).write(job)
+    return job
+
+
+def test_a_child_that_waits_does_the_next_job_as_the_first(learned, tmp_path):
+    first, second, third = (render_job(learned, tmp_path / name) for name in ("first", "second", "third"))
+    render_job(learned, third, views="no such view")
+    child = start_job(first, "--wait", "60")
+    begun = wait_for(first, "done")
+    child.stdin.write(folder_line(second) + "\n")
+    child.stdin.flush()
+    events = wait_for(second, "done")
+    assert events[0]["pid"] == begun[0]["pid"] == child.pid
+    assert [event.kind for event in events if event.kind != "progress"] == ["hello", "stage", "artifact", "done"]
+    for frame in sorted((first / "out" / "render").iterdir()):
+        assert (second / "out" / "render" / frame.name).read_bytes() == frame.read_bytes()
+    assert child.poll() is None
+    child.stdin.write(folder_line(third) + "\n")
+    child.stdin.flush()
+    assert wait_for(third, "error")[-1]["code"] == "data"
+    assert child.wait(30) == 4
+    child.stdin.close()
+
+
+@pytest.mark.parametrize("how", ["word", "end of input", "time"])
+def test_a_child_that_waits_ends_when_told_or_when_no_job_comes(learned, tmp_path, how):
+    job = render_job(learned, tmp_path / "job")
+    child = start_job(job, "--wait", "0.1" if how == "time" else "60")
+    wait_for(job, "done")
+    if how == "word":
+        child.stdin.write("cancel\n")
+        child.stdin.flush()
+    elif how == "end of input":
+        child.stdin.close()
+    assert child.wait(30) == 0
+    child.stdin.close()
+
+
+def places(child):
+    """The current folder of a process, and where its standard output and error go."""
+    own = Path(f"/proc/{child.pid}")
+    return [str((own / name).readlink()) for name in ("cwd", "fd/1", "fd/2")]
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="this system does not say what a process holds")
+def test_a_child_is_in_its_jobs_folder_and_log_and_leaves_both_while_it_waits(learned, still_life, tmp_path):
+    pytest.importorskip("torch")
+    first, job = render_job(learned, tmp_path / "first"), tmp_path / "job"
+    overrides = ["geometry.long_side=32", "geometry.samples=20000"]
+    options = {"capture": str(still_life.capture), "overrides": overrides, "threads": 1}
+    Request("geometry", tmp_path / "project", options).write(job)
+    child = start_job(first, "--wait", "60")
+    wait_for(first, "done")
+    end = time.monotonic() + 10
+    while (waiting := places(child)) != [tempfile.gettempdir(), os.devnull, os.devnull]:
+        assert time.monotonic() < end, waiting
+    child.stdin.write(folder_line(job) + "\n")
+    child.stdin.flush()
+    wait_for(job, "progress")
+    assert places(child) == [str(job), str(job / "engine.log"), str(job / "engine.log")]
+    child.stdin.write("cancel\n")
+    child.stdin.flush()
+    assert child.wait(30) == 6
+    child.stdin.close()
+    assert list(EventReader(job).poll())[-1].kind == "cancelled"
