@@ -7,7 +7,7 @@ FLOORS = (
     ("version", "errors"),
     ("inputs", "names", "failures", "color", "findings", "path_map", "requirements"),
     ("files", "npz", "settings"),
-    ("wire", "capture", "progress", "team", "cores"),
+    ("wire", "capture", "progress", "team", "cores", "kernels"),
     ("runtime",),
     ("images", "edit", "checkpoints", "kan", "mixtures"),
     ("plates", "photos", "matting", "palette", "project", "handover", "contact_sheet", "frame_formats"),

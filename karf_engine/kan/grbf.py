@@ -12,11 +12,15 @@ kappa = (spacing / h)^2 and j = k - m, neighbors differ by a factor that is itse
 
     B_m = exp(-kappa w^2 / 2),    B_{j+1} / B_j = exp(kappa (w - 1/2)) exp(-kappa)^j.
 
-So two exponentials, and multiplications outward from the anchor, give all N Gaussians.
+So two exponentials, and multiplications outward from the anchor, give all N Gaussians. On processors with numba, kernels
+(`fused.py`) do this and its backward pass.
 """
 
 import math
+from functools import cached_property
+from types import ModuleType
 
+import numpy as np
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
@@ -24,6 +28,7 @@ from torch.autograd.function import once_differentiable
 
 from ..cores import share
 from ..errors import BadRequest
+from ..kernels import has_kernels
 
 GRID_LIMIT = 2.0
 BANDWIDTH_LIMITS = (0.35, 2.0)  # in spacings
@@ -132,6 +137,7 @@ class _Recurrence:
     """
 
     def __init__(self, bandwidth: Tensor, n_centers: int):
+        self.kernels = _kernels_for(bandwidth)
         self.n_centers = n_centers
         self.anchor = n_centers // 2
         self.spacing = grid_spacing(n_centers)
@@ -144,11 +150,26 @@ class _Recurrence:
         constants = torch.stack([kappa, lowest, highest, shift, shift.exp(), (-shift).exp(), (-kappa).exp()])
         values = constants.tolist() if h.device.type == "cpu" else constants.to(bandwidth.dtype).unbind()
         self.kappa, self.lowest, self.highest, self.shift, self.raised, self.scale, self.decay = values
+        self.origin = self.anchor * self.spacing - GRID_LIMIT
+
+    @cached_property
+    def constants(self) -> tuple[np.float32, ...]:
+        """What the kernels know of it."""
+        values = (
+            self.origin,
+            1 / self.spacing,
+            self.lowest,
+            self.highest,
+            self.kappa,
+            self.shift,
+            self.decay,
+            self.raised,
+        )
+        return tuple(map(np.float32, values))
 
     def offsets(self, u: Tensor) -> Tensor:
         """Return w: u in spacings from the anchor, clamped to a few bandwidths beyond the grid."""
-        anchor_position = self.anchor * self.spacing - GRID_LIMIT
-        return (u - anchor_position).mul_(1 / self.spacing).clamp_(self.lowest, self.highest)
+        return (u - self.origin).mul_(1 / self.spacing).clamp_(self.lowest, self.highest)
 
     def fill(self, bases: Tensor, w: Tensor) -> None:
         """Write the Gaussians, times exp(shift), into `bases` [rows, N, n_in]."""
@@ -165,12 +186,22 @@ class _Recurrence:
             downward.mul_(self.decay)
 
 
+def _kernels_for(tensor: Tensor) -> ModuleType | None:
+    """The compiled kernels, where they can compute with such tensors."""
+    if tensor.device.type != "cpu" or tensor.dtype != torch.float32 or not has_kernels():
+        return None
+    from . import fused  # needs numba
+
+    return fused
+
+
 class _GRBF(torch.autograd.Function):
     """The layer in chunks of rows: bases live for one chunk only, and the backward pass computes them again."""
 
     @staticmethod
     def forward(ctx, x, u, weight, bias, bandwidth, n_centers):
         recurrence = _Recurrence(bandwidth, n_centers)
+        x, u = x.contiguous(), u.contiguous()
         ctx.save_for_backward(x, u, weight, bandwidth)
         ctx.recurrence = recurrence
         output, scaled = x.new_empty(x.shape[0], weight.shape[0]), weight.T * recurrence.scale
@@ -201,7 +232,7 @@ def _fill_outputs(first, last, x, u, scaled, bias, recurrence, output):
     buffer = _chunk_buffer(u, recurrence.n_centers + 1)
     for rows in _chunks(u)[first:last]:
         blocks = buffer[: u[rows].shape[0]]
-        _fill_blocks(blocks, x[rows], recurrence.offsets(u[rows]), recurrence)
+        _fill_blocks(blocks, x[rows], u[rows], recurrence)
         torch.addmm(bias, blocks.flatten(1), scaled, out=output[rows])
 
 
@@ -211,23 +242,42 @@ def _fill_gradients(first, last, x, u, weight, grad_output, recurrence, grad_x, 
     blocks_buffer, products_buffer = _chunk_buffer(u, n + 1), _chunk_buffer(u, n + 1)
     for number in range(first, last):
         for rows in chunks[len(chunks) * number // n_sums : len(chunks) * (number + 1) // n_sums]:
-            w, gradient = recurrence.offsets(u[rows]), grad_output[rows]
-            blocks, products = blocks_buffer[: w.shape[0]], products_buffer[: w.shape[0]]
-            _fill_blocks(blocks, x[rows], w, recurrence)
+            own, gradient = (x[rows], u[rows]), grad_output[rows]
+            blocks, products = blocks_buffer[: gradient.shape[0]], products_buffer[: gradient.shape[0]]
+            _fill_blocks(blocks, *own, recurrence)
             grad_weights[number].addmm_(gradient.T, blocks.flatten(1))
             torch.mm(gradient, weight, out=products.flatten(1))  # dL/dB_k, then dL/dSiLU
-            torch.mul(products[:, n], _silu_slope(x[rows]), out=grad_x[rows])
-            # With E_j = B_j dL/dB_j, dL/dw = kappa (sum_j j E_j - w sum_j E_j).
-            total, first_moment = _moments(products[:, :n].mul_(blocks[:, :n]), recurrence.anchor)
-            weighted_total = total.mul_(w)
-            quadratics[number] += torch.sum(w * (weighted_total - 2 * first_moment))
-            torch.sub(first_moment, weighted_total, out=grad_u[rows])
+            quadratics[number] += _fill_input_gradients(blocks, products, *own, recurrence, grad_x[rows], grad_u[rows])
 
 
-def _fill_blocks(blocks: Tensor, x: Tensor, w: Tensor, recurrence: _Recurrence) -> None:
-    """Write the Gaussians of w and SiLU(x), all times exp(shift), into `blocks` [rows, N + 1, n_in]."""
-    recurrence.fill(blocks[:, :-1], w)
+def _fill_blocks(blocks: Tensor, x: Tensor, u: Tensor, recurrence: _Recurrence) -> None:
+    """Write the Gaussians of u and SiLU(x), all times exp(shift), into `blocks` [rows, N + 1, n_in]."""
+    if recurrence.kernels:
+        recurrence.kernels.fill_blocks(*_arrays(x, u), recurrence.anchor, recurrence.constants, *_arrays(blocks))
+        return
+    recurrence.fill(blocks[:, :-1], recurrence.offsets(u))
     torch.sigmoid(x, out=blocks[:, -1]).mul_(x).mul_(recurrence.raised)
+
+
+def _fill_input_gradients(
+    blocks: Tensor, products: Tensor, x: Tensor, u: Tensor, recurrence: _Recurrence, grad_x: Tensor, grad_u: Tensor
+) -> Tensor | float:
+    """Write gradients by x and u (up to a factor); return what adds up to the bandwidth's. May change `products`."""
+    n, anchor = recurrence.n_centers, recurrence.anchor
+    if recurrence.kernels:
+        arrays = _arrays(blocks, products, grad_x, grad_u)
+        return recurrence.kernels.fill_gradients(*_arrays(x, u), anchor, recurrence.constants, *arrays)
+    w = recurrence.offsets(u)
+    torch.mul(products[:, n], _silu_slope(x), out=grad_x)
+    # With E_j = B_j dL/dB_j, dL/dw = kappa (sum_j j E_j - w sum_j E_j).
+    total, first_moment = _moments(products[:, :n].mul_(blocks[:, :n]), anchor)
+    weighted_total = total.mul_(w)
+    torch.sub(first_moment, weighted_total, out=grad_u)
+    return torch.sum(w * (weighted_total - 2 * first_moment))
+
+
+def _arrays(*tensors: Tensor) -> list[np.ndarray]:
+    return [tensor.detach().numpy() for tensor in tensors]
 
 
 def _silu_slope(x: Tensor) -> Tensor:

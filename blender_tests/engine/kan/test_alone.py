@@ -11,7 +11,13 @@ torch = pytest.importorskip("torch")
 from blender_tests.engine.conftest import ROOT
 from karf_engine import kan
 
-GROUND = {"karf_engine.cores", "karf_engine.errors", "karf_engine.settings", "karf_engine.version"}
+GROUND = {
+    "karf_engine.cores",
+    "karf_engine.errors",
+    "karf_engine.kernels",
+    "karf_engine.settings",
+    "karf_engine.version",
+}
 
 
 def test_layers_and_block_load_no_other_room():

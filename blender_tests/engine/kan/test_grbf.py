@@ -92,6 +92,26 @@ def test_result_does_not_depend_on_the_chunk_size(rows, monkeypatch):
         torch.testing.assert_close(chunked, expected)
 
 
+@pytest.mark.parametrize("n_centers", [2, 5, 8])
+@pytest.mark.parametrize("spacings", BANDWIDTHS_IN_SPACINGS)
+def test_kernels_and_torch_give_the_same_values_and_gradients(n_centers, spacings, monkeypatch):
+    pytest.importorskip("numba")
+    inputs = make_inputs(n_centers, spacings, torch.float32, n=600)
+    in_kernels = value_and_gradients(grbf, inputs, n_centers)
+    monkeypatch.setenv("KARF_KERNELS", "off")
+    for ours, of_torch in zip(in_kernels, value_and_gradients(grbf, inputs, n_centers), strict=True):
+        torch.testing.assert_close(ours, of_torch, rtol=1e-5, atol=1e-5 * float(of_torch.detach().abs().max()))
+
+
+def test_what_is_not_a_number_stays_so_in_kernels():
+    pytest.importorskip("numba")
+    inputs = make_inputs(8, 1.0, torch.float32)
+    with torch.no_grad():
+        inputs[0][3] = inputs[1][3] = torch.nan
+    output = grbf(*inputs, 8)
+    assert torch.isnan(output[3]).all() and torch.isfinite(output[4:]).all()
+
+
 def test_one_and_two_cores_give_the_same_bits(monkeypatch):
     monkeypatch.setattr(grbf_module, "_CPU_ROWS_PER_CHUNK", 7)
     inputs = make_inputs(8, 1.0, torch.float32, n=60)

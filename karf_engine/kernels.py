@@ -1,0 +1,45 @@
+"""Compiled kernels: whether numba is there, how they are compiled, and where their machine code is kept."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+Kernel = TypeVar("Kernel", bound=Callable[..., Any])
+# all liberties but those that let NaN and infinity vanish: training must see them and stop
+MATH = {"contract", "reassoc", "nsz", "arcp", "afn"}
+
+
+def has_kernels() -> bool:
+    """Whether numba is there and loads, and is not left out by the variable KARF_KERNELS=off."""
+    if os.environ.get("KARF_KERNELS", "on") == "off":
+        return False
+    try:
+        import numba  # noqa: F401
+    except (ImportError, OSError):  # not there, or not made for this numpy or processor
+        return False
+    return True
+
+
+def cache_folder() -> Path:
+    """Where compiled kernels are kept: the user's own cache, for the package may lie where nothing can be written."""
+    if "NUMBA_CACHE_DIR" in os.environ:
+        return Path(os.environ["NUMBA_CACHE_DIR"])
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return base / "karf" / "kernels"
+
+
+def kernel(function: Kernel) -> Kernel:
+    """A function of numbers and arrays, compiled when it is first called and kept for other processes."""
+    import numba
+
+    numba.config.CACHE_DIR = str(cache_folder())
+    return numba.njit(function, fastmath=MATH, error_model="numpy", nogil=True, cache=True)
