@@ -7,7 +7,7 @@ Pixels are done in bands of rows, so that memory grows with what the files hold 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,13 +22,13 @@ from .frames import Frame
 from .handover.layers import Layers
 from .images import BACK, oriented, over, turned
 from .matting.matte import NEGLIGIBLE, Matte, disputed_objects
-from .matting.refine import mattes_of
 from .palette.star_weights import palette_weights_of_image, star_weights
 from .photos import StoredPhoto, open_photo
 from .photos.stored import from_camera
 from .plates import image_of
 
 BAND_PIXELS = 1 << 19
+FindMattes = Callable[[np.ndarray, np.ndarray, np.ndarray], list[Matte]]  # photo, probabilities, rendered
 COPIES_BYTES = 400 << 20  # of edited photos at once: the weights of a band serve them all
 
 
@@ -179,7 +179,7 @@ class PhotoView:
 
 
 def look_closer(
-    view: View, size: str | int, seen: Frame, edges: str, objects: Sequence[str], palettes: Sequence[Palette]
+    view: View, size: str | int, seen: Frame, mattes_of: FindMattes, objects: Sequence[str], palettes: Sequence[Palette]
 ) -> PhotoView:
     """A captured view in its photo's own pixels.
 
@@ -187,7 +187,7 @@ def look_closer(
         view: Of the capture.
         size: `photo`, or a long side in pixels to which the photo is reduced.
         seen: What the field says, in the grid of the view's camera with its lens, at any size.
-        edges: As for `matting.refine.mattes_of`.
+        mattes_of: Gives mattes of a photo, probabilities and a rendered picture, as `matting.refine.mattes_of` does.
         objects: Names of the K objects that were seen.
         palettes: Of the objects, as learned; empty before palettes are learned.
 
@@ -201,7 +201,7 @@ def look_closer(
     rendered = from_camera(to_bytes(seen.color), orientation)
     seen_objects = [from_camera(own, orientation) for own in seen.probabilities]
     probabilities = np.array(seen_objects).reshape(-1, *rendered.shape[:2])
-    return PhotoView(photo, orientation, objects, mattes_of(edges, photo.shown(), probabilities, rendered), palettes)
+    return PhotoView(photo, orientation, objects, mattes_of(photo.shown(), probabilities, rendered), palettes)
 
 
 def _nearest(few: int, many: int) -> np.ndarray:

@@ -34,8 +34,7 @@ from .heads.rendering import ObjectSamples, object_samples, segment_cache, weigh
 from .images import over
 from .locking import consistent, opened
 from .looks import Looks
-from .matting.matte import dense_coverage, disputed_objects
-from .matting.refine import mattes_of
+from .matting.matte import Matte, dense_coverage, disputed_objects
 from .plates import Plate, load_views, load_wanted
 from .project import Project
 from .project.contents import capture_of, settings_for
@@ -225,7 +224,7 @@ class Model:
         """
         plate = load_views([view], long_side or self.settings.render.preview)[0]
         seen, base = self.look(self.working_camera(view).without_distortion()), over(plate.color, plate.alpha)
-        mattes = mattes_of(self.settings.render.edges, to_bytes(base), seen.probabilities, to_bytes(seen.color))
+        mattes = self._mattes_of(to_bytes(base), seen.probabilities, to_bytes(seen.color))
         coverages = dense_coverage(mattes, base.shape[:2])
         weights = None
         if self.recoloring is not None:
@@ -243,7 +242,10 @@ class Model:
             DataError: the photo is missing, damaged or of another size than its camera.
         """
         seen = self.look(self.working_camera(view))
-        return look_closer(view, size, seen, self.settings.render.edges, self.objects, self.palettes)
+        return look_closer(view, size, seen, self._mattes_of, self.objects, self.palettes)
+
+    def _mattes_of(self, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray) -> list[Matte]:
+        return self._looks.mattes(self.settings.render.edges, photo, probabilities, rendered)
 
     @translated()
     def render_plate(self, plate: Plate, weights_from: str = "photo") -> Frame:

@@ -15,6 +15,7 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ from karf_engine.capture.capture import View
 from karf_engine.color import srgb_to_linear
 from karf_engine.edit.palette import Edit, Palette
 from karf_engine.finishing import PhotoView, look_closer
+from karf_engine.matting.refine import mattes_of
 from karf_engine.model import Model
 from karf_engine.photos import open_photo, suffix_for, write_photo
 from karf_engine.progress import peak_memory_bytes
@@ -114,8 +116,8 @@ def photo_view(model: Model, view: View, count: int) -> PhotoView:
     """`Model.photo_view` of a project that had only the first so many objects."""
     seen = model.look(model.working_camera(view))
     seen = replace(seen, probabilities=seen.probabilities[:count])
-    edges = model.settings.render.edges
-    return look_closer(view, "photo", seen, edges, model.objects[:count], model.palettes[:count])
+    refine = partial(mattes_of, model.settings.render.edges)
+    return look_closer(view, "photo", seen, refine, model.objects[:count], model.palettes[:count])
 
 
 def other_colors(palettes: Sequence[Palette]) -> Edit:

@@ -10,7 +10,9 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
 import karf_engine.looks
+from karf_engine.checkpoints import load_tensors, save_tensors
 from karf_engine.cli import main
+from karf_engine.edit.palette import Edit
 from karf_engine.fields.scene import Scene
 from karf_engine.model import Model
 from karf_engine.project import Project
@@ -84,6 +86,57 @@ def test_what_was_learned_anew_is_looked_at_anew_and_old_looks_go(copy, renders)
     Model(copy).look(camera)
     assert len(renders) == 2
     assert len(list(copy.looks_folder.rglob("*.safetensors"))) == 1
+
+
+@pytest.fixture
+def refined(monkeypatch):
+    """The edges that mattes were asked for."""
+    edges, mattes_of = [], karf_engine.looks.mattes_of
+
+    def note(wanted, *arrays):
+        edges.append(wanted)
+        return mattes_of(wanted, *arrays)
+
+    monkeypatch.setattr(karf_engine.looks, "mattes_of", note)
+    return edges
+
+
+def recolored(project, view):
+    """The pixels of a photo, all of its first object made green, by a model that is loaded anew."""
+    model = Model(project)
+    colors = {palette.name: palette.colors.copy() for palette in model.palettes}
+    colors[model.objects[0]][1:] = [0.1, 0.9, 0.2]
+    return model.photo_view(view).recolored(Edit(colors)).pixels
+
+
+def test_a_second_edit_of_a_photo_refines_no_edge_again_and_comes_out_in_the_same_bits(copy, refined):
+    view = first_test_view(Model(copy))
+    first, again = recolored(copy, view), recolored(copy, view)
+    assert refined == ["photo"] and np.array_equal(first, again)
+
+
+def test_mattes_of_another_photo_or_another_size_are_not_taken(copy, refined):
+    model = Model(copy)
+    view, other = model.capture.split("train")[:2]
+    model.photo_view(view)
+    model.photo_view(view, 24)
+    model.photo_view(replace(view, image=other.image))
+    assert len(refined) == 3
+
+
+@pytest.mark.parametrize("damage", ["cut off", "of another box", "of other objects"])
+def test_damaged_mattes_are_refined_again(copy, refined, damage):
+    view = first_test_view(Model(copy))
+    first = recolored(copy, view)
+    (path,) = (path for path in copy.looks_folder.glob("*/*") if b"karf-mattes" in path.read_bytes()[:4096])
+    tensors, facts = load_tensors(path, karf_engine.looks.MATTES)
+    if damage == "cut off":
+        path.write_bytes(path.read_bytes()[:-1])
+    elif damage == "of another box":
+        save_tensors(path, tensors | {"0.coverage": torch.zeros(1, 1)}, karf_engine.looks.MATTES, facts)
+    else:
+        save_tensors(path, tensors, karf_engine.looks.MATTES, {"places": facts["places"][:-1]})
+    assert np.array_equal(recolored(copy, view), first) and len(refined) == 2
 
 
 @pytest.mark.parametrize("damage", [b"", b"no tensors at all"])

@@ -234,12 +234,11 @@ def test_only_settings_of_rendering_change_while_rendering(learned, tmp_path, ca
 def disputed(monkeypatch):
     """Photo and field disagree about the first object in every view."""
 
-    def disputing(edges, photo, probabilities, rendered):
+    def disputing(looks, edges, photo, probabilities, rendered):
         first, *others = field_mattes(photo.shape[1::-1], probabilities)
         return [replace(first, disputed=True), *others]
 
-    monkeypatch.setattr("karf_engine.finishing.mattes_of", disputing)
-    monkeypatch.setattr("karf_engine.model.mattes_of", disputing)
+    monkeypatch.setattr("karf_engine.looks.Looks.mattes", disputing)
 
 
 @pytest.mark.parametrize("size", ["photo", "learned"])
