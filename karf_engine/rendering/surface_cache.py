@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields, replace
 import torch
 from torch import Tensor
 
+from ..cores import share
 from ..progress import Progress
 from .rays import Rays
 from .sampling import Samples
@@ -64,7 +65,7 @@ def cache_surface(field, rays: Rays, n_samples: int, step: float, progress: Prog
         rays: In world units.
         n_samples: K >= 1, samples a ray.
         step: Stride in voxels, of a field that has some.
-        progress: Told of each finished ray; may cancel.
+        progress: Told of the rays at the end; may cancel.
 
     Returns:
         The cache of all rays that are opaque enough.
@@ -77,14 +78,18 @@ def cache_surface(field, rays: Rays, n_samples: int, step: float, progress: Prog
         >>> cache.distances
         tensor([[2., 2., 2.]])
     """
-    parts = []
-    for start in range(0, len(rays), RAYS_PER_CHUNK):
-        chunk = rays[start : start + RAYS_PER_CHUNK]
-        trace = field.trace(chunk, step)
-        parts.append(quantile_samples(chunk, trace.samples, trace.ray_weights, n_samples, start))
-        if progress is not None:
-            progress.step(len(chunk))
-    return join_caches(parts)
+    starts, parts = range(0, len(rays), RAYS_PER_CHUNK), {}
+
+    def cache(first: int, last: int) -> None:
+        for start in starts[first:last]:
+            chunk = rays[start : start + RAYS_PER_CHUNK]
+            trace = field.trace(chunk, step)
+            parts[start] = quantile_samples(chunk, trace.samples, trace.ray_weights, n_samples, start)
+
+    share(cache, len(starts))
+    if progress is not None:
+        progress.step(len(rays))
+    return join_caches([parts[start] for start in starts])
 
 
 def join_caches(parts: list[SurfaceCache]) -> SurfaceCache:
