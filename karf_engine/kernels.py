@@ -38,8 +38,25 @@ def cache_folder() -> Path:
 
 
 def kernel(function: Kernel) -> Kernel:
-    """A function of numbers and arrays, compiled when it is first called and kept for other processes."""
+    """A function of numbers and arrays, compiled when it is first called and kept for other processes.
+
+    It makes no arrays, so that none are counted: counting costs as much as a small function does.
+    """
+    return _compiled(function, MATH, False)
+
+
+def making_kernel(function: Kernel) -> Kernel:
+    """A kernel that makes arrays to work in."""
+    return _compiled(function, MATH, True)
+
+
+def literal_kernel(function: Kernel) -> Kernel:
+    """A kernel whose operations are rounded one by one, as they are written: two forms of one sum give the same bits."""
+    return _compiled(function, False, False)
+
+
+def _compiled(function: Kernel, math: set[str] | bool, makes_arrays: bool) -> Kernel:
     import numba
 
     numba.config.CACHE_DIR = str(cache_folder())
-    return numba.njit(function, fastmath=MATH, error_model="numpy", nogil=True, cache=True)
+    return numba.njit(function, fastmath=math, error_model="numpy", nogil=True, cache=True, _nrt=makes_arrays)

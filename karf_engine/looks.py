@@ -5,7 +5,8 @@ field and refines no edge again.
     looks/<scene>/<photo>.safetensors    the objects' mattes in a photo, exactly as refined
 
 `<scene>` stands for what was learned, `<camera>` for the camera and `<photo>` for the pixels of photo and look, so that
-nothing of anything else is ever taken. They may be deleted. Nothing is kept where the project cannot be written to, or where as much is kept already as may be.
+nothing of anything else is ever taken. They may be deleted. Nothing is kept where the project cannot be written to, or
+where as much is kept already as may be.
 """
 
 from __future__ import annotations

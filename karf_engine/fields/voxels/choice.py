@@ -7,11 +7,12 @@ from collections.abc import Callable
 
 import torch
 
+from ...kernels import has_kernels
 from ...progress import Emit
 from ...runtime import Runtime
 from ...settings import GeometrySettings
 from .field import VoxelField
-from .kernels import has_kernels, suit_kernels
+from .kernels import suit_kernels
 from .renderer import Observing, Renderer
 from .torch_renderer import TorchRenderer
 

@@ -19,11 +19,11 @@ from karf_engine.fields.voxels.choice import new_renderer
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.fields.voxels.fused import preparing
 from karf_engine.fields.voxels.fused.bending import paths_of
-from karf_engine.fields.voxels.fused.compiled import kernel
 from karf_engine.fields.voxels.fused.marching import share_of, uniform
 from karf_engine.fields.voxels.fused.renderer import FusedRenderer
 from karf_engine.fields.voxels.renderer import Observing, RayBatch
 from karf_engine.fields.voxels.torch_renderer import TorchRenderer
+from karf_engine.kernels import kernel
 from karf_engine.progress import Progress
 from karf_engine.rendering.rays import Rays
 from karf_engine.rendering.space import Box, Contraction, Frustum

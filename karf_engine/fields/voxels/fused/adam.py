@@ -9,10 +9,10 @@ import torch
 from torch import Tensor
 
 from ....cores import share
+from ....kernels import kernel
 from ....team import Team
 from ....training.adam import Adam
 from .arrays import DENSITY, FEATURES, Table
-from .compiled import kernel
 from .marching import ONE, ZERO
 from .tables import FieldTables, flat
 

@@ -8,9 +8,9 @@ import numpy as np
 from torch import Tensor
 
 from ....cores import share
+from ....kernels import kernel
 from ....rendering.rays import Rays
 from ....rendering.space import CONTRACTION_KNOTS, FAR, Contraction, Space
-from .compiled import kernel
 from .marching import ONE, TWO
 
 FARTHEST = np.float32(FAR)

@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 
+from ....kernels import kernel, making_kernel
 from .arrays import RED
-from .compiled import kernel, making_kernel, prefetch
 from .marching import ONE, ZERO
+from .prefetching import prefetch
 
 GROUP = 4  # samples that go through the network together
 AHEAD = 12  # samples; rows are asked for so much earlier: memory answers while the network computes

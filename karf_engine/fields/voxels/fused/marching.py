@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
+from ....kernels import kernel, making_kernel
 from .. import renderer
 from .arrays import ALPHA, BEFORE, DISTANCE, DISTORTION, REMAINDER, SQUARE, UP_TO, Grid, Limits, RayArrays, Samples
-from .compiled import kernel, making_kernel
 
 CHUNK = 32  # rays whose samples lie in one piece of memory
 BLOCK = 4  # cells a side of the coarse grid's blocks, and steps of a coarse stride (sampling.BLOCK)

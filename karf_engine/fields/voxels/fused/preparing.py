@@ -14,6 +14,7 @@ import llvmlite.binding
 import numba
 import torch
 
+from ....kernels import cache_folder
 from ....rendering.rays import Rays
 from ....rendering.space import Contraction
 from ....runtime import start_runtime
@@ -21,7 +22,6 @@ from ...scene import Scene
 from ..field import VoxelField
 from ..renderer import Observing, RayBatch
 from .bending import paths_of
-from .compiled import cache_folder
 from .renderer import FusedRenderer
 
 

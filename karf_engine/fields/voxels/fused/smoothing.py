@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ....kernels import kernel, literal_kernel
 from .arrays import BOTH
-from .compiled import kernel, literal_kernel, prefetch
 from .marching import TWO, ZERO
+from .prefetching import prefetch
 
 BLOCK_PAIRS = 2048  # whose sums are added up by themselves: any number of threads gives the same ones
 AHEAD = 8  # pairs; rows are asked for so much earlier
