@@ -13,10 +13,7 @@ SAME_WAY = 30.0  # degrees between any camera's axis and their mean: then they l
 NEAREST = 0.01  # of a camera's sparse points may be nearer than its nearest depth: mistakes
 FARTHEST = 0.99  # of a camera's sparse points may not be farther than its farthest depth: mistakes
 RELIABLE_ERROR = 1.5  # pixels of reprojection error, over the median: points above it are left out
-FEWEST_VIEWS = 3  # that observe a point, which says what is free: two may agree on a mistake
-FREE_SHARE = 0.85  # of a view's nearest depth: all that it sees lies behind
-FEWEST_POINTS = 50  # in a picture, that say how near the nearest thing in it is
-MISTAKEN = 0.005  # of the points in a picture may be nearer than that
+FEWEST_VIEWS = 3  # that observe a reliable point: two may agree on a mistake
 
 
 def looks_one_way(cameras: list[Camera]) -> bool:
@@ -95,49 +92,6 @@ def reliable_points(points: SparsePoints) -> np.ndarray:
 def is_reliable(points: SparsePoints) -> np.ndarray:
     """Whether a point's reprojection error is small or unknown, bool [n]."""
     return ~(points.errors > np.nanmedian(points.errors) + RELIABLE_ERROR)
-
-
-def free_depths(views: list[View], points: SparsePoints | None) -> list[float]:
-    """Depth up to which each view sees nothing, world units; 0 where that is not known.
-
-    It is FREE_SHARE of the view's declared nearest depth, or of that of the sparse points in its picture where that is
-    less. All points count, not just those that the view observes: what is near may have features only in other views.
-    """
-    positions = np.zeros((0, 3)) if points is None or not len(points) else reliable_points(points)
-    depths = []
-    for view in views:
-        pixels, depth = view.camera.project(positions)
-        depth = np.sort(depth[_in_picture(view.camera, pixels, depth)])
-        known = [view.depth_bounds[0]] if view.depth_bounds else []
-        if len(depth) >= FEWEST_POINTS:
-            known.append(depth[int(MISTAKEN * len(depth))])
-        depths.append(FREE_SHARE * float(min(known, default=0.0)))
-    return depths
-
-
-def is_free(positions: np.ndarray, cameras: list[Camera], depths: list[float]) -> np.ndarray:
-    """Whether a camera looks through a place at what lies behind.
-
-    Nothing can be there, though the photos of that camera alone would be explained as well by a picture hung up right
-    before it: the longer the lens, the less of the space before it do others see.
-
-    Args:
-        positions: [n, 3], world.
-        cameras: Without a lens distortion.
-        depths: Up to which each of them sees nothing, world units.
-
-    Returns:
-        bool [n].
-    """
-    free = np.zeros(len(positions), bool)
-    for camera, free_depth in zip(cameras, depths, strict=True):
-        pixels, depth = camera.project(positions)
-        free |= _in_picture(camera, pixels, depth) & (depth < free_depth)
-    return free
-
-
-def _in_picture(camera: Camera, pixels: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    return (depth > 0) & ((pixels > 0) & (pixels < (camera.width, camera.height))).all(1)
 
 
 def _point_depths(views: list[View], points: SparsePoints | None, quantile: float) -> list[float]:

@@ -43,7 +43,9 @@ class OpenSettings:
     )
     point_share: float = option(0.2, "Share of the rays that go to sparse points", 0.0, 0.9)
     prune_alpha: float = option(0.0, "Cells below this opacity are dropped", 0.0, 0.5)
-    prune_visibility: float = option(0.015, "Cells that no training ray sees by this weight are dropped", 0.0, 0.5)
+    prune_visibility: float = option(
+        0.015, "Cells that no training ray sees by this weight are dropped; less beyond 256 voxels", 0.0, 0.5
+    )
     radius: float = option(
         1.0, "Radius that the contraction keeps, in half-widths of what a typical camera sees at the middle", 0.05, 10.0
     )
@@ -99,7 +101,9 @@ class GeometrySettings:
     sparsity: float = option(2e-3, "Weight of the mean sample alpha in the first level", 0.0, 1.0)
     opacity_entropy: float = option(1e-3, "Weight of half-transparent rays (captures without background)", 0.0, 1.0)
     prune_alpha: float = option(0.02, "Cells below this opacity are dropped", 0.0, 0.5)
-    prune_visibility: float = option(0.04, "Cells that no training ray sees by this weight are dropped", 0.0, 0.5)
+    prune_visibility: float = option(
+        0.04, "Cells that no training ray sees by this weight are dropped; less beyond 256 voxels", 0.0, 0.5
+    )
     open: OpenSettings = OpenSettings()
     nerf: NerfSettings = NerfSettings()
 

@@ -10,7 +10,6 @@ torch = pytest.importorskip("torch")
 from blender_tests.engine.reference.still_life import camera_at, cameras
 from karf_engine.capture.capture import SparsePoints, View
 from karf_engine.fields.detail import kept_psnr, pixels_per_voxel, typical_pixels_per_voxel, without_detail
-from karf_engine.fields.extent import FREE_SHARE, free_depths, is_free
 from karf_engine.fields.spaces import contraction_round_focus
 from karf_engine.rendering.space import Box, Contraction
 from karf_engine.settings import OpenSettings
@@ -34,54 +33,6 @@ def observed_by_all(positions, n_views):
 
 def zoomed(camera, factor):
     return replace(camera, fx=factor * camera.fx, fy=factor * camera.fy)
-
-
-def test_what_a_camera_looks_through_is_free():
-    camera = camera_at(0.0, 0.0)  # at x = 3.6, looks at the origin
-    ahead, beside, behind = [2.0, 0, 0], [2.0, 1.5, 0], [4.5, 0, 0]
-    beyond = [0.5, 0, 0]
-    positions = np.array([ahead, beside, behind, beyond])
-    assert is_free(positions, [camera], [2.5]).tolist() == [True, False, False, False]
-    assert not is_free(positions, [camera], [0.0]).any()
-    opposite = camera_at(np.pi, 0.0)
-    assert is_free(positions, [camera, opposite], [0.5, 3.7]).tolist() == [False, False, False, False]
-    assert is_free(positions, [camera, opposite], [0.5, 4.2]).tolist() == [False, False, False, True]
-
-
-def ball_of_points(n=400, radius=1.0):
-    directions = np.random.default_rng(0).normal(size=(n, 3))
-    return radius * directions / np.linalg.norm(directions, axis=1, keepdims=True)
-
-
-def test_a_view_is_free_up_to_its_own_nearest_depth():
-    views = views_of(cameras(3))
-    views[1] = replace(views[1], depth_bounds=(2.0, 9.0))
-    views[2] = replace(views[2], depth_bounds=(3.0, 9.0))
-    assert free_depths(views, None) == [0.0, FREE_SHARE * 2.0, FREE_SHARE * 3.0]
-    depths = free_depths(views, observed_by_all(ball_of_points(), 3))
-    of_points = pytest.approx(FREE_SHARE * 2.6, abs=0.1)
-    assert depths == [of_points, FREE_SHARE * 2.0, of_points]
-    assert free_depths(views, observed_by_all(ball_of_points(40), 3))[0] == 0.0
-
-
-def test_what_is_near_but_has_its_features_in_other_views_is_not_free():
-    views = views_of(cameras(6))
-    near, far = ball_of_points(100, 0.5), ball_of_points(900, 8.0)
-    points = observed_by_all(np.concatenate([near, far]), 6)
-    without = points.point[(points.view != 0) | (points.point >= 100)]
-    blind = replace(points, view=points.view[(points.view != 0) | (points.point >= 100)], point=without)
-    assert free_depths(views, blind)[0] == free_depths(views, points)[0] < 3.2
-
-
-def test_a_mistaken_point_does_not_tell_what_is_free():
-    views = views_of(cameras(6))
-    positions = np.concatenate([0.5 * views[0].camera.position[None], ball_of_points(300)])
-    points = observed_by_all(positions, 6)
-    depth = free_depths(views, points)[0]
-    assert depth > FREE_SHARE * 2.4
-    inexact = replace(points, errors=np.where(np.arange(301) < 250, 9.0, 0.2).astype(np.float32))
-    assert free_depths(views, inexact)[0] > 0
-    assert free_depths(views, points.seen_by([0, 1])) == [0.0] * 6
 
 
 def test_the_contraction_keeps_as_much_as_the_lens_sees():

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -184,8 +185,11 @@ class VoxelField(VoxelGrid):
         return self._rebuilt(dilate(occupied) & self.occupied)
 
     @torch.no_grad()
-    def refined(self, voxels_along_longest_side: int) -> VoxelField:
-        """The same field on a finer grid round what is occupied; the physical density is kept."""
+    def refined(self, voxels_along_longest_side: int, may_hold: Callable[[Tensor], Tensor] | None = None) -> VoxelField:
+        """The same field on a finer grid round what is occupied; the physical density is kept.
+
+        may_hold: tells of cells by their centers [n, 3], grid coordinates, which of them to keep, bool [n]; None for all.
+        """
         cells = torch.nonzero(self.occupied)
         low = self.minimum + (cells.amin(0) - 1).clamp_min(0) * self.voxel
         high = self.minimum + (cells.amax(0) + 2) * self.voxel
@@ -197,6 +201,8 @@ class VoxelField(VoxelGrid):
             centers = low[axis] + (torch.arange(n, device=low.device) + 0.5) * voxel
             parents = ((centers - self.minimum[axis]) / self.voxel).long()
             occupied = occupied.index_select(axis, parents.clamp_max(self.occupied.shape[axis] - 1))
+        if may_hold is not None:
+            occupied[occupied.clone()] = may_hold(low + (torch.nonzero(occupied) + 0.5) * voxel)
         return self._rebuilt(occupied, low, voxel)
 
     def _rebuilt(self, occupied: Tensor, minimum: Tensor | None = None, voxel: float | None = None) -> VoxelField:

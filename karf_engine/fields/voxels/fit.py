@@ -31,6 +31,7 @@ from .renderer import Observing, Renderer
 POINT_MARGIN = 2.0  # voxels; a point's surface is looked for this far round it
 BATCH_RAYS, FEWEST_BATCHES = 8192, 16  # that tell what training rays see
 RAYS_PER_CELL = 0.25  # for pruning: with fewer, fine cells that few photos show are missed by chance, and leave holes
+PRUNED_AT = 256  # cells along the longest side, for which the limits of visibility are meant, and all coarser grids
 OFF_PATH = 3.0  # voxels; an observation whose point lies farther from its own ray is a mistake
 
 
@@ -164,11 +165,15 @@ class VoxelFit:
             self.field = self._pruned()
             self._renderer = None  # likewise
         if part.level and not part.before:
-            self.field = self.field.refined(self.recipe.levels[part.level].voxels)
+            self.field = self._refined(self.recipe.levels[part.level])
         renderer = self._renderer_of(self.field)
         self._learn(self.field, renderer, self._course_of(self.field, renderer, part))
         if part.level and not part.before:
             self._begin_level(self.recipe.levels[part.level])
+
+    def _refined(self, level: Level) -> VoxelField:
+        """The field in the cells of a level."""
+        return self.field.refined(level.voxels)
 
     def _begin_level(self, level: Level) -> None:
         """Called before the iterations of each level but the first, on its field."""
@@ -228,7 +233,9 @@ class VoxelFit:
         """The field with only the cells that are dense enough and that some training ray sees."""
         field = self.field
         visibility = self._renderer.visibility(self._some_rays(RAYS_PER_CELL * float(field.occupied.sum())))
-        keep = (field.cell_alphas() > self.recipe.prune_alpha) & (visibility > self.recipe.prune_visibility)
+        # the thinner a cell, the less any one of a fog weighs
+        least = self.recipe.prune_visibility * min(1.0, PRUNED_AT / max(field.occupied.shape))
+        keep = (field.cell_alphas() > self.recipe.prune_alpha) & (visibility > least)
         if not keep.any():
             raise Diverged(
                 "The geometry stage found nothing solid in the scene.",

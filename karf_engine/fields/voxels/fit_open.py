@@ -21,7 +21,7 @@ from ...settings import Level, OpenSettings
 from ...training.adam import Adam
 from ...training.course import Course
 from ..background import Background
-from ..extent import is_free
+from ..free_space import FreeSpace
 from ..horizon import Horizon
 from .field import VoxelField
 from .fit import Batch, VoxelFit
@@ -32,6 +32,7 @@ from .vertices import BITS
 DENSITY_BIAS = -4.5  # fog that is thick enough to be seen at once: everything in open space is opaque somewhere
 LATE_POINTS = 0.25  # of their weight in the last level, where photos know better than points by some tenths of a pixel
 TV_VERTICES = 30_000
+CARVED = 256  # cells along the longest side, up to which those of each level are asked whether they are free
 SKY_PIXELS, FEWEST_SKY_PIXELS = 200_000, 200  # of all photos that are looked at; above the horizon
 AGREEING, SKY_LIKENESS = 0.8, 0.11  # share of what photos show above the horizon; its difference from a sky, a channel
 MIST = 5e-2  # weight of opacity before a sky that shows the photo's color by itself
@@ -52,13 +53,20 @@ class OpenFit(VoxelFit):
         runtime: Runtime,
         field: VoxelField,
         observations: Observations,
+        free: FreeSpace,
         horizon: Horizon | None,
     ) -> None:
         background = fit_background(bank, runtime)
         sky = None if horizon is None else fit_sky(bank, horizon, runtime)
         super().__init__(bank, settings, runtime, field, sky or background)
-        self._observations = observations
+        self._observations, self._free = observations, free
         self._horizon = None if sky is None else horizon
+
+    def _refined(self, level: Level) -> VoxelField:
+        field = self.field
+        if level.voxels > CARVED:
+            return super()._refined(level)
+        return field.refined(level.voxels, lambda cells: ~self._free.holds(field.space.to_world(cells)))
 
     def _learn(self, field: VoxelField, renderer: Renderer, course: Course) -> None:
         super()._learn(field, renderer, course)
@@ -112,23 +120,22 @@ def start_open_fit(
     settings: OpenSettings,
     n_features: int,
     observations: Observations,
-    depths: list[float],
+    free: FreeSpace,
     horizon: Horizon | None,
     runtime: Runtime,
 ) -> OpenFit:
-    """A fresh field in all of a space, on the runtime's device, that a camera sees and none sees through.
+    """A fresh field in all of a space, on the runtime's device, that a camera sees and that is not free.
 
-    depths: up to which each of the bank's cameras sees nothing, world units. horizon: above which there may be a sky.
+    horizon: above which there may be a sky.
     """
     low, high = space.grid_bounds(bank.cameras)
     voxel = float((high - low).max()) / settings.levels[0].voxels
     shape = [max(1, math.ceil(float(side) / voxel - 1e-3)) for side in high - low]
     occupied = torch.ones(shape, dtype=torch.bool, device=runtime.device)
     cells = low + (torch.nonzero(occupied) + 0.5) * voxel
-    free = is_free(space.to_world(cells).double().cpu().numpy(), bank.cameras, depths)
-    occupied = (space.is_seen(cells, bank.cameras) & ~torch.from_numpy(free).to(cells.device)).view(shape)
+    occupied = (space.is_seen(cells, bank.cameras) & ~free.holds(space.to_world(cells))).view(shape)
     field = VoxelField(low, voxel, occupied, n_features, 64, DENSITY_BIAS, space)
-    return OpenFit(bank, settings, runtime, field, observations, horizon)
+    return OpenFit(bank, settings, runtime, field, observations, free, horizon)
 
 
 def fit_background(bank: PixelBank, runtime: Runtime) -> Background:

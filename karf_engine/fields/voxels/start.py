@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from ...rendering.space_values import space_on
 from ...settings import Level
-from ..extent import free_depths
 from ..fit import FitInputs
+from ..free_space import FreeSpace
 from ..horizon import horizon_of
 from ..spaces import contraction_round_focus, middle_frustum
 from .fit import VoxelFit
@@ -36,8 +36,8 @@ def start_voxel_fit(inputs: FitInputs) -> VoxelFit:
         horizon = horizon_of(bank.cameras, inputs.points, space.center, space.radius).to(runtime.device)
     space = space_on(space, runtime.device)
     observations = observations_of(bank, space, inputs.points)
-    depths = free_depths(inputs.views, inputs.points)
-    return start_open_fit(bank, space, recipe, settings.features, observations, depths, horizon, runtime)
+    free = FreeSpace.of(inputs.views, inputs.points, runtime.device)
+    return start_open_fit(bank, space, recipe, settings.features, observations, free, horizon, runtime)
 
 
 def _finer(level: Level, factor: float) -> Level:

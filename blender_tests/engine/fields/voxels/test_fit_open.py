@@ -150,9 +150,11 @@ def test_a_long_lens_is_no_worse_than_any_other():
         assert psnr(scene.render(camera, 1).color.numpy(), take_photo(camera, sky=True).color) >= 24
 
 
-def test_nothing_is_looked_for_where_a_camera_sees_through():
+@pytest.mark.parametrize("is_refined", [False, True])
+def test_nothing_is_looked_for_where_a_camera_sees_through(is_refined):
     state = start(telephoto_ring(), "contraction", with_points=True)
-    places = state.field.space.to_world(state.field.cell_centers()).double().numpy()
+    field = state._refined(Level(40, 1, 1.0)) if is_refined else state.field
+    places = field.space.to_world(field.cell_centers()).double().numpy()
     for camera in telephoto_ring():
         pixels, depth = camera.project(places)
         shown = ((pixels > 0) & (pixels < camera.width)).all(1) & (depth > 0)
@@ -210,6 +212,23 @@ def test_pruning_keeps_what_photos_show_however_many_cells_there_are(monkeypatch
     kept = state._pruned().occupied[unpruned.occupied]
     assert kept[is_shown].float().mean() > 0.99
     assert kept.float().mean() < 0.97
+
+
+def test_the_same_fog_outlasts_pruning_in_fine_cells_as_in_coarse_ones(monkeypatch):
+    monkeypatch.setattr(voxel_fit, "PRUNED_AT", 12)
+    few = replace(SETTINGS, open=replace(SETTINGS.open, levels=(Level(12, 5, 1.0),), samples=3000, max_rays=512))
+    state = start(cameras(8), "contraction", True, few)
+    learned = next(state.scenes(silent())).field
+
+    def kept(n):
+        voxel = 12 * learned.voxel / n
+        field = VoxelField(learned.minimum, voxel, torch.ones(n, n, n, dtype=torch.bool), 6, space=learned.space)
+        depth = torch.tensor(0.03 * 12 / n)  # of a cell
+        field.raw_density.data.fill_(depth.expm1().log() - field.density_bias)
+        state.field, state._renderer = field, state._renderer_of(field)
+        return state._pruned().occupied.float().mean().item()
+
+    assert kept(24) > 0.7 * kept(12) > 0.4
 
 
 # ------------------------------------------------------------------------------------------------------------ the choice
