@@ -16,7 +16,7 @@ from .stages import (
 PRESETS: dict[str, Settings] = {
     # two processor cores, a few minutes on photos of 256 pixels
     "demo": Settings(),
-    # a laptop, two to three minutes on photos of 400 pixels: more and finer cells, more samples an iteration
+    # a laptop, about two minutes on photos of 400 pixels: more and finer cells, more samples an iteration
     "fast": Settings(
         preset="fast",
         geometry=GeometrySettings(
