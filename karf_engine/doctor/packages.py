@@ -17,7 +17,7 @@ from .machine import GB
 PROCESSOR = "the processor"
 INSTALL = "Install it, in a terminal:"
 MISSING = MissingDependency.code
-FAST_BRINGS = "With it the processor learns a scene about twice as fast."
+FAST_BRINGS = "With it the processor learns a scene nearly three times as fast."
 
 
 def required() -> Iterator[Finding]:
