@@ -12,7 +12,6 @@ from ...progress import Emit
 from ...runtime import Runtime
 from ...settings import GeometrySettings
 from .field import VoxelField
-from .kernels import suit_kernels
 from .renderer import Observing, Renderer
 from .torch_renderer import TorchRenderer
 
@@ -27,7 +26,7 @@ def new_renderer(field: VoxelField, runtime: Runtime, unit: float, lottery: floa
         lottery: Samples of less weight get a color with a probability in proportion to it; 0 for none.
         observing: How exactly rays observe points.
     """
-    if suit_kernels(field.index):
+    if field.suits_kernels:
         from .fused.renderer import FusedRenderer  # needs numba
 
         return FusedRenderer(field, runtime, unit, lottery, observing)

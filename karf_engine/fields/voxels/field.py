@@ -22,7 +22,6 @@ from ...rendering.space_values import space_from_json, space_to_json
 from ...rendering.spherical_harmonics import spherical_harmonics
 from ...rendering.volume import Trace, outward_normals, trace_of
 from .grid import VoxelGrid
-from .kernels import suit_kernels
 from .tables import WeightedGather, dilate, rescaled_raw
 
 if TYPE_CHECKING:
@@ -132,7 +131,7 @@ class VoxelField(VoxelGrid):
     def _in_kernels(self) -> FrozenField | None:
         """This field for compiled kernels; None where torch computes: while it is learned, and where they do not run."""
         table = self.feature_table
-        if table.requires_grad or table.dtype != torch.float32 or not suit_kernels(self.index):
+        if table.requires_grad or table.dtype != torch.float32 or not self.suits_kernels:
             return None
         with FREEZING:
             if self._frozen is None:
@@ -202,7 +201,8 @@ class VoxelField(VoxelGrid):
             parents = ((centers - self.minimum[axis]) / self.voxel).long()
             occupied = occupied.index_select(axis, parents.clamp_max(self.occupied.shape[axis] - 1))
         if may_hold is not None:
-            occupied[occupied.clone()] = may_hold(low + (torch.nonzero(occupied) + 0.5) * voxel)
+            cells = torch.nonzero(occupied)
+            occupied[cells.unbind(1)] = may_hold(low + (cells + 0.5) * voxel)
         return self._rebuilt(occupied, low, voxel)
 
     def _rebuilt(self, occupied: Tensor, minimum: Tensor | None = None, voxel: float | None = None) -> VoxelField:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
+from ...kernels import has_kernels
 from ...rendering.sampling import coarse_occupancy
 from ...rendering.space import Box, Space
 from .vertices import BITS, n_rows, numbers_of, rows_of, vertex_index
+
+MOST_VERTICES = 2**31 - 1  # that kernels can number
 
 
 class VoxelGrid(nn.Module):
@@ -70,6 +73,11 @@ class VoxelGrid(nn.Module):
     def lowest_rows(self) -> Tensor:
         """Table row of the lowest vertex of each occupied cell, [n] int64."""
         return self.rows_of(self.vertex_numbers(torch.nonzero(self.occupied)))
+
+    @property
+    def suits_kernels(self) -> bool:
+        """Whether compiled kernels (fused/) run here and can compute this grid."""
+        return self.index.device.type == "cpu" and BITS * self.index.numel() <= MOST_VERTICES and has_kernels()
 
     @property
     def bounds(self) -> Tensor:
