@@ -7,7 +7,6 @@ from ..karf_engine.capture import FORMATS, hold_out, open_capture, write_cameras
 from ..karf_engine.capture.camera import Camera
 from ..karf_engine.capture.capture import Capture, SparsePoints, View
 from ..karf_engine.capture.distortion import distort
-from ..karf_engine.capture.image_size import find_header
 from ..karf_engine.capture.mask_names import masks_of_view
 from ..karf_engine.capture.reprojection import (
     ErrorSummary,
@@ -18,18 +17,31 @@ from ..karf_engine.capture.reprojection import (
 )
 from ..karf_engine.capture.transforms_json import camera_to_json
 from ..karf_engine.capture.undistortion import undistorted
-from ..karf_engine.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
-from ..karf_engine.edit.added import palettes_with, solve_set, spread, spread_objects
-from ..karf_engine.edit.becomes import match_becomes, match_fewest, mean_weights, nearest_weights, with_held
-from ..karf_engine.edit.color_text import color_to_text, colors_of_text
-from ..karf_engine.edit.colorways import reached_by, reached_color
-from ..karf_engine.edit.colorways import shown as shown_colors
-from ..karf_engine.edit.compositing import Planes, read_planes, stack_palettes
-from ..karf_engine.edit.edit_files import write_edit
-from ..karf_engine.edit.layers import ObjectLayers, read_layer_names
-from ..karf_engine.edit.object_colors import ColorHistogram, read_object_colors
-from ..karf_engine.edit.painted import ObjectMatch, match_picture
-from ..karf_engine.edit.palette import (
+from ..karf_engine.commands.farm.bundle import render_bundle
+from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency, error_from_code
+from ..karf_engine.export.layer_names import ObjectLayers, read_layer_names
+from ..karf_engine.export.scene_points import ScenePoints, read_points, write_points
+from ..karf_engine.io.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
+from ..karf_engine.io.files import atomic_write, checksum, read_json, write_json
+from ..karf_engine.io.image_size import find_header
+from ..karf_engine.io.names import file_name, is_file_name, same_but_for_case
+from ..karf_engine.palettes.added import palettes_with, solve_set, spread, spread_objects
+from ..karf_engine.palettes.color_text import color_to_text, colors_of_text
+from ..karf_engine.palettes.colorways.planned import PlannedColorway, plan_colorways
+from ..karf_engine.palettes.colorways.reached import reached_by, reached_color
+from ..karf_engine.palettes.colorways.reached import shown as shown_colors
+from ..karf_engine.palettes.compositing import Planes, read_planes, stack_palettes
+from ..karf_engine.palettes.edit_files import write_edit
+from ..karf_engine.palettes.matching.becomes import (
+    match_becomes,
+    match_fewest,
+    mean_weights,
+    nearest_weights,
+    with_held,
+)
+from ..karf_engine.palettes.matching.painted import ObjectMatch, match_picture
+from ..karf_engine.palettes.object_colors import ColorHistogram, read_object_colors
+from ..karf_engine.palettes.palette import (
     BRIGHTEST,
     COMPOSITING_MODES,
     MOST_ADDED,
@@ -42,21 +54,15 @@ from ..karf_engine.edit.palette import (
     read_palettes,
     rgb_to_hex,
 )
-from ..karf_engine.edit.palette_files import SUFFIXES as EDIT_SUFFIXES
-from ..karf_engine.edit.palette_files import read_edit_file, write_edit_file
-from ..karf_engine.edit.points import ScenePoints, read_points, write_points
-from ..karf_engine.edit.swatch_picture import SwatchPicture, palette_only, photo_plus_change
-from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency, error_from_code
-from ..karf_engine.farm.bundle import render_bundle
-from ..karf_engine.files import atomic_write, checksum, read_json, write_json
-from ..karf_engine.findings import ERROR, OK, VERDICT, WARNING, Finding
-from ..karf_engine.names import file_name, is_file_name, same_but_for_case
+from ..karf_engine.palettes.palette_files import SUFFIXES as EDIT_SUFFIXES
+from ..karf_engine.palettes.palette_files import read_edit_file, write_edit_file
+from ..karf_engine.palettes.swatch_picture import SwatchPicture, palette_only, photo_plus_change
 from ..karf_engine.project import Project
-from ..karf_engine.project.colorways import PlannedColorway, plan_colorways
+from ..karf_engine.project.settings import PRESETS, seconds_of_stages
 from ..karf_engine.project.volumes import Volume, read_volumes, write_volumes
-from ..karf_engine.requirements import REQUIRED
-from ..karf_engine.settings import PRESETS, seconds_of_stages
 from ..karf_engine.wire import CANCEL, LOG_FILE, REQUEST_FILE, WARM, Ask, Event, EventReader, Request, folder_line
+from ..karf_engine.worker.findings import ERROR, OK, VERDICT, WARNING, Finding
+from ..karf_engine.worker.requirements import REQUIRED
 
 # the file or folder by which each known kind of capture is recognized
 CAPTURE_MARKS = tuple(known.marker for known in FORMATS)

@@ -16,15 +16,7 @@ from typing import TYPE_CHECKING, Any
 from .version import __version__
 
 if TYPE_CHECKING:
-    from .capture import open_capture
-    from .capture.camera import Camera
-    from .capture.capture import Capture, View
-    from .edit.edit_files import read_edit, write_edit
-    from .edit.palette import Edit, Palette
-    from .errors import KarfError
-    from .farm.bundle import learning_bundle, render_bundle
-    from .frames import Frame
-    from .library import (
+    from .api import (
         colorways,
         extract_palettes,
         find_poses,
@@ -37,8 +29,16 @@ if TYPE_CHECKING:
         segment,
         write_points,
     )
-    from .model import Model
-    from .settings import PRESETS, Settings
+    from .capture import open_capture
+    from .capture.camera import Camera
+    from .capture.capture import Capture, View
+    from .commands.farm.bundle import learning_bundle, render_bundle
+    from .errors import KarfError
+    from .palettes.edit_files import read_edit, write_edit
+    from .palettes.palette import Edit, Palette
+    from .project.settings import PRESETS, Settings
+    from .recolor.frames import Frame
+    from .recolor.model import Model
 
 _HOME = {  # name -> the module that defines it
     "Camera": "capture.camera",

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import BadRequest, DataError
-from .inputs import MOST_JSON, check_file
+from .io.inputs import MOST_JSON, check_file
 
 PROTOCOL = 1
 REQUEST_FILE = "request.json"

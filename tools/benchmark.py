@@ -124,7 +124,7 @@ def bench_swatch(options: argparse.Namespace) -> list[Row]:
 
 def bench_geometry(options: argparse.Namespace) -> list[Row]:
     """Both ways to learn a field; the kernels' gain is the last column of the second table."""
-    from karf_engine.settings import preset
+    from karf_engine.project.settings import preset
     from tools.speed import geometry
 
     rows = []

@@ -23,12 +23,12 @@ import torch
 from torch import Tensor
 
 from karf_engine.errors import BadRequest, DataError
-from karf_engine.failures import first_line, is_out_of_memory, known_failure
 from karf_engine.fields.nerf.field import NerfNetwork
 from karf_engine.fields.nerf.files import MOST_BYTES, STATE_NAMES, network_of_state
 from karf_engine.fields.nerf.pickles import check_pickle
-from karf_engine.files import atomic_write
-from karf_engine.inputs import check_file
+from karf_engine.io.failures import first_line, is_out_of_memory, known_failure
+from karf_engine.io.files import atomic_write
+from karf_engine.io.inputs import check_file
 
 HINT = "Give a model_*.npy or model_fine_*.npy as bmild/nerf has written it."
 

@@ -22,7 +22,7 @@ from torch.overrides import TorchFunctionMode
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils.backend_registration import _setup_privateuseone_for_python_backend
 
-from karf_engine import runtime
+from karf_engine.compute import runtime
 
 NAME = "pretend"
 _setup_privateuseone_for_python_backend(NAME)

@@ -6,7 +6,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from karf_engine import cores
+from karf_engine.compute import cores
 
 
 @pytest.fixture(autouse=True)

@@ -165,7 +165,7 @@ def test_what_the_system_refuses_is_a_sentence_too(monkeypatch, tmp_path, raised
     def refuse(*_, **__):
         raise raised
 
-    monkeypatch.setattr("karf_engine.library.run_request", refuse)
+    monkeypatch.setattr("karf_engine.api.run_request", refuse)
     with pytest.raises(told, match=words):
         karf.extract_palettes(tmp_path)
 
@@ -203,7 +203,7 @@ def test_the_readme_runs_as_printed_from_the_wheel_alone(wheel, tmp_path):
 
 
 SMALL_FAST = f"""
-import karf_engine.settings as settings
+import karf_engine.project.settings as settings
 assert "site-packages" in settings.__file__
 settings.PRESETS["fast"] = settings.with_overrides(settings.preset("demo"), {list(QUICK)!r})
 """

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import BadRequest, DataError
-from ..names import check_name, check_names
+from ..io.names import check_name, check_names
 from .camera import Camera
 from .limits import LARGEST_POSITION, check_camera
 

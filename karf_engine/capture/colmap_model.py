@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import DataError
-from ..inputs import check_file
+from ..io.inputs import check_file
 from .binary import BinaryFile
 from .limits import LARGEST_POSITION
 from .reading import read_text

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import DataError
+from ..io.image_size import MOST_PIXELS
 from .camera import Camera
-from .image_size import MOST_PIXELS
 
 LARGEST_POSITION = 1e12  # of cameras and points: its square, and a scene's size over its detail, fit single precision
 LARGEST_SIDE = 10**6  # pixels; no photo is larger, a damaged file may claim so

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import DataError
+from ..io.image_size import image_size
 from .camera import Camera
 from .capture import Capture
-from .image_size import image_size
 from .limits import LARGEST_POSITION, check_camera
 from .reading import at_size, make_views, merge_notes, photo_size, photos_in, read_bytes, rigid_pose
 

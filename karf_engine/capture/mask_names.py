@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from ..names import file_name
+from ..io.names import file_name
 from .capture import View
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".webp")

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import DataError
-from ..inputs import check_file
-from ..names import file_name
+from ..io.image_size import LFS_POINTER, image_header
+from ..io.inputs import check_file
+from ..io.names import file_name
 from .camera import Camera
 from .capture import View, unique_names
-from .image_size import LFS_POINTER, image_header
 from .limits import LARGEST_POSITION
 
 PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".JPG", ".PNG", ".JPEG", ".webp", ".tif", ".tiff", ".bmp", ".exr")

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import DataError
-from ..files import read_json
+from ..io.files import read_json
 from .camera import Camera
 from .capture import SPLITS
 from .limits import LARGEST_SIDE, check_camera

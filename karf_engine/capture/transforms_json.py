@@ -15,7 +15,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from ..errors import DataError
-from ..files import write_json
+from ..io.files import write_json
 from .camera import Camera
 from .capture import SPLITS, Capture, SparsePoints, View
 from .ply import read_points

@@ -8,7 +8,7 @@ import traceback
 from pathlib import Path
 
 from ..errors import KarfError
-from ..failures import known_failure
+from ..io.failures import known_failure
 
 
 def as_karf_error(error: Exception) -> KarfError:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import argparse
 
+from ..commands.farm.options import PICTURES
 from ..errors import BadRequest
-from ..farm.options import PICTURES
 from .failing import say
 
 
 def write_bundle(options: argparse.Namespace) -> int:
     """A bundle that renders a learned project, or with masks one that learns a capture first."""
-    from ..farm.bundle import learning_bundle, render_bundle  # need numpy, without which `doctor` has something to say
+    from ..commands.farm.bundle import (  # need numpy, without which `doctor` has something to say
+        learning_bundle,
+        render_bundle,
+    )
 
     pictures = {name: getattr(options, name) for name in PICTURES if name != "overrides"}
     chosen = {name: getattr(options, name) for name in ("views", "edit", "per_task", "python")}

@@ -15,11 +15,11 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from ..commands.dispatch import run_request
+from ..compute.progress import Emit
 from ..errors import DataError, KarfError
 from ..path_map import PathMap
-from ..progress import Emit
 from ..project import STAGE_ORDER, Project
-from ..stages.dispatch import run_request
 from ..version import __version__
 from ..wire import CANCEL, LOG_FILE, PROTOCOL, WARM, EventWriter, Request, folder_of_line
 from .failing import as_karf_error, say_error

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 
-from ..farm.options import PER_TASK, PYTHON
-from ..settings import PRESETS
+from ..commands.farm.options import PER_TASK, PYTHON
+from ..project.settings import PRESETS
 from ..version import __version__
 from . import farm, verbs
 

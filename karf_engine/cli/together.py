@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 
-from ..stages.geometry import help_to_learn
-from ..team import join, leave
+from ..commands.geometry import help_to_learn
+from ..compute.process_group import join, leave
 
 
 def run_together(command: Callable[[], int]) -> int:

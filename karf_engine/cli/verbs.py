@@ -7,14 +7,14 @@ import json
 import signal
 from pathlib import Path
 
-from .. import library
+from .. import api
+from ..commands.dispatch import run_request
+from ..compute.progress import TerminalEmit
 from ..errors import BadRequest
-from ..files import read_json
+from ..io.files import read_json
 from ..path_map import PathMap
-from ..progress import TerminalEmit
 from ..project import Project
-from ..settings import describe
-from ..stages.dispatch import run_request
+from ..project.settings import describe
 from ..wire import Request
 from .job import run_jobs
 
@@ -23,14 +23,14 @@ def learn_all(options: argparse.Namespace) -> int:
     """All stages of learning."""
     learn_geometry(options)
     segment(options)
-    library.extract_palettes(options.project, **_run_of(options))
-    library.learn_recoloring(options.project, **_run_of(options))
+    api.extract_palettes(options.project, **_run_of(options))
+    api.learn_recoloring(options.project, **_run_of(options))
     return 0
 
 
 def learn_geometry(options: argparse.Namespace) -> int:
     """The scene."""
-    library.learn_geometry(
+    api.learn_geometry(
         options.capture,
         project=options.project,
         preset=options.preset,
@@ -56,7 +56,7 @@ def segment(options: argparse.Namespace) -> int:
         print("\n".join(each.sentence(name) for name, each in report.unsure.items()))
         return 0
     more = {name: getattr(options, name, None) for name in ("corrections", "volumes")}
-    library.segment(options.project, options.masks, **more, **_run_of(options))
+    api.segment(options.project, options.masks, **more, **_run_of(options))
     return 0
 
 
@@ -70,17 +70,17 @@ def extract_palettes(options: argparse.Namespace) -> int:
     if options.out or options.edit:
         if not options.out:
             raise BadRequest("The palette verb was given an edit and no file to write.", "Add --out FILE.")
-        from ..project.edit import edit_of  # needs numpy, without which `doctor` still has something to say
+        from ..palettes.project_edit import edit_of  # needs numpy, without which `doctor` still has something to say
 
         edit_of(Project(options.project), options.edit).save(options.out)
         return 0
-    library.extract_palettes(options.project, **_run_of(options))
+    api.extract_palettes(options.project, **_run_of(options))
     return 0
 
 
 def learn_recoloring(options: argparse.Namespace) -> int:
     """Palette weights."""
-    library.learn_recoloring(options.project, **_run_of(options))
+    api.learn_recoloring(options.project, **_run_of(options))
     return 0
 
 
@@ -88,13 +88,13 @@ def mark(options: argparse.Namespace) -> int:
     """One mask."""
     points = [(*place, True) for place in options.clicks] + [(*place, False) for place in options.nots]
     asked = {"box": options.box, "points": points, "weights": options.weights}
-    print(library.mark(options.capture, options.view, options.object, options.out, **asked))
+    print(api.mark(options.capture, options.view, options.object, options.out, **asked))
     return 0
 
 
 def find_poses(options: argparse.Namespace) -> int:
     """A capture of photos without poses."""
-    library.find_poses(options.photos, options.out, matching=options.matching, **_run_of(options))
+    api.find_poses(options.photos, options.out, matching=options.matching, **_run_of(options))
     return 0
 
 
@@ -113,24 +113,24 @@ def render(options: argparse.Namespace) -> int:
         "format", "first", "last", "count",
     )  # fmt: skip
     chosen = {name: getattr(options, name) for name in names}
-    library.render(options.project, options.out, **chosen, **_run_of(options))
+    api.render(options.project, options.out, **chosen, **_run_of(options))
     return 0
 
 
 def render_colorways(options: argparse.Namespace) -> int:
     """Pictures of views in all colorways."""
     chosen = {"views": options.views, "size": options.size, "predict_only": options.predict_only}
-    library.colorways(options.project, options.sheet, options.out, **chosen, **_run_of(options))
+    api.colorways(options.project, options.sheet, options.out, **chosen, **_run_of(options))
     return 0
 
 
 def write_points(options: argparse.Namespace) -> int:
     """The scene as points."""
-    library.write_points(options.project, options.out, count=options.count, edit=options.edit, **_run_of(options))
+    api.write_points(options.project, options.out, count=options.count, edit=options.edit, **_run_of(options))
     return 0
 
 
-def _run_of(options: argparse.Namespace) -> library.Run:
+def _run_of(options: argparse.Namespace) -> api.Run:
     """How the command line runs a stage: events go to the terminal."""
     return {"threads": options.threads, "device": options.device, "emit": TerminalEmit()}
 
@@ -144,7 +144,7 @@ def list_settings(_: argparse.Namespace) -> int:
 
 def doctor(options: argparse.Namespace) -> int:
     """Whether this Python can run the engine."""
-    from ..doctor import examine
+    from .doctor import examine
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that what was tried is removed when it is ended
     finding = None
@@ -155,7 +155,7 @@ def doctor(options: argparse.Namespace) -> int:
 
 def speed(options: argparse.Namespace) -> int:
     """How fast this computer learns, as JSON."""
-    from ..doctor.speed import samples_per_second
+    from .doctor.speed import samples_per_second
 
     print(json.dumps({"samples_per_second": round(samples_per_second(options.device, options.threads))}))
     return 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from ..rendering.spherical_harmonics import spherical_harmonics
+from .rendering.spherical_harmonics import spherical_harmonics
 
 
 class Background(nn.Module):

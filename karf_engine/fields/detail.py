@@ -10,10 +10,10 @@ import torch
 
 from ..capture.camera import Camera
 from ..capture.capture import SparsePoints, View
-from ..images import resize
-from ..rendering.space import Space
-from ..rendering.space_values import space_on
+from ..io.images import resize
 from .extent import focus_point
+from .rendering.space import Space
+from .rendering.space_values import space_on
 
 STEP = 0.5  # pixels to either side, over which a space is taken for straight
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from ..checkpoints import load_tensors, restoring, save_tensors
 from ..errors import DataError
+from ..io.checkpoints import load_tensors, restoring, save_tensors
 from .background import Background
 from .registry import field_kinds
 from .scene import Scene

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from ..capture.capture import SparsePoints, View
-from ..progress import Progress
-from ..rendering.rays import PixelBank
-from ..runtime import Runtime
-from ..settings import GeometrySettings
-from ..training.unfinished import Resumable, Unfinished
+from ..compute.progress import Progress
+from ..compute.runtime import Runtime
+from ..project.settings import GeometrySettings
+from .rendering.rays import PixelBank
 from .scene import Scene
+from .training.checkpoint import Resumable, Unfinished
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from typing import Any, ClassVar, Protocol
 import torch
 from torch import Tensor
 
-from ..rendering.rays import Rays
-from ..rendering.space import Space
-from ..rendering.volume import Trace
+from .rendering.rays import Rays
+from .rendering.space import Space
+from .rendering.volume import Trace
 
 
 class Field(Protocol):

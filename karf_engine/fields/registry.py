@@ -9,9 +9,9 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from ..compute.progress import Emit
 from ..errors import BadRequest
-from ..progress import Emit
-from ..settings import FIELD_KINDS, GeometrySettings
+from ..project.settings import FIELD_KINDS, GeometrySettings
 from .fit import Fit, FitInputs
 from .nerf.field import NerfField
 from .nerf.start import start_nerf_fit

@@ -11,12 +11,12 @@ import torch
 from torch import Tensor
 
 from ..capture.camera import Camera
-from ..cores import share
-from ..rendering.rays import PixelBank, Rays, camera_rays, depth_per_distance
-from ..rendering.surface_cache import SurfaceCache, join_caches, quantile_samples
-from ..rendering.volume import VISIBLE_WEIGHT, accumulate
+from ..compute.cores import share
 from .background import Background
 from .protocol import Field
+from .rendering.rays import PixelBank, Rays, camera_rays, depth_per_distance
+from .rendering.surface_cache import SurfaceCache, join_caches, quantile_samples
+from .rendering.volume import VISIBLE_WEIGHT, accumulate
 
 CPU_RAYS_PER_CHUNK = 2048  # a chunk's samples stay near the processor's cache; accelerators want more at once
 ACCELERATOR_RAYS_PER_CHUNK = 65536

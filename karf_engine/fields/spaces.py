@@ -10,9 +10,9 @@ import torch
 from ..capture.camera import Camera
 from ..capture.capture import SparsePoints, View
 from ..errors import BadRequest
-from ..rendering.space import Contraction, Frustum, Similarity
-from ..settings import GeometrySettings, OpenSettings
+from ..project.settings import GeometrySettings, OpenSettings
 from .extent import box_round_focus, looks_one_way, middle_pose, nearest_depth
+from .rendering.space import Contraction, Frustum, Similarity
 
 OPAQUE_REACH = 1.2  # half-width of the box before a real background, in units of what a camera sees at the focus point
 IN_BOX = 0.98  # of the sparse points: then the box holds all there is to learn

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from .. import cores
 from ..capture.capture import SparsePoints, View
-from ..plates import Plate, background_kind, solid_pixels
-from ..rendering.rays import PixelBank
-from ..runtime import Runtime
-from ..settings import GeometrySettings
+from ..capture.training_images import Plate, background_kind, solid_pixels
+from ..compute import cores
+from ..compute.runtime import Runtime
+from ..project.settings import GeometrySettings
 from .fit import Fit, FitInputs
 from .registry import start_fit
+from .rendering.rays import PixelBank
 from .spaces import choose_space
 
 

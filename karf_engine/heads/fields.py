@@ -9,10 +9,10 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
+from ..fields.rendering.space import Space
 from ..kan.encoding import positional_encoding
 from ..kan.standardize import Standardizer
-from ..rendering.space import Space
-from ..settings import RecoloringSettings, SegmentationSettings
+from ..project.settings import RecoloringSettings, SegmentationSettings
 from .registry import build_head
 from .volumes import Volumes
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from ..checkpoints import load_tensors, restoring, save_tensors
-from ..edit.palette import Palette
-from ..names import check_names
-from ..rendering.space import Space
-from ..settings import RecoloringSettings, SegmentationSettings, from_dict, to_dict
+from ..fields.rendering.space import Space
+from ..io.checkpoints import load_tensors, restoring, save_tensors
+from ..io.names import check_names
+from ..palettes.palette import Palette
+from ..project.settings import RecoloringSettings, SegmentationSettings, from_dict, to_dict
 from .fields import RecoloringField, SegmentationField
 from .object_surface import ObjectSurface
 from .volumes import Volumes

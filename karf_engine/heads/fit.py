@@ -10,15 +10,15 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from ..compute.progress import Progress
+from ..compute.runtime import Runtime
 from ..fields.protocol import Field
-from ..progress import Progress
-from ..rendering.surface_cache import SurfaceCache
-from ..runtime import Runtime
-from ..settings import HeadSettings, RecoloringSettings, SegmentationSettings
-from ..training.adam import Adam
-from ..training.course import Course
-from ..training.loop import Schedule, Step, constant, cosine_with_warmup, train
-from ..training.unfinished import Unfinished
+from ..fields.rendering.surface_cache import SurfaceCache
+from ..fields.training.adam import Adam
+from ..fields.training.checkpoint import Unfinished
+from ..fields.training.loop import Schedule, Step, constant, cosine_with_warmup, train
+from ..fields.training.state import Course
+from ..project.settings import HeadSettings, RecoloringSettings, SegmentationSettings
 from .fields import RecoloringField, SegmentationField
 from .ray_features import RayFeatures
 from .rendering import render_classes, render_weights

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from ..fields.protocol import Field
-from ..settings import RecoloringSettings, SegmentationSettings
+from ..project.settings import RecoloringSettings, SegmentationSettings
 from .rendering import SAMPLES_PER_CHUNK, features_of
 
 MOST_BYTES = 1 << 29  # of features that are kept: a NeRF has 256 a sample

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from ..errors import BadRequest
 from ..kan.gated_block import GatedBlock, count_parameters
 from ..kan.mlp import MLPHead
-from ..settings import HEAD_KINDS, HeadSettings
+from ..project.settings import HEAD_KINDS, HeadSettings
 
 WIDEST = 16384
 

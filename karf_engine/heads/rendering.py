@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from ..cores import share
+from ..compute.cores import share
 from ..fields.protocol import Field
-from ..rendering.surface_cache import SurfaceCache
+from ..fields.rendering.surface_cache import SurfaceCache
 from .fields import RecoloringField, SegmentationField
 
 SAMPLES_PER_CHUNK = 1 << 17

@@ -9,12 +9,12 @@ import torch
 from torch import Tensor
 
 from ..capture.camera import Camera
-from ..edit.palette import Palette
+from ..compute.progress import Progress
 from ..fields.protocol import Field
-from ..palette.loco_weights import loco_weights
-from ..palette.star_weights import star_weights
-from ..progress import Progress
-from ..settings import RecoloringSettings
+from ..palettes.extraction.barycentric_weights import star_weights
+from ..palettes.extraction.loco_weights import loco_weights
+from ..palettes.palette import Palette
+from ..project.settings import RecoloringSettings
 from .fit import ObjectRays
 from .object_surface import ObjectSurface
 

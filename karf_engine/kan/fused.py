@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy import float32, int32
 
-from ..kernels import kernel, making_kernel
+from ..compute.kernels import kernel, making_kernel
 
 ONE, HALF = float32(1), float32(0.5)
 LEAST_EXPONENT, MOST_EXPONENT = float32(-87), float32(88)

@@ -26,9 +26,9 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 
-from ..cores import share
+from ..compute.cores import share
+from ..compute.kernels import has_kernels
 from ..errors import BadRequest
-from ..kernels import has_kernels
 
 GRID_LIMIT = 2.0
 BANDWIDTH_LIMITS = (0.35, 2.0)  # in spacings

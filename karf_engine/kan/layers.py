@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from torch import nn
 
 from ..errors import BadRequest
-from ..settings import LAYER_KINDS
+from ..project.settings import LAYER_KINDS
 from .bspline import BSplineLayer
 from .grbf import GRBFLayer
 from .mlp import MLPLayer

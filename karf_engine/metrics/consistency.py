@@ -15,7 +15,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from ..capture.camera import Camera
-from ..color import to_bytes
+from ..io.color import to_bytes
 
 DEPTH_TOLERANCE = 0.01  # of the depth: what lies deeper than that behind what a view shows is hidden there
 

@@ -9,7 +9,7 @@ import numpy as np
 from skimage.color import deltaE_ciede2000, hsv2rgb, rgb2hsv
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
-from ..color import srgb_to_lab
+from ..io.color import srgb_to_lab
 
 SSIM_SIGMA, SSIM_RADIUS = 1.5, 5  # the window of scikit-image ends at 3.5 sigma
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from .. import settings as settings_module
 from ..capture.capture import Capture, capture_from_json
 from ..errors import BadRequest
-from ..files import read_json
-from ..settings import Settings
+from ..io.files import read_json
+from . import settings as settings_module
 from .folder import Project
+from .settings import Settings
 from .state import STAGE_ORDER
 
 

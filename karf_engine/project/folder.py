@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import BadRequest, DataError
-from ..files import checksum, remove_temporaries, replace
+from ..io.files import checksum, remove_temporaries, replace
 from .state import STAGE_ORDER, new_state, read_state, without_stage, write_state
 
 HOLDOUT_BEFORE = 8  # of projects that do not say

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import DataError
-from ..files import read_json, write_json
+from ..io.files import read_json, write_json
 
 SCHEMA = "karf-volumes/1"
 KINDS = ("inside", "outside")

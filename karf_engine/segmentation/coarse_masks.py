@@ -14,14 +14,14 @@ import numpy as np
 
 from ..capture.camera import Camera
 from ..capture.capture import Capture, View
-from ..capture.image_size import MOST_PHOTO_BYTES
 from ..capture.mask_names import fits_view, mask_files
+from ..capture.training_images import Plate, undistort
 from ..errors import DataError
-from ..files import atomic_write
-from ..images import read_mask, resize
-from ..inputs import check_file
-from ..names import file_name, is_file_name, same_but_for_case
-from ..plates import Plate, undistort
+from ..io.files import atomic_write
+from ..io.image_size import MOST_PHOTO_BYTES
+from ..io.images import read_mask, resize
+from ..io.inputs import check_file
+from ..io.names import file_name, is_file_name, same_but_for_case
 
 LAYOUT_HINT = "Lay masks out as MASKS/<object>/<photo stem>.png, as large as the photo."
 

@@ -12,8 +12,8 @@ from scipy.spatial import cKDTree
 from ..capture.camera import Camera
 from ..capture.capture import View
 from ..fields.protocol import Field
-from ..rendering.rays import camera_rays
-from ..rendering.surface_cache import SurfaceCache, cache_surface
+from ..fields.rendering.rays import camera_rays
+from ..fields.rendering.surface_cache import SurfaceCache, cache_surface
 from .coarse_masks import CoarseMask
 from .corrections import IS, IS_NOT, load_correction
 from .surface_points import LABEL_SAMPLES, SurfacePoints

@@ -13,10 +13,10 @@ from types import MappingProxyType
 import numpy as np
 
 from ..capture.capture import Capture, View
+from ..compute.progress import Progress
 from ..fields.protocol import Field
-from ..progress import Progress
+from ..project.settings import Settings
 from ..project.volumes import Volume
-from ..settings import Settings
 from .coarse_masks import CoarseMask
 from .constraints import SeenPoints
 from .labels import Labelling

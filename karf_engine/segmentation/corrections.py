@@ -14,7 +14,7 @@ import numpy as np
 from ..capture.camera import Camera
 from ..capture.capture import Capture
 from ..errors import DataError
-from ..images import full_value, read_pixels
+from ..io.images import full_value, read_pixels
 from .coarse_masks import CoarseMask, at_working_size, marks_of, object_folders
 
 IS, IS_NOT = 1, -1

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..errors import DataError
-from ..files import atomic_write
-from ..npz import read_arrays
+from ..io.files import atomic_write
+from ..io.npz import read_arrays
 from .point_labels import Labels
 from .surface_points import SurfacePoints
 from .views import CachedViews

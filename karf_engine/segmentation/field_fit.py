@@ -8,14 +8,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ..compute.progress import Progress
+from ..compute.runtime import Runtime
 from ..fields.protocol import Field
+from ..fields.rendering.surface_cache import SurfaceCache
+from ..fields.training.checkpoint import Unfinished
 from ..heads.fields import SegmentationField
 from ..heads.fit import fit_on_points, fit_on_rays
-from ..progress import Progress
-from ..rendering.surface_cache import SurfaceCache
-from ..runtime import Runtime
-from ..settings import SegmentationSettings
-from ..training.unfinished import Unfinished
+from ..project.settings import SegmentationSettings
 from .labels import LabelledSurface
 from .votes import RayVotes
 

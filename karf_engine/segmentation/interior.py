@@ -7,8 +7,8 @@ import torch
 from scipy.ndimage import binary_erosion
 from torch import Tensor
 
-from ..color import to_bytes
 from ..heads.object_surface import MIN_INTERIOR_PIXELS, ObjectSurface
+from ..io.color import to_bytes
 from .views import CachedViews
 
 CONFIDENT = 0.9  # probability of its class above which a ray may be well inside an object

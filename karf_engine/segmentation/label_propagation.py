@@ -34,7 +34,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from ..mixtures import class_log_densities
+from .gaussian_mixtures import class_log_densities
 from .neighbor_graph import conjugate_gradients, neighbor_graph
 from .point_labels import Labels, margin
 from .seeds import seed_regions, seeds_of

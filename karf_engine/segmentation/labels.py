@@ -11,10 +11,10 @@ import torch
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
+from ..compute.progress import Emit
 from ..errors import DataError
 from ..fields.protocol import Field
 from ..heads.volumes import Volumes
-from ..progress import Emit
 from ..project.volumes import Volume
 from .constraints import Constraints
 from .label_propagation import propagate_labels

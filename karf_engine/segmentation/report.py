@@ -10,9 +10,9 @@ import numpy as np
 from torch import Tensor
 
 from ..errors import DataError
-from ..files import read_json, write_json
+from ..io.files import read_json, write_json
+from ..io.names import check_names
 from ..metrics.masks import iou
-from ..names import check_names
 from .doubts import Unsure, unsure_objects
 from .point_labels import Labels
 from .suggestions import views_to_mark

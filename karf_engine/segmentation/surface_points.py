@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from ..color import srgb_to_lab
+from ..io.color import srgb_to_lab
 from .views import CachedViews
 
 CELL_IN_GRAINS = 1.4

@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..capture.capture import View
+from ..capture.training_images import Plate, load_views
+from ..compute.progress import Progress
 from ..errors import DataError
 from ..fields.protocol import Field
-from ..plates import Plate, load_views
-from ..progress import Progress
-from ..rendering.rays import camera_rays
-from ..rendering.surface_cache import SurfaceCache, cache_surface, join_caches
-from ..settings import SegmentationSettings
+from ..fields.rendering.rays import camera_rays
+from ..fields.rendering.surface_cache import SurfaceCache, cache_surface, join_caches
+from ..project.settings import SegmentationSettings
 from .coarse_masks import CoarseMask, load_mask
 
 CACHE_STEP = 1.0  # voxels; the later stages need where a ray ends, not the last digit of its color

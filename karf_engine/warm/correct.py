@@ -9,9 +9,9 @@ import numpy as np
 
 from ..capture.camera import Camera
 from ..capture.distortion import straighten
-from ..files import checksum
-from ..images import resize, write_png
-from ..progress import Progress
+from ..compute.progress import Progress
+from ..io.files import checksum
+from ..io.images import resize, write_png
 from ..project import Project
 from ..project.contents import capture_of, settings_for
 from ..project.volumes import read_volumes

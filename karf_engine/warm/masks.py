@@ -20,7 +20,7 @@ def masks(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     Raises:
         KarfError: Nothing is segmented, there is no such view, or an option is wrong.
     """
-    from ..images import write_png
+    from ..io.images import write_png
 
     model = session.model(needed(options, "project", str))
     if not model.objects:

@@ -6,8 +6,8 @@ from typing import Any
 
 from ..capture.camera import Camera
 from ..capture.transforms_frames import camera_from_json
-from ..edit.compositing import Planes, write_planes
 from ..errors import BadRequest
+from ..palettes.compositing import Planes, write_planes
 from .options import needed
 from .session import Session
 
@@ -40,8 +40,8 @@ def preview(session: Session, options: dict[str, Any]) -> dict[str, Any]:
 
 
 def _planes(session: Session, project: str, camera: Camera) -> Planes:
-    from ..frames import bands_of, joined, planes_of  # need torch, without which some kinds can be answered
-    from ..model import MASK_SAMPLES, WEIGHT_SAMPLES
+    from ..recolor.frames import bands_of, joined, planes_of  # need torch, without which some kinds can be answered
+    from ..recolor.model import MASK_SAMPLES, WEIGHT_SAMPLES
 
     model = session.model(project)
     samples = MASK_SAMPLES if max(camera.width, camera.height) <= COARSE_SIDE else WEIGHT_SAMPLES

@@ -23,9 +23,9 @@ def propose(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     Raises:
         KarfError: The prompts are wrong, or the photo or the weights cannot be read.
     """
-    from ..images import write_png
-    from ..marking.prompts import Prompts
-    from ..marking.views import marker_of
+    from ..io.images import write_png
+    from ..segmentation.marking.prompts import Prompts
+    from ..segmentation.marking.views import marker_of
 
     missing = [name for name in ("capture", "view", "prompts") if not options.get(name)]
     if missing:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from ..compute.progress import Emit
 from ..errors import BadRequest, Cancelled, KarfError, OutOfMemory
 from ..path_map import PathMap
-from ..progress import Emit
 from ..wire import Ask
 from .answers import ANSWERS
 from .asks import Asks

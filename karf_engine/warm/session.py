@@ -10,7 +10,7 @@ from ..errors import Cancelled
 from ..project import Project
 
 if TYPE_CHECKING:
-    from ..model import Model
+    from ..recolor.model import Model
 
 MOST_HELD = 4
 
@@ -60,8 +60,8 @@ class Session:
         Raises:
             KarfError: Nothing is learned there, or a file is damaged.
         """
-        from ..model import Model  # needs torch, without which some kinds can be answered
-        from ..runtime import start_runtime
+        from ..compute.runtime import start_runtime
+        from ..recolor.model import Model  # needs torch, without which some kinds can be answered
 
         if self._runtime is None:
             self._runtime = start_runtime(0, self._threads, self._device)

@@ -11,8 +11,8 @@ import time
 from pathlib import Path
 
 import karf_engine as karf
-from karf_engine.files import write_json
-from karf_engine.runtime import start_runtime
+from karf_engine.compute.runtime import start_runtime
+from karf_engine.io.files import write_json
 
 from ..judging.recolors import contact_sheet, score_edits, score_scene
 from ..judging.scores import print_common, rounded, score_objects, stage_summary

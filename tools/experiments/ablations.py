@@ -6,12 +6,12 @@ import time
 
 import numpy as np
 
-from karf_engine.edit.compositing import stack_palettes
-from karf_engine.edit.palette import read_palettes
 from karf_engine.heads.files import load_surface
 from karf_engine.heads.training_rays import training_rays
 from karf_engine.kan.gated_block import count_parameters
 from karf_engine.metrics.scores import PaletteScore, score_palettes
+from karf_engine.palettes.compositing import stack_palettes
+from karf_engine.palettes.palette import read_palettes
 from karf_engine.segmentation.report import SegmentationReport
 
 from ..judging.scores import score_palettes_of

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 
 import karf_engine as karf
-from karf_engine.edit.compositing import stack_palettes
+from karf_engine.compute.progress import TerminalEmit
 from karf_engine.heads.rendering import ObjectSamples, object_samples
-from karf_engine.model import Model
-from karf_engine.progress import TerminalEmit
-from karf_engine.project.edit import solve
+from karf_engine.palettes.compositing import stack_palettes
+from karf_engine.palettes.project_edit import solve
+from karf_engine.recolor.model import Model
 
 from ..judging.truth import DEMO, Truth
 from ..judging.views import TestViews, learn_again, render_test_views, with_model

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from karf_engine.capture.capture import View
-from karf_engine.frames import Frame
 from karf_engine.metrics.consistency import DepthView, correspond, flow_rmse, mean_of_pairs
-from karf_engine.model import Model
+from karf_engine.recolor.frames import Frame
+from karf_engine.recolor.model import Model
 
 from ..judging.views import terminal_progress
 from .bench import Bench

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from karf_engine.frames import Frame
 from karf_engine.metrics.images import hue_shift, mse_outside
 from karf_engine.metrics.scores import score_recolor
+from karf_engine.recolor.frames import Frame
 
 from ..judging.matching import score_matches
 from ..judging.views import TestViews

@@ -24,7 +24,7 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from karf_engine.settings import PRESETS
+from karf_engine.project.settings import PRESETS
 
 from ..speed.machine import machine
 from . import page

@@ -9,7 +9,7 @@ from pathlib import Path
 import imageio.v3 as iio
 import numpy as np
 
-from karf_engine.color import to_bytes
+from karf_engine.io.color import to_bytes
 from karf_engine.metrics.scores import palette_picture
 
 from ..judging.sheets import difference, tinted

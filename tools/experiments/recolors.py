@@ -10,19 +10,19 @@ from collections.abc import Callable
 import numpy as np
 from scipy.cluster.vq import kmeans2
 
-from karf_engine.color import to_bytes
-from karf_engine.edit.becomes import match_becomes
-from karf_engine.edit.compositing import delta_composite, paper_composite
-from karf_engine.edit.fitting import match_pixels
-from karf_engine.edit.paints import reflection_target
-from karf_engine.frames import Frame
 from karf_engine.heads.files import load_surface
 from karf_engine.heads.object_surface import object_pixels
+from karf_engine.io.color import to_bytes
 from karf_engine.metrics.scores import hue_shifted
-from karf_engine.model import Model
-from karf_engine.palette.cells import color_cells
-from karf_engine.palette.hull import extract_palette
-from karf_engine.palette.star_weights import palette_weights_of_image, star_weights
+from karf_engine.palettes.compositing import delta_composite, paper_composite
+from karf_engine.palettes.extraction.barycentric_weights import palette_weights_of_image, star_weights
+from karf_engine.palettes.extraction.cells import color_cells
+from karf_engine.palettes.extraction.hull import extract_palette
+from karf_engine.palettes.matching.becomes import match_becomes
+from karf_engine.palettes.matching.fitting import match_pixels
+from karf_engine.palettes.matching.paints import reflection_target
+from karf_engine.recolor.frames import Frame
+from karf_engine.recolor.model import Model
 
 from ..judging.views import TestViews
 from .bench import Bench

@@ -18,16 +18,16 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 import karf_engine as karf
-from karf_engine.color import ciede2000, srgb_to_lab, to_bytes
-from karf_engine.edit.added import spread, with_sets
-from karf_engine.edit.fitting import room
-from karf_engine.edit.least_squares import bounded_least_squares
-from karf_engine.edit.palette import BRIGHTEST, AddedColor, Edit
-from karf_engine.frames import Frame
-from karf_engine.model import Model
-from karf_engine.palette.cells import cell_index, color_cells
-from karf_engine.palette.hull import extract_palette
-from karf_engine.palette.star_weights import palette_weights_of_image
+from karf_engine.io.color import ciede2000, srgb_to_lab, to_bytes
+from karf_engine.palettes.added import spread, with_sets
+from karf_engine.palettes.extraction.barycentric_weights import palette_weights_of_image
+from karf_engine.palettes.extraction.cells import cell_index, color_cells
+from karf_engine.palettes.extraction.hull import extract_palette
+from karf_engine.palettes.matching.fitting import room
+from karf_engine.palettes.matching.least_squares import bounded_least_squares
+from karf_engine.palettes.palette import BRIGHTEST, AddedColor, Edit
+from karf_engine.recolor.frames import Frame
+from karf_engine.recolor.model import Model
 
 from .recolors import edit_to_judge
 from .truth import Truth

@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 
 import karf_engine as karf
-from karf_engine.edit.compositing import delta_composite, stack_palettes
-from karf_engine.edit.fitting import room
-from karf_engine.edit.least_squares import bounded_least_squares
-from karf_engine.edit.painted import match_picture
-from karf_engine.edit.palette import BRIGHTEST
-from karf_engine.frames import Frame
 from karf_engine.metrics.images import mean_ciede2000
-from karf_engine.model import Model
+from karf_engine.palettes.compositing import delta_composite, stack_palettes
+from karf_engine.palettes.matching.fitting import room
+from karf_engine.palettes.matching.least_squares import bounded_least_squares
+from karf_engine.palettes.matching.painted import match_picture
+from karf_engine.palettes.palette import BRIGHTEST
+from karf_engine.recolor.frames import Frame
+from karf_engine.recolor.model import Model
 
 from .recolors import edit_to_judge
 from .truth import Truth

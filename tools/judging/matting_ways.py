@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from karf_engine.color import srgb_to_linear
-from karf_engine.matting.closed_form import closed_form_matting
-from karf_engine.matting.matte import Matte
-from karf_engine.matting.refine import field_mattes, mattes_of
+from karf_engine.io.color import srgb_to_linear
+from karf_engine.recolor.matting.closed_form import closed_form_matting
+from karf_engine.recolor.matting.matte import Matte
+from karf_engine.recolor.matting.refine import field_mattes, mattes_of
 
 from .edges import distance
 

@@ -12,15 +12,15 @@ from pathlib import Path
 import imageio.v3 as iio
 import numpy as np
 
-from karf_engine.color import to_bytes
-from karf_engine.edit.compositing import delta_composite
-from karf_engine.edit.palette import Edit
+from karf_engine.capture.training_images import Plate
 from karf_engine.errors import BadRequest
+from karf_engine.io.color import to_bytes
 from karf_engine.metrics.images import mean_ciede2000
 from karf_engine.metrics.scores import MIN_PIXELS, score_edit
-from karf_engine.model import Model
-from karf_engine.plates import Plate
-from karf_engine.project.edit import solve
+from karf_engine.palettes.compositing import delta_composite
+from karf_engine.palettes.palette import Edit
+from karf_engine.palettes.project_edit import solve
+from karf_engine.recolor.model import Model
 
 from .scores import score_palettes_of, score_renders
 from .sheets import difference, sheet_numbers, tinted, write_sheet

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from karf_engine.images import write_png
+from karf_engine.io.images import write_png
 
 SHEET_ROWS = 4
 MASK_COLORS = np.array([(1, 0, 0), (0, 0, 1), (0, 1, 0), (1, 1, 0), (1, 0, 1), (0, 1, 1)], np.float32)

@@ -9,7 +9,7 @@ from pathlib import Path
 import imageio.v3 as iio
 import numpy as np
 
-from karf_engine.color import srgb_to_linear
+from karf_engine.io.color import srgb_to_linear
 
 DEMO = Path(__file__).resolve().parents[2] / "demo"
 CHANGED = 0.06  # a pixel takes part in an edit where the reference recolor differs by more, sRGB

@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 
 import karf_engine as karf
-from karf_engine import settings as settings_module
 from karf_engine.capture.capture import View
-from karf_engine.files import write_json
-from karf_engine.frames import Frame
-from karf_engine.model import Model
-from karf_engine.plates import Plate
-from karf_engine.progress import Progress, TerminalEmit
+from karf_engine.capture.training_images import Plate
+from karf_engine.compute.progress import Progress, TerminalEmit
+from karf_engine.io.files import write_json
 from karf_engine.project import STAGE_ORDER, Project
+from karf_engine.project import settings as settings_module
+from karf_engine.recolor.frames import Frame
+from karf_engine.recolor.model import Model
 
 STAGE_FILES = {  # what a later stage reads of each
     "geometry": ("geometry_file", "capture_file"),

@@ -16,9 +16,9 @@ import numpy as np
 
 import karf_engine as karf
 from karf_engine.capture.capture import View
-from karf_engine.files import write_json
-from karf_engine.images import read_mask
-from karf_engine.plates import photo_of
+from karf_engine.capture.training_images import photo_of
+from karf_engine.io.files import write_json
+from karf_engine.io.images import read_mask
 
 from ..judging.truth import Truth
 from ..judging.views import mask_file

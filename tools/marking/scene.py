@@ -12,10 +12,10 @@ import imageio.v3 as iio
 import numpy as np
 
 from karf_engine.capture.capture import Capture, View
+from karf_engine.compute.progress import Progress
 from karf_engine.fields.files import load_scene
-from karf_engine.images import read_mask, resize
+from karf_engine.io.images import read_mask, resize
 from karf_engine.metrics.masks import iou, iou_border_excluded
-from karf_engine.progress import Progress
 from karf_engine.project import Project
 from karf_engine.project.contents import capture_of, settings_for
 from karf_engine.segmentation.coarse_masks import find_masks

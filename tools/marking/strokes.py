@@ -28,10 +28,10 @@ import numpy as np
 
 import karf_engine as karf
 from karf_engine.capture.capture import View
-from karf_engine.files import write_json
+from karf_engine.compute.runtime import start_runtime
+from karf_engine.io.files import write_json
 from karf_engine.metrics.masks import iou
 from karf_engine.project import Project
-from karf_engine.runtime import start_runtime
 
 from ..judging.views import learn_again, render_test_views
 from .hand import HANDS, can_be_hit, largest_error, short_line

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from karf_engine.marking.prompts import Prompts
-from karf_engine.marking.proposals import Marker
 from karf_engine.metrics.masks import iou
+from karf_engine.segmentation.marking.prompts import Prompts
+from karf_engine.segmentation.marking.proposals import Marker
 
 ENOUGH = 0.85  # IoU
 MOST_CLICKS = 20

@@ -20,14 +20,14 @@ from scipy.ndimage import binary_opening, distance_transform_edt, gaussian_filte
 
 import karf_engine as karf
 from karf_engine.capture.capture import Capture, View
-from karf_engine.files import write_json
-from karf_engine.images import read_mask, resize, write_png
+from karf_engine.capture.training_images import Plate, undistort
+from karf_engine.compute.progress import TerminalEmit
+from karf_engine.io.files import write_json
+from karf_engine.io.images import read_mask, resize, write_png
 from karf_engine.metrics.masks import iou
-from karf_engine.plates import Plate, undistort
-from karf_engine.progress import TerminalEmit
+from karf_engine.project.settings import PRESETS
 from karf_engine.segmentation.report import SegmentationReport
 from karf_engine.segmentation.views import farthest_point_views
-from karf_engine.settings import PRESETS
 
 from ..judging import HOLDOUT
 from ..judging.scores import print_common, rounded, score_objects, score_renders, stage_summary

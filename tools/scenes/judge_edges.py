@@ -23,14 +23,14 @@ import numpy as np
 
 import karf_engine as karf
 from karf_engine.capture.capture import View
-from karf_engine.color import to_bytes
-from karf_engine.edit.palette import Edit
-from karf_engine.files import write_json
-from karf_engine.finishing import PhotoView
-from karf_engine.matting.matte import Matte, dense_coverage
+from karf_engine.io.color import to_bytes
+from karf_engine.io.files import write_json
 from karf_engine.metrics.images import mse_outside
-from karf_engine.model import Model
-from karf_engine.photos import StoredPhoto, open_photo
+from karf_engine.palettes.palette import Edit
+from karf_engine.recolor.full_resolution import PhotoView
+from karf_engine.recolor.matting.matte import Matte, dense_coverage
+from karf_engine.recolor.model import Model
+from karf_engine.recolor.photos import StoredPhoto, open_photo
 
 from ..judging.edges import BAND, EdgeScore, border_band, mean_scores, score_edges
 from ..judging.matting_ways import WAYS, Evidence, larger_field

@@ -22,11 +22,11 @@ import imageio.v3 as iio
 import numpy as np
 
 import karf_engine as karf
-from karf_engine.files import write_json
-from karf_engine.images import write_png
+from karf_engine.compute.progress import TerminalEmit
+from karf_engine.io.files import write_json
+from karf_engine.io.images import write_png
 from karf_engine.metrics.images import mse_outside
-from karf_engine.progress import TerminalEmit
-from karf_engine.settings import PRESETS
+from karf_engine.project.settings import PRESETS
 
 from ..judging.causes import split_by_cause
 from ..judging.recolors import contact_sheet, edit_to_judge, score_edits, score_scene, worst_row

@@ -75,12 +75,12 @@ def show(project: Path, options: argparse.Namespace) -> bpy.types.Scene:
     weights /= weights.sum(axis=(0, 1))
     base = np.stack([rows, columns, 1 - rows], -1)
     names = tuple(f"object_{k}" for k in range(options.objects))
-    compositing = importlib.import_module(f"{MODULE}.karf_engine.edit.compositing")
+    compositing = importlib.import_module(f"{MODULE}.karf_engine.palettes.compositing")
     compositing.write_planes(
         project / "planes" / "view.npz",
         compositing.Planes(names, weights, weights.sum(axis=1), np.rint(base * 255).astype(np.uint8)),
     )
-    palette = importlib.import_module(f"{MODULE}.karf_engine.edit.palette")
+    palette = importlib.import_module(f"{MODULE}.karf_engine.palettes.palette")
     ramp = np.linspace(0, 0.9, colors, dtype=np.float32)[:, None].repeat(3, axis=1)
     scene = bpy.context.scene
     scene.karf.project = str(project)

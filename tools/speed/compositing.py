@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from karf_engine.edit.compositing import delta_composite
+from karf_engine.palettes.compositing import delta_composite
 
 SIZE, COLORS = 800, 6
 

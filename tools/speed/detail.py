@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 import karf_engine as karf
+from karf_engine.capture.training_images import Plate
 from karf_engine.fields.detail import pixels_per_voxel, without_detail
 from karf_engine.fields.extent import focus_point
-from karf_engine.frames import Frame
 from karf_engine.metrics.images import psnr
-from karf_engine.model import Model
-from karf_engine.plates import Plate
+from karf_engine.recolor.frames import Frame
+from karf_engine.recolor.model import Model
 
 SPANS = (8.0, 4.0, 3.0, 2.0, 1.5)  # pixels
 FEWEST_PIXELS = 16  # of an object in a picture that counts

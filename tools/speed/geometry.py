@@ -23,19 +23,19 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from karf_engine import settings as settings_module
 from karf_engine.capture import open_capture
+from karf_engine.capture.poses.triangulation import triangulate
+from karf_engine.capture.training_images import Plate, load_views
+from karf_engine.compute.progress import Progress, peak_memory_bytes
+from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import Cancelled
 from karf_engine.fields.fit import Fit
+from karf_engine.fields.rendering.rays import PixelBank
 from karf_engine.fields.scene import Scene, compared_pixels
 from karf_engine.fields.task import FitTask, background_of, make_bank, task_of
-from karf_engine.images import over
+from karf_engine.io.images import over
 from karf_engine.metrics.images import psnr
-from karf_engine.plates import Plate, load_views
-from karf_engine.poses.triangulation import triangulate
-from karf_engine.progress import Progress, peak_memory_bytes
-from karf_engine.rendering.rays import PixelBank
-from karf_engine.runtime import start_runtime
+from karf_engine.project import settings as settings_module
 from tools.judging import HOLDOUT
 from tools.speed.rows import Row, print_rows
 

@@ -26,13 +26,13 @@ import torch
 import karf_engine as karf
 from karf_engine.capture import write_cameras
 from karf_engine.capture.capture import Capture, SparsePoints
+from karf_engine.capture.poses.triangulation import triangulate
+from karf_engine.capture.training_images import Plate, load_views
+from karf_engine.compute.progress import Progress
 from karf_engine.fields.files import load_scene
-from karf_engine.files import read_json, write_json
-from karf_engine.images import write_png
+from karf_engine.io.files import read_json, write_json
+from karf_engine.io.images import write_png
 from karf_engine.metrics.images import psnr
-from karf_engine.plates import Plate, load_views
-from karf_engine.poses.triangulation import triangulate
-from karf_engine.progress import Progress
 from karf_engine.project import Project
 
 from ..judging import HOLDOUT

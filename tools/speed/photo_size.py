@@ -25,13 +25,13 @@ import OpenEXR
 
 import karf_engine as karf
 from karf_engine.capture.capture import View
-from karf_engine.color import srgb_to_linear
-from karf_engine.edit.palette import Edit, Palette
-from karf_engine.finishing import PhotoView, look_closer
-from karf_engine.matting.refine import mattes_of
-from karf_engine.model import Model
-from karf_engine.photos import open_photo, suffix_for, write_photo
-from karf_engine.progress import peak_memory_bytes
+from karf_engine.compute.progress import peak_memory_bytes
+from karf_engine.io.color import srgb_to_linear
+from karf_engine.palettes.palette import Edit, Palette
+from karf_engine.recolor.full_resolution import PhotoView, look_closer
+from karf_engine.recolor.matting.refine import mattes_of
+from karf_engine.recolor.model import Model
+from karf_engine.recolor.photos import open_photo, suffix_for, write_photo
 
 MEGAPIXELS, OBJECTS = (1, 12, 24), (1, 3)
 NOISE = 2 / 255  # standard deviation

@@ -21,16 +21,16 @@ from typing import Any
 import torch
 
 import karf_engine as karf
+from karf_engine.compute.progress import Progress, peak_memory_bytes
+from karf_engine.compute.runtime import start_runtime
 from karf_engine.fields.nerf.field import NerfField, NerfNetwork, NerfSampling, NerfShape
 from karf_engine.fields.protocol import Field
+from karf_engine.fields.rendering.space import Box
+from karf_engine.fields.rendering.surface_cache import SurfaceCache
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.heads.fields import RecoloringField, SegmentationField
 from karf_engine.heads.fit import ObjectRays, fit_on_points, fit_on_rays, fit_recoloring
-from karf_engine.progress import Progress, peak_memory_bytes
-from karf_engine.rendering.space import Box
-from karf_engine.rendering.surface_cache import SurfaceCache
-from karf_engine.runtime import start_runtime
-from karf_engine.settings import PRESETS, Settings
+from karf_engine.project.settings import PRESETS, Settings
 
 from .machine import machine
 

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 
 from karf_engine.capture.transforms_json import camera_to_json
-from karf_engine.progress import peak_memory_bytes
+from karf_engine.compute.progress import peak_memory_bytes
 from karf_engine.warm.preview import preview
 from karf_engine.warm.session import Session
 from tools.speed.rows import Row

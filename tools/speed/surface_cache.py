@@ -18,7 +18,7 @@ from torch import Tensor
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.heads.fields import RecoloringField
 from karf_engine.heads.rendering import features_of, render_weights
-from karf_engine.settings import RecoloringSettings
+from karf_engine.project.settings import RecoloringSettings
 
 RAYS, DENSE_SAMPLES, CACHED_SAMPLES, COLORS = 256, 192, (3, 1), 6
 TARGET = 50.0  # times faster with the cache, at its 3 samples a ray

@@ -22,12 +22,12 @@ from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import View, capture_from_json, capture_to_json
 from karf_engine.capture.transforms_frames import camera_from_json
 from karf_engine.cli import main as engine_main
-from karf_engine.edit.compositing import Planes, write_planes
-from karf_engine.edit.edit_files import read_edit
-from karf_engine.edit.palette import Palette, read_palettes, write_palettes
-from karf_engine.files import read_json, write_json
+from karf_engine.io.files import read_json, write_json
+from karf_engine.palettes.colorways.planned import plan_colorways
+from karf_engine.palettes.compositing import Planes, write_planes
+from karf_engine.palettes.edit_files import read_edit
+from karf_engine.palettes.palette import Palette, read_palettes, write_palettes
 from karf_engine.project import Project
-from karf_engine.project.colorways import plan_colorways
 from karf_engine.wire import PROTOCOL, WARM, Ask, EventWriter, Request, folder_of_line
 
 LEARNED = {"lid": [[0, 0, 0], [0.2, 0.4, 0.6], [1, 1, 1]], "pot": [[0, 0, 0], [0.8, 0.2, 0.1], [0.9, 0.9, 0.5]]}

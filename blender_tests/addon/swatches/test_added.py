@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from karf_engine.edit.compositing import Planes, write_planes
-from karf_engine.edit.object_colors import ColorHistogram, write_object_colors
+from karf_engine.palettes.compositing import Planes, write_planes
+from karf_engine.palettes.object_colors import ColorHistogram, write_object_colors
 
 RED, YELLOW, BLUE = (0.8, 0.2, 0.1), (0.9, 0.9, 0.5), (0.1, 0.3, 0.9)
 

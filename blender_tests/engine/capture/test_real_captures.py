@@ -79,8 +79,8 @@ def test_broken_captures_give_one_clear_error(scenes, name, words):
 @pytest.mark.parametrize(("name", "kind"), [("chair", "alpha"), ("rose", "black"), ("fruit", "opaque")])
 def test_real_photos_load_at_the_working_size(scenes, name, kind):
     pytest.importorskip("scipy")
-    from karf_engine.images import read_photo
-    from karf_engine.plates import background_kind, load_views
+    from karf_engine.capture.training_images import background_kind, load_views
+    from karf_engine.io.images import read_photo
 
     views = open_capture(scenes / name).views[::20]
     plates = load_views(views, 128)
@@ -93,6 +93,6 @@ def test_real_photos_load_at_the_working_size(scenes, name, kind):
 @pytest.mark.parametrize("name", ["image000.png", "image019.png"])
 def test_real_git_lfs_pointers_are_recognized(scenes, name):
     pytest.importorskip("scipy")
-    images = pytest.importorskip("karf_engine.images")
+    images = pytest.importorskip("karf_engine.io.images")
     with pytest.raises(DataError, match="Git-LFS pointer"):
         images.read_photo(scenes / "broken" / "lfs_pointers_fern" / "images_8" / name)

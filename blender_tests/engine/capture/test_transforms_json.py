@@ -14,8 +14,8 @@ from blender_tests.engine.reference.capture_files import jpeg_head, png_bytes, p
 from karf_engine.capture import open_capture, write_cameras
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import View
-from karf_engine.capture.image_size import image_header, image_size
 from karf_engine.errors import BadRequest, DataError
+from karf_engine.io.image_size import image_header, image_size
 
 POSE = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]
 LFS = b"version https://git-lfs.github.com/spec/v1\noid sha256:1ce8274457\nsize 421531\n"

@@ -6,7 +6,7 @@ import pytest
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.undistortion import ROWS, undistorted
 
-plates = pytest.importorskip("karf_engine.plates")
+plates = pytest.importorskip("karf_engine.capture.training_images")
 LENSES = {
     "barrel": ((-0.25, 0.06, 0.002, -0.001), False),
     "pincushion": ((0.2, 0.05, 0.0, 0.0, 0.01), False),

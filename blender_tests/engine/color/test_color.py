@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from karf_engine import color
+from karf_engine.io import color
 
 
 @pytest.mark.parametrize(

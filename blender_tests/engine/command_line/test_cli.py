@@ -12,9 +12,9 @@ pytest.importorskip("imageio")
 
 from blender_tests.engine.conftest import run_engine
 from karf_engine.cli import main, verbs
-from karf_engine.findings import VERDICT, Finding
-from karf_engine.images import write_png
+from karf_engine.io.images import write_png
 from karf_engine.project import Project
+from karf_engine.worker.findings import VERDICT, Finding
 
 VERBS = [
     "poses",

@@ -32,7 +32,7 @@ def end(capsys, monkeypatch, error):
     def raising(*_):
         raise error
 
-    monkeypatch.setattr("karf_engine.library.run_request", raising)
+    monkeypatch.setattr("karf_engine.api.run_request", raising)
     code = main(["palette", "project"])
     return code, capsys.readouterr().err
 
@@ -61,7 +61,7 @@ def memory_errors():
 
 
 def test_memory_that_ran_out_is_exit_code_five_by_whichever_library(capsys, monkeypatch):
-    from karf_engine.training.loop import is_out_of_memory
+    from karf_engine.fields.training.loop import is_out_of_memory
 
     for error in memory_errors():
         code, printed = end(capsys, monkeypatch, error)

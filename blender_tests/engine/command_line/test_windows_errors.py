@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from karf_engine import failures
-from karf_engine.failures import known_failure
+from karf_engine.io import failures
+from karf_engine.io.failures import known_failure
 
 
 @pytest.fixture

@@ -13,10 +13,10 @@ import pytest
 pytest.importorskip("torch")
 
 from blender_tests.engine.conftest import ROOT
-from karf_engine import doctor
-from karf_engine.doctor import machine, packages, smoke
-from karf_engine.findings import ERROR, OK, WARNING, Finding
-from karf_engine.requirements import REQUIRED, Range
+from karf_engine.cli import doctor
+from karf_engine.cli.doctor import machine, packages, smoke
+from karf_engine.worker.findings import ERROR, OK, WARNING, Finding
+from karf_engine.worker.requirements import REQUIRED, Range
 
 Usage = namedtuple("Usage", "total used free")
 
@@ -207,13 +207,13 @@ def test_a_doctor_that_is_ended_leaves_nothing(tmp_path):
 
 
 def test_a_stage_that_fails_is_named_and_later_ones_are_not_tried(monkeypatch, capsys):
-    from karf_engine import library
+    from karf_engine import api
 
     def fail(*_, **__):
         raise ValueError("operands do not fit")
 
-    monkeypatch.setattr(library, "learn_geometry", lambda *_, **__: None)
-    monkeypatch.setattr(library, "segment", fail)
+    monkeypatch.setattr(api, "learn_geometry", lambda *_, **__: None)
+    monkeypatch.setattr(api, "segment", fail)
     geometry, segmentation = smoke.stages()
     assert geometry.status == OK and segmentation.status == ERROR
     assert "The stage segmentation does not run: ValueError('operands do not fit')." == segmentation.sentence

@@ -2,12 +2,12 @@
 
 import pytest
 
-from karf_engine.doctor import speed
-from karf_engine.settings import PRESETS, seconds_of_stages
+from karf_engine.cli.doctor import speed
+from karf_engine.project.settings import PRESETS, seconds_of_stages
 
 
 def test_the_speed_is_that_of_the_iterations_behind_the_first(monkeypatch):
-    from karf_engine import library
+    from karf_engine import api
 
     times = iter((0.0, 5.0, 5.5, 6.5))
     monkeypatch.setattr(speed.time, "perf_counter", lambda: next(times))
@@ -17,7 +17,7 @@ def test_the_speed_is_that_of_the_iterations_behind_the_first(monkeypatch):
         for step in (4, 12, 20, 40):
             emit("progress", stage="geometry", step=step)
 
-    monkeypatch.setattr(library, "learn_geometry", learn)
+    monkeypatch.setattr(api, "learn_geometry", learn)
     assert speed.samples_per_second() == pytest.approx(speed.CAPTURED * speed.SAMPLES * 28 / 1.5)
 
 

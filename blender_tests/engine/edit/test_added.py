@@ -8,18 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from karf_engine.color import linear_to_srgb, srgb_to_linear
-from karf_engine.edit.added import palettes_with, solve_set, spread, spread_objects, with_sets
-from karf_engine.edit.becomes import match_becomes
-from karf_engine.edit.compositing import delta_composite, paper_composite
-from karf_engine.edit.edit_files import read_edit, write_edit
-from karf_engine.edit.object_colors import ColorHistogram
-from karf_engine.edit.palette import AddedColor, Edit, Palette
-from karf_engine.edit.palette_files import write_edit_file
-from karf_engine.edit.points import ScenePoints
 from karf_engine.errors import BadRequest, DataError
+from karf_engine.export.scene_points import ScenePoints
+from karf_engine.io.color import linear_to_srgb, srgb_to_linear
 from karf_engine.metrics.images import mean_ciede2000
-from karf_engine.palette.star_weights import star_weights
+from karf_engine.palettes.added import palettes_with, solve_set, spread, spread_objects, with_sets
+from karf_engine.palettes.compositing import delta_composite, paper_composite
+from karf_engine.palettes.edit_files import read_edit, write_edit
+from karf_engine.palettes.extraction.barycentric_weights import star_weights
+from karf_engine.palettes.matching.becomes import match_becomes
+from karf_engine.palettes.object_colors import ColorHistogram
+from karf_engine.palettes.palette import AddedColor, Edit, Palette
+from karf_engine.palettes.palette_files import write_edit_file
 
 PALETTE = np.array([[0, 0, 0], [0.95, 0.1, 0.1], [0.1, 0.1, 0.95], [1, 1, 0.95]], np.float32)
 RED, VIOLET, GREEN = np.array([0.8, 0.15, 0.15]), np.array([0.5, 0.2, 0.6]), np.array([0.2, 0.6, 0.25])

@@ -7,18 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from karf_engine.color import linear_to_srgb, srgb_to_linear
-from karf_engine.edit.becomes import (
-    match_becomes,
-    match_fewest,
-    nearest_weights,
-)
-from karf_engine.edit.compositing import delta_composite
-from karf_engine.edit.fitting import match_pixels
-from karf_engine.edit.least_squares import bounded_least_squares
-from karf_engine.edit.paints import reflection_target
 from karf_engine.errors import BadRequest
+from karf_engine.io.color import linear_to_srgb, srgb_to_linear
 from karf_engine.metrics.images import hue_shift, mean_ciede2000
+from karf_engine.palettes.compositing import delta_composite
+from karf_engine.palettes.matching.becomes import match_becomes, match_fewest, nearest_weights
+from karf_engine.palettes.matching.fitting import match_pixels
+from karf_engine.palettes.matching.least_squares import bounded_least_squares
+from karf_engine.palettes.matching.paints import reflection_target
 
 RED, BLUE, GREEN, YELLOW, CREAM = (
     np.array(color)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from karf_engine.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
-from karf_engine.edit.color_sheet import Wish
-from karf_engine.edit.colorways import dominant_color, predict, reached_color, shown
-from karf_engine.edit.object_colors import ColorHistogram
-from karf_engine.edit.palette import Palette
+from karf_engine.io.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
+from karf_engine.palettes.colorways.reached import dominant_color, predict, reached_color, shown
+from karf_engine.palettes.colorways.sheet import Wish
+from karf_engine.palettes.object_colors import ColorHistogram
+from karf_engine.palettes.palette import Palette
 
 PALETTE = Palette("pot", np.array([[0, 0, 0], [0.9, 0.2, 0.15], [1, 1, 0.95]], np.float32))
 SHADES = np.linspace(0.05, 0.8, 40)

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from karf_engine.edit.compositing import (
+from karf_engine.errors import DataError
+from karf_engine.palettes.compositing import (
     Planes,
     delta_composite,
     paper_composite,
@@ -15,7 +16,6 @@ from karf_engine.edit.compositing import (
     stack_palettes,
     write_planes,
 )
-from karf_engine.errors import DataError
 
 
 @pytest.fixture

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from karf_engine.edit.edit_files import read_edit
-from karf_engine.edit.palette import Edit, Palette
-from karf_engine.edit.palette_files import read_edit_file, write_edit_file
 from karf_engine.errors import DataError
+from karf_engine.palettes.edit_files import read_edit
+from karf_engine.palettes.palette import Edit, Palette
+from karf_engine.palettes.palette_files import read_edit_file, write_edit_file
 
 POT = Palette("pot", np.array([[0, 0, 0], [0.1, 1 / 3, 0.7], [1, 0.25, 0.5]], np.float32))
 MUG = Palette("my mug", np.array([[0, 0, 0], [0.9, 0.8, 0.7]], np.float32))

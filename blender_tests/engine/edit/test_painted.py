@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from karf_engine.edit.compositing import delta_composite, stack_palettes
-from karf_engine.edit.painted import match_picture
-from karf_engine.edit.palette import BRIGHTEST, Palette
 from karf_engine.errors import BadRequest
+from karf_engine.palettes.compositing import delta_composite, stack_palettes
+from karf_engine.palettes.matching.painted import match_picture
+from karf_engine.palettes.palette import BRIGHTEST, Palette
 
 HEIGHT, WIDTH = 30, 40
 POT = Palette("pot", np.array([[0, 0, 0], [0.8, 0.1, 0.1], [0.9, 0.9, 0.9]], np.float32))

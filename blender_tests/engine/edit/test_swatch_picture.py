@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from karf_engine.edit.compositing import Planes, delta_composite, paper_composite
-from karf_engine.edit.swatch_picture import SwatchPicture, palette_only, photo_plus_change
+from karf_engine.palettes.compositing import Planes, delta_composite, paper_composite
+from karf_engine.palettes.swatch_picture import SwatchPicture, palette_only, photo_plus_change
 
 SIZE = (90, 250)
 

@@ -11,10 +11,10 @@ pytest.importorskip("scipy")
 import karf_engine as karf
 from blender_tests.engine.conftest import run_engine
 from blender_tests.engine.farm.sequences import write_sequence
-from karf_engine.edit.edit_files import write_edit
-from karf_engine.edit.palette import Edit
 from karf_engine.errors import BadRequest, DataError
-from karf_engine.files import read_json
+from karf_engine.io.files import read_json
+from karf_engine.palettes.edit_files import write_edit
+from karf_engine.palettes.palette import Edit
 from karf_engine.project import Project
 from karf_engine.project.contents import capture_of
 

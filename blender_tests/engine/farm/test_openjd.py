@@ -24,7 +24,7 @@ import os, signal, sys
 engine, arguments = sys.argv[6], sys.argv[7:]
 sys.path.insert(0, os.path.dirname(engine))
 from karf_engine.cli import main
-from karf_engine.stages.finished_frames import UnfinishedFrames
+from karf_engine.export.finished_frames import UnfinishedFrames
 note, noted = UnfinishedFrames.note, []
 def dying(self, frame, *told):
     if len(noted) == 2:

@@ -8,12 +8,12 @@ from torch import Tensor, nn
 from karf_engine.fields.extent import box_round_focus
 from karf_engine.fields.fit import FitInputs
 from karf_engine.fields.registry import FieldKind, register_field
+from karf_engine.fields.rendering.sampling import Samples
+from karf_engine.fields.rendering.space import Box
+from karf_engine.fields.rendering.volume import Trace, accumulate, outward_normals, trace_of
 from karf_engine.fields.scene import Scene
-from karf_engine.rendering.sampling import Samples
-from karf_engine.rendering.space import Box
-from karf_engine.rendering.volume import Trace, accumulate, outward_normals, trace_of
-from karf_engine.training.course import Course
-from karf_engine.training.loop import constant, train
+from karf_engine.fields.training.loop import constant, train
+from karf_engine.fields.training.state import Course
 
 BALLS, RADIUS, DENSEST, SAMPLES, RAYS, ITERATIONS = 64, 0.16, 20.0, 40, 192, 150
 

@@ -10,9 +10,9 @@ torch = pytest.importorskip("torch")
 from blender_tests.engine.reference.still_life import camera_at, cameras
 from karf_engine.capture.capture import SparsePoints, View
 from karf_engine.fields.detail import kept_psnr, pixels_per_voxel, typical_pixels_per_voxel, without_detail
+from karf_engine.fields.rendering.space import Box, Contraction
 from karf_engine.fields.spaces import contraction_round_focus
-from karf_engine.rendering.space import Box, Contraction
-from karf_engine.settings import OpenSettings
+from karf_engine.project.settings import OpenSettings
 
 
 def views_of(cameras):

@@ -7,10 +7,10 @@ torch = pytest.importorskip("torch")
 
 from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.capture.capture import SparsePoints
+from karf_engine.compute.runtime import start_runtime
 from karf_engine.fields.horizon import horizon_of
+from karf_engine.fields.rendering.rays import PixelBank, camera_rays
 from karf_engine.fields.voxels.fit_open import fit_sky
-from karf_engine.rendering.rays import PixelBank, camera_rays
-from karf_engine.runtime import start_runtime
 
 LOW = [camera_at(2 * np.pi * n / 8, 0.1) for n in range(8)]  # half of their pictures is above the horizontal
 

@@ -12,12 +12,12 @@ pytest.importorskip("scipy")
 from blender_tests.engine.conftest import QUICK, ROOT
 from blender_tests.engine.fields import example_field
 from blender_tests.engine.reference.still_life import camera_at
-from karf_engine.checkpoints import load_tensors, save_tensors
 from karf_engine.cli import main
 from karf_engine.errors import BadRequest, Cancelled, DataError
 from karf_engine.fields.files import SCHEMA, load_scene
 from karf_engine.fields.registry import FieldKind, field_kind, field_kinds, register_field
-from karf_engine.images import read_mask, read_photo
+from karf_engine.io.checkpoints import load_tensors, save_tensors
+from karf_engine.io.images import read_mask, read_photo
 from karf_engine.metrics.images import psnr
 from karf_engine.metrics.masks import iou
 from karf_engine.project import Project
@@ -97,7 +97,7 @@ def test_an_interrupted_fit_of_the_example_resumes_to_the_same_bits(project, sti
 
     step = example_field.BallFit._step
     with monkeypatch.context() as patch:
-        patch.setattr("karf_engine.training.unfinished.INTERVAL", 0.0)
+        patch.setattr("karf_engine.fields.training.checkpoint.INTERVAL", 0.0)
         patch.setattr(example_field.BallFit, "_step", interrupted)
         assert learn_geometry(still_life, tmp_path) == Cancelled.exit_code
     assert learn_geometry(still_life, tmp_path) == 0

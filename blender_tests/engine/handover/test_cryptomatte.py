@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from karf_engine.handover import cryptomatte
+from karf_engine.export import cryptomatte
 
 
 @pytest.mark.parametrize(

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from karf_engine.capture.image_size import ImageHeader
-from karf_engine.color import linear_to_srgb, srgb_to_linear
-from karf_engine.edit.palette import Edit, Palette
-from karf_engine.finishing import PhotoView
-from karf_engine.matting.matte import Matte
-from karf_engine.photos import StoredPhoto
+from karf_engine.io.color import linear_to_srgb, srgb_to_linear
+from karf_engine.io.image_size import ImageHeader
+from karf_engine.palettes.palette import Edit, Palette
+from karf_engine.recolor.full_resolution import PhotoView
+from karf_engine.recolor.matting.matte import Matte
+from karf_engine.recolor.photos import StoredPhoto
 
 POT = Palette("pot", np.array([[0, 0, 0], [0.9, 0.2, 0.1], [1, 0.9, 0.8]], np.float32))
 MUG = Palette("mug", np.array([[0, 0, 0], [0.2, 0.3, 0.9]], np.float32))

@@ -7,7 +7,7 @@ from torch import Tensor, nn
 
 from karf_engine.heads.registry import HeadSizes, register_head
 from karf_engine.kan import join_inputs
-from karf_engine.settings import HeadSettings
+from karf_engine.project.settings import HeadSettings
 
 
 class FourierHead(nn.Module):

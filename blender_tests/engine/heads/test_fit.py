@@ -4,11 +4,11 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from karf_engine.compute.progress import Progress
+from karf_engine.compute.runtime import start_runtime
 from karf_engine.heads.fields import SegmentationField
 from karf_engine.heads.fit import fit_on_points
-from karf_engine.progress import Progress
-from karf_engine.runtime import start_runtime
-from karf_engine.settings import SegmentationSettings
+from karf_engine.project.settings import SegmentationSettings
 
 
 class Places:

@@ -13,7 +13,7 @@ from karf_engine.heads.files import load_segmentation, save_segmentation
 from karf_engine.heads.registry import HEADS, build_head, register_head
 from karf_engine.kan import GRBFLayer, count_parameters, grid_spacing, layers, register_layer
 from karf_engine.kan.layers import LAYERS
-from karf_engine.settings import (
+from karf_engine.project.settings import (
     HEAD_KINDS,
     LAYER_KINDS,
     HeadSettings,

@@ -4,13 +4,13 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from karf_engine.compute.progress import Progress
+from karf_engine.compute.runtime import start_runtime
+from karf_engine.fields.rendering.surface_cache import SurfaceCache
 from karf_engine.heads.fields import RecoloringField, SegmentationField
 from karf_engine.heads.fit import ObjectRays, fit_recoloring
 from karf_engine.heads.rendering import features_of, object_samples, render_classes, segment_cache, weigh_cache
-from karf_engine.progress import Progress
-from karf_engine.rendering.surface_cache import SurfaceCache
-from karf_engine.runtime import start_runtime
-from karf_engine.settings import RecoloringSettings, SegmentationSettings
+from karf_engine.project.settings import RecoloringSettings, SegmentationSettings
 
 
 class Waves:

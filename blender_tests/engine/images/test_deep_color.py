@@ -12,10 +12,10 @@ iio = pytest.importorskip("imageio.v3")
 OpenEXR = pytest.importorskip("OpenEXR")
 
 from blender_tests.engine.reference.pictures import random_bytes
-from karf_engine.capture.image_size import image_header, image_size
-from karf_engine.color import linear_to_srgb
 from karf_engine.errors import DataError
-from karf_engine.images import read_photo
+from karf_engine.io.color import linear_to_srgb
+from karf_engine.io.image_size import image_header, image_size
+from karf_engine.io.images import read_photo
 
 
 def random_words(*shape):

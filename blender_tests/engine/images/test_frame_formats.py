@@ -6,9 +6,9 @@ import pytest
 pytest.importorskip("cv2")
 OpenEXR = pytest.importorskip("OpenEXR")
 
-from karf_engine.color import srgb_to_linear
-from karf_engine.frame_formats import FORMATS, write_frame
-from karf_engine.images import read_photo
+from karf_engine.export.frame_formats import FORMATS, write_frame
+from karf_engine.io.color import srgb_to_linear
+from karf_engine.io.images import read_photo
 
 COLOR = np.random.default_rng(0).uniform(0, 1, (6, 5, 3)).astype(np.float32)
 ALPHA = np.linspace(0.25, 1, 30, dtype=np.float32).reshape(6, 5, 1)

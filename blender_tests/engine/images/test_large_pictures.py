@@ -17,10 +17,10 @@ from PIL import Image
 
 from blender_tests.engine.reference.capture_files import png_bytes
 from blender_tests.engine.reference.no_files import NO_FILES
-from karf_engine.capture.image_size import image_header
+from karf_engine.capture.training_images import background_kind
 from karf_engine.errors import DataError
-from karf_engine.images import read_mask, read_photo
-from karf_engine.plates import background_kind
+from karf_engine.io.image_size import image_header
+from karf_engine.io.images import read_mask, read_photo
 
 
 def huge_png(path, width, height, depth, color):
@@ -128,7 +128,7 @@ def test_memory_that_runs_out_while_a_photo_is_read_is_no_damage_of_the_photo(tm
     def too_much(*_, **__):
         raise MemoryError
 
-    monkeypatch.setattr("karf_engine.images.iio.imopen", too_much)
+    monkeypatch.setattr("karf_engine.io.images.iio.imopen", too_much)
     with pytest.raises(MemoryError):
         read_photo(tmp_path / "a.png")
 

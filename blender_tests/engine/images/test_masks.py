@@ -8,7 +8,7 @@ pytest.importorskip("cv2")
 pytest.importorskip("imageio.v3")
 pytest.importorskip("OpenEXR")
 
-from karf_engine.images import read_mask, resize, write_png
+from karf_engine.io.images import read_mask, resize, write_png
 
 # ---------------------------------------------------------------------------------------------------------------- masks
 SHAPE = np.array([[True, False, False], [True, True, False]])

@@ -10,9 +10,9 @@ pytest.importorskip("OpenEXR")
 Image = pytest.importorskip("PIL.Image")
 
 from blender_tests.engine.reference.pictures import random_bytes
-from karf_engine.capture.image_size import image_size
 from karf_engine.errors import DataError
-from karf_engine.images import read_photo, write_png
+from karf_engine.io.image_size import image_size
+from karf_engine.io.images import read_photo, write_png
 
 
 @pytest.mark.parametrize("channels", [3, 4])

@@ -11,12 +11,12 @@ Image = pytest.importorskip("PIL.Image")
 OpenEXR = pytest.importorskip("OpenEXR")
 
 from blender_tests.engine.reference.pictures import LENS, random_bytes, view_of
-from karf_engine import plates
+from karf_engine.capture import training_images
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import View
-from karf_engine.color import linear_to_srgb
+from karf_engine.capture.training_images import background_kind, load_views
 from karf_engine.errors import DataError
-from karf_engine.plates import background_kind, load_views
+from karf_engine.io.color import linear_to_srgb
 
 # --------------------------------------------------------------------------------------------------------------- plates
 
@@ -89,19 +89,19 @@ def test_photos_of_many_sizes_and_kinds_load_in_one_capture(tmp_path):
     light = np.full((8, 24, 3), 0.18, np.float32)
     OpenEXR.File({}, {"RGB": light}).write(str(tmp_path / "d.exr"))
     views.append(View("d", "d", Camera(24, 8, 20.0, 20.0, 12.0, 4.0, np.eye(4)), tmp_path / "d.exr", "test"))
-    plates = load_views(views, 12)
-    assert [plate.color.shape[1::-1] for plate in plates] == [(12, 8), (8, 12), (4, 6), (12, 4)]
-    for plate in plates:
+    training_images = load_views(views, 12)
+    assert [plate.color.shape[1::-1] for plate in training_images] == [(12, 8), (8, 12), (4, 6), (12, 4)]
+    for plate in training_images:
         assert (plate.camera.width, plate.camera.height) == plate.color.shape[1::-1]
-    assert [plate.alpha is not None for plate in plates] == [False, True, False, False]
-    assert_allclose(plates[3].color, linear_to_srgb(np.float64(0.18)), atol=1e-6)
+    assert [plate.alpha is not None for plate in training_images] == [False, True, False, False]
+    assert_allclose(training_images[3].color, linear_to_srgb(np.float64(0.18)), atol=1e-6)
 
 
 def test_no_more_than_one_full_size_photo_is_held(tmp_path, monkeypatch):
     import gc
     import weakref
 
-    alive, read = [], plates.read_photo
+    alive, read = [], training_images.read_photo
 
     def read_alone(path, upright=True):
         gc.collect()
@@ -110,7 +110,7 @@ def test_no_more_than_one_full_size_photo_is_held(tmp_path, monkeypatch):
         alive.append(weakref.ref(photo))
         return photo
 
-    monkeypatch.setattr(plates, "read_photo", read_alone)
+    monkeypatch.setattr(training_images, "read_photo", read_alone)
     load_views([view_of(tmp_path / f"{i}.png", random_bytes(12, 18, 3), LENS) for i in range(3)], 9)
     assert len(alive) == 3
 

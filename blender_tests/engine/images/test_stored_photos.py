@@ -13,9 +13,9 @@ OpenEXR = pytest.importorskip("OpenEXR")
 from PIL.TiffImagePlugin import IFDRational, ImageFileDirectory_v2
 
 from blender_tests.engine.reference.pictures import random_bytes
-from karf_engine.color import linear_to_srgb, srgb_to_linear
-from karf_engine.images import read_photo
-from karf_engine.photos import open_photo, suffix_for, write_photo
+from karf_engine.io.color import linear_to_srgb, srgb_to_linear
+from karf_engine.io.images import read_photo
+from karf_engine.recolor.photos import open_photo, suffix_for, write_photo
 
 PROFILE = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
 ROWS, COLUMNS = slice(2, 5), slice(1, 4)

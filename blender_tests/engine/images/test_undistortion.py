@@ -12,8 +12,8 @@ pytest.importorskip("OpenEXR")
 from blender_tests.engine.reference.pictures import LENS, random_bytes, view_of
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import View
-from karf_engine.images import resize, write_png
-from karf_engine.plates import lens_map, load_views, undistort
+from karf_engine.capture.training_images import lens_map, load_views, undistort
+from karf_engine.io.images import resize, write_png
 
 
 def distorted_pixel(camera, point):

@@ -12,10 +12,10 @@ from blender_tests.engine.conftest import ROOT
 from karf_engine import kan
 
 GROUND = {
-    "karf_engine.cores",
+    "karf_engine.compute.cores",
     "karf_engine.errors",
-    "karf_engine.kernels",
-    "karf_engine.settings",
+    "karf_engine.compute.kernels",
+    "karf_engine.project.settings",
     "karf_engine.version",
 }
 

@@ -5,7 +5,7 @@ import math
 import pytest
 import torch
 
-from karf_engine import cores
+from karf_engine.compute import cores
 from karf_engine.errors import BadRequest
 from karf_engine.kan import grbf as grbf_module
 from karf_engine.kan.grbf import GRBFLayer, grbf, grbf_reference, grid_spacing, resolve_bandwidth

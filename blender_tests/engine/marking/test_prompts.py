@@ -5,7 +5,7 @@ import pytest
 pytest.importorskip("numpy")
 
 from karf_engine.errors import BadRequest
-from karf_engine.marking.prompts import Prompts
+from karf_engine.segmentation.marking.prompts import Prompts
 
 
 def test_prompts_survive_json():

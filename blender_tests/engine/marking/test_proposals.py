@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from karf_engine.errors import BadRequest
-from karf_engine.marking.prompts import Prompts
-from karf_engine.marking.proposals import Marker, propose
 from karf_engine.metrics.masks import iou
+from karf_engine.segmentation.marking.prompts import Prompts
+from karf_engine.segmentation.marking.proposals import Marker, propose
 
 WIDTH, HEIGHT = 96, 72
 ROWS, COLUMNS = np.mgrid[:HEIGHT, :WIDTH] + 0.5

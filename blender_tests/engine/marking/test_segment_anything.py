@@ -6,8 +6,8 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from karf_engine.errors import BadRequest, DataError, MissingDependency
-from karf_engine.marking.prompts import Prompts
-from karf_engine.marking.segment_anything import SegmentAnything
+from karf_engine.segmentation.marking.prompts import Prompts
+from karf_engine.segmentation.marking.segment_anything import SegmentAnything
 
 SIDE = 64
 PHOTO = np.random.default_rng(0).random((40, 60, 3)).astype(np.float32)

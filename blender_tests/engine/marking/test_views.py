@@ -10,9 +10,9 @@ pytest.importorskip("imageio")
 
 from blender_tests.engine.conftest import run_engine
 from karf_engine import KarfError, mark, open_capture
-from karf_engine.images import read_mask, read_photo
-from karf_engine.marking.prompts import Prompts
-from karf_engine.marking.proposals import propose
+from karf_engine.io.images import read_mask, read_photo
+from karf_engine.segmentation.marking.prompts import Prompts
+from karf_engine.segmentation.marking.proposals import propose
 from karf_engine.warm.answers import ANSWERS
 from karf_engine.warm.session import Session
 
@@ -57,7 +57,7 @@ def test_what_cannot_be_marked_is_told_and_nothing_is_written(still_life, view, 
 
 
 def test_a_warm_engine_reads_a_photo_once(still_life, view, middle, wanted, tmp_path, monkeypatch):
-    from karf_engine.marking import views
+    from karf_engine.segmentation.marking import views
 
     read = []
     monkeypatch.setattr(views, "photo_of", lambda view: read.append(view) or read_photo(view.image))

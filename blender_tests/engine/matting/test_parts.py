@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from karf_engine.matting.closed_form import closed_form_matting
-from karf_engine.matting.color_models import fit_color_models, posterior
-from karf_engine.matting.random_walk import links_of, random_walk
-from karf_engine.matting.tiles import enlarged, tiles
+from karf_engine.recolor.matting.closed_form import closed_form_matting
+from karf_engine.recolor.matting.color_models import fit_color_models, posterior
+from karf_engine.recolor.matting.tiles import enlarged, tiles
+from karf_engine.segmentation.random_walk import links_of, random_walk
 
 
 def test_matting_finds_the_coverage_of_a_line_of_colors():

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from karf_engine.palette.loco_weights import hull_corners, loco_weights
-from karf_engine.palette.star_weights import star_weights
+from karf_engine.palettes.extraction.barycentric_weights import star_weights
+from karf_engine.palettes.extraction.loco_weights import hull_corners, loco_weights
 
 PALETTE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1], [1, 1, 0]], np.float32)
 

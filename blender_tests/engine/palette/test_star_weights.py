@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("scipy")
 
-from karf_engine.palette.star_weights import outside_distance, palette_weights_of_image, star_weights
+from karf_engine.palettes.extraction.barycentric_weights import outside_distance, palette_weights_of_image, star_weights
 
 SIX = np.array([(0, 0, 0), (255, 252, 61), (255, 144, 6), (71, 92, 130), (255, 0, 0), (255, 255, 255)]) / 255
 PALETTES = {

@@ -8,8 +8,8 @@ import pytest
 import karf_engine as karf
 from blender_tests.engine.conftest import run_engine
 from karf_engine.capture.ply import read_points as read_ply
-from karf_engine.edit.points import read_points, write_points
 from karf_engine.errors import BadRequest, DataError
+from karf_engine.export.scene_points import read_points, write_points
 
 pytest.importorskip("torch")
 COUNT = 2000

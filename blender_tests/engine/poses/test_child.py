@@ -11,9 +11,9 @@ import pytest
 pytest.importorskip("filelock")
 
 from blender_tests.engine.conftest import ROOT
+from karf_engine.capture.poses.child import child_messages
+from karf_engine.capture.poses.work_folder import LOCK, work_folder
 from karf_engine.errors import KarfError
-from karf_engine.poses.child import child_messages
-from karf_engine.poses.work_folder import LOCK, work_folder
 
 
 def count(send, task):
@@ -61,7 +61,7 @@ def note_and_sleep(send, task):
 PARENT = """
 import sys
 from blender_tests.engine.poses.test_child import note_and_sleep
-from karf_engine.poses.child import child_messages
+from karf_engine.capture.poses.child import child_messages
 if __name__ == "__main__":
     with child_messages("sleeping", note_and_sleep, sys.argv[1]) as messages:
         for _ in messages:
@@ -101,7 +101,7 @@ def wait_for(condition):
 LEAVING = """
 import os, sys
 from pathlib import Path
-from karf_engine.poses.work_folder import work_folder
+from karf_engine.capture.poses.work_folder import work_folder
 with work_folder(Path(sys.argv[1]), "work-") as folder:
     (folder / "large.db").write_text("x")
     os.kill(os.getpid(), 9)
@@ -124,7 +124,7 @@ def test_what_a_killed_process_has_left_is_removed_by_the_next(tmp_path):
 
 SCRIPT = """
 from blender_tests.engine.poses.test_child import count
-from karf_engine.poses.child import child_messages
+from karf_engine.capture.poses.child import child_messages
 
 print("run")
 with child_messages("counting", count, 1) as messages:

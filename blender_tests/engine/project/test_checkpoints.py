@@ -10,8 +10,8 @@ pytest.importorskip("safetensors")
 
 from safetensors.torch import save_file
 
-from karf_engine.checkpoints import load_tensors, save_tensors
 from karf_engine.errors import DataError
+from karf_engine.io.checkpoints import load_tensors, save_tensors
 
 SCHEMA = "karf-test/1"
 TENSORS = {

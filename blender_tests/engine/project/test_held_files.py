@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from karf_engine import files
-from karf_engine.files import atomic_write, write_json
+from karf_engine.io import files
+from karf_engine.io.files import atomic_write, write_json
 
 
 @pytest.fixture
@@ -53,7 +53,7 @@ def test_a_folder_that_may_not_be_written_is_told_at_once(held, tmp_path):
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="the system does not list what is mapped")
 def test_tensors_that_were_read_do_not_hold_their_file(tmp_path):
     torch = pytest.importorskip("torch")
-    from karf_engine.checkpoints import load_tensors, save_tensors
+    from karf_engine.io.checkpoints import load_tensors, save_tensors
 
     path = tmp_path / "field.safetensors"
     save_tensors(path, {"weights": torch.arange(100_000.0)}, "test/1", {})

@@ -16,10 +16,10 @@ from blender_tests.engine.reference.no_files import NO_FILES
 from karf_engine.capture import open_capture
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import Capture, View, capture_from_json, capture_to_json, unique_names
-from karf_engine.edit.palette import read_palettes
 from karf_engine.errors import DataError
-from karf_engine.files import read_json
-from karf_engine.names import LONGEST, file_name, is_file_name
+from karf_engine.io.files import read_json
+from karf_engine.io.names import LONGEST, file_name, is_file_name
+from karf_engine.palettes.palette import read_palettes
 from karf_engine.project import Project
 
 ESCAPES = (
@@ -117,7 +117,7 @@ def rewrite_facts(path, change):
 
 
 def job_of(project):
-    from karf_engine.stages.job import open_job
+    from karf_engine.commands.job import open_job
     from karf_engine.wire import Request
 
     return open_job(Request("render", project, {"threads": 1}), lambda *_, **__: None, lambda: False)
@@ -177,7 +177,7 @@ def test_object_names_of_learned_files_never_leave_the_folder(learned, tmp_path,
 )
 def test_values_that_nobody_wrote_are_refused_in_a_sentence(learned, tmp_path, file, change):
     from karf_engine.errors import KarfError
-    from karf_engine.model import Model
+    from karf_engine.recolor.model import Model
 
     project = strangers_copy(learned, tmp_path)
     if file == "project.json":
@@ -190,7 +190,7 @@ def test_values_that_nobody_wrote_are_refused_in_a_sentence(learned, tmp_path, f
 
 
 def test_palettes_of_other_objects_are_refused_in_a_sentence(learned, tmp_path):
-    from karf_engine.model import Model
+    from karf_engine.recolor.model import Model
 
     project = strangers_copy(learned, tmp_path)
     palettes = json.loads((project / "palette.json").read_text())
@@ -201,8 +201,8 @@ def test_palettes_of_other_objects_are_refused_in_a_sentence(learned, tmp_path):
 
 @pytest.mark.parametrize("name", ["positions", "viewdirs", "colors", "object", "sure", "view"])
 def test_rays_of_objects_that_nobody_wrote_are_refused_in_a_sentence(learned, tmp_path, name):
-    from karf_engine.checkpoints import load_tensors, save_tensors
     from karf_engine.heads.files import SURFACE_SCHEMA, load_surface
+    from karf_engine.io.checkpoints import load_tensors, save_tensors
 
     project = strangers_copy(learned, tmp_path)
     path = project / "surface.safetensors"

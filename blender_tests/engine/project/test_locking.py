@@ -11,16 +11,15 @@ import pytest
 
 pytest.importorskip("filelock")
 
-from karf_engine import locking
 from karf_engine.errors import BadRequest
-from karf_engine.locking import consistent, writing
-from karf_engine.project import Project
+from karf_engine.project import Project, locking
+from karf_engine.project.locking import consistent, writing
 
 ROOT = Path(__file__).resolve().parents[3]
 HOLD = """
 import sys
 sys.path.insert(0, sys.argv[1])
-from karf_engine.locking import consistent, writing
+from karf_engine.project.locking import consistent, writing
 from karf_engine.project import Project
 with globals()[sys.argv[3]](Project(sys.argv[2])):
     print("held", flush=True)

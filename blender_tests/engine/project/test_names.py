@@ -3,7 +3,7 @@
 import pytest
 
 from karf_engine.capture.capture import unique_names
-from karf_engine.names import file_name, is_file_name
+from karf_engine.io.names import file_name, is_file_name
 
 RESERVED = ["CON", "nul", "aux.png", "Com1", "lpt9.tar.gz", "COM¹", "conin$", "CONOUT$", "prn .txt"]
 

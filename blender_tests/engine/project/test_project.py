@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from karf_engine.errors import BadRequest, DataError
-from karf_engine.files import atomic_write, read_json, write_json
+from karf_engine.io.files import atomic_write, read_json, write_json
 from karf_engine.project import STAGE_ORDER, Project
 
 

@@ -6,7 +6,7 @@ import json
 import pytest
 
 from karf_engine.errors import BadRequest
-from karf_engine.settings import PRESETS, Level, Settings, describe, from_dict, preset, to_dict, with_overrides
+from karf_engine.project.settings import PRESETS, Level, Settings, describe, from_dict, preset, to_dict, with_overrides
 
 
 def refusal(*overrides):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from karf_engine.color import linear_to_srgb, srgb_to_linear, to_bytes
+from karf_engine.io.color import linear_to_srgb, srgb_to_linear, to_bytes
 
 FINE = 8  # sub-pixels along a side of a photo's pixel
 

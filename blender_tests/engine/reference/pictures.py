@@ -6,7 +6,7 @@ import numpy as np
 
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import View
-from karf_engine.images import write_png
+from karf_engine.io.images import write_png
 
 LENS = (-0.12, 0.05, 0.011, -0.0095, 0.01)  # k1, k2, p1, p2, k3: bends by several pixels
 

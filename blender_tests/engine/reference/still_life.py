@@ -97,7 +97,7 @@ def _hit_box(origins, directions, low, high) -> tuple[np.ndarray, np.ndarray]:
 
 def write_capture(folder: Path, n_train: int = 16, n_test: int = 2, size: int = 32) -> dict[str, Photo]:
     """Write a NeRF-synthetic capture on black, photos r_0.. of each split; returns the photos as split/stem."""
-    from karf_engine.images import write_png
+    from karf_engine.io.images import write_png
 
     photos = {f"train/r_{i}": take_photo(camera) for i, camera in enumerate(cameras(n_train, size))}
     for i in range(n_test):
@@ -116,7 +116,7 @@ def write_capture(folder: Path, n_train: int = 16, n_test: int = 2, size: int = 
 
 def write_masks(folder: Path, photos: dict[str, Photo], stems=("r_0", "r_8")) -> None:
     """Write rough masks MASKS/{ball,block}/<stem>.png of training photos: the truth, grown by a pixel on one side."""
-    from karf_engine.images import write_png
+    from karf_engine.io.images import write_png
 
     for stem in stems:
         labels = photos[f"train/{stem}"].labels

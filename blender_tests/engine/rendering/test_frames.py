@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 torch = pytest.importorskip("torch")
 
 from karf_engine.fields.scene import Picture
-from karf_engine.frames import Frame, averaged, with_alpha
+from karf_engine.recolor.frames import Frame, averaged, with_alpha
 
 
 def frame_of(color, depth):

@@ -6,14 +6,14 @@ from numpy.testing import assert_allclose
 
 torch = pytest.importorskip("torch")
 
-from karf_engine.rendering.hierarchical import (
+from karf_engine.fields.rendering.hierarchical import (
     dense_ray_weights,
     interval_lengths,
     refine,
     sample_pdf,
     stratified_samples,
 )
-from karf_engine.rendering.volume import ray_weights_from_sigmas
+from karf_engine.fields.rendering.volume import ray_weights_from_sigmas
 
 EVEN = torch.zeros(1, 0)
 

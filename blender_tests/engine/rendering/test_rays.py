@@ -8,7 +8,7 @@ torch = pytest.importorskip("torch")
 
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.distortion import distort
-from karf_engine.rendering.rays import PixelBank, camera_rays, depth_per_distance
+from karf_engine.fields.rendering.rays import PixelBank, camera_rays, depth_per_distance
 
 
 def random_camera(seed, width, height):

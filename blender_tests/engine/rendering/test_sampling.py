@@ -7,8 +7,8 @@ from numpy.testing import assert_allclose
 torch = pytest.importorskip("torch")
 
 from blender_tests.engine.reference.rays import march_one
-from karf_engine.rendering.sampling import Polylines, cell_indices, coarse_occupancy, march
-from karf_engine.rendering.space import clipped_paths
+from karf_engine.fields.rendering.sampling import Polylines, cell_indices, coarse_occupancy, march
+from karf_engine.fields.rendering.space import clipped_paths
 
 MINIMUM, VOXEL = np.array([-1.0, 0.5, -0.3]), 0.17
 N_RAYS = 300

@@ -8,10 +8,10 @@ from numpy.testing import assert_allclose
 
 torch = pytest.importorskip("torch")
 
-from karf_engine.rendering.rays import Rays
-from karf_engine.rendering.sampling import Polylines
-from karf_engine.rendering.space import Box, Contraction, Frustum, Similarity
-from karf_engine.rendering.space_values import space_from_json, space_to_json
+from karf_engine.fields.rendering.rays import Rays
+from karf_engine.fields.rendering.sampling import Polylines
+from karf_engine.fields.rendering.space import Box, Contraction, Frustum, Similarity
+from karf_engine.fields.rendering.space_values import space_from_json, space_to_json
 
 CENTER = torch.tensor([0.5, -1.0, 2.0])
 

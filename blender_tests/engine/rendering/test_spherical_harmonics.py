@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 torch = pytest.importorskip("torch")
 
-from karf_engine.rendering.spherical_harmonics import spherical_harmonics
+from karf_engine.fields.rendering.spherical_harmonics import spherical_harmonics
 
 
 def test_spherical_harmonics_are_orthonormal_over_the_sphere():

@@ -6,9 +6,9 @@ from numpy.testing import assert_allclose
 
 torch = pytest.importorskip("torch")
 
-from karf_engine.rendering.rays import Rays
-from karf_engine.rendering.sampling import Samples
-from karf_engine.rendering.surface_cache import MIN_OPACITY, join_caches, quantile_samples
+from karf_engine.fields.rendering.rays import Rays
+from karf_engine.fields.rendering.sampling import Samples
+from karf_engine.fields.rendering.surface_cache import MIN_OPACITY, join_caches, quantile_samples
 
 
 def packed(weights_of_rays, device="cpu"):

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 torch = pytest.importorskip("torch")
 
 from blender_tests.engine.reference.rays import composite
-from karf_engine.rendering.volume import (
+from karf_engine.fields.rendering.volume import (
     accumulate,
     distortion,
     ray_weights_from_sigmas,

@@ -13,9 +13,9 @@ from blender_tests.engine.reference.no_files import NO_FILES
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import Capture, View
 from karf_engine.capture.reading import make_views
+from karf_engine.capture.training_images import Plate
 from karf_engine.errors import DataError
-from karf_engine.images import write_png
-from karf_engine.plates import Plate
+from karf_engine.io.images import write_png
 from karf_engine.segmentation.coarse_masks import copy_masks, find_masks, load_mask, marked_views
 
 MASK = np.zeros((12, 18), bool)

@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose
 
 pytest.importorskip("scipy")
 
-from karf_engine.color import srgb_to_lab
-from karf_engine.mixtures import class_log_densities
+from karf_engine.io.color import srgb_to_lab
+from karf_engine.segmentation.gaussian_mixtures import class_log_densities
 from karf_engine.segmentation.label_propagation import _Propagation, propagate_labels
 from karf_engine.segmentation.neighbor_graph import PATTERN, conjugate_gradients, neighbor_graph
 from karf_engine.segmentation.seeds import has_seeds

@@ -10,17 +10,17 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
 from karf_engine.capture.capture import capture_from_json
+from karf_engine.compute.progress import Progress
 from karf_engine.errors import DataError
 from karf_engine.fields.files import load_scene
-from karf_engine.files import read_json
-from karf_engine.progress import Progress
+from karf_engine.io.files import read_json
 from karf_engine.project import Project
+from karf_engine.project.settings import from_dict
 from karf_engine.segmentation import surface_points as surface_points_module
 from karf_engine.segmentation.coarse_masks import find_masks
 from karf_engine.segmentation.report import SegmentationReport
 from karf_engine.segmentation.surface_points import surface_points
 from karf_engine.segmentation.views import cache_views, farthest_point_views, load_masked_views
-from karf_engine.settings import from_dict
 
 
 def test_the_surface_has_no_more_points_than_rays_can_fill(learned, monkeypatch):

@@ -9,12 +9,12 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
 from karf_engine.errors import DataError
+from karf_engine.fields.rendering.space import Similarity
 from karf_engine.heads.fields import SegmentationField
 from karf_engine.heads.files import load_segmentation, save_segmentation
 from karf_engine.heads.volumes import Volumes
+from karf_engine.project.settings import SegmentationSettings
 from karf_engine.project.volumes import Volume, read_volumes, write_volumes
-from karf_engine.rendering.space import Similarity
-from karf_engine.settings import SegmentationSettings
 
 MOVED = np.array([[2.0, 0, 0, 1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])  # x from -1 to 3
 CORNERS = np.array([[0.0, 0, 0], [2, 0, 0], [0, 2, 0], [0, 0, 2]])

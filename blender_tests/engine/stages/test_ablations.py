@@ -7,22 +7,22 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from karf_engine import settings as settings_module
-from karf_engine.checkpoints import load_tensors
-from karf_engine.edit.compositing import stack_palettes
-from karf_engine.edit.palette import read_palettes
+from karf_engine.commands.job import make_job
+from karf_engine.commands.recoloring import rays_of
+from karf_engine.compute.progress import Progress
+from karf_engine.compute.runtime import start_runtime
 from karf_engine.fields.files import load_scene
 from karf_engine.heads.fields import RecoloringField
 from karf_engine.heads.files import SURFACE_SCHEMA, load_segmentation, load_surface
 from karf_engine.heads.fit import fit_recoloring
-from karf_engine.palette.extraction import extract_palettes
-from karf_engine.progress import Progress
+from karf_engine.io.checkpoints import load_tensors
+from karf_engine.palettes.compositing import stack_palettes
+from karf_engine.palettes.extraction.extraction import extract_palettes
+from karf_engine.palettes.palette import read_palettes
 from karf_engine.project import Project
-from karf_engine.runtime import start_runtime
+from karf_engine.project import settings as settings_module
+from karf_engine.project.settings import PaletteSettings, RecoloringSettings
 from karf_engine.segmentation.report import SegmentationReport
-from karf_engine.settings import PaletteSettings, RecoloringSettings
-from karf_engine.stages.job import make_job
-from karf_engine.stages.recoloring import rays_of
 
 
 @pytest.fixture(scope="module")

@@ -15,9 +15,9 @@ from karf_engine.capture import write_cameras
 from karf_engine.capture.capture import View
 from karf_engine.cli import main
 from karf_engine.errors import BadRequest, Cancelled, DataError
-from karf_engine.images import read_photo
+from karf_engine.io.images import read_photo
+from karf_engine.palettes.colorways.planned import plan_colorways
 from karf_engine.project import Project
-from karf_engine.project.colorways import plan_colorways
 
 SHEET = """colorway,object,hex,lab
 Green,ball,#1ec040,

@@ -10,10 +10,10 @@ pytest.importorskip("torch")
 
 from blender_tests.engine.conftest import QUICK
 from karf_engine.cli import main
+from karf_engine.commands import geometry
+from karf_engine.commands.dispatch import run_request
 from karf_engine.errors import Cancelled
 from karf_engine.project import STAGE_ORDER, Project
-from karf_engine.stages import geometry
-from karf_engine.stages.dispatch import run_request
 from karf_engine.wire import Request
 
 
@@ -147,7 +147,7 @@ def test_photos_count_by_what_they_show_and_not_by_their_time(still_life, copy, 
 
 # ------------------------------------------------------------------------------------------------------------------- reading
 def test_a_project_that_is_being_learned_anew_can_be_rendered(copy, tmp_path):
-    from karf_engine.locking import writing
+    from karf_engine.project.locking import writing
 
     with writing(copy):
         assert pictures(copy, tmp_path / "out")

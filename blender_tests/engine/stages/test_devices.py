@@ -16,20 +16,20 @@ pytest.importorskip(PRETEND, reason="this torch has no device made of Python alo
 from blender_tests.engine.pretend_device import pretend_device
 from blender_tests.engine.reference.nerf import still_life as views_and_photos
 from blender_tests.engine.reference.still_life import camera_at
-from karf_engine import runtime
 from karf_engine.capture.capture import SparsePoints
 from karf_engine.cli import main
+from karf_engine.compute import runtime
+from karf_engine.compute.progress import Progress
 from karf_engine.fields.files import load_scene, save_scene
 from karf_engine.fields.fit import FitInputs
 from karf_engine.fields.nerf import importing
 from karf_engine.fields.registry import start_fit
+from karf_engine.fields.rendering.rays import PixelBank
+from karf_engine.fields.rendering.surface_cache import cache_surface
 from karf_engine.fields.scene import psnr_of_views
-from karf_engine.model import Model
-from karf_engine.progress import Progress
 from karf_engine.project import STAGE_ORDER, Project
-from karf_engine.rendering.rays import PixelBank
-from karf_engine.rendering.surface_cache import cache_surface
-from karf_engine.settings import GeometrySettings, Level, NerfSettings, OpenSettings
+from karf_engine.project.settings import GeometrySettings, Level, NerfSettings, OpenSettings
+from karf_engine.recolor.model import Model
 
 LEVELS = (Level(12, 8, 1.0), Level(16, 8, 1.0))
 SETTINGS = replace(

@@ -11,14 +11,14 @@ pytest.importorskip("scipy")
 from blender_tests.engine.fields.voxels.test_fit_open import points_on_the_still_life
 from blender_tests.engine.reference.still_life import cameras, take_photo
 from karf_engine.capture.capture import Capture, View, hold_out
+from karf_engine.capture.training_images import load_views
+from karf_engine.commands import geometry
+from karf_engine.commands.job import make_job
 from karf_engine.errors import KarfError
-from karf_engine.images import write_png
-from karf_engine.plates import load_views
+from karf_engine.io.images import write_png
 from karf_engine.project import Project
 from karf_engine.project.contents import capture_of
-from karf_engine.settings import preset, with_overrides
-from karf_engine.stages import geometry
-from karf_engine.stages.job import make_job
+from karf_engine.project.settings import preset, with_overrides
 from karf_engine.wire import Request
 
 QUICK = [

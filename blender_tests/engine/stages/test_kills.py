@@ -16,10 +16,10 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
 from blender_tests.engine.conftest import ROOT, run_engine
-from karf_engine.checkpoints import load_tensors
 from karf_engine.cli import main
+from karf_engine.compute.progress import Progress
 from karf_engine.errors import Cancelled, Diverged
-from karf_engine.progress import Progress
+from karf_engine.io.checkpoints import load_tensors
 from karf_engine.project import STAGE_ORDER, Project
 
 FEW = (
@@ -29,7 +29,7 @@ FEW = (
 )
 SAVING_ALWAYS = """
 import sys
-from karf_engine.training import unfinished
+from karf_engine.fields.training import unfinished
 unfinished.INTERVAL = 0.0
 from karf_engine.cli import main
 sys.exit(main(sys.argv[1:]))
@@ -125,7 +125,7 @@ def test_what_led_to_divergence_is_not_resumed(still_life, tmp_path, monkeypatch
         assert Project(tmp_path).unfinished_file("geometry").exists()
         raise Diverged("Nothing is solid.")
 
-    monkeypatch.setattr("karf_engine.training.unfinished.INTERVAL", 0.0)
+    monkeypatch.setattr("karf_engine.fields.training.checkpoint.INTERVAL", 0.0)
     monkeypatch.setattr("karf_engine.fields.voxels.fit.VoxelFit._pruned", find_nothing)
     assert main(geometry_command(still_life, tmp_path)) == Diverged.exit_code
     assert not Project(tmp_path).unfinished_file("geometry").exists()

@@ -9,13 +9,13 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
-import karf_engine.looks
-from karf_engine.checkpoints import load_tensors, save_tensors
+import karf_engine.recolor.render_cache
 from karf_engine.cli import main
-from karf_engine.edit.palette import Edit
 from karf_engine.fields.scene import Scene
-from karf_engine.model import Model
+from karf_engine.io.checkpoints import load_tensors, save_tensors
+from karf_engine.palettes.palette import Edit
 from karf_engine.project import Project
+from karf_engine.recolor.model import Model
 
 
 @pytest.fixture
@@ -91,13 +91,13 @@ def test_what_was_learned_anew_is_looked_at_anew_and_old_looks_go(copy, renders)
 @pytest.fixture
 def refined(monkeypatch):
     """The edges that mattes were asked for."""
-    edges, mattes_of = [], karf_engine.looks.mattes_of
+    edges, mattes_of = [], karf_engine.recolor.render_cache.mattes_of
 
     def note(wanted, *arrays):
         edges.append(wanted)
         return mattes_of(wanted, *arrays)
 
-    monkeypatch.setattr(karf_engine.looks, "mattes_of", note)
+    monkeypatch.setattr(karf_engine.recolor.render_cache, "mattes_of", note)
     return edges
 
 
@@ -129,13 +129,13 @@ def test_damaged_mattes_are_refined_again(copy, refined, damage):
     view = first_test_view(Model(copy))
     first = recolored(copy, view)
     (path,) = (path for path in copy.looks_folder.glob("*/*") if b"karf-mattes" in path.read_bytes()[:4096])
-    tensors, facts = load_tensors(path, karf_engine.looks.MATTES)
+    tensors, facts = load_tensors(path, karf_engine.recolor.render_cache.MATTES)
     if damage == "cut off":
         path.write_bytes(path.read_bytes()[:-1])
     elif damage == "of another box":
-        save_tensors(path, tensors | {"0.coverage": torch.zeros(1, 1)}, karf_engine.looks.MATTES, facts)
+        save_tensors(path, tensors | {"0.coverage": torch.zeros(1, 1)}, karf_engine.recolor.render_cache.MATTES, facts)
     else:
-        save_tensors(path, tensors, karf_engine.looks.MATTES, {"places": facts["places"][:-1]})
+        save_tensors(path, tensors, karf_engine.recolor.render_cache.MATTES, {"places": facts["places"][:-1]})
     assert np.array_equal(recolored(copy, view), first) and len(refined) == 2
 
 
@@ -154,7 +154,7 @@ def test_a_project_that_cannot_be_written_to_is_rendered_all_the_same(copy, monk
     def refuse(*_, **__):
         raise PermissionError("read only")
 
-    monkeypatch.setattr(karf_engine.looks, "save_tensors", refuse)
+    monkeypatch.setattr(karf_engine.recolor.render_cache, "save_tensors", refuse)
     model = Model(copy)
     assert model.look(model.working_camera(first_test_view(model))).color.any()
 
@@ -164,7 +164,7 @@ def test_no_more_is_kept_than_may_be(copy, monkeypatch):
     views = model.capture.split("train")[:3]
     model.look(model.working_camera(views[0]))
     (one,) = copy.looks_folder.rglob("*.safetensors")
-    monkeypatch.setattr(karf_engine.looks, "MOST_BYTES", int(2.5 * one.stat().st_size))
+    monkeypatch.setattr(karf_engine.recolor.render_cache, "MOST_BYTES", int(2.5 * one.stat().st_size))
     for view in views:
         model.look(model.working_camera(view))
     assert len(list(copy.looks_folder.rglob("*.safetensors"))) == 2

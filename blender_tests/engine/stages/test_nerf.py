@@ -10,14 +10,14 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
-from karf_engine.checkpoints import load_tensors, save_tensors
 from karf_engine.cli import main
-from karf_engine.edit.palette import read_palettes
 from karf_engine.errors import Cancelled
 from karf_engine.fields.files import SCHEMA
-from karf_engine.images import read_mask, read_photo, resize
+from karf_engine.io.checkpoints import load_tensors, save_tensors
+from karf_engine.io.images import read_mask, read_photo, resize
 from karf_engine.metrics.images import psnr
 from karf_engine.metrics.masks import iou
+from karf_engine.palettes.palette import read_palettes
 from karf_engine.project import Project
 
 SMALL = (
@@ -100,9 +100,9 @@ def learn_a_little(still_life, folder, capsys, *more):
 @pytest.fixture
 def killed(still_life, tmp_path, monkeypatch, capsys):
     """A project whose geometry stage was interrupted after its second preview, having saved after every iteration."""
-    monkeypatch.setattr("karf_engine.training.unfinished.INTERVAL", 0.0)
+    monkeypatch.setattr("karf_engine.fields.training.checkpoint.INTERVAL", 0.0)
     with monkeypatch.context() as patch:
-        patch.setattr("karf_engine.stages.geometry.preview", Mock(side_effect=[None, KeyboardInterrupt]))
+        patch.setattr("karf_engine.commands.geometry.preview", Mock(side_effect=[None, KeyboardInterrupt]))
         assert learn_a_little(still_life, tmp_path / "project", capsys)[0] == Cancelled.exit_code
     project = Project(tmp_path / "project")
     assert project.finished("geometry") is None
@@ -117,7 +117,7 @@ def test_a_killed_job_resumes_where_it_was_last_saved(killed, still_life, capsys
 
 def test_a_job_killed_after_its_last_iteration_has_only_to_validate(killed, still_life, monkeypatch, capsys):
     with monkeypatch.context() as patch:
-        patch.setattr("karf_engine.stages.geometry.preview", Mock(side_effect=[None, KeyboardInterrupt]))
+        patch.setattr("karf_engine.commands.geometry.preview", Mock(side_effect=[None, KeyboardInterrupt]))
         assert learn_a_little(still_life, killed.folder, capsys)[0] == Cancelled.exit_code
     code, told = learn_a_little(still_life, killed.folder, capsys)
     assert code == 0 and "resuming at iteration 120 of 120" in told and killed.finished("geometry")

@@ -15,15 +15,15 @@ from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import View
 from karf_engine.cli import main
 from karf_engine.fields.nerf.field import NerfField, NerfNetwork, NerfSampling, NerfShape
+from karf_engine.fields.rendering.space import Box, Contraction, Frustum
 from karf_engine.fields.scene import Scene
 from karf_engine.fields.voxels.field import VoxelField
-from karf_engine.files import write_json
 from karf_engine.heads.fields import RecoloringField, SegmentationField
 from karf_engine.heads.rendering import object_samples, segment_cache, weigh_cache
-from karf_engine.images import read_mask, read_photo, write_png
+from karf_engine.io.files import write_json
+from karf_engine.io.images import read_mask, read_photo, write_png
 from karf_engine.project import Project
-from karf_engine.rendering.space import Box, Contraction, Frustum
-from karf_engine.settings import RecoloringSettings, SegmentationSettings
+from karf_engine.project.settings import RecoloringSettings, SegmentationSettings
 
 
 def turned_away(distance=400.0):

@@ -16,13 +16,13 @@ import karf_engine as karf
 from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.capture import write_cameras
 from karf_engine.capture.capture import View
-from karf_engine.edit.edit_files import write_edit
-from karf_engine.edit.palette import Edit
 from karf_engine.errors import BadRequest, Cancelled
-from karf_engine.images import read_photo
-from karf_engine.model import Model
+from karf_engine.export.finished_frames import NOTE, FinishedFrames
+from karf_engine.io.images import read_photo
+from karf_engine.palettes.edit_files import write_edit
+from karf_engine.palettes.palette import Edit
 from karf_engine.project import Project
-from karf_engine.stages.finished_frames import NOTE, FinishedFrames
+from karf_engine.recolor.model import Model
 
 BLUE = np.array([0.1, 0.2, 0.8])
 

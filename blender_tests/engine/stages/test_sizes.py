@@ -17,12 +17,12 @@ from karf_engine.capture import write_cameras
 from karf_engine.capture.capture import View
 from karf_engine.capture.distortion import straighten
 from karf_engine.cli import main
-from karf_engine.color import to_bytes
 from karf_engine.errors import BadRequest, DataError
-from karf_engine.images import BACK, oriented, read_mask, read_photo
-from karf_engine.matting.refine import field_mattes
+from karf_engine.io.color import to_bytes
+from karf_engine.io.images import BACK, oriented, read_mask, read_photo
 from karf_engine.metrics.masks import iou
-from karf_engine.photos import open_photo, write_photo
+from karf_engine.recolor.matting.refine import field_mattes
+from karf_engine.recolor.photos import open_photo, write_photo
 
 CAMERA = camera_at(0.2, 0.6, 96)  # three times what was learned from
 LENS = (2.0, 0.0, 0.02, -0.02)
@@ -124,7 +124,7 @@ def test_a_matte_keeps_its_alpha_and_its_hidden_colors(model, green, photo, tmp_
 
 
 def test_linear_light_is_recolored_as_its_display_colors_are(model, green, photo, tmp_path):
-    from karf_engine.color import srgb_to_linear
+    from karf_engine.io.color import srgb_to_linear
 
     light = srgb_to_linear(to_bytes(photo.color) / 255).astype(np.float32)
     OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, {"RGB": light}).write(
@@ -153,7 +153,7 @@ def test_at_the_learned_size_the_photo_and_its_pinhole_are_the_same(model, green
 
 
 def test_an_added_color_is_the_same_in_a_photo_its_pinhole_and_its_layers(model, photo, tmp_path):
-    from karf_engine.edit.compositing import delta_composite, stack_palettes
+    from karf_engine.palettes.compositing import delta_composite, stack_palettes
 
     edit = model.edit().add_color("ball", "#c0221a", "#1ec040")
     view = model.capture.split("test")[0]
@@ -186,7 +186,7 @@ def test_a_reach_that_cannot_be_is_refused(model, reach, sentence):
 
 
 def test_an_edit_with_an_added_color_is_another_frame(model):
-    from karf_engine.stages.finished_frames import frame_mark
+    from karf_engine.export.finished_frames import frame_mark
 
     edit = model.edit().add_color("ball", "#c0221a", "#1ec040")
     further = replace(edit, added={"ball": (replace(edit.added["ball"][0], reach=2.0),)})
@@ -194,7 +194,7 @@ def test_an_edit_with_an_added_color_is_another_frame(model):
 
 
 def test_layers_of_a_photo_recolor_it(model, green, photo, tmp_path):
-    from karf_engine.edit.compositing import delta_composite, stack_palettes
+    from karf_engine.palettes.compositing import delta_composite, stack_palettes
 
     ready = model.photo_view(saved(tmp_path / "a.png", photo.color, 6))
     layers = ready.layers(np.ones((2, 2)))
@@ -238,7 +238,7 @@ def disputed(monkeypatch):
         first, *others = field_mattes(photo.shape[1::-1], probabilities)
         return [replace(first, disputed=True), *others]
 
-    monkeypatch.setattr("karf_engine.looks.Looks.mattes", disputing)
+    monkeypatch.setattr("karf_engine.recolor.render_cache.Looks.mattes", disputing)
 
 
 @pytest.mark.parametrize("size", ["photo", "learned"])
@@ -289,7 +289,7 @@ def test_a_camera_is_rendered_with_alpha_and_several_rays_a_pixel(learned, green
 def test_bands_of_rows_are_the_whole_picture(model, monkeypatch):
     camera = camera_at(1.0, 0.5, size=24)
     whole = model.render(camera, 2)
-    monkeypatch.setattr("karf_engine.frames.BAND_RAYS", 24 * 2 * 2 * 5)
+    monkeypatch.setattr("karf_engine.recolor.frames.BAND_RAYS", 24 * 2 * 2 * 5)
     bands = model.render(camera, 2)
     for name in ("color", "depth", "opacity", "probabilities", "palette_weights", "base"):
         assert_allclose(getattr(bands, name), getattr(whole, name), atol=1e-4)

@@ -17,19 +17,19 @@ from blender_tests.engine.reference.still_life import camera_at, take_photo
 from karf_engine.capture import open_capture, write_cameras
 from karf_engine.capture.capture import View
 from karf_engine.cli import main
-from karf_engine.color import linear_to_srgb
-from karf_engine.edit.compositing import read_planes
-from karf_engine.edit.edit_files import read_edit
-from karf_engine.edit.layers import read_layer_names
-from karf_engine.edit.palette import read_palettes, rgb_to_hex
+from karf_engine.commands import render
 from karf_engine.errors import BadRequest
-from karf_engine.images import read_mask, read_photo
+from karf_engine.export.layer_names import read_layer_names
+from karf_engine.io.color import linear_to_srgb
+from karf_engine.io.images import read_mask, read_photo
 from karf_engine.metrics.images import psnr
 from karf_engine.metrics.masks import iou
-from karf_engine.model import Model
+from karf_engine.palettes.compositing import read_planes
+from karf_engine.palettes.edit_files import read_edit
+from karf_engine.palettes.palette import read_palettes, rgb_to_hex
 from karf_engine.project import STAGE_ORDER, Project
 from karf_engine.project.volumes import Volume, write_volumes
-from karf_engine.stages import render
+from karf_engine.recolor.model import Model
 from karf_engine.wire import Request
 
 BALL_COLOR, GREEN = "#c0221a", "#1ec040"

@@ -9,12 +9,12 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
 from blender_tests.engine.conftest import run_engine
-from karf_engine import team as team_module
-from karf_engine.checkpoints import load_tensors
+from karf_engine.commands import geometry
+from karf_engine.compute import process_group as team_module
+from karf_engine.compute.process_group import Team
 from karf_engine.errors import BadRequest, Cancelled
-from karf_engine.stages import geometry
-from karf_engine.team import Team
-from karf_engine.training import loop
+from karf_engine.fields.training import loop
+from karf_engine.io.checkpoints import load_tensors
 from karf_engine.wire import Request
 
 SETTINGS = (

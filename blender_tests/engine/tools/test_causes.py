@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from karf_engine.edit.compositing import delta_composite
-from karf_engine.edit.palette import Edit, Palette
+from karf_engine.palettes.compositing import delta_composite
+from karf_engine.palettes.palette import Edit, Palette
 from tools.judging.causes import split_by_cause
 
 RED, BLUE = np.array([0.8, 0.1, 0.1]), np.array([0.1, 0.2, 0.7])

@@ -43,7 +43,7 @@ def test_every_equation_of_the_paper_has_a_place(number):
 
 
 def test_settings_that_the_paper_page_names_exist():
-    from karf_engine.settings import describe
+    from karf_engine.project.settings import describe
 
     known = {name for name, _, _ in describe()}
     named = set(re.findall(r"`((?:geometry|segmentation|palette|recoloring)\.[a-z_]+)(?:=[^`]*)?`", PAGES["paper.md"]))

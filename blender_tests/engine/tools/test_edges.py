@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from karf_engine.images import write_png
+from karf_engine.io.images import write_png
 from tools.judging.edges import beside_thin_parts, border_band, mean_scores, score_edges
 from tools.judging.truth import Truth
 

@@ -10,7 +10,7 @@ FLOORS = (
     ("marking", "speed", "window"),
     ("benchmark", "demo", "scenes", "experiments", "reliability", "matrix"),
 )
-PRIVATE = "karf_engine.stages"  # what the stages do is offered by the engine's public functions
+PRIVATE = "karf_engine.commands"  # what the stages do is offered by the engine's public functions
 ALLOWED = {"reliability.fuzz.readers"}  # feeds damaged files to single readers, of which a stage has one
 
 

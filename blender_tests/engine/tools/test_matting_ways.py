@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from karf_engine.matting.matte import dense_coverage
 from karf_engine.metrics.masks import iou
+from karf_engine.recolor.matting.matte import dense_coverage
 from tools.judging.matting_ways import WAYS, Evidence, larger_field
 
 SIZE, FINE, COARSE = 128, 1280, 32

@@ -13,7 +13,7 @@ pytest.importorskip("skimage")
 from blender_tests.engine.reference.still_life import BALL_CENTER
 from karf_engine.capture import open_capture
 from karf_engine.capture.capture import SparsePoints
-from karf_engine.plates import load_views
+from karf_engine.capture.training_images import load_views
 from tools.speed import peer
 
 STAND_IN = """

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 import karf_engine as karf
-from karf_engine.photos import open_photo, suffix_for, write_photo
+from karf_engine.recolor.photos import open_photo, suffix_for, write_photo
 from tools.speed.photo_size import WRITERS, covered_by, enlarged, other_colors, outside_is_equal, photo_view
 
 TYPES = {".png": "uint8", ".16-bit.png": "uint16", ".jpg": "uint8", ".16-bit.tif": "uint16", ".exr": "float16"}

@@ -4,7 +4,7 @@ import importlib
 
 import pytest
 
-from karf_engine.settings import Settings, with_overrides
+from karf_engine.project.settings import Settings, with_overrides
 from tools.experiments import page
 
 NAMES = [path.stem for path in sorted(page.FOLDER.glob("*.json")) if path.stem not in ("remarks", "captions")]

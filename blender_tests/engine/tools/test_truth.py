@@ -3,8 +3,8 @@
 import imageio.v3 as iio
 import numpy as np
 
-from karf_engine.color import linear_to_srgb, srgb_to_linear
-from karf_engine.files import write_json
+from karf_engine.io.color import linear_to_srgb, srgb_to_linear
+from karf_engine.io.files import write_json
 from tools.judging.truth import Truth
 
 

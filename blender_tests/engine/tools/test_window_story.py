@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from karf_engine.images import read_mask
+from karf_engine.io.images import read_mask
 from tools.window import capture, record, screen
 
 ROOT = Path(__file__).resolve().parents[3]

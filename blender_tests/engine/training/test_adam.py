@@ -8,7 +8,7 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from blender_tests.engine.conftest import ROOT
-from karf_engine.training.adam import Adam
+from karf_engine.fields.training.adam import Adam
 
 
 def _learn(optimizer_of):
@@ -32,7 +32,7 @@ def test_it_learns_the_bits_that_torch_does():
 
 def test_its_step_does_not_load_the_compiler():
     code = (
-        "import sys, torch; from karf_engine.training.adam import Adam; x = torch.nn.Parameter(torch.ones(2));"
+        "import sys, torch; from karf_engine.fields.training.adam import Adam; x = torch.nn.Parameter(torch.ones(2));"
         "adam = Adam([x]); x.sum().backward(); adam.step(); adam.zero_grad(); adam.state_dict();"
         "print('torch._dynamo' in sys.modules)"
     )

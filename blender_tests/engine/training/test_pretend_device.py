@@ -7,7 +7,7 @@ PRETEND = "blender_tests.engine.pretend_device"
 pytest.importorskip(PRETEND, reason="this torch has no device made of Python alone", exc_type=ImportError)
 
 from blender_tests.engine.pretend_device import NAME, WrongDevice, pretend_device
-from karf_engine.runtime import Runtime
+from karf_engine.compute.runtime import Runtime
 
 
 @pytest.fixture

@@ -11,16 +11,16 @@ from blender_tests.engine.fields.nerf import test_fit_nerf as nerf
 from blender_tests.engine.fields.voxels import test_fit as box
 from blender_tests.engine.fields.voxels import test_fit_open as opened
 from blender_tests.engine.reference.still_life import cameras, take_photo
-from karf_engine.checkpoints import load_tensors, save_tensors
+from karf_engine.compute.progress import Progress
+from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import Cancelled
+from karf_engine.fields.rendering.surface_cache import SurfaceCache
+from karf_engine.fields.training.checkpoint import SCHEMA, Unfinished
 from karf_engine.fields.voxels.fit_box import start_box_fit
 from karf_engine.heads.fields import RecoloringField, SegmentationField
 from karf_engine.heads.fit import ObjectRays, fit_on_points, fit_on_rays, fit_recoloring
-from karf_engine.progress import Progress
-from karf_engine.rendering.surface_cache import SurfaceCache
-from karf_engine.runtime import start_runtime
-from karf_engine.settings import Level, RecoloringSettings, SegmentationSettings
-from karf_engine.training.unfinished import SCHEMA, Unfinished
+from karf_engine.io.checkpoints import load_tensors, save_tensors
+from karf_engine.project.settings import Level, RecoloringSettings, SegmentationSettings
 
 BOX = replace(box.SETTINGS, levels=(Level(12, 60, 1.0), Level(16, 12, 1.0)), samples=4000, max_rays=512)
 OPEN = replace(
@@ -155,7 +155,7 @@ def test_a_fit_that_is_cancelled_again_and_again_ends_where_an_uninterrupted_one
 @pytest.mark.parametrize("name", ["box, sky", "open", "nerf", "recoloring"])
 def test_saving_on_the_way_changes_nothing_of_what_is_learned(name, unfinished, monkeypatch):
     whole = LEARNERS[name](Stopwatch(), unfinished("uninterrupted"))
-    monkeypatch.setattr("karf_engine.training.unfinished.INTERVAL", 0.0)
+    monkeypatch.setattr("karf_engine.fields.training.checkpoint.INTERVAL", 0.0)
     assert same(LEARNERS[name](Stopwatch(), unfinished()), whole)
 
 
@@ -169,7 +169,7 @@ def rewrite(path, change):
     or another program has done."""
     state, facts = load_tensors(path, SCHEMA)
     change(state)
-    from karf_engine.training.unfinished import _checksum
+    from karf_engine.fields.training.checkpoint import _checksum
 
     save_tensors(path, state, SCHEMA, facts | {"checksum": _checksum(state, facts["notes"])})
 
@@ -250,8 +250,8 @@ def test_a_disk_that_takes_nothing_is_a_warning_said_once(unfinished, events, mo
     def fail(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("karf_engine.training.unfinished.INTERVAL", 0.0)
-    monkeypatch.setattr("karf_engine.training.unfinished.save_tensors", fail)
+    monkeypatch.setattr("karf_engine.fields.training.checkpoint.INTERVAL", 0.0)
+    monkeypatch.setattr("karf_engine.fields.training.checkpoint.save_tensors", fail)
     whole = LEARNERS["points"](Stopwatch(), unfinished())
     assert len(whole) > 3
     assert ["No space left" in values["sentence"] for values in events] == [True]

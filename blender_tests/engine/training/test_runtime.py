@@ -5,8 +5,8 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from karf_engine.cli import main
+from karf_engine.compute.runtime import find_device, start_runtime
 from karf_engine.errors import BadRequest
-from karf_engine.runtime import find_device, start_runtime
 
 
 @pytest.fixture

@@ -6,11 +6,11 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from karf_engine.compute.progress import Progress
+from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import Cancelled, Diverged, OutOfMemory
-from karf_engine.progress import Progress
-from karf_engine.runtime import start_runtime
-from karf_engine.training.course import Course
-from karf_engine.training.loop import cosine_with_warmup, exponential_with_warmup, train
+from karf_engine.fields.training.loop import cosine_with_warmup, exponential_with_warmup, train
+from karf_engine.fields.training.state import Course
 
 
 class Recorder:

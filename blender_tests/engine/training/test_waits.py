@@ -9,18 +9,18 @@ torch = pytest.importorskip("torch")
 from blender_tests.engine.pretend_device import pretend_device
 from blender_tests.engine.reference.still_life import camera_at
 from blender_tests.engine.training.waits import Waits
+from karf_engine.compute.progress import Progress
+from karf_engine.compute.runtime import start_runtime
 from karf_engine.fields.nerf.field import NerfField, NerfNetwork, NerfSampling, NerfShape
 from karf_engine.fields.nerf.fit import NerfFit, quick_products
+from karf_engine.fields.rendering.rays import PixelBank
+from karf_engine.fields.rendering.space import Box
+from karf_engine.fields.rendering.surface_cache import SurfaceCache
+from karf_engine.fields.training import loop
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.heads.fields import RecoloringField, SegmentationField
 from karf_engine.heads.fit import ObjectRays, fit_on_points, fit_on_rays, fit_recoloring
-from karf_engine.progress import Progress
-from karf_engine.rendering.rays import PixelBank
-from karf_engine.rendering.space import Box
-from karf_engine.rendering.surface_cache import SurfaceCache
-from karf_engine.runtime import start_runtime
-from karf_engine.settings import NerfSettings, RecoloringSettings, SegmentationSettings
-from karf_engine.training import loop
+from karf_engine.project.settings import NerfSettings, RecoloringSettings, SegmentationSettings
 
 CORNERS = [[-1.0] * 3, [1.0] * 3]
 ITERATIONS, RAYS = 4, 64

@@ -8,8 +8,8 @@ import pytest
 pytest.importorskip("torch")
 
 from karf_engine.errors import KarfError
-from karf_engine.images import read_pixels
-from karf_engine.model import Model
+from karf_engine.io.images import read_pixels
+from karf_engine.recolor.model import Model
 from karf_engine.warm.masks import masks
 from karf_engine.warm.session import Session
 

@@ -13,10 +13,10 @@ pytest.importorskip("torch")
 
 from blender_tests.engine.conftest import ROOT
 from karf_engine.capture.transforms_json import camera_to_json
-from karf_engine.edit.compositing import read_planes
 from karf_engine.errors import BadRequest, Cancelled, DataError
-from karf_engine.model import Model
+from karf_engine.palettes.compositing import read_planes
 from karf_engine.project import Project
+from karf_engine.recolor.model import Model
 from karf_engine.warm.preview import preview
 from karf_engine.warm.session import Session
 from karf_engine.wire import Ask, EventReader, Request

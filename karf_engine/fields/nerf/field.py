@@ -15,12 +15,12 @@ import torch
 from torch import Tensor, nn
 
 from ...kan.encoding import positional_encoding
-from ...rendering.hierarchical import dense_ray_weights, interval_lengths, refine, stratified_samples
-from ...rendering.rays import Rays
-from ...rendering.sampling import Samples
-from ...rendering.space import StraightSpace
-from ...rendering.space_values import space_from_json, space_to_json
-from ...rendering.volume import Trace, outward_normals, trace_of
+from ..rendering.hierarchical import dense_ray_weights, interval_lengths, refine, stratified_samples
+from ..rendering.rays import Rays
+from ..rendering.sampling import Samples
+from ..rendering.space import StraightSpace
+from ..rendering.space_values import space_from_json, space_to_json
+from ..rendering.volume import Trace, outward_normals, trace_of
 
 DETAIL = 128  # a "voxel", the length scale of the later stages, is this share of the field's longest side
 MOST_SAMPLES = 1 << 12  # a ray

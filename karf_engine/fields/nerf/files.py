@@ -17,8 +17,8 @@ import torch
 from torch import Tensor
 
 from ...errors import DataError
-from ...failures import first_line, is_out_of_memory
-from ...inputs import check_file
+from ...io.failures import first_line, is_out_of_memory
+from ...io.inputs import check_file
 from .field import NerfNetwork, NerfShape
 from .pickles import check_torch_file
 

@@ -11,17 +11,17 @@ from contextlib import contextmanager
 import torch
 from torch import Tensor
 
-from ...progress import Progress
-from ...rendering.hierarchical import dense_ray_weights, interval_lengths, refine
-from ...rendering.rays import PixelBank, Rays
-from ...rendering.surface_cache import cache_surface
-from ...runtime import Runtime
-from ...settings import NerfSettings
-from ...training.adam import Adam
-from ...training.course import Course, below, check_alike, number, prefixed, whole_number
-from ...training.loop import train
-from ...training.unfinished import Unfinished
+from ...compute.progress import Progress
+from ...compute.runtime import Runtime
+from ...project.settings import NerfSettings
+from ..rendering.hierarchical import dense_ray_weights, interval_lengths, refine
+from ..rendering.rays import PixelBank, Rays
+from ..rendering.surface_cache import cache_surface
 from ..scene import Scene
+from ..training.adam import Adam
+from ..training.checkpoint import Unfinished
+from ..training.loop import train
+from ..training.state import Course, below, check_alike, number, prefixed, whole_number
 from .field import NerfField, NerfNetwork
 
 CROP_SHARE = 0.5  # of the pictures' sides: where rays are drawn at first, so that not all of them are background

@@ -15,11 +15,11 @@ from torch import Tensor
 from ...capture.camera import Camera
 from ...capture.capture import View
 from ...errors import DataError
-from ...rendering.rays import PixelBank
-from ...rendering.space import Box, StraightSpace
-from ...rendering.space_values import space_on
-from ...settings import NerfSettings
+from ...project.settings import NerfSettings
 from ..extent import focus_point, middle_pose
+from ..rendering.rays import PixelBank
+from ..rendering.space import Box, StraightSpace
+from ..rendering.space_values import space_on
 from ..scene import Scene, psnr_of_views
 from ..spaces import middle_frustum, ndc, similarity
 from .field import NerfField, NerfNetwork, NerfSampling

@@ -6,13 +6,13 @@ import numpy as np
 import torch
 
 from ...capture.capture import SparsePoints, View
-from ...rendering.rays import PixelBank
-from ...rendering.space import StraightSpace
-from ...rendering.space_values import space_on
-from ...runtime import Runtime
-from ...settings import NerfSettings
+from ...compute.runtime import Runtime
+from ...project.settings import NerfSettings
 from ..extent import farthest_depth, focus_point, nearest_depth
 from ..fit import FitInputs
+from ..rendering.rays import PixelBank
+from ..rendering.space import StraightSpace
+from ..rendering.space_values import space_on
 from ..spaces import middle_frustum, ndc, similarity
 from .field import NerfField, NerfNetwork, NerfSampling, NerfShape
 from .fit import NerfFit

@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 import torch
 
-from ...kernels import has_kernels
-from ...progress import Emit
-from ...runtime import Runtime
-from ...settings import GeometrySettings
+from ...compute.kernels import has_kernels
+from ...compute.progress import Emit
+from ...compute.runtime import Runtime
+from ...project.settings import GeometrySettings
 from .field import VoxelField
 from .renderer import Observing, Renderer
 from .torch_renderer import TorchRenderer

@@ -16,11 +16,11 @@ import torch
 from torch import Tensor
 from torch.nn.functional import softplus
 
-from ...rendering.rays import Rays
-from ...rendering.sampling import Samples, cell_indices, march
-from ...rendering.space_values import space_from_json, space_to_json
-from ...rendering.spherical_harmonics import spherical_harmonics
-from ...rendering.volume import Trace, outward_normals, trace_of
+from ..rendering.rays import Rays
+from ..rendering.sampling import Samples, cell_indices, march
+from ..rendering.space_values import space_from_json, space_to_json
+from ..rendering.spherical_harmonics import spherical_harmonics
+from ..rendering.volume import Trace, outward_normals, trace_of
 from .grid import VoxelGrid
 from .tables import WeightedGather, dilate, rescaled_raw
 

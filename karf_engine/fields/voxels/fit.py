@@ -14,16 +14,16 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from ...compute.progress import Progress
+from ...compute.runtime import Runtime
 from ...errors import DataError, Diverged
-from ...progress import Progress
-from ...rendering.rays import PixelBank, Rays
-from ...runtime import Runtime
-from ...settings import GeometrySettings, Level, OpenSettings
-from ...training.course import Course, below, check_alike, number, prefixed, whole_number
-from ...training.loop import exponential_with_warmup, train
-from ...training.unfinished import Unfinished
+from ...project.settings import GeometrySettings, Level, OpenSettings
 from ..background import Background
+from ..rendering.rays import PixelBank, Rays
 from ..scene import Scene
+from ..training.checkpoint import Unfinished
+from ..training.loop import exponential_with_warmup, train
+from ..training.state import Course, below, check_alike, number, prefixed, whole_number
 from .choice import new_renderer
 from .field import VoxelField
 from .renderer import Observing, Renderer

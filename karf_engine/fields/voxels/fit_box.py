@@ -17,11 +17,11 @@ import math
 import torch
 from torch import Tensor, nn
 
-from ...rendering.rays import PixelBank
-from ...runtime import Runtime
-from ...settings import GeometrySettings, Level
+from ...compute.runtime import Runtime
+from ...project.settings import GeometrySettings, Level
 from ..background import Background
 from ..extent import box_round_focus
+from ..rendering.rays import PixelBank
 from ..spaces import OPAQUE_REACH
 from .field import VoxelField
 from .fit import Batch, VoxelFit

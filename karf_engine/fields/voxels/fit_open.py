@@ -14,15 +14,15 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from ...rendering.rays import PixelBank
-from ...rendering.space import OpenSpace
-from ...runtime import Runtime
-from ...settings import Level, OpenSettings
-from ...training.adam import Adam
-from ...training.course import Course
+from ...compute.runtime import Runtime
+from ...project.settings import Level, OpenSettings
 from ..background import Background
 from ..free_space import FreeSpace
 from ..horizon import Horizon
+from ..rendering.rays import PixelBank
+from ..rendering.space import OpenSpace
+from ..training.adam import Adam
+from ..training.state import Course
 from .field import VoxelField
 from .fit import Batch, VoxelFit
 from .observations import Observations

@@ -5,9 +5,9 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from ...kernels import has_kernels
-from ...rendering.sampling import coarse_occupancy
-from ...rendering.space import Box, Space
+from ...compute.kernels import has_kernels
+from ..rendering.sampling import coarse_occupancy
+from ..rendering.space import Box, Space
 from .vertices import BITS, n_rows, numbers_of, rows_of, vertex_index
 
 MOST_VERTICES = 2**31 - 1  # that kernels can number

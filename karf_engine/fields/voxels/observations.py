@@ -9,9 +9,9 @@ import torch
 from torch import Tensor
 
 from ...capture.capture import SparsePoints
-from ...rendering.rays import PixelBank
-from ...rendering.space import Space
 from ..extent import is_reliable
+from ..rendering.rays import PixelBank
+from ..rendering.space import Space
 
 
 @dataclass(frozen=True)

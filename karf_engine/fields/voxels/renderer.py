@@ -13,7 +13,7 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
-from ...rendering.rays import Rays
+from ..rendering.rays import Rays
 
 DARK = 1e-4  # of the light left, a ray ends
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ...rendering.space_values import space_on
-from ...settings import Level
+from ...project.settings import Level
 from ..fit import FitInputs
 from ..free_space import FreeSpace
 from ..horizon import horizon_of
+from ..rendering.space_values import space_on
 from ..spaces import contraction_round_focus, middle_frustum
 from .fit import VoxelFit
 from .fit_box import start_box_fit

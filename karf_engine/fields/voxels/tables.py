@@ -6,7 +6,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import softplus
 
-from ...rendering.sampling import spread
+from ..rendering.sampling import spread
 
 
 class WeightedGather(torch.autograd.Function):

@@ -7,9 +7,10 @@ from collections.abc import Iterable
 import torch
 from torch import Tensor, nn
 
-from ...rendering.rays import Rays
-from ...rendering.sampling import Polylines, Samples
-from ...rendering.volume import (
+from ...compute.runtime import Runtime
+from ..rendering.rays import Rays
+from ..rendering.sampling import Polylines, Samples
+from ..rendering.volume import (
     VISIBLE_WEIGHT,
     accumulate,
     distortion,
@@ -17,8 +18,7 @@ from ...rendering.volume import (
     remainder_from_sigmas,
     transmittance_from_optical_depths,
 )
-from ...runtime import Runtime
-from ...training.adam import Adam
+from ..training.adam import Adam
 from .field import VoxelField
 from .renderer import DARK, Observing, RayBatch, RaySums
 

@@ -18,8 +18,8 @@ import numpy as np
 
 from blender_tests.engine.reference.still_life import write_capture, write_masks
 from karf_engine.errors import KarfError
-from karf_engine.locking import opened
 from karf_engine.project import STAGE_ORDER, Project
+from karf_engine.project.locking import opened
 
 from .engine import Run, run
 

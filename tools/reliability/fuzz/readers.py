@@ -17,25 +17,25 @@ from pathlib import Path
 import karf_engine as karf
 from karf_engine.capture import open_capture
 from karf_engine.capture.capture import capture_to_json
-from karf_engine.capture.image_size import image_header
 from karf_engine.capture.ply import read_points
-from karf_engine.edit.compositing import read_planes
-from karf_engine.edit.edit_files import read_edit
-from karf_engine.edit.layers import read_layer_names
-from karf_engine.edit.object_colors import read_object_colors
-from karf_engine.edit.palette import read_palettes
-from karf_engine.edit.palette_files import read_edit_file
+from karf_engine.commands.job import open_job
+from karf_engine.commands.recoloring import rays_of
 from karf_engine.errors import KarfError
+from karf_engine.export.layer_names import read_layer_names
 from karf_engine.fields.nerf.files import read_nerf
 from karf_engine.heads.files import load_surface
 from karf_engine.heads.object_surface import object_pixels
-from karf_engine.images import read_mask, read_photo
-from karf_engine.locking import opened
+from karf_engine.io.image_size import image_header
+from karf_engine.io.images import read_mask, read_photo
+from karf_engine.palettes.compositing import read_planes
+from karf_engine.palettes.edit_files import read_edit
+from karf_engine.palettes.object_colors import read_object_colors
+from karf_engine.palettes.palette import read_palettes
+from karf_engine.palettes.palette_files import read_edit_file
+from karf_engine.palettes.project_edit import edit_of
 from karf_engine.project import STAGE_ORDER
 from karf_engine.project.contents import capture_of, settings_for
-from karf_engine.project.edit import edit_of
-from karf_engine.stages.job import open_job
-from karf_engine.stages.recoloring import rays_of
+from karf_engine.project.locking import opened
 from karf_engine.wire import EventReader, Request
 
 from ...convert_bmild import read_bmild

@@ -12,17 +12,17 @@ pytest.importorskip("scipy")
 from blender_tests.engine.reference.nerf import still_life
 from blender_tests.engine.reference.still_life import camera_at, take_photo
 from karf_engine.capture.capture import SparsePoints
+from karf_engine.compute.progress import Progress
+from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import Cancelled, Diverged
 from karf_engine.fields.fit import FitInputs
 from karf_engine.fields.nerf.field import NerfSampling
 from karf_engine.fields.nerf.start import fresh_fit, place_nerf
 from karf_engine.fields.registry import start_fit
+from karf_engine.fields.rendering.rays import PixelBank, camera_rays
+from karf_engine.fields.rendering.space import Box, Frustum
 from karf_engine.metrics.images import psnr
-from karf_engine.progress import Progress
-from karf_engine.rendering.rays import PixelBank, camera_rays
-from karf_engine.rendering.space import Box, Frustum
-from karf_engine.runtime import start_runtime
-from karf_engine.settings import GeometrySettings, NerfSettings, preset
+from karf_engine.project.settings import GeometrySettings, NerfSettings, preset
 
 TINY = NerfSettings(
     depth=3,

@@ -12,8 +12,8 @@ pytest.importorskip("scipy")
 from blender_tests.engine.reference.nerf import still_life
 from karf_engine.capture.capture import View
 from karf_engine.fields.nerf.importing import candidate_alignments
-from karf_engine.rendering.rays import camera_rays
-from karf_engine.settings import NerfSettings
+from karf_engine.fields.rendering.rays import camera_rays
+from karf_engine.project.settings import NerfSettings
 
 BOUNDS = (1.2, 30.0)
 CORNERS = torch.tensor([0, 31, 32 * 23, 32 * 24 - 1])

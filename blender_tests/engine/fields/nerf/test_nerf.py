@@ -9,14 +9,14 @@ from numpy.testing import assert_allclose
 torch = pytest.importorskip("torch")
 
 from blender_tests.engine.reference.nerf import composited, encoded, fine_t, vanilla
-from karf_engine.checkpoints import load_tensors, save_tensors
 from karf_engine.errors import DataError
 from karf_engine.fields.files import SCHEMA, load_scene, save_scene
 from karf_engine.fields.nerf.field import NerfField, NerfNetwork, NerfSampling, NerfShape
+from karf_engine.fields.rendering.rays import Rays
+from karf_engine.fields.rendering.space import Box, Similarity
 from karf_engine.fields.scene import Scene
+from karf_engine.io.checkpoints import load_tensors, save_tensors
 from karf_engine.kan.encoding import positional_encoding
-from karf_engine.rendering.rays import Rays
-from karf_engine.rendering.space import Box, Similarity
 
 SMALL = NerfShape(width=16, view_width=8, position_frequencies=4, direction_frequencies=2)
 

@@ -10,16 +10,16 @@ torch = pytest.importorskip("torch")
 maximum_filter = pytest.importorskip("scipy.ndimage").maximum_filter
 
 from blender_tests.engine.reference.still_life import camera_at, cameras, take_photo
+from karf_engine.capture.training_images import solid_pixels
+from karf_engine.compute.progress import Progress
+from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import Diverged
 from karf_engine.fields.extent import focus_point
+from karf_engine.fields.rendering.rays import PixelBank
 from karf_engine.fields.voxels import fit_box
 from karf_engine.fields.voxels.fit_box import start_box_fit, visual_hull
 from karf_engine.metrics.images import psnr
-from karf_engine.plates import solid_pixels
-from karf_engine.progress import Progress
-from karf_engine.rendering.rays import PixelBank
-from karf_engine.runtime import start_runtime
-from karf_engine.settings import GeometrySettings, Level
+from karf_engine.project.settings import GeometrySettings, Level
 
 SETTINGS = replace(
     GeometrySettings(), levels=(Level(24, 70, 1.0), Level(36, 80, 0.75)), samples=20_000, max_rays=2048, features=6

@@ -9,11 +9,15 @@ torch = pytest.importorskip("torch")
 
 from blender_tests.engine.reference.still_life import BALL_CENTER, BALL_RADIUS, camera_at, cameras, take_photo
 from karf_engine.capture.capture import SparsePoints, View
+from karf_engine.compute.progress import Progress
+from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import BadRequest
 from karf_engine.fields.extent import looks_one_way, nearest_depth
 from karf_engine.fields.files import load_scene, save_scene
 from karf_engine.fields.fit import FitInputs
 from karf_engine.fields.registry import start_fit
+from karf_engine.fields.rendering.rays import PixelBank
+from karf_engine.fields.rendering.space import Box, Contraction
 from karf_engine.fields.spaces import choose_space
 from karf_engine.fields.voxels import fit as voxel_fit
 from karf_engine.fields.voxels.choice import new_renderer
@@ -22,11 +26,7 @@ from karf_engine.fields.voxels.observations import observations_of
 from karf_engine.fields.voxels.renderer import Observing
 from karf_engine.fields.voxels.torch_renderer import TorchRenderer
 from karf_engine.metrics.images import psnr
-from karf_engine.progress import Progress
-from karf_engine.rendering.rays import PixelBank
-from karf_engine.rendering.space import Box, Contraction
-from karf_engine.runtime import start_runtime
-from karf_engine.settings import GeometrySettings, Level, OpenSettings
+from karf_engine.project.settings import GeometrySettings, Level, OpenSettings
 
 SETTINGS = replace(
     GeometrySettings(),

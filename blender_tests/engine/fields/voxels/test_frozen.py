@@ -11,11 +11,11 @@ pytest.importorskip("numba")
 from torch.testing import assert_close
 
 from blender_tests.engine.fields.voxels.test_kernels import SPACES, check_bounds, random_batch, random_field
-from karf_engine import cores
+from karf_engine.compute import cores
 from karf_engine.fields import scene as scenes
+from karf_engine.fields.rendering.rays import Rays
 from karf_engine.fields.scene import Scene
 from karf_engine.fields.voxels.field import VoxelField
-from karf_engine.rendering.rays import Rays
 
 ROOT = Path(__file__).resolve().parents[4]
 DARK = 1e-4  # of the light left, kernels end a ray

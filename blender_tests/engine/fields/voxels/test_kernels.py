@@ -13,8 +13,16 @@ pytest.importorskip("numba")
 
 from torch.testing import assert_close
 
-from karf_engine import cores
+from karf_engine.compute import cores
+from karf_engine.compute.kernels import kernel
+from karf_engine.compute.progress import Progress
+from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import Diverged
+from karf_engine.fields.rendering.rays import Rays
+from karf_engine.fields.rendering.space import Box, Contraction, Frustum
+from karf_engine.fields.rendering.volume import accumulate, ray_weights_from_sigmas
+from karf_engine.fields.training.loop import constant, train
+from karf_engine.fields.training.state import Course
 from karf_engine.fields.voxels.choice import new_renderer
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.fields.voxels.fused import preparing
@@ -23,14 +31,6 @@ from karf_engine.fields.voxels.fused.marching import share_of, uniform
 from karf_engine.fields.voxels.fused.renderer import FusedRenderer
 from karf_engine.fields.voxels.renderer import Observing, RayBatch
 from karf_engine.fields.voxels.torch_renderer import TorchRenderer
-from karf_engine.kernels import kernel
-from karf_engine.progress import Progress
-from karf_engine.rendering.rays import Rays
-from karf_engine.rendering.space import Box, Contraction, Frustum
-from karf_engine.rendering.volume import accumulate, ray_weights_from_sigmas
-from karf_engine.runtime import start_runtime
-from karf_engine.training.course import Course
-from karf_engine.training.loop import constant, train
 
 ROOT = Path(__file__).resolve().parents[4]
 OBSERVING = Observing(margin=0.05, off_path=0.4)

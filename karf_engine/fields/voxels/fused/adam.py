@@ -8,10 +8,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ....cores import share
-from ....kernels import kernel
-from ....team import Team
-from ....training.adam import Adam
+from ....compute.cores import share
+from ....compute.kernels import kernel
+from ....compute.process_group import Team
+from ...training.adam import Adam
 from .arrays import DENSITY, FEATURES, Table
 from .marching import ONE, ZERO
 from .tables import FieldTables, flat

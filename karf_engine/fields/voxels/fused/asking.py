@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....kernels import kernel, making_kernel
+from ....compute.kernels import kernel, making_kernel
 from .coloring import GROUP, gather, hidden_layers, logits, sigmoid
 from .marching import ONE, ZERO, corners_of, row_of
 

@@ -7,10 +7,10 @@ import math
 import numpy as np
 from torch import Tensor
 
-from ....cores import share
-from ....kernels import kernel
-from ....rendering.rays import Rays
-from ....rendering.space import CONTRACTION_KNOTS, FAR, Contraction, Space
+from ....compute.cores import share
+from ....compute.kernels import kernel
+from ...rendering.rays import Rays
+from ...rendering.space import CONTRACTION_KNOTS, FAR, Contraction, Space
 from .marching import ONE, TWO
 
 FARTHEST = np.float32(FAR)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ....kernels import kernel, making_kernel
+from ....compute.kernels import kernel, making_kernel
 from .arrays import RED
 from .marching import ONE, ZERO
 from .prefetching import prefetch

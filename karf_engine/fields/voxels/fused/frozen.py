@@ -6,11 +6,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ....cores import share, take_from_torch
-from ....rendering.rays import Rays
-from ....rendering.sampling import Samples
-from ....rendering.spherical_harmonics import spherical_harmonics
-from ....rendering.volume import Trace
+from ....compute.cores import share, take_from_torch
+from ...rendering.rays import Rays
+from ...rendering.sampling import Samples
+from ...rendering.spherical_harmonics import spherical_harmonics
+from ...rendering.volume import Trace
 from ..grid import VoxelGrid
 from .arrays import REMAINDER, Limits, RayArrays, new_rays, new_samples
 from .arrays import Samples as Chunks

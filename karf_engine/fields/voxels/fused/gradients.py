@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....kernels import kernel, making_kernel
+from ....compute.kernels import kernel, making_kernel
 from .arrays import ALPHA, BEFORE, BOTH, DENSITY, DISTANCE, DISTORTION, REMAINDER, SQUARE, UP_TO, Network
 from .coloring import GROUP, ask_for_rows, hidden_layers, next_group, read_inputs
 from .marching import ONE, THIRD, TWO, ZERO

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from ....kernels import kernel, making_kernel
+from ....compute.kernels import kernel, making_kernel
 from .. import renderer
 from .arrays import ALPHA, BEFORE, DISTANCE, DISTORTION, REMAINDER, SQUARE, UP_TO, Grid, Limits, RayArrays, Samples
 

@@ -14,10 +14,10 @@ import llvmlite.binding
 import numba
 import torch
 
-from ....kernels import cache_folder
-from ....rendering.rays import Rays
-from ....rendering.space import Contraction
-from ....runtime import start_runtime
+from ....compute.kernels import cache_folder
+from ....compute.runtime import start_runtime
+from ...rendering.rays import Rays
+from ...rendering.space import Contraction
 from ...scene import Scene
 from ..field import VoxelField
 from ..renderer import Observing, RayBatch

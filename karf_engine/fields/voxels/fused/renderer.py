@@ -8,10 +8,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ....cores import count, share, take_from_torch
-from ....rendering.rays import Rays
-from ....rendering.spherical_harmonics import spherical_harmonics
-from ....runtime import Runtime
+from ....compute.cores import count, share, take_from_torch
+from ....compute.runtime import Runtime
+from ...rendering.rays import Rays
+from ...rendering.spherical_harmonics import spherical_harmonics
 from ..field import VoxelField
 from ..renderer import Observing, RayBatch, RaySums
 from .adam import LazyAdam

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....kernels import kernel, literal_kernel
+from ....compute.kernels import kernel, literal_kernel
 from .arrays import BOTH
 from .marching import TWO, ZERO
 from .prefetching import prefetch

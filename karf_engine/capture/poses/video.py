@@ -1,0 +1,63 @@
+"""Photos from a video: the sharpest frame of each of some equal stretches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ...errors import Cancelled, DataError
+from ...io.images import write_png
+
+MOST_FRAMES = 100
+SHARPNESS_WIDTH = 480  # pixels; at full size grain counts as sharpness
+
+
+def write_sharpest_frames(video: Path, folder: Path, should_stop: Callable[[], bool]) -> list[str]:
+    """Write at most about 100 frames as `frame_0001.png` .. into `folder`, evenly spaced, and return their names.
+
+    Frames are upright, as the video says. Raises DataError where the file is no readable video, and Cancelled.
+    """
+    names: list[str] = []
+    stretch = max(1, round(_count(video, should_stop) / MOST_FRAMES))
+    best, best_sharpness, seen = None, -1.0, 0
+    for frame in _frames(video, should_stop):
+        sharpness = _sharpness(frame)
+        if sharpness > best_sharpness:
+            best, best_sharpness = frame, sharpness
+        seen += 1
+        if seen % stretch == 0:
+            names.append(f"frame_{len(names) + 1:04d}.png")
+            write_png(folder / names[-1], cv2.cvtColor(best, cv2.COLOR_BGR2RGB))
+            best, best_sharpness = None, -1.0
+    return names
+
+
+def _count(video: Path, should_stop: Callable[[], bool]) -> int:
+    """Number of frames; headers often lie about it, so they are counted."""
+    count = sum(1 for _ in _frames(video, should_stop, decode=False))
+    if count == 0:
+        raise DataError(f"{video} is no video that can be read.", "Give a folder of photos, or an MP4 video.")
+    return count
+
+
+def _frames(video: Path, should_stop: Callable[[], bool], decode: bool = True) -> Iterator[np.ndarray | None]:
+    """Frames as uint8 [H, W, 3] in OpenCV's order (blue first); without `decode`, one None a frame."""
+    reader = cv2.VideoCapture(str(video))
+    try:
+        while reader.grab():
+            if should_stop():
+                raise Cancelled(f"Reading {video} was cancelled.", "Start it again when you like.")
+            yield reader.retrieve()[1] if decode else None
+    finally:
+        reader.release()
+
+
+def _sharpness(frame: np.ndarray) -> float:
+    """Variance of the Laplacian: motion blur and missed focus lower it."""
+    gray = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
+    scale = min(1.0, SHARPNESS_WIDTH / gray.shape[1])
+    small = cv2.resize(gray, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    return float(cv2.Laplacian(small, cv2.CV_32F).var())

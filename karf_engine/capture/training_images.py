@@ -1,0 +1,238 @@
+"""Plates: captured photos as learning wants them, at the working size and without lens distortion.
+
+Images are float32 [H, W, C], display-referred sRGB in [0, 1]; pixel corners lie at integers. See `images`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+from scipy.ndimage import maximum_filter
+
+from ..errors import BadRequest, DataError
+from ..io.images import over, read_photo, resize, straight
+from .camera import Camera
+from .capture import View
+from .distortion import distort
+
+BORDER_TOLERANCE = 0.04  # a border pixel this near to black or white counts as such: JPEG noise, dark gray paper
+BORDER_SHARE = 0.8  # of the border's pixels: an object may touch the border
+SOLID_DIFFERENCE = 0.06  # a pixel this far from a black or white background shows something
+VIEW_SHARE = 0.9  # of the views: a few may be close-ups
+ASPECT_TOLERANCE = 0.02  # by which a picture's sides may differ from a view's: rounding of small sizes
+LENS_ROWS = 256  # rows of a lens map that are computed at once: float64 temporaries of whole photos are large
+LENS_DETAIL = 3  # photos are undistorted at this multiple of the working size, so that interpolation costs no detail
+
+
+@dataclass(frozen=True)
+class Plate:
+    """A captured view at the working size, without lens distortion.
+
+    Attributes:
+        view: As captured.
+        camera: A pinhole at the working size.
+        color: sRGB float32 [H, W, 3] in [0, 1], straight.
+        alpha: float32 [H, W] in [0, 1]; None where the photo is opaque.
+        valid: bool [H, W], False where the pinhole sees beyond the photo; None where all is valid.
+    """
+
+    view: View
+    camera: Camera
+    color: np.ndarray
+    alpha: np.ndarray | None
+    valid: np.ndarray | None
+
+
+def load_views(views: Sequence[View], long_side: int) -> list[Plate]:
+    """Read the photos of the views, undistort them and shrink them so that no side exceeds `long_side` pixels.
+
+    Photos are never enlarged, and only one is in memory at its full size.
+
+    Args:
+        views: With photos.
+        long_side: Pixels.
+
+    Raises:
+        DataError: A photo is missing, damaged or of another size than its camera.
+    """
+    return [_load_view(view, long_side) for view in views]
+
+
+def _load_view(view: View, long_side: int) -> Plate:
+    photo = photo_of(view)
+    camera = view.camera
+    small = camera.reduced(long_side)
+    width, height = small.width, small.height
+    opaque = photo.shape[-1] == 3 or bool((photo[..., 3] == 1).all())
+    if opaque:
+        photo = photo[..., :3]
+    if camera.is_pinhole and (width, height) == (camera.width, camera.height):
+        return Plate(view, camera, photo[..., :3], None if opaque else photo[..., 3], None)
+
+    if not opaque:  # averages must not mix in the hidden colors of transparent pixels
+        photo[..., :3] *= photo[..., 3:]
+    if not camera.is_pinhole:  # at full size a lens map takes more time and memory than all else
+        camera = camera.scaled(min(camera.width, LENS_DETAIL * width), min(camera.height, LENS_DETAIL * height))
+        photo = resize(photo, camera.width, camera.height)
+    photo, pinhole, valid = undistort(photo, camera)
+    photo = resize(photo, width, height)
+    valid = resize(valid.astype(np.float32), width, height) > 0.999
+    return Plate(
+        view,
+        pinhole.scaled(width, height),
+        photo if opaque else straight(photo),
+        None if opaque else photo[..., 3],
+        None if valid.all() else valid,
+    )
+
+
+def load_wanted(view: View, picture: Path, long_side: int) -> np.ndarray:
+    """A painted or graded picture of a view, as the view's pinhole shows it at the size of its plate.
+
+    Args:
+        view: Captured.
+        picture: As large as the photo, then with its lens; or of any other size, then without lens distortion.
+        long_side: Pixels, as for `load_views`.
+
+    Returns:
+        sRGB float32 [H, W, 3] in [0, 1], transparency on white.
+
+    Raises:
+        DataError: The picture is missing or damaged.
+        BadRequest: It has another shape than the view.
+    """
+    pixels, camera = read_photo(picture), view.camera.reduced(long_side)
+    height, width = pixels.shape[:2]
+    if (width, height) == (view.camera.width, view.camera.height):
+        plate = _load_view(replace(view, image=picture), long_side)
+        return over(plate.color, plate.alpha)
+    if abs(width * camera.height / (height * camera.width) - 1) > ASPECT_TOLERANCE:
+        raise BadRequest(
+            f"{picture} has {width}x{height} pixels, the view {view.name!r} {view.camera.width}x{view.camera.height}.",
+            "Give a picture of the whole view, of any size.",
+        )
+    alpha = pixels[..., 3] if pixels.shape[-1] == 4 else None
+    return resize(over(pixels[..., :3], alpha), camera.width, camera.height)
+
+
+def photo_of(view: View) -> np.ndarray:
+    """A view's photo, float sRGB [H, W, 3 or 4] in [0, 1] with straight alpha, turned as its camera was made for.
+
+    Raises:
+        DataError: It is missing, damaged or of another size than its camera.
+    """
+    path = image_of(view)
+    size = (view.camera.height, view.camera.width)
+    for upright in (True, False):
+        photo = read_photo(path, upright)
+        if photo.shape[:2] == size:
+            return photo
+        found, photo = photo.shape, None  # never two of them in memory
+    raise DataError(
+        f"{path} is {found[1]}x{found[0]} pixels where its camera has {size[1]}x{size[0]}.",
+        "Import the capture again.",
+    )
+
+
+def image_of(view: View) -> Path:
+    """The view's photo.
+
+    Raises:
+        DataError: It has none.
+    """
+    if view.image is None:
+        raise DataError(f"View {view.name!r} is a bare camera without a photo.", "Give a capture with photos.")
+    return view.image
+
+
+def undistort(image: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera, np.ndarray]:
+    """Remove a lens distortion; focal lengths, center and size stay.
+
+    Args:
+        image: Float [H, W, C] with C of 1, 3 or 4, which OpenCV interpolates exactly.
+        camera: With its distortion.
+
+    Returns:
+        The image (float32), its pinhole camera, and where the pinhole sees inside the photo's borders, bool [H, W].
+    """
+    if camera.is_pinhole:
+        return image, camera.without_distortion(), np.ones(image.shape[:2], bool)
+    map_u, map_v, valid = lens_map(
+        camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, camera.distortion, camera.fisheye
+    )
+    image = image.astype(np.float32, copy=False)
+    straight = cv2.remap(image, map_u, map_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return straight.reshape(image.shape), camera.without_distortion(), valid.copy()
+
+
+@lru_cache(maxsize=2)  # most captures have one lens; the maps of a large photo take 100 MB
+def lens_map(
+    width: int, height: int, fx: float, fy: float, cx: float, cy: float, distortion: tuple[float, ...], fisheye: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where a lens shows what its pinhole shows in each pixel; arguments as the attributes of `Camera`.
+
+    Returns:
+        Columns and rows, float32 [H, W], pixel centers at integers; and whether they lie inside the photo, bool [H, W].
+    """
+    lens = Camera(width, height, fx, fy, cx, cy, np.eye(4), distortion, fisheye)
+    maps, valid = np.empty((2, height, width), np.float32), np.empty((height, width), bool)
+    for top in range(0, height, LENS_ROWS):
+        rows = slice(top, min(top + LENS_ROWS, height))
+        v, u = np.mgrid[rows, 0:width] + 0.5
+        seen = distort(lens, np.stack([u, v], -1))
+        valid[rows] = ((seen >= 0) & (seen <= (width, height))).all(-1)  # nan is outside
+        maps[:, rows] = np.moveaxis(np.nan_to_num(seen, nan=-1.0), -1, 0) - 0.5
+    return maps[0], maps[1], valid
+
+
+def background_kind(photos: Sequence[np.ndarray]) -> str:
+    """What surrounds the objects in a capture's photos.
+
+    Args:
+        photos: Float [H, W, 3 or 4] in [0, 1]. An alpha channel that is 1 everywhere is no matte.
+
+    Returns:
+        `alpha` (a matte), `black`, `white`, or `opaque` (a real background).
+
+    Raises:
+        DataError: All photos are transparent everywhere.
+    """
+    if photos and all(photo.shape[-1] == 4 and not photo[..., 3].any() for photo in photos):
+        raise DataError("All photos are transparent everywhere.", "Export them with their colors, or without alpha.")
+    kinds = [_background_of(photo) for photo in photos]
+    for kind in ("alpha", "black", "white"):
+        if kinds and kinds.count(kind) >= VIEW_SHARE * len(kinds):
+            return kind
+    return "opaque"
+
+
+def _background_of(photo: np.ndarray) -> str:
+    if photo.shape[-1] == 4 and (photo[..., 3] < 1).any():
+        return "alpha"
+    border = np.concatenate([photo[0], photo[-1], photo[1:-1, 0], photo[1:-1, -1]])[:, :3]
+    if (border.max(-1) <= BORDER_TOLERANCE).mean() >= BORDER_SHARE:
+        return "black"
+    if (border.min(-1) >= 1 - BORDER_TOLERANCE).mean() >= BORDER_SHARE:
+        return "white"
+    return "opaque"
+
+
+def solid_pixels(color: np.ndarray, kind: str) -> np.ndarray:
+    """Pixels that certainly show something opaque before a background of one color.
+
+    They differ from the background, and nearly as much as their neighbors do: a mixed pixel at an edge does not.
+
+    Args:
+        color: [H, W, 3] in [0, 1].
+        kind: `black` or `white`, the background.
+
+    Returns:
+        bool [H, W].
+    """
+    difference = color.max(-1) if kind == "black" else 1 - color.min(-1)
+    return (difference > SOLID_DIFFERENCE) & (difference > 0.8 * maximum_filter(difference, 3))

@@ -1,0 +1,70 @@
+"""Whether this Python, on this computer, can run the engine: what is there, what is missing, what to do about it.
+
+The standard library is enough to ask. Packages are only loaded where they are looked at.
+"""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Iterator
+from pathlib import Path
+
+from ...worker.findings import ERROR, OK, STATUSES, VERDICT, WARNING, Finding
+from ...worker.requirements import REQUIRED
+from . import machine, packages, smoke
+
+TORCH = REQUIRED[0]
+
+
+def examine(
+    folder: Path, quick: bool = False, device: str | None = None, threads: int | None = None
+) -> Iterator[Finding]:
+    """Look at everything, one finding after another; the last one is the verdict.
+
+    Args:
+        folder: Where projects would lie: its disk and its locks are tried. It is not made.
+        quick: Do not try the stages, which takes some seconds. Nor are they tried where something is amiss.
+        device: As for the stages (`library`), on which they are tried.
+        threads: As for the stages.
+    """
+    found = []
+    for finding in _findings(folder, device):
+        found.append(finding)
+        yield finding
+    if not quick and all(finding.status != ERROR for finding in found):
+        for finding in smoke.stages(device, threads):
+            found.append(finding)
+            yield finding
+    yield _verdict(found)
+
+
+def _findings(folder: Path, device: str | None) -> Iterator[Finding]:
+    yield machine.python()
+    required = list(packages.required())
+    yield from required
+    yield from packages.optional()
+    if all(finding.status != ERROR for finding in required):
+        yield from packages.devices(device)
+    yield from machine.findings(folder)
+
+
+def _verdict(found: list[Finding]) -> Finding:
+    worst = max(found, key=lambda finding: STATUSES.index(finding.status))
+    concerned = [finding for finding in found if finding.status == worst.status]
+    names = ", ".join(finding.name for finding in concerned)
+    if worst.status == ERROR:
+        sentence = f"The engine cannot work here: {names}."
+        return Finding(VERDICT, ERROR, sentence, worst.remedy, _command(concerned), worst.code)
+    what = f"Python {platform.python_version()}, torch {packages.installed_version(TORCH)}"
+    if worst.status == WARNING:
+        return Finding(
+            VERDICT, WARNING, f"The engine works, with a limit ({names}): {what}.", worst.remedy, worst.command
+        )
+    return Finding(VERDICT, OK, f"The engine is ready: {what}.")
+
+
+def _command(concerned: list[Finding]) -> str:
+    """What the first of these asks for; of packages that are missing, one command for all of them."""
+    names = [finding.name for finding in concerned]
+    missing = [package for package in REQUIRED if package.name in names]
+    return packages.install_command(*missing) if missing and names[0] == missing[0].name else concerned[0].command

@@ -1,0 +1,158 @@
+"""Colorways: every colorway of a sheet times every view, and what becomes of its colors.
+
+Options: sheet (CSV or JSON, see `edit.color_sheet`), out (folder), views and size (as the render stage takes them;
+default all, photo), predict_only (bool), locked (list of <object>/<number> of swatches that stay as learned). What each
+color will be is known, and told, before anything is rendered. Writes
+
+    OUT/<colorway>/<view>.png        the recolored view; of photos .png, .tif or .exr as they came
+    OUT/colorways.csv                of each color: wanted, predicted, reached, their CIEDE2000, and why not closer
+    OUT/contact_sheet.png            a row for each colorway
+    OUT/finished.jsonl               what each picture was made from: one that is there already is not made again
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..capture.capture import View
+from ..capture.chosen_views import choose_views
+from ..compute.progress import Emit
+from ..errors import BadRequest
+from ..export.colorway_pictures import Probes, pictures_of
+from ..export.colorway_table import Reached, write_table
+from ..export.contact_sheet import Line, Row, write_contact_sheet
+from ..export.finished_frames import FinishedFrames, frame_mark, model_mark, view_mark
+from ..export.frame_files import size_of
+from ..palettes.colorways.planned import PlannedColorway, plan_colorways
+from ..palettes.colorways.reached import Prediction
+from ..palettes.palette import rgb_to_hex
+from ..project.locking import consistent, opened
+from ..recolor.model import Model
+from ..wire import Request
+from .disputes import Disputes
+from .job import Job, open_job
+
+VERSION = 1
+SHEET_VIEWS, SHEET_ROWS = 6, 100
+MOST_WARNINGS = 5
+
+
+def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
+    """Tell what each colorway reaches, then write it in all views. Raises BadRequest where sheet or out is missing."""
+    project, options = opened(request.project), request.options
+    for name in ("sheet", "out"):
+        if not options.get(name):
+            raise BadRequest(f"The colorways were given no {name}.", "Give a sheet, and a folder to write to.")
+    out = Path(options["out"])
+    planned = plan_colorways(project, Path(options["sheet"]), _locked(options.get("locked", ())))
+    _tell(planned, emit)
+    write_table(out / "colorways.csv", planned)
+    if not options.get("predict_only"):
+        project.require("recoloring")
+        with consistent(project):
+            job = open_job(request, emit, should_stop)
+            work = _Work(job, Model(project, job.runtime.device), planned, out)
+        work.run()
+        job.artifact("contact sheet", out / "contact_sheet.png")
+    emit("artifact", kind="colorways", path=str(out / "colorways.csv"))
+
+
+def _locked(swatches: Sequence[str]) -> dict[str, list[int]]:
+    """Numbers of locked swatches by object, of texts `<object>/<number>`. Raises BadRequest where one is none."""
+    locked: dict[str, list[int]] = {}
+    for swatch in swatches:
+        name, slash, number = swatch.rpartition("/")
+        if not slash or not number.isdecimal():
+            raise BadRequest(f"The locked swatch {swatch!r:.200} is none.", "Write <object>/<number>, as pot/2.")
+        locked.setdefault(name, []).append(int(number))
+    return locked
+
+
+def _tell(planned: Sequence[PlannedColorway], emit: Emit) -> None:
+    """Warn of colors that cannot be reached."""
+    emit("stage", name="colorways", text=f"{len(planned)} colorways")
+    missed = [(plan.colorway.name, p) for plan in planned for p in plan.predictions if p.reason]
+    for name, prediction in missed[:MOST_WARNINGS]:
+        sentence = f"{name}, {prediction.wish.name}: cannot be reached, because {prediction.reason}."
+        emit("warning", code="colorway", sentence=f"{sentence} CIEDE2000 {prediction.ciede2000:.1f}.")
+    if len(missed) > MOST_WARNINGS:
+        emit("warning", code="colorway", sentence=f"{len(missed) - MOST_WARNINGS} more: see colorways.csv.")
+
+
+class _Work:
+    """Colorways times views: a view is rendered once for all colorways, and a picture that is finished not again."""
+
+    def __init__(self, job: Job, model: Model, planned: Sequence[PlannedColorway], out: Path) -> None:
+        self._job, self._model, self._planned, self._out = job, model, planned, out
+        self._views, self._captured = choose_views(job.capture(), job.options.get("views", "all"))
+        self._finished = FinishedFrames.read(out)
+        self._mark, self._size = model_mark(job), size_of(job.options.get("size"))
+
+    def run(self) -> None:
+        """Write what is not finished, then the table and the contact sheet."""
+        todo = [(view, marks) for view in self._views if (marks := self._unfinished(view))]
+        progress = self._job.progress("colorways", len(self._views) * len(self._planned))
+        progress.resume_at(len(self._views) * len(self._planned) - sum(len(marks) for _, marks in todo))
+        disputes = Disputes()
+        for view, marks in todo:
+            progress.step(0)
+            pictures = pictures_of(self._model, view, self._size, self._captured)
+            disputes.add(view.name, pictures.disputed)
+            probes = Probes(pictures)
+            plans = [plan for plan in self._planned if plan.colorway.name in marks]
+            for plan, picture in zip(plans, pictures.recolored([plan.edit for plan in plans]), strict=True):
+                path = self._out / plan.colorway.folder / f"{view.name}{pictures.suffix}"
+                pictures.write(path, picture)
+                found = {p.wish.name: probes.measure(picture, p) for p in plan.predictions}
+                measured = {name: values for name, values in found.items() if values is not None}
+                name = self._name(plan.colorway.name, view)
+                self._finished.note(name, marks[plan.colorway.name], [path], reached=measured)
+                progress.step()
+        disputes.tell(self._job.emit)
+        self._finished = FinishedFrames.read(self._out)
+        write_table(self._out / "colorways.csv", self._planned, self._reached)
+        self._write_sheet()
+
+    def _unfinished(self, view: View) -> dict[str, str]:
+        """The marks of the pictures of a view that are still to make, by colorway."""
+        own = view_mark(self._mark, view, VERSION, self._size)
+        marks = {plan.colorway.name: frame_mark(own, plan.edit) for plan in self._planned}
+        return {name: mark for name, mark in marks.items() if not self._finished.has(self._name(name, view), mark)}
+
+    def _name(self, colorway: str, view: View) -> str:
+        return f"{colorway}/{view.name}"
+
+    def _reached(self, plan: PlannedColorway, prediction: Prediction) -> Reached | None:
+        """What was measured of a color in all views together; None where no picture shows it."""
+        notes = [self._finished.frames[self._name(plan.colorway.name, view)].get("reached", {}) for view in self._views]
+        found = [r[prediction.wish.name] for r in notes if prediction.wish.name in r]
+        if not found:
+            return None
+        values = np.array(found)
+        return Reached(np.average(values[:, :3], axis=0, weights=values[:, 3]), int(values[:, 3].sum()), len(found))
+
+    def _picture(self, plan: PlannedColorway, view: View) -> Path:
+        (file,) = self._finished.frames[self._name(plan.colorway.name, view)]["files"]
+        return self._out / file
+
+    def _write_sheet(self) -> None:
+        """The contact sheet, of some views spread over all."""
+        count = min(SHEET_VIEWS, len(self._views))
+        chosen = [self._views[number * len(self._views) // count] for number in range(count)]
+        rows = [
+            Row(_label(plan), tuple(self._picture(plan, view) for view in chosen))
+            for plan in self._planned[:SHEET_ROWS]
+        ]
+        write_contact_sheet(self._out / "contact_sheet.png", [view.name for view in chosen], rows)
+
+
+def _label(plan: PlannedColorway) -> tuple[Line, ...]:
+    """A colorway's name, and of each object the wanted and the predicted color."""
+    colors = [
+        Line(f"{p.wish.name}  {rgb_to_hex(p.reached)}  {p.ciede2000:.1f}", (p.target, p.reached))
+        for p in plan.predictions
+    ]
+    return Line(plan.colorway.name), *colors

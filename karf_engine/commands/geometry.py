@@ -1,0 +1,259 @@
+"""Stage 0: photos -> radiance field (geometry.safetensors).
+
+Options: capture (path), preset, overrides (list of `stage.field=value`), nerf (path of a NeRF that another program has
+trained, which becomes the geometry), holdout (every how many-th photo is held out where the capture declares no test
+photos; by default as the project's geometry was learned, else none), masks (folder of masks), threads, device.
+
+Marked photos are learned from, also those that would be held out: the project's marks and those of `masks`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from ..capture import hold_out, open_capture
+from ..capture.capture import Capture, SparsePoints, capture_to_json, with_split
+from ..capture.poses.triangulation import triangulate
+from ..capture.training_images import Plate
+from ..compute import cores
+from ..compute.process_group import Team, joined
+from ..compute.progress import Emit, Progress
+from ..compute.runtime import start_runtime
+from ..errors import BadRequest, Cancelled, DataError, KarfError
+from ..fields.detail import kept_psnr, typical_pixels_per_voxel
+from ..fields.files import save_scene
+from ..fields.nerf.field import NerfNetwork
+from ..fields.nerf.files import read_nerf
+from ..fields.nerf.importing import import_nerf
+from ..fields.registry import field_kind
+from ..fields.rendering.rays import PixelBank
+from ..fields.scene import Scene, psnr_of_views
+from ..fields.task import background_of, make_bank, task_of
+from ..io.files import write_json
+from ..io.images import over, write_png
+from ..project import settings as settings_module
+from ..project.locking import opened
+from ..segmentation.coarse_masks import marked_views
+from ..wire import Request
+from .job import Job, StageRun, file_digest, make_job, run_stage
+
+VERSION = 2
+VALIDATION_VIEWS = 8
+COMPARED_VIEWS, COMPARED_LONG_SIDE = 3, 200  # photos that a foreign NeRF must show
+DETAIL_PHOTOS = 8  # that are asked how much they lose with detail
+SERIOUS_LOSS = 25.0  # dB that photos keep without the detail that voxels cannot hold; less is worth a warning
+ENOUGH_PIXELS = 2.0  # that a voxel may span: most photos keep about 29 dB then
+WORSE = 0.5  # dB that held-out views may lose from level to level without a warning
+
+
+def run(request: Request, emit: Emit, should_stop: Callable[[], bool], capture: Capture | None = None) -> None:
+    """Learn the scene of `options["capture"]` into the project; a finished one of the same inputs is kept.
+
+    capture: what that path holds, for a caller who has it in memory.
+    """
+    options = request.options
+    if "capture" not in options:
+        raise BadRequest("The geometry stage was given no capture.", "Name a folder or file with photos and poses.")
+    settings = settings_module.with_overrides(
+        settings_module.preset(options.get("preset", "demo")), options.get("overrides", [])
+    )
+    nerf = Path(options["nerf"]) if options.get("nerf") else None
+    networks = None if nerf is None else read_nerf(nerf)
+    capture = capture or open_capture(Path(options["capture"]))
+    for remark in capture.remarks:
+        emit("warning", code="capture", sentence=remark)
+    project = opened(request.project)
+    project.create(str(Path(options["capture"]).absolute()))
+    holdout = options.get("holdout")
+    capture = hold_out(capture, project.holdout() if holdout is None else holdout)
+    job = make_job(project, options, settings, emit, should_stop)
+    with run_stage(job, "geometry", VERSION, *_inputs(capture, nerf)) as run:
+        if run is None:
+            project.set_settings(settings_module.to_dict(settings))
+            return
+        run.summary["holdout"] = capture.holdout
+        capture = with_marked(job, capture)
+        n_photos = len(capture.split("train"))
+        if n_photos < 3:
+            raise DataError(f"{capture.source} has {n_photos} training photos.", "A scene needs at least three.")
+        if nerf is None:
+            scene = learn(job, capture, run)
+        else:
+            scene = import_scene(job, capture, nerf, networks, run.summary)
+        write_json(run.output(project.capture_file), capture_to_json(capture, project.folder))
+        save_scene(scene, run.output(project.geometry_file))
+    job.artifact("geometry", project.geometry_file)
+
+
+def with_marked(job: Job, capture: Capture) -> Capture:
+    """The capture with all marked photos among those to learn from.
+
+    A mark of later does not make finished geometry outdated: this is no part of its fingerprint.
+    """
+    folders = [job.project.masks_folder, job.project.corrections_folder]
+    folders += [Path(job.options["masks"])] if job.options.get("masks") else []
+    return with_split(capture, set().union(*(marked_views(folder, capture) for folder in folders)), "train")
+
+
+def _inputs(capture: Capture, nerf: Path | None) -> list:
+    """What the geometry is learned from, as JSON values."""
+    inputs = [capture_to_json(capture), [file_digest(view.image) for view in capture.views]]
+    if capture.points is not None:
+        inputs.append(hashlib.sha256(capture.points.positions.tobytes() + capture.points.point.tobytes()).hexdigest())
+    if nerf is not None:
+        inputs.append(hashlib.sha256(nerf.read_bytes()).hexdigest())
+    return inputs
+
+
+def learn(job: Job, capture: Capture, run: StageRun) -> Scene:
+    """Fit the field, with previews on the way; what an interrupted run has learned is resumed."""
+    settings = job.settings.geometry
+    wait = field_kind(settings.field).prepare(settings, job.runtime.device)
+    views = capture.split("train")
+    plates = job.plates(views)
+    kind = background_of(plates)
+    points = training_points(job, capture, plates, kind)
+    task = task_of(views, plates, kind, points, settings, job.settings.seed, job.runtime.device)
+    job.emit("stage", name="geometry", text=f"{task.space}, {0 if points is None else len(points)} sparse points")
+    wait(job.emit, job.should_stop)
+    team = joined()
+    team.share(task)
+    fit = task.start(replace(job.runtime, team=team))
+    progress = job.progress("geometry", fit.iterations)
+    run.unfinished.follow(fit, progress)
+    team.share(fit.state() if fit.done else None)
+    held_out, scores = validation_bank(job, capture), run.unfinished.notes.setdefault("held_out", [])
+    for scene in fit.scenes(progress, run.unfinished):
+        preview(job, scene, task.plates[0])
+        if held_out is not None:
+            validate(job, scene, held_out, scores)
+    run.summary.update(background=task.kind, space=task.space, **scene.field.summary(), held_out=scores)
+    if settings.field == "voxels":
+        pixels = typical_pixels_per_voxel(scene.field.space, scene.field.voxel, task.views, task.points)
+        run.summary["pixels_per_voxel"] = round(pixels, 2)
+        warn_of_lost_detail(job, pixels, task.plates, task.space)
+    return scene
+
+
+def help_to_learn(team: Team) -> None:
+    """Take part in the fits of the team's first process, until there are no more. Nothing is written or told."""
+    while (task := team.share()) is not None:
+        fit = task.start(replace(start_runtime(task.seed, task.threads, task.device), team=team))
+        state = team.share()
+        if state is not None:
+            fit.resume(state)
+        for _ in fit.scenes(Progress(lambda *_, **__: None, lambda: False, "geometry", fit.iterations)):
+            pass
+
+
+def import_scene(
+    job: Job, capture: Capture, path: Path, networks: tuple[NerfNetwork, NerfNetwork], summary: dict
+) -> Scene:
+    """The scene of a NeRF that another program has trained, once it has been seen to show some training photos."""
+    views = capture.split("train")
+    plates = job.plates(views[:: max(1, len(views) // COMPARED_VIEWS)][:COMPARED_VIEWS], COMPARED_LONG_SIDE)
+    kind = background_of(plates)
+    grays = {"alpha": 1.0, "black": 0.0} if kind == "alpha" else {kind: 0.0}
+    device = job.runtime.device
+    banks = {name: make_bank([_over_gray(p, value) for p in plates], "opaque", device) for name, value in grays.items()}
+    job.emit("stage", name="geometry", text=f"comparing {path.name} with {len(plates)} photos")
+    scene, alignment, psnr = import_nerf(
+        networks, list(capture.views), banks, job.settings.geometry.nerf, str(path), device
+    )
+    job.emit("stage", name="geometry", text=f"{path.name} is placed {alignment!r} and shows them at {psnr:.1f} dB")
+    preview(job, scene, plates[0])
+    summary |= {"background": scene.background_kind, "space": alignment, **scene.field.summary()}
+    summary |= {"nerf": str(path), "psnr": round(psnr, 2)}
+    return scene
+
+
+def preview(job: Job, scene: Scene, plate: Plate) -> None:
+    """Write the view of a plate as rendered."""
+    path = job.project.folder / "preview.png"
+    write_png(path, scene.render(plate.camera, 1).color.cpu().numpy())
+    job.emit("preview", path=str(path))
+
+
+def validation_bank(job: Job, capture: Capture) -> PixelBank | None:
+    """Pixels of some test views, evenly chosen; None where there are none, or one has a matte."""
+    views = capture.split("test")
+    plates = job.plates(views[:: max(1, len(views) // VALIDATION_VIEWS)])
+    if not plates:
+        text = "no photo is held out: how well new views are rendered is not measured"
+        job.emit("stage", name="geometry", text=text)
+    if not plates or any(plate.alpha is not None for plate in plates):
+        return None
+    return make_bank(plates, "opaque", job.runtime.device)
+
+
+def validate(job: Job, scene: Scene, held_out: PixelBank, scores: list[list[float]]) -> None:
+    """Append how well held-out views are rendered, mean and worst in dB, and warn where that has become worse."""
+    values = psnr_of_views(scene, held_out)
+    mean, worst = round(sum(values) / len(values), 2), round(min(values), 2)
+    job.emit("stage", name="geometry", text=f"held-out views {mean} dB, the worst {worst} dB")
+    if scores and mean < scores[-1][0] - WORSE:
+        job.emit(
+            "warning",
+            code="held_out",
+            sentence=f"Held-out views became worse in the last level, from {scores[-1][0]} to {mean} dB: "
+            "the photos do not settle the geometry. More photos between these, or fewer iterations, would.",
+        )
+    scores.append([mean, worst])
+
+
+def warn_of_lost_detail(job: Job, pixels: float, plates: list[Plate], space: str) -> None:
+    """Warn where voxels that span so many pixels lose most of what the photos show, with the number that would do."""
+    some = [plate.color for plate in plates[:: max(1, len(plates) // DETAIL_PHOTOS)]]
+    kept = float(np.mean(kept_psnr(some, pixels)))
+    if kept >= SERIOUS_LOSS:
+        return
+    settings = job.settings.geometry
+    name, levels = (
+        ("geometry.levels", settings.levels) if space == "box" else ("geometry.open.levels", settings.open.levels)
+    )
+    voxels = levels[-1].voxels
+    job.emit(
+        "warning",
+        code="detail",
+        sentence=f"A voxel spans {pixels:.1f} pixels where the photos look, and without so much detail the photos "
+        f"themselves are {kept:.1f} dB from what they were: what is finer is blurred. {name} ends at {voxels} voxels; "
+        f"{math.ceil(voxels * pixels / ENOUGH_PIXELS)} would do, with more memory and time.",
+    )
+
+
+def training_points(job: Job, capture: Capture, plates: list[Plate], kind: str) -> SparsePoints | None:
+    """Sparse points as the training photos observe them: the capture's, or found in the photos; None without need.
+
+    Test photos are left out, though their features helped to find a capture's own points.
+    """
+    if kind != "opaque" or job.settings.geometry.space == "box":
+        return None
+    if capture.points is not None and len(capture.points.view):
+        return capture.points.seen_by([n for n, view in enumerate(capture.views) if view.split == "train"])
+    if find_spec("pycolmap") is None:
+        job.emit(
+            "warning",
+            code="points",
+            sentence="The capture has no sparse points, and without the package pycolmap none can be found: "
+            "nothing but the photos tells where space is empty. Install it for a better scene.",
+        )
+        return None
+    try:
+        return triangulate(plates, cores.count(), job.progress("points", len(plates)))
+    except Cancelled:
+        raise
+    except KarfError as error:
+        job.emit("warning", code="points", sentence=f"No sparse points: {error.sentence}")
+        return None
+
+
+def _over_gray(plate: Plate, gray: float) -> Plate:
+    """The plate composited over a gray, without its matte."""
+    return replace(plate, color=over(plate.color, plate.alpha, gray), alpha=None)

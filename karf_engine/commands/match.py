@@ -1,0 +1,94 @@
+"""To an edit: from one color pair, "this color of the object becomes that color", or from a painted or graded view.
+
+Options: edit (EDIT.json to start from), out (EDIT.json), and object, source, target (#rrggbb), rule (becomes | fewest |
+added), also (further [source, target] of the object); or view, picture (of that view as it shall look).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..compute.progress import Emit
+from ..errors import BadRequest
+from ..io.color import srgb_to_lab
+from ..palettes.colorways.reached import reached_by
+from ..palettes.matching.paints import pigment_gate
+from ..palettes.object_colors import read_object_colors
+from ..palettes.palette import rgb_to_hex
+from ..palettes.project_edit import ProjectEdit, as_color, edit_of
+from ..project import Project
+from ..project.locking import consistent, opened
+from ..wire import Request
+
+PAIR, PICTURE = ("object", "source", "target"), ("view", "picture")
+
+
+def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
+    """Solve the edit and write it; other objects keep what `edit` says of them."""
+    del should_stop  # seconds at most
+    project, options = opened(request.project), request.options
+    project.require("palette")
+    asked = PICTURE if any(options.get(name) for name in PICTURE) else PAIR
+    for name in (*asked, "out"):
+        if not options.get(name):
+            raise BadRequest(
+                f"The match was given no {name}.",
+                "Give object, source color, target color and out; or view, picture and out.",
+            )
+    edit = edit_of(project, options.get("edit"))
+    if asked == PICTURE:
+        edit = _match_picture(project, options, edit, emit)
+    else:
+        pair, rule = [options[name] for name in PAIR], options.get("rule") or "becomes"
+        also = [tuple(each) for each in options.get("also") or ()]
+        if rule == "added":
+            for source, target in (pair[1:], *also):
+                edit = edit.add_color(pair[0], source, target)
+        else:
+            edit = edit.becomes(*pair, rule, also)
+            _tell(edit, pair[0], [tuple(pair[1:]), *also], emit)
+    edit.save(options["out"])
+    emit("artifact", kind="edit", path=str(Path(options["out"])))
+
+
+def _tell(edit: ProjectEdit, name: str, pairs: list[tuple[str, str]], emit: Emit) -> None:
+    """Say how much of an object the edit repaints, and which of the colors are missed, and why."""
+    palette = next(each for each in edit.palettes if each.name == name)
+    seen = read_object_colors(edit.project.checked(edit.project.object_colors_file), name)
+    sources = [as_color(source) for source, _ in pairs]
+    for source, (before, after) in zip(sources, pairs, strict=True):
+        reached, left, reason = reached_by(edit.colors[name], palette, seen, source, srgb_to_lab(as_color(after)))
+        if reason:
+            told = (
+                f"{name}: {before} becomes {rgb_to_hex(reached)}, not {after} (CIEDE2000 {left:.0f}), because {reason}."
+            )
+            emit("warning", code="missed", sentence=told)
+    named = np.max([pigment_gate(seen.colors, source) for source in sources], axis=0)
+    share = np.average(named, weights=seen.counts)
+    emit("stage", name="match", text=f"{name}: {share:.0%} of it is of the paint that becomes another; the rest stays")
+
+
+def _match_picture(project: Project, options: dict[str, Any], edit: ProjectEdit, emit: Emit) -> ProjectEdit:
+    """The edit that brings a view closest to a picture of it; what is left is told."""
+    from ..compute.runtime import start_runtime
+    from ..recolor.model import Model  # needs torch, which a color pair does not
+
+    project.require("recoloring")
+    runtime = start_runtime(0, options.get("threads"), options.get("device"))
+    with consistent(project):
+        model = Model(project, runtime.device)
+    matches = model.match(model.capture.view(options["view"]), Path(options["picture"]), edit)
+    if not matches:
+        raise BadRequest(
+            f"{options['picture']} shows all objects of {options['view']!r} as they are.",
+            "Paint on the objects, or give a picture of another view.",
+        )
+    for match in matches:
+        left = f"CIEDE2000 to the picture {match.before:.1f} before, {match.left:.1f} now"
+        emit("stage", name="match", text=f"{match.name}: {left}, {100 * match.painted:.0f} % of it painted")
+    return replace(edit, colors=edit.colors | {match.name: match.colors for match in matches})

@@ -1,0 +1,36 @@
+"""Stage 2a: the objects' colors -> palettes (palette.json) and color histograms (object_colors.npz). No options."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ..compute.progress import Emit
+from ..heads.files import load_surface
+from ..heads.object_surface import object_pixels, scarce_objects
+from ..palettes.extraction.extraction import color_histograms, extract_palettes
+from ..palettes.object_colors import write_object_colors
+from ..palettes.palette import write_palettes
+from ..wire import Request
+from .job import open_job, run_stage
+
+VERSION = 1
+
+
+def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
+    """Extract a palette for every segmented object, or one for all of them."""
+    job = open_job(request, emit, should_stop)
+    with run_stage(job, "palette", VERSION) as run:
+        if run is None:
+            return
+        surface, objects = load_surface(job.project.checked(job.project.surface_file))
+        for name, count in scarce_objects(surface, objects).items():
+            sentence = (
+                f"{name!r} shows only {count} pixels in all views, too few for a palette: mark it more generously."
+            )
+            job.emit("warning", code="scarce", sentence=sentence)
+        pixels = object_pixels(surface, objects)
+        palettes = extract_palettes(objects, pixels, job.settings.palette, job.settings.seed)
+        write_palettes(run.output(job.project.palette_file), palettes, job.settings.palette.shared)
+        write_object_colors(run.output(job.project.object_colors_file), color_histograms(palettes, pixels))
+        run.summary["colors"] = {palette.name: len(palette.colors) for palette in palettes}
+    job.artifact("palette", job.project.palette_file)

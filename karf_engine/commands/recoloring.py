@@ -1,0 +1,83 @@
+"""Stage 2b: palettes and surface samples -> F_w (recoloring.safetensors) and the learned palettes. No options."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import torch
+
+from ..capture.camera import Camera
+from ..compute.progress import Emit
+from ..errors import DataError
+from ..fields.files import load_scene
+from ..fields.protocol import Field
+from ..heads.fields import RecoloringField
+from ..heads.files import load_segmentation, load_surface, save_recoloring
+from ..heads.fit import ObjectRays, fit_recoloring
+from ..heads.object_surface import ObjectSurface, object_pixels
+from ..heads.training_rays import palettes_of_objects, training_rays
+from ..palettes.compositing import stack_palettes
+from ..palettes.extraction.extraction import color_histograms
+from ..palettes.object_colors import write_object_colors
+from ..palettes.palette import Palette, read_palettes, write_palettes
+from ..segmentation.report import SegmentationReport
+from ..wire import Request
+from .job import Job, StageRun, open_job, run_stage
+
+VERSION = 1
+
+
+def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
+    """Learn view-consistent palette weights, and adapt the palettes."""
+    job = open_job(request, emit, should_stop)
+    with run_stage(job, "recoloring", VERSION) as run:
+        if run is None:
+            return
+        project, device, settings = job.project, job.runtime.device, job.settings.recoloring
+        field = load_scene(project.checked(project.geometry_file), device).field
+        segmentation, objects = load_segmentation(project.checked(project.segmentation_file), field.n_features, device)
+        initial = read_palettes(project.checked(project.palette_file), "initial", objects)
+        blocks = initial[:1] if job.settings.palette.shared else initial
+        sizes = [len(palette.colors) for palette in blocks]
+        karf = RecoloringField(segmentation.bounds, field.n_features, sizes, settings).to(device)
+        surface, _ = load_surface(project.checked(project.surface_file), device)
+        rays = rays_of(job, field, surface, blocks)
+        stacked = torch.from_numpy(stack_palettes([p.name for p in blocks], {p.name: p.colors for p in blocks}))
+        progress = job.progress("recoloring", settings.iterations)
+        learned = fit_recoloring(karf, field, rays, stacked.to(device), settings, job.runtime, progress, run.unfinished)
+        save_recoloring(run.output(project.recoloring_file), karf, sizes, settings)
+        palettes = palettes_of_objects(objects, learned.cpu().numpy(), sizes)
+        _write_palettes(job, run, palettes, initial, object_pixels(surface, objects))
+    job.artifact("recoloring", job.project.recoloring_file)
+
+
+def _write_palettes(
+    job: Job,
+    run: StageRun,
+    palettes: Sequence[Palette],
+    initial: Sequence[Palette],
+    pixels: Sequence[Sequence[np.ndarray]],
+) -> None:
+    """Put the learned palettes in the place of the extracted ones, which are kept beside them."""
+    write_palettes(run.output(job.project.palette_file), palettes, job.settings.palette.shared, initial)
+    write_object_colors(run.output(job.project.object_colors_file), color_histograms(palettes, pixels))
+    moved = [float(np.abs(a.colors - b.colors).max()) for a, b in zip(palettes, initial, strict=True)]
+    run.summary["palette_moved"] = round(max(moved), 4)
+
+
+def rays_of(job: Job, field: Field, surface: ObjectSurface, blocks: Sequence[Palette]) -> ObjectRays:
+    """What F_w learns from, as the job's settings say; reads the report and the capture where they are needed."""
+    settings = job.settings.recoloring
+    masked_views: list[int] = []
+    cameras: list[Camera] = []
+    if settings.supervision == "reference" or settings.targets == "loco":
+        path = job.project.checked(job.project.segmentation_report)
+        report = SegmentationReport.read(path)
+        masked_views = [number for number, name in enumerate(report.views) if name in report.masked_views]
+        if max(surface.view.tolist(), default=0) >= len(report.views):
+            raise DataError(f"{path} lacks views.", "Run the segmentation stage again.")
+    if settings.targets == "loco":
+        capture = job.capture()
+        cameras = [capture.view(name).camera for name in report.views]
+    return training_rays(field, surface, blocks, settings, masked_views, cameras, job.progress)

@@ -1,0 +1,123 @@
+"""Stage 1: coarse masks -> F_s (segmentation.safetensors), the objects' rays (surface.safetensors) and a report.
+
+Options: masks (folder MASKS/<object>/<photo stem>.png; the project's own masks by default), corrections (folder of
+partial marks, see segmentation.corrections; the project's own by default), volumes (file of boxes and meshes, see
+project.volumes; the project's own by default).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from ..compute.progress import Emit
+from ..fields.files import load_scene
+from ..fields.protocol import Field
+from ..fields.training.checkpoint import Unfinished
+from ..heads.fields import SegmentationField
+from ..heads.files import save_segmentation, save_surface
+from ..heads.rendering import segment_cache
+from ..heads.volumes import Volumes
+from ..io.color import to_bytes
+from ..project.volumes import Volume, read_volumes
+from ..segmentation.coarse_masks import CoarseMask, copy_masks, find_masks
+from ..segmentation.constraints import SeenPoints
+from ..segmentation.corrections import find_corrections
+from ..segmentation.doubts import SurfaceDoubts
+from ..segmentation.field_fit import fit_to_labels, fit_to_masks
+from ..segmentation.interior import object_surface
+from ..segmentation.labels import LabelledSurface, label_surface, vote_on_surface
+from ..segmentation.report import report_of
+from ..segmentation.surface_points import surface_points
+from ..segmentation.views import CachedViews, cache_views, load_masked_views
+from ..segmentation.votes import RayVotes, votes_of_rays
+from ..wire import Request
+from .job import Job, StageRun, file_digest, open_job, run_stage
+
+VERSION = 3
+WITHIN = "F_s"  # what heeds volumes
+
+
+def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
+    """Segment the objects of the given masks in the whole capture."""
+    job = open_job(request, emit, should_stop)
+    job.project.require("geometry")
+    capture = job.capture()
+    folder = Path(job.options.get("masks") or job.project.masks_folder)
+    masks = find_masks(folder, capture)
+    corrections = find_corrections(Path(job.options.get("corrections") or job.project.corrections_folder), capture)
+    volumes_file = Path(job.options.get("volumes") or job.project.volumes_file)
+    volumes = read_volumes(volumes_file)
+    # without corrections and volumes, the fingerprint is that of before there were any
+    inputs = [_digests(marks) for marks in (masks, corrections) if marks]
+    inputs += [file_digest(volumes_file), WITHIN] if volumes else []
+    with run_stage(job, "segmentation", VERSION, *inputs) as run:
+        if run is None:
+            return
+        long_side, settings = job.settings.geometry.long_side, job.settings.segmentation
+        field = load_scene(job.project.checked(job.project.geometry_file), job.runtime.device).field
+        marked = {mask.view.name for mask in masks}
+        learned_from = [view for view in capture.views if view.split == "train" or view.name in marked]
+        views = load_masked_views(masks, learned_from, long_side, settings, {c.object_name for c in corrections})
+        cached = cache_views(field, views, settings.samples_per_ray, job.progress("surface", views.n_pixels))
+        votes = votes_of_rays(cached)
+        surface = _label(job, field, cached, votes, corrections, volumes)
+        karf = _fit(job, field, cached, votes, surface, run.unfinished)
+        if volumes:  # labels heed them already, but F_s goes on smoothly beyond
+            karf.volumes, karf.space = Volumes.of(volumes, surface.objects).to(job.runtime.device), field.space
+        _write(job, run, karf, field, cached, surface)
+        if folder.resolve() != job.project.masks_folder.resolve():
+            copy_masks(masks, run.output(job.project.masks_folder))
+    job.artifact("segmentation", job.project.segmentation_file)
+
+
+def _digests(marks: list[CoarseMask]) -> list:
+    return [[mark.object_name, mark.view.name, hashlib.sha256(mark.path.read_bytes()).hexdigest()] for mark in marks]
+
+
+def _label(
+    job: Job,
+    field: Field,
+    cached: CachedViews,
+    votes: RayVotes,
+    corrections: list[CoarseMask],
+    volumes: dict[str, list[Volume]],
+) -> LabelledSurface:
+    points, objects = surface_points(cached, field.voxel), cached.views.objects
+    seen = SeenPoints(field, points, job.settings.geometry.long_side)
+    constraints = seen.constraints(corrections, objects)
+    if job.settings.segmentation.labels != "surface":
+        return vote_on_surface(objects, points, votes, constraints, job.emit)
+    random = np.random.default_rng(job.settings.seed)
+    rounds = job.settings.segmentation.rounds
+    return label_surface(field, objects, points, votes, constraints, volumes, rounds, random, job.emit)
+
+
+def _fit(
+    job: Job, field: Field, cached: CachedViews, votes: RayVotes, surface: LabelledSurface, unfinished: Unfinished
+) -> SegmentationField:
+    settings = job.settings.segmentation
+    progress = job.progress("segmentation", settings.iterations)
+    training = settings, job.runtime, progress, unfinished
+    if settings.labels == "masks":
+        return fit_to_masks(field, len(surface.objects), cached.cache, votes, *training)
+    return fit_to_labels(field, surface, *training)
+
+
+def _write(
+    job: Job, run: StageRun, karf: SegmentationField, field: Field, cached: CachedViews, surface: LabelledSurface
+) -> None:
+    """Write F_s, the objects' rays as F_s sees them, the labels' doubts, and the report."""
+    settings, objects = job.settings.segmentation, cached.views.objects
+    probabilities = segment_cache(karf, field, cached.cache)
+    save_segmentation(run.output(job.project.segmentation_file), karf, objects, settings)
+    save_surface(run.output(job.project.surface_file), object_surface(cached, probabilities), objects, settings)
+    world = field.space.to_world(torch.from_numpy(surface.points.positions).float().to(job.runtime.device))
+    doubts = SurfaceDoubts(objects, world.float().cpu().numpy(), to_bytes(surface.labels.doubt))
+    doubts.write(run.output(job.project.doubts_file))
+    report_of(cached, surface.points, surface.labels, probabilities).write(run.output(job.project.segmentation_report))
+    run.summary["objects"] = objects

@@ -1,0 +1,1 @@
+"""The processor's cores, devices, compiled kernels, processes that learn together, progress."""

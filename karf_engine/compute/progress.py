@@ -1,0 +1,123 @@
+"""Progress of a job: events at most four times a second, with rate and time left, and the question whether to stop.
+
+`emit(kind, **values)` receives the events of `wire`; a child process writes them to its job, a terminal prints them.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..errors import Cancelled
+
+Emit = Callable[..., None]
+INTERVAL = 0.25
+
+
+class Progress:
+    """Counts steps of one stage and emits `progress` events. Raises Cancelled from `step` when asked to stop."""
+
+    def __init__(self, emit: Emit, should_stop: Callable[[], bool], stage: str, total: int) -> None:
+        self._emit, self._should_stop, self._stage, self._total = emit, should_stop, stage, total
+        self._done = self._first = 0
+        self._start = time.monotonic()
+        self._last_emit = 0.0
+
+    def resume_at(self, done: int) -> None:
+        """Resume the count at the steps that an earlier job has done; rate and time left are those of this job."""
+        self._done = self._first = done
+        self._start = time.monotonic()
+
+    def step(self, count: int = 1, **metrics: float) -> None:
+        """Count finished steps.
+
+        Args:
+            count: How many; 0 only asks whether to stop.
+            **metrics: Current loss, psnr or the like.
+
+        Raises:
+            Cancelled: The job was asked to stop.
+        """
+        if self._should_stop():
+            raise Cancelled(
+                f"The {self._stage} stage was cancelled.",
+                "What is finished and what is learned so far is kept; start it again when you like.",
+            )
+        if count == 0:
+            return
+        self._done += count
+        now = time.monotonic()
+        if now - self._last_emit < INTERVAL and self._done < self._total:
+            return
+        self._last_emit = now
+        rate = (self._done - self._first) / max(now - self._start, 1e-6)
+        self._emit(
+            "progress",
+            stage=self._stage,
+            step=self._done,
+            total=self._total,
+            rate=round(rate, 2),
+            eta_s=round((self._total - self._done) / rate, 1),
+            metrics={name: round(float(value), 4) for name, value in metrics.items()},
+        )
+
+
+class TerminalEmit:
+    """Shows events to a person: one live line on a terminal, plain lines every few seconds in a log."""
+
+    def __init__(self, stream: Any = None, log_interval: float = 5.0) -> None:
+        self._stream = stream or sys.stderr
+        self._live = self._stream.isatty()
+        self._interval = log_interval
+        self._last: tuple[str, float] = ("", 0.0)
+        self._width = 0
+
+    def __call__(self, kind: str, /, **values: Any) -> None:
+        if kind == "progress":
+            self._progress(values)
+        elif kind == "stage":
+            self._line(f"{values['name']}: {values['text']}" if values.get("text") else values["name"])
+        elif kind == "warning":
+            self._line(f"warning: {values['sentence']}")
+        elif kind == "artifact":
+            self._line(f"wrote {values['path']}")
+
+    def _progress(self, values: dict[str, Any]) -> None:
+        metrics = "".join(f"  {name} {value:g}" for name, value in values["metrics"].items())
+        text = (
+            f"{values['stage']:<13} {values['step']:>5}/{values['total']}  {values['rate']:7.1f}/s  "
+            f"{values['eta_s']:5.0f} s left{metrics}"
+        )
+        finished = values["step"] >= values["total"]
+        if self._live:
+            self._stream.write("\r" + text.ljust(self._width) + ("\n" if finished else ""))
+            self._stream.flush()
+            self._width = 0 if finished else len(text)
+            return
+        stage, last = self._last
+        if finished or stage != values["stage"] or time.monotonic() - last > self._interval:
+            self._last = (values["stage"], time.monotonic())
+            self._line(text)
+
+    def _line(self, text: str) -> None:
+        if self._width:
+            self._stream.write("\n")
+            self._width = 0
+        print(text, file=self._stream, flush=True)
+
+
+def peak_memory_bytes() -> int:
+    """Largest resident memory of this process so far, bytes; 0 where the system does not say."""
+    status = Path("/proc/self/status")
+    if status.exists():
+        for line in status.read_text(encoding="utf-8").splitlines():
+            if line.startswith("VmHWM"):
+                return int(line.split()[1]) * 1024
+    try:
+        import resource
+    except ImportError:  # Windows
+        return 0
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

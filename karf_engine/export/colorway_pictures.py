@@ -1,0 +1,122 @@
+"""One view in many colorways: what is looked at once for all of them, and each one's picture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..capture.capture import View
+from ..io.images import write_png
+from ..palettes.colorways.reached import Prediction, reached_color
+from ..palettes.matching.becomes import near
+from ..palettes.palette import Edit
+from ..recolor.frames import Frame
+from ..recolor.model import Model
+from ..recolor.photos import StoredPhoto, suffix_for, write_photo
+
+SURE = 0.9  # coverage from which a pixel is all the object's
+MOST_PROBES = 50_000  # pixels of an object in which a view's colors are measured
+Pixels = tuple[np.ndarray, np.ndarray]  # rows and columns, [n] each
+
+
+class Pictures(Protocol):
+    """A view that can be recolored. suffix: of its files; disputed: objects about which photo and field disagree."""
+
+    suffix: str
+    disputed: tuple[str, ...]
+
+    def recolored(self, edits: Sequence[Edit]) -> Iterator[Any]:
+        """A picture for each edit."""
+
+    def write(self, path: Path, picture: Any) -> None:
+        """Write a picture."""
+
+    def colors(self, pixels: Pixels, picture: Any = None) -> np.ndarray:
+        """Colors of a picture, or without one before any edit, sRGB [n, 3]."""
+
+    def covered(self, name: str) -> Pixels:
+        """Pixels that are surely an object's."""
+
+
+def pictures_of(model: Model, view: View, size: str | int, captured: bool) -> Pictures:
+    """A captured view at a size (`photo`, `learned`, or pixels), or any camera's."""
+    if not captured:
+        return FramePictures(model, model.render(view.camera, model.settings.render.supersampling))
+    if size == "learned":
+        return FramePictures(model, model.preview(view, model.settings.geometry.long_side))
+    return PhotoPictures(model, view, size)
+
+
+class PhotoPictures:
+    """A captured view in its photo's own pixels, and files as the photo's."""
+
+    def __init__(self, model: Model, view: View, size: str | int) -> None:
+        self._view = model.photo_view(view, size)
+        self.suffix, self.disputed = suffix_for(self._view.photo), self._view.disputed
+
+    def recolored(self, edits: Sequence[Edit]) -> Iterator[StoredPhoto]:
+        return self._view.recolored_by(edits)
+
+    def write(self, path: Path, picture: StoredPhoto) -> None:
+        write_photo(path, picture)
+
+    def colors(self, pixels: Pixels, picture: StoredPhoto | None = None) -> np.ndarray:
+        rows, columns = (numbers[:, None] for numbers in pixels)
+        return (picture or self._view.photo).colors(rows, columns)[:, 0]
+
+    def covered(self, name: str) -> Pixels:
+        matte = self._view.mattes[list(self._view.objects).index(name)]
+        rows, columns = np.nonzero(matte.coverage > SURE)
+        return rows + matte.rows[0], columns + matte.columns[0]
+
+
+class FramePictures:
+    """A rendered frame, in 8-bit PNG files."""
+
+    suffix = ".png"
+
+    def __init__(self, model: Model, frame: Frame) -> None:
+        self._model, self._frame, self.disputed = model, frame, frame.disputed
+
+    def recolored(self, edits: Sequence[Edit]) -> Iterator[np.ndarray]:
+        return (self._model.composite(self._frame, edit) for edit in edits)
+
+    def write(self, path: Path, picture: np.ndarray) -> None:
+        write_png(path, picture)
+
+    def colors(self, pixels: Pixels, picture: np.ndarray | None = None) -> np.ndarray:
+        return (self._frame.base if picture is None else picture)[pixels]
+
+    def covered(self, name: str) -> Pixels:
+        return np.nonzero(self._frame.probabilities[self._model.objects.index(name)] > SURE)
+
+
+class Probes:
+    """The pixels of a view in which colors are measured: those that are surely an object's, near a source color."""
+
+    def __init__(self, pictures: Pictures) -> None:
+        self._pictures = pictures
+        self._known: dict[tuple[str, bytes], tuple[Pixels, np.ndarray]] = {}
+
+    def measure(self, picture: Any, prediction: Prediction) -> list[float] | None:
+        """What the source color has become in a recolored picture, sRGB, and in how many pixels; None where in none."""
+        pixels, before = self._of(prediction.wish.name, prediction.source)
+        if not len(before):
+            return None
+        color = reached_color(before, self._pictures.colors(pixels, picture), prediction.source)
+        return [*color.round(5).tolist(), len(before)]
+
+    def _of(self, name: str, source: np.ndarray) -> tuple[Pixels, np.ndarray]:
+        """Pixels, and their colors before the edit [n, 3]."""
+        key = (name, source.tobytes())
+        if key not in self._known:
+            rows, columns = self._pictures.covered(name)
+            step = len(rows) // MOST_PROBES + 1
+            rows, columns = rows[::step], columns[::step]
+            before = self._pictures.colors((rows, columns))
+            alike = near(before, source, or_nearest=False)
+            self._known[key] = (rows[alike], columns[alike]), before[alike]
+        return self._known[key]

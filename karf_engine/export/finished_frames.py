@@ -1,0 +1,143 @@
+"""Which frames of a long job are finished, and what each was made from: so that a job that was stopped can go on.
+
+`finished.jsonl` in the output folder grows by one line a frame, after the frame's files are in their places: a killed
+job loses at most the frame at work, and the note costs the same for the first frame as for the last.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from ..capture.capture import Capture, View, capture_to_json
+from ..commands.job import Job, file_digest, fingerprint
+from ..palettes.palette import Edit
+from ..project import STAGE_ORDER
+from ..project.settings import to_dict
+
+VERSION = 1  # goes up when the same would be rendered to other pictures
+NOTE = "finished.jsonl"
+NOT_OF_A_FRAME = {
+    "views",
+    "first",
+    "last",
+    "count",
+    "edit",
+    "out",
+    "threads",
+    "device",
+    "skip_existing",
+}  # options of a request
+
+
+@dataclass(frozen=True)
+class FinishedFrames:
+    """The note of one output folder.
+
+    Attributes:
+        folder: Where the frames go.
+        frames: What was noted of each when this was read, by its name; the last line counts.
+    """
+
+    folder: Path
+    frames: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, folder: Path) -> FinishedFrames:
+        """The note of a folder; lines that were cut off by a kill are passed over."""
+        path, frames = folder / NOTE, {}
+        for line in path.read_text(encoding="utf-8", errors="replace").splitlines() if path.is_file() else ():
+            try:
+                entry = json.loads(line)
+                frames[str(entry["frame"])] = entry | {"made_from": entry["made_from"], "files": dict(entry["files"])}
+            except (ValueError, KeyError, TypeError):
+                continue
+        return cls(folder, frames)
+
+    def has(self, frame: str, made_from: str) -> bool:
+        """Whether a frame was made from the same things, and its files are still there, as long as they were."""
+        entry = self.frames.get(frame)
+        if entry is None or entry["made_from"] != made_from:
+            return False
+        sizes = {name: _size(self.folder / name) for name in entry["files"]}
+        return bool(sizes) and sizes == entry["files"]
+
+    def note(self, frame: str, made_from: str, files: Iterable[Path], **measured: Any) -> None:
+        """Add a line for a frame whose files are written, with what was measured of it; `frames` stay as read."""
+        sizes = {path.relative_to(self.folder).as_posix(): _size(path) for path in files}
+        entry = {"frame": frame, "made_from": made_from, "files": sizes, **measured}
+        with (self.folder / NOTE).open("a", encoding="utf-8") as stream:
+            stream.write(f"\n{json.dumps(entry)}\n")  # a line that was cut off before must not swallow this one
+
+
+def _size(path: Path) -> int:
+    """Bytes of a file, -1 where it is missing."""
+    return path.stat().st_size if path.is_file() else -1
+
+
+def model_mark(job: Job) -> str:
+    """A text that changes when anything that is learned of a job's project does, or how it renders."""
+    stages = {stage: job.project.finished(stage) or {} for stage in STAGE_ORDER}
+    learned = {stage: [facts.get("fingerprint"), facts.get("files")] for stage, facts in stages.items()}
+    return fingerprint(VERSION, learned, to_dict(job.settings.render))
+
+
+def view_mark(model: str, view: View, *options: Any) -> str:
+    """A text that changes when a view would be another: by the model, the camera, the photo or the options.
+
+    Args:
+        model: `model_mark`.
+        view: With its photo, or a bare camera.
+        *options: JSON values.
+    """
+    camera = capture_to_json(Capture(Path(), "", (replace(view, image=None),)))["views"]  # wherever its photo lies
+    photo = file_digest(view.image) if view.image and view.image.is_file() else None
+    return fingerprint(model, camera, photo, *options)
+
+
+def frame_mark(view: str, edit: Edit | None) -> str:
+    """A text that changes when a frame would be another: by its `view_mark`, or by its edit (None without one)."""
+    if edit is None:
+        return view
+    added = {name: [[each.picked.tolist(), each.reach] for each in own] for name, own in edit.added.items()}
+    options = ({name: colors.tolist() for name, colors in edit.colors.items()}, edit.compositing)
+    return fingerprint(view, *options, added) if added else fingerprint(view, *options)
+
+
+@dataclass(frozen=True)
+class UnfinishedFrames:
+    """The frames of a request that are still to make.
+
+    Attributes:
+        todo: Views with their edits and their marks, in order.
+        finished: The note of the output folder; None where there is none.
+    """
+
+    todo: list[tuple[View, Edit | None, str]]
+    finished: FinishedFrames | None
+
+    def note(self, frame: str, made_from: str, files: Sequence[Path]) -> None:
+        """Note a frame as finished, where it has files in an output folder."""
+        if self.finished is not None:
+            self.finished.note(frame, made_from, files)
+
+
+def unfinished_frames(job: Job, learned: str, views: Sequence[View], edits: Sequence[Edit | None]) -> UnfinishedFrames:
+    """All frames of a request; with its option `skip_existing` those that are not there, or made from other things.
+
+    learned: `model_mark` as it was when the model was loaded.
+    """
+    out = job.options.get("out")
+    if not out:
+        return UnfinishedFrames([(view, edit, "") for view, edit in zip(views, edits, strict=True)], None)
+    own = {name: value for name, value in job.options.items() if name not in NOT_OF_A_FRAME and value}
+    finished = FinishedFrames.read(Path(out))
+    frames = [
+        (view, edit, frame_mark(view_mark(learned, view, own), edit)) for view, edit in zip(views, edits, strict=True)
+    ]
+    if job.options.get("skip_existing"):
+        frames = [frame for frame in frames if not finished.has(frame[0].name, frame[2])]
+    return UnfinishedFrames(frames, finished)

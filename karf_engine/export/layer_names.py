@@ -1,0 +1,161 @@
+"""What the layers of a layered picture are called, and its header: how a compositor finds what to recolor.
+
+A layered picture is an OpenEXR file (`handover.layers`) with the base picture in R, G and B, a plane
+`<object>_coverage` for every object, and a plane `<object>_color_<j>` for every color of its palette. The header's text
+`karf` lists them with the colors as learned, so that the file alone is enough to recolor it. Read by hand, by the
+OpenEXR file layout: Blender's Python has no reader of EXR headers.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from ..errors import DataError
+from ..io.inputs import check_file
+from ..io.names import is_file_name
+from ..palettes.palette import MOST_ADDED, MOST_COLORS, MOST_OBJECTS, Palette
+
+LAYERS_SCHEMA = "karf-layers/1"
+ATTRIBUTE = "karf"  # of the header
+MOST_LAYERS = MOST_COLORS * (1 + MOST_ADDED)  # of an object
+LONGEST = 40  # bytes of an object's part of a layer's name: Blender cuts names at 63
+MOST_HEADER = 16 << 20  # bytes; with the most objects and colors, none of them added, it has three quarters of that
+EXR_MAGIC = b"\x76\x2f\x31\x01"
+AGAIN = "Render the layers again."
+
+
+@dataclass(frozen=True)
+class ObjectLayers:
+    """The layers of one object.
+
+    Attributes:
+        name: The object's.
+        coverage: Name of the plane that says how much of each pixel is the object's.
+        weights: Name of each palette color's plane; over the colors the planes sum to the coverage.
+        colors: The palette as learned, [M, 3] float32 sRGB in [0, 1]; entry 0 is black.
+
+    Examples:
+        >>> (pot,) = name_layers([Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0]], np.float32))])
+        >>> pot.coverage, pot.weights
+        ('pot_coverage', ('pot_color_0', 'pot_color_1'))
+    """
+
+    name: str
+    coverage: str
+    weights: tuple[str, ...]
+    colors: np.ndarray
+
+
+def name_layers(palettes: Sequence[Palette]) -> tuple[ObjectLayers, ...]:
+    """The layers of objects with these learned palettes, in their order.
+
+    Programs split a layer's name at points and some at blanks, so both become `_`; a name that is then taken gets a
+    number.
+
+    Examples:
+        >>> black = np.zeros((1, 3), np.float32)
+        >>> [each.coverage for each in name_layers([Palette("my pot", black), Palette("my.pot", black)])]
+        ['my_pot_coverage', 'my_pot_2_coverage']
+    """
+    taken: set[str] = set()
+    found = []
+    for palette in palettes:
+        plain = re.sub(r"[^\w-]", "_", palette.name).encode()[:LONGEST].decode(errors="ignore")
+        name, number = plain, 2
+        while name.casefold() in taken:
+            name, number = f"{plain}_{number}", number + 1
+        taken.add(name.casefold())
+        weights = tuple(f"{name}_color_{index}" for index in range(len(palette.colors)))
+        found.append(ObjectLayers(palette.name, f"{name}_coverage", weights, palette.colors))
+    return tuple(found)
+
+
+def describe_layers(objects: Sequence[ObjectLayers]) -> str:
+    """The header's text, JSON: names of the layers and colors as learned.
+
+    Examples:
+        >>> describe_layers(name_layers([Palette("pot", np.zeros((1, 3), np.float32))])).splitlines()[2:4]
+        [' "objects": [', '  {']
+    """
+    listed = [
+        {
+            "name": each.name,
+            "coverage": each.coverage,
+            "weights": list(each.weights),
+            "colors": [[float(str(value)) for value in color] for color in np.asarray(each.colors, np.float32)],
+        }
+        for each in objects
+    ]
+    return json.dumps({"schema": LAYERS_SCHEMA, "objects": listed}, indent=1)
+
+
+def read_layer_names(path: Path) -> tuple[ObjectLayers, ...]:
+    """The layers of a layered picture, of its header alone.
+
+    Raises:
+        DataError: The file is missing, no EXR, or not written by KaRF.
+
+    Examples:
+        >>> import tempfile
+        >>> text = describe_layers(name_layers([Palette("pot", np.zeros((1, 3), np.float32))])).encode()
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = Path(folder) / "view.exr"
+        ...     head = EXR_MAGIC + bytes(4) + b"karf\\0string\\0" + struct.pack("<I", len(text))
+        ...     _ = path.write_bytes(head + text + bytes(1))
+        ...     read_layer_names(path)[0].weights
+        ('pot_color_0',)
+    """
+    check_file(path)
+    try:
+        with path.open("rb") as stream:
+            text = _header_text(stream)
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror}.", "Check the file.") from error
+    if text is None:
+        raise DataError(f"{path} holds no layers of KaRF.", "Give a file that `render --layers` has written.")
+    try:
+        content = json.loads(text)
+        if content["schema"] != LAYERS_SCHEMA or not 0 < len(content["objects"]) <= MOST_OBJECTS:
+            raise ValueError("it has another schema")
+        return tuple(_object(entry) for entry in content["objects"])
+    except (ValueError, TypeError, KeyError, RecursionError) as error:
+        raise DataError(f"{path} (layers) has a header that cannot be read: {error!r:.200}.", AGAIN) from error
+
+
+def _object(entry: dict[str, Any]) -> ObjectLayers:
+    """Raises ValueError, TypeError or KeyError for what is no object's entry."""
+    colors = np.array(entry["colors"], np.float32)
+    weights = tuple(entry["weights"])
+    if colors.shape != (len(weights), 3) or len(weights) > MOST_LAYERS or not ((colors >= 0) & (colors <= 1)).all():
+        raise ValueError("colors do not fit")
+    names = (entry["name"], entry["coverage"], *weights)
+    if not all(is_file_name(name) for name in names):
+        raise ValueError("names do not fit")
+    return ObjectLayers(entry["name"], entry["coverage"], weights, colors)
+
+
+def _header_text(stream: BinaryIO) -> bytes | None:
+    """The value of the attribute `karf`, or None where there is none."""
+    if stream.read(4) != EXR_MAGIC:
+        return None
+    header = stream.read(MOST_HEADER)
+    position = 4  # behind the version
+    while position < len(header) and header[position]:
+        name_end = header.find(b"\0", position, position + 256)
+        type_end = header.find(b"\0", name_end + 1, name_end + 257)
+        if name_end < 0 or type_end < 0 or type_end + 5 > len(header):
+            return None
+        (size,) = struct.unpack_from("<I", header, type_end + 1)
+        value = type_end + 5
+        if header[position:name_end] == ATTRIBUTE.encode():
+            return header[value : value + size]
+        position = value + size
+    return None

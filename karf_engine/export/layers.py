@@ -1,0 +1,108 @@
+"""Layered pictures: an OpenEXR file with all that recoloring a view needs, for compositors.
+
+=============================  =====  ====================================================================
+channels                       type   what
+=============================  =====  ====================================================================
+R, G, B                        half   the base picture, scene-linear
+<object>_coverage.V            half   how much of each pixel is the object's
+<object>_color_<j>.V           half   the coverage times the share of palette color j; 0 is black
+Depth.Z                        float  along the optical axis, world units, 0 where empty
+CryptoObject00.R .. A, 01, ..  float  mattes of all objects, see `cryptomatte`
+=============================  =====  ====================================================================
+
+The names and the learned colors are in the header, see `edit.layers`. Scene-linear: the inverse of the piecewise sRGB
+curve (IEC 61966-2-1), as OpenColorIO's texture transform of sRGB gives it, with the primaries of Rec. 709.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+
+from ..io.color import srgb_to_linear
+from ..io.files import atomic_write
+from ..palettes.palette import Palette
+from . import cryptomatte
+from .layer_names import ATTRIBUTE, ObjectLayers, describe_layers, name_layers
+
+REC709 = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
+COLORS = (
+    "R, G, B: scene-linear, Rec. 709 primaries, display-referred sRGB undone by the exact piecewise sRGB curve "
+    "(IEC 61966-2-1; OCIO: sRGB texture to linear Rec. 709). Recolor in sRGB: "
+    "linear(clip(srgb(base) + sum of weight * (srgb(new color) - learned color)))"
+)
+
+
+@dataclass(frozen=True)
+class Layers:
+    """One view of K objects, whose palettes have up to M colors. Row 0 is on top.
+
+    Attributes:
+        palettes: Of the objects as learned.
+        base: [H, W, 3] sRGB, the picture that an edit changes: uint8, uint16, or float in [0, 1].
+        coverage: [K, H, W] in [0, 1], any float.
+        palette_weights: [K, M, H, W], coverage times weights, any float; what a small palette lacks is not read.
+        depth: [H, W] along the optical axis, world units, 0 where empty; None where it is not known.
+    """
+
+    palettes: tuple[Palette, ...]
+    base: np.ndarray
+    coverage: np.ndarray
+    palette_weights: np.ndarray
+    depth: np.ndarray | None = None
+
+
+def write_layers(path: Path, layers: Layers) -> None:
+    """Write a layered picture, atomically.
+
+    Half floats are written from where they are; other arrays are converted, a plane at a time.
+
+    Args:
+        path: The file, `*.exr`.
+        layers: What to write.
+
+    Examples:
+        >>> import tempfile
+        >>> from ..edit.layers import read_layer_names
+        >>> pot, half = Palette("pot", np.zeros((1, 3), np.float32)), np.full((1, 1, 4, 4), 0.5)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = Path(folder) / "view.exr"
+        ...     write_layers(path, Layers((pot,), np.zeros((4, 4, 3), np.uint8), half[0], half))
+        ...     print(read_layer_names(path)[0].coverage)
+        pot_coverage
+    """
+    objects = name_layers(layers.palettes)
+    names = [each.name for each in objects]
+    header = {
+        "compression": OpenEXR.ZIP_COMPRESSION,
+        "type": OpenEXR.scanlineimage,
+        "chromaticities": REC709,
+        "colorInteropID": "lin_rec709_scene",
+        "comments": COLORS,
+        ATTRIBUTE: describe_layers(objects),
+        **cryptomatte.header(names),
+    }
+    channels = _planes(objects, layers) | cryptomatte.channels(names, layers.coverage)
+    atomic_write(path, lambda temporary: OpenEXR.File(header, channels).write(str(temporary)))
+
+
+def _planes(objects: tuple[ObjectLayers, ...], layers: Layers) -> dict[str, np.ndarray]:
+    planes = {letter: _linear(layers.base[..., channel]) for channel, letter in enumerate("RGB")}
+    for k, each in enumerate(objects):
+        planes[f"{each.coverage}.V"] = np.ascontiguousarray(layers.coverage[k], np.float16)
+        for j, name in enumerate(each.weights):
+            planes[f"{name}.V"] = np.ascontiguousarray(layers.palette_weights[k, j], np.float16)
+    if layers.depth is not None:
+        planes["Depth.Z"] = np.ascontiguousarray(layers.depth, np.float32)
+    return planes
+
+
+def _linear(channel: np.ndarray) -> np.ndarray:
+    """Scene-linear float16 [H, W] of sRGB values."""
+    if channel.dtype.kind == "u":  # far fewer values than pixels
+        full = np.iinfo(channel.dtype).max
+        return srgb_to_linear(np.arange(full + 1) / full).astype(np.float16)[channel]
+    return np.stack([srgb_to_linear(row).astype(np.float16) for row in channel])

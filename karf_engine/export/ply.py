@@ -1,0 +1,43 @@
+"""Colored points for other programs, as PLY: G. Turk, "The PLY Polygon File Format"; binary, little end first."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..io.color import to_bytes
+from ..io.files import atomic_write
+
+VERTEX = np.dtype(
+    [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")] + [(c, "u1") for c in ("red", "green", "blue")]
+)
+WORDS = {"<f4": "float", "|u1": "uchar"}
+
+
+def write_ply(path: Path, positions: np.ndarray, normals: np.ndarray, colors: np.ndarray) -> None:
+    """Write points atomically, with the properties that most programs know.
+
+    Args:
+        path: The file.
+        positions: [N, 3].
+        normals: [N, 3].
+        colors: [N, 3] sRGB in [0, 1].
+
+    Examples:
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_ply(Path(folder) / "one.ply", np.zeros((1, 3)), np.eye(3)[:1], np.ones((1, 3)))
+        ...     content = (Path(folder) / "one.ply").read_bytes()
+        >>> content.split(b"end_header")[0].decode().split("\\n")[:4]
+        ['ply', 'format binary_little_endian 1.0', 'element vertex 1', 'property float x']
+        >>> content[-3:]
+        b'\\xff\\xff\\xff'
+    """
+    table = np.empty(len(positions), VERTEX)
+    for names, values in (("x y z", positions), ("nx ny nz", normals), ("red green blue", to_bytes(colors))):
+        for name, column in zip(names.split(), values.T, strict=True):
+            table[name] = column
+    properties = [f"property {WORDS[VERTEX[name].str]} {name}" for name in VERTEX.names]
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(table)}", *properties, "end_header", ""]
+    atomic_write(path, lambda temporary: temporary.write_bytes("\n".join(header).encode() + table.tobytes()))

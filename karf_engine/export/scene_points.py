@@ -1,0 +1,130 @@
+"""Surface points of a learned scene, with all that recoloring them needs: what viewers of the scene in 3D read.
+
+Naming as in `compositing`: K objects, M palette entries, here of N points in place of pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import DataError
+from ..io.files import atomic_write
+from ..io.names import check_names
+from ..io.npz import read_arrays
+from ..palettes.added import palettes_with, spread_objects
+from ..palettes.compositing import delta_composite, stack_palettes
+from ..palettes.palette import AddedColor, Palette
+
+NUMBERS = ("positions", "normals", "sizes", "colors", "probabilities", "palette_weights", "learned")
+AGAIN = "Make the points again."
+
+
+@dataclass(frozen=True)
+class ScenePoints:
+    """Points on what the scene shows as solid.
+
+    Attributes:
+        objects: Names of the K objects.
+        positions: [N, 3] float32, the capture's world.
+        normals: [N, 3] float32, outward, of unit length.
+        sizes: [N] float32, how far apart points are there, world units.
+        colors: [N, 3] uint8 sRGB, as learned: the mean over the views that see the point.
+        probabilities: [N, K] float16 in [0, 1].
+        palette_weights: [N, K, M] float16 in [0, 1], probabilities included.
+        learned: Palettes [K, M, 3] float32 sRGB, of which an edit's differ.
+    """
+
+    objects: tuple[str, ...]
+    positions: np.ndarray
+    normals: np.ndarray
+    sizes: np.ndarray
+    colors: np.ndarray
+    probabilities: np.ndarray
+    palette_weights: np.ndarray
+    learned: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def with_added(self, palettes: Sequence[Palette], added: Mapping[str, Sequence[AddedColor]]) -> ScenePoints:
+        """The points with the sets of added colors; palettes: of the K objects as learned. See `edit.added`."""
+        weights = spread_objects(self.palette_weights.transpose(1, 2, 0), palettes, added).transpose(2, 0, 1)
+        learned = {each.name: each.colors for each in palettes_with(palettes, added)}
+        return replace(self, palette_weights=weights, learned=stack_palettes(self.objects, learned))
+
+    def recolored(self, edited: np.ndarray) -> np.ndarray:
+        """Colors with an edit's palettes [K, M, 3], [N, 3] float32 sRGB in [0, 1], by the rule of `delta_composite`.
+
+        Examples:
+            A white point of a pot whose second swatch becomes red:
+
+            >>> none, palette = np.zeros((1, 3), np.float32), np.array([[[0, 0, 0], [1, 1, 1]]], np.float32)
+            >>> white, weights = np.full((1, 3), 255, np.uint8), np.array([[[0, 1]]], np.float16)
+            >>> points = ScenePoints(("pot",), none, none, none[:, 0], white, np.ones((1, 1)), weights, palette)
+            >>> points.recolored(np.array([[[0, 0, 0], [1, 0, 0]]])).tolist()
+            [[1.0, 0.0, 0.0]]
+        """
+        base = self.colors[None].astype(np.float32) / 255
+        weights = self.palette_weights.transpose(1, 2, 0)[:, :, None].astype(np.float32)
+        return delta_composite(base, weights, self.learned, edited)[0]
+
+
+def write_points(path: Path, points: ScenePoints) -> None:
+    """Write points as a compressed npz, atomically.
+
+    Examples:
+        >>> import tempfile
+        >>> none, palette = np.zeros((1, 3), np.float32), np.zeros((1, 2, 3), np.float32)
+        >>> shares, weights = np.ones((1, 1), np.float16), np.ones((1, 1, 2), np.float16)
+        >>> points = ScenePoints(("pot",), none, none, none[:, 0], none.astype(np.uint8), shares, weights, palette)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_points(Path(folder) / "points.npz", points)
+        ...     sorted(np.load(Path(folder) / "points.npz"))[:4]
+        ['colors', 'learned', 'normals', 'objects']
+    """
+    arrays = {name: getattr(points, name) for name in NUMBERS}
+
+    def write(temporary: Path) -> None:
+        np.savez_compressed(temporary, objects=np.array(points.objects, dtype=np.str_), **arrays)
+
+    atomic_write(path, write)
+
+
+def read_points(path: Path) -> ScenePoints:
+    """Read points that `write_points` wrote.
+
+    Raises:
+        DataError: The file is missing or damaged, or its arrays contradict each other.
+
+    Examples:
+        >>> import tempfile
+        >>> none, palette = np.zeros((1, 3), np.float32), np.zeros((1, 2, 3), np.float32)
+        >>> shares, weights = np.ones((1, 1), np.float16), np.ones((1, 1, 2), np.float16)
+        >>> points = ScenePoints(("pot",), none, none, none[:, 0], none.astype(np.uint8), shares, weights, palette)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_points(Path(folder) / "points.npz", points)
+        ...     again = read_points(Path(folder) / "points.npz")
+        >>> again.objects, again.palette_weights.shape
+        (('pot',), (1, 1, 2))
+    """
+    objects, *numbers = read_arrays(path, ("objects", *NUMBERS), "surface points", AGAIN)
+    names = tuple(check_names(np.atleast_1d(objects).tolist(), path, "an object"))
+    points = ScenePoints(names, *numbers)
+    _check(path, points)
+    return points
+
+
+def _check(path: Path, points: ScenePoints) -> None:
+    n, k = len(np.atleast_1d(points.sizes)), len(points.objects)
+    m = points.learned.shape[1] if points.learned.ndim == 3 else 0
+    wanted = ((n, 3), (n, 3), (n,), (n, 3), (n, k), (n, k, m), (k, m, 3))
+    shapes = {name: getattr(points, name).shape for name in NUMBERS}
+    are_numbers = all(getattr(points, name).dtype.kind == "f" for name in NUMBERS if name != "colors")
+    if tuple(shapes.values()) != wanted or not are_numbers or points.colors.dtype != np.uint8:
+        raise DataError(f"{path} (surface points) has arrays that contradict each other: {shapes}.", AGAIN)
+    if not all(np.isfinite(getattr(points, name)).all() for name in NUMBERS):
+        raise DataError(f"{path} (surface points) has a number that is not finite.", AGAIN)

@@ -1,0 +1,154 @@
+"""A few samples a ray that stand for all of them.
+
+Geometry is frozen after its stage, so the rendering weights of a ray are constants. Of a ray's samples the later stages
+keep K, at the middles of K equal shares of its opacity (K = 3: at 1/6, 3/6 and 5/6), each of weight opacity / K. What
+the ray does not stop is the remainder; it belongs to the background class and to the black palette entry.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import torch
+from torch import Tensor
+
+from ...compute.cores import share
+from ...compute.progress import Progress
+from .rays import Rays
+from .sampling import Samples
+
+RAYS_PER_CHUNK = 4096
+MIN_OPACITY = 0.02
+
+
+@dataclass(frozen=True)
+class SurfaceCache:
+    """Quantile samples of n rays; rays of less opacity than MIN_OPACITY are left out.
+
+    Attributes:
+        positions: [n, K, 3], grid coordinates.
+        distances: [n, K], grid coordinates, from where the ray enters the grid.
+        viewdirs: [n, 3], of unit length, in the world's axes.
+        opacity: [n] in [0, 1].
+        index: [n], which of the given rays each one is.
+    """
+
+    positions: Tensor
+    distances: Tensor
+    viewdirs: Tensor
+    opacity: Tensor
+    index: Tensor
+
+    def __len__(self) -> int:
+        return len(self.opacity)
+
+    @property
+    def spread(self) -> Tensor:
+        """Distance between the first and the last sample of each ray, [n], grid coordinates."""
+        return self.distances[:, -1] - self.distances[:, 0]
+
+    def thinned(self, n_samples: int) -> SurfaceCache:
+        """At most n_samples >= 1 of each ray's samples, those nearest to the middles of as many shares of its opacity."""
+        n_kept = self.positions.shape[1]
+        if n_kept <= n_samples:
+            return self
+        chosen = [int((number + 0.5) / n_samples * n_kept) for number in range(n_samples)]
+        return replace(self, positions=self.positions[:, chosen], distances=self.distances[:, chosen])
+
+
+@torch.no_grad()
+def cache_surface(field, rays: Rays, n_samples: int, step: float, progress: Progress | None = None) -> SurfaceCache:
+    """Quantile samples of rays through a frozen field. Not differentiable.
+
+    Args:
+        field: Has `trace(rays, step)` (see `fields.protocol.Field`).
+        rays: In world units.
+        n_samples: K >= 1, samples a ray.
+        step: Stride in voxels, of a field that has some.
+        progress: Told of the rays at the end; may cancel.
+
+    Returns:
+        The cache of all rays that are opaque enough.
+
+    Example:
+        >>> from types import SimpleNamespace
+        >>> samples = Samples(torch.tensor([0]), torch.tensor([2.0]), torch.tensor([[0.0, 0.0, 2.0]]), 1.0)
+        >>> field = SimpleNamespace(trace=lambda rays, step: SimpleNamespace(samples=samples, ray_weights=torch.ones(1)))
+        >>> cache = cache_surface(field, Rays(torch.zeros(1, 3), torch.tensor([[0.0, 0.0, 1.0]])), 3, 1.0)
+        >>> cache.distances
+        tensor([[2., 2., 2.]])
+    """
+    starts, parts = range(0, len(rays), RAYS_PER_CHUNK), {}
+
+    def cache(first: int, last: int) -> None:
+        for start in starts[first:last]:
+            chunk = rays[start : start + RAYS_PER_CHUNK]
+            trace = field.trace(chunk, step)
+            parts[start] = quantile_samples(chunk, trace.samples, trace.ray_weights, n_samples, start)
+
+    share(cache, len(starts))
+    if progress is not None:
+        progress.step(len(rays))
+    return join_caches([parts[start] for start in starts])
+
+
+def join_caches(parts: list[SurfaceCache]) -> SurfaceCache:
+    """One cache of the rays of all.
+
+    Args:
+        parts: At least one, with as many samples a ray.
+
+    Returns:
+        Their rays one after the other; `index` stays as it is.
+
+    Example:
+        >>> part = SurfaceCache(torch.zeros(2, 3, 3), torch.zeros(2, 3), torch.zeros(2, 3), torch.ones(2), torch.arange(2))
+        >>> len(join_caches([part, part]))
+        4
+    """
+    return SurfaceCache(*[torch.cat([getattr(part, item.name) for part in parts]) for item in fields(SurfaceCache)])
+
+
+@torch.no_grad()
+def quantile_samples(rays: Rays, samples: Samples, ray_weights: Tensor, n_samples: int, first: int = 0) -> SurfaceCache:
+    """Of each ray, the samples at the middles of K equal shares of its opacity. Not differentiable.
+
+    Args:
+        rays: R rays.
+        samples: Their packed samples.
+        ray_weights: [S], of these samples.
+        n_samples: K >= 1, samples a ray.
+        first: Added to the rays' index.
+
+    Returns:
+        The cache of those rays that are opaque enough.
+
+    Example:
+        >>> samples = Samples(torch.tensor([0, 0]), torch.tensor([1.0, 2.0]), torch.zeros(2, 3), 1.0)
+        >>> rays = Rays(torch.zeros(2, 3), torch.zeros(2, 3))
+        >>> cache = quantile_samples(rays, samples, torch.tensor([0.6, 0.2]), 2)
+        >>> cache.index, cache.distances  # the second ray meets nothing; 1/4 and 3/4 of the first's 0.8 are 0.2 and 0.6
+        (tensor([0]), tensor([[1., 1.]]))
+    """
+    n_rays = len(rays)
+    mass = torch.cumsum(ray_weights.double(), 0)
+    counts = torch.bincount(samples.ray_indices, minlength=n_rays)
+    end = torch.cumsum(counts, 0)
+    padded = torch.cat([mass.new_zeros(1), mass])
+    mass_before, opacity = padded[end - counts], padded[end] - padded[end - counts]
+    kept = torch.nonzero(opacity > MIN_OPACITY).squeeze(1)
+
+    # one sorted key for all rays: (number of the ray) + (share of its opacity up to and with this sample)
+    share = (mass - mass_before[samples.ray_indices]) / opacity[samples.ray_indices].clamp_min(1e-12)
+    key = samples.ray_indices + share.clamp(0, 1 - 1e-9)
+    quantiles = (torch.arange(n_samples, device=key.device) + 0.5) / n_samples
+    chosen = torch.searchsorted(key, kept[:, None] + quantiles)
+    # rounding may step over the ray's last sample: stay within the ray
+    chosen = torch.minimum(chosen, end[kept, None] - 1)
+    return SurfaceCache(
+        samples.positions[chosen],
+        samples.distances[chosen],
+        rays.viewdirs[kept],
+        opacity[kept].float(),
+        kept + first,
+    )

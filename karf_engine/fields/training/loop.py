@@ -1,0 +1,144 @@
+"""The one training loop: schedule, step, stop on what is not finite, take a batch in parts when memory runs out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from torch import Tensor
+
+from ...compute.progress import Progress
+from ...errors import Cancelled, Diverged, OutOfMemory
+from ...io.failures import is_out_of_memory
+from .checkpoint import Unfinished
+from .state import Course
+
+CHECK_EVERY = 10
+MOST_PARTS = 64  # of a batch
+Step = Callable[[int, float], tuple[Tensor, dict[str, float]]]  # iteration, batch_scale -> loss, metrics
+Schedule = Callable[[int, int], float]  # iteration, iterations -> factor of the learning rate
+
+
+def cosine_with_warmup(warmup: int, floor: float) -> Schedule:
+    """Learning-rate schedule: linear warm-up times a cosine (Loshchilov and Hutter 2017).
+
+    Args:
+        warmup: Iterations of the warm-up.
+        floor: Factor at the end of the run, in [0, 1].
+
+    Returns:
+        The factor of each iteration, in (0, 1].
+    """
+
+    def factor(iteration: int, total: int) -> float:
+        cosine = 0.5 * (1 + math.cos(math.pi * iteration / total))
+        return min(1.0, (iteration + 1) / max(warmup, 1)) * (floor + (1 - floor) * cosine)
+
+    return factor
+
+
+def exponential_with_warmup(warmup: int, hold: float, floor: float) -> Schedule:
+    """Learning-rate schedule: linear warm-up, then 1, then an exponential decay.
+
+    Args:
+        warmup: Iterations of the warm-up.
+        hold: Share of the run, in [0, 1), at which the decay begins.
+        floor: Factor at the end of the run, in (0, 1].
+
+    Returns:
+        The factor of each iteration, in (0, 1].
+    """
+
+    def factor(iteration: int, total: int) -> float:
+        late = max(0.0, (iteration / total - hold) / (1 - hold))
+        return min(1.0, (iteration + 1) / max(warmup, 1)) * floor**late
+
+    return factor
+
+
+def constant(iteration: int, total: int) -> float:
+    """Learning-rate schedule that leaves the rate as it is."""
+    del iteration, total
+    return 1.0
+
+
+def train(
+    course: Course,
+    until: int,
+    step: Step,
+    schedule: Schedule,
+    progress: Progress,
+    unfinished: Unfinished | None = None,
+) -> None:
+    """Run a course's step and optimizer until so many iterations are done.
+
+    When memory runs out, the iteration is tried again with the batch in twice as many parts, whose losses are averaged.
+    Processes that learn together take a part each.
+
+    Args:
+        course: What is learned, and how far it has come.
+        until: Iterations after which to stop, at most `course.iterations`.
+        step: Gives loss [] and metrics of an iteration; batch_scale = 1 / parts is the share of a batch to take.
+        schedule: `schedule(iteration, course.iterations)` multiplies the learning rate of every group.
+        progress: Told of each iteration and its metrics; may cancel.
+        unfinished: Told after each iteration, and at a cancel, so that what is learned is kept.
+
+    Raises:
+        Diverged: The loss is not finite.
+        OutOfMemory: Smaller parts no longer help.
+        Cancelled: `progress` was asked to stop.
+    """
+    optimizer = course.optimizer
+    rates = [group["lr"] for group in optimizer.param_groups]
+    parts = 1
+    while course.done < until:
+        iteration = course.done
+        for group, rate in zip(optimizer.param_groups, rates, strict=True):
+            group["lr"] = rate * schedule(iteration, course.iterations)
+        optimizer.zero_grad(set_to_none=True)
+        try:
+            loss, metrics = _gradients(course, step, iteration, parts)
+        except RuntimeError as error:
+            if not is_out_of_memory(error):
+                raise
+            if parts == MOST_PARTS:
+                raise OutOfMemory(
+                    f"The device has too little memory even for a {MOST_PARTS}th of the batch.", "Use the CPU."
+                ) from error
+            parts *= 2
+            continue
+        # reading the loss waits for the device: every tenth time is soon enough to stop
+        is_checked = iteration % CHECK_EVERY == 0 or iteration == until - 1
+        if is_checked and not math.isfinite(float(course.team.mean(loss))):
+            raise Diverged(
+                f"Training diverged at iteration {iteration}: loss {float(loss)}.", "Lower the learning rate."
+            )
+        course.team.average(parameter for group in optimizer.param_groups for parameter in group["params"])
+        optimizer.step()
+        course.done += 1
+        _report(metrics, progress, unfinished)
+    for group, rate in zip(optimizer.param_groups, rates, strict=True):
+        group["lr"] = rate
+
+
+def _gradients(course: Course, step: Step, iteration: int, parts: int) -> tuple[Tensor, dict[str, float]]:
+    """Gradients of the loss over this process's share of a batch, in parts; its mean, and the last part's metrics."""
+    mean = 0.0
+    with course.own_numbers():
+        for _ in range(parts):
+            loss, metrics = step(iteration, 1 / (parts * course.team.size))
+            share = loss / parts
+            share.backward()
+            mean = mean + share.detach()
+    return mean, metrics
+
+
+def _report(metrics: dict[str, float], progress: Progress, unfinished: Unfinished | None) -> None:
+    try:
+        progress.step(**metrics)
+    except Cancelled:
+        if unfinished is not None:
+            unfinished.save()
+        raise
+    if unfinished is not None:
+        unfinished.offer()

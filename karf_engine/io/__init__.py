@@ -1,0 +1,1 @@
+"""Files: reading, writing and checking them; names that become files; colors; pictures."""

@@ -1,0 +1,97 @@
+"""Learned tensors on disk: safetensors with their settings in the header. Data only; nothing in a file is ever run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from ..errors import DataError
+from .failures import is_out_of_memory
+from .files import atomic_write
+
+AGAIN = "Run the stage that writes it again."
+# what code raises that makes something of a damaged file's tensors and metadata
+DAMAGE = (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
+
+
+def save_tensors(path: Path, tensors: dict[str, Tensor], schema: str, metadata: dict[str, Any]) -> None:
+    """Write tensors and metadata atomically. Equal ones become equal bytes.
+
+    Args:
+        path: Of the file.
+        tensors: By name, on any device.
+        schema: What the file is, and its version.
+        metadata: JSON values.
+    """
+    # one entry: safetensors writes several in any order, and equal results shall be equal bytes
+    header = {"karf": json.dumps({"schema": schema, "facts": metadata})}
+    stored = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
+    atomic_write(path, lambda temporary: save_file(stored, temporary, header))
+
+
+def load_tensors(
+    path: Path, schema: str, device: torch.device | str = "cpu"
+) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    """Read tensors and metadata.
+
+    Raises:
+        DataError: The file is missing, damaged, of another schema, or holds numbers that are not finite.
+    """
+    try:
+        with safe_open(path, "pt") as stored:
+            header = _header(stored.metadata() or {})
+            found = header.get("schema")
+            if found != schema:
+                raise DataError(f"{path} holds {found!r:.200}, not {schema!r}.", AGAIN)
+            # copies: as long as the file itself is mapped, Windows lets nobody replace it
+            tensors = {name: stored.get_tensor(name).clone() for name in stored.keys()}
+            metadata = header["facts"]
+    except FileNotFoundError as error:
+        raise DataError(f"{path} does not exist.", "Run the stage that writes it.") from error
+    except (SafetensorError, OSError, RecursionError, *DAMAGE) as error:
+        raise _damaged(path, error) from error
+    for name, tensor in tensors.items():
+        if tensor.is_floating_point() and not torch.isfinite(tensor).all():
+            raise DataError(f"{path} holds values in {name!r:.200} that are not finite.", AGAIN)
+    return {name: tensor.to(device) for name, tensor in tensors.items()}, metadata
+
+
+@contextmanager
+def restoring(path: Path) -> Iterator[None]:
+    """While something is made of the file's tensors and metadata: an error is theirs, as they are not as written.
+
+    Errors of memory and those that are sentences already pass.
+
+    Raises:
+        DataError: The file is damaged.
+    """
+    try:
+        yield
+    except DAMAGE as error:
+        if is_out_of_memory(error):
+            raise
+        raise _damaged(path, error) from error
+
+
+def _damaged(path: Path, error: Exception) -> DataError:
+    return DataError(f"{path} is damaged ({type(error).__name__}: {error!s:.200}).", AGAIN)
+
+
+def _header(entries: dict[str, str]) -> dict[str, Any]:
+    """Schema and metadata ("facts") of a file; the first versions wrote them as two entries."""
+    if "karf" in entries:
+        return json.loads(entries["karf"], parse_constant=_refuse)
+    metadata = json.loads(entries.get("facts", "{}"), parse_constant=_refuse)
+    return {"schema": entries.get("schema"), "facts": metadata}
+
+
+def _refuse(constant: str) -> None:
+    raise ValueError(f"{constant} among the metadata")

@@ -1,0 +1,123 @@
+"""The system's errors as sentences and remedies: full disks, missing permissions, memory that ran out. Without torch.
+
+Libraries report the same failure by many classes of exceptions; all of them are recognized here and nowhere else.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from ..errors import DataError, KarfError, OutOfMemory
+
+# torch on the processor, OpenCV and C++ libraries have no error class of their own for it
+MEMORY_MESSAGES = (
+    "out of memory",
+    "allocate memory",
+    "unable to allocate",
+    "insufficient memory",
+    "not enough memory",
+    "bad_alloc",
+    "storage size calculation overflowed",
+    "larger than the maximum possible size",
+)
+DISK_FULL_MESSAGES = ("disk is full", "requested and")  # SQLite; numpy, which wrote less than was requested
+# safetensors has the system's number in its message alone; the second form is that of its versions before 0.5
+NUMBER_IN_TEXT = re.compile(r"\(os error (\d+)\)|Os \{ code: (\d+)")
+WINDOWS_ERRORS = {  # its own numbers, which libraries that are not written in Python report
+    2: errno.ENOENT, 3: errno.ENOENT, 5: errno.EACCES, 8: errno.ENOMEM, 14: errno.ENOMEM, 19: errno.EROFS,
+    32: errno.EACCES, 33: errno.EACCES, 39: errno.ENOSPC, 112: errno.ENOSPC, 206: errno.ENAMETOOLONG,
+}  # fmt: skip
+WINDOWS_LONGEST_PATH = 259  # characters, where long paths have not been switched on
+FREE_SPACE = "Free some space, or choose a folder on another disk; what was finished is kept."
+OTHER_FOLDER = "Choose a folder of your own, or change its rights; on Windows another program may hold the file open."
+SYSTEM_ERRORS = {  # by number: sentence and remedy
+    errno.ENOSPC: ("The disk is full: {file} cannot be written.", FREE_SPACE),
+    errno.EDQUOT: ("Your share of the disk is used up: {file} cannot be written.", FREE_SPACE),
+    errno.EFBIG: ("{file} is larger than this disk's file system allows.", FREE_SPACE),
+    errno.EACCES: ("{file} may not be read or written here.", OTHER_FOLDER),
+    errno.EPERM: ("{file} may not be read or written here.", OTHER_FOLDER),
+    errno.EROFS: ("{file} lies on a disk that can only be read.", "Choose a folder on another disk."),
+    errno.ENOENT: ("{file} is not there, or no longer.", "Put it back, or check the path; then start again."),
+    errno.ENOTDIR: ("{file} lies in a file instead of a folder.", "Check the path."),
+    errno.EISDIR: ("{file} is a folder where a file is wanted.", "Check the path."),
+    errno.EEXIST: ("{file} is a file where a folder is wanted.", "Choose another folder."),
+    errno.ENAMETOOLONG: ("{file} is a name too long for this disk.", "Use shorter names of files and folders."),
+    errno.EMFILE: ("Too many files are open at once.", "Close other programs, or raise the limit (ulimit -n)."),
+    errno.ENFILE: ("Too many files are open at once.", "Close other programs, or restart the computer."),
+}
+
+
+def is_out_of_memory(error: BaseException) -> bool:
+    """Whether this is a failed allocation, on an accelerator or in main memory, by any library.
+
+    Examples:
+        >>> is_out_of_memory(RuntimeError("CUDA out of memory.")), is_out_of_memory(ValueError("no"))
+        (True, False)
+    """
+    if isinstance(error, KarfError):
+        return isinstance(error, OutOfMemory)
+    if isinstance(error, MemoryError) or type(error).__name__ == "OutOfMemoryError":
+        return True
+    return getattr(error, "errno", None) == errno.ENOMEM or any(word in str(error).lower() for word in MEMORY_MESSAGES)
+
+
+def first_line(error: BaseException) -> str:
+    """What a library says of a damaged file, short enough to stand within a sentence.
+
+    Examples:
+        >>> first_line(ValueError("bad magic number.\\nSee the manual.")), first_line(EOFError())
+        ('bad magic number', 'EOFError')
+    """
+    return str(error).strip().split("\n")[0].rstrip(".:") or type(error).__name__
+
+
+def known_failure(error: BaseException) -> KarfError | None:
+    """The error as one that a user can act on; None for one that only a bug explains.
+
+    Examples:
+        >>> str(known_failure(FileNotFoundError(2, "No such file", "/films/a.png")))
+        '/films/a.png is not there, or no longer. Put it back, or check the path; then start again.'
+    """
+    if isinstance(error, KarfError):
+        return error
+    if is_out_of_memory(error):
+        return OutOfMemory("The computer ran out of memory.", "Lower geometry.long_side, or close other programs.")
+    number = _system_number(error)
+    if number is None:
+        return None
+    file = getattr(error, "filename", None) or "a file"
+    reason = getattr(error, "strerror", None) or str(error)
+    sentence, hint = SYSTEM_ERRORS.get(
+        number, (f"{{file}} cannot be read or written: {reason}.", "Check the disk or the network drive.")
+    )
+    sentence = sentence.replace("{file}", str(file))
+    return DataError(sentence[:1].upper() + sentence[1:], hint)
+
+
+@contextmanager
+def translated() -> Iterator[None]:
+    """Errors of the system leave the block as `known_failure` tells them; those that only a fault of ours explains pass."""
+    try:
+        yield
+    except Exception as error:
+        known = known_failure(error)
+        if known is None or known is error:
+            raise
+        raise known from error
+
+
+def _system_number(error: BaseException) -> int | None:
+    """The system's number of a failed call, also where a library has it in its message alone."""
+    is_windows = os.name == "nt"
+    if isinstance(error, OSError) and error.errno:
+        is_long = len(str(error.filename or "")) > WINDOWS_LONGEST_PATH  # Windows says that it is not there
+        return errno.ENAMETOOLONG if is_windows and is_long and error.errno == errno.ENOENT else error.errno
+    if any(word in str(error) for word in DISK_FULL_MESSAGES):
+        return errno.ENOSPC
+    found = NUMBER_IN_TEXT.search(str(error))
+    number = int(found[1] or found[2]) if found else None
+    return WINDOWS_ERRORS.get(number, number) if is_windows else number

@@ -1,0 +1,290 @@
+"""Picture sizes from file headers, without a picture library: Blender's Python has none, and headers are checked first.
+
+Follows the PNG specification (IHDR, eXIf), JPEG (ITU T.81, SOFn segments), Exif 2.3 (orientation tag 0x0112), the WebP
+container specification (VP8, VP8L and VP8X chunks), TIFF 6.0 (first directory), Windows bitmaps (BITMAPCOREHEADER and
+its successors) and the OpenEXR file layout (displayWindow). Sizes are (width, height) in pixels. Hand-written because
+Blender reads captures too, and its Python has no picture library.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from ..errors import DataError
+from .inputs import check_file
+
+LFS_POINTER = b"version https://git-lfs"
+FRAME_MARKERS = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+TIFF_ORDERS = {b"II*\0": "<", b"MM\0*": ">"}
+EXR_MAGIC = b"\x76\x2f\x31\x01"
+MOST_PHOTO_BYTES = 2 << 30
+MOST_EXIF_BYTES = 1 << 16  # as much as a JPEG segment can hold
+# a few bytes may claim any number of pixels; photographs and renderings need at least a bit for six of them
+MOST_PIXELS = 400_000_000
+MOST_PIXELS_OF_SMALL = 32_000_000
+MOST_PIXELS_PER_BYTE = 50
+KINDS = "PNG, JPEG, WebP, TIFF, BMP or EXR"
+
+
+@dataclass(frozen=True)
+class ImageHeader:
+    """Size of the stored pixels and how they are to be shown and decoded.
+
+    Attributes:
+        width: Of the pixels as stored.
+        height: Of the pixels as stored.
+        orientation: 1..8 as in Exif.
+        kind: `png`, `jpeg`, `webp`, `tiff`, `bmp` or `exr`.
+        deep: Whether colors have more than 8 bits a channel.
+        premultiplied: Whether colors are multiplied by alpha.
+    """
+
+    width: int
+    height: int
+    orientation: int = 1
+    kind: str = ""
+    deep: bool = False
+    premultiplied: bool = False
+
+    @property
+    def swaps_sides(self) -> bool:
+        """Whether the orientation swaps width and height for display."""
+        return self.orientation >= 5
+
+    @property
+    def stored(self) -> tuple[int, int]:
+        """Width and height as stored."""
+        return self.width, self.height
+
+    @property
+    def shown(self) -> tuple[int, int]:
+        """Width and height as a viewer shows the picture."""
+        return (self.height, self.width) if self.swaps_sides else self.stored
+
+
+def image_size(path: Path) -> tuple[int, int]:
+    """Width and height of a picture file as shown.
+
+    Raises:
+        DataError: As `image_header`.
+    """
+    return image_header(path).shown
+
+
+def image_header(path: Path) -> ImageHeader:
+    """Read the header of a PNG, JPEG, WebP, TIFF, BMP or EXR file.
+
+    Raises:
+        DataError: The file is missing, damaged or of another kind, or claims more pixels than are read.
+    """
+    try:
+        header = find_header(path)
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror}.", "Check the file.") from error
+    if header is None:
+        raise unreadable(path, f"it has no complete {KINDS} header")
+    check_pixels(path, *header.stored)
+    return header
+
+
+def check_pixels(path: Path, width: int, height: int, of_small: int = MOST_PIXELS_OF_SMALL) -> None:
+    """Refuse a picture file that claims more pixels than are read of a file of its length.
+
+    Args:
+        path: The file.
+        width: Claimed, pixels.
+        height: Claimed, pixels.
+        of_small: How many pixels are read of the smallest file.
+
+    Raises:
+        DataError: It claims more.
+    """
+    length = path.stat().st_size
+    most = min(MOST_PIXELS, max(of_small, MOST_PIXELS_PER_BYTE * length))
+    if width * height > most:
+        raise DataError(
+            f"{path} has {width}x{height} pixels in {length:,} bytes; at most {most // 10**6} million are read of that.",
+            "Export the picture again, or make it smaller.",
+        )
+
+
+def find_header(path: Path) -> ImageHeader | None:
+    """The header of a picture file; None where it is of no known kind or damaged.
+
+    Raises:
+        OSError: The file cannot be read.
+        DataError: It is missing, or no file.
+    """
+    check_file(path, MOST_PHOTO_BYTES)
+    with path.open("rb") as stream:
+        try:
+            header = _header(stream.read(32), stream)
+        except struct.error:
+            return None
+    return header if header and min(header.stored) >= 1 else None
+
+
+def unreadable(path: Path, reason: str) -> DataError:
+    """The error for a picture that cannot be read: names the known kinds of damage, else gives `reason`."""
+    with path.open("rb") as stream:
+        head = stream.read(32)
+    if not head:
+        return DataError(f"{path} is empty.", "Copy the picture again.")
+    if head.startswith(LFS_POINTER):
+        return DataError(f"{path} is a Git-LFS pointer, not a picture.", "Fetch the pictures with: git lfs pull.")
+    if head.startswith(b"\xef\xbf\xbd"):
+        return DataError(f"{path} is damaged: it was copied as text.", "Copy the picture again as a binary file.")
+    return DataError(f"{path} cannot be read as a picture: {reason}.", "Export or copy the picture again.")
+
+
+def _header(head: bytes, stream: BinaryIO) -> ImageHeader | None:
+    if head[:8] == b"\x89PNG\r\n\x1a\n" and head[12:16] == b"IHDR":
+        return _png_header(head, stream)
+    if head[:2] == b"\xff\xd8":
+        stream.seek(2)
+        return _jpeg_header(stream)
+    if head[:4] == b"RIFF" and head[8:12] == b"WEBP":
+        return _webp_header(head)
+    if head[:4] in TIFF_ORDERS:
+        return _tiff_header(stream)
+    if head[:2] == b"BM":
+        return _bmp_header(head)
+    if head[:4] == EXR_MAGIC:
+        return _exr_header(stream)
+    return None
+
+
+def _png_header(head: bytes, stream: BinaryIO) -> ImageHeader:
+    width, height, depth, color = struct.unpack(">IIBB", head[16:26])
+    is_gray = color == 0
+    return ImageHeader(width, height, _png_orientation(stream), "png", depth > 8 and not is_gray)
+
+
+def _png_orientation(stream: BinaryIO) -> int:
+    """Of an eXIf chunk before the pixels."""
+    stream.seek(8)
+    while len(start := stream.read(8)) == 8:
+        length, kind = struct.unpack(">I4s", start)
+        if kind == b"eXIf":
+            return _exif_orientation(stream.read(min(length, MOST_EXIF_BYTES)))
+        if kind == b"IDAT":
+            break
+        stream.seek(length + 4, io.SEEK_CUR)
+    return 1
+
+
+def _jpeg_header(stream: BinaryIO) -> ImageHeader | None:
+    orientation = 1
+    while True:
+        marker = _jpeg_marker(stream)
+        if marker in (None, 0xD9, 0xDA):  # the picture data begins and no size was given
+            return None
+        if marker == 0x01 or 0xD0 <= marker <= 0xD8:  # markers without a segment
+            continue
+        (length,) = struct.unpack(">H", stream.read(2))
+        if length < 2:  # it counts itself
+            return None
+        segment = stream.read(length - 2)
+        if marker == 0xE1 and segment[:6] == b"Exif\0\0":
+            orientation = _exif_orientation(segment[6:])
+        if marker in FRAME_MARKERS:
+            height, width = struct.unpack(">HH", segment[1:5])
+            return ImageHeader(width, height, orientation, "jpeg")
+
+
+def _jpeg_marker(stream: BinaryIO) -> int | None:
+    if stream.read(1) != b"\xff":
+        return None
+    marker = 0xFF
+    while marker == 0xFF:  # fill bytes
+        (marker,) = struct.unpack("B", stream.read(1))
+    return marker
+
+
+def _exif_orientation(tiff: bytes) -> int:
+    """Orientation 1..8 of an Exif block; 1 where it has none or is damaged, as viewers do."""
+    try:
+        return _orientation(_tiff_fields(io.BytesIO(tiff)))
+    except struct.error:
+        return 1
+
+
+def _orientation(fields: dict[int, tuple[int, ...]]) -> int:
+    value = fields.get(0x0112, (1,))[0]
+    return value if 1 <= value <= 8 else 1
+
+
+def _tiff_fields(stream: BinaryIO) -> dict[int, tuple[int, ...]]:
+    """Tags of the first directory whose values are 16- or 32-bit numbers; none where it is no TIFF."""
+    stream.seek(0)
+    order = TIFF_ORDERS.get(stream.read(4))
+    if order is None:
+        return {}
+    stream.seek(struct.unpack(order + "I", stream.read(4))[0])
+    (count,) = struct.unpack(order + "H", stream.read(2))
+    entries = [struct.unpack(order + "HHI4s", stream.read(12)) for _ in range(count)]
+    fields = {}
+    for tag, kind, length, inline in entries:
+        letter = {3: "H", 4: "I"}.get(kind)
+        if letter is None or not 1 <= length <= 16:  # texts, and tables of strips
+            continue
+        layout = f"{order}{length}{letter}"
+        size = struct.calcsize(layout)
+        if size > 4:
+            stream.seek(struct.unpack(order + "I", inline)[0])
+            inline = stream.read(size)
+        fields[tag] = struct.unpack(layout, inline[:size])
+    return fields
+
+
+def _tiff_header(stream: BinaryIO) -> ImageHeader | None:
+    fields = _tiff_fields(stream)
+    if 0x0100 not in fields or 0x0101 not in fields:
+        return None
+    deep = max(fields.get(0x0102, (1,))) > 8 and fields.get(0x0115, (1,))[0] > 1
+    premultiplied = fields.get(0x0152, (0,))[0] == 1  # ExtraSamples: associated alpha
+    return ImageHeader(fields[0x0100][0], fields[0x0101][0], _orientation(fields), "tiff", deep, premultiplied)
+
+
+def _bmp_header(head: bytes) -> ImageHeader:
+    is_core = struct.unpack("<I", head[14:18])[0] == 12
+    width, height = struct.unpack("<HH", head[18:22]) if is_core else struct.unpack("<ii", head[18:26])
+    return ImageHeader(width, abs(height), kind="bmp")  # a negative height: rows from the top
+
+
+def _exr_header(stream: BinaryIO) -> ImageHeader | None:
+    stream.seek(8)
+    while name := _exr_text(stream):
+        _exr_text(stream)  # the attribute's type
+        (size,) = struct.unpack("<I", stream.read(4))
+        if name == b"displayWindow":
+            left, top, right, bottom = struct.unpack("<4i", stream.read(16))
+            return ImageHeader(right - left + 1, bottom - top + 1, kind="exr", deep=True, premultiplied=True)
+        stream.seek(size, io.SEEK_CUR)
+    return None
+
+
+def _exr_text(stream: BinaryIO) -> bytes:
+    """A text that ends with a zero byte; at most 255 characters."""
+    text = b""
+    while len(text) < 256 and (letter := stream.read(1)) not in (b"", b"\0"):
+        text += letter
+    return text
+
+
+def _webp_header(head: bytes) -> ImageHeader | None:
+    chunk, data = head[12:16], head[20:]
+    if chunk == b"VP8 " and data[3:6] == b"\x9d\x01\x2a":
+        width, height = struct.unpack("<HH", data[6:10])
+        return ImageHeader(width & 0x3FFF, height & 0x3FFF, kind="webp")
+    if chunk == b"VP8L" and data[:1] == b"\x2f":
+        (bits,) = struct.unpack("<I", data[1:5])
+        return ImageHeader((bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1, kind="webp")
+    if chunk == b"VP8X" and len(data) >= 10:
+        width, height = (int.from_bytes(data[at : at + 3], "little") + 1 for at in (4, 7))
+        return ImageHeader(width, height, kind="webp")
+    return None

@@ -1,0 +1,60 @@
+"""Arrays of npz files, whose headers are checked before memory is allocated. Nothing is unpickled."""
+
+from __future__ import annotations
+
+import math
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import DataError
+from .failures import is_out_of_memory
+from .inputs import check_file
+
+# packed zeros take a thousandth: a small file may claim any size
+MOST_OF_SMALL = 512 << 20  # bytes
+MOST_PER_BYTE = 200
+
+
+def read_arrays(path: Path, names: Sequence[str], what: str, hint: str) -> list[np.ndarray]:
+    """Some arrays of an npz file.
+
+    Args:
+        path: The file.
+        names: Of the arrays.
+        what: What messages call the file.
+        hint: What the user can do where it is damaged.
+
+    Returns:
+        The arrays, in the order of the names.
+
+    Raises:
+        DataError: The file is missing or damaged, lacks one of them, or claims more bytes than are read of its length.
+    """
+    label = f"{path} ({what})"
+    most = max(MOST_OF_SMALL, MOST_PER_BYTE * check_file(path, label=label))
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = [archive.getinfo(f"{name}.npy") for name in names]
+            claimed = sum(member.file_size for member in members)
+            if claimed > most:
+                raise ValueError(f"it claims {claimed:,} bytes of arrays; at most {most:,} are read of its length")
+            return [_read_array(archive, member) for member in members]
+    except Exception as error:  # a scrambled archive raises nearly anything
+        if is_out_of_memory(error):
+            raise
+        raise DataError(f"{label} cannot be read: {str(error) or type(error).__name__}.", hint) from error
+
+
+def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
+    """One array of numbers or texts, whose header agrees with the length of its member."""
+    with archive.open(member) as stream:
+        version = np.lib.format.read_magic(stream)
+        read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, dtype = read_header(stream)
+        if dtype.hasobject or math.prod(shape) * dtype.itemsize != member.file_size - stream.tell():
+            raise ValueError(f"{member.filename} is no array of {shape} {dtype}")
+    with archive.open(member) as stream:
+        return np.lib.format.read_array(stream, allow_pickle=False)

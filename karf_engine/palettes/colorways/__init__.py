@@ -1,0 +1,1 @@
+"""Colorways: sheets of wanted colors, and what palettes reach of them."""

@@ -1,0 +1,68 @@
+"""Colorways of a learned project: the edit of each, and what it will reach. Without torch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...errors import BadRequest, DataError
+from ...project.folder import Project
+from ..object_colors import read_object_colors
+from ..palette import Edit, read_palettes
+from .reached import Prediction, predict
+from .sheet import Colorway, read_sheet
+
+
+@dataclass(frozen=True)
+class PlannedColorway:
+    """A colorway, before anything is rendered.
+
+    Attributes:
+        colorway: As the sheet says.
+        edit: Of all objects; those that the colorway does not name stay as learned.
+        predictions: One a wish.
+    """
+
+    colorway: Colorway
+    edit: Edit
+    predictions: tuple[Prediction, ...]
+
+
+def plan_colorways(
+    project: Project, sheet: Path, locked: Mapping[str, Sequence[int]] | None = None
+) -> tuple[PlannedColorway, ...]:
+    """The colorways of a sheet (see `edit.color_sheet`), each with its edit and what it will reach.
+
+    Args:
+        project: With palettes.
+        sheet: CSV or JSON.
+        locked: Numbers of swatches that stay as learned, by object.
+
+    Raises:
+        BadRequest: The project has no palettes, or not that swatch.
+        DataError: The sheet is none or names an object that the project has not; a file of the project is damaged.
+    """
+    project.require("palette")
+    palettes = {palette.name: palette for palette in read_palettes(project.checked(project.palette_file))}
+    for name, number in ((name, number) for name, numbers in (locked or {}).items() for number in numbers):
+        if name not in palettes or not 0 <= number < len(palettes[name].colors):
+            raise BadRequest(
+                f"There is no swatch {number} of {name!r} to lock.", f"Objects are: {', '.join(palettes)}."
+            )
+    colorways = read_sheet(sheet)
+    for wish in (wish for colorway in colorways for wish in colorway.wishes):
+        if wish.name not in palettes:
+            raise DataError(f"{wish.where}: there is no object {wish.name!r}.", f"Objects are: {', '.join(palettes)}.")
+    path = project.checked(project.object_colors_file)
+    seen = {name: read_object_colors(path, name) for name in palettes}
+    learned = {name: palette.colors for name, palette in palettes.items()}
+    planned = []
+    for colorway in colorways:
+        predictions = tuple(
+            predict(wish, palettes[wish.name], seen[wish.name], (locked or {}).get(wish.name, ()))
+            for wish in colorway.wishes
+        )
+        colors = learned | {prediction.wish.name: prediction.colors for prediction in predictions}
+        planned.append(PlannedColorway(colorway, Edit(colors, "delta"), predictions))
+    return tuple(planned)

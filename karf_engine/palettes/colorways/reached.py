@@ -1,0 +1,196 @@
+"""What a colorway will look like, before anything is rendered: the edit, the color that it reaches, and why not closer.
+
+The color reached is what the source color becomes: the source plus the median change of the object's colors near it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...errors import BadRequest
+from ...io.color import ciede2000, lab_to_srgb, srgb_to_lab
+from ..matching.becomes import match_becomes, mean_weights, near
+from ..object_colors import ColorHistogram
+from ..palette import BRIGHTEST, Palette, rgb_to_hex
+from .sheet import Wish
+
+TOLERANCE = 2.0  # CIEDE2000 to the wish up to which a color counts as reached
+SPREAD = 6.0  # of a paint's colors in Lab, about its most frequent one
+MOST_CANDIDATES = 256  # histogram cells that are tried as an object's dominant color
+FOREIGN = 10.0  # CIEDE2000 from which the object shows no such source color
+BRIGHT = 0.95  # sRGB from which better lit parts of an object would be brighter than white
+ROUNDING = 0.005  # of sRGB numbers: what the wish's own may be beyond what can be
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What comes of one wish.
+
+    Attributes:
+        wish: The wish.
+        source: The color of the object that shall become it, sRGB [3].
+        colors: The object's edited palette [M, 3].
+        reached: What the source becomes, sRGB [3].
+        ciede2000: Of the color reached to the wish.
+        reason: Why the wish cannot be reached, after "because"; empty where it is reached.
+    """
+
+    wish: Wish
+    source: np.ndarray
+    colors: np.ndarray
+    reached: np.ndarray
+    ciede2000: float
+    reason: str
+
+    @property
+    def target(self) -> np.ndarray:
+        """The wanted color as near as a picture can show it, sRGB [3]."""
+        return np.clip(lab_to_srgb(self.wish.lab), 0, 1)
+
+
+def dominant_color(seen: ColorHistogram) -> np.ndarray:
+    """The color that an object shows most: the mean, sRGB [3], about the densest spot of its colors in Lab.
+
+    Examples:
+        >>> colors = np.array([[0.7, 0.1, 0.1], [0.72, 0.1, 0.1], [1.0, 1, 1]])
+        >>> print(dominant_color(ColorHistogram(colors, np.array([30, 30, 40]), np.ones((3, 1)))).round(2))
+        [0.71 0.1  0.1 ]
+    """
+    lab = srgb_to_lab(seen.colors)
+    tried = np.argsort(seen.counts)[-MOST_CANDIDATES:]
+    distance = np.linalg.norm(lab[tried, None] - lab, axis=-1)
+    density = np.exp(-0.5 * (distance / SPREAD) ** 2) * seen.counts
+    return np.average(seen.colors, axis=0, weights=density[density.sum(axis=1).argmax()]).astype(np.float64)
+
+
+def predict(wish: Wish, palette: Palette, seen: ColorHistogram, locked: Iterable[int] = ()) -> Prediction:
+    """The edit for a wish and what it reaches; with the compositing that adds the palette's change.
+
+    Args:
+        wish: Of the palette's object.
+        palette: As learned.
+        seen: The object's colors.
+        locked: Swatches that stay as they are.
+
+    Examples:
+        A red pot becomes blue; brighter than the light on it lets paint be it cannot become:
+
+        >>> colors, weights = np.array([[0.2, 0.02, 0.02]]), np.array([[0.8, 0.2]])
+        >>> pot = Palette("pot", np.array([[0, 0, 0], [1, 0.1, 0.1]], np.float32))
+        >>> seen = ColorHistogram(colors, np.array([10]), weights)
+        >>> for color in ([0.05, 0.1, 0.3], [0.6, 0.7, 1.0]):
+        ...     result = predict(Wish("pot", srgb_to_lab(np.array(color)), None, "sheet.csv, line 2"), pot, seen)
+        ...     print(rgb_to_hex(result.reached), round(result.ciede2000), result.reason[:54] or "reached")
+        #0d194c 0 reached
+        #666666 35 80 % of its color #330505 are the palette's black: too
+    """
+    source = dominant_color(seen) if wish.source is None else np.asarray(wish.source, np.float64)
+    target = np.clip(lab_to_srgb(wish.lab), 0, 1)
+    try:
+        colors = match_becomes(*seen, palette.colors, source, target, locked)
+    except BadRequest as error:  # a source that is black
+        colors, reason = palette.colors, error.sentence.rstrip(".")
+    else:
+        reason = ""
+    reached, difference, why = reached_by(colors, palette, seen, source, wish.lab, locked)
+    return Prediction(wish, source, colors, reached, difference, reason if reason and why else why)
+
+
+def reached_by(
+    edited: np.ndarray,
+    palette: Palette,
+    seen: ColorHistogram,
+    source: np.ndarray,
+    wanted: np.ndarray,
+    locked: Iterable[int] = (),
+) -> tuple[np.ndarray, float, str]:
+    """What a color becomes by an edit.
+
+    Args:
+        edited: The edited palette [M, 3].
+        palette: As learned.
+        seen: The object's colors.
+        source: The color, sRGB [3].
+        wanted: What it was to become, Lab [3].
+        locked: Swatches that stay as they are.
+
+    Returns:
+        The color reached, sRGB [3]; its CIEDE2000 to the wanted one; and the reason where that is over 2, else nothing.
+
+    Examples:
+        >>> seen = ColorHistogram(np.array([[0.5, 0.5, 0.5]]), np.array([1]), np.array([[0.5, 0.5]]))
+        >>> grey, darker = np.array([[0.0, 0, 0], [1, 1, 1]]), np.array([[0.0, 0, 0], [0.5, 0.5, 0.5]])
+        >>> color, left, _ = reached_by(darker, Palette("pot", grey), seen, seen.colors[0], np.array([27.1, 0, 0]))
+        >>> rgb_to_hex(color), round(left)
+        ('#404040', 0)
+    """
+    reached = reached_color(seen.colors, shown(seen, palette, edited), source, seen.counts)
+    left = float(ciede2000(srgb_to_lab(reached), wanted))
+    return reached, left, _reason(wanted, palette, seen, source, locked) if left > TOLERANCE else ""
+
+
+def shown(seen: ColorHistogram, palette: Palette, edited: np.ndarray) -> np.ndarray:
+    """An object's colors [n, 3] after an edit of its palette, as pictures show them.
+
+    Examples:
+        >>> seen = ColorHistogram(np.array([[0.5, 0.5, 0.5]]), np.array([1]), np.array([[0.5, 0.5]]))
+        >>> grey, blue = np.array([[0.0, 0, 0], [1, 1, 1]]), np.array([[0.0, 0, 0], [0, 0, 2]])
+        >>> shown(seen, Palette("pot", grey), blue).tolist()
+        [[0.0, 0.0, 1.0]]
+    """
+    return np.clip(seen.colors + seen.palette_weights @ (edited - palette.colors), 0, 1)
+
+
+def reached_color(
+    before: np.ndarray, after: np.ndarray, source: np.ndarray, counts: np.ndarray | None = None
+) -> np.ndarray:
+    """What a color has become in colors or pixels: itself plus their median change, of those near it.
+
+    Args:
+        before: sRGB [n, 3].
+        after: The same after an edit, [n, 3].
+        source: sRGB [3].
+        counts: How often each occurs, [n]; by default once.
+
+    Returns:
+        sRGB [3] in [0, 1].
+
+    Examples:
+        >>> before = np.array([[0.5, 0.5, 0.5], [0.5, 0.5, 0.5], [0.9, 0.1, 0.1]])
+        >>> reached_color(before, before + [0.1, 0, -0.2], np.array([0.49, 0.5, 0.5])).round(2).tolist()
+        [0.59, 0.5, 0.3]
+    """
+    alike = near(before, source)
+    change = np.subtract(after, before)[alike]
+    weight = np.ones(len(change)) if counts is None else counts[alike].astype(np.float64)
+    order = np.argsort(change, axis=0)
+    share = np.cumsum(weight[order], axis=0)
+    middle = (share >= share[-1] / 2).argmax(axis=0)
+    return np.clip(source + np.take_along_axis(np.take_along_axis(change, order, 0), middle[None], 0)[0], 0, 1)
+
+
+def _reason(lab: np.ndarray, palette: Palette, seen: ColorHistogram, source: np.ndarray, locked: Iterable[int]) -> str:
+    """Why an edit does not reach a color: the first cause that holds."""
+    wanted, color = lab_to_srgb(lab), rgb_to_hex(source)
+    distance = ciede2000(srgb_to_lab(seen.colors), srgb_to_lab(source)).min()
+    if distance > FOREIGN:
+        return f"the object shows no color like {color}; the nearest differs by CIEDE2000 {distance:.0f}"
+    if wanted.min() < -ROUNDING or wanted.max() > 1 + ROUNDING:
+        return f"no sRGB picture can show it; the nearest that can be shown is {rgb_to_hex(wanted)}"
+    own = mean_weights(seen.colors, seen.counts, seen.palette_weights, source)
+    free = np.setdiff1d(np.arange(len(own)), [0, *locked])
+    if own[free].sum() < ROUNDING:
+        return f"its color {color} is all of black or locked swatches, which stay as they are"
+    if (wanted > source + own[free] @ (BRIGHTEST - palette.colors[free]) + ROUNDING).any():
+        return (
+            f"{100 * own[0]:.0f} % of its color {color} are the palette's black: too little light falls there, even "
+            "with swatches twice as bright as white"
+        )
+    if (wanted < source - own[free] @ palette.colors[free] - ROUNDING).any():
+        return f"locked swatches in its color {color} are brighter than this"
+    if wanted.max() > BRIGHT:
+        return "parts of the object that are better lit would be brighter than white"
+    return "the swatches of this color make up other colors of the object too, which would suffer"

@@ -1,0 +1,258 @@
+"""Recolored pictures from edit planes: a few multiply-adds per pixel, fast enough to follow a dragged swatch.
+
+Naming: K objects, M palette entries (of the largest palette; smaller ones are zero padded), H x W pixels.
+base: [H, W, 3] the picture without the edit, sRGB in [0, 1]. palette_weights: [K, M, H, W], entry j's share of object k
+in the pixel; over j they sum to probabilities [K, H, W]. learned, edited: palettes [K, M, 3].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import DataError
+from ..io.files import atomic_write
+from ..io.names import check_names
+from ..io.npz import read_arrays
+
+# rows are done in blocks of about this many pixels: a block's working set stays in a core's cache
+BLOCK_PIXELS = 16384
+AGAIN = "Run the render stage again, with planes."
+
+
+@dataclass(frozen=True)
+class Planes:
+    """Edit planes of one picture, as stored.
+
+    Attributes:
+        objects: Names of the K objects.
+        palette_weights: [K, M, H, W] float16 in [0, 1], object probability included.
+        probabilities: [K, H, W] float16 in [0, 1].
+        base: The picture without the edit, [H, W, 3] uint8 sRGB.
+
+    Examples:
+        A picture of one white pot whose second swatch becomes red:
+
+        >>> weights, probabilities = np.zeros((1, 2, 4, 3), np.float16), np.ones((1, 4, 3), np.float16)
+        >>> weights[:, 1] = 1
+        >>> planes = Planes(("pot",), weights, probabilities, np.full((4, 3, 3), 255, np.uint8))
+        >>> learned, edited = np.array([[[0, 0, 0], [1, 1, 1]]]), np.array([[[0, 0, 0], [1, 0, 0]]])
+        >>> base = planes.base.astype(np.float32) / 255
+        >>> delta_composite(base, planes.palette_weights, learned, edited)[0, 0].tolist()
+        [1.0, 0.0, 0.0]
+    """
+
+    objects: tuple[str, ...]
+    palette_weights: np.ndarray
+    probabilities: np.ndarray
+    base: np.ndarray
+
+
+def write_planes(path: Path, planes: Planes) -> None:
+    """Write planes as a compressed npz, atomically.
+
+    Examples:
+        >>> import tempfile
+        >>> planes = Planes(("pot",), np.ones((1, 2, 4, 3)) / 2, np.ones((1, 4, 3)), np.zeros((4, 3, 3), np.uint8))
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_planes(Path(folder) / "view.npz", planes)
+        ...     sorted(np.load(Path(folder) / "view.npz"))
+        ['base', 'objects', 'palette_weights', 'probabilities']
+    """
+
+    def write(temporary: Path) -> None:
+        np.savez_compressed(
+            temporary,
+            objects=np.array(planes.objects, dtype=np.str_),
+            palette_weights=planes.palette_weights.astype(np.float16),
+            probabilities=planes.probabilities.astype(np.float16),
+            base=planes.base,
+        )
+
+    atomic_write(path, write)
+
+
+def read_planes(path: Path) -> Planes:
+    """Read planes that `write_planes` wrote.
+
+    Raises:
+        DataError: The file is missing or damaged, or its arrays contradict each other.
+
+    Examples:
+        >>> import tempfile
+        >>> planes = Planes(("pot",), np.ones((1, 2, 4, 3)) / 2, np.ones((1, 4, 3)), np.zeros((4, 3, 3), np.uint8))
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_planes(Path(folder) / "view.npz", planes)
+        ...     again = read_planes(Path(folder) / "view.npz")
+        >>> again.objects, again.palette_weights.dtype, again.palette_weights.shape
+        (('pot',), dtype('float16'), (1, 2, 4, 3))
+    """
+    names = ("objects", "palette_weights", "probabilities", "base")
+    objects, *arrays = read_arrays(path, names, "edit planes", AGAIN)
+    planes = Planes(tuple(check_names(np.atleast_1d(objects).tolist(), path, "an object")), *arrays)
+    _check(path, planes)
+    return planes
+
+
+def _check(path: Path, planes: Planes) -> None:
+    size = planes.base.shape[:2]
+    count = len(planes.objects)
+    weights, probabilities = planes.palette_weights.shape, planes.probabilities.shape
+    fits = len(weights) == 4 and weights[0] == count and weights[2:] == size and probabilities == (count, *size)
+    is_float = planes.palette_weights.dtype.kind == planes.probabilities.dtype.kind == "f"
+    if not (fits and is_float) or planes.base.dtype != np.uint8 or planes.base.shape[2:] != (3,):
+        raise DataError(
+            f"{path} (edit planes) has weights {weights}, probabilities {probabilities} and base {planes.base.shape}.",
+            AGAIN,
+        )
+
+
+def stack_palettes(objects: Sequence[str], colors: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Palettes of several objects as one array, zero padded to the largest.
+
+    Args:
+        objects: Names of the K objects.
+        colors: Palette [m, 3] of each object, by its name.
+
+    Returns:
+        [K, M, 3] float32.
+
+    Raises:
+        KeyError: An object has no palette.
+
+    Examples:
+        >>> stack_palettes(["pot", "mug"], {"pot": np.ones((3, 3)), "mug": np.ones((2, 3))}).sum(axis=-1).tolist()
+        [[3.0, 3.0, 3.0], [3.0, 3.0, 0.0]]
+    """
+    stacked = np.zeros((len(objects), max((len(colors[name]) for name in objects), default=0), 3), np.float32)
+    for row, name in zip(stacked, objects, strict=True):
+        row[: len(colors[name])] = colors[name]
+    return stacked
+
+
+def delta_composite(
+    base: np.ndarray,
+    palette_weights: np.ndarray,
+    learned: np.ndarray,
+    edited: np.ndarray,
+    out: np.ndarray | None = None,
+) -> np.ndarray:
+    """The base plus the palette change: clip(base + sum_kj weights_kj (edited_kj - learned_kj)).
+
+    Pixels that no changed swatch reaches keep the base bit by bit. Linear in the edit, so soft edges and highlights
+    stay.
+
+    Args:
+        base: float32 [H, W, 3] in [0, 1].
+        palette_weights: [K, M, H, W], >= 0; float32 is fast, float16 right but slow.
+        learned: Palettes [K, M, 3].
+        edited: Palettes [K, M, 3].
+        out: float32 [H, W, 3] to write to, also a view such as rgba[..., :3]; not the base.
+
+    Returns:
+        float32 [H, W, 3] in [0, 1].
+
+    Examples:
+        A grey pixel, half of it paint of the swatch that becomes green:
+
+        >>> base, weights = np.full((1, 1, 3), 0.5, np.float32), np.full((1, 2, 1, 1), 0.5, np.float32)
+        >>> learned, edited = np.zeros((1, 2, 3)), np.zeros((1, 2, 3))
+        >>> learned[0, 1], edited[0, 1] = [0.5, 0.5, 0.5], [0, 1, 0]
+        >>> delta_composite(base, weights, learned, edited).tolist()
+        [[[0.25, 0.75, 0.25]]]
+    """
+    changes = np.asarray(edited, np.float32) - np.asarray(learned, np.float32)
+    changed = np.argwhere(changes.any(axis=-1))
+    result = np.empty(base.shape, np.float32) if out is None else out
+    height, width = base.shape[:2]
+    step = max(1, BLOCK_PIXELS // max(width, 1))
+    planar = np.empty((3, step, width), np.float32)
+    product = np.empty((step, width), np.float32)
+    for top in range(0, height, step):
+        rows = slice(top, min(top + step, height))
+        weights = [(palette_weights[k, j, rows], changes[k, j]) for k, j in changed]
+        weights = [(plane, change) for plane, change in weights if plane.max() > 0]
+        if weights:
+            _add_block(base[rows], weights, result[rows], planar[:, : rows.stop - top], product[: rows.stop - top])
+        else:
+            result[rows] = base[rows]
+    return result
+
+
+def _add_block(
+    base: np.ndarray,
+    weights: list[tuple[np.ndarray, np.ndarray]],
+    block: np.ndarray,
+    planar: np.ndarray,
+    product: np.ndarray,
+) -> None:
+    """Write base + sum of plane x change, clipped, to the block [h, W, 3]; planar [3, h, W], product [h, W]: scratch.
+
+    Each channel is summed in a contiguous plane: interleaved pixels make every operation several times slower, and a
+    matrix product with 3 columns stalls in some BLAS builds.
+    """
+    for channel, total in enumerate(planar):
+        summed = base[..., channel]
+        for plane, change in weights:
+            if change[channel]:
+                np.multiply(plane, change[channel], out=product)
+                summed = np.add(summed, product, out=total)
+        block[..., channel] = np.clip(summed, 0, 1, out=total)
+
+
+def hard_masks(probabilities: np.ndarray) -> np.ndarray:
+    """The likeliest class of each pixel as masks (argmax of Eq. 8): in no mask where that is the background.
+
+    Args:
+        probabilities: [K, H, W] in [0, 1], of the objects; what is left of 1 is the background's.
+
+    Returns:
+        bool [K, H, W].
+
+    Examples:
+        >>> hard_masks(np.array([[[0.5, 0.3, 0.1]], [[0.2, 0.4, 0.1]]])).tolist()
+        [[[True, False, False]], [[False, True, False]]]
+    """
+    background = 1 - probabilities.sum(axis=0, dtype=np.float32)
+    winner = np.concatenate([background[None], probabilities]).argmax(axis=0) - 1
+    return winner == np.arange(len(probabilities))[:, None, None]
+
+
+def paper_composite(
+    base: np.ndarray, palette_weights: np.ndarray, probabilities: np.ndarray, edited: np.ndarray
+) -> np.ndarray:
+    """Inside each object's hard mask the base becomes the palette's own color, sum_j weights_kj / prob_k edited_kj.
+
+    Keeps the decomposition error of the palette even where nothing is edited; `delta_composite` does not. The masks are
+    those of `hard_masks`.
+
+    Args:
+        base: [H, W, 3] in [0, 1].
+        palette_weights: [K, M, H, W], >= 0.
+        probabilities: [K, H, W] in [0, 1], of the objects; what is left of 1 is the background's.
+        edited: Palettes [K, M, 3].
+
+    Returns:
+        float32 [H, W, 3] in [0, 1].
+
+    Examples:
+        Two pixels, of which the first is the object's:
+
+        >>> probabilities = np.array([[[0.75, 0.25]]])
+        >>> weights = np.stack([0 * probabilities, probabilities], axis=1)  # all of it paint of the second swatch
+        >>> paper_composite(np.ones((1, 2, 3)), weights, probabilities, np.array([[[0, 0, 0], [0, 0.5, 0]]])).tolist()
+        [[[0.0, 0.5, 0.0], [1.0, 1.0, 1.0]]]
+    """
+    result = np.array(base, np.float32)
+    masks = hard_masks(probabilities)
+    for k, palette in enumerate(np.asarray(edited, np.float32)):
+        mask = masks[k]
+        share = palette_weights[k][:, mask].astype(np.float32)
+        share /= probabilities[k][mask].astype(np.float32)
+        for channel in range(3):
+            color = sum(plane * palette[j, channel] for j, plane in enumerate(share))
+            result[mask, channel] = np.clip(color, 0, 1)
+    return result

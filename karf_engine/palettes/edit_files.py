@@ -1,0 +1,129 @@
+"""Edits as JSON, edit.json: what each swatch shall be, and the colors that were added."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import DataError
+from ..io.files import write_json
+from .palette import (
+    BRIGHTEST,
+    COMPOSITING_MODES,
+    MOST_ADDED,
+    MOST_COLORS,
+    MOST_REACH,
+    REACH,
+    AddedColor,
+    Edit,
+    Palette,
+    color_of,
+    is_number,
+    list_of,
+    read_schema,
+    rows_of,
+)
+
+EDIT_SCHEMA = "karf-edit/1"
+
+
+def read_edit(path: Path, palettes: Sequence[Palette], compositing: str = "delta") -> Edit:
+    """Read edit.json over the learned palettes: null entries and objects left out stay as learned.
+
+    Args:
+        path: The file.
+        palettes: As learned, one an object.
+        compositing: What a file that names none means, `delta` or `paper`.
+
+    Raises:
+        DataError: The file is missing or of another schema, or has an unknown object, a wrong number of colors, a bad
+            color or a changed black.
+
+    Examples:
+        >>> import tempfile
+        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0], [1, 1, 1]], np.float32))
+        >>> text = '{"schema": "karf-edit/1", "objects": {"pot": {"colors": [null, "#0000ff", null]}}}'
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = Path(folder) / "edit.json"
+        ...     _ = path.write_text(text)
+        ...     edit = read_edit(path, [pot])
+        >>> edit.compositing, edit.colors["pot"].tolist()
+        ('delta', [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0, 1.0, 1.0]])
+    """
+    content = read_schema(path, "edit", EDIT_SCHEMA)
+    compositing = content.get("compositing", compositing)
+    if compositing not in COMPOSITING_MODES:
+        raise DataError(f"{path} has compositing {compositing!r:.200}.", f"Use one of {', '.join(COMPOSITING_MODES)}.")
+    objects = content.get("objects", {})
+    if not isinstance(objects, dict):
+        raise DataError(f"{path}: 'objects' is not a table of objects.", 'Write {"name": {"colors": [...]}}.')
+    colors, added = {palette.name: palette.colors.copy() for palette in palettes}, {}
+    for name, entry in objects.items():
+        if name not in colors:
+            raise DataError(f"{path} edits the unknown object {name!r:.200}.", f"Objects are: {', '.join(colors)}.")
+        where = f"{path}: edit of {name!r}"
+        entries = list_of(entry.get("colors") if isinstance(entry, dict) else None, where, MOST_COLORS)
+        if len(entries) != len(colors[name]):
+            raise DataError(
+                f"{where} has {len(entries)} colors, its palette has {len(colors[name])}.",
+                "Give one color per swatch, black first; null leaves a swatch as it is.",
+            )
+        for index, value in enumerate(entries):
+            if value is not None:
+                colors[name][index] = color_of(value, where, BRIGHTEST)
+        if colors[name][0].any():
+            raise DataError(f"{where} changes entry 0.", "Entry 0 is black and frozen; write null or #000000 there.")
+        if "added" in entry:
+            sets = [
+                _added(each, where, len(entries)) for each in list_of(entry["added"], f"{where}: 'added'", MOST_ADDED)
+            ]
+            added[name] = tuple(each for each, _ in sets)
+            colors[name] = np.concatenate([colors[name], *(own for _, own in sets)])
+    return Edit(colors, compositing, added)
+
+
+def _added(entry: Any, where: str, size: int) -> tuple[AddedColor, np.ndarray]:
+    """An added color and its set [size, 3], the wanted color first."""
+    if not isinstance(entry, dict):
+        raise DataError(f"{where} has the added color {entry!r:.200}.", "Add colors again, and save the edit.")
+    reach, colors = entry.get("reach", REACH), list_of(entry.get("colors"), f"{where}: an added color", MOST_COLORS)
+    if not is_number(reach) or not 0 < reach <= MOST_REACH:
+        raise DataError(f"{where} has the reach {reach!r:.200}.", f"Write a number above 0, up to {MOST_REACH:g}.")
+    if len(colors) != size:
+        raise DataError(
+            f"{where} has an added color of {len(colors)} colors, its palette has {size}.",
+            "Give the wanted color, then one color per swatch.",
+        )
+    picked = color_of(entry.get("picked"), where, 1)
+    return AddedColor(picked, float(reach)), np.stack([color_of(value, where, BRIGHTEST) for value in colors])
+
+
+def write_edit(path: Path, edit: Edit) -> None:
+    """Write edit.json atomically, colors as sRGB triples (hex would round them).
+
+    Examples:
+        >>> import tempfile
+        >>> from .palette import rgb_to_hex
+        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0]], np.float32))
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_edit(Path(folder) / "edit.json", Edit({"pot": np.array([[0, 0, 0], [0, 0.1, 1.5]])}, "paper"))
+        ...     again = read_edit(Path(folder) / "edit.json", [pot])
+        >>> again.compositing, rgb_to_hex(again.colors["pot"][1])
+        ('paper', '#001aff')
+    """
+    objects = {name: _object(colors, edit.added.get(name, ())) for name, colors in edit.colors.items()}
+    write_json(path, {"schema": EDIT_SCHEMA, "compositing": edit.compositing, "objects": objects})
+
+
+def _object(colors: np.ndarray, added: Sequence[AddedColor]) -> dict[str, Any]:
+    palette, *sets = np.split(np.asarray(colors), 1 + len(added))
+    if not sets:
+        return {"colors": rows_of(palette)}
+    listed = [
+        {"picked": rows_of(each.picked[None])[0], "reach": float(each.reach), "colors": rows_of(own)}
+        for each, own in zip(added, sets, strict=True)
+    ]
+    return {"colors": rows_of(palette), "added": listed}

@@ -1,0 +1,286 @@
+"""An object's palette: the hull of its colors and black, simplified by moving vertices outward.
+
+Naming: cells [c, 3] are mean colors of occupied histogram bins, with counts [c] in pixels. The cloud spans rank
+r = 1, 2 or 3 dimensions about black; `lift` [3, r] takes coordinates of that span to colors. A collapse replaces two
+neighboring vertices by one that lies outside all their facets, so that no color is lost, at the least added volume
+(Tan, Echevarria, Gingold 2018).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from ...errors import DataError
+from .barycentric_weights import outside_distance, star_weights
+
+FLAT_EXTENT = 8 / 255  # a cloud thinner than this, but for 0.5 % of its pixels, is flat: thicker is more than noise
+FLAT_SHARE = 0.995
+LONELY_SHARE = 0.0005  # a cell is a stray if it and its 26 neighbors hold less than this share of the pixels
+MANY_VIEWS = 3  # from this number of views on, a color must be seen in two
+EXACT_VERTICES = 10  # with fewer vertices a lossy collapse is chosen by its measured loss
+COARSE_LOSS = 0.25 / 255  # RMS distance of pixels that the hull may leave outside before it is simplified
+COARSE_VERTICES = 48  # round clouds would keep hundreds of vertices
+TOUCH = 1e-9
+
+
+def extract_palette(
+    cells: np.ndarray,
+    counts: np.ndarray,
+    n_colors: int | None = None,
+    tolerance: float = 2 / 255,
+    n_max: int = 8,
+    support: np.ndarray | None = None,
+) -> np.ndarray:
+    """A palette whose convex mixes give the colors of an object (Tan, Echevarria, Gingold 2018).
+
+    Grey and single-hue clouds give black and one color, flat ones 3 or more, others 4 or more.
+
+    Args:
+        cells: [c, 3] colors, sRGB in [0, 1].
+        counts: [c] number of pixels of each.
+        n_colors: M, black included, at least 2; fewer where the cloud is too flat for so many. None for the smallest up
+            to n_max whose hull leaves the pixels at most `tolerance` outside.
+        tolerance: RMS distance in units of color.
+        n_max: at least 2.
+        support: [c] number of views in which each cell occurs; where any occurs in 3 or more, cells seen in one are
+            spill and are left out.
+
+    Returns:
+        [M, 3] float32 sRGB in [0, 1]: black first, then the others, most used first.
+
+    Raises:
+        DataError: there are no cells.
+
+    Example:
+        >>> palette = extract_palette(np.array([[0.2, 0.1, 0.1], [0.8, 0.4, 0.4]]), np.array([10, 5]))
+        >>> (100 * palette).round().tolist()
+        [[0.0, 0.0, 0.0], [80.0, 40.0, 40.0]]
+    """
+    if not len(cells):
+        raise DataError("An object without pixels has no palette.", "Check its masks and the segmentation.")
+    keep = _trusted(np.asarray(cells, np.float64), counts, support)
+    cells, counts = np.asarray(cells, np.float64)[keep], np.asarray(counts, np.float64)[keep]
+    if cells.max() < 1 / 255:
+        return np.array([[0, 0, 0], [1, 1, 1]], np.float32)  # nothing but black: white is a neutral partner
+    axes, rank = _span(cells, counts)
+    rank = rank if n_colors is None else min(rank, n_colors - 1)
+    if rank == 1:
+        palette = np.clip([np.zeros(3), (cells @ axes[0]).max() * axes[0]], 0, 1)
+    else:
+        lift = np.eye(3) if rank == 3 else axes[:2].T
+        palette = _simplify(_Cloud(cells, counts, lift), n_colors, tolerance, n_max)
+    use = counts @ star_weights(cells, palette)
+    # clipping may have pulled a vertex into the hull: no color uses it then
+    order = [0] + [j for j in np.argsort(-use, kind="stable") if j > 0 and use[j] > 0]
+    return palette[order].astype(np.float32)
+
+
+def _trusted(cells: np.ndarray, counts: np.ndarray, support: np.ndarray | None) -> np.ndarray:
+    """Which cells may shape the hull: neither strays far from the others nor spill of a single view, bool [c]."""
+    bins = 32
+    grid = np.zeros((bins + 2,) * 3)
+    red, green, blue = np.clip((cells * bins).astype(int), 0, bins - 1).T + 1
+    np.add.at(grid, (red, green, blue), counts)
+    shifts = range(-1, 2)
+    around = sum(grid[red + i, green + j, blue + k] for i in shifts for j in shifts for k in shifts)
+    keep = around >= LONELY_SHARE * np.sum(counts)
+    if support is not None and np.max(support) >= MANY_VIEWS:
+        keep &= np.asarray(support) > 1
+    return keep if keep.any() else np.ones(len(cells), bool)
+
+
+def _span(cells: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, int]:
+    """Principal axes about black [3, 3], longest first, and the number of them that is more than noise."""
+    moment = (cells * counts[:, None]).T @ cells
+    axes = np.linalg.eigh(moment)[1].T[::-1]
+    axes *= np.where(axes.sum(axis=1) < 0, -1, 1)[:, None]
+    along = cells @ axes.T
+    beside_line = np.linalg.norm(along[:, 1:], axis=1)
+    beside_plane = np.abs(along[:, 2])
+    rank = 1 + sum(_quantile(extent, counts, FLAT_SHARE) > FLAT_EXTENT for extent in (beside_line, beside_plane))
+    return axes, rank
+
+
+def _quantile(values: np.ndarray, counts: np.ndarray, share: float) -> float:
+    order = np.argsort(values)
+    total = counts[order].cumsum()
+    return float(values[order][np.searchsorted(total, share * total[-1])])
+
+
+@dataclass(frozen=True)
+class _Cloud:
+    """Cells [c, 3] with counts [c] and the span `lift` [3, r] of their hull."""
+
+    cells: np.ndarray
+    counts: np.ndarray
+    lift: np.ndarray
+
+    def loss(self, vertices: np.ndarray) -> float:
+        """RMS distance of the pixels outside the hull of these vertices [V, r], as a palette in [0, 1]."""
+        squared = outside_distance(self.cells, self.palette(vertices)) ** 2
+        return float(np.sqrt(self.counts @ squared / self.counts.sum()))
+
+    def palette(self, vertices: np.ndarray) -> np.ndarray:
+        """Vertices [V, r] as colors [V, 3]."""
+        return np.clip(vertices @ self.lift.T, 0, 1)
+
+
+@dataclass
+class _Mesh:
+    """The shrinking hull: all points ever made, the ids of those in use (0 is black), and collapses already solved."""
+
+    lift: np.ndarray
+    points: list[np.ndarray]
+    ids: list[int]
+    solved: dict[tuple, tuple[float, np.ndarray, bool] | None] = field(default_factory=dict)
+
+    def vertices(self, ids: Sequence[int] | None = None) -> np.ndarray:
+        return np.array([self.points[i] for i in (self.ids if ids is None else ids)])
+
+    def replaced(self, pair: tuple[int, int], point: np.ndarray) -> np.ndarray:
+        """Vertices after a collapse of the pair into the point."""
+        return np.vstack([self.vertices([i for i in self.ids if i not in pair]), point])
+
+    def collapse(self, pair: tuple[int, int], point: np.ndarray) -> None:
+        """Replace the pair by the point; vertices that the larger hull swallows go too."""
+        self.points.append(point)
+        self.ids = [i for i in self.ids if i not in pair] + [len(self.points) - 1]
+        corners = set(ConvexHull(self.vertices()).vertices)
+        self.ids = [i for place, i in enumerate(self.ids) if place in corners or i == 0]
+
+    def collapses(self) -> list[tuple[tuple[int, int], float, np.ndarray, bool]]:
+        """Every possible collapse: pair, added volume, new point, whether the point is a color (inside the cube)."""
+        hull = ConvexHull(self.vertices())
+        facets = np.array(self.ids)[hull.simplices]
+        sizes = _facet_sizes(self.vertices()[hull.simplices])
+        pairs = {tuple(sorted(pair)) for facet in facets.tolist() for pair in combinations(facet, 2)}
+        found = []
+        for pair in sorted(pair for pair in pairs if 0 not in pair):
+            near = np.isin(facets, pair).any(axis=1)
+            key = (pair, frozenset(map(tuple, np.sort(facets[near], axis=1).tolist())))
+            if key not in self.solved:
+                self.solved[key] = _outward_point(hull.equations[near], sizes[near], self.lift)
+            if self.solved[key] is not None:
+                found.append((pair, *self.solved[key]))
+        return found
+
+
+def _simplify(cloud: _Cloud, n_colors: int | None, tolerance: float, n_max: int) -> np.ndarray:
+    """The palette of the simplified hull of the cloud and black."""
+    mesh = _coarse_hull(cloud)
+    smallest = cloud.lift.shape[1] + 1
+    wanted = smallest if n_colors is None else max(n_colors, smallest)
+    while len(mesh.ids) > (n_max if n_colors is None else wanted):
+        mesh.collapse(*_best_collapse(mesh, cloud))
+    while len(mesh.ids) > wanted:
+        pair, point = _best_collapse(mesh, cloud)
+        if n_colors is None and cloud.loss(mesh.replaced(pair, point)) > tolerance:
+            break
+        mesh.collapse(pair, point)
+    return cloud.palette(mesh.vertices())
+
+
+def _coarse_hull(cloud: _Cloud) -> _Mesh:
+    """The hull of black and the few cells that hold nearly all pixels: corners of noise that few pixels need stay out.
+
+    Grown from a simplex by the cell farthest outside, until the pixels outside are within an RMS of `COARSE_LOSS`, or
+    the hull has `COARSE_VERTICES`.
+    """
+    points = np.vstack([np.zeros(cloud.lift.shape[1]), cloud.cells @ cloud.lift])
+    share = np.append(0, cloud.counts) / cloud.counts.sum()
+    ids = _simplex(points)
+    while True:
+        equations = ConvexHull(points[ids]).equations
+        outside = np.maximum((points @ equations[:, :-1].T + equations[:, -1]).max(axis=1), 0)
+        if np.sqrt(share @ outside**2) <= COARSE_LOSS or len(ids) == COARSE_VERTICES:
+            corners = ConvexHull(points[ids]).vertices
+            return _Mesh(cloud.lift, list(points), [i for place, i in enumerate(ids) if place in corners or i == 0])
+        ids.append(int(outside.argmax()))
+
+
+def _simplex(points: np.ndarray) -> list[int]:
+    """Indices of r + 1 points [n, r] that span space, the first of them point 0, each farthest from those before."""
+    ids, rest = [0], points - points[0]
+    for _ in range(points.shape[1]):
+        ids.append(int((rest**2).sum(axis=1).argmax()))
+        direction = rest[ids[-1]] / np.linalg.norm(rest[ids[-1]])
+        rest = rest - (rest @ direction)[:, None] * direction
+    return ids
+
+
+def _best_collapse(mesh: _Mesh, cloud: _Cloud) -> tuple[tuple[int, int], np.ndarray]:
+    """The collapse of least added volume that stays inside the color cube; without one, that of least loss."""
+    found = mesh.collapses()
+    lossless = [(volume, pair, point) for pair, volume, point, inside in found if inside]
+    if lossless:
+        _, pair, point = min(lossless, key=lambda each: each[:2])
+        return pair, point
+    lossy = [(volume, pair, point) for pair, volume, point, _ in found]
+    if len(mesh.ids) <= EXACT_VERTICES or not lossy:
+        # leaving out a vertex is a collapse onto another one
+        others = mesh.ids[1:]
+        lossy += [(0.0, (i, j), mesh.points[j]) for i, j in zip(others, others[1:] + others[:1], strict=True)]
+        lossy = [(cloud.loss(mesh.replaced(pair, point)), pair, point) for _, pair, point in lossy]
+    _, pair, point = min(lossy, key=lambda each: each[:2])
+    return pair, point
+
+
+def _facet_sizes(corners: np.ndarray) -> np.ndarray:
+    """Length or area of facets [F, r, r] in r = 2 or 3 dimensions."""
+    sides = corners[:, 1:] - corners[:, :1]
+    gram = sides @ sides.transpose(0, 2, 1)
+    return np.sqrt(np.maximum(np.linalg.det(gram), 0)) / (1 if corners.shape[1] == 2 else 2)
+
+
+def _outward_point(equations: np.ndarray, sizes: np.ndarray, lift: np.ndarray) -> tuple[float, np.ndarray, bool] | None:
+    """The point outside all these facets that adds the least volume; None where no point is outside all.
+
+    equations: [k, r + 1] facets as normal and offset. sizes: [k] lengths or areas. Prefers a point inside the color
+    cube; returns the added volume, the point [r] clipped to the cube, and whether it was inside.
+    """
+    rank = lift.shape[1]
+    gradient, constant = sizes @ equations[:, :rank] / rank, sizes @ equations[:, rank] / rank
+    free = _least_vertex(equations[:, :rank], -equations[:, rank], gradient)
+    if free is None:
+        return None
+    color = lift @ free
+    inside = bool((color > -TOUCH).all() and (color < 1 + TOUCH).all())
+    if not inside:
+        planes = np.vstack([equations[:, :rank], lift, -lift])
+        floors = np.concatenate([-equations[:, rank], np.zeros(3), -np.ones(3)])
+        boxed = _least_vertex(planes, floors, gradient)
+        inside = boxed is not None
+        free = boxed if inside else free
+    return float(gradient @ free + constant), lift.T @ np.clip(lift @ free, 0, 1), inside
+
+
+def _least_vertex(planes: np.ndarray, floors: np.ndarray, gradient: np.ndarray) -> np.ndarray | None:
+    """The point with planes @ x >= floors and the least gradient @ x, among the corners that r planes make, or None.
+
+    A linear program with 2 or 3 unknowns has few corners: all are tried. planes: [k, r].
+    """
+    k, rank = planes.shape
+    chosen = np.array(list(combinations(range(k), rank)), int).reshape(-1, rank)
+    sides = np.zeros((k, 3))
+    sides[:, :rank] = planes
+    first, second = sides[chosen[:, 0]], sides[chosen[:, 1]]
+    # in the plane the third side is the plane itself
+    third = sides[chosen[:, 2]] if rank == 3 else np.broadcast_to([0.0, 0.0, 1.0], first.shape)
+    levels = [floors[chosen[:, i]][:, None] if i < rank else 0.0 for i in range(3)]
+    second_third = _cross(second, third)
+    volume = (first * second_third).sum(axis=1)
+    mixed = levels[0] * second_third + levels[1] * _cross(third, first) + levels[2] * _cross(first, second)
+    regular = np.abs(volume) > TOUCH
+    corners = mixed[regular, :rank] / volume[regular, None]
+    corners = corners[(corners @ planes.T >= floors - TOUCH).all(axis=1)]
+    return corners[(corners @ gradient).argmin()] if len(corners) else None
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    # several times faster than numpy's general one on small stacks
+    return a[:, (1, 2, 0)] * b[:, (2, 0, 1)] - a[:, (2, 0, 1)] * b[:, (1, 2, 0)]

@@ -1,0 +1,1 @@
+"""Fits of an edit to a wanted color, to several, or to a painted picture."""

@@ -1,0 +1,239 @@
+"""Swatches that make one color become another: a target for every color of the object, then a bounded fit.
+
+Naming: n colors of an object (histogram cells or pixels), [n, 3] sRGB in [0, 1], with counts [n]. palette_weights
+[n, M]: each color's share of the M palette entries; a palette change dP [M, 3] moves the colors by
+palette_weights @ dP. Entry 0 is black and never moves; `locked` lists further entries that stay. To match is to find
+the palette whose change moves colors to their targets (`fitting`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from ...io.color import srgb_to_lab
+from .fitting import match_pixels, moved, room
+from .paints import angles, pigment_gate, reflection_target, repainted
+
+OTHER = 0.17  # radians in linear light from which on colors are of different paints
+NEAR = 5.0  # Lab distance within which a color looks like another one of the same paint
+EMPHASIS = 10.0  # how many times the whole object the picked color counts: it is what the artist looks at
+
+
+def with_held(
+    colors: np.ndarray, source: np.ndarray, target: np.ndarray, held: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sources and targets [P, 3] of one paint that changes, and of those that stay, as they were given their color before.
+
+    Args:
+        colors: What the object shows now, sRGB [n, 3].
+        source: sRGB [3].
+        target: sRGB [3].
+        held: Colors that stay, sRGB [3] each. One that the object does not show, or of the source's own paint, is no
+            paint to hold.
+
+    Examples:
+        A teal is held, a darker red is of the paint that changes:
+
+        >>> red, blue, teal = np.array([0.8, 0.1, 0.1]), np.array([0.1, 0.2, 0.7]), np.array([0.1, 0.6, 0.6])
+        >>> colors = np.stack([red, red / 2, teal])
+        >>> with_held(colors, red, blue, [teal, red / 2, blue])[0].tolist()
+        [[0.8, 0.1, 0.1], [0.1, 0.6, 0.6]]
+    """
+    kept = [
+        each for each in held if near(colors, each, or_nearest=False).any() and angles(source[None], each)[0] > OTHER
+    ]
+    return np.stack([source, *kept]), np.stack([target, *kept])
+
+
+def match_becomes(
+    colors: np.ndarray,
+    counts: np.ndarray,
+    palette_weights: np.ndarray,
+    palette: np.ndarray,
+    source: np.ndarray,
+    target: np.ndarray,
+    locked: Iterable[int] = (),
+) -> np.ndarray:
+    """The palette with which the source's paint becomes the target's, on the whole object, shading and gloss kept.
+
+    It goes on from any edit, where colors and palette are given as that edit shows them.
+
+    Args:
+        colors: The object's color histogram, sRGB [n, 3] in [0, 1].
+        counts: How often each color occurs, [n], >= 0.
+        palette_weights: Of each color, [n, M].
+        palette: With which the object has these colors, sRGB [M, 3] in [0, BRIGHTEST].
+        source: sRGB [3] in [0, 1], a color of the object now; of several paints [P, 3].
+        target: sRGB [3] in [0, 1], what it is to become; of several paints [P, 3].
+        locked: Entries that stay as they are.
+
+    Returns:
+        The edited palette [M, 3] float32 in [0, BRIGHTEST].
+
+    Raises:
+        BadRequest: The source is black.
+
+    Examples:
+        >>> palette = np.array([[0, 0, 0], [0.7, 0.1, 0.1]], np.float32)
+        >>> weights = np.array([[0.0, 1.0], [0.5, 0.5]])  # a red object, lit and in the shade
+        >>> blue = np.array([0.1, 0.2, 0.7])
+        >>> edited = match_becomes(weights @ palette, np.ones(2), weights, palette, palette[1], blue)
+        >>> print(edited.round(2))
+        [[0.  0.  0. ]
+         [0.1 0.2 0.7]]
+    """
+    targets = reflection_target(colors, source, target)
+    return _matched(colors, counts, palette_weights, palette, source, target, targets, locked)
+
+
+def match_pigment(
+    colors: np.ndarray,
+    counts: np.ndarray,
+    palette_weights: np.ndarray,
+    palette: np.ndarray,
+    source: np.ndarray,
+    target: np.ndarray,
+    reach: float,
+) -> np.ndarray:
+    """`match_becomes` of one pigment by itself: other colors of the object have no say, as swatches of their own serve
+    them. reach: see `pigment_gate`.
+
+    Examples:
+        Of a red and a green that are of one swatch, the green does not hold the red back:
+
+        >>> palette, weights = np.array([[0, 0, 0], [0.5, 0.5, 0.1]]), np.array([[0.0, 1.0], [0.0, 1.0]])
+        >>> red, green, blue = np.array([0.7, 0.1, 0.1]), np.array([0.1, 0.6, 0.2]), np.array([0.1, 0.2, 0.7])
+        >>> change = match_pigment(np.stack([red, green]), np.ones(2), weights, palette, red, blue, 1.0) - palette
+        >>> print(change[1].round(2))
+        [-0.5  0.1  0.6]
+    """
+    counts = counts * pigment_gate(colors, source, reach)
+    targets = repainted(colors, source, target, np.ones((1, 1)))
+    return _matched(colors, counts, palette_weights, palette, source, target, targets, ())
+
+
+def _matched(
+    colors: np.ndarray,
+    counts: np.ndarray,
+    palette_weights: np.ndarray,
+    palette: np.ndarray,
+    source: np.ndarray,
+    target: np.ndarray,
+    targets: np.ndarray,
+    locked: Iterable[int],
+) -> np.ndarray:
+    """The palette [M, 3] that moves colors to their targets, and above all the sources to their own."""
+    sources = np.atleast_2d(source)
+    own = [mean_weights(colors, counts, palette_weights, each) for each in sources]
+    emphasis = EMPHASIS * max(np.sum(counts), 1e-9) / len(sources)  # an object may show nothing like the source
+    palette_weights, colors = np.vstack([palette_weights, *own]), np.vstack([colors, sources])
+    targets, counts = np.vstack([targets, target]), np.append(counts, [emphasis] * len(sources))
+    return match_pixels(palette_weights, colors, targets, palette, counts, locked)
+
+
+def match_fewest(
+    palette_weights_of_pixel: np.ndarray,
+    palette: np.ndarray,
+    target: np.ndarray,
+    locked: Iterable[int] = (),
+    shown: np.ndarray | None = None,
+) -> np.ndarray:
+    """The palette that gives one pixel the target color and touches as few swatches as it can.
+
+    Minimises the sum of the swatches' moves `|dP_j|` (an L2,1 norm; the rule of LoCoPalettes) by iteratively reweighted
+    least squares, each step solved exactly within 0 <= P + dP <= max(1, P). A target out of reach is met as closely as
+    the box lets it, channel by channel.
+
+    Args:
+        palette_weights_of_pixel: [M].
+        palette: With which it has its color, sRGB [M, 3] in [0, BRIGHTEST].
+        target: sRGB [3] in [0, 1].
+        locked: Entries that stay as they are.
+        shown: The pixel's color now, sRGB [3]; by default what the palette gives.
+
+    Returns:
+        The edited palette [M, 3] float32.
+
+    Examples:
+        Of two swatches that make up a pixel, the one with the larger share moves:
+
+        >>> palette = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+        >>> match_fewest(np.array([0, 0.8, 0.2]), palette, np.array([0.4, 0.2, 0])).round(2).tolist()
+        [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 1.0, 0.0]]
+    """
+    weights = np.asarray(palette_weights_of_pixel, np.float64)
+    lower, upper = room(palette, locked, np.maximum(1.0, palette))  # what is brighter than white may stay
+    shown = weights @ np.asarray(palette, np.float64) if shown is None else shown
+    wanted = np.clip(np.subtract(target, shown), weights @ lower, weights @ upper)
+    stiffness = np.ones(len(weights))
+    for _ in range(40):
+        pull = weights / stiffness
+        change = np.stack([_shared_pull(weights, pull, wanted[c], lower[:, c], upper[:, c]) for c in range(3)], axis=1)
+        # the floor keeps a still swatch movable; 1e-6 is far under a step of 8 bits
+        stiffness = 1 / np.maximum(np.linalg.norm(change, axis=1), 1e-6)
+    return moved(palette, change)
+
+
+def nearest_weights(colors: np.ndarray, palette_weights: np.ndarray, color: np.ndarray) -> np.ndarray:
+    """Palette weights of the histogram color nearest in Lab to a color.
+
+    Args:
+        colors: The histogram, sRGB [n, 3] in [0, 1].
+        palette_weights: Of each of its colors, [n, M].
+        color: What an eyedropper shows, sRGB [3] in [0, 1].
+
+    Returns:
+        [M].
+
+    Examples:
+        >>> nearest_weights(np.array([[1.0, 0, 0], [0, 0, 1.0]]), np.eye(2), np.array([0.1, 0.2, 0.8])).tolist()
+        [0.0, 1.0]
+    """
+    distance = np.linalg.norm(srgb_to_lab(colors) - srgb_to_lab(color), axis=1)
+    return palette_weights[int(distance.argmin())]
+
+
+def near(colors: np.ndarray, color: np.ndarray, or_nearest: bool = True) -> np.ndarray:
+    """Which colors [n, 3] look like a color [3]: those within 5 of it in Lab.
+
+    Args:
+        colors: sRGB [n, 3].
+        color: sRGB [3].
+        or_nearest: Where none does, take the nearest.
+
+    Returns:
+        bool [n].
+
+    Examples:
+        >>> near(np.array([[0.5, 0.5, 0.5], [0.52, 0.5, 0.5], [0.9, 0.5, 0.5]]), np.array([0.51, 0.5, 0.5])).tolist()
+        [True, True, False]
+    """
+    distance = np.linalg.norm(srgb_to_lab(colors) - srgb_to_lab(color), axis=1)
+    return distance <= (max(NEAR, distance.min()) if or_nearest else NEAR)
+
+
+def mean_weights(colors: np.ndarray, counts: np.ndarray, palette_weights: np.ndarray, color: np.ndarray) -> np.ndarray:
+    """Palette weights [M] of what looks like a color; arguments as those of `match_becomes`.
+
+    Examples:
+        >>> colors = np.array([[1.0, 0, 0], [0.99, 0, 0], [0, 0, 1.0]])
+        >>> mean_weights(colors, np.array([3, 1, 9]), np.eye(3), np.array([1.0, 0, 0])).tolist()
+        [0.75, 0.25, 0.0]
+    """
+    alike = near(colors, color)
+    return np.average(palette_weights[alike], axis=0, weights=np.maximum(counts[alike], 1e-9))
+
+
+def _shared_pull(
+    weights: np.ndarray, pull: np.ndarray, wanted: float, lower: np.ndarray, upper: np.ndarray
+) -> np.ndarray:
+    """x = clip(m pull, lower, upper) [M] with the multiplier m for which weights @ x = wanted."""
+    # weights @ x grows with m and is linear between the breaks where an entry meets its bound
+    movable = pull > 0
+    breaks = np.concatenate([lower[movable] / pull[movable], upper[movable] / pull[movable], [0.0]])
+    breaks = np.unique(breaks)
+    reached = np.clip(breaks[:, None] * pull, lower, upper) @ weights
+    multiplier = np.interp(wanted, reached, breaks)
+    return np.clip(multiplier * pull, lower, upper)

@@ -1,0 +1,79 @@
+"""The palette whose change moves colors to targets: bounded least squares, and what bounds it.
+
+Naming: n colors, [n, 3] sRGB. palette_weights [n, M]: each color's share of the M palette entries. Entry 0 is black and
+never moves; `locked` lists further entries that stay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from ..palette import BRIGHTEST
+from .least_squares import bounded_least_squares
+
+STILL = 1e-4  # a move of a swatch under this, 1/40 of a step of 8 bits, is rounding
+RIDGE = 3e-4  # per unit of counts: what keeps swatches still that hardly any pixel uses
+
+
+def match_pixels(
+    palette_weights: np.ndarray,
+    colors: np.ndarray,
+    targets: np.ndarray,
+    palette: np.ndarray,
+    counts: np.ndarray | None = None,
+    locked: Iterable[int] = (),
+) -> np.ndarray:
+    """The palette that moves n colors closest to n targets, by bounded least squares in sRGB.
+
+    A hull encloses the colors, so its entries lie near the rim of [0, 1] and
+    brighter paint needs some beyond white; the pixels themselves are clipped when they are composed.
+
+    Args:
+        palette_weights: Of each color, [n, M].
+        colors: sRGB [n, 3] in [0, 1].
+        targets: What each is to become, sRGB [n, 3] in [0, 1].
+        palette: As learned, sRGB [M, 3] in [0, 1].
+        counts: Importance of each color, [n], >= 0; by default 1 each.
+        locked: Entries that stay as they are.
+
+    Returns:
+        The edited palette [M, 3] float32 in [0, BRIGHTEST]; entry 0 and locked ones are the palette's own.
+
+    Examples:
+        >>> palette = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+        >>> weights = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+        >>> match_pixels(weights, weights @ palette, [[0.5, 0, 0], [0, 1, 0]], palette).round(2).tolist()
+        [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 1.0, 0.0]]
+    """
+    lower, upper = room(palette, locked, BRIGHTEST)
+    change = bounded_least_squares(palette_weights, np.subtract(targets, colors), lower, upper, counts, RIDGE)
+    return moved(palette, change)
+
+
+def room(palette: np.ndarray, locked: Iterable[int], brightest: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds [M, 3] of a palette change: 0 <= palette + change <= brightest; entry 0 and locked ones stay.
+
+    Examples:
+        >>> lower, upper = room(np.array([[0.0, 0, 0], [0.5, 0.25, 1]]), (), 2.0)
+        >>> lower.tolist(), upper.tolist()
+        ([[0.0, 0.0, 0.0], [-0.5, -0.25, -1.0]], [[0.0, 0.0, 0.0], [1.5, 1.75, 1.0]])
+    """
+    palette = np.asarray(palette, np.float64)
+    lower, upper = 0 - palette, brightest - palette
+    pinned = [0, *locked]
+    lower[pinned] = upper[pinned] = 0
+    return lower, upper
+
+
+def moved(palette: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """The palette after the change, within [0, BRIGHTEST]; swatches that nobody could see moving keep their bits.
+
+    Examples:
+        >>> moved(np.array([[0.5, 0.5, 0.5], [0.5, 0.5, 0.5]]), np.array([[1e-5, 0, 0], [0.25, 2, -1]])).tolist()
+        [[0.5, 0.5, 0.5], [0.75, 2.0, 0.0]]
+    """
+    palette = np.asarray(palette, np.float32)
+    still = np.abs(change).max(axis=1, keepdims=True) < STILL
+    return np.where(still, palette, np.clip(palette + change, 0, BRIGHTEST)).astype(np.float32)

@@ -1,0 +1,241 @@
+"""Palettes and edits of palettes: what they are, and the JSON file of palettes (that of edits: `edit_files`).
+
+Colors are display-referred sRGB: in [0, 1] as learned, in [0, BRIGHTEST] as edited. Entry 0 of every palette is black
+and stays black.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import DataError
+from ..io.color import to_bytes
+from ..io.files import read_json, write_json
+from ..io.names import check_name, check_names
+
+PALETTE_SCHEMA = "karf-palette/1"
+COMPOSITING_MODES = ("delta", "paper")
+MOST_OBJECTS, MOST_COLORS = 255, 64
+MOST_ADDED = 16  # colors of an object
+REACH, MOST_REACH = 0.5, 4.0  # of an added color: where nothing is said, and at most
+BRIGHTEST = 2.0  # of an edited color: a swatch may be brighter than white, its mixtures are clipped
+
+
+@dataclass(frozen=True)
+class Palette:
+    """One object's swatches.
+
+    Attributes:
+        name: The object's.
+        colors: [M, 3] float32 sRGB in [0, 1]; entry 0 is black and frozen.
+
+    Examples:
+        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0]], np.float32))
+        >>> [rgb_to_hex(color) for color in pot.colors]
+        ['#000000', '#804000']
+    """
+
+    name: str
+    colors: np.ndarray
+
+
+@dataclass(frozen=True)
+class AddedColor:
+    """A color of an object that is none of its swatches, and shall have one; see `edit.added`.
+
+    Attributes:
+        picked: The color as learned, sRGB [3] in [0, 1]; not black.
+        reach: How far around its hue it counts, in (0, MOST_REACH]; 1 is as far as *Becomes* reaches.
+    """
+
+    picked: np.ndarray
+    reach: float = REACH
+
+
+@dataclass(frozen=True)
+class Edit:
+    """What the artist wants.
+
+    Attributes:
+        colors: The edited palette of every object by its name, [M, 3] sRGB in [0, BRIGHTEST]; with A added colors
+            [M (1 + A), 3], the sets of these behind it.
+        compositing: How planes become the picture, `delta` or `paper` (see `edit.compositing`).
+        added: The added colors of objects that have some, by name.
+
+    Examples:
+        >>> edit = Edit({"pot": np.stack([hex_to_rgb("#000000"), hex_to_rgb("#3059b8")])})
+        >>> edit.compositing, rgb_to_hex(edit.colors["pot"][1])
+        ('delta', '#3059b8')
+    """
+
+    colors: dict[str, np.ndarray]
+    compositing: str = "delta"
+    added: dict[str, tuple[AddedColor, ...]] = field(default_factory=dict)
+
+
+def hex_to_rgb(text: str) -> np.ndarray:
+    """sRGB [3] float32 in [0, 1] of `#rrggbb` (the # may be left out).
+
+    Raises:
+        DataError: The text is no such color.
+
+    Examples:
+        >>> print(hex_to_rgb("#ff0033"))
+        [1.  0.  0.2]
+    """
+    match = re.fullmatch(r"#?([0-9a-fA-F]{6})", text.strip())
+    if match is None:
+        raise DataError(f"{text!r:.200} is no color.", "Write it as #rrggbb, for example #aa2211.")
+    return np.frombuffer(bytes.fromhex(match[1]), np.uint8).astype(np.float32) / np.float32(255)
+
+
+def rgb_to_hex(color: np.ndarray) -> str:
+    """`#rrggbb` of an sRGB color [3]; values are clipped to [0, 1] and rounded.
+
+    Examples:
+        >>> rgb_to_hex(np.array([1.5, 0.0, 0.2]))
+        '#ff0033'
+    """
+    return "#" + to_bytes(color).tobytes().hex()
+
+
+def read_palettes(path: Path, which: str = "colors", objects: Sequence[str] | None = None) -> tuple[Palette, ...]:
+    """Read palette.json.
+
+    Args:
+        path: The file.
+        which: `colors`, the palettes as learned, or `initial`, as extracted.
+        objects: Names of the segmented objects, whose palettes these must be, in this order; None to take what is there.
+
+    Returns:
+        One palette an object.
+
+    Raises:
+        DataError: The file is missing, of another schema, has a name or a color that cannot be, or is of other objects.
+
+    Examples:
+        >>> import tempfile
+        >>> extracted, learned = (Palette("pot", np.array([[0, 0, 0], [red, 0, 0]], np.float32)) for red in (1, 0.5))
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_palettes(Path(folder) / "palette.json", [learned], shared=False, initial=[extracted])
+        ...     found = [read_palettes(Path(folder) / "palette.json", which) for which in ("colors", "initial")]
+        >>> [rgb_to_hex(palette.colors[1]) for (palette,) in found]
+        ['#800000', '#ff0000']
+    """
+    content = read_schema(path, "palettes", PALETTE_SCHEMA)
+    palettes = []
+    for entry in list_of(content.get("objects"), f"{path}: 'objects'", MOST_OBJECTS):
+        name = check_name(entry.get("name") if isinstance(entry, dict) else None, path, "an object")
+        where = f"{path}: palette of {name!r}"
+        colors = np.stack([color_of(c, where, 1) for c in list_of(entry.get(which), where, MOST_COLORS)])
+        if colors[0].any():
+            raise DataError(f"{where} does not begin with black.", "Entry 0 is black and frozen; put [0, 0, 0] there.")
+        palettes.append(Palette(name, colors))
+    names = check_names([palette.name for palette in palettes], path, "an object")
+    if objects is not None and names != list(objects):
+        raise DataError(
+            f"{path} holds palettes of {', '.join(names):.200}, the segmentation {', '.join(objects):.200}.",
+            "Run the palette stage again.",
+        )
+    return tuple(palettes)
+
+
+def write_palettes(
+    path: Path, palettes: Sequence[Palette], shared: bool, initial: Sequence[Palette] | None = None
+) -> None:
+    """Write palette.json atomically.
+
+    Args:
+        path: The file.
+        palettes: As learned, one an object.
+        shared: Whether all objects use one hull.
+        initial: As extracted, in the same order; by default the same.
+
+    Examples:
+        >>> import tempfile
+        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0]], np.float32))
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_palettes(Path(folder) / "palette.json", [pot], shared=False)
+        ...     (again,) = read_palettes(Path(folder) / "palette.json")
+        >>> again.name, again.colors.tolist()
+        ('pot', [[0.0, 0.0, 0.0], [0.5, 0.25, 0.0]])
+    """
+    initial = palettes if initial is None else initial
+    objects = [
+        {"name": palette.name, "colors": rows_of(palette.colors), "initial": rows_of(first.colors)}
+        for palette, first in zip(palettes, initial, strict=True)
+    ]
+    write_json(path, {"schema": PALETTE_SCHEMA, "shared": shared, "objects": objects})
+
+
+def read_schema(path: Path, what: str, schema: str) -> dict[str, Any]:
+    """The JSON file of a schema. Raises DataError where it is missing or of another.
+
+    Examples:
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_json(Path(folder) / "a.json", {"schema": "karf-edit/1"})
+        ...     read_schema(Path(folder) / "a.json", "edit", "karf-edit/1")
+        {'schema': 'karf-edit/1'}
+    """
+    content = read_json(path, what)
+    found = content.get("schema") if isinstance(content, dict) else None
+    if found != schema:
+        raise DataError(f"{path} ({what}) has schema {found!r:.200}, not {schema}.", "Update KaRF, or write it again.")
+    return content
+
+
+def list_of(value: Any, where: str, most: int) -> list:
+    """A list of 1 to `most` entries. Raises DataError for anything else.
+
+    Examples:
+        >>> list_of(["#ff0000"], "edit.json", 2)
+        ['#ff0000']
+    """
+    if not isinstance(value, list) or not 0 < len(value) <= most:
+        raise DataError(f"{where} is not a list of 1 to {most} entries.", "Write a list, black first.")
+    return value
+
+
+def color_of(value: Any, where: str, highest: float) -> np.ndarray:
+    """sRGB [3] float32 of a hex text or three numbers in [0, highest]. Raises DataError for anything else.
+
+    Examples:
+        >>> color_of("#ff0000", "edit.json", 1).tolist(), color_of([0, 1.5, 0], "edit.json", 2).tolist()
+        ([1.0, 0.0, 0.0], [0.0, 1.5, 0.0])
+    """
+    if isinstance(value, str):
+        try:
+            return hex_to_rgb(value)
+        except DataError as error:
+            raise DataError(f"{where}: {error.sentence}", error.hint) from error
+    if not isinstance(value, list) or len(value) != 3 or not all(is_number(v) and 0 <= v <= highest for v in value):
+        hint = f"Write #rrggbb or three sRGB numbers from 0 to {highest:g}."
+        raise DataError(f"{where} has the color {value!r:.200}.", hint)
+    return np.array(value, np.float32)
+
+
+def is_number(value: Any) -> bool:
+    """Whether a JSON value is a number; bool is an int to Python, but no color.
+
+    Examples:
+        >>> is_number(1), is_number(True), is_number("1")
+        (True, False, False)
+    """
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def rows_of(colors: np.ndarray) -> list[list[float]]:
+    """Colors [n, 3] as JSON: the shortest decimals that read back as the same float32.
+
+    Examples:
+        >>> rows_of(np.array([[0, 0.1, 1]], np.float32))
+        [[0.0, 0.1, 1.0]]
+    """
+    return [[float(str(v)) for v in row] for row in np.asarray(colors, np.float32)]

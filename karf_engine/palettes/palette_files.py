@@ -1,0 +1,231 @@
+"""Edits in the palette files of other programs: GIMP's `.gpl`, Adobe's swatch exchange `.ase`, and our own JSON.
+
+Hand-written by the published descriptions of both formats, because Blender's Python has no reader of them. A swatch is
+called `<object> <number>`, from 1; black is not written. Both formats end at white; `.gpl` has 8 bits a channel. Neither
+can say what an added color was picked for, so these are kept in JSON alone.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import BadRequest, DataError
+from ..io.color import to_bytes
+from ..io.files import atomic_write
+from ..io.inputs import check_file
+from .edit_files import read_edit, write_edit
+from .palette import Edit, Palette
+
+SUFFIXES = (".json", ".gpl", ".ase")
+MOST_BYTES = 4 << 20  # twice what the most objects with the most colors and the longest names need
+GPL_HEAD = "GIMP Palette"
+ASE_HEAD = b"ASEF\0\1\0\0"  # version 1.0
+ASE_GROUP, ASE_END, ASE_COLOR = 0xC001, 0xC002, 0x0001  # kinds of blocks
+ASE_MODELS = {b"RGB ": 3, b"Gray": 1}  # color models that are read: how many numbers
+AGAIN = "Export the file again."
+
+
+class NamedColor(NamedTuple):
+    """A color of a palette file: its name, and sRGB [3] float32 in [0, 1]."""
+
+    name: str
+    color: np.ndarray
+
+
+def write_edit_file(path: Path, edit: Edit) -> None:
+    """Write the colors of an edit, atomically: as a palette for `.gpl` and `.ase`, else as edit.json.
+
+    Colors brighter than white are clipped in palettes, and kept in JSON.
+
+    Raises:
+        BadRequest: The edit has added colors, and the file is a palette.
+
+    Examples:
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = Path(folder) / "pots.gpl"
+        ...     write_edit_file(path, Edit({"pot": np.array([[0, 0, 0], [1.5, 0.2, 0]])}))
+        ...     print(path.read_text())
+        GIMP Palette
+        Name: pots
+        #
+        255  51   0	pot 1
+    """
+    write = {".gpl": _write_gpl, ".ase": _write_ase}.get(path.suffix.lower())
+    if write is None:
+        write_edit(path, edit)
+        return
+    if edit.added:
+        raise BadRequest(
+            f"{path.name} cannot hold the colors that were added to {', '.join(edit.added)}.", "Save a .json file."
+        )
+    write(path, edit.colors)
+
+
+def read_edit_file(path: Path, palettes: Sequence[Palette], compositing: str = "delta") -> Edit:
+    """Read an edit of the learned palettes from edit.json or a palette file.
+
+    Colors of a palette file go to the swatches that their names say, `pot 1`; where no name is a swatch's, in their
+    order, when there are as many of them as swatches.
+
+    Args:
+        path: The file; `.gpl` and `.ase` are palettes.
+        palettes: As learned, one an object.
+        compositing: What a file that names none means, `delta` or `paper`.
+
+    Raises:
+        DataError: The file is missing, damaged or too large, or its colors fit the swatches neither by name nor by
+            number.
+
+    Examples:
+        >>> import tempfile
+        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0]], np.float32))
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = Path(folder) / "pots.ase"
+        ...     write_edit_file(path, Edit({"pot": np.array([[0, 0, 0], [0, 0.25, 1]])}))
+        ...     read_edit_file(path, [pot]).colors["pot"].tolist()
+        [[0.0, 0.0, 0.0], [0.0, 0.25, 1.0]]
+    """
+    read = {".gpl": _read_gpl, ".ase": _read_ase}.get(path.suffix.lower())
+    if read is None:
+        return read_edit(path, palettes, compositing)
+    check_file(path, MOST_BYTES)
+    try:
+        entries = read(path, path.read_bytes())
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror}.", "Check the file.") from error
+    return Edit(_assigned(path, entries, palettes), compositing)
+
+
+def _assigned(path: Path, entries: Sequence[NamedColor], palettes: Sequence[Palette]) -> dict[str, np.ndarray]:
+    """Palettes [M, 3] by the object's name, with the file's colors at their swatches."""
+    places = {
+        swatch_name(palette.name, index): (palette.name, index)
+        for palette in palettes
+        for index in range(1, len(palette.colors))
+    }
+    names = [entry.name for entry in entries]
+    if not set(names) & set(places):
+        if len(names) != len(places):
+            raise DataError(
+                f"{path} has {len(names)} colors, none of which is named after a swatch; there are {len(places)} "
+                "swatches.",
+                f"Name the colors {', '.join(list(places)[:2])} .., or give one for each swatch in that order.",
+            )
+        names = list(places)
+    wrong = next((name for number, name in enumerate(names) if name not in places or name in names[:number]), None)
+    if wrong is not None:
+        problem = "twice a color" if wrong in places else "a color"
+        raise DataError(
+            f"{path} has {problem} named {wrong!r:.100}.", f"Swatches are: {', '.join(places)}; name each at most once."
+        )
+    colors = {palette.name: palette.colors.copy() for palette in palettes}
+    for name, entry in zip(names, entries, strict=True):
+        object_name, index = places[name]
+        colors[object_name][index] = entry.color
+    return colors
+
+
+def swatch_name(object_name: str, index: int) -> str:
+    """What a swatch is called in other programs.
+
+    Examples:
+        >>> swatch_name("pot", 1)
+        'pot 1'
+    """
+    return f"{object_name} {index}"
+
+
+# --- .gpl: text, a color a line ------------------------------------------------------------------------------------
+def _write_gpl(path: Path, palettes: Mapping[str, np.ndarray]) -> None:
+    lines = [GPL_HEAD, f"Name: {path.stem}", "#"]
+    for name, colors in palettes.items():
+        for index, color in enumerate(to_bytes(colors).tolist()):
+            if index:
+                lines.append("{:3} {:3} {:3}\t{}".format(*color, swatch_name(name, index)))
+    text = "\n".join(lines) + "\n"
+    atomic_write(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+
+
+def _read_gpl(path: Path, data: bytes) -> list[NamedColor]:
+    lines = data.decode("utf-8-sig", errors="replace").splitlines()
+    if not lines or lines[0].strip() != GPL_HEAD:
+        raise DataError(f"{path} is no GIMP palette: its first line is not {GPL_HEAD!r}.", AGAIN)
+    entries = []
+    for number, line in enumerate(lines[1:], 2):
+        if not line.strip() or line.startswith(("#", "Name:", "Columns:")):
+            continue
+        match = re.fullmatch(r"\s*(\d{1,3})\s+(\d{1,3})\s+(\d{1,3})(?:\s+(.*))?", line, re.ASCII)
+        values = [int(value) for value in match.groups()[:3]] if match else [256]
+        if max(values) > 255:
+            raise DataError(
+                f"{path} line {number} is no color: {line!r:.100}.", "Write: red green blue name, 0 to 255."
+            )
+        entries.append(NamedColor((match[4] or "").strip(), np.array(values, np.float32) / np.float32(255)))
+    return entries
+
+
+# --- .ase: blocks of big-endian numbers and UTF-16 names --------------------------------------------------------------
+def _write_ase(path: Path, palettes: Mapping[str, np.ndarray]) -> None:
+    blocks = []
+    for name, colors in palettes.items():
+        blocks.append(_ase_block(ASE_GROUP, _ase_text(name)))
+        for index, color in enumerate(np.clip(colors, 0, 1)):
+            if index:
+                value = struct.pack(">4s3fH", b"RGB ", *map(float, color), 0)  # 0: a global color
+                blocks.append(_ase_block(ASE_COLOR, _ase_text(swatch_name(name, index)) + value))
+        blocks.append(_ase_block(ASE_END, b""))
+    data = ASE_HEAD + struct.pack(">I", len(blocks)) + b"".join(blocks)
+    atomic_write(path, lambda temporary: temporary.write_bytes(data))
+
+
+def _ase_block(kind: int, content: bytes) -> bytes:
+    return struct.pack(">HI", kind, len(content)) + content
+
+
+def _ase_text(text: str) -> bytes:
+    """A text with its length in units of two bytes before it, the zero at its end counted."""
+    encoded = text.encode("utf-16-be") + b"\0\0"
+    return struct.pack(">H", len(encoded) // 2) + encoded
+
+
+def _read_ase(path: Path, data: bytes) -> list[NamedColor]:
+    if data[:6] != ASE_HEAD[:6]:
+        raise DataError(f"{path} is no swatch exchange file: it does not begin with ASEF.", AGAIN)
+    try:
+        return [_ase_color(path, content) for kind, content in _ase_blocks(data) if kind == ASE_COLOR]
+    except struct.error as error:
+        raise DataError(f"{path} (swatches) is damaged: {error}.", AGAIN) from error
+
+
+def _ase_blocks(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Kind and content of each block. Raises struct.error where the file ends before a block does."""
+    (count,) = struct.unpack_from(">I", data, len(ASE_HEAD))
+    position = len(ASE_HEAD) + 4
+    for _ in range(count):
+        kind, length = struct.unpack_from(">HI", data, position)
+        content = data[position + 6 : position + 6 + length]
+        if len(content) < length:
+            raise struct.error("a block ends behind the file's end")
+        yield kind, content
+        position += 6 + length
+
+
+def _ase_color(path: Path, content: bytes) -> NamedColor:
+    """The color of a block. Raises struct.error where it is too short, DataError where the color cannot be read."""
+    (length,) = struct.unpack_from(">H", content)
+    name = content[2 : 2 + 2 * length].decode("utf-16-be", errors="replace").rstrip("\0").strip()
+    (model,) = struct.unpack_from(">4s", content, 2 + 2 * length)
+    if model not in ASE_MODELS:
+        shown = model.decode("ascii", errors="replace").strip()
+        raise DataError(f"{path} has the color {name!r:.100} as {shown}, not as RGB.", "Export it with RGB swatches.")
+    values = np.array(struct.unpack_from(f">{ASE_MODELS[model]}f", content, 6 + 2 * length), np.float32)
+    if not ((values >= 0) & (values <= 1)).all():
+        raise DataError(f"{path} has the color {name!r:.100} outside 0 to 1.", AGAIN)
+    return NamedColor(name, np.broadcast_to(values, 3).copy())

@@ -1,0 +1,139 @@
+"""Rendered views as arrays, and several rays a pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from ..capture.camera import Camera
+from ..fields.scene import Picture
+from ..io.color import to_bytes
+from ..palettes.compositing import Planes, hard_masks
+
+BAND_RAYS = 1 << 20  # rendered at once: with their surface samples they take about half a gigabyte
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One rendered view of a model with K objects, whose palettes have up to M colors. Arrays are numpy, row 0 on top.
+
+    Attributes:
+        picture: the scene as learned, as tensors on the model's device; of a preview smaller than the rest.
+        probabilities: [K, H, W] float32, of each object in each pixel (Eq. 8).
+        palette_weights: [K, M, H, W] float32, probabilities times weights (Eq. 9); None before palettes are learned.
+        base: [H, W, 3] float32 sRGB in [0, 1], the picture that an edit changes: the photo, or the rendering.
+        disputed: objects about which photo and field disagree, so that their edges are the field's.
+    """
+
+    picture: Picture
+    probabilities: np.ndarray
+    palette_weights: np.ndarray | None
+    base: np.ndarray
+    disputed: tuple[str, ...] = ()
+
+    @property
+    def color(self) -> np.ndarray:
+        """The scene as learned, [H, W, 3] float32 sRGB in [0, 1]."""
+        return self.picture.color.cpu().numpy()
+
+    @property
+    def depth(self) -> np.ndarray:
+        """Depth along the optical axis, [H, W] float32, world units; 0 where nothing is."""
+        return self.picture.depth.cpu().numpy().astype(np.float32)
+
+    @property
+    def opacity(self) -> np.ndarray:
+        """How much of each pixel's ray ends in the scene, [H, W] float32 in [0, 1]."""
+        return self.picture.opacity.cpu().numpy()
+
+    @property
+    def masks(self) -> np.ndarray:
+        """The likeliest class of each pixel as masks, [K, H, W] bool (argmax of Eq. 8)."""
+        return hard_masks(self.probabilities)
+
+
+def planes_of(frame: Frame, objects: Sequence[str]) -> Planes:
+    """The edit planes of a frame; before palettes are learned an object has no swatches."""
+    weights, probabilities = frame.palette_weights, frame.probabilities
+    if weights is None:
+        weights = np.zeros((len(objects), 0, *probabilities.shape[1:]))
+    return Planes(tuple(objects), weights.astype(np.float16), probabilities.astype(np.float16), to_bytes(frame.base))
+
+
+def bands_of(camera: Camera, supersampling: int, most_rays: int = BAND_RAYS) -> list[Camera]:
+    """A camera in bands of rows, each as many times finer as there are rays along a pixel's side."""
+    fine = camera.scaled(camera.width * supersampling, camera.height * supersampling)
+    rows = max(1, most_rays // (fine.width * supersampling)) * supersampling
+    if rows >= fine.height:
+        return [fine]
+    tops = range(0, fine.height, rows)
+    return [replace(fine, height=min(rows, fine.height - top), cy=fine.cy - top) for top in tops]
+
+
+def averaged(frame: Frame, count: int) -> Frame:
+    """A frame of which each pixel is the mean of count x count; of their depths the median of what is seen."""
+    if count == 1:
+        return frame
+    picture = frame.picture
+    color = _means(picture.color.permute(2, 0, 1).cpu().numpy(), count).transpose(1, 2, 0)
+    weights = None if frame.palette_weights is None else _means(frame.palette_weights, count)
+    coarse = Picture(
+        torch.from_numpy(np.ascontiguousarray(color)),
+        torch.from_numpy(_means(frame.opacity, count)),
+        torch.from_numpy(_medians(frame.depth, count)),
+        None,
+    )
+    return Frame(coarse, _means(frame.probabilities, count), weights, color)
+
+
+def joined(bands: Sequence[Frame]) -> Frame:
+    """Bands of rows as one frame, whose picture has no surface cache."""
+    color, opacity, depth = (
+        torch.cat([getattr(band.picture, name) for band in bands]) for name in ("color", "opacity", "depth")
+    )
+    weights = None
+    if bands[0].palette_weights is not None:
+        weights = np.concatenate([band.palette_weights for band in bands], -2)
+    probabilities = np.concatenate([band.probabilities for band in bands], -2)
+    return Frame(Picture(color, opacity, depth, None), probabilities, weights, color.cpu().numpy())
+
+
+def with_alpha(color: np.ndarray, opacity: np.ndarray, behind: np.ndarray) -> np.ndarray:
+    """A rendering without what is behind it: straight sRGB and alpha, [H, W, 4] float32 in [0, 1].
+
+    Args:
+        color: [H, W, 3], the scene before its background, also with an edit.
+        opacity: [H, W], how much of each pixel the scene covers.
+        behind: [H, W, 3], the background.
+
+    Example:
+        >>> red_glass_on_white = np.array([[[1, 0.75, 0.75]]])
+        >>> with_alpha(red_glass_on_white, np.array([[0.25]]), np.ones((1, 1, 3))).tolist()
+        [[[1.0, 0.0, 0.0, 0.25]]]
+    """
+    alpha = opacity[..., None]
+    covered = color - (1 - alpha) * behind
+    straight = np.divide(covered, alpha, out=np.zeros_like(covered), where=alpha > 0)
+    return np.concatenate([np.clip(straight, 0, 1), alpha], -1).astype(np.float32)
+
+
+def _blocks(values: np.ndarray, count: int) -> np.ndarray:
+    """[.., h, w, count * count] of [.., H, W]."""
+    height, width = values.shape[-2] // count, values.shape[-1] // count
+    split = values.reshape(*values.shape[:-2], height, count, width, count)
+    return split.swapaxes(-3, -2).reshape(*values.shape[:-2], height, width, count * count)
+
+
+def _means(values: np.ndarray, count: int) -> np.ndarray:
+    return _blocks(values, count).mean(-1, dtype=np.float32)
+
+
+def _medians(depth: np.ndarray, count: int) -> np.ndarray:
+    """The (lower) median of the depths over 0 in each block: never between two surfaces; 0 where nothing is seen."""
+    blocks = np.sort(_blocks(depth, count), -1)
+    seen = (blocks > 0).sum(-1, keepdims=True)
+    middle = np.where(seen > 0, blocks.shape[-1] - seen + (seen - 1) // 2, 0)
+    return np.take_along_axis(blocks, middle, -1)[..., 0]

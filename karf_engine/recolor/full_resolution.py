@@ -1,0 +1,235 @@
+"""Recoloring in a photo's own pixels: its objects' mattes and its own colors, at the photo's size and depth.
+
+The picture is linear in the edit, as in `edit.compositing`: photo + sum over objects and palette entries of
+coverage x weight(own color) x (edited - learned). Where a pixel is a mixture, the own color is the object's in it.
+Pixels are done in bands of rows, so that memory grows with what the files hold and not with what is computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..capture.capture import View
+from ..capture.training_images import image_of
+from ..errors import BadRequest
+from ..export.layers import Layers
+from ..io.color import to_bytes
+from ..io.images import BACK, oriented, over, turned
+from ..palettes.added import palettes_with, spread, with_sets
+from ..palettes.compositing import hard_masks
+from ..palettes.extraction.barycentric_weights import palette_weights_of_image, star_weights
+from ..palettes.palette import AddedColor, Edit, Palette
+from .frames import Frame
+from .matting.matte import NEGLIGIBLE, Matte, disputed_objects
+from .photos import StoredPhoto, open_photo
+from .photos.stored import from_camera
+
+BAND_PIXELS = 1 << 19
+FindMattes = Callable[[np.ndarray, np.ndarray, np.ndarray], list[Matte]]  # photo, probabilities, rendered
+COPIES_BYTES = 400 << 20  # of edited photos at once: the weights of a band serve them all
+
+
+@dataclass(frozen=True)
+class PhotoView:
+    """A captured photo that is ready to be recolored, any number of times.
+
+    Attributes:
+        photo: The photo in its stored grid, at the size of the result.
+        orientation: Exif orientation between the stored grid and the camera's.
+        objects: Names of the K objects.
+        mattes: What each object covers, in the stored grid.
+        palettes: Of the objects, as learned; empty before palettes are learned.
+    """
+
+    photo: StoredPhoto
+    orientation: int
+    objects: Sequence[str]
+    mattes: Sequence[Matte]
+    palettes: Sequence[Palette]
+
+    def recolored(self, edit: Edit) -> StoredPhoto:
+        """The photo with an edit. Raises BadRequest before palettes are learned."""
+        return next(self.recolored_by([edit]))
+
+    def recolored_by(self, edits: Sequence[Edit]) -> Iterator[StoredPhoto]:
+        """The photo with each of some edits, a few at a time. Raises BadRequest before palettes are learned."""
+        if not self.palettes:
+            raise BadRequest("There is no finished recoloring stage.", "Run the recoloring stage first.")
+        at_once = max(1, COPIES_BYTES // self.photo.pixels.nbytes)
+        for first in range(0, len(edits), at_once):
+            some = edits[first : first + at_once]
+            copies = [self.photo.copy() for _ in some]
+            for rows, columns in self._bands(self.mattes):
+                for copy, change in zip(copies, self._changes(rows, columns, some), strict=True):
+                    copy.change(rows, columns, change)
+            yield from copies
+
+    @property
+    def disputed(self) -> tuple[str, ...]:
+        """Objects about which photo and field disagree, so that their edges are the field's."""
+        return disputed_objects(self.objects, self.mattes)
+
+    def masks(self) -> np.ndarray:
+        """The likeliest class of each pixel as masks in the stored grid, [K, H, W] bool."""
+        width, height = self.photo.size
+        result = np.zeros((len(self.mattes), height, width), bool)
+        for rows, columns in self._bands(self.mattes):
+            result[:, rows, columns] = hard_masks(self._coverages(rows, columns))
+        return result
+
+    def shown(self, photo: StoredPhoto) -> np.ndarray:
+        """An edited copy as its camera sees it, on white where it is transparent: float32 sRGB [H, W, 3]."""
+        return oriented(over(photo.colors(), photo.alpha()), self.orientation)
+
+    def layers(self, depth: np.ndarray, added: Mapping[str, Sequence[AddedColor]] | None = None) -> Layers:
+        """The photo in layers, as its camera sees it, on white where it is transparent.
+
+        depth: [h, w] along the optical axis in the camera's grid, of any size; each pixel takes the nearest one, as
+        what lies between two surfaces is on neither. added: colors that have layers of their own, by object.
+        """
+        is_deep = self.photo.pixels.dtype != np.uint8
+        base = self.shown(self.photo) if is_deep else turned(self.photo.shown(), self.orientation)
+        height, width = base.shape[:2]
+        added = added or {}
+        palettes = palettes_with(self.palettes, added)
+        coverage = np.zeros((len(palettes), height, width), np.float16)
+        most = max(len(palette.colors) for palette in palettes)
+        weights = np.zeros((len(palettes), most, height, width), np.float16)
+        for rows, columns in self._bands(self.mattes):
+            coverages, alpha = self._coverages(rows, columns), self.photo.alpha(rows, columns)
+            coverages = coverages if alpha is None else np.minimum(coverages, alpha)
+            for k, covered, shares in self._shares(rows, columns, coverages):
+                inside = covered > 0
+                self._as_stored(coverage[k])[rows, columns] = covered
+                own = self.palettes[k]
+                planes = spread(shares.T, own.colors, added.get(own.name, ()))
+                for plane, share in zip(weights[k], planes, strict=False):  # small palettes have fewer
+                    self._as_stored(plane)[rows, columns][inside] = covered[inside] * share
+        nearest = (_nearest(*sides) for sides in zip(depth.shape, (height, width), strict=True))
+        return Layers(palettes, base, coverage, weights, depth[np.ix_(*nearest)])
+
+    def _as_stored(self, plane: np.ndarray) -> np.ndarray:
+        """The camera's grid seen as the stored one."""
+        return turned(plane, BACK.get(self.orientation, self.orientation))
+
+    def _bands(self, mattes: Sequence[Matte]) -> Iterator[tuple[slice, slice]]:
+        """Bands of rows of the box round all objects."""
+        seen = [matte for matte in mattes if matte.coverage.size]
+        if not seen:
+            return
+        columns = slice(min(matte.columns[0] for matte in seen), max(matte.columns[1] for matte in seen))
+        last = max(matte.rows[1] for matte in seen)
+        step = max(1, BAND_PIXELS // (columns.stop - columns.start))
+        for top in range(min(matte.rows[0] for matte in seen), last, step):
+            yield slice(top, min(top + step, last)), columns
+
+    def _coverages(self, rows: slice, columns: slice) -> np.ndarray:
+        """[K, h, w] float32."""
+        result = np.zeros((len(self.mattes), rows.stop - rows.start, columns.stop - columns.start), np.float32)
+        for matte, coverage in zip(self.mattes, result, strict=True):
+            top, bottom = max(rows.start, matte.rows[0]), min(rows.stop, matte.rows[1])
+            if top < bottom:
+                left, right = (side - columns.start for side in matte.columns)
+                own = matte.coverage[top - matte.rows[0] : bottom - matte.rows[0]]
+                coverage[top - rows.start : bottom - rows.start, left:right] = own
+        return result
+
+    def _changes(self, rows: slice, columns: slice, edits: Sequence[Edit]) -> list[np.ndarray]:
+        """Change of the straight colors of a band by each edit, [h, w, 3] float32."""
+        coverages = self._coverages(rows, columns)
+        winners = hard_masks(coverages)
+        alpha = self.photo.alpha(rows, columns)
+        if alpha is not None:  # a matte's coverage counts what is seen through the pixel, colors are straight
+            coverages = np.divide(coverages, alpha, out=np.zeros_like(coverages), where=alpha > 0).clip(0, 1)
+        changes = [np.zeros((*coverages.shape[1:], 3), np.float32) for _ in edits]
+        for k, coverage, weights in self._shares(rows, columns, coverages):
+            palette, wins, inside = self.palettes[k], winners[k], coverage > 0
+            for edit, change in zip(edits, changes, strict=True):
+                edited, added = edit.colors[palette.name], edit.added.get(palette.name, ())
+                learned, shares = with_sets(palette.colors, added), spread(weights.T, palette.colors, added).T
+                if edit.compositing == "paper":
+                    inner = wins[inside]
+                    change[wins & inside] = (shares[inner] @ edited) - self.photo.colors(rows, columns)[wins & inside]
+                elif (edited != learned).any():
+                    change[inside] += coverage[inside][:, None] * (shares @ (edited - learned))
+        return changes
+
+    def _shares(
+        self, rows: slice, columns: slice, coverages: np.ndarray
+    ) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+        """Of each object in a band: its number, its coverage [h, w], and weights [n, M] of its colors where it is."""
+        for k, (palette, matte, coverage) in enumerate(zip(self.palettes, self.mattes, coverages, strict=True)):
+            inside = coverage > 0
+            if inside.any():
+                yield k, coverage, _weights(self._own_colors(matte, rows, columns, inside), palette)
+
+    def _own_colors(self, matte: Matte, rows: slice, columns: slice, inside: np.ndarray) -> np.ndarray:
+        """Own colors of an object in the pixels of a band that it covers: uint8 [n, 3], or float of deep photos."""
+        top, bottom = max(rows.start, matte.rows[0]), min(rows.stop, matte.rows[1])
+        place = slice(top, bottom), slice(*matte.columns)
+        is_deep = self.photo.pixels.dtype != np.uint8
+        seen = self.photo.colors(*place) * 255 if is_deep else self.photo.pixels[*place, :3]
+        own = matte.colors(np.ascontiguousarray(seen), top - matte.rows[0], bottom - matte.rows[0])
+        left, right = (side - columns.start for side in matte.columns)
+        own = own[inside[top - rows.start : bottom - rows.start, left:right]]
+        return own if own.dtype == np.uint8 else own / 255
+
+
+def look_closer(
+    view: View, size: str | int, seen: Frame, mattes_of: FindMattes, objects: Sequence[str], palettes: Sequence[Palette]
+) -> PhotoView:
+    """A captured view in its photo's own pixels.
+
+    Args:
+        view: Of the capture.
+        size: `photo`, or a long side in pixels to which the photo is reduced.
+        seen: What the field says, in the grid of the view's camera with its lens, at any size.
+        mattes_of: Gives mattes of a photo, probabilities and a rendered picture, as `matting.refine.mattes_of` does.
+        objects: Names of the K objects that were seen.
+        palettes: Of the objects, as learned; empty before palettes are learned.
+
+    Raises:
+        DataError: The photo is missing, damaged or of another size than its camera.
+    """
+    photo = open_photo(image_of(view))
+    orientation = photo.orientation_for(view.camera)
+    if size != "photo":
+        photo = photo.resized(int(size))
+    rendered = from_camera(to_bytes(seen.color), orientation)
+    seen_objects = [from_camera(own, orientation) for own in seen.probabilities]
+    probabilities = np.array(seen_objects).reshape(-1, *rendered.shape[:2])
+    return PhotoView(photo, orientation, objects, mattes_of(photo.shown(), probabilities, rendered), palettes)
+
+
+def _nearest(few: int, many: int) -> np.ndarray:
+    """Which of few pixels in a row the center of each of many lies in."""
+    return ((np.arange(many) + 0.5) * few / many).astype(np.intp)
+
+
+def _weights(colors: np.ndarray, palette: Palette) -> np.ndarray:
+    """Palette weights [n, M] of colors [n, 3]; of 8-bit colors once for each."""
+    if colors.dtype == np.uint8:
+        return palette_weights_of_image(colors[None], palette.colors)[0]
+    return star_weights(colors, palette.colors)
+
+
+def dense_weights(own_colors: Sequence[np.ndarray], palettes: Sequence[Palette], coverages: np.ndarray) -> np.ndarray:
+    """Palette weights of whole pictures.
+
+    Args:
+        own_colors: Of each of the K objects, uint8 sRGB [H, W, 3].
+        palettes: Of the objects.
+        coverages: [K, H, W].
+
+    Returns:
+        [K, M, H, W] float32, weights times coverage; M is that of the largest palette.
+    """
+    most = max((len(palette.colors) for palette in palettes), default=0)
+    result = np.zeros((len(coverages), most, *coverages.shape[1:]), np.float32)
+    for planes, own, palette, coverage in zip(result, own_colors, palettes, coverages, strict=True):
+        inside = coverage > NEGLIGIBLE
+        planes[: len(palette.colors), inside] = (_weights(own[inside], palette) * coverage[inside][:, None]).T
+    return result

@@ -1,0 +1,205 @@
+"""Mattes of a photo at its own size: the field says roughly where the objects are, the photo exactly where.
+
+First, at the field's picture size, each pixel near an object is asked twice: how probable the field finds each class
+there, and how well the pixel's color fits the class about that place. Then the answer is carried up to the photo's size
+in steps of two: labels far from any border are enlarged as they are, those near one are decided again at every step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from ...palettes.compositing import hard_masks
+from ...segmentation.random_walk import links_of, random_walk
+from .closed_form import closed_form_matting
+from .color_models import ColorModels, fit_color_models, posterior
+from .distances import distance_to
+from .foreground import LINEAR, unmixed
+from .lost_parts import difference_nearby, lost_parts
+from .matte import Matte
+from .sharpness import sharp_size
+from .strays import without_strays
+from .tiles import enlarged, tiles
+
+BAND = 6  # how far from an object's border of the field its border in the photo may lie, pixels of the field's picture
+RING = 25  # how far around objects their surroundings' colors are looked at, pixels of the field's picture
+CORE = 1.0  # deeper than so many pixels inside an object, the field is right where it is SURE
+SURE, NONE = 0.8, 0.02  # probability of what is surely an object; and at most, of surely none
+LEAST_PROBABILITY = 0.005  # the field never outvotes a color altogether
+LEAST_CORE = 20  # pixels from which colors can be told
+TRUST = 0.05  # of a pixel's own opinion, see random_walk
+RESOLVED, TRUST_RESOLVED = 5.0, 1.0  # the same where the field is sure and shows the photo's color, Lab units: between
+# things of one color nothing else tells
+LOST_PARTS_AT = 1  # after how many enlargements what the field has lost is looked for: thin parts must be seen
+STEP_BAND = 3  # pixels about a border that are decided again after each enlargement
+PRESENT = 15  # pixels about one of a class, in which others may be found to be of that class too
+DECIDED = 0.98
+LEAST_CARRIED = 0.05  # of a class that is present near a border, when enlarged labels are asked again
+BORDER = 1.5  # pixels to either side of a border whose coverage is found by matting
+CERTAIN, UNSURE = 0.99, 0.3  # labels above are no mixtures, however near the border: a stem is all border; labels
+# that far from 0 and 1 are, however far from it
+LEAST_AGREEMENT = 0.5  # IoU of photo and field, below which the field is right
+TILE, MARGIN = 512, 16
+
+
+def refine_mattes(photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray) -> list[Matte]:
+    """Mattes of K objects from the field's soft answer and the photo.
+
+    Args:
+        photo: uint8 [H, W, 3] sRGB.
+        probabilities: [K, h, w] float32 of the objects, of the field, on the photo's own grid, h <= H and w <= W.
+        rendered: uint8 [h, w, 3] sRGB, the scene as the field shows it there.
+
+    Returns:
+        One matte for each object.
+    """
+    probabilities = without_strays(probabilities)
+    if not hard_masks(probabilities).any():
+        return unmixed(photo, np.zeros_like(probabilities))
+    start = probabilities.shape[1:]
+    field = lab_of(rendered)
+    classes, models = decide(lab_of(_resized(photo, start)), probabilities, field)
+    # what the photo's lens has blurred is a mixture over many of its pixels: it is decided where they are few
+    end = np.maximum(sharp_size(photo, _near_border(classes)), start)
+    sizes = steps(start, tuple(end.tolist()))[1:]
+    for number, size in enumerate(sizes):
+        reduced = _resized(photo, size)
+        if number == min(LOST_PARTS_AT, len(sizes) - 1):
+            classes = with_lost_parts(reduced, field, classes, models)
+        classes = sharpen(reduced, classes, models)
+    coverage = cover(_resized(photo, classes.shape[1:]), classes)
+    disputed = [_disagree(own, mask) for own, mask in zip(coverage, hard_masks(probabilities), strict=True)]
+    for own, probability, is_disputed in zip(coverage, probabilities, disputed, strict=True):
+        if is_disputed:
+            own[:] = cv2.resize(probability, own.shape[::-1], interpolation=cv2.INTER_LINEAR)
+    mattes = unmixed(photo, coverage)
+    return [replace(matte, disputed=is_disputed) for matte, is_disputed in zip(mattes, disputed, strict=True)]
+
+
+def _disagree(coverage: np.ndarray, mask: np.ndarray) -> bool:
+    """Whether an object's coverage has little to do with the field's mask, bool [h, w]."""
+    found = cv2.resize(coverage.astype(np.float32), mask.shape[::-1], interpolation=cv2.INTER_AREA) > 0.5
+    return bool((found & mask).sum() < LEAST_AGREEMENT * (found | mask).sum())
+
+
+def with_lost_parts(photo: np.ndarray, rendered: np.ndarray, classes: np.ndarray, models: ColorModels) -> np.ndarray:
+    """Classes [K+1, H, W] at the size of a photo, uint8 [H, W, 3], where parts that the field has lost are open.
+
+    rendered: CIE Lab [h, w, 3], as the field shows the scene.
+    """
+    width, height = photo.shape[1::-1]
+    classes = np.stack([cv2.resize(plane.astype(np.float32), (width, height)) for plane in classes])
+    for k, lost in enumerate(lost_parts(lab_of(photo), rendered, classes, models), start=1):
+        classes[:, lost] = 0
+        classes[0][lost] = classes[k][lost] = 0.5
+    return classes
+
+
+def steps(start: tuple[int, int], end: tuple[int, int]) -> list[tuple[int, int]]:
+    """Sizes (rows, columns) from one to the other, each at most twice the one before."""
+    count = int(np.ceil(np.log2(max(end[0] / start[0], end[1] / start[1], 1)) - 1e-9))
+    ratio = np.array(end) / start
+    between = [tuple(np.rint(start * ratio ** (n / count)).astype(int).tolist()) for n in range(1, count)]
+    return [tuple(start), *between, *([tuple(end)] if tuple(end) != tuple(start) else [])]
+
+
+def decide(lab: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray) -> tuple[np.ndarray, ColorModels]:
+    """Classes [K+1, h, w] at the field's picture size, class 0 being no object, and the colors that they have."""
+    classes = np.concatenate([np.clip(1 - probabilities.sum(0), 0, 1)[None], probabilities])
+    masks = hard_masks(probabilities)
+    cores = [_core(mask, own) for mask, own in zip(masks, probabilities, strict=True)]
+    away = np.stack([distance_to(mask) for mask in masks])
+    nearest = away.min(0)
+    surroundings = (probabilities.sum(0) < NONE) & (nearest < RING)
+    models = fit_color_models(lab, np.stack([surroundings, *cores]), np.random.default_rng(0))
+    free = (nearest <= BAND) & ~np.any(cores, 0)
+    priors = np.maximum(classes, LEAST_PROBABILITY)
+    priors[1:][away > BAND] = 0
+    opinions = np.stack([~np.any(cores, 0), *cores]).astype(np.float32)
+    opinions[:, free] = posterior(models, lab[free], _places(free), priors[:, free])
+    resolved = (classes.max(0)[free] > DECIDED) & (difference_nearby(lab, rendered, free, 1) < RESOLVED)
+    opinions[:, free] = random_walk(links_of(lab), opinions, free, np.where(resolved, TRUST_RESOLVED, TRUST))
+    return opinions, models
+
+
+def sharpen(photo: np.ndarray, classes: np.ndarray, models: ColorModels) -> np.ndarray:
+    """Classes [K+1, H, W] float16 at the size of a photo, uint8 [H, W, 3], from those [K+1, h, w] of a smaller size."""
+    size = photo.shape[:2]
+    result = np.empty((len(classes), *size), np.float16)
+    for tile in tiles(size, TILE, MARGIN):
+        labels = enlarged(classes, size, tile)
+        free = _near_border(labels)
+        if free.any():
+            lab = lab_of(photo[tile.outer])
+            places = (np.argwhere(free) + [tile.rows.start + 0.5, tile.columns.start + 0.5]) / size
+            priors = np.maximum(labels, LEAST_CARRIED * _present(labels))[:, free]
+            labels[:, free] = posterior(models, lab[free], places, priors)
+            labels[:, free] = random_walk(links_of(lab), labels, free, TRUST)
+        result[(slice(None), *tile.place)] = labels[(slice(None), *tile.inner)]
+    return result
+
+
+def _present(labels: np.ndarray) -> np.ndarray:
+    """Whether each class holds a pixel thereabouts: the far end of another object may have any color."""
+    kernel = np.ones((2 * PRESENT + 1,) * 2, np.uint8)
+    return np.stack([cv2.dilate((own > 0.5).astype(np.uint8), kernel) for own in labels])
+
+
+def cover(photo: np.ndarray, classes: np.ndarray) -> np.ndarray:
+    """Coverage [K, h, w] float16 of the objects from labels [K+1, h, w] of the size of the photo, uint8 [h, w, 3]."""
+    result = np.zeros((len(classes) - 1, *photo.shape[:2]), np.float16)
+    for tile in tiles(photo.shape[:2], TILE, MARGIN):
+        labels = classes[(slice(None), *tile.outer)].astype(np.float32)
+        if labels[0].min() == 1:
+            continue
+        light = LINEAR[photo[tile.outer]]
+        covered = np.stack([_border_matted(light, own) for own in labels[1:]])
+        covered /= np.maximum(covered.sum(0), 1)
+        result[(slice(None), *tile.place)] = covered[(slice(None), *tile.inner)]
+    return result
+
+
+def _border_matted(light: np.ndarray, label: np.ndarray) -> np.ndarray:
+    """Coverage [h, w] of one object: 0 and 1 but along its border, where the colors [h, w, 3], linear, decide."""
+    inside = label > 0.5
+    if not inside.any() or inside.all():
+        return inside.astype(np.float32)
+    border = np.maximum(distance_to(inside), distance_to(~inside)) <= BORDER
+    unknown = (border & (label < CERTAIN)) | ((label > UNSURE) & (label < 1 - UNSURE))
+    result = np.where(unknown, label, inside.astype(np.float32))
+    result[unknown] = closed_form_matting(light, result, unknown)
+    return result
+
+
+def _near_border(classes: np.ndarray) -> np.ndarray:
+    top = classes.max(0)
+    unsure = top < DECIDED
+    kernel = np.ones((2 * STEP_BAND + 1,) * 2, np.uint8)
+    hard = classes.argmax(0).astype(np.uint8)
+    border = cv2.dilate(hard, kernel) != cv2.erode(hard, kernel)
+    return unsure | border
+
+
+def _places(chosen: np.ndarray) -> np.ndarray:
+    return (np.argwhere(chosen) + 0.5) / chosen.shape
+
+
+def _core(mask: np.ndarray, probability: np.ndarray) -> np.ndarray:
+    core = mask & (probability > SURE) & (distance_to(~mask) > CORE)
+    if core.sum() >= LEAST_CORE or not mask.any():
+        return core
+    return mask & (probability >= np.median(probability[mask]))  # a thin or small object has no deeper pixels
+
+
+def lab_of(photo: np.ndarray) -> np.ndarray:
+    """CIE Lab float32 [h, w, 3] of uint8 sRGB."""
+    return cv2.cvtColor(photo.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
+
+
+def _resized(photo: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    if photo.shape[:2] == tuple(size):
+        return photo
+    return cv2.resize(photo, size[::-1], interpolation=cv2.INTER_AREA)

@@ -1,0 +1,57 @@
+"""Mattes of a photo's objects: from the field's soft probabilities alone, or refined in the photo."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...io.images import resize
+from .matte import NEGLIGIBLE, Matte
+from .photo_mattes import refine_mattes
+
+
+def mattes_of(edges: str, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray) -> list[Matte]:
+    """Mattes of the K objects of a photo.
+
+    Args:
+        edges: `photo`: refined in the photo; `field`: the probabilities alone.
+        photo: uint8 sRGB [H, W, 3].
+        probabilities: [K, h, w] of each object, in the grid of the photo at any size.
+        rendered: uint8 sRGB [h, w, 3], the scene as the field shows it there.
+
+    Example:
+        >>> mattes = mattes_of("field", np.zeros((2, 4, 3), np.uint8), np.array([[[0.0, 1.0]]]), np.zeros((1, 2, 3)))
+        >>> mattes[0].columns, mattes[0].coverage.tolist()
+        ((1, 4), [[0.25, 0.75, 1.0], [0.25, 0.75, 1.0]])
+    """
+    if edges == "field" or not len(probabilities):
+        return field_mattes((photo.shape[1], photo.shape[0]), probabilities)
+    return refine_mattes(photo, probabilities, rendered)
+
+
+def field_mattes(size: tuple[int, int], probabilities: np.ndarray) -> list[Matte]:
+    """Mattes that cover as much of each pixel as the field says, enlarged softly.
+
+    Args:
+        size: Width and height of the photo.
+        probabilities: [K, h, w] of each object, in the grid of the photo at any size.
+
+    Example:
+        >>> field_mattes((2, 1), np.array([[[0.0, 0.5]]]))[0].coverage.tolist()
+        [[0.5]]
+    """
+    return [_field_matte(size, own) for own in probabilities]
+
+
+def _field_matte(size: tuple[int, int], probability: np.ndarray) -> Matte:
+    coverage = resize(probability, *size)
+    coverage = np.where(coverage > NEGLIGIBLE, coverage, 0)
+    rows, columns = (_extent(coverage.any(axis)) for axis in (1, 0))
+    # at the field's own size nothing is lost; enlarged it would only take more memory
+    exact = np.float32 if probability.shape == coverage.shape else np.float16
+    inside = coverage[slice(*rows), slice(*columns)].astype(exact)
+    return Matte(rows, columns, inside, np.zeros(0, np.int64), np.zeros((0, 3), np.uint8))
+
+
+def _extent(occupied: np.ndarray) -> tuple[int, int]:
+    places = np.flatnonzero(occupied)
+    return (int(places[0]), int(places[-1]) + 1) if len(places) else (0, 0)

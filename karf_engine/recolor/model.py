@@ -1,0 +1,364 @@
+"""A learned model: the scene, its objects and their palettes, loaded from a project's folder and used without jobs.
+
+Where do the palette weights come from? In a captured view from the photo's own colors times the object's probability:
+they are sharp and hold the highlights. For any other camera from F_w, which is what view-consistent means.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from ..capture.camera import Camera
+from ..capture.capture import Capture, View
+from ..capture.distortion import straighten
+from ..capture.training_images import Plate, load_views, load_wanted
+from ..compute.runtime import find_device
+from ..errors import BadRequest
+from ..fields.files import load_scene
+from ..fields.rendering.rays import camera_rays
+from ..fields.scene import Picture
+from ..heads.fields import RecoloringField, SegmentationField
+from ..heads.files import load_recoloring, load_segmentation
+from ..heads.rendering import ObjectSamples, object_samples, segment_cache, weigh_cache
+from ..io.color import to_bytes
+from ..io.failures import translated
+from ..io.images import over
+from ..palettes.added import palettes_with, spread_objects
+from ..palettes.compositing import delta_composite, paper_composite, stack_palettes
+from ..palettes.matching.painted import ObjectMatch, match_picture
+from ..palettes.palette import Edit, Palette, read_palettes
+from ..palettes.project_edit import ProjectEdit, edit_of
+from ..project import Project
+from ..project.contents import capture_of, settings_for
+from ..project.locking import consistent, opened
+from ..project.settings import Settings
+from ..segmentation.doubts import SurfaceDoubts
+from .frames import BAND_RAYS, Frame, averaged, bands_of, joined
+from .full_resolution import PhotoView, dense_weights, look_closer
+from .matting.matte import Matte, dense_coverage, disputed_objects
+from .render_cache import Looks
+
+BASES = {"delta": "photo", "paper": "render"}  # what an edit of a captured view changes, where nothing is said
+MASK_SAMPLES, WEIGHT_SAMPLES = 3, 8  # quantile samples a ray: colors need more of them than classes
+
+
+class Model:
+    """All that is learned of a project.
+
+    Attributes:
+        project: the project's folder and its files.
+        settings: those that its stages were run with, and how it renders.
+        capture: the photos and cameras that it was learned from.
+        scene: the radiance field, frozen.
+        objects: names of the segmented objects, K of them; empty before segmentation.
+        segmentation: F_s, or None before segmentation.
+        palettes: of the objects, in their order; empty before palettes are learned.
+        recoloring: F_w, or None before palettes are learned.
+    """
+
+    def __init__(self, project: Project, device: torch.device | str = "cpu", settings: Settings | None = None) -> None:
+        """Load what is finished of a project, by default with its own settings.
+
+        Raises BadRequest where nothing is finished, DataError where a file is damaged.
+        """
+        project.require("geometry")
+        self.project, self.device = project, torch.device(device)
+        self.settings = settings or settings_for(project, "render")
+        self.scene = load_scene(project.checked(project.geometry_file), self.device)
+        self.objects: list[str] = []
+        self.palettes: tuple[Palette, ...] = ()
+        self.segmentation: SegmentationField | None = None
+        self.recoloring: RecoloringField | None = None
+        n_features, space = self.scene.field.n_features, self.scene.field.space
+        if project.finished("segmentation"):
+            path = project.checked(project.segmentation_file)
+            self.segmentation, self.objects = load_segmentation(path, n_features, self.device, space)
+        if project.finished("recoloring"):
+            self.palettes = read_palettes(project.checked(project.palette_file), objects=self.objects)
+            path, bounds = project.checked(project.recoloring_file), self.segmentation.bounds
+            self.recoloring = load_recoloring(path, bounds, n_features, self.palettes, self.device)
+        self._looks = Looks(project)
+        self._looked: tuple[Any, Frame | None] = (None, None)
+
+    @classmethod
+    def load(cls, folder: Path | str, device: str | None = None) -> Model:
+        """What is learned in a project's folder.
+
+        Args:
+            folder: the project.
+            device: `cpu`, `cuda` or `cuda:<number>`; None for CUDA where there is one.
+
+        Raises:
+            BadRequest: nothing is learned there, or there is no such device.
+            DataError: it is no project, or a file is damaged.
+        """
+        project = opened(folder)
+        with consistent(project):
+            return cls(project, find_device(device))
+
+    @cached_property
+    def capture(self) -> Capture:
+        """The photos and cameras that the model was learned from. Raises DataError where their file is damaged."""
+        return capture_of(self.project)
+
+    @property
+    def learned_colors(self) -> np.ndarray:
+        """Palettes as learned, [K, M, 3] float32 sRGB; missing entries of smaller palettes are 0."""
+        return stack_palettes(self.objects, {palette.name: palette.colors for palette in self.palettes})
+
+    # --- rendering -------------------------------------------------------------------------------------------------
+    @translated()
+    def render(self, camera: Camera, supersampling: int = 1) -> Frame:
+        """The scene from any camera, whose lens distortion is left out; palette weights are those of F_w.
+
+        Not differentiable. Its base is the rendering itself. No surface cache is kept of large pictures.
+
+        Args:
+            camera: in world units.
+            supersampling: rays a pixel along each side; their colors, opacities, probabilities and weights are
+                averaged, of their depths the median counts.
+
+        Raises:
+            OutOfMemory: the device has too little.
+        """
+        bands = bands_of(camera.without_distortion(), supersampling)
+        frames = [averaged(self._render_pinhole(band), supersampling) for band in bands]
+        return frames[0] if len(frames) == 1 else joined(frames)
+
+    def _render_pinhole(self, camera: Camera) -> Frame:
+        from_field = self.recoloring is not None
+        picture = self.scene.render(camera, WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
+        return self.frame_of(picture, picture.color.cpu().numpy(), from_field)
+
+    @torch.no_grad()
+    def behind(self, camera: Camera) -> np.ndarray:
+        """What a camera's pinhole sees behind all that is solid, [H, W, 3] float32 sRGB."""
+        rays = camera_rays(camera.without_distortion(), self.device)
+        colors = [self.scene.behind(some) for some in rays.viewdirs.split(BAND_RAYS)]
+        return torch.cat(colors).cpu().numpy().reshape(camera.height, camera.width, 3)
+
+    def render_view(self, view: View, base: str | None = None) -> Frame:
+        """A captured view as its pinhole shows it, at the working size (`settings.geometry.long_side`).
+
+        Objects end where the field says; see `preview` and `photo_view` for the edges of the photo.
+
+        Args:
+            view: of the capture.
+            base: `photo` or `render`; by default the photo, or with the paper's compositing the rendering, as there.
+
+        Raises:
+            DataError: the photo is missing or damaged.
+        """
+        if self.base_of(base) == "photo":
+            return self.render_plate(self.plate(view))
+        return self.render(self.working_camera(view))
+
+    def base_of(self, base: str | None) -> str:
+        """What an edit of a captured view changes, `photo` or `render`, where `base` was asked for."""
+        return base or BASES[self.settings.compositing]
+
+    def working_camera(self, view: View) -> Camera:
+        """The camera of a captured view at the working size, with its lens."""
+        return view.camera.reduced(self.settings.geometry.long_side)
+
+    @translated()
+    def look(self, camera: Camera) -> Frame:
+        """What the field alone says, in the grid of a camera with its lens: no palette weights, itself as base.
+
+        It is kept in the project, and the last one in memory. Raises OutOfMemory where the device has too little.
+        """
+        known, frame = self._looked
+        asked = (replace(camera, camera_to_world=None), camera.camera_to_world.tobytes())
+        if known != asked:
+            frame = self._looks.find(camera, len(self.objects), self.device)
+            if frame is None:
+                frame = self._look(camera)
+                self._looks.keep(camera, frame)
+            self._looked = asked, frame
+        return frame
+
+    def _look(self, camera: Camera) -> Frame:
+        picture = self.scene.render(camera, MASK_SAMPLES)
+        frame = Frame(picture, self._probabilities(picture), None, picture.color.cpu().numpy())
+        if not camera.is_pinhole:  # where a lens shows nothing, the rays are those of another pixel
+            beyond = np.isnan(straighten(camera, camera.pixel_centers())).any(1).reshape(frame.depth.shape)
+            frame.probabilities[:, beyond] = 0
+        return frame
+
+    def unsure(self, pinhole: Camera, frame: Frame) -> np.ndarray:
+        """How unsure it is what a frame shows of each object, [K, H, W] float32 in [0, 1].
+
+        Args:
+            pinhole: whose frame it is.
+            frame: only its depth and opacity count.
+
+        Raises:
+            DataError: the segmentation kept no doubts, or they are damaged.
+        """
+        origins, directions = pinhole.rays(pinhole.pixel_centers())
+        doubts = self._doubts.at(origins + frame.depth.reshape(-1, 1) * directions)
+        return np.ascontiguousarray(doubts.T).reshape(-1, *frame.depth.shape) * frame.opacity
+
+    @cached_property
+    def _doubts(self) -> SurfaceDoubts:
+        return SurfaceDoubts.read(self.project.checked(self.project.doubts_file))
+
+    def preview(self, view: View, long_side: int | None = None) -> Frame:
+        """A captured view as its pinhole shows it, at a size to look at and to recolor quickly.
+
+        Base, probabilities (coverages, as `settings.render.edges` says) and palette weights are of this size; the
+        picture is of the working size.
+
+        Args:
+            view: of the capture.
+            long_side: pixels, at most the photo's; by default `settings.render.preview`.
+
+        Raises:
+            DataError: the photo is missing or damaged.
+        """
+        plate = load_views([view], long_side or self.settings.render.preview)[0]
+        seen, base = self.look(self.working_camera(view).without_distortion()), over(plate.color, plate.alpha)
+        mattes = self._mattes_of(to_bytes(base), seen.probabilities, to_bytes(seen.color))
+        coverages = dense_coverage(mattes, base.shape[:2])
+        weights = None
+        if self.recoloring is not None:
+            weights = dense_weights([matte.own_picture(to_bytes(base)) for matte in mattes], self.palettes, coverages)
+        return Frame(seen.picture, coverages, weights, base, disputed_objects(self.objects, mattes))
+
+    def photo_view(self, view: View, size: str | int = "photo") -> PhotoView:
+        """A captured view in its photo's own pixels, to be recolored any number of times.
+
+        Args:
+            view: of the capture.
+            size: `photo`, or a long side in pixels to which the photo is reduced.
+
+        Raises:
+            DataError: the photo is missing, damaged or of another size than its camera.
+        """
+        seen = self.look(self.working_camera(view))
+        return look_closer(view, size, seen, self._mattes_of, self.objects, self.palettes)
+
+    def _mattes_of(self, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray) -> list[Matte]:
+        return self._looks.mattes(self.settings.render.edges, photo, probabilities, rendered)
+
+    @translated()
+    def render_plate(self, plate: Plate, weights_from: str = "photo") -> Frame:
+        """A loaded photo's view, with the photo as base. weights_from: palette weights of its colors (`photo`), or of
+        F_w (`field`)."""
+        from_field = self.recoloring is not None and weights_from == "field"
+        picture = self.scene.render(plate.camera, WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
+        return self.frame_of(picture, over(plate.color, plate.alpha), from_field)  # on the same ground as a rendering
+
+    def frame_of(self, picture: Picture, base: np.ndarray, from_field: bool) -> Frame:
+        """The frame of a picture that this scene has rendered: what F_s and the palettes add to it.
+
+        from_field: palette weights of F_w, else of the colors of the base [H, W, 3].
+        """
+        samples = None
+        if self.recoloring is not None and from_field:
+            samples = object_samples(self.segmentation, self.scene.field, picture.cache)
+        probabilities = self._probabilities(picture, samples)
+        weights = None
+        if self.recoloring is not None:
+            known = samples is not None
+            weights = self.weights_of_field(picture, samples) if known else self.weights_of_colors(base, probabilities)
+        return Frame(picture, probabilities, weights, base)
+
+    def plate(self, view: View) -> Plate:
+        """The photo of a view at the working size. Raises DataError where it is missing or damaged."""
+        return load_views([view], self.settings.geometry.long_side)[0]
+
+    def _probabilities(self, picture: Picture, samples: ObjectSamples | None = None) -> np.ndarray:
+        height, width = picture.opacity.shape
+        result = np.zeros((len(self.objects), height * width), np.float32)
+        if self.segmentation is not None:
+            known = samples is not None
+            classes = samples.rendered if known else segment_cache(self.segmentation, self.scene.field, picture.cache)
+            result[:, picture.cache.index.cpu().numpy()] = classes[:, 1:].T.cpu().numpy()
+        return result.reshape(-1, height, width)
+
+    def weights_of_colors(self, base: np.ndarray, probabilities: np.ndarray) -> np.ndarray:
+        """Palette weights [K, M, H, W] of the colors of a picture [H, W, 3] and probabilities [K, H, W]."""
+        return dense_weights([to_bytes(base)] * len(self.objects), self.palettes, probabilities)
+
+    def weights_of_field(self, picture: Picture, samples: ObjectSamples | None = None) -> np.ndarray:
+        """Palette weights [K, M, H, W] of F_w (Eq. 9 on top of Eq. 8). samples: the picture's, where they are known."""
+        height, width = picture.opacity.shape
+        cache = picture.cache
+        samples = object_samples(self.segmentation, self.scene.field, cache) if samples is None else samples
+        planes = weigh_cache(self.recoloring, samples, cache)
+        weights = np.zeros((*planes.shape[1:], height * width), np.float32)
+        weights[..., cache.index.cpu().numpy()] = planes.permute(1, 2, 0).cpu().numpy()
+        return weights.reshape(*planes.shape[1:], height, width)
+
+    # --- editing ---------------------------------------------------------------------------------------------------
+    def edit(self, path: Path | str | None = None) -> ProjectEdit:
+        """An edit that changes nothing yet, or what a file says. Raises BadRequest before palettes are learned."""
+        return edit_of(self.project, path)
+
+    def match(self, view: View, picture: Path, edit: Edit) -> tuple[ObjectMatch, ...]:
+        """The palettes with which a captured view comes closest to a painted or graded picture of it.
+
+        Args:
+            view: of the capture.
+            picture: as large as the photo, then with its lens; or of any other size, then without lens distortion.
+            edit: the palettes as they stand, on which the picture may have been painted; its added colors stay.
+
+        Returns:
+            one for each object that the picture wants otherwise.
+
+        Raises:
+            BadRequest: the picture has another shape than the view.
+            DataError: picture or photo is missing or damaged.
+        """
+        wanted = load_wanted(view, picture, self.settings.render.preview)
+        frame = self.preview(view)
+        weights = spread_objects(frame.palette_weights, self.palettes, edit.added)
+        palettes = palettes_with(self.palettes, edit.added)
+        sets = {each.name: range(len(each.colors), len(edit.colors[each.name])) for each in self.palettes}
+        return match_picture(weights, frame.probabilities, frame.base, wanted, palettes, edit.colors, sets)
+
+    def recolor(self, view: View, edit: Edit, size: str | int = "photo") -> np.ndarray:
+        """A captured view with an edit.
+
+        Args:
+            view: of the capture.
+            edit: of this model's palettes.
+            size: `photo`: all pixels of the photo, with its lens; a long side in pixels: the same, reduced; `learned`:
+                as its pinhole shows it at the working size, as the rendering, which always is the base with the
+                paper's compositing.
+
+        Returns:
+            [H, W, 3] float32 sRGB in [0, 1], as its camera is turned. `photo_view` writes what the photo's file held.
+
+        Raises:
+            BadRequest: no palettes are learned.
+            DataError: the photo is missing or damaged.
+        """
+        if self.base_of(None) == "render":
+            return self.composite(self.render_view(view), edit)
+        if size == "learned":
+            return self.composite(self.preview(view, self.settings.geometry.long_side), edit)
+        finished = self.photo_view(view, size)
+        return finished.shown(finished.recolored(edit))
+
+    def composite(self, frame: Frame, edit: Edit) -> np.ndarray:
+        """The base of a frame with an edit, [H, W, 3] float32 sRGB. Raises BadRequest before palettes are learned."""
+        if self.recoloring is None:
+            raise BadRequest(
+                f"{self.project.folder} has no finished recoloring stage.", "Run the recoloring stage first."
+            )
+        edited = stack_palettes(self.objects, edit.colors)
+        weights = spread_objects(frame.palette_weights, self.palettes, edit.added)
+        if edit.compositing == "paper":
+            return paper_composite(frame.base, weights, frame.probabilities, edited)
+        learned = palettes_with(self.palettes, edit.added)
+        return delta_composite(
+            frame.base, weights, stack_palettes(self.objects, {each.name: each.colors for each in learned}), edited
+        )

@@ -1,0 +1,55 @@
+"""A photo at the size at which it is marked: what is known of it before the first click."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...io.color import srgb_to_lab, to_bytes
+from ...io.images import over, resize
+from ..random_walk import Link, links_of
+
+LONG_SIDE = 256  # pixels: a click is answered in a fifth of a second
+LIKENESS = 0.1  # per squared Lab unit: neighbors that differ by 3.2 are linked by exp(-1)
+
+
+@dataclass(frozen=True)
+class WorkingPhoto:
+    """A photo of [h, w] pixels at the working size.
+
+    Attributes:
+        colors: [h, w, 3] uint8 sRGB.
+        links: How like neighbors are, see `matting.random_walk.links_of`.
+        scale: Its pixels per pixel of the photo, (x, y).
+    """
+
+    colors: np.ndarray
+    links: tuple[Link, ...]
+    scale: tuple[float, float]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(h, w)."""
+        return self.colors.shape[:2]
+
+    def disk(self, x: float, y: float, radius: int) -> np.ndarray:
+        """Pixels about a place of the photo as stored, bool [h, w]."""
+        column, row = self.place(x, y)
+        rows, columns = np.ogrid[: self.shape[0], : self.shape[1]]
+        return (rows - row) ** 2 + (columns - column) ** 2 <= radius**2
+
+    def place(self, x: float, y: float) -> tuple[int, int]:
+        """Column and row of the pixel at a place of the photo as stored."""
+        return int(x * self.scale[0]), int(y * self.scale[1])
+
+
+def working_photo(photo: np.ndarray) -> WorkingPhoto:
+    """Reduce a photo, float sRGB [H, W, 3 or 4] in [0, 1] with straight alpha; it is never enlarged."""
+    height, width = photo.shape[:2]
+    factor = min(1.0, LONG_SIDE / max(height, width))
+    size = max(1, round(width * factor)), max(1, round(height * factor))
+    alpha = resize(photo[..., 3], *size) if photo.shape[-1] == 4 else None
+    colors = over(resize(photo[..., :3], *size), alpha)
+    links = tuple(links_of(srgb_to_lab(colors).astype(np.float32), LIKENESS))
+    return WorkingPhoto(to_bytes(colors), links, (size[0] / width, size[1] / height))

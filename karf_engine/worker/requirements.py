@@ -1,0 +1,70 @@
+"""The versions that were tested, as an installed engine knows them; a test compares them with pyproject.toml."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from ..errors import INSTALL_NAMES
+
+
+@dataclass(frozen=True)
+class Range:
+    """Versions from the lowest, up to but without the end.
+
+    Examples:
+        >>> Range("2.6", "3").contains("2.13.0+cpu"), Range("2.6", "3").contains("3.0.1")
+        (True, False)
+    """
+
+    lowest: str
+    end: str
+
+    def contains(self, version: str) -> bool:
+        """Whether a version lies in the range; labels after its numbers do not count."""
+        return _numbers(self.lowest) <= _numbers(version) < _numbers(self.end)
+
+    def __str__(self) -> str:
+        return f"{self.lowest} to below {self.end}"
+
+
+@dataclass(frozen=True)
+class Package:
+    """A package by its import name, and the versions of it that were tested."""
+
+    name: str
+    range: Range
+
+    @property
+    def pip(self) -> str:
+        """Its name for pip."""
+        return INSTALL_NAMES.get(self.name, self.name)
+
+    @property
+    def requirement(self) -> str:
+        """What to ask pip for."""
+        return f"{self.pip}>={self.range.lowest},<{self.range.end}"
+
+
+PYTHON = Range("3.11", "3.15")
+REQUIRED = (
+    Package("torch", Range("2.6", "3")),
+    Package("numpy", Range("2.0.2", "3")),
+    Package("scipy", Range("1.15.3", "2")),
+    Package("safetensors", Range("0.4.5", "1")),
+    Package("filelock", Range("3.16.1", "5")),
+    Package("imageio", Range("2.36", "3")),
+    Package("PIL", Range("11", "14")),
+    Package("cv2", Range("5.0.0.93", "6")),
+    Package("OpenEXR", Range("3.4", "4")),
+)
+POSES = Package("pycolmap", Range("4.1", "5"))
+FAST = Package("numba", Range("0.62", "1"))
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    """The leading numbers of a version, without zeros at their end: 2.13.0+cpu is (2, 13)."""
+    numbers = [int(part) for part in re.match(r"[\d.]*", version)[0].split(".") if part]
+    while numbers and not numbers[-1]:
+        numbers.pop()
+    return tuple(numbers)
