@@ -7,7 +7,7 @@
     picture = model.recolor(model.capture.view("r_003"), edit)
 
 Importing this imports nothing else: each name is loaded when it is first used, and only what learns or renders needs
-torch. The functions are documented in `library`, the rest where it is defined.
+torch. The functions are documented in `api`, the rest where it is defined.
 """
 
 from importlib import import_module
@@ -43,30 +43,30 @@ if TYPE_CHECKING:
 _HOME = {  # name -> the module that defines it
     "Camera": "capture.camera",
     "Capture": "capture.capture",
-    "Edit": "edit.palette",
-    "Frame": "frames",
+    "Edit": "palettes.palette",
+    "Frame": "recolor.frames",
     "KarfError": "errors",
-    "Model": "model",
-    "PRESETS": "settings",
-    "Palette": "edit.palette",
-    "Settings": "settings",
+    "Model": "recolor.model",
+    "PRESETS": "project.settings",
+    "Palette": "palettes.palette",
+    "Settings": "project.settings",
     "View": "capture.capture",
-    "colorways": "library",
-    "extract_palettes": "library",
-    "find_poses": "library",
-    "learn": "library",
-    "learn_geometry": "library",
-    "learn_recoloring": "library",
-    "learning_bundle": "farm.bundle",
-    "load": "library",
-    "mark": "library",
+    "colorways": "api",
+    "extract_palettes": "api",
+    "find_poses": "api",
+    "learn": "api",
+    "learn_geometry": "api",
+    "learn_recoloring": "api",
+    "learning_bundle": "commands.farm.bundle",
+    "load": "api",
+    "mark": "api",
     "open_capture": "capture",
-    "read_edit": "edit.edit_files",
-    "render": "library",
-    "render_bundle": "farm.bundle",
-    "segment": "library",
-    "write_edit": "edit.edit_files",
-    "write_points": "library",
+    "read_edit": "palettes.edit_files",
+    "render": "api",
+    "render_bundle": "commands.farm.bundle",
+    "segment": "api",
+    "write_edit": "palettes.edit_files",
+    "write_points": "api",
 }
 
 __all__ = [

@@ -218,12 +218,12 @@ def colorways(
 ) -> None:
     """Write every colorway of a sheet in every view: OUT/<colorway>/<view>, OUT/colorways.csv, OUT/contact_sheet.png.
 
-    The table says of each color what it will be, how far that is from the wish, and why not closer; after the
+    The table says of each color what it will be, how far that is from the target color, and why not closer; after the
     pictures, what was measured in them. Pictures of an earlier call that would come out the same are kept.
 
     Args:
         project: one whose palettes are learned.
-        sheet: CSV or JSON with a colorway, an object and a color a row; see `edit.color_sheet`.
+        sheet: CSV or JSON with a colorway, an object and a color a row; see `palettes.colorways.sheet`.
         out: the folder to write to.
         views: as for `render`.
         size: of captured views, as for `render`.

@@ -101,7 +101,7 @@ def add_color(scene: bpy.types.Scene, name: str, picked: np.ndarray, reach: floa
         scene: The scene.
         name: The object's.
         picked: The color as the photos show it, sRGB [3] in [0, 1].
-        reach: How far around its hue colors are of this pigment; see `edit.added`.
+        reach: How far around its hue colors are of this pigment; see `palettes.added`.
 
     Returns:
         The swatch's number.

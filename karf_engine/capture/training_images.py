@@ -30,7 +30,7 @@ LENS_DETAIL = 3  # photos are undistorted at this multiple of the working size, 
 
 
 @dataclass(frozen=True)
-class Plate:
+class TrainingImage:
     """A captured view at the working size, without lens distortion.
 
     Attributes:
@@ -48,7 +48,7 @@ class Plate:
     valid: np.ndarray | None
 
 
-def load_views(views: Sequence[View], long_side: int) -> list[Plate]:
+def load_views(views: Sequence[View], long_side: int) -> list[TrainingImage]:
     """Read the photos of the views, undistort them and shrink them so that no side exceeds `long_side` pixels.
 
     Photos are never enlarged, and only one is in memory at its full size.
@@ -63,7 +63,7 @@ def load_views(views: Sequence[View], long_side: int) -> list[Plate]:
     return [_load_view(view, long_side) for view in views]
 
 
-def _load_view(view: View, long_side: int) -> Plate:
+def _load_view(view: View, long_side: int) -> TrainingImage:
     photo = photo_of(view)
     camera = view.camera
     small = camera.reduced(long_side)
@@ -72,7 +72,7 @@ def _load_view(view: View, long_side: int) -> Plate:
     if opaque:
         photo = photo[..., :3]
     if camera.is_pinhole and (width, height) == (camera.width, camera.height):
-        return Plate(view, camera, photo[..., :3], None if opaque else photo[..., 3], None)
+        return TrainingImage(view, camera, photo[..., :3], None if opaque else photo[..., 3], None)
 
     if not opaque:  # averages must not mix in the hidden colors of transparent pixels
         photo[..., :3] *= photo[..., 3:]
@@ -82,7 +82,7 @@ def _load_view(view: View, long_side: int) -> Plate:
     photo, pinhole, valid = undistort(photo, camera)
     photo = resize(photo, width, height)
     valid = resize(valid.astype(np.float32), width, height) > 0.999
-    return Plate(
+    return TrainingImage(
         view,
         pinhole.scaled(width, height),
         photo if opaque else straight(photo),
@@ -92,7 +92,7 @@ def _load_view(view: View, long_side: int) -> Plate:
 
 
 def load_wanted(view: View, picture: Path, long_side: int) -> np.ndarray:
-    """A painted or graded picture of a view, as the view's pinhole shows it at the size of its plate.
+    """A painted or graded picture of a view, as the view's pinhole shows it at the size of its training image.
 
     Args:
         view: Captured.
@@ -109,8 +109,8 @@ def load_wanted(view: View, picture: Path, long_side: int) -> np.ndarray:
     pixels, camera = read_photo(picture), view.camera.reduced(long_side)
     height, width = pixels.shape[:2]
     if (width, height) == (view.camera.width, view.camera.height):
-        plate = _load_view(replace(view, image=picture), long_side)
-        return over(plate.color, plate.alpha)
+        training_image = _load_view(replace(view, image=picture), long_side)
+        return over(training_image.color, training_image.alpha)
     if abs(width * camera.height / (height * camera.width) - 1) > ASPECT_TOLERANCE:
         raise BadRequest(
             f"{picture} has {width}x{height} pixels, the view {view.name!r} {view.camera.width}x{view.camera.height}.",

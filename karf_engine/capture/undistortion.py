@@ -11,7 +11,7 @@ ROWS = 16  # at a time: what is computed on the way stays in the processor's cac
 
 
 def undistorted(photo: np.ndarray, camera: Camera) -> np.ndarray:
-    """A photo as its camera's pinhole shows it, interpolated linearly; the same pixels as of `plates.undistort`.
+    """A photo as its camera's pinhole shows it, interpolated linearly: the pixels of `training_images.undistort`.
 
     Args:
         photo: As stored, float32 [H, W, C], of the camera's size.

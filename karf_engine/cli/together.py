@@ -11,13 +11,13 @@ from ..compute.process_group import join, leave
 
 def run_together(command: Callable[[], int]) -> int:
     """Run the command, or help; returns the exit code. Where one process fails, torchrun ends all."""
-    team = join()
-    if team.rank:
-        help_to_learn(team)
+    process_group = join()
+    if process_group.rank:
+        help_to_learn(process_group)
         leave()
         os._exit(0)  # gloo's threads may still run, and abort a process that is taken down round them
     if code := command():
         return code
-    team.share(None)  # there is nothing more to learn
+    process_group.share(None)  # there is nothing more to learn
     leave()
     return 0

@@ -1,6 +1,6 @@
 """Colorways: every colorway of a sheet times every view, and what becomes of its colors.
 
-Options: sheet (CSV or JSON, see `edit.color_sheet`), out (folder), views and size (as the render stage takes them;
+Options: sheet (CSV or JSON, see `palettes.colorways.sheet`), out (folder), views and size (as the render stage takes them;
 default all, photo), predict_only (bool), locked (list of <object>/<number> of swatches that stay as learned). What each
 color will be is known, and told, before anything is rendered. Writes
 
@@ -76,7 +76,7 @@ def _tell(planned: Sequence[PlannedColorway], emit: Emit) -> None:
     emit("stage", name="colorways", text=f"{len(planned)} colorways")
     missed = [(plan.colorway.name, p) for plan in planned for p in plan.predictions if p.reason]
     for name, prediction in missed[:MOST_WARNINGS]:
-        sentence = f"{name}, {prediction.wish.name}: cannot be reached, because {prediction.reason}."
+        sentence = f"{name}, {prediction.target_color.name}: cannot be reached, because {prediction.reason}."
         emit("warning", code="colorway", sentence=f"{sentence} CIEDE2000 {prediction.ciede2000:.1f}.")
     if len(missed) > MOST_WARNINGS:
         emit("warning", code="colorway", sentence=f"{len(missed) - MOST_WARNINGS} more: see colorways.csv.")
@@ -106,7 +106,7 @@ class _Work:
             for plan, picture in zip(plans, pictures.recolored([plan.edit for plan in plans]), strict=True):
                 path = self._out / plan.colorway.folder / f"{view.name}{pictures.suffix}"
                 pictures.write(path, picture)
-                found = {p.wish.name: probes.measure(picture, p) for p in plan.predictions}
+                found = {p.target_color.name: probes.measure(picture, p) for p in plan.predictions}
                 measured = {name: values for name, values in found.items() if values is not None}
                 name = self._name(plan.colorway.name, view)
                 self._finished.note(name, marks[plan.colorway.name], [path], reached=measured)
@@ -128,7 +128,7 @@ class _Work:
     def _reached(self, plan: PlannedColorway, prediction: Prediction) -> Reached | None:
         """What was measured of a color in all views together; None where no picture shows it."""
         notes = [self._finished.frames[self._name(plan.colorway.name, view)].get("reached", {}) for view in self._views]
-        found = [r[prediction.wish.name] for r in notes if prediction.wish.name in r]
+        found = [r[prediction.target_color.name] for r in notes if prediction.target_color.name in r]
         if not found:
             return None
         values = np.array(found)
@@ -152,7 +152,7 @@ class _Work:
 def _label(plan: PlannedColorway) -> tuple[Line, ...]:
     """A colorway's name, and of each object the wanted and the predicted color."""
     colors = [
-        Line(f"{p.wish.name}  {rgb_to_hex(p.reached)}  {p.ciede2000:.1f}", (p.target, p.reached))
+        Line(f"{p.target_color.name}  {rgb_to_hex(p.reached)}  {p.ciede2000:.1f}", (p.target, p.reached))
         for p in plan.predictions
     ]
     return Line(plan.colorway.name), *colors

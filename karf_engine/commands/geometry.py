@@ -21,9 +21,9 @@ import numpy as np
 from ..capture import hold_out, open_capture
 from ..capture.capture import Capture, SparsePoints, capture_to_json, with_split
 from ..capture.poses.triangulation import triangulate
-from ..capture.training_images import Plate
+from ..capture.training_images import TrainingImage
 from ..compute import cores
-from ..compute.process_group import Team, joined
+from ..compute.process_group import ProcessGroup, joined
 from ..compute.progress import Emit, Progress
 from ..compute.runtime import start_runtime
 from ..errors import BadRequest, Cancelled, DataError, KarfError
@@ -33,9 +33,9 @@ from ..fields.nerf.field import NerfNetwork
 from ..fields.nerf.files import read_nerf
 from ..fields.nerf.importing import import_nerf
 from ..fields.registry import field_kind
-from ..fields.rendering.rays import PixelBank
+from ..fields.rendering.rays import PixelDataset
 from ..fields.scene import Scene, psnr_of_views
-from ..fields.task import background_of, make_bank, task_of
+from ..fields.task import background_of, build_pixel_dataset, task_of
 from ..io.files import write_json
 from ..io.images import over, write_png
 from ..project import settings as settings_module
@@ -117,36 +117,36 @@ def learn(job: Job, capture: Capture, run: StageRun) -> Scene:
     settings = job.settings.geometry
     wait = field_kind(settings.field).prepare(settings, job.runtime.device)
     views = capture.split("train")
-    plates = job.plates(views)
-    kind = background_of(plates)
-    points = training_points(job, capture, plates, kind)
-    task = task_of(views, plates, kind, points, settings, job.settings.seed, job.runtime.device)
+    training_images = job.training_images(views)
+    kind = background_of(training_images)
+    points = training_points(job, capture, training_images, kind)
+    task = task_of(views, training_images, kind, points, settings, job.settings.seed, job.runtime.device)
     job.emit("stage", name="geometry", text=f"{task.space}, {0 if points is None else len(points)} sparse points")
     wait(job.emit, job.should_stop)
-    team = joined()
-    team.share(task)
-    fit = task.start(replace(job.runtime, team=team))
+    process_group = joined()
+    process_group.share(task)
+    fit = task.start(replace(job.runtime, process_group=process_group))
     progress = job.progress("geometry", fit.iterations)
-    run.unfinished.follow(fit, progress)
-    team.share(fit.state() if fit.done else None)
-    held_out, scores = validation_bank(job, capture), run.unfinished.notes.setdefault("held_out", [])
-    for scene in fit.scenes(progress, run.unfinished):
-        preview(job, scene, task.plates[0])
+    run.checkpoint.follow(fit, progress)
+    process_group.share(fit.state() if fit.done else None)
+    held_out, scores = validation_pixels(job, capture), run.checkpoint.notes.setdefault("held_out", [])
+    for scene in fit.scenes(progress, run.checkpoint):
+        preview(job, scene, task.training_images[0])
         if held_out is not None:
             validate(job, scene, held_out, scores)
     run.summary.update(background=task.kind, space=task.space, **scene.field.summary(), held_out=scores)
     if settings.field == "voxels":
         pixels = typical_pixels_per_voxel(scene.field.space, scene.field.voxel, task.views, task.points)
         run.summary["pixels_per_voxel"] = round(pixels, 2)
-        warn_of_lost_detail(job, pixels, task.plates, task.space)
+        warn_of_lost_detail(job, pixels, task.training_images, task.space)
     return scene
 
 
-def help_to_learn(team: Team) -> None:
-    """Take part in the fits of the team's first process, until there are no more. Nothing is written or told."""
-    while (task := team.share()) is not None:
-        fit = task.start(replace(start_runtime(task.seed, task.threads, task.device), team=team))
-        state = team.share()
+def help_to_learn(process_group: ProcessGroup) -> None:
+    """Take part in the fits of the group's first process, until there are no more. Nothing is written or told."""
+    while (task := process_group.share()) is not None:
+        fit = task.start(replace(start_runtime(task.seed, task.threads, task.device), process_group=process_group))
+        state = process_group.share()
         if state is not None:
             fit.resume(state)
         for _ in fit.scenes(Progress(lambda *_, **__: None, lambda: False, "geometry", fit.iterations)):
@@ -158,42 +158,47 @@ def import_scene(
 ) -> Scene:
     """The scene of a NeRF that another program has trained, once it has been seen to show some training photos."""
     views = capture.split("train")
-    plates = job.plates(views[:: max(1, len(views) // COMPARED_VIEWS)][:COMPARED_VIEWS], COMPARED_LONG_SIDE)
-    kind = background_of(plates)
+    training_images = job.training_images(
+        views[:: max(1, len(views) // COMPARED_VIEWS)][:COMPARED_VIEWS], COMPARED_LONG_SIDE
+    )
+    kind = background_of(training_images)
     grays = {"alpha": 1.0, "black": 0.0} if kind == "alpha" else {kind: 0.0}
     device = job.runtime.device
-    banks = {name: make_bank([_over_gray(p, value) for p in plates], "opaque", device) for name, value in grays.items()}
-    job.emit("stage", name="geometry", text=f"comparing {path.name} with {len(plates)} photos")
+    datasets = {
+        name: build_pixel_dataset([_over_gray(p, value) for p in training_images], "opaque", device)
+        for name, value in grays.items()
+    }
+    job.emit("stage", name="geometry", text=f"comparing {path.name} with {len(training_images)} photos")
     scene, alignment, psnr = import_nerf(
-        networks, list(capture.views), banks, job.settings.geometry.nerf, str(path), device
+        networks, list(capture.views), datasets, job.settings.geometry.nerf, str(path), device
     )
     job.emit("stage", name="geometry", text=f"{path.name} is placed {alignment!r} and shows them at {psnr:.1f} dB")
-    preview(job, scene, plates[0])
+    preview(job, scene, training_images[0])
     summary |= {"background": scene.background_kind, "space": alignment, **scene.field.summary()}
     summary |= {"nerf": str(path), "psnr": round(psnr, 2)}
     return scene
 
 
-def preview(job: Job, scene: Scene, plate: Plate) -> None:
-    """Write the view of a plate as rendered."""
+def preview(job: Job, scene: Scene, training_image: TrainingImage) -> None:
+    """Write the view of a training image as rendered."""
     path = job.project.folder / "preview.png"
-    write_png(path, scene.render(plate.camera, 1).color.cpu().numpy())
+    write_png(path, scene.render(training_image.camera, 1).color.cpu().numpy())
     job.emit("preview", path=str(path))
 
 
-def validation_bank(job: Job, capture: Capture) -> PixelBank | None:
+def validation_pixels(job: Job, capture: Capture) -> PixelDataset | None:
     """Pixels of some test views, evenly chosen; None where there are none, or one has a matte."""
     views = capture.split("test")
-    plates = job.plates(views[:: max(1, len(views) // VALIDATION_VIEWS)])
-    if not plates:
+    training_images = job.training_images(views[:: max(1, len(views) // VALIDATION_VIEWS)])
+    if not training_images:
         text = "no photo is held out: how well new views are rendered is not measured"
         job.emit("stage", name="geometry", text=text)
-    if not plates or any(plate.alpha is not None for plate in plates):
+    if not training_images or any(training_image.alpha is not None for training_image in training_images):
         return None
-    return make_bank(plates, "opaque", job.runtime.device)
+    return build_pixel_dataset(training_images, "opaque", job.runtime.device)
 
 
-def validate(job: Job, scene: Scene, held_out: PixelBank, scores: list[list[float]]) -> None:
+def validate(job: Job, scene: Scene, held_out: PixelDataset, scores: list[list[float]]) -> None:
     """Append how well held-out views are rendered, mean and worst in dB, and warn where that has become worse."""
     values = psnr_of_views(scene, held_out)
     mean, worst = round(sum(values) / len(values), 2), round(min(values), 2)
@@ -208,9 +213,11 @@ def validate(job: Job, scene: Scene, held_out: PixelBank, scores: list[list[floa
     scores.append([mean, worst])
 
 
-def warn_of_lost_detail(job: Job, pixels: float, plates: list[Plate], space: str) -> None:
+def warn_of_lost_detail(job: Job, pixels: float, training_images: list[TrainingImage], space: str) -> None:
     """Warn where voxels that span so many pixels lose most of what the photos show, with the number that would do."""
-    some = [plate.color for plate in plates[:: max(1, len(plates) // DETAIL_PHOTOS)]]
+    some = [
+        training_image.color for training_image in training_images[:: max(1, len(training_images) // DETAIL_PHOTOS)]
+    ]
     kept = float(np.mean(kept_psnr(some, pixels)))
     if kept >= SERIOUS_LOSS:
         return
@@ -228,7 +235,7 @@ def warn_of_lost_detail(job: Job, pixels: float, plates: list[Plate], space: str
     )
 
 
-def training_points(job: Job, capture: Capture, plates: list[Plate], kind: str) -> SparsePoints | None:
+def training_points(job: Job, capture: Capture, training_images: list[TrainingImage], kind: str) -> SparsePoints | None:
     """Sparse points as the training photos observe them: the capture's, or found in the photos; None without need.
 
     Test photos are left out, though their features helped to find a capture's own points.
@@ -246,7 +253,7 @@ def training_points(job: Job, capture: Capture, plates: list[Plate], kind: str) 
         )
         return None
     try:
-        return triangulate(plates, cores.count(), job.progress("points", len(plates)))
+        return triangulate(training_images, cores.count(), job.progress("points", len(training_images)))
     except Cancelled:
         raise
     except KarfError as error:
@@ -254,6 +261,6 @@ def training_points(job: Job, capture: Capture, plates: list[Plate], kind: str) 
         return None
 
 
-def _over_gray(plate: Plate, gray: float) -> Plate:
-    """The plate composited over a gray, without its matte."""
-    return replace(plate, color=over(plate.color, plate.alpha, gray), alpha=None)
+def _over_gray(training_image: TrainingImage, gray: float) -> TrainingImage:
+    """The training image composited over a gray, without its matte."""
+    return replace(training_image, color=over(training_image.color, training_image.alpha, gray), alpha=None)

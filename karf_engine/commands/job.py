@@ -1,4 +1,4 @@
-"""What every stage starts from: its project, settings, runtime, plates, and how it tells of its progress."""
+"""What every stage starts from: its project, settings, runtime, training images, and how it tells of its progress."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from ..capture.capture import Capture, View
-from ..capture.training_images import Plate, load_views
+from ..capture.training_images import TrainingImage, load_views
 from ..compute.progress import Emit, Progress, peak_memory_bytes
 from ..compute.runtime import Runtime, start_runtime
 from ..errors import Diverged
-from ..fields.training.checkpoint import Unfinished
+from ..fields.training.checkpoint import Checkpoint
 from ..project import STAGE_ORDER, Project
 from ..project import settings as settings_module
 from ..project.contents import capture_of, settings_for
@@ -46,7 +46,7 @@ class Job:
         """The project's capture. Raises DataError where it is damaged."""
         return capture_of(self.project)
 
-    def plates(self, views: Sequence[View], long_side: int | None = None) -> list[Plate]:
+    def training_images(self, views: Sequence[View], long_side: int | None = None) -> list[TrainingImage]:
         """Photos of these views at the working size, or smaller."""
         working = self.settings.geometry.long_side
         return load_views(views, min(working, long_side or working))
@@ -60,7 +60,7 @@ class Job:
 class StageRun:
     """A stage at work. unfinished: what its fit has learned so far. summary: its figures, noted when it is finished."""
 
-    unfinished: Unfinished
+    checkpoint: Checkpoint
     _outputs: Path
     summary: dict[str, Any] = field(default_factory=dict)
 
@@ -132,15 +132,15 @@ def run_stage(job: Job, stage: str, version: int, *inputs: Any) -> Iterator[Stag
             return
         job.emit("stage", name=stage)
         start = time.perf_counter()
-        run = StageRun(Unfinished(project.unfinished_file(stage), own, stage, job.emit), project.outputs_folder)
+        run = StageRun(Checkpoint(project.checkpoint_file(stage), own, stage, job.emit), project.outputs_folder)
         try:
             yield run
             cost = {"seconds": round(time.perf_counter() - start, 2), "peak_memory": peak_memory_bytes()}
             with consistent(project):
                 project.commit(stage, own, settings_module.to_dict(job.settings), **cost, **run.summary)
-            run.unfinished.remove()
+            run.checkpoint.remove()
         except Diverged:
-            run.unfinished.remove()  # what led there leads there again
+            run.checkpoint.remove()  # what led there leads there again
             raise
         finally:
             project.remove_leftovers()

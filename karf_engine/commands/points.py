@@ -1,6 +1,6 @@
 """The scene as points on its surface, which viewers show from every side and recolor by themselves.
 
-Options: out (.npz with all that recoloring needs, see `edit.points`; or .ply with colors), edit (EDIT.json, of .ply),
+Options: out (.npz with all that recoloring needs, see `export.scene_points`; or .ply with colors), edit (EDIT.json, of .ply),
 count (about how many points).
 """
 

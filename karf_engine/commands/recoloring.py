@@ -45,7 +45,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         rays = rays_of(job, field, surface, blocks)
         stacked = torch.from_numpy(stack_palettes([p.name for p in blocks], {p.name: p.colors for p in blocks}))
         progress = job.progress("recoloring", settings.iterations)
-        learned = fit_recoloring(karf, field, rays, stacked.to(device), settings, job.runtime, progress, run.unfinished)
+        learned = fit_recoloring(karf, field, rays, stacked.to(device), settings, job.runtime, progress, run.checkpoint)
         save_recoloring(run.output(project.recoloring_file), karf, sizes, settings)
         palettes = palettes_of_objects(objects, learned.cpu().numpy(), sizes)
         _write_palettes(job, run, palettes, initial, object_pixels(surface, objects))

@@ -32,7 +32,7 @@ from ..capture.capture import View
 from ..capture.chosen_views import choose_views, part_of
 from ..compute.progress import Emit
 from ..errors import BadRequest
-from ..export.finished_frames import model_mark, unfinished_frames
+from ..export.finished_frames import model_mark, pending_frames
 from ..export.frame_files import check_format, size_of, write_view
 from ..palettes.palette import Edit, Palette
 from ..palettes.palette_files import read_edit_file
@@ -70,7 +70,7 @@ def _render(job: Job, model: Model, learned: str) -> None:
     part = part_of(views, options.get("first"), options.get("last"), options.get("count"))
     edits = read_edits(options.get("edit"), views, model.palettes, job.settings.compositing)[part]
     views = views[part]
-    frames = unfinished_frames(job, learned, views, edits)
+    frames = pending_frames(job, learned, views, edits)
     job.emit("stage", name="render", text=f"{len(views)} views")
     progress = job.progress("render", len(views))
     progress.resume_at(len(views) - len(frames.todo))

@@ -17,7 +17,7 @@ import torch
 from ..compute.progress import Emit
 from ..fields.files import load_scene
 from ..fields.protocol import Field
-from ..fields.training.checkpoint import Unfinished
+from ..fields.training.checkpoint import Checkpoint
 from ..heads.fields import SegmentationField
 from ..heads.files import save_segmentation, save_surface
 from ..heads.rendering import segment_cache
@@ -66,7 +66,7 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
         cached = cache_views(field, views, settings.samples_per_ray, job.progress("surface", views.n_pixels))
         votes = votes_of_rays(cached)
         surface = _label(job, field, cached, votes, corrections, volumes)
-        karf = _fit(job, field, cached, votes, surface, run.unfinished)
+        karf = _fit(job, field, cached, votes, surface, run.checkpoint)
         if volumes:  # labels heed them already, but F_s goes on smoothly beyond
             karf.volumes, karf.space = Volumes.of(volumes, surface.objects).to(job.runtime.device), field.space
         _write(job, run, karf, field, cached, surface)
@@ -98,11 +98,11 @@ def _label(
 
 
 def _fit(
-    job: Job, field: Field, cached: CachedViews, votes: RayVotes, surface: LabelledSurface, unfinished: Unfinished
+    job: Job, field: Field, cached: CachedViews, votes: RayVotes, surface: LabelledSurface, checkpoint: Checkpoint
 ) -> SegmentationField:
     settings = job.settings.segmentation
     progress = job.progress("segmentation", settings.iterations)
-    training = settings, job.runtime, progress, unfinished
+    training = settings, job.runtime, progress, checkpoint
     if settings.labels == "masks":
         return fit_to_masks(field, len(surface.objects), cached.cache, votes, *training)
     return fit_to_labels(field, surface, *training)

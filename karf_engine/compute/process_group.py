@@ -22,7 +22,7 @@ PATIENCE = timedelta(days=30)  # helpers wait for whole stages; it is torchrun t
 
 
 @dataclass(frozen=True)
-class Team:
+class ProcessGroup:
     """Which process this is, and of how many. By default it is alone, and nothing below does anything.
 
     Attributes:
@@ -88,17 +88,17 @@ class Team:
         generator.set_state(after)
 
 
-_joined = Team()
+_joined = ProcessGroup()
 
 
-def join() -> Team:
+def join() -> ProcessGroup:
     """Join the processes that torchrun has started; each on a card of its own where there are some."""
     global _joined
     has_cards = torch.cuda.is_available()
     if has_cards:
         torch.cuda.set_device(int(os.environ["LOCAL_RANK"]) % torch.cuda.device_count())
     distributed.init_process_group("cpu:gloo,cuda:nccl" if has_cards else "gloo", timeout=PATIENCE)
-    _joined = Team(distributed.get_rank(), distributed.get_world_size())
+    _joined = ProcessGroup(distributed.get_rank(), distributed.get_world_size())
     return _joined
 
 
@@ -108,6 +108,6 @@ def leave() -> None:
     distributed.destroy_process_group()
 
 
-def joined() -> Team:
-    """The team of this process: alone, unless it has joined one."""
+def joined() -> ProcessGroup:
+    """The process group of this process: alone, unless it has joined one."""
     return _joined

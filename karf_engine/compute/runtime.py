@@ -9,7 +9,7 @@ import torch
 
 from ..errors import BadRequest
 from . import cores
-from .process_group import Team
+from .process_group import ProcessGroup
 
 
 @dataclass(frozen=True)
@@ -19,12 +19,12 @@ class Runtime:
     Attributes:
         device: Where tensors live.
         generator: The source of every random number of the stage, on that device.
-        team: The processes that learn together; by default this one alone.
+        process_group: The processes that learn together; by default this one alone.
     """
 
     device: torch.device
     generator: torch.Generator
-    team: Team = Team()  # noqa: RUF009 - frozen
+    process_group: ProcessGroup = ProcessGroup()  # noqa: RUF009 - frozen
 
     def rand(self, *shape: int) -> torch.Tensor:
         """Uniform numbers in [0, 1)."""

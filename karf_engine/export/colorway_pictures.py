@@ -103,7 +103,7 @@ class Probes:
 
     def measure(self, picture: Any, prediction: Prediction) -> list[float] | None:
         """What the source color has become in a recolored picture, sRGB, and in how many pixels; None where in none."""
-        pixels, before = self._of(prediction.wish.name, prediction.source)
+        pixels, before = self._of(prediction.target_color.name, prediction.source)
         if not len(before):
             return None
         color = reached_color(before, self._pictures.colors(pixels, picture), prediction.source)

@@ -59,21 +59,21 @@ def write_table(
 
 
 def _cells(plan: PlannedColorway, prediction: Prediction) -> list[str]:
-    wanted = rgb_to_hex(prediction.target), _numbers(prediction.wish.lab)
+    wanted = rgb_to_hex(prediction.target), _numbers(prediction.target_color.lab)
     predicted = rgb_to_hex(prediction.reached), f"{prediction.ciede2000:.2f}"
-    return [prediction.wish.name, plan.colorway.folder, rgb_to_hex(prediction.source), *wanted, *predicted]
+    return [prediction.target_color.name, plan.colorway.folder, rgb_to_hex(prediction.source), *wanted, *predicted]
 
 
 def _measured(prediction: Prediction, found: Reached | None) -> list[str]:
     if found is None:
         return [""] * 4
-    difference = float(ciede2000(srgb_to_lab(found.color), prediction.wish.lab))
+    difference = float(ciede2000(srgb_to_lab(found.color), prediction.target_color.lab))
     return [rgb_to_hex(found.color), f"{difference:.2f}", str(found.pixels), str(found.views)]
 
 
 def _reason(prediction: Prediction, is_unseen: bool) -> str:
     if is_unseen:
-        return f"none of these views surely shows a pixel of {prediction.wish.name} in this color"
+        return f"none of these views surely shows a pixel of {prediction.target_color.name} in this color"
     return prediction.reason
 
 

@@ -108,7 +108,7 @@ def frame_mark(view: str, edit: Edit | None) -> str:
 
 
 @dataclass(frozen=True)
-class UnfinishedFrames:
+class PendingFrames:
     """The frames of a request that are still to make.
 
     Attributes:
@@ -125,14 +125,14 @@ class UnfinishedFrames:
             self.finished.note(frame, made_from, files)
 
 
-def unfinished_frames(job: Job, learned: str, views: Sequence[View], edits: Sequence[Edit | None]) -> UnfinishedFrames:
+def pending_frames(job: Job, learned: str, views: Sequence[View], edits: Sequence[Edit | None]) -> PendingFrames:
     """All frames of a request; with its option `skip_existing` those that are not there, or made from other things.
 
     learned: `model_mark` as it was when the model was loaded.
     """
     out = job.options.get("out")
     if not out:
-        return UnfinishedFrames([(view, edit, "") for view, edit in zip(views, edits, strict=True)], None)
+        return PendingFrames([(view, edit, "") for view, edit in zip(views, edits, strict=True)], None)
     own = {name: value for name, value in job.options.items() if name not in NOT_OF_A_FRAME and value}
     finished = FinishedFrames.read(Path(out))
     frames = [
@@ -140,4 +140,4 @@ def unfinished_frames(job: Job, learned: str, views: Sequence[View], edits: Sequ
     ]
     if job.options.get("skip_existing"):
         frames = [frame for frame in frames if not finished.has(frame[0].name, frame[2])]
-    return UnfinishedFrames(frames, finished)
+    return PendingFrames(frames, finished)

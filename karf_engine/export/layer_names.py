@@ -1,6 +1,6 @@
 """What the layers of a layered picture are called, and its header: how a compositor finds what to recolor.
 
-A layered picture is an OpenEXR file (`handover.layers`) with the base picture in R, G and B, a plane
+A layered picture is an OpenEXR file (`export.layers`) with the base picture in R, G and B, a plane
 `<object>_coverage` for every object, and a plane `<object>_color_<j>` for every color of its palette. The header's text
 `karf` lists them with the colors as learned, so that the file alone is enough to recolor it. Read by hand, by the
 OpenEXR file layout: Blender's Python has no reader of EXR headers.

@@ -10,7 +10,7 @@ Depth.Z                        float  along the optical axis, world units, 0 whe
 CryptoObject00.R .. A, 01, ..  float  mattes of all objects, see `cryptomatte`
 =============================  =====  ====================================================================
 
-The names and the learned colors are in the header, see `edit.layers`. Scene-linear: the inverse of the piecewise sRGB
+The names and the learned colors are in the header, see `export.layer_names`. Scene-linear: the inverse of the piecewise sRGB
 curve (IEC 61966-2-1), as OpenColorIO's texture transform of sRGB gives it, with the primaries of Rec. 709.
 """
 

@@ -51,7 +51,7 @@ class ScenePoints:
         return len(self.positions)
 
     def with_added(self, palettes: Sequence[Palette], added: Mapping[str, Sequence[AddedColor]]) -> ScenePoints:
-        """The points with the sets of added colors; palettes: of the K objects as learned. See `edit.added`."""
+        """The points with the sets of added colors; palettes: of the K objects as learned. See `palettes.added`."""
         weights = spread_objects(self.palette_weights.transpose(1, 2, 0), palettes, added).transpose(2, 0, 1)
         learned = {each.name: each.colors for each in palettes_with(palettes, added)}
         return replace(self, palette_weights=weights, learned=stack_palettes(self.objects, learned))

@@ -14,7 +14,7 @@ from ..capture.camera import Camera
 from ..compute.cores import share
 from .background import Background
 from .protocol import Field
-from .rendering.rays import PixelBank, Rays, camera_rays, depth_per_distance
+from .rendering.rays import PixelDataset, Rays, camera_rays, depth_per_distance
 from .rendering.surface_cache import SurfaceCache, join_caches, quantile_samples
 from .rendering.volume import VISIBLE_WEIGHT, accumulate
 
@@ -116,19 +116,19 @@ class Scene:
         return color, opacity, distance, quantile_samples(rays, samples, ray_weights, n_quantiles, first)
 
 
-def psnr_of_views(scene: Scene, bank: PixelBank, n_pixels: int = VALIDATION_PIXELS) -> list[float]:
-    """PSNR of each plate of the bank, over random pixels of it (always the same ones).
+def psnr_of_views(scene: Scene, dataset: PixelDataset, n_pixels: int = VALIDATION_PIXELS) -> list[float]:
+    """PSNR of each training image of the dataset, over random pixels of it (always the same ones).
 
     Returns:
         Values in dB, at most 100.
     """
-    errors = [((shown - photo) ** 2).mean() for shown, photo in compared_pixels(scene, bank, n_pixels)]
+    errors = [((shown - photo) ** 2).mean() for shown, photo in compared_pixels(scene, dataset, n_pixels)]
     return [-10 * math.log10(float(error) + 1e-10) for error in errors]
 
 
-def compared_pixels(scene: Scene, bank: PixelBank, n_pixels: int) -> Iterator[tuple[Tensor, Tensor]]:
-    """What the scene and the photo show at random pixels of each plate of the bank (always the same ones), [n, 3] each."""
+def compared_pixels(scene: Scene, dataset: PixelDataset, n_pixels: int) -> Iterator[tuple[Tensor, Tensor]]:
+    """What the scene and the photo show at random pixels of each image of the dataset (always the same ones), [n, 3] each."""
     random = torch.Generator().manual_seed(0)
-    for first, last in itertools.pairwise(bank.first.tolist()):
-        index = torch.randint(first, last, (n_pixels,), generator=random).to(bank.color.device)
-        yield scene.colors(bank.rays(index)), bank.color[index].float() / 255
+    for first, last in itertools.pairwise(dataset.first.tolist()):
+        index = torch.randint(first, last, (n_pixels,), generator=random).to(dataset.color.device)
+        yield scene.colors(dataset.rays(index)), dataset.color[index].float() / 255

@@ -15,9 +15,9 @@ from ..compute.runtime import Runtime
 from ..fields.protocol import Field
 from ..fields.rendering.surface_cache import SurfaceCache
 from ..fields.training.adam import Adam
-from ..fields.training.checkpoint import Unfinished
+from ..fields.training.checkpoint import Checkpoint
 from ..fields.training.loop import Schedule, Step, constant, cosine_with_warmup, train
-from ..fields.training.state import Course
+from ..fields.training.state import TrainingState
 from ..project.settings import HeadSettings, RecoloringSettings, SegmentationSettings
 from .fields import RecoloringField, SegmentationField
 from .ray_features import RayFeatures
@@ -39,7 +39,7 @@ def fit_on_points(
     settings: SegmentationSettings,
     runtime: Runtime,
     progress: Progress,
-    unfinished: Unfinished | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> None:
     """Train F_s, in place, by cross-entropy on labelled surface points.
 
@@ -57,7 +57,7 @@ def fit_on_points(
         settings: of the training.
         runtime: device and random numbers.
         progress: counts iterations.
-        unfinished: resumes and saves the training; None trains from the start.
+        checkpoint: resumes and saves the training; None trains from the start.
     """
     features = scene_field.features(positions)
     karf.standardizer.fit(features)
@@ -77,8 +77,8 @@ def fit_on_points(
         loss = torch.nn.functional.cross_entropy(karf.logits(positions[index], features[index]), classes[index])
         return loss, {"loss": loss.detach()}
 
-    course = Course(settings.iterations, optimizer, karf.state_dict, runtime)
-    _learn(course, step, _schedule(settings, 0.05), progress, unfinished)
+    training_state = TrainingState(settings.iterations, optimizer, karf.state_dict, runtime)
+    _learn(training_state, step, _schedule(settings, 0.05), progress, checkpoint)
 
 
 def fit_on_rays(
@@ -89,7 +89,7 @@ def fit_on_rays(
     settings: SegmentationSettings,
     runtime: Runtime,
     progress: Progress,
-    unfinished: Unfinished | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> None:
     """Train F_s, in place, by the paper's Eq. 12: cross-entropy between rendered probabilities and the masks as given.
 
@@ -104,7 +104,7 @@ def fit_on_rays(
         settings: of the training.
         runtime: device and random numbers.
         progress: counts iterations.
-        unfinished: resumes and saves the training; None trains from the start.
+        checkpoint: resumes and saves the training; None trains from the start.
     """
     flat = cache.positions.view(-1, 3)
     karf.standardizer.fit(scene_field.features(flat[:: max(1, len(flat) // 65536)]))
@@ -120,8 +120,8 @@ def fit_on_rays(
         loss = -allowed.clamp_min(1e-6).log().mean()
         return loss, {"loss": loss.detach()}
 
-    course = Course(settings.iterations, optimizer, karf.state_dict, runtime)
-    _learn(course, step, _schedule(settings, 0.05), progress, unfinished)
+    training_state = TrainingState(settings.iterations, optimizer, karf.state_dict, runtime)
+    _learn(training_state, step, _schedule(settings, 0.05), progress, checkpoint)
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ def fit_recoloring(
     settings: RecoloringSettings,
     runtime: Runtime,
     progress: Progress,
-    unfinished: Unfinished | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> Tensor:
     """Train F_w, in place, by Eq. 14 with lambda_Edit = 1.
 
@@ -169,7 +169,7 @@ def fit_recoloring(
         settings: of the training.
         runtime: device and random numbers.
         progress: counts iterations.
-        unfinished: resumes and saves the training; None trains from the start.
+        checkpoint: resumes and saves the training; None trains from the start.
 
     Returns:
         The learned palettes, [blocks, M, 3] sRGB in [0, 1].
@@ -201,16 +201,20 @@ def fit_recoloring(
         loss = settings.palette_loss * palette_loss + settings.weight_loss * weight_loss
         return loss, {"palette": palette_loss.detach(), "weight": weight_loss.detach()}
 
-    course = Course(settings.iterations, optimizer, lambda: karf.state_dict() | {"palettes": learned.detach()}, runtime)
-    _learn(course, step, _schedule(settings, 0.02), progress, unfinished)
+    training_state = TrainingState(
+        settings.iterations, optimizer, lambda: karf.state_dict() | {"palettes": learned.detach()}, runtime
+    )
+    _learn(training_state, step, _schedule(settings, 0.02), progress, checkpoint)
     return torch.cat([palettes[:, :1], learned.detach()[:, 1:].clamp(0, 1)], 1)
 
 
-def _learn(course: Course, step: Step, schedule: Schedule, progress: Progress, unfinished: Unfinished | None) -> None:
+def _learn(
+    training_state: TrainingState, step: Step, schedule: Schedule, progress: Progress, checkpoint: Checkpoint | None
+) -> None:
     """Run the whole course, or what is left of it."""
-    if unfinished is not None:
-        unfinished.follow(course, progress)
-    train(course, course.iterations, step, schedule, progress, unfinished)
+    if checkpoint is not None:
+        checkpoint.follow(training_state, progress)
+    train(training_state, training_state.iterations, step, schedule, progress, checkpoint)
 
 
 def _schedule(settings: HeadSettings, floor: float) -> Schedule:

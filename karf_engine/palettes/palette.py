@@ -47,7 +47,7 @@ class Palette:
 
 @dataclass(frozen=True)
 class AddedColor:
-    """A color of an object that is none of its swatches, and shall have one; see `edit.added`.
+    """A color of an object that is none of its swatches, and shall have one; see `palettes.added`.
 
     Attributes:
         picked: The color as learned, sRGB [3] in [0, 1]; not black.
@@ -65,7 +65,7 @@ class Edit:
     Attributes:
         colors: The edited palette of every object by its name, [M, 3] sRGB in [0, BRIGHTEST]; with A added colors
             [M (1 + A), 3], the sets of these behind it.
-        compositing: How planes become the picture, `delta` or `paper` (see `edit.compositing`).
+        compositing: How planes become the picture, `delta` or `paper` (see `palettes.compositing`).
         added: The added colors of objects that have some, by name.
 
     Examples:

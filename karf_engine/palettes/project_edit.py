@@ -113,7 +113,7 @@ class ProjectEdit(Edit):
         return replace(self, colors=self.colors | {name: colors})
 
     def save(self, path: Path | str) -> None:
-        """Write the edit, atomically: as JSON, or the palette file that the ending says (`edit.palette_files`)."""
+        """Write the edit, atomically: as JSON, or the palette file that the ending says (`palettes.palette_files`)."""
         write_edit_file(Path(path), self)
 
     def _palette(self, name: str) -> Palette:

@@ -17,7 +17,7 @@ A stage's outputs are gathered in a folder of their own until all are there, and
     object_colors.npz            each object's color histogram with its palette weights (see edit.object_colors)
     recoloring.safetensors       the recoloring field F_w
     planes/<view>.npz            edit planes of a captured view (see edit.compositing)
-    looks/<scene>/<camera>.safetensors  what the field says of captured views (see looks)
+    looks/<scene>/<camera>.safetensors  what the field says of captured views (see recolor/render_cache.py)
     photos/<view>-<digest>.png   photos without lens distortion, as Blender shows them behind its cameras
     jobs/<time>-<stage>/         request, events and log of each job
     .outputs/                    outputs of a stage at work
@@ -79,7 +79,7 @@ class Project:
         """The radiance field."""
         return self.folder / "geometry.safetensors"
 
-    def unfinished_file(self, stage: str) -> Path:
+    def checkpoint_file(self, stage: str) -> Path:
         """The training state of a stage that was interrupted."""
         return self.folder / f"unfinished_{stage}.safetensors"
 
@@ -105,7 +105,7 @@ class Project:
 
     @property
     def palette_file(self) -> Path:
-        """Palettes as extracted, then as learned; see `edit.palette`."""
+        """Palettes as extracted, then as learned; see `palettes.palette`."""
         return self.folder / "palette.json"
 
     @property
@@ -125,7 +125,7 @@ class Project:
 
     @property
     def planes_folder(self) -> Path:
-        """Edit planes of captured views; see `edit.compositing`."""
+        """Edit planes of captured views; see `palettes.compositing`."""
         return self.folder / "planes"
 
     def planes_file(self, view: str) -> Path:
@@ -134,7 +134,7 @@ class Project:
 
     @property
     def looks_folder(self) -> Path:
-        """What the field says of captured views; see `looks`."""
+        """What the field says of captured views; see `recolor.render_cache`."""
         return self.folder / "looks"
 
     @property

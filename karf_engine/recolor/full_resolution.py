@@ -1,6 +1,6 @@
 """Recoloring in a photo's own pixels: its objects' mattes and its own colors, at the photo's size and depth.
 
-The picture is linear in the edit, as in `edit.compositing`: photo + sum over objects and palette entries of
+The picture is linear in the edit, as in `palettes.compositing`: photo + sum over objects and palette entries of
 coverage x weight(own color) x (edited - learned). Where a pixel is a mixture, the own color is the object's in it.
 Pixels are done in bands of rows, so that memory grows with what the files hold and not with what is computed.
 """
@@ -178,7 +178,7 @@ class PhotoView:
         return own if own.dtype == np.uint8 else own / 255
 
 
-def look_closer(
+def full_resolution_view(
     view: View, size: str | int, seen: Frame, mattes_of: FindMattes, objects: Sequence[str], palettes: Sequence[Palette]
 ) -> PhotoView:
     """A captured view in its photo's own pixels.
@@ -187,7 +187,7 @@ def look_closer(
         view: Of the capture.
         size: `photo`, or a long side in pixels to which the photo is reduced.
         seen: What the field says, in the grid of the view's camera with its lens, at any size.
-        mattes_of: Gives mattes of a photo, probabilities and a rendered picture, as `matting.refine.mattes_of` does.
+        mattes_of: Gives mattes of a photo, probabilities and a rendered picture, as `recolor.matting.refine.mattes_of` does.
         objects: Names of the K objects that were seen.
         palettes: Of the objects, as learned; empty before palettes are learned.
 

@@ -17,7 +17,7 @@ import torch
 from ..capture.camera import Camera
 from ..capture.capture import Capture, View
 from ..capture.distortion import straighten
-from ..capture.training_images import Plate, load_views, load_wanted
+from ..capture.training_images import TrainingImage, load_views, load_wanted
 from ..compute.runtime import find_device
 from ..errors import BadRequest
 from ..fields.files import load_scene
@@ -40,9 +40,9 @@ from ..project.locking import consistent, opened
 from ..project.settings import Settings
 from ..segmentation.doubts import SurfaceDoubts
 from .frames import BAND_RAYS, Frame, averaged, bands_of, joined
-from .full_resolution import PhotoView, dense_weights, look_closer
+from .full_resolution import PhotoView, dense_weights, full_resolution_view
 from .matting.matte import Matte, dense_coverage, disputed_objects
-from .render_cache import Looks
+from .render_cache import RenderCache
 
 BASES = {"delta": "photo", "paper": "render"}  # what an edit of a captured view changes, where nothing is said
 MASK_SAMPLES, WEIGHT_SAMPLES = 3, 8  # quantile samples a ray: colors need more of them than classes
@@ -83,7 +83,7 @@ class Model:
             self.palettes = read_palettes(project.checked(project.palette_file), objects=self.objects)
             path, bounds = project.checked(project.recoloring_file), self.segmentation.bounds
             self.recoloring = load_recoloring(path, bounds, n_features, self.palettes, self.device)
-        self._looks = Looks(project)
+        self._looks = RenderCache(project)
         self._looked: tuple[Any, Frame | None] = (None, None)
 
     @classmethod
@@ -156,7 +156,7 @@ class Model:
             DataError: the photo is missing or damaged.
         """
         if self.base_of(base) == "photo":
-            return self.render_plate(self.plate(view))
+            return self.render_training_image(self.training_image(view))
         return self.render(self.working_camera(view))
 
     def base_of(self, base: str | None) -> str:
@@ -222,8 +222,11 @@ class Model:
         Raises:
             DataError: the photo is missing or damaged.
         """
-        plate = load_views([view], long_side or self.settings.render.preview)[0]
-        seen, base = self.look(self.working_camera(view).without_distortion()), over(plate.color, plate.alpha)
+        training_image = load_views([view], long_side or self.settings.render.preview)[0]
+        seen, base = (
+            self.look(self.working_camera(view).without_distortion()),
+            over(training_image.color, training_image.alpha),
+        )
         mattes = self._mattes_of(to_bytes(base), seen.probabilities, to_bytes(seen.color))
         coverages = dense_coverage(mattes, base.shape[:2])
         weights = None
@@ -242,18 +245,20 @@ class Model:
             DataError: the photo is missing, damaged or of another size than its camera.
         """
         seen = self.look(self.working_camera(view))
-        return look_closer(view, size, seen, self._mattes_of, self.objects, self.palettes)
+        return full_resolution_view(view, size, seen, self._mattes_of, self.objects, self.palettes)
 
     def _mattes_of(self, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray) -> list[Matte]:
         return self._looks.mattes(self.settings.render.edges, photo, probabilities, rendered)
 
     @translated()
-    def render_plate(self, plate: Plate, weights_from: str = "photo") -> Frame:
+    def render_training_image(self, training_image: TrainingImage, weights_from: str = "photo") -> Frame:
         """A loaded photo's view, with the photo as base. weights_from: palette weights of its colors (`photo`), or of
         F_w (`field`)."""
         from_field = self.recoloring is not None and weights_from == "field"
-        picture = self.scene.render(plate.camera, WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
-        return self.frame_of(picture, over(plate.color, plate.alpha), from_field)  # on the same ground as a rendering
+        picture = self.scene.render(training_image.camera, WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
+        return self.frame_of(
+            picture, over(training_image.color, training_image.alpha), from_field
+        )  # on the same ground as a rendering
 
     def frame_of(self, picture: Picture, base: np.ndarray, from_field: bool) -> Frame:
         """The frame of a picture that this scene has rendered: what F_s and the palettes add to it.
@@ -270,7 +275,7 @@ class Model:
             weights = self.weights_of_field(picture, samples) if known else self.weights_of_colors(base, probabilities)
         return Frame(picture, probabilities, weights, base)
 
-    def plate(self, view: View) -> Plate:
+    def training_image(self, view: View) -> TrainingImage:
         """The photo of a view at the working size. Raises DataError where it is missing or damaged."""
         return load_views([view], self.settings.geometry.long_side)[0]
 

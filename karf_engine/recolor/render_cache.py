@@ -35,7 +35,7 @@ MATTES = "karf-mattes/1"  # another number when the same would be refined to oth
 MOST_BYTES = 1 << 30  # of all that is kept of a project: photos of 800 pixels take 20 MB each
 
 
-class Looks:
+class RenderCache:
     """The looks of what is learned of a project now."""
 
     def __init__(self, project: Project) -> None:
@@ -61,7 +61,7 @@ class Looks:
         self._keep(self._path(camera), tensors, SCHEMA, {})
 
     def mattes(self, edges: str, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray) -> list[Matte]:
-        """What `matting.refine.mattes_of` gives for the same arguments; refined ones are taken where they are kept."""
+        """What `recolor.matting.refine.mattes_of` gives for the same arguments; refined ones are taken where they are kept."""
         if edges == "field":  # as quick to make as to read
             return mattes_of(edges, photo, probabilities, rendered)
         arrays = [np.ascontiguousarray(array) for array in (photo, probabilities, rendered)]

@@ -15,7 +15,7 @@ import numpy as np
 from ..capture.camera import Camera
 from ..capture.capture import Capture, View
 from ..capture.mask_names import fits_view, mask_files
-from ..capture.training_images import Plate, undistort
+from ..capture.training_images import TrainingImage, undistort
 from ..errors import DataError
 from ..io.files import atomic_write
 from ..io.image_size import MOST_PHOTO_BYTES
@@ -126,12 +126,12 @@ def fitting_views(below: Path, capture: Capture) -> list[View]:
     return named or [view for view in fitting if view.split == "train"] or fitting
 
 
-def load_mask(mask: CoarseMask, plate: Plate) -> np.ndarray:
-    """The mask at the plate's working size.
+def load_mask(mask: CoarseMask, training_image: TrainingImage) -> np.ndarray:
+    """The mask at the training image's working size.
 
     Args:
         mask: as large as the photo, or of the working size.
-        plate: the photo of its view.
+        training_image: the photo of its view.
 
     Returns:
         [H, W] bool.
@@ -139,7 +139,7 @@ def load_mask(mask: CoarseMask, plate: Plate) -> np.ndarray:
     Raises:
         DataError: the mask is of another size, damaged or empty.
     """
-    found = at_working_size(read_mask(mask.path), mask, plate.camera) >= 0.5
+    found = at_working_size(read_mask(mask.path), mask, training_image.camera) >= 0.5
     if not found.any():
         raise DataError(f"{mask.path} marks nothing of {mask.object_name!r}.", "Paint the object white.")
     return found

@@ -12,7 +12,7 @@ from ..compute.progress import Progress
 from ..compute.runtime import Runtime
 from ..fields.protocol import Field
 from ..fields.rendering.surface_cache import SurfaceCache
-from ..fields.training.checkpoint import Unfinished
+from ..fields.training.checkpoint import Checkpoint
 from ..heads.fields import SegmentationField
 from ..heads.fit import fit_on_points, fit_on_rays
 from ..project.settings import SegmentationSettings
@@ -29,7 +29,7 @@ def fit_to_labels(
     settings: SegmentationSettings,
     runtime: Runtime,
     progress: Progress,
-    unfinished: Unfinished | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> SegmentationField:
     """F_s, frozen, trained by cross-entropy on labelled surface points; 0 outside a box round each object's points.
 
@@ -39,7 +39,7 @@ def fit_to_labels(
         settings: of F_s and its training.
         runtime: device and random numbers.
         progress: counts iterations.
-        unfinished: resumes and saves the training; None trains from the start.
+        checkpoint: resumes and saves the training; None trains from the start.
     """
     positions, classes, voxel = surface.points.positions, surface.labels.classes, scene_field.voxel
     boxes = torch.from_numpy(surface.boxes(BOX_MARGIN_VOXELS * voxel)).float().to(runtime.device)
@@ -55,7 +55,7 @@ def fit_to_labels(
         settings,
         runtime,
         progress,
-        unfinished,
+        checkpoint,
     )
     return karf.requires_grad_(False)
 
@@ -68,7 +68,7 @@ def fit_to_masks(
     settings: SegmentationSettings,
     runtime: Runtime,
     progress: Progress,
-    unfinished: Unfinished | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> SegmentationField:
     """F_s, frozen, trained on the coarse masks as they are (paper, Eq. 12); nothing bounds the objects.
 
@@ -80,13 +80,13 @@ def fit_to_masks(
         settings: of F_s and its training.
         runtime: device and random numbers.
         progress: counts iterations.
-        unfinished: resumes and saves the training; None trains from the start.
+        checkpoint: resumes and saves the training; None trains from the start.
     """
     boxes = scene_field.bounds.expand(n_objects, 2, 3).clone()
     karf = SegmentationField(boxes, scene_field.n_features, settings).to(runtime.device)
     masked = torch.from_numpy(np.flatnonzero(votes.confidence > 0)).to(runtime.device)
     targets = torch.from_numpy(votes.targets).float().to(runtime.device)[masked]
-    fit_on_rays(karf, scene_field, _select(cache, masked), targets, settings, runtime, progress, unfinished)
+    fit_on_rays(karf, scene_field, _select(cache, masked), targets, settings, runtime, progress, checkpoint)
     return karf.requires_grad_(False)
 
 

@@ -36,7 +36,7 @@ def views_to_mark(cached: CachedViews, points: SurfacePoints, labels: Labels) ->
         labels: of the points.
     """
     views, end = cached.views, points.point_of_sample[:, points.point_of_sample.shape[1] // 2]
-    pixels, scores = np.bincount(end, minlength=len(points)), np.zeros(len(views.plates))
+    pixels, scores = np.bincount(end, minlength=len(points)), np.zeros(len(views.training_images))
     for k, doubt in enumerate(labels.doubt.T, 1):
         patch = _patches(points, np.where(doubt > DOUBTED, 1 + (labels.classes == k), 0))
         total = np.maximum(np.bincount(patch, pixels), 1)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..capture.capture import View
-from ..capture.training_images import Plate, load_views
+from ..capture.training_images import TrainingImage, load_views
 from ..compute.progress import Progress
 from ..errors import DataError
 from ..fields.protocol import Field
@@ -29,18 +29,18 @@ class MaskedViews:
 
     Attributes:
         objects: names of the K objects, sorted; class k is `objects[k - 1]`, class 0 the background.
-        plates: the V photos.
+        training_images: the V photos.
         masks: of each photo {class number: bool [H, W]}; empty where nothing was drawn.
     """
 
     objects: list[str]
-    plates: list[Plate]
+    training_images: list[TrainingImage]
     masks: list[dict[int, np.ndarray]]
 
     @property
     def offsets(self) -> list[int]:
         """Number of each photo's first pixel, and behind them the number of all pixels, V + 1."""
-        sizes = [plate.camera.width * plate.camera.height for plate in self.plates]
+        sizes = [training_image.camera.width * training_image.camera.height for training_image in self.training_images]
         return [0, *np.cumsum(sizes).tolist()]
 
     @property
@@ -51,16 +51,20 @@ class MaskedViews:
     @property
     def names(self) -> list[str]:
         """Names of the views."""
-        return [plate.view.name for plate in self.plates]
+        return [training_image.view.name for training_image in self.training_images]
 
     @property
     def masked_names(self) -> list[str]:
         """Names of the views that have a mask."""
-        return [plate.view.name for plate, masks in zip(self.plates, self.masks, strict=True) if masks]
+        return [
+            training_image.view.name
+            for training_image, masks in zip(self.training_images, self.masks, strict=True)
+            if masks
+        ]
 
     def colors(self) -> np.ndarray:
         """Photo colors of all pixels, [N, 3] float32 sRGB in [0, 1]."""
-        return np.concatenate([plate.color.reshape(-1, 3) for plate in self.plates])
+        return np.concatenate([training_image.color.reshape(-1, 3) for training_image in self.training_images])
 
 
 @dataclass(frozen=True)
@@ -79,10 +83,10 @@ class CachedViews:
         """Integers of the cached rays, [n], as one picture [H, W] a view; 0 where no ray ends on anything."""
         pixels = np.zeros(self.views.n_pixels, np.int64)
         pixels[self.cache.index.cpu().numpy()] = values
-        offsets, plates = self.views.offsets, self.views.plates
+        offsets, training_images = self.views.offsets, self.views.training_images
         return [
-            pixels[start:end].reshape(plate.camera.height, plate.camera.width)
-            for start, end, plate in zip(offsets[:-1], offsets[1:], plates, strict=True)
+            pixels[start:end].reshape(training_image.camera.height, training_image.camera.width)
+            for start, end, training_image in zip(offsets[:-1], offsets[1:], training_images, strict=True)
         ]
 
 
@@ -109,13 +113,13 @@ def load_masked_views(
     masked = list(dict.fromkeys(mask.view.name for mask in masks))
     chosen = farthest_point_views(views, masked, settings.cache_views)
     small = min(long_side, settings.cache_long_side)
-    plates = [load_views([view], long_side if view.name in masked else small)[0] for view in chosen]
+    training_images = [load_views([view], long_side if view.name in masked else small)[0] for view in chosen]
     per_view: list[dict[int, np.ndarray]] = [{} for _ in chosen]
     names = [view.name for view in chosen]
     for mask in masks:
         number = names.index(mask.view.name)
-        per_view[number][objects.index(mask.object_name) + 1] = load_mask(mask, plates[number])
-    return MaskedViews(objects, plates, per_view)
+        per_view[number][objects.index(mask.object_name) + 1] = load_mask(mask, training_images[number])
+    return MaskedViews(objects, training_images, per_view)
 
 
 def farthest_point_views(views: Sequence[View], first: Sequence[str], count: int) -> list[View]:
@@ -150,8 +154,8 @@ def cache_views(scene_field: Field, views: MaskedViews, samples_per_ray: int, pr
         DataError: no ray ends on anything.
     """
     parts = []
-    for plate, start in zip(views.plates, views.offsets[:-1], strict=True):
-        rays = camera_rays(plate.camera, scene_field.bounds.device)
+    for training_image, start in zip(views.training_images, views.offsets[:-1], strict=True):
+        rays = camera_rays(training_image.camera, scene_field.bounds.device)
         part = cache_surface(scene_field, rays, samples_per_ray, CACHE_STEP, progress)
         parts.append(replace(part, index=part.index + start))
     cache = join_caches(parts)

@@ -81,7 +81,7 @@ class Bench:
         frames = []
         for frame, samples in zip(self.ours().frames, self.samples(), strict=True):
             frames.append(replace(frame, palette_weights=model.weights_of_field(frame.picture, samples)))
-        return TestViews(model, self.ours().plates, frames)
+        return TestViews(model, self.ours().training_images, frames)
 
     def photos(self) -> list[np.ndarray]:
         """The test photos."""

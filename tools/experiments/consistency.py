@@ -93,14 +93,14 @@ def consistency_figures(views: list[DepthView], plain: list[np.ndarray], shown: 
 
 def path_views(bench: Bench) -> list[View]:
     """Cameras on an arc round the still life, from the first test camera on."""
-    plate = bench.ours().plates[0]
+    training_image = bench.ours().training_images[0]
     views = []
     for number in range(PATH_VIEWS):
         turn = np.eye(4)
         cosine, sine = np.cos(number * PATH_STEP), np.sin(number * PATH_STEP)
         turn[:2, :2] = [[cosine, -sine], [sine, cosine]]
         turn[:3, 3] = PATH_CENTER - turn[:3, :3] @ PATH_CENTER
-        camera = plate.camera.without_distortion()
+        camera = training_image.camera.without_distortion()
         moved = type(camera)(**vars(camera) | {"camera_to_world": turn @ camera.camera_to_world})
         views.append(View(f"path_{number}", f"path_{number}", moved, None, "test"))
     return views

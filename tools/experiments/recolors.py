@@ -142,8 +142,10 @@ def kmeans_palette(colors: np.ndarray, size: int) -> np.ndarray:
 
 def global_recolor(bench: Bench) -> Recolor:
     """One palette of all training photos; every pixel of the picture follows it."""
-    plates = [bench.model.plate(view) for view in bench.model.capture.split("train")]
-    cells, counts = color_cells(np.concatenate([plate.color.reshape(-1, 3) for plate in plates]))
+    training_images = [bench.model.training_image(view) for view in bench.model.capture.split("train")]
+    cells, counts = color_cells(
+        np.concatenate([training_image.color.reshape(-1, 3) for training_image in training_images])
+    )
     palette = extract_palette(cells, counts, tolerance=bench.model.settings.palette.tolerance)
     weights = star_weights(cells, palette)
 

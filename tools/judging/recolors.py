@@ -12,7 +12,7 @@ from pathlib import Path
 import imageio.v3 as iio
 import numpy as np
 
-from karf_engine.capture.training_images import Plate
+from karf_engine.capture.training_images import TrainingImage
 from karf_engine.errors import BadRequest
 from karf_engine.io.color import to_bytes
 from karf_engine.metrics.images import mean_ciede2000
@@ -57,7 +57,7 @@ def score_edits(truth: Truth, test: TestViews, frames: Path) -> dict:
     scores = {}
     photos = [frame.base.astype(np.float64) for frame in test.frames]
     for name, edit in truth.edits.items():
-        recolored = [recolored_frame(frames, name, plate) for plate in test.plates]
+        recolored = [recolored_frame(frames, name, training_image) for training_image in test.training_images]
         masks = [{o: labels == truth.names[o] for o in edit["objects"]} for labels in truth.labels("test")]
         pairs = {o: truth.color_pair(name, o) for o in edit["objects"]}
         scores[name] = asdict(score_edit(photos, recolored, truth.recolored(name), masks, pairs))
@@ -65,18 +65,18 @@ def score_edits(truth: Truth, test: TestViews, frames: Path) -> dict:
     return {"ciede2000": scores | {"mean": mean}, "mse_outside": mean["mse_outside"]}
 
 
-def recolored_frame(frames: Path, edit: str, plate: Plate) -> np.ndarray:
+def recolored_frame(frames: Path, edit: str, training_image: TrainingImage) -> np.ndarray:
     """The judged frame of a test view."""
-    return iio.imread(frames / edit / "recolor" / f"{plate.view.name}.png")[..., :3] / 255
+    return iio.imread(frames / edit / "recolor" / f"{training_image.view.name}.png")[..., :3] / 255
 
 
 def worst_row(frames: Path, test: TestViews, truth: Truth) -> list[np.ndarray]:
     """The edit and test view that are farthest from the truth: photo, learned render, mask errors, ours and the truth."""
     farthest = -1.0
     for name in truth.edits:
-        pictures = zip(test.plates, truth.recolored(name), truth.inside(name), strict=True)
-        for number, (plate, recolored, inside) in enumerate(pictures):
-            ours = recolored_frame(frames, name, plate)
+        pictures = zip(test.training_images, truth.recolored(name), truth.inside(name), strict=True)
+        for number, (training_image, recolored, inside) in enumerate(pictures):
+            ours = recolored_frame(frames, name, training_image)
             distance = mean_ciede2000(ours, recolored, inside) if inside.sum() >= MIN_PIXELS else -1.0
             if distance > farthest:
                 farthest, row = distance, (number, name, ours, recolored)
@@ -91,9 +91,9 @@ def contact_sheet(frames: Path, out: Path, test: TestViews, truth: Truth) -> Non
     """Columns: photo, learned render, masks over the photo, then each edit and its truth."""
     rows = []
     for number in sheet_numbers(len(test.frames)):
-        plate, frame = test.plates[number], test.frames[number]
+        training_image, frame = test.training_images[number], test.frames[number]
         row = [frame.base, frame.color, tinted(frame.base, frame.masks)]
         for name in truth.edits:
-            row += [recolored_frame(frames, name, plate), truth.recolored(name)[number]]
+            row += [recolored_frame(frames, name, training_image), truth.recolored(name)[number]]
         rows.append(row)
     write_sheet(out, rows)

@@ -11,7 +11,7 @@ import numpy as np
 
 import karf_engine as karf
 from karf_engine.capture.capture import View
-from karf_engine.capture.training_images import Plate
+from karf_engine.capture.training_images import TrainingImage
 from karf_engine.compute.progress import Progress, TerminalEmit
 from karf_engine.io.files import write_json
 from karf_engine.project import STAGE_ORDER, Project
@@ -28,10 +28,10 @@ STAGE_FILES = {  # what a later stage reads of each
 
 @dataclass(frozen=True)
 class TestViews:
-    """The test views of a project, and what it shows there. frames: one for each plate."""
+    """The test views of a project, and what it shows there. frames: one for each training image."""
 
     model: Model
-    plates: list[Plate]
+    training_images: list[TrainingImage]
     frames: list[Frame]
 
     def masks(self, object_name: str) -> list[np.ndarray]:
@@ -47,13 +47,13 @@ def terminal_progress(name: str, total: int) -> Progress:
 
 def render_test_views(model: Model) -> TestViews:
     """Render every test view as learned; a frame's base is its photo, of a matte capture over white."""
-    plates = [model.plate(view) for view in model.capture.split("test")]
-    progress = terminal_progress("judge", len(plates))
+    training_images = [model.training_image(view) for view in model.capture.split("test")]
+    progress = terminal_progress("judge", len(training_images))
     frames = []
-    for plate in plates:
-        frames.append(model.render_plate(plate, "field"))
+    for training_image in training_images:
+        frames.append(model.render_training_image(training_image, "field"))
         progress.step()
-    return TestViews(model, plates, frames)
+    return TestViews(model, training_images, frames)
 
 
 def learn_again(
@@ -105,7 +105,7 @@ def with_model(test: TestViews, model: Model, weights_from: str = "field") -> Te
     weights_from: F_w (`field`), or the colors of each frame's base (`photo`).
     """
     frames = [model.frame_of(frame.picture, frame.base, weights_from == "field") for frame in test.frames]
-    return TestViews(model, test.plates, frames)
+    return TestViews(model, test.training_images, frames)
 
 
 def mask_file(masks: Path, view: View) -> Path:

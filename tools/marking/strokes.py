@@ -222,7 +222,7 @@ def learned(options: argparse.Namespace, scene: Scene) -> dict[str, float]:
             model, Path(folder), (), ("segmentation",), model.project.masks_folder, threads=options.threads
         )
         test = render_test_views(model)
-    shown = [plate.view.name for plate in test.plates]
+    shown = [training_image.view.name for training_image in test.training_images]
     masks = {name: dict(zip(shown, test.masks(name), strict=True)) for name in model.objects}
     return scores_of(scene, lambda view: {name: own[view.name] for name, own in masks.items()})
 

@@ -20,7 +20,7 @@ from scipy.ndimage import binary_opening, distance_transform_edt, gaussian_filte
 
 import karf_engine as karf
 from karf_engine.capture.capture import Capture, View
-from karf_engine.capture.training_images import Plate, undistort
+from karf_engine.capture.training_images import TrainingImage, undistort
 from karf_engine.compute.progress import TerminalEmit
 from karf_engine.io.files import write_json
 from karf_engine.io.images import read_mask, resize, write_png
@@ -47,7 +47,10 @@ def main() -> None:
     drawn = draw_masks(capture, options.truth, options.out / "coarse_masks", options.seed, options.masks_each)
     model = karf.learn(options.capture, options.out / "coarse_masks", **settings_of(options))
     test = render_test_views(model)
-    truth = {name: [true_mask(options.truth, name, plate) for plate in test.plates] for name in test.model.objects}
+    truth = {
+        name: [true_mask(options.truth, name, training_image) for training_image in test.training_images]
+        for name in test.model.objects
+    }
     summary = {"capture": str(options.capture), "seed": options.seed, "coarse_masks": drawn}
     summary |= stage_summary(model.project) | score_renders(test)
     summary["precision"] = SegmentationReport.read(model.project.segmentation_report).precision
@@ -139,12 +142,12 @@ def coarse_mask(truth: np.ndarray, kind: str, random: np.random.Generator) -> np
 
 
 # ----------------------------------------------------------------------------------------------------------------- truth
-def true_mask(truth: Path, object_name: str, plate: Plate) -> np.ndarray:
-    """The true mask at the plate's working size; empty where there is no file."""
-    path, camera = mask_file(truth / object_name, plate.view), plate.camera
+def true_mask(truth: Path, object_name: str, training_image: TrainingImage) -> np.ndarray:
+    """The true mask at the training image's working size; empty where there is no file."""
+    path, camera = mask_file(truth / object_name, training_image.view), training_image.camera
     if not path.exists():
         return np.zeros((camera.height, camera.width), bool)
-    values, _, _ = undistort(read_mask(path).astype(np.float32)[..., None], plate.view.camera)
+    values, _, _ = undistort(read_mask(path).astype(np.float32)[..., None], training_image.view.camera)
     return resize(values, camera.width, camera.height)[..., 0] >= 0.5
 
 
@@ -163,7 +166,7 @@ def gather_training_masks(capture: Capture, truth: Path, folder: Path) -> Path:
 # --------------------------------------------------------------------------------------------------------------- results
 def iou_of_views(test: TestViews, truth: dict[str, list[np.ndarray]]) -> dict[str, dict[str, float]]:
     """IoU of each object in each test view that shows it: true masks of real photos may be wrong themselves."""
-    views = [plate.view.stem for plate in test.plates]
+    views = [training_image.view.stem for training_image in test.training_images]
     return {
         name: {
             view: iou(own, true)

@@ -116,12 +116,20 @@ def judge(capture: Path, out: Path, options: argparse.Namespace) -> dict:
     )
     test, truth = render_test_views(model), Truth(capture)
     long_side = model.settings.geometry.long_side
-    photos = TestViews(model, test.plates, [model.preview(plate.view, long_side) for plate in test.plates])
+    photos = TestViews(
+        model,
+        test.training_images,
+        [model.preview(training_image.view, long_side) for training_image in test.training_images],
+    )
     true_masks = truth.masks("test")
     summary = stage_summary(model.project) | score_scene(test, truth) | score_objects(test, true_masks)
     summary |= score_objects(photos, true_masks, "_photo")
     summary |= score_objects(ceiling(test, truth, out / "scratch", options.threads), true_masks, "_ceiling")
-    field = TestViews(model, test.plates, [model.render_plate(plate) for plate in test.plates])
+    field = TestViews(
+        model,
+        test.training_images,
+        [model.render_training_image(training_image) for training_image in test.training_images],
+    )
     ways = {"": (photos, True), "_one_pair": (photos, False), "_field": (field, False)}
     for suffix, (views, per_paint) in ways.items():
         recolor(views, truth, per_paint, out / f"frames{suffix}")
@@ -140,8 +148,8 @@ def recolor(views: TestViews, truth: Truth, per_paint: bool, out: Path) -> None:
     """Write each edit's frames of the test views: OUT/<edit>/recolor/<view>.png."""
     for name in truth.edits:
         edit = edit_to_judge(views.model, truth, name, per_paint)
-        for plate, frame in zip(views.plates, views.frames, strict=True):
-            write_png(out / name / "recolor" / f"{plate.view.name}.png", views.model.composite(frame, edit))
+        for training_image, frame in zip(views.training_images, views.frames, strict=True):
+            write_png(out / name / "recolor" / f"{training_image.view.name}.png", views.model.composite(frame, edit))
 
 
 def causes(photos: TestViews, truth: Truth) -> dict[str, float]:

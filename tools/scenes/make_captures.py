@@ -274,12 +274,12 @@ def _unless_there(folder: Path, arguments: dict, make: Callable[[Path], None]) -
     if made_by.exists() and json.loads(made_by.read_text(encoding="utf-8")) == arguments:
         print(f"{folder}: there already")
         return
-    unfinished = folder.with_name(f"{folder.name}.unfinished")
-    shutil.rmtree(unfinished, ignore_errors=True)
-    make(unfinished)
-    write_json(unfinished / MADE_BY, arguments)
+    checkpoint = folder.with_name(f"{folder.name}.unfinished")
+    shutil.rmtree(checkpoint, ignore_errors=True)
+    make(checkpoint)
+    write_json(checkpoint / MADE_BY, arguments)
     shutil.rmtree(folder, ignore_errors=True)
-    unfinished.rename(folder)
+    checkpoint.rename(folder)
 
 
 if __name__ == "__main__":

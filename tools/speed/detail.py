@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import karf_engine as karf
-from karf_engine.capture.training_images import Plate
+from karf_engine.capture.training_images import TrainingImage
 from karf_engine.fields.detail import pixels_per_voxel, without_detail
 from karf_engine.fields.extent import focus_point
 from karf_engine.metrics.images import psnr
@@ -28,32 +28,39 @@ def run(project: Path) -> list[dict[str, Any]]:
     they say what photos keep for each of SPANS.
     """
     model = karf.load(project)
-    plates = [model.plate(view) for view in model.capture.split("test")]
-    frames = [model.render_plate(plate) for plate in plates]
+    training_images = [model.training_image(view) for view in model.capture.split("test")]
+    frames = [model.render_training_image(training_image) for training_image in training_images]
     everywhere = [np.ones(frame.depth.shape, bool) for frame in frames]
     places = {"everywhere": everywhere} | {
         name: [frame.masks[number] for frame in frames] for number, name in enumerate(model.objects)
     }
-    rows = [_row("center", _at_center(model, plates), frames, everywhere)]
+    rows = [_row("center", _at_center(model, training_images), frames, everywhere)]
     for name, masks in places.items():
-        rows.append(_row(name, _on_surfaces(model, plates, frames, masks), frames, masks))
+        rows.append(_row(name, _on_surfaces(model, training_images, frames, masks), frames, masks))
     return rows + [_row("", pixels, frames, everywhere) for pixels in SPANS]
 
 
-def _at_center(model: Model, plates: list[Plate]) -> float:
+def _at_center(model: Model, training_images: list[TrainingImage]) -> float:
     """Pixels that a voxel spans at the point nearest to the cameras' axes."""
-    field, center = model.scene.field, focus_point([plate.camera for plate in plates]).numpy()[None]
-    return _median(pixels_per_voxel(field.space, field.voxel, center, plate.camera) for plate in plates)
+    field, center = (
+        model.scene.field,
+        focus_point([training_image.camera for training_image in training_images]).numpy()[None],
+    )
+    return _median(
+        pixels_per_voxel(field.space, field.voxel, center, training_image.camera) for training_image in training_images
+    )
 
 
-def _on_surfaces(model: Model, plates: list[Plate], frames: list[Frame], masks: list[np.ndarray]) -> float:
+def _on_surfaces(
+    model: Model, training_images: list[TrainingImage], frames: list[Frame], masks: list[np.ndarray]
+) -> float:
     """Pixels that a voxel spans on what these pixels show."""
     field, spans = model.scene.field, []
-    for plate, frame, mask in zip(plates, frames, masks, strict=True):
+    for training_image, frame, mask in zip(training_images, frames, masks, strict=True):
         shown = (mask & (frame.depth > 0)).ravel()
-        origins, directions = plate.camera.rays(plate.camera.pixel_centers()[shown])
+        origins, directions = training_image.camera.rays(training_image.camera.pixel_centers()[shown])
         positions = origins + frame.depth.ravel()[shown, None] * directions
-        spans.append(pixels_per_voxel(field.space, field.voxel, positions, plate.camera))
+        spans.append(pixels_per_voxel(field.space, field.voxel, positions, training_image.camera))
     return _median(spans)
 
 

@@ -25,14 +25,14 @@ from torch import Tensor
 
 from karf_engine.capture import open_capture
 from karf_engine.capture.poses.triangulation import triangulate
-from karf_engine.capture.training_images import Plate, load_views
+from karf_engine.capture.training_images import TrainingImage, load_views
 from karf_engine.compute.progress import Progress, peak_memory_bytes
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import Cancelled
 from karf_engine.fields.fit import Fit
-from karf_engine.fields.rendering.rays import PixelBank
+from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.scene import Scene, compared_pixels
-from karf_engine.fields.task import FitTask, background_of, make_bank, task_of
+from karf_engine.fields.task import FitTask, background_of, build_pixel_dataset, task_of
 from karf_engine.io.images import over
 from karf_engine.metrics.images import psnr
 from karf_engine.project import settings as settings_module
@@ -93,19 +93,19 @@ def run(capture: Path, settings: settings_module.Settings, threads: int, ways: l
     return [curves, iterations(task, state, ways, capture.name)]
 
 
-def prepare(capture: Path, settings: settings_module.Settings, threads: int) -> tuple[FitTask, list[Plate]]:
+def prepare(capture: Path, settings: settings_module.Settings, threads: int) -> tuple[FitTask, list[TrainingImage]]:
     """What a fit of the training photos starts from, and the held-out photos, over white where they have a matte."""
     content, seed, long_side = open_capture(capture, holdout=HOLDOUT), settings.seed, settings.geometry.long_side
     runtime = start_runtime(seed, threads, "cpu")
     views = content.split("train")
-    plates, tests = load_views(views, long_side), load_views(content.split("test"), long_side)
+    training_images, tests = load_views(views, long_side), load_views(content.split("test"), long_side)
     tests = [p if p.alpha is None else replace(p, color=over(p.color, p.alpha, 1.0), alpha=None) for p in tests]
-    kind, points = background_of(plates), None
+    kind, points = background_of(training_images), None
     if kind == "opaque" and content.points is not None:
         points = content.points.seen_by([n for n, view in enumerate(content.views) if view.split == "train"])
     elif kind == "opaque" and find_spec("pycolmap"):
-        points = triangulate(plates, threads, Clock())
-    return task_of(views, plates, kind, points, settings.geometry, seed, runtime.device), tests
+        points = triangulate(training_images, threads, Clock())
+    return task_of(views, training_images, kind, points, settings.geometry, seed, runtime.device), tests
 
 
 def start(task: FitTask, way: str) -> Fit:
@@ -114,18 +114,18 @@ def start(task: FitTask, way: str) -> Fit:
     return task.start(start_runtime(task.seed, task.threads, task.device))
 
 
-def curve(task: FitTask, tests: list[Plate], way: str, name: str) -> tuple[dict[str, Tensor], list[Row]]:
+def curve(task: FitTask, tests: list[TrainingImage], way: str, name: str) -> tuple[dict[str, Tensor], list[Row]]:
     """The state after LATE of all iterations, and a row for each level."""
     fit = start(task, way)
     clock = Clock(stop_after=int(LATE * fit.iterations))
-    bank = make_bank(tests, "opaque", torch.device("cpu"))
+    dataset = build_pixel_dataset(tests, "opaque", torch.device("cpu"))
     rows: list[Row] = []
     state: dict[str, Tensor] = {}
     while fit.done < fit.iterations:
         try:
             for scene in fit.scenes(clock):
                 with clock.paused():
-                    values, exposed = psnr_of_plates(scene, bank)
+                    values, exposed = psnr_of_plates(scene, dataset)
                     cpu, wall = clock.seconds
                     rows.append(
                         {
@@ -142,11 +142,11 @@ def curve(task: FitTask, tests: list[Plate], way: str, name: str) -> tuple[dict[
     return state, rows
 
 
-def psnr_of_plates(scene: Scene, bank: PixelBank) -> tuple[list[float], list[float]]:
-    """PSNR of each plate as it is, and with a gain and an offset of each channel that suit it best: what is lost by
+def psnr_of_plates(scene: Scene, dataset: PixelDataset) -> tuple[list[float], list[float]]:
+    """PSNR of each image as it is, and with a gain and an offset of each channel that suit it best: what is lost by
     photos that were exposed otherwise than those that were learned from."""
     plain, exposed = [], []
-    for shown, photo in compared_pixels(scene, bank, PIXELS):
+    for shown, photo in compared_pixels(scene, dataset, PIXELS):
         fits = [np.polyfit(a, b, 1) for a, b in zip(shown.T.numpy(), photo.T.numpy(), strict=True)]
         fitted = np.stack([np.polyval(fit, a) for fit, a in zip(fits, shown.T.numpy(), strict=True)], 1)
         plain.append(psnr(shown.numpy(), photo.numpy()))

@@ -27,7 +27,7 @@ import karf_engine as karf
 from karf_engine.capture import write_cameras
 from karf_engine.capture.capture import Capture, SparsePoints
 from karf_engine.capture.poses.triangulation import triangulate
-from karf_engine.capture.training_images import Plate, load_views
+from karf_engine.capture.training_images import TrainingImage, load_views
 from karf_engine.compute.progress import Progress
 from karf_engine.fields.files import load_scene
 from karf_engine.io.files import read_json, write_json
@@ -69,12 +69,12 @@ def main() -> None:
     options = parse_arguments()
     capture = karf.open_capture(options.capture, holdout=HOLDOUT)
     held_out = load_views(capture.split("test"), options.size)
-    if not held_out or any(plate.alpha is not None for plate in held_out):
+    if not held_out or any(training_image.alpha is not None for training_image in held_out):
         sys.exit(f"error: {capture.source} must have test photos, and none with a matte.")
-    plates = load_views(capture.split("train"), options.size)
-    points = sparse_points(capture, plates, options.threads)
-    write_folder(options.out / "learn", plates, points)
-    write_folder(options.out / "judge", held_out + plates, points)
+    training_images = load_views(capture.split("train"), options.size)
+    points = sparse_points(capture, training_images, options.threads)
+    write_folder(options.out / "learn", training_images, points)
+    write_folder(options.out / "judge", held_out + training_images, points)
     program = build(options.source, options.out / "build")
     extra = options.option or []
     rows = [learn_ours(options, held_out)]
@@ -86,22 +86,24 @@ def main() -> None:
     write_json(options.out / "peer.json", [vars(row) for row in rows])
 
 
-def sparse_points(capture: Capture, plates: list[Plate], threads: int) -> SparsePoints:
+def sparse_points(capture: Capture, training_images: list[TrainingImage], threads: int) -> SparsePoints:
     """The capture's sparse points, or what is found in the training photos: splats begin at points."""
     if capture.points is not None and len(capture.points):
         return capture.points
-    return triangulate(plates, threads, Progress(lambda *_, **__: None, lambda: False, "points", len(plates)))
+    return triangulate(
+        training_images, threads, Progress(lambda *_, **__: None, lambda: False, "points", len(training_images))
+    )
 
 
-def write_folder(folder: Path, plates: Sequence[Plate], points: SparsePoints) -> None:
+def write_folder(folder: Path, training_images: Sequence[TrainingImage], points: SparsePoints) -> None:
     """Write photos as they are learned from, their cameras and the points, as nerfstudio's format has them."""
     views = []
-    for number, plate in enumerate(plates):
+    for number, training_image in enumerate(training_images):
         name = f"{number:05d}.png"
-        write_png(folder / "images" / name, plate.color)
-        if plate.valid is not None:
-            write_png(folder / "masks" / name, plate.valid)
-        views.append(replace(plate.view, name=f"images/{name}", camera=plate.camera))
+        write_png(folder / "images" / name, training_image.color)
+        if training_image.valid is not None:
+            write_png(folder / "masks" / name, training_image.valid)
+        views.append(replace(training_image.view, name=f"images/{name}", camera=training_image.camera))
     write_cameras(folder / "transforms.json", views)
     cameras = read_json(folder / "transforms.json", "cameras")
     write_json(folder / "transforms.json", cameras | {"ply_file_path": "points.ply"})
@@ -120,7 +122,7 @@ def build(source: Path, folder: Path) -> list[str]:
     return [str(folder / "opensplat")]
 
 
-def learn_ours(options: argparse.Namespace, held_out: list[Plate]) -> Point:
+def learn_ours(options: argparse.Namespace, held_out: list[TrainingImage]) -> Point:
     """Learn our geometry by the command line, and judge the scene."""
     project = options.out / "ours"
     command = [sys.executable, "-m", "karf_engine", "geometry", str(options.capture), "--project", str(project)]
@@ -140,7 +142,10 @@ def learn_ours(options: argparse.Namespace, held_out: list[Plate]) -> Point:
     if process.returncode:
         sys.exit("error: our geometry was not learned; see above.")
     scene = load_scene(Project(project).geometry_file)
-    values = [psnr(scene.render(plate.camera, 1).color.numpy(), plate.color, plate.valid) for plate in held_out]
+    values = [
+        psnr(scene.render(training_image.camera, 1).color.numpy(), training_image.color, training_image.valid)
+        for training_image in held_out
+    ]
     return Point(f"KaRF, preset {options.preset}", seconds, values)
 
 

@@ -28,7 +28,7 @@ from karf_engine.capture.capture import View
 from karf_engine.compute.progress import peak_memory_bytes
 from karf_engine.io.color import srgb_to_linear
 from karf_engine.palettes.palette import Edit, Palette
-from karf_engine.recolor.full_resolution import PhotoView, look_closer
+from karf_engine.recolor.full_resolution import PhotoView, full_resolution_view
 from karf_engine.recolor.matting.refine import mattes_of
 from karf_engine.recolor.model import Model
 from karf_engine.recolor.photos import open_photo, suffix_for, write_photo
@@ -117,7 +117,7 @@ def photo_view(model: Model, view: View, count: int) -> PhotoView:
     seen = model.look(model.working_camera(view))
     seen = replace(seen, probabilities=seen.probabilities[:count])
     refine = partial(mattes_of, model.settings.render.edges)
-    return look_closer(view, "photo", seen, refine, model.objects[:count], model.palettes[:count])
+    return full_resolution_view(view, "photo", seen, refine, model.objects[:count], model.palettes[:count])
 
 
 def other_colors(palettes: Sequence[Palette]) -> Edit:

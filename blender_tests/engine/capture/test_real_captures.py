@@ -83,10 +83,10 @@ def test_real_photos_load_at_the_working_size(scenes, name, kind):
     from karf_engine.io.images import read_photo
 
     views = open_capture(scenes / name).views[::20]
-    plates = load_views(views, 128)
-    assert {max(plate.color.shape) for plate in plates} == {128}
-    assert all((plate.alpha is not None) == (kind == "alpha") for plate in plates)
-    assert all((plate.valid is not None) == (name == "fruit") for plate in plates)
+    training_images = load_views(views, 128)
+    assert {max(training_image.color.shape) for training_image in training_images} == {128}
+    assert all((training_image.alpha is not None) == (kind == "alpha") for training_image in training_images)
+    assert all((training_image.valid is not None) == (name == "fruit") for training_image in training_images)
     assert background_kind([read_photo(view.image) for view in views]) == kind
 
 

@@ -6,7 +6,7 @@ import pytest
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.undistortion import ROWS, undistorted
 
-plates = pytest.importorskip("karf_engine.capture.training_images")
+training_images = pytest.importorskip("karf_engine.capture.training_images")
 LENSES = {
     "barrel": ((-0.25, 0.06, 0.002, -0.001), False),
     "pincushion": ((0.2, 0.05, 0.0, 0.0, 0.01), False),
@@ -19,7 +19,7 @@ def test_pixels_are_those_that_the_engine_learns_from(lens):
     distortion, fisheye = lens
     camera = Camera(120, ROWS + 40, 90.0, 95.0, 63.0, 80.0, np.eye(4), distortion, fisheye)
     photo = np.random.default_rng(0).random((camera.height, camera.width, 3), np.float32)
-    expected, _, valid = plates.undistort(photo, camera)
+    expected, _, valid = training_images.undistort(photo, camera)
     found = undistorted(photo, camera)
     assert valid.mean() > 0.5
     np.testing.assert_allclose(found[valid], expected[valid], atol=1e-4)

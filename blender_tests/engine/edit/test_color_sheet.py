@@ -38,15 +38,15 @@ LAB = srgb_to_lab(MINT)
 )
 def test_a_color_may_be_written_in_every_way(tmp_path, columns, cells):
     path = write(tmp_path, f"colorway,object,{columns}\nMint,pot,{cells}\n")
-    ((colorway,), (wish,)) = (sheet := read_sheet(path)), sheet[0].wishes
-    assert (colorway.name, wish.name, wish.source) == ("Mint", "pot", None)
-    np.testing.assert_allclose(wish.lab, LAB, atol=1e-4)
+    ((colorway,), (target_color,)) = (sheet := read_sheet(path)), sheet[0].target_colors
+    assert (colorway.name, target_color.name, target_color.source) == ("Mint", "pot", None)
+    np.testing.assert_allclose(target_color.lab, LAB, atol=1e-4)
 
 
 def test_semicolons_go_with_decimal_commas_as_spreadsheets_of_many_countries_write_them(tmp_path):
     path = write(tmp_path, "\ufeffcolorway;object;L*;a*;b*\nMint;pot;52,5;-30,25;12\nSky;pot;60;0;0\n\n;;;;\n")
     mint, sky = read_sheet(path)
-    assert mint.wishes[0].lab.tolist() == [52.5, -30.25, 12] and sky.wishes[0].lab.tolist() == [60, 0, 0]
+    assert mint.target_colors[0].lab.tolist() == [52.5, -30.25, 12] and sky.target_colors[0].lab.tolist() == [60, 0, 0]
 
 
 def test_a_json_sheet_says_the_same(tmp_path):
@@ -55,10 +55,10 @@ def test_a_json_sheet_says_the_same(tmp_path):
         {"colorway": "Mint", "object": "lid", "lab": LAB.tolist(), "hex": None},
     ]
     (colorway,) = read_sheet(write(tmp_path, json.dumps(rows), "spring.json"))
-    assert [wish.name for wish in colorway.wishes] == ["pot", "lid"]
-    np.testing.assert_allclose(colorway.wishes[0].source, [1, 0, 0], atol=1e-6)
-    for wish in colorway.wishes:
-        np.testing.assert_allclose(wish.lab, LAB, atol=1e-9)
+    assert [target_color.name for target_color in colorway.target_colors] == ["pot", "lid"]
+    np.testing.assert_allclose(colorway.target_colors[0].source, [1, 0, 0], atol=1e-6)
+    for target_color in colorway.target_colors:
+        np.testing.assert_allclose(target_color.lab, LAB, atol=1e-9)
 
 
 def test_names_become_names_of_folders(tmp_path):

@@ -5,7 +5,7 @@ import pytest
 
 from karf_engine.io.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from karf_engine.palettes.colorways.reached import dominant_color, predict, reached_color, shown
-from karf_engine.palettes.colorways.sheet import Wish
+from karf_engine.palettes.colorways.sheet import TargetColor
 from karf_engine.palettes.object_colors import ColorHistogram
 from karf_engine.palettes.palette import Palette
 
@@ -21,8 +21,8 @@ def red_pot() -> ColorHistogram:
     return ColorHistogram(weights @ PALETTE.colors, counts, weights)
 
 
-def wish(color, source=None) -> Wish:
-    return Wish("pot", srgb_to_lab(np.array(color)), source, "sheet.csv, line 2")
+def target_color(color, source=None) -> TargetColor:
+    return TargetColor("pot", srgb_to_lab(np.array(color)), source, "sheet.csv, line 2")
 
 
 def test_the_dominant_color_is_where_most_pixels_are():
@@ -34,7 +34,7 @@ def test_the_dominant_color_is_where_most_pixels_are():
 @pytest.mark.parametrize("color", [(0.2, 0.3, 0.6), (0.5, 0.5, 0.5), (0.1, 0.4, 0.2), (0.8, 0.7, 0.2)])
 def test_a_color_within_reach_is_reached(color):
     seen = red_pot()
-    prediction = predict(wish(color), PALETTE, seen)
+    prediction = predict(target_color(color), PALETTE, seen)
     assert prediction.ciede2000 < 1 and not prediction.reason
     after = shown(seen, PALETTE, prediction.colors)
     at_source = np.linalg.norm(seen.colors - prediction.source, axis=1).argmin()
@@ -42,7 +42,7 @@ def test_a_color_within_reach_is_reached(color):
 
 
 def test_the_difference_is_to_the_wish_itself_also_where_no_screen_shows_it():
-    violet = Wish("pot", np.array([60.0, 90, -90]), None, "sheet.csv, line 2")
+    violet = TargetColor("pot", np.array([60.0, 90, -90]), None, "sheet.csv, line 2")
     prediction = predict(violet, PALETTE, red_pot())
     assert "no sRGB picture can show it" in prediction.reason
     assert prediction.ciede2000 == pytest.approx(ciede2000(srgb_to_lab(prediction.reached), violet.lab))
@@ -51,31 +51,31 @@ def test_the_difference_is_to_the_wish_itself_also_where_no_screen_shows_it():
 
 def test_too_little_light_is_told_as_the_cause():
     dark = red_pot().colors[2]
-    prediction = predict(wish((0.9, 0.9, 0.9), dark), PALETTE, red_pot())
+    prediction = predict(target_color((0.9, 0.9, 0.9), dark), PALETTE, red_pot())
     assert "too little light falls there" in prediction.reason and prediction.ciede2000 > 10
 
 
 def test_a_color_that_the_object_does_not_show_is_told():
-    prediction = predict(wish((0.2, 0.3, 0.6), np.array([0.1, 0.8, 0.3])), PALETTE, red_pot())
+    prediction = predict(target_color((0.2, 0.3, 0.6), np.array([0.1, 0.8, 0.3])), PALETTE, red_pot())
     assert "shows no color like #1acc4c" in prediction.reason
 
 
 def test_a_black_source_is_told():
-    prediction = predict(wish((0.2, 0.3, 0.6), np.zeros(3)), PALETTE, red_pot())
+    prediction = predict(target_color((0.2, 0.3, 0.6), np.zeros(3)), PALETTE, red_pot())
     assert "is black" in prediction.reason and np.array_equal(prediction.colors, PALETTE.colors)
 
 
 def test_locked_swatches_stay_and_are_told_as_the_cause():
-    prediction = predict(wish((0.2, 0.3, 0.6)), PALETTE, red_pot(), locked=(1, 2))
+    prediction = predict(target_color((0.2, 0.3, 0.6)), PALETTE, red_pot(), locked=(1, 2))
     assert np.array_equal(prediction.colors, PALETTE.colors) and "locked swatches" in prediction.reason
-    half = predict(wish((0.2, 0.3, 0.6)), PALETTE, red_pot(), locked=(2,))
+    half = predict(target_color((0.2, 0.3, 0.6)), PALETTE, red_pot(), locked=(2,))
     assert np.array_equal(half.colors[2], PALETTE.colors[2]) and not half.reason
 
 
 def test_white_says_that_lit_parts_would_be_brighter():
     light = srgb_to_linear(red_pot().colors) * 1.4
     lit = ColorHistogram(linear_to_srgb(light).clip(0, 1), *red_pot()[1:])
-    prediction = predict(wish((1, 1, 1), np.array([0.4, 0.09, 0.07])), PALETTE, lit)
+    prediction = predict(target_color((1, 1, 1), np.array([0.4, 0.09, 0.07])), PALETTE, lit)
     assert prediction.reason and prediction.ciede2000 > 2
 
 

@@ -13,7 +13,7 @@ from karf_engine.fields.rendering.space import Box
 from karf_engine.fields.rendering.volume import Trace, accumulate, outward_normals, trace_of
 from karf_engine.fields.scene import Scene
 from karf_engine.fields.training.loop import constant, train
-from karf_engine.fields.training.state import Course
+from karf_engine.fields.training.state import TrainingState
 
 BALLS, RADIUS, DENSEST, SAMPLES, RAYS, ITERATIONS = 64, 0.16, 20.0, 40, 192, 150
 
@@ -70,29 +70,31 @@ class BallField(nn.Module):
 
 class BallFit:
     def __init__(self, inputs: FitInputs) -> None:
-        self.bank, self.runtime = inputs.bank, inputs.runtime
-        center, half_width = box_round_focus(self.bank.cameras, 0.75)
+        self.dataset, self.runtime = inputs.dataset, inputs.runtime
+        center, half_width = box_round_focus(self.dataset.cameras, 0.75)
         bounds = torch.stack([center - half_width, center + half_width]).float().to(self.runtime.device)
         field = BallField(bounds, bounds[0] + 2 * half_width * self.runtime.rand(BALLS, 3))
         self.scene = Scene(field, None, inputs.background_kind, step=1.0)
-        self.course = Course(ITERATIONS, torch.optim.Adam(field.parameters(), 0.05), field.state_dict, self.runtime)
-        self.iterations, self.state, self.resume = ITERATIONS, self.course.state, self.course.resume
+        self.training_state = TrainingState(
+            ITERATIONS, torch.optim.Adam(field.parameters(), 0.05), field.state_dict, self.runtime
+        )
+        self.iterations, self.state, self.resume = ITERATIONS, self.training_state.state, self.training_state.resume
 
-    done = property(lambda self: self.course.done)
+    done = property(lambda self: self.training_state.done)
 
-    def scenes(self, progress, unfinished=None):
-        train(self.course, ITERATIONS, self._step, constant, progress, unfinished)
+    def scenes(self, progress, checkpoint=None):
+        train(self.training_state, ITERATIONS, self._step, constant, progress, checkpoint)
         yield self.scene
 
     def _step(self, iteration: int, batch_scale: float) -> tuple[Tensor, dict[str, float]]:
-        index = self.bank.draw(max(1, int(RAYS * batch_scale)), self.runtime)
-        rays, field = self.bank.rays(index), self.scene.field
+        index = self.dataset.draw(max(1, int(RAYS * batch_scale)), self.runtime)
+        rays, field = self.dataset.rays(index), self.scene.field
         trace = field.trace(rays, self.scene.step)
         positions, ray_indices = trace.samples.positions, trace.samples.ray_indices
         colors = field.color(positions, rays.viewdirs[ray_indices], field.features(positions))
         behind = trace.remainder[:, None] * self.scene.behind(rays.viewdirs)
         shown = accumulate(trace.ray_weights, colors, ray_indices, len(rays)) + behind
-        loss = ((shown - self.bank.color[index].float() / 255) ** 2).mean()
+        loss = ((shown - self.dataset.color[index].float() / 255) ** 2).mean()
         return loss, {"psnr": float(-10 * loss.detach().log10())}
 
 

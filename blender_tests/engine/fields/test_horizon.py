@@ -9,7 +9,7 @@ from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.capture.capture import SparsePoints
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.fields.horizon import horizon_of
-from karf_engine.fields.rendering.rays import PixelBank, camera_rays
+from karf_engine.fields.rendering.rays import PixelDataset, camera_rays
 from karf_engine.fields.voxels.fit_open import fit_sky
 
 LOW = [camera_at(2 * np.pi * n / 8, 0.1) for n in range(8)]  # half of their pictures is above the horizontal
@@ -43,7 +43,7 @@ def toward(azimuth, elevation):
 def bank_of(color_of):
     """Photos, two in each direction, whose colors are a function of the rays."""
     cameras = LOW + [camera_at(2 * np.pi * n / 8, 0.1, distance=5.0) for n in range(8)]
-    return PixelBank(cameras, [color_of(camera_rays(camera)).view(32, 32, 3).numpy() for camera in cameras], None)
+    return PixelDataset(cameras, [color_of(camera_rays(camera)).view(32, 32, 3).numpy() for camera in cameras], None)
 
 
 def gradient(rays):

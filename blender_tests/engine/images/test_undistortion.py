@@ -35,21 +35,21 @@ def test_dots_photographed_through_the_lens_land_where_the_pinhole_says():
     for point in points:
         dot_u, dot_v = distorted_pixel(camera, point)
         photo[..., 0] += np.exp(-((u - dot_u) ** 2 + (v - dot_v) ** 2) / (2 * 1.5**2))
-    plate, pinhole, valid = undistort(photo, camera)
+    training_image, pinhole, valid = undistort(photo, camera)
     expected, _ = pinhole.project(np.array(points))
     moved = [np.hypot(*(np.array(distorted_pixel(camera, p)) - e)) for p, e in zip(points, expected, strict=True)]
     assert max(moved) > 3  # the lens really bends
     for target in expected:
         near = np.hypot(u - target[0], v - target[1]) < 6
         assert valid[near].all()
-        weights = plate[near, 0] / plate[near, 0].sum()
+        weights = training_image[near, 0] / training_image[near, 0].sum()
         assert_allclose([weights @ u[near], weights @ v[near]], target, atol=0.05)
 
 
 def test_undistortion_looks_up_the_photo_at_the_distorted_position():
     camera = Camera(160, 120, 130.0, 120.0, 83.0, 57.0, np.eye(4), LENS)
     v, u = np.mgrid[0:120, 0:160] + 0.5
-    plate, pinhole, valid = undistort(np.dstack([u, v, 0 * u]), camera)  # the photo shows its own coordinates
+    training_image, pinhole, valid = undistort(np.dstack([u, v, 0 * u]), camera)  # the photo shows its own coordinates
     assert (pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy) == (130.0, 120.0, 83.0, 57.0)
     assert (pinhole.width, pinhole.height, pinhole.distortion) == (160, 120, ())
     for row, column in ((0, 0), (60, 80), (33, 150), (119, 159), (100, 5)):
@@ -58,7 +58,7 @@ def test_undistortion_looks_up_the_photo_at_the_distorted_position():
         inside = 0 <= in_photo[0] <= 160 and 0 <= in_photo[1] <= 120
         assert valid[row, column] == inside
         if inside:
-            assert_allclose(plate[row, column, :2], np.clip(in_photo, 0.5, [159.5, 119.5]), atol=1e-4)
+            assert_allclose(training_image[row, column, :2], np.clip(in_photo, 0.5, [159.5, 119.5]), atol=1e-4)
 
 
 def test_pixels_beyond_the_fold_of_the_lens_model_are_invalid():
@@ -72,8 +72,8 @@ def test_pixels_beyond_the_fold_of_the_lens_model_are_invalid():
 def test_a_lens_without_distortion_leaves_the_photo_alone():
     camera = Camera(4, 3, 5.0, 5.0, 2.0, 1.5, np.eye(4), (0.0, 0.0, 0.0, 0.0))
     photo = np.random.default_rng(3).random((3, 4, 3))
-    plate, pinhole, valid = undistort(photo, camera)
-    assert_array_equal(plate, photo)
+    training_image, pinhole, valid = undistort(photo, camera)
+    assert_array_equal(training_image, photo)
     assert pinhole.distortion == () and valid.all()
 
 
@@ -124,9 +124,9 @@ def test_a_shrunken_photo_is_undistorted_without_loss_of_detail(tmp_path):
     smooth = cv2.GaussianBlur(np.random.default_rng(10).random((480, 640, 3)), (0, 0), 4)
     pixels = np.uint8(255 * (smooth - smooth.min()) / np.ptp(smooth))
     write_png(tmp_path / "a.png", pixels)
-    (plate,) = load_views([View("a", "a", camera, tmp_path / "a.png", "train")], 100)
+    (training_image,) = load_views([View("a", "a", camera, tmp_path / "a.png", "train")], 100)
     straight, _, valid = undistort(pixels / 255, camera)
     seen = resize(valid.astype(float), 100, 75) > 0.999
-    difference = np.abs(plate.color - resize(straight, 100, 75))[seen & plate.valid]
+    difference = np.abs(training_image.color - resize(straight, 100, 75))[seen & training_image.valid]
     assert difference.max() < 0.03 and np.sqrt((difference**2).mean()) < 0.004
-    assert (seen != plate.valid).mean() < 0.02
+    assert (seen != training_image.valid).mean() < 0.02

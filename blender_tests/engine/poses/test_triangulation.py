@@ -15,7 +15,7 @@ from karf_engine.errors import Cancelled
 
 
 @pytest.fixture(scope="module")
-def plates():
+def training_images():
     return load_views(open_capture(ROOT / "demo").split("train")[::2], 256)
 
 
@@ -23,15 +23,15 @@ def quiet(should_stop=lambda: False):
     return Progress(lambda *_, **__: None, should_stop, "points", 1)
 
 
-def test_points_of_the_demo_photos_lie_on_its_objects_and_project_where_they_were_seen(plates):
-    points = triangulate(plates, 1, quiet())
+def test_points_of_the_demo_photos_lie_on_its_objects_and_project_where_they_were_seen(training_images):
+    points = triangulate(training_images, 1, quiet())
     assert len(points) > 60
     assert np.median(points.errors) < 1.5
     assert len(points.view) == len(points.point) == len(points.pixels) >= 2 * len(points)
     distances = []
-    for number, plate in enumerate(plates):
+    for number, training_image in enumerate(training_images):
         own = points.view == number
-        pixels, depth = plate.camera.project(points.positions[points.point[own]])
+        pixels, depth = training_image.camera.project(points.positions[points.point[own]])
         assert (depth > 0).all()
         distances += np.linalg.norm(pixels - points.pixels[own], axis=1).tolist()
     assert np.median(distances) < 1.5
@@ -40,14 +40,16 @@ def test_points_of_the_demo_photos_lie_on_its_objects_and_project_where_they_wer
     assert inside.mean() > 0.95
 
 
-def test_a_cancelled_search_stops(plates):
+def test_a_cancelled_search_stops(training_images):
     with pytest.raises(Cancelled):
-        triangulate(plates, 1, quiet(should_stop=lambda: True))
+        triangulate(training_images, 1, quiet(should_stop=lambda: True))
 
 
-def test_pictures_that_share_nothing_have_no_points(plates):
+def test_pictures_that_share_nothing_have_no_points(training_images):
     random = np.random.default_rng(0)
-    noise = [type(p)(p.view, p.camera, random.random(p.color.shape, np.float32), None, None) for p in plates[:4]]
+    noise = [
+        type(p)(p.view, p.camera, random.random(p.color.shape, np.float32), None, None) for p in training_images[:4]
+    ]
     assert len(triangulate(noise, 1, quiet())) <= 5
 
 

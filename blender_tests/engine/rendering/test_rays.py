@@ -1,4 +1,4 @@
-"""Rays of pixels: a bank of many plates hands out the same rays as each camera."""
+"""Rays of pixels: a dataset of many training images hands out the same rays as each camera."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ torch = pytest.importorskip("torch")
 
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.distortion import distort
-from karf_engine.fields.rendering.rays import PixelBank, camera_rays, depth_per_distance
+from karf_engine.fields.rendering.rays import PixelDataset, camera_rays, depth_per_distance
 
 
 def random_camera(seed, width, height):
@@ -27,12 +27,12 @@ def random_bank(with_alpha=False):
     random = np.random.default_rng(3)
     colors = [random.random((c.height, c.width, 3)) for c in CAMERAS]
     alphas = [random.random((c.height, c.width)) for c in CAMERAS] if with_alpha else None
-    return PixelBank(CAMERAS, colors, alphas), colors, alphas
+    return PixelDataset(CAMERAS, colors, alphas), colors, alphas
 
 
 def test_rays_of_the_bank_are_those_of_the_cameras():
-    bank, _, _ = random_bank()
-    rays = bank.rays(torch.arange(len(bank)))
+    dataset, _, _ = random_bank()
+    rays = dataset.rays(torch.arange(len(dataset)))
     expected = [camera.rays(camera.pixel_centers()) for camera in CAMERAS]
     directions = np.concatenate([d / np.linalg.norm(d, axis=1, keepdims=True) for _, d in expected])
     assert_allclose(rays.origins, np.concatenate([o for o, _ in expected]), atol=1e-6)
@@ -40,23 +40,23 @@ def test_rays_of_the_bank_are_those_of_the_cameras():
 
 
 def test_pixels_of_plates_of_mixed_sizes_are_found_in_any_order():
-    bank, colors, alphas = random_bank(with_alpha=True)
-    assert len(bank) == 7 * 5 + 4 * 9 + 6 * 6
-    assert bank.first.tolist() == [0, 35, 71, 107]
+    dataset, colors, alphas = random_bank(with_alpha=True)
+    assert len(dataset) == 7 * 5 + 4 * 9 + 6 * 6
+    assert dataset.first.tolist() == [0, 35, 71, 107]
     index = torch.tensor([70, 0, 106, 35, 34, 71])
-    assert bank.view_of(index).tolist() == [1, 0, 2, 1, 0, 2]
-    whole = torch.arange(len(bank))
-    assert_allclose(bank.rays(index).viewdirs, bank.rays(whole).viewdirs[index])
-    # the last pixel of the second plate is its lower right corner
-    assert_array_equal(bank.color[70], np.rint(colors[1][8, 3] * 255))
-    assert bank.alpha[70] == np.rint(alphas[1][8, 3] * 255)
+    assert dataset.view_of(index).tolist() == [1, 0, 2, 1, 0, 2]
+    whole = torch.arange(len(dataset))
+    assert_allclose(dataset.rays(index).viewdirs, dataset.rays(whole).viewdirs[index])
+    # the last pixel of the second training image is its lower right corner
+    assert_array_equal(dataset.color[70], np.rint(colors[1][8, 3] * 255))
+    assert dataset.alpha[70] == np.rint(alphas[1][8, 3] * 255)
 
 
 def test_camera_rays_are_unit_and_run_row_by_row():
     rays = camera_rays(CAMERAS[0])
-    bank, _, _ = random_bank()
+    dataset, _, _ = random_bank()
     assert_allclose(rays.viewdirs.norm(dim=1), np.ones(35), atol=1e-6)
-    assert_allclose(rays.viewdirs, bank.rays(torch.arange(35)).viewdirs, atol=1e-6)
+    assert_allclose(rays.viewdirs, dataset.rays(torch.arange(35)).viewdirs, atol=1e-6)
 
 
 def test_depth_along_the_axis_follows_from_distance_along_the_ray():

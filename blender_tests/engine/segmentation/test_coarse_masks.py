@@ -13,7 +13,7 @@ from blender_tests.engine.reference.no_files import NO_FILES
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import Capture, View
 from karf_engine.capture.reading import make_views
-from karf_engine.capture.training_images import Plate
+from karf_engine.capture.training_images import TrainingImage
 from karf_engine.errors import DataError
 from karf_engine.io.images import write_png
 from karf_engine.segmentation.coarse_masks import copy_masks, find_masks, load_mask, marked_views
@@ -30,7 +30,7 @@ def capture(tmp_path):
 
 
 def plate_of(view, width=18, height=12):
-    return Plate(view, view.camera.scaled(width, height), np.zeros((height, width, 3)), None, None)
+    return TrainingImage(view, view.camera.scaled(width, height), np.zeros((height, width, 3)), None, None)
 
 
 def error_of(action, *arguments):

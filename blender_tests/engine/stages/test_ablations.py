@@ -110,8 +110,8 @@ def test_weights_of_rays_that_are_not_asked_teach_nothing(job, field, palettes):
 def test_the_rate_is_constant_or_warms_up_and_falls(job, field, palettes, monkeypatch, schedule, highest, lowest):
     factors = []
 
-    def note(course, until, step, factor, progress, unfinished):
-        factors.extend(factor(i, course.iterations) for i in range(until + 1))
+    def note(training_state, until, step, factor, progress, checkpoint):
+        factors.extend(factor(i, training_state.iterations) for i in range(until + 1))
 
     monkeypatch.setattr("karf_engine.heads.fit.train", note)
     rays = rays_with(job, field, palettes)

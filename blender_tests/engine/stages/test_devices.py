@@ -24,7 +24,7 @@ from karf_engine.fields.files import load_scene, save_scene
 from karf_engine.fields.fit import FitInputs
 from karf_engine.fields.nerf import importing
 from karf_engine.fields.registry import start_fit
-from karf_engine.fields.rendering.rays import PixelBank
+from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.rendering.surface_cache import cache_surface
 from karf_engine.fields.scene import psnr_of_views
 from karf_engine.project import STAGE_ORDER, Project
@@ -67,10 +67,10 @@ def started(kind, space, field, device):
     colors = [photo.color for photo in photos]
     alphas = [photo.alpha for photo in photos] if kind == "alpha" else None
     solids = [photo.color.max(2) > 0.1 for photo in photos] if kind in ("black", "white") else None
-    bank = PixelBank([view.camera for view in views], colors, alphas, solids, device=device)
+    dataset = PixelDataset([view.camera for view in views], colors, alphas, solids, device=device)
     settings = replace(SETTINGS, field=field)
     where = runtime.start_runtime(0, threads=1, device=str(device))
-    return start_fit(FitInputs(bank, kind, space, views, points_in_the_middle(views), settings, where)), bank
+    return start_fit(FitInputs(dataset, kind, space, views, points_in_the_middle(views), settings, where)), dataset
 
 
 def points_in_the_middle(views):
@@ -100,15 +100,15 @@ GEOMETRIES = {
 
 @pytest.mark.parametrize("geometry", GEOMETRIES.values(), ids=GEOMETRIES)
 def test_a_scene_is_learned_stored_and_looked_at_away_from_the_cpu(geometry, elsewhere, tmp_path):
-    fit, bank = started(*geometry, elsewhere)
+    fit, dataset = started(*geometry, elsewhere)
     *_, scene = fit.scenes(SILENT)
     save_scene(scene, tmp_path / "scene.safetensors")
     camera = camera_at(0.3, 0.5, 12)
     views = [load_scene(tmp_path / "scene.safetensors", where).render(camera, 3) for where in (elsewhere, "cpu")]
     assert views[0].color.device.type == elsewhere.type
     assert torch.allclose(views[0].color.cpu(), views[1].color, atol=1e-3)
-    assert all(np.isfinite(psnr_of_views(scene, bank, 20)))
-    cache = cache_surface(scene.field, bank.rays(torch.arange(50, device=elsewhere)), 3, 1.0)
+    assert all(np.isfinite(psnr_of_views(scene, dataset, 20)))
+    cache = cache_surface(scene.field, dataset.rays(torch.arange(50, device=elsewhere)), 3, 1.0)
     field, positions = scene.field, cache.positions.view(-1, 3)
     for values in (field.normals(positions), field.features(positions), field.space.to_world(positions)):
         assert values.device.type == elsewhere.type and len(values) == len(positions)
@@ -128,10 +128,10 @@ def test_an_interrupted_nerf_resumes_away_from_the_cpu(elsewhere):
 
 def test_a_foreign_nerf_is_imported_away_from_the_cpu(elsewhere, monkeypatch):
     monkeypatch.setattr(importing, "MIN_PSNR", 0.0)
-    fit, bank = started("opaque", "frustum", "nerf", elsewhere)
+    fit, dataset = started("opaque", "frustum", "nerf", elsewhere)
     views = [replace(view, depth_bounds=(2.2, 9.0)) for view in views_and_photos(sky=True)[0]]
     networks = (fit.field.coarse.cpu(), fit.field.fine.cpu())
-    scene, _, _ = importing.import_nerf(networks, views, {"opaque": bank}, SETTINGS.nerf, "a file", elsewhere)
+    scene, _, _ = importing.import_nerf(networks, views, {"opaque": dataset}, SETTINGS.nerf, "a file", elsewhere)
     assert scene.field.bounds.device.type == elsewhere.type
 
 

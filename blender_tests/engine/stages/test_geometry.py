@@ -127,23 +127,23 @@ def test_other_sparse_points_are_another_scene_to_learn(capture, monkeypatch, tm
 
 def test_the_captures_own_points_are_used_as_the_training_photos_saw_them(capture, tmp_path, events):
     job = job_on(tmp_path, events)
-    plates = load_views(capture.split("train"), 64)
-    points = geometry.training_points(job, capture, plates, "opaque")
+    training_images = load_views(capture.split("train"), 64)
+    points = geometry.training_points(job, capture, training_images, "opaque")
     test = [number for number, view in enumerate(capture.views) if view.split == "test"]
     assert len(points) == len(capture.points)
     assert len(points.view) == (~np.isin(capture.points.view, test)).sum() > 0
-    for number, plate in enumerate(plates):
+    for number, training_image in enumerate(training_images):
         own = points.view == number
-        pixels, _ = plate.camera.project(points.positions[points.point[own]])
+        pixels, _ = training_image.camera.project(points.positions[points.point[own]])
         np.testing.assert_allclose(pixels, points.pixels[own], atol=1e-3)
-    assert geometry.training_points(job, capture, plates, "alpha") is None
+    assert geometry.training_points(job, capture, training_images, "alpha") is None
 
 
 def test_without_pycolmap_a_bare_capture_is_learned_in_a_box_with_a_warning(capture, monkeypatch, tmp_path, events):
     monkeypatch.setattr(geometry, "find_spec", lambda name: None)
     bare = replace(capture, points=None)
-    plates = load_views(bare.split("train"), 64)
-    assert geometry.training_points(job_on(tmp_path, events), bare, plates, "opaque") is None
+    training_images = load_views(bare.split("train"), 64)
+    assert geometry.training_points(job_on(tmp_path, events), bare, training_images, "opaque") is None
     assert warnings(events) == ["points"]
 
 
@@ -164,19 +164,19 @@ def test_a_search_for_points_that_fails_is_a_warning(capture, monkeypatch, tmp_p
 def test_held_out_views_that_become_worse_are_warned_of(monkeypatch, tmp_path, events):
     job, scores = job_on(tmp_path, events), []
     for values in ([22.0, 24.0], [21.8, 24.0], [20.0, 23.0]):
-        monkeypatch.setattr(geometry, "psnr_of_views", lambda scene, bank, values=values: values)
+        monkeypatch.setattr(geometry, "psnr_of_views", lambda scene, dataset, values=values: values)
         geometry.validate(job, None, None, scores)
     assert scores == [[23.0, 22.0], [22.9, 21.8], [21.5, 20.0]]
     assert warnings(events) == ["held_out"]
 
 
 def test_voxels_that_lose_most_of_the_photos_are_warned_of_with_the_number_that_would_do(capture, tmp_path, events):
-    job, plates = job_on(tmp_path, events), load_views(capture.split("train"), 64)
-    geometry.warn_of_lost_detail(job, 1.2, plates, "contraction")
+    job, training_images = job_on(tmp_path, events), load_views(capture.split("train"), 64)
+    geometry.warn_of_lost_detail(job, 1.2, training_images, "contraction")
     assert not warnings(events)
-    geometry.warn_of_lost_detail(job, 5.0, plates, "contraction")
+    geometry.warn_of_lost_detail(job, 5.0, training_images, "contraction")
     assert warnings(events) == ["detail"]
     sentence = events[-1][1]["sentence"]
     assert "5.0 pixels" in sentence and "geometry.open.levels ends at 16 voxels; 40 would do" in sentence
-    geometry.warn_of_lost_detail(job, 5.0, plates, "box")
+    geometry.warn_of_lost_detail(job, 5.0, training_images, "box")
     assert "geometry.levels ends at 136 voxels; 340 would do" in events[-1][1]["sentence"]

@@ -71,9 +71,9 @@ def kill_once_saved(command, saved: Path, times: int):
 def test_a_killed_geometry_stage_gives_the_same_file_in_the_end(still_life, tmp_path):
     whole, killed = Project(tmp_path / "whole"), Project(tmp_path / "killed")
     assert main(geometry_command(still_life, whole.folder)) == 0
-    assert not whole.unfinished_file("geometry").exists()
+    assert not whole.checkpoint_file("geometry").exists()
     for _ in range(2):
-        kill_once_saved(geometry_command(still_life, killed.folder), killed.unfinished_file("geometry"), 20)
+        kill_once_saved(geometry_command(still_life, killed.folder), killed.checkpoint_file("geometry"), 20)
         assert killed.finished("geometry") is None
     done = run_engine(*geometry_command(still_life, killed.folder))
     assert done.returncode == 0, done.stderr
@@ -81,7 +81,7 @@ def test_a_killed_geometry_stage_gives_the_same_file_in_the_end(still_life, tmp_
     assert begun > 20  # the second job had resumed too
     assert same_file(whole.geometry_file, killed.geometry_file)
     assert killed.finished("geometry")["held_out"] == whole.finished("geometry")["held_out"]
-    assert not killed.unfinished_file("geometry").exists()
+    assert not killed.checkpoint_file("geometry").exists()
 
 
 @pytest.fixture(params=["segmentation", "recoloring"])
@@ -113,19 +113,19 @@ def test_a_cancelled_head_resumes_to_the_same_file(half_done, learned, monkeypat
     with monkeypatch.context() as patch:
         patch.setattr(Progress, "step", cancel)
         assert main(command) == Cancelled.exit_code
-    assert project.unfinished_file(stage).exists()
+    assert project.checkpoint_file(stage).exists()
     assert main(command) == 0
     assert "resuming at iteration 26 of" in capsys.readouterr().err
     assert same_file(Project(learned.project).folder / f"{stage}.safetensors", project.folder / f"{stage}.safetensors")
-    assert not project.unfinished_file(stage).exists()
+    assert not project.checkpoint_file(stage).exists()
 
 
 def test_what_led_to_divergence_is_not_resumed(still_life, tmp_path, monkeypatch):
     def find_nothing(fit):
-        assert Project(tmp_path).unfinished_file("geometry").exists()
+        assert Project(tmp_path).checkpoint_file("geometry").exists()
         raise Diverged("Nothing is solid.")
 
     monkeypatch.setattr("karf_engine.fields.training.checkpoint.INTERVAL", 0.0)
     monkeypatch.setattr("karf_engine.fields.voxels.fit.VoxelFit._pruned", find_nothing)
     assert main(geometry_command(still_life, tmp_path)) == Diverged.exit_code
-    assert not Project(tmp_path).unfinished_file("geometry").exists()
+    assert not Project(tmp_path).checkpoint_file("geometry").exists()

@@ -112,7 +112,7 @@ def killed(still_life, tmp_path, monkeypatch, capsys):
 def test_a_killed_job_resumes_where_it_was_last_saved(killed, still_life, capsys):
     code, told = learn_a_little(still_life, killed.folder, capsys)
     assert code == 0 and "resuming at iteration 80 of 120" in told
-    assert killed.finished("geometry") and not killed.unfinished_file("geometry").exists()
+    assert killed.finished("geometry") and not killed.checkpoint_file("geometry").exists()
 
 
 def test_a_job_killed_after_its_last_iteration_has_only_to_validate(killed, still_life, monkeypatch, capsys):
@@ -126,7 +126,7 @@ def test_a_job_killed_after_its_last_iteration_has_only_to_validate(killed, stil
 def test_what_is_left_of_other_settings_or_damaged_is_not_resumed(killed, still_life, capsys):
     code, told = learn_a_little(still_life, killed.folder, capsys, "geometry.nerf.rate=0.004")
     assert code == 0 and "resuming" not in told
-    killed.unfinished_file("geometry").write_bytes(b"cut off")
+    killed.checkpoint_file("geometry").write_bytes(b"cut off")
     code, told = learn_a_little(still_life, killed.folder, capsys)
     assert code == 0 and "Learning begins anew" in told and "damaged" in told
 

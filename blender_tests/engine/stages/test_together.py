@@ -10,8 +10,8 @@ pytest.importorskip("scipy")
 
 from blender_tests.engine.conftest import run_engine
 from karf_engine.commands import geometry
-from karf_engine.compute import process_group as team_module
-from karf_engine.compute.process_group import Team
+from karf_engine.compute import process_group as process_group_module
+from karf_engine.compute.process_group import ProcessGroup
 from karf_engine.errors import BadRequest, Cancelled
 from karf_engine.fields.training import loop
 from karf_engine.io.checkpoints import load_tensors
@@ -32,16 +32,18 @@ needs_gloo = pytest.mark.skipif(
 )
 
 
-def in_turn(course, step, iteration, parts):
-    """`_gradients` of both processes of a team, one after the other in this one."""
-    generator = course._random
+def in_turn(training_state, step, iteration, parts):
+    """`_gradients` of both processes of a process group, one after the other in this one."""
+    generator = training_state._random
     before = generator.get_state()
     for rank in range(2):
         generator.set_state(before)
-        with Team(rank, 2).own_numbers(generator):
+        with ProcessGroup(rank, 2).own_numbers(generator):
             loss, metrics = step(iteration, 1 / (2 * parts))
             loss.backward()
-    for parameter in course.optimizer.param_groups[0]["params"] + course.optimizer.param_groups[1]["params"]:
+    for parameter in (
+        training_state.optimizer.param_groups[0]["params"] + training_state.optimizer.param_groups[1]["params"]
+    ):
         if parameter.grad is not None:
             parameter.grad /= 2
     return loss.detach(), metrics
@@ -117,12 +119,12 @@ def test_where_one_process_fails_all_end(tmp_path):
     assert done.returncode != 0 and (done.stdout + done.stderr).count("error: ") >= 1
 
 
-# ------------------------------------------------------------------------------------------------------------- the team
+# ----------------------------------------------------------------------------------------------------- the process group
 def test_each_process_draws_its_own_numbers_and_then_all_stand_at_one_place():
     drawn, after = [], []
     for rank in range(2):
         generator = torch.Generator().manual_seed(3)
-        with Team(rank, 2).own_numbers(generator):
+        with ProcessGroup(rank, 2).own_numbers(generator):
             drawn.append(torch.rand(10 + rank, generator=generator)[:10])
         after.append(torch.rand(10, generator=generator))
     assert not torch.equal(*drawn) and torch.equal(*after)
@@ -131,7 +133,7 @@ def test_each_process_draws_its_own_numbers_and_then_all_stand_at_one_place():
 def test_a_share_that_is_tried_again_draws_what_it_would_have_drawn():
     generator = torch.Generator().manual_seed(3)
     before = generator.get_state()
-    with pytest.raises(MemoryError), Team(1, 2).own_numbers(generator):
+    with pytest.raises(MemoryError), ProcessGroup(1, 2).own_numbers(generator):
         torch.rand(3, generator=generator)
         raise MemoryError
     assert torch.equal(generator.get_state(), before)
@@ -140,13 +142,13 @@ def test_a_share_that_is_tried_again_draws_what_it_would_have_drawn():
 def test_processes_whose_grids_differ_are_told_apart(monkeypatch):
     parameter = torch.nn.Parameter(torch.zeros(4))
     parameter.grad = torch.ones(4)
-    monkeypatch.setattr(team_module.distributed, "all_reduce", lambda sizes, how: sizes.add_(1))
+    monkeypatch.setattr(process_group_module.distributed, "all_reduce", lambda sizes, how: sizes.add_(1))
     with pytest.raises(BadRequest, match="come apart: 4 and 5 numbers"):
-        Team(0, 2).average([parameter])
+        ProcessGroup(0, 2).average([parameter])
 
 
 def test_a_process_alone_waits_for_nobody():
-    alone, parameter = Team(), torch.nn.Parameter(torch.zeros(2))
+    alone, parameter = ProcessGroup(), torch.nn.Parameter(torch.zeros(2))
     parameter.grad = torch.tensor([1.0, 2.0])
     alone.average([parameter])
     assert alone.share("value") == "value" and parameter.grad.tolist() == [1.0, 2.0]

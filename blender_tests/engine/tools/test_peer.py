@@ -44,7 +44,7 @@ else:
 
 
 @pytest.fixture
-def plates(still_life):
+def training_images(still_life):
     capture = open_capture(still_life.capture)
     return {split: load_views(capture.split(split), 32) for split in ("train", "test")}
 
@@ -55,25 +55,27 @@ def points_at(*positions):
     return SparsePoints(np.array(positions), colors, np.zeros(n, np.float32), nothing, nothing, np.zeros((0, 2)))
 
 
-def test_it_gets_the_photos_cameras_and_points_that_we_learn_from(plates, tmp_path):
-    peer.write_folder(tmp_path, plates["train"], points_at(BALL_CENTER, (0.25, -1e-7, 3)))
+def test_it_gets_the_photos_cameras_and_points_that_we_learn_from(training_images, tmp_path):
+    peer.write_folder(tmp_path, training_images["train"], points_at(BALL_CENTER, (0.25, -1e-7, 3)))
     written = json.loads((tmp_path / "transforms.json").read_text())
-    assert written["camera_model"] and len(written["frames"]) == len(plates["train"])
-    frame, plate = written["frames"][0], plates["train"][0]
+    assert written["camera_model"] and len(written["frames"]) == len(training_images["train"])
+    frame, training_image = written["frames"][0], training_images["train"][0]
     assert (tmp_path / frame["file_path"]).is_file() and (frame["w"], frame["h"]) == (32, 32)
-    assert frame["fl_x"] == plate.camera.fx and np.array_equal(frame["transform_matrix"], plate.camera.camera_to_world)
+    assert frame["fl_x"] == training_image.camera.fx and np.array_equal(
+        frame["transform_matrix"], training_image.camera.camera_to_world
+    )
     header, _, rows = (tmp_path / written["ply_file_path"]).read_text().partition("end_header\n")
     assert "element vertex 2" in header and rows == "-0.4 0 0.1 128 128 128\n0.25 -1e-07 3 128 128 128\n"
     found = {view.name: view.camera for view in open_capture(tmp_path).views}  # our own reader takes it too
-    assert len(found) == len(plates["train"])
+    assert len(found) == len(training_images["train"])
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="seconds are counted on Linux alone")
-def test_every_held_out_photo_is_judged_at_every_step_that_is_looked_at(plates, tmp_path):
+def test_every_held_out_photo_is_judged_at_every_step_that_is_looked_at(training_images, tmp_path):
     (tmp_path / "opensplat.py").write_text(STAND_IN)
     program, extra = [sys.executable, str(tmp_path / "opensplat.py")], ["--refine-every", "100"]
-    peer.write_folder(tmp_path / "learn", plates["train"], points_at(BALL_CENTER))
-    peer.write_folder(tmp_path / "judge", plates["test"] + plates["train"], points_at(BALL_CENTER))
+    peer.write_folder(tmp_path / "learn", training_images["train"], points_at(BALL_CENTER))
+    peer.write_folder(tmp_path / "judge", training_images["test"] + training_images["train"], points_at(BALL_CENTER))
     saved = peer.learn_theirs(program, tmp_path, 400, 200, 1, extra)
     assert [step for step, _ in saved] == [200, 400] and 0 < saved[0][1] <= saved[1][1]
     values = [peer.judge(program, tmp_path, 400, number, extra) for number in range(2)]

@@ -15,7 +15,7 @@ from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import Cancelled
 from karf_engine.fields.rendering.surface_cache import SurfaceCache
-from karf_engine.fields.training.checkpoint import SCHEMA, Unfinished
+from karf_engine.fields.training.checkpoint import SCHEMA, Checkpoint
 from karf_engine.fields.voxels.fit_box import start_box_fit
 from karf_engine.heads.fields import RecoloringField, SegmentationField
 from karf_engine.heads.fit import ObjectRays, fit_on_points, fit_on_rays, fit_recoloring
@@ -63,12 +63,12 @@ GEOMETRIES = {
 }
 
 
-def learn_geometry(start, progress, unfinished):
+def learn_geometry(start, progress, checkpoint):
     """Everything that a scene is made of, after each level."""
     fit = start()
-    unfinished.follow(fit, progress)
+    checkpoint.follow(fit, progress)
     found = []
-    for scene in fit.scenes(progress, unfinished):
+    for scene in fit.scenes(progress, checkpoint):
         background = {} if scene.background is None else scene.background.state_dict()
         tensors = [*scene.field.state_dict().values(), *background.values()]
         found.append([tensor.clone() for tensor in tensors])
@@ -85,14 +85,14 @@ class Plain:
         return torch.cat([positions, positions**2], 1)
 
 
-def learn_head(kind, progress, unfinished):
+def learn_head(kind, progress, checkpoint):
     """Everything that a head is made of."""
     runtime = start_runtime(0, 1, "cpu")
     random = torch.Generator().manual_seed(1)
     positions = torch.rand(200, 3, 3, generator=random) * 2 - 1
     classes = (positions[:, 0, 0] > 0).long()
     bounds = torch.tensor([[-1.0] * 3, [1.0] * 3])
-    common = (runtime, progress, unfinished)
+    common = (runtime, progress, checkpoint)
     if kind == "recoloring":
         settings = RecoloringSettings(iterations=12, batch=64, width=8, palette_share=0.5)
         karf = RecoloringField(bounds, 6, [3, 3], settings)
@@ -125,9 +125,9 @@ def events():
 
 
 @pytest.fixture
-def unfinished(tmp_path, events):
+def checkpoint(tmp_path, events):
     """The file of a fit, opened anew for each job."""
-    return lambda fingerprint="of these inputs": Unfinished(
+    return lambda fingerprint="of these inputs": Checkpoint(
         tmp_path / "unfinished.safetensors", fingerprint, "test", lambda kind, /, **values: events.append(values)
     )
 
@@ -137,31 +137,31 @@ def same(first, second):
 
 
 @pytest.mark.parametrize("name", LEARNERS)
-def test_a_fit_that_is_cancelled_again_and_again_ends_where_an_uninterrupted_one_does(name, unfinished, events):
+def test_a_fit_that_is_cancelled_again_and_again_ends_where_an_uninterrupted_one_does(name, checkpoint, events):
     learn = LEARNERS[name]
-    whole = learn(Stopwatch(), unfinished("uninterrupted"))
+    whole = learn(Stopwatch(), checkpoint("uninterrupted"))
     stood = 0
     for stop in STOPS.get(name, HEAD_STOPS):
         progress = Stopwatch(after=stop - stood)
         with pytest.raises(Cancelled):
-            learn(progress, unfinished())
+            learn(progress, checkpoint())
         assert progress.begun_at == stood
         stood = stop
     last = Stopwatch()
-    assert same(learn(last, unfinished()), whole)
+    assert same(learn(last, checkpoint()), whole)
     assert f"resuming at iteration {stood} of {stood + last.steps}" in events[-1]["text"]
 
 
 @pytest.mark.parametrize("name", ["box, sky", "open", "nerf", "recoloring"])
-def test_saving_on_the_way_changes_nothing_of_what_is_learned(name, unfinished, monkeypatch):
-    whole = LEARNERS[name](Stopwatch(), unfinished("uninterrupted"))
+def test_saving_on_the_way_changes_nothing_of_what_is_learned(name, checkpoint, monkeypatch):
+    whole = LEARNERS[name](Stopwatch(), checkpoint("uninterrupted"))
     monkeypatch.setattr("karf_engine.fields.training.checkpoint.INTERVAL", 0.0)
-    assert same(LEARNERS[name](Stopwatch(), unfinished()), whole)
+    assert same(LEARNERS[name](Stopwatch(), checkpoint()), whole)
 
 
-def interrupted(learn, unfinished, after=3):
+def interrupted(learn, checkpoint, after=3):
     with pytest.raises(Cancelled):
-        learn(Stopwatch(after), unfinished())
+        learn(Stopwatch(after), checkpoint())
 
 
 def rewrite(path, change):
@@ -195,64 +195,64 @@ DAMAGES = {
 @pytest.mark.parametrize("damage", DAMAGES)
 @pytest.mark.parametrize("name", ["box, sky", "nerf", "recoloring"])
 def test_what_is_damaged_is_removed_with_a_warning_and_learning_begins_anew(
-    name, damage, unfinished, tmp_path, events, request
+    name, damage, checkpoint, tmp_path, events, request
 ):
-    interrupted(LEARNERS[name], unfinished)
+    interrupted(LEARNERS[name], checkpoint)
     path = tmp_path / "unfinished.safetensors"
     DAMAGES[damage](path)
     progress = Stopwatch(after=2)
     with pytest.raises(Cancelled):
-        LEARNERS[name](progress, unfinished())
+        LEARNERS[name](progress, checkpoint())
     assert progress.begun_at == 0
     assert [values["code"] for values in events] == ["unfinished"]
     assert "begins anew" in events[0]["sentence"] and str(path) not in events[0].get("text", "")
     # and what is saved from then on is sound
     last = Stopwatch(after=1)
     with pytest.raises(Cancelled):
-        LEARNERS[name](last, unfinished())
+        LEARNERS[name](last, checkpoint())
     assert last.begun_at == 2
 
 
-def test_nothing_of_a_damaged_state_is_taken_over(unfinished, tmp_path):
+def test_nothing_of_a_damaged_state_is_taken_over(checkpoint, tmp_path):
     learn = LEARNERS["box, sky"]
-    whole = learn(Stopwatch(), unfinished("uninterrupted"))
-    interrupted(learn, unfinished, after=65)
+    whole = learn(Stopwatch(), checkpoint("uninterrupted"))
+    interrupted(learn, checkpoint, after=65)
     rewrite(tmp_path / "unfinished.safetensors", lambda state: state.pop("course.random"))
-    assert same(learn(Stopwatch(), unfinished()), whole)
+    assert same(learn(Stopwatch(), checkpoint()), whole)
 
 
-def test_what_other_inputs_left_is_not_resumed(unfinished, events):
-    interrupted(LEARNERS["points"], unfinished)
+def test_what_other_inputs_left_is_not_resumed(checkpoint, events):
+    interrupted(LEARNERS["points"], checkpoint)
     progress = Stopwatch()
-    LEARNERS["points"](progress, unfinished("another fingerprint"))
+    LEARNERS["points"](progress, checkpoint("another fingerprint"))
     assert progress.begun_at == 0 and not events
 
 
-def test_notes_are_kept_beside_the_fit(unfinished):
-    first = unfinished()
+def test_notes_are_kept_beside_the_fit(checkpoint):
+    first = checkpoint()
     first.notes["held_out"] = [[20.5, 19.0]]
     with pytest.raises(Cancelled):
         LEARNERS["points"](Stopwatch(after=3), first)
-    second = unfinished()
+    second = checkpoint()
     LEARNERS["points"](Stopwatch(), second)
     assert second.notes == {"held_out": [[20.5, 19.0]]}
 
 
-def test_random_numbers_of_another_kind_of_device_do_not_cost_what_was_learned(unfinished, tmp_path):
-    interrupted(LEARNERS["points"], unfinished)
+def test_random_numbers_of_another_kind_of_device_do_not_cost_what_was_learned(checkpoint, tmp_path):
+    interrupted(LEARNERS["points"], checkpoint)
     rewrite(tmp_path / "unfinished.safetensors", lambda s: s.update(random=torch.zeros(16, dtype=torch.uint8)))
     progress = Stopwatch()
-    LEARNERS["points"](progress, unfinished())
+    LEARNERS["points"](progress, checkpoint())
     assert progress.begun_at == 3
 
 
-def test_a_disk_that_takes_nothing_is_a_warning_said_once(unfinished, events, monkeypatch):
+def test_a_disk_that_takes_nothing_is_a_warning_said_once(checkpoint, events, monkeypatch):
     def fail(*_):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("karf_engine.fields.training.checkpoint.INTERVAL", 0.0)
     monkeypatch.setattr("karf_engine.fields.training.checkpoint.save_tensors", fail)
-    whole = LEARNERS["points"](Stopwatch(), unfinished())
+    whole = LEARNERS["points"](Stopwatch(), checkpoint())
     assert len(whole) > 3
     assert ["No space left" in values["sentence"] for values in events] == [True]
 

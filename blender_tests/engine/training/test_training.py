@@ -10,7 +10,7 @@ from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import Cancelled, Diverged, OutOfMemory
 from karf_engine.fields.training.loop import cosine_with_warmup, exponential_with_warmup, train
-from karf_engine.fields.training.state import Course
+from karf_engine.fields.training.state import TrainingState
 
 
 class Recorder:
@@ -32,8 +32,10 @@ class Recorder:
         return (self.value - 3) ** 2, {"loss": 1.0}
 
     def train(self, iterations, step=None, schedule=lambda i, n: 1.0):
-        course = Course(iterations, self.optimizer, lambda: {"value": self.value}, start_runtime(0, 1, "cpu"))
-        train(course, iterations, step or self.step, schedule, self.progress)
+        training_state = TrainingState(
+            iterations, self.optimizer, lambda: {"value": self.value}, start_runtime(0, 1, "cpu")
+        )
+        train(training_state, iterations, step or self.step, schedule, self.progress)
 
 
 def test_the_cosine_warms_up_and_falls_to_its_floor_by_hand():

@@ -13,7 +13,7 @@ from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.fields.nerf.field import NerfField, NerfNetwork, NerfSampling, NerfShape
 from karf_engine.fields.nerf.fit import NerfFit, quick_products
-from karf_engine.fields.rendering.rays import PixelBank
+from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.rendering.space import Box
 from karf_engine.fields.rendering.surface_cache import SurfaceCache
 from karf_engine.fields.training import loop
@@ -126,9 +126,9 @@ def test_learning_a_nerf_waits_for_nothing(waits, tools):
     nerf = NerfField(*[network.to(runtime.device) for network in networks], sampling, Box(), bounds)
     cameras = [camera_at(angle, 0.5, 8) for angle in (0.0, 1.0)]
     colors = [torch.rand(8, 8, 3).numpy() for _ in cameras]
-    bank = PixelBank(cameras, colors, [color[..., 0] for color in colors], device=runtime.device)
+    dataset = PixelDataset(cameras, colors, [color[..., 0] for color in colors], device=runtime.device)
     settings = NerfSettings(iterations=ITERATIONS, rays=32, crop_iterations=2, look_every=ITERATIONS)
-    for _ in NerfFit(bank, "alpha", settings, runtime, nerf).scenes(progress):
+    for _ in NerfFit(dataset, "alpha", settings, runtime, nerf).scenes(progress):
         pass
     assert waits == [[]] * ITERATIONS
 

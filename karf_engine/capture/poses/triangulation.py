@@ -18,7 +18,7 @@ from ...io.color import to_bytes
 from ...io.images import encoded
 from ..camera import Camera
 from ..capture import SparsePoints
-from ..training_images import Plate
+from ..training_images import TrainingImage
 from .child import child_messages
 from .work_folder import work_folder
 
@@ -42,15 +42,17 @@ class _Task:
         return self.folder / "features.db"
 
 
-def triangulate(plates: list[Plate], threads: int, progress: Progress) -> SparsePoints:
-    """Points that at least two of the plates share; `view` numbers the plates, pixels and errors are of their size.
+def triangulate(training_images: list[TrainingImage], threads: int, progress: Progress) -> SparsePoints:
+    """Points that at least two of the images share; `view` numbers the images, pixels and errors are of their size.
 
-    progress: gets one step a plate. Raises KarfError where pycolmap fails, and what progress raises.
+    progress: gets one step a training image. Raises KarfError where pycolmap fails, and what progress raises.
     """
     with work_folder(Path(tempfile.gettempdir()), "karf-points-") as folder:
-        task = _Task(folder, [f"{n:05d}.png" for n in range(len(plates))], [p.camera for p in plates], threads)
-        for photo, plate in zip(task.names, plates, strict=True):
-            (task.folder / photo).write_bytes(encoded(".png", to_bytes(plate.color)))
+        task = _Task(
+            folder, [f"{n:05d}.png" for n in range(len(training_images))], [p.camera for p in training_images], threads
+        )
+        for photo, training_image in zip(task.names, training_images, strict=True):
+            (task.folder / photo).write_bytes(encoded(".png", to_bytes(training_image.color)))
         with child_messages("pycolmap", _find, task) as messages:
             for kind, found in messages:
                 progress.step(found if kind == "photos" else 0)

@@ -54,11 +54,11 @@ def render_bundle(
     Args:
         project: The project's folder.
         out: The bundle's folder, new or empty.
-        views: A split, names with commas, or the path of a CAMERAS.json, as for `library.render`.
+        views: A split, names with commas, or the path of a CAMERAS.json, as for `api.render`.
         edit: File of an edit; or one for each view, in their order, or a folder with `<view>.json` for each.
         per_task: How many frames a task renders.
         python: The Python of the farm's machines that has the engine's packages.
-        **pictures: What else `library.render` takes of `PICTURES`.
+        **pictures: What else `api.render` takes of `PICTURES`.
 
     Returns:
         The bundle's folder, absolute.
@@ -99,9 +99,9 @@ def learning_bundle(
         capture: A capture whose photos lie below its folder.
         masks: A folder of rough masks.
         out: The bundle's folder, new or empty.
-        preset: As for `library.learn`.
+        preset: As for `api.learn`.
         overrides: Single settings of all stages, each as `stage.field=value`.
-        holdout: As for `library.learn`.
+        holdout: As for `api.learn`.
         views: As for `render_bundle`.
         edit: File of an edit; that of a palette fits whatever palettes will be learned.
         per_task: As for `render_bundle`.
@@ -173,7 +173,7 @@ def _pack_edits(folder: Path, edit: PathLike | Sequence[PathLike] | None, views:
 
 
 def _arguments(options: Mapping[str, Any]) -> list[str]:
-    """Options of `library.render` as arguments of the command line.
+    """Options of `api.render` as arguments of the command line.
 
     Examples:
         >>> _arguments({"alpha": True, "depth": False, "size": 800, "overrides": ["render.edges=field"]})

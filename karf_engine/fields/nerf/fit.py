@@ -15,13 +15,13 @@ from ...compute.progress import Progress
 from ...compute.runtime import Runtime
 from ...project.settings import NerfSettings
 from ..rendering.hierarchical import dense_ray_weights, interval_lengths, refine
-from ..rendering.rays import PixelBank, Rays
+from ..rendering.rays import PixelDataset, Rays
 from ..rendering.surface_cache import cache_surface
 from ..scene import Scene
 from ..training.adam import Adam
-from ..training.checkpoint import Unfinished
+from ..training.checkpoint import Checkpoint
 from ..training.loop import train
-from ..training.state import Course, below, check_alike, number, prefixed, whole_number
+from ..training.state import TrainingState, below, check_alike, number, prefixed, whole_number
 from .field import NerfField, NerfNetwork
 
 CROP_SHARE = 0.5  # of the pictures' sides: where rays are drawn at first, so that not all of them are background
@@ -47,15 +47,23 @@ def quick_products(device: torch.device) -> Iterator[None]:
 class NerfFit:
     """A `Fit` (see fields/fit.py) of both networks."""
 
-    def __init__(self, bank: PixelBank, kind: str, settings: NerfSettings, runtime: Runtime, field: NerfField) -> None:
-        self.bank, self.background_kind, self.settings, self.runtime, self.field = bank, kind, settings, runtime, field
+    def __init__(
+        self, dataset: PixelDataset, kind: str, settings: NerfSettings, runtime: Runtime, field: NerfField
+    ) -> None:
+        self.dataset, self.background_kind, self.settings, self.runtime, self.field = (
+            dataset,
+            kind,
+            settings,
+            runtime,
+            field,
+        )
         self._white = kind in ("alpha", "white")
         self._noise = settings.density_noise if field.space.is_forward_facing else 0.0
         self._crop = 0 if kind == "opaque" else settings.crop_iterations
         self._loss_average = number(0.1).to(runtime.device)  # stays there: reading it would wait for the device
         self._yielded = 0  # iterations of which the scene has been yielded
         optimizer = Adam(field.parameters(), lr=settings.rate)
-        self._course = Course(settings.iterations, optimizer, field.state_dict, runtime)
+        self._training_state = TrainingState(settings.iterations, optimizer, field.state_dict, runtime)
 
     @property
     def iterations(self) -> int:
@@ -65,22 +73,22 @@ class NerfFit:
     @property
     def done(self) -> int:
         """Iterations that are done."""
-        return self._course.done
+        return self._training_state.done
 
-    def scenes(self, progress: Progress, unfinished: Unfinished | None = None) -> Iterator[Scene]:
+    def scenes(self, progress: Progress, checkpoint: Checkpoint | None = None) -> Iterator[Scene]:
         """Run what is left of the fit; the scene as it stands after every `look_every` iterations, and at the end."""
         field = self.field
         while self._yielded < self.iterations:
             until = min(self._yielded + self.settings.look_every, self.iterations)
             with quick_products(self.runtime.device):
-                train(self._course, until, self._step, self._decay, progress, unfinished)
-            field.bounds = surface_bounds(field, self.bank.rays(self.bank.draw(MEASURED_RAYS, self.runtime)))
+                train(self._training_state, until, self._step, self._decay, progress, checkpoint)
+            field.bounds = surface_bounds(field, self.dataset.rays(self.dataset.draw(MEASURED_RAYS, self.runtime)))
             self._yielded = until
             yield Scene(field, None, self.background_kind, 1.0)
 
     def state(self) -> dict[str, Tensor]:
         """All that resuming takes."""
-        return self._position() | prefixed("course", self._course.state())
+        return self._position() | prefixed("course", self._training_state.state())
 
     def resume(self, state: dict[str, Tensor]) -> None:
         """Let this fresh fit resume a state, on the processor, of a fit of the same photos and settings.
@@ -88,10 +96,10 @@ class NerfFit:
         Raises:
             DataError: The state is of another fit; nothing is changed then.
         """
-        course_state = below("course", state)
+        saved_state = below("course", state)
         check_alike({n: t for n, t in state.items() if not n.startswith("course.")}, self._position())
         yielded = whole_number(state, "looked", self.iterations - 1)
-        self._course.resume(course_state)
+        self._training_state.resume(saved_state)
         self._yielded = yielded
         self._loss_average.copy_(state["loss_average"])
 
@@ -106,14 +114,14 @@ class NerfFit:
     def _step(self, iteration: int, batch_scale: float) -> tuple[Tensor, dict[str, Tensor]]:
         n_rays = max(16, int(self.settings.rays * batch_scale))
         if iteration < self._crop:
-            index = self.bank.draw_central(n_rays, CROP_SHARE, self.runtime)
+            index = self.dataset.draw_central(n_rays, CROP_SHARE, self.runtime)
         else:
-            index = self.bank.draw(n_rays, self.runtime)
-        target = self.bank.color[index].float() / 255
-        if self.bank.alpha is not None:
-            matte = self.bank.alpha[index].float()[:, None] / 255
+            index = self.dataset.draw(n_rays, self.runtime)
+        target = self.dataset.color[index].float() / 255
+        if self.dataset.alpha is not None:
+            matte = self.dataset.alpha[index].float()[:, None] / 255
             target = target * matte + (1 - matte)
-        coarse, fine = self._render(self.bank.rays(index))
+        coarse, fine = self._render(self.dataset.rays(index))
         error = ((fine - target) ** 2).mean()
         self._loss_average += 0.05 * (error.detach() - self._loss_average)
         loss = error + ((coarse - target) ** 2).mean()

@@ -17,7 +17,7 @@ from ...capture.capture import View
 from ...errors import DataError
 from ...project.settings import NerfSettings
 from ..extent import focus_point, middle_pose
-from ..rendering.rays import PixelBank
+from ..rendering.rays import PixelDataset
 from ..rendering.space import Box, StraightSpace
 from ..rendering.space_values import space_on
 from ..scene import Scene, psnr_of_views
@@ -89,7 +89,7 @@ def spherified(cameras: list[Camera]) -> StraightSpace:
 def import_nerf(
     networks: tuple[NerfNetwork, NerfNetwork],
     views: list[View],
-    banks: dict[str, PixelBank],
+    datasets: dict[str, PixelDataset],
     settings: NerfSettings,
     source: str,
     device: torch.device,
@@ -99,7 +99,7 @@ def import_nerf(
     Args:
         networks: Coarse and fine.
         views: All of the capture.
-        banks: Some training photos as each kind of background shows them.
+        datasets: Some training photos as each kind of background shows them.
         settings: Samples a ray, and near and far where they are set.
         source: Where the networks are from, for errors.
         device: Where the scene shall live.
@@ -113,9 +113,9 @@ def import_nerf(
     tried = []
     for alignment in candidate_alignments(views, settings):
         field = _field(networks, alignment, settings, device)
-        for kind, bank in banks.items():
+        for kind, dataset in datasets.items():
             scene = Scene(field, None, kind, 1.0)
-            psnr = float(np.mean(psnr_of_views(scene, bank, TRIED_PIXELS)))
+            psnr = float(np.mean(psnr_of_views(scene, dataset, TRIED_PIXELS)))
             # an alignment that does not suit the cameras may lead nowhere
             tried.append((psnr if np.isfinite(psnr) else 0.0, alignment.name, scene))
     psnr, name, scene = max(tried, key=lambda entry: entry[0])
@@ -126,7 +126,7 @@ def import_nerf(
             f"{MIN_PSNR:g} dB needed.",
             "Give the capture it was trained on, as it was given to that program; geometry.nerf.near and .far may help.",
         )
-    scene.field.bounds = _bounds(scene.field, banks[scene.background_kind])
+    scene.field.bounds = _bounds(scene.field, datasets[scene.background_kind])
     return scene, name, psnr
 
 
@@ -139,6 +139,6 @@ def _field(
     return NerfField(*networks, sampling, space, torch.zeros(2, 3)).to(device).requires_grad_(False)
 
 
-def _bounds(field: NerfField, bank: PixelBank) -> Tensor:
-    index = torch.randint(len(bank), (MEASURED_RAYS,), generator=torch.Generator().manual_seed(0))
-    return surface_bounds(field, bank.rays(index.to(bank.color.device)))
+def _bounds(field: NerfField, dataset: PixelDataset) -> Tensor:
+    index = torch.randint(len(dataset), (MEASURED_RAYS,), generator=torch.Generator().manual_seed(0))
+    return surface_bounds(field, dataset.rays(index.to(dataset.color.device)))

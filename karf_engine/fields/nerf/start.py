@@ -10,7 +10,7 @@ from ...compute.runtime import Runtime
 from ...project.settings import NerfSettings
 from ..extent import farthest_depth, focus_point, nearest_depth
 from ..fit import FitInputs
-from ..rendering.rays import PixelBank
+from ..rendering.rays import PixelDataset
 from ..rendering.space import StraightSpace
 from ..rendering.space_values import space_on
 from ..spaces import middle_frustum, ndc, similarity
@@ -31,11 +31,16 @@ def start_nerf_fit(inputs: FitInputs) -> NerfFit:
     """
     settings, kind = inputs.settings.nerf, inputs.background_kind
     space, sampling = place_nerf(kind, inputs.space, inputs.views, inputs.points, settings)
-    return fresh_fit(inputs.bank, kind, space_on(space, inputs.runtime.device), sampling, settings, inputs.runtime)
+    return fresh_fit(inputs.dataset, kind, space_on(space, inputs.runtime.device), sampling, settings, inputs.runtime)
 
 
 def fresh_fit(
-    bank: PixelBank, kind: str, space: StraightSpace, sampling: NerfSampling, settings: NerfSettings, runtime: Runtime
+    dataset: PixelDataset,
+    kind: str,
+    space: StraightSpace,
+    sampling: NerfSampling,
+    settings: NerfSettings,
+    runtime: Runtime,
 ) -> NerfFit:
     """Fresh networks in a space."""
     shape = NerfShape(
@@ -47,7 +52,7 @@ def fresh_fit(
     )
     nothing = torch.tensor([[-1.0] * 3, [1.0] * 3])
     field = NerfField(NerfNetwork(shape), NerfNetwork(shape), sampling, space, nothing).to(runtime.device)
-    return NerfFit(bank, kind, settings, runtime, field)
+    return NerfFit(dataset, kind, settings, runtime, field)
 
 
 def place_nerf(

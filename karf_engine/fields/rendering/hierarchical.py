@@ -62,7 +62,7 @@ def interval_lengths(t: Tensor) -> Tensor:
 def dense_ray_weights(sigmas: Tensor, deltas: Tensor) -> Tensor:
     """Ray weights T_i (1 - exp(-sigma_i delta_i)) of rays with as many samples each (NeRF, Eq. 3).
 
-    Differentiable in both arguments. `rendering.volume.ray_weights_from_sigmas` does the same for packed samples.
+    Differentiable in both arguments. `fields.rendering.volume.ray_weights_from_sigmas` does the same for packed samples.
 
     Args:
         sigmas: Densities [R, N] >= 0, per unit of length.

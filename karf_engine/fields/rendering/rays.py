@@ -1,4 +1,4 @@
-"""Pixels of a capture as rays: `PixelBank` holds every training pixel and hands out rays for any of them.
+"""Pixels of a capture as rays: `PixelDataset` holds every training pixel and hands out rays for any of them.
 
 origins [R, 3] in world units; viewdirs [R, 3] of unit length, so that a sample's `distance` is its t.
 """
@@ -83,20 +83,20 @@ def _tensor(array: np.ndarray, device: torch.device | str) -> Tensor:
     return torch.from_numpy(np.ascontiguousarray(array, np.float32)).to(device)
 
 
-class PixelBank:
-    """All pixels of some plates: their colors, mattes and rays, addressed by one running index.
+class PixelDataset:
+    """All pixels of some training images: their colors, mattes and rays, addressed by one running index.
 
     Attributes:
-        cameras: Of the plates.
+        cameras: Of the training images.
         color: [N, 3] uint8 sRGB.
         alpha: Mattes [N] uint8, or None.
         solid: [N] bool, pixels known to show something opaque, or None.
-        first: [V + 1]; the pixels of plate v are first[v] .. first[v + 1] - 1.
+        first: [V + 1]; the pixels of training image v are first[v] .. first[v + 1] - 1.
 
     Example:
         >>> camera = Camera(2, 1, 2.0, 2.0, 1.0, 0.5, np.eye(4))
-        >>> bank = PixelBank([camera], [np.array([[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]])], None)
-        >>> bank.color.tolist(), len(bank.rays(torch.tensor([1])))
+        >>> dataset = PixelDataset([camera], [np.array([[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]])], None)
+        >>> dataset.color.tolist(), len(dataset.rays(torch.tensor([1])))
         ([[255, 0, 0], [0, 0, 255]], 1)
     """
 
@@ -109,14 +109,14 @@ class PixelBank:
         valid: list[np.ndarray] | None = None,
         device: torch.device | str = "cpu",
     ) -> None:
-        """Gather the plates' pixels.
+        """Gather the training images' pixels.
 
         Args:
-            cameras: One a plate.
-            colors: [H, W, 3] in [0, 1], one a plate.
-            alphas: Mattes [H, W] in [0, 1], one a plate; or None.
-            solids: [H, W] bool, one a plate; or None.
-            valid: [H, W] bool, the pixels that `draw` may hand out, one a plate; None for all.
+            cameras: One a training image.
+            colors: [H, W, 3] in [0, 1], one a training image.
+            alphas: Mattes [H, W] in [0, 1], one a training image; or None.
+            solids: [H, W] bool, one a training image; or None.
+            valid: [H, W] bool, the pixels that `draw` may hand out, one a training image; None for all.
             device: Where the pixels are kept.
         """
         self.cameras = cameras
@@ -156,7 +156,7 @@ class PixelBank:
         return self.first[view] + pixels[:, 1] * size[:, 0] + pixels[:, 0]
 
     def view_of(self, index: Tensor) -> Tensor:
-        """Which plate each running index belongs to."""
+        """Which training image each running index belongs to."""
         return torch.bucketize(index, self.first, right=True) - 1
 
     def rays(self, index: Tensor) -> Rays:

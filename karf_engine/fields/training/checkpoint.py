@@ -43,7 +43,7 @@ class Resumable(Protocol):
         """
 
 
-class Unfinished:
+class Checkpoint:
     """The file of one stage's fit.
 
     Attributes:

@@ -10,8 +10,8 @@ from torch import Tensor
 from ...compute.progress import Progress
 from ...errors import Cancelled, Diverged, OutOfMemory
 from ...io.failures import is_out_of_memory
-from .checkpoint import Unfinished
-from .state import Course
+from .checkpoint import Checkpoint
+from .state import TrainingState
 
 CHECK_EVERY = 10
 MOST_PARTS = 64  # of a batch
@@ -63,12 +63,12 @@ def constant(iteration: int, total: int) -> float:
 
 
 def train(
-    course: Course,
+    training_state: TrainingState,
     until: int,
     step: Step,
     schedule: Schedule,
     progress: Progress,
-    unfinished: Unfinished | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> None:
     """Run a course's step and optimizer until so many iterations are done.
 
@@ -76,28 +76,28 @@ def train(
     Processes that learn together take a part each.
 
     Args:
-        course: What is learned, and how far it has come.
-        until: Iterations after which to stop, at most `course.iterations`.
+        training_state: What is learned, and how far it has come.
+        until: Iterations after which to stop, at most `training_state.iterations`.
         step: Gives loss [] and metrics of an iteration; batch_scale = 1 / parts is the share of a batch to take.
         schedule: `schedule(iteration, course.iterations)` multiplies the learning rate of every group.
         progress: Told of each iteration and its metrics; may cancel.
-        unfinished: Told after each iteration, and at a cancel, so that what is learned is kept.
+        checkpoint: Told after each iteration, and at a cancel, so that what is learned is kept.
 
     Raises:
         Diverged: The loss is not finite.
         OutOfMemory: Smaller parts no longer help.
         Cancelled: `progress` was asked to stop.
     """
-    optimizer = course.optimizer
+    optimizer = training_state.optimizer
     rates = [group["lr"] for group in optimizer.param_groups]
     parts = 1
-    while course.done < until:
-        iteration = course.done
+    while training_state.done < until:
+        iteration = training_state.done
         for group, rate in zip(optimizer.param_groups, rates, strict=True):
-            group["lr"] = rate * schedule(iteration, course.iterations)
+            group["lr"] = rate * schedule(iteration, training_state.iterations)
         optimizer.zero_grad(set_to_none=True)
         try:
-            loss, metrics = _gradients(course, step, iteration, parts)
+            loss, metrics = _gradients(training_state, step, iteration, parts)
         except RuntimeError as error:
             if not is_out_of_memory(error):
                 raise
@@ -109,36 +109,40 @@ def train(
             continue
         # reading the loss waits for the device: every tenth time is soon enough to stop
         is_checked = iteration % CHECK_EVERY == 0 or iteration == until - 1
-        if is_checked and not math.isfinite(float(course.team.mean(loss))):
+        if is_checked and not math.isfinite(float(training_state.process_group.mean(loss))):
             raise Diverged(
                 f"Training diverged at iteration {iteration}: loss {float(loss)}.", "Lower the learning rate."
             )
-        course.team.average(parameter for group in optimizer.param_groups for parameter in group["params"])
+        training_state.process_group.average(
+            parameter for group in optimizer.param_groups for parameter in group["params"]
+        )
         optimizer.step()
-        course.done += 1
-        _report(metrics, progress, unfinished)
+        training_state.done += 1
+        _report(metrics, progress, checkpoint)
     for group, rate in zip(optimizer.param_groups, rates, strict=True):
         group["lr"] = rate
 
 
-def _gradients(course: Course, step: Step, iteration: int, parts: int) -> tuple[Tensor, dict[str, float]]:
+def _gradients(
+    training_state: TrainingState, step: Step, iteration: int, parts: int
+) -> tuple[Tensor, dict[str, float]]:
     """Gradients of the loss over this process's share of a batch, in parts; its mean, and the last part's metrics."""
     mean = 0.0
-    with course.own_numbers():
+    with training_state.own_numbers():
         for _ in range(parts):
-            loss, metrics = step(iteration, 1 / (parts * course.team.size))
+            loss, metrics = step(iteration, 1 / (parts * training_state.process_group.size))
             share = loss / parts
             share.backward()
             mean = mean + share.detach()
     return mean, metrics
 
 
-def _report(metrics: dict[str, float], progress: Progress, unfinished: Unfinished | None) -> None:
+def _report(metrics: dict[str, float], progress: Progress, checkpoint: Checkpoint | None) -> None:
     try:
         progress.step(**metrics)
     except Cancelled:
-        if unfinished is not None:
-            unfinished.save()
+        if checkpoint is not None:
+            checkpoint.save()
         raise
-    if unfinished is not None:
-        unfinished.offer()
+    if checkpoint is not None:
+        checkpoint.offer()

@@ -12,14 +12,14 @@ from ...compute.runtime import Runtime
 from ...errors import DataError
 
 
-class Course:
+class TrainingState:
     """One training and where it stands: what it learns, the optimizer's moments, random numbers, how far it has come.
 
     Attributes:
         iterations: Of the whole training.
         done: Of those, so far; the training loop counts.
         optimizer: Adam.
-        team: The processes that learn it together.
+        process_group: The processes that learn it together.
     """
 
     def __init__(
@@ -39,12 +39,12 @@ class Course:
         """
         self.iterations, self.optimizer = iterations, optimizer
         self.done = 0
-        self.team = runtime.team
+        self.process_group = runtime.process_group
         self._learned, self._random = learned, runtime.generator
 
     def own_numbers(self) -> AbstractContextManager[None]:
-        """Random numbers that no other process of the team draws, for its share of a batch."""
-        return self.team.own_numbers(self._random)
+        """Random numbers that no other process of the group draws, for its share of a batch."""
+        return self.process_group.own_numbers(self._random)
 
     def state(self) -> dict[str, Tensor]:
         """All that resuming takes."""

@@ -19,11 +19,11 @@ from ...compute.runtime import Runtime
 from ...errors import DataError, Diverged
 from ...project.settings import GeometrySettings, Level, OpenSettings
 from ..background import Background
-from ..rendering.rays import PixelBank, Rays
+from ..rendering.rays import PixelDataset, Rays
 from ..scene import Scene
-from ..training.checkpoint import Unfinished
+from ..training.checkpoint import Checkpoint
 from ..training.loop import exponential_with_warmup, train
-from ..training.state import Course, below, check_alike, number, prefixed, whole_number
+from ..training.state import TrainingState, below, check_alike, number, prefixed, whole_number
 from .choice import new_renderer
 from .field import VoxelField
 from .renderer import Observing, Renderer
@@ -71,19 +71,19 @@ class VoxelFit:
 
     def __init__(
         self,
-        bank: PixelBank,
+        dataset: PixelDataset,
         recipe: GeometrySettings | OpenSettings,
         runtime: Runtime,
         field: VoxelField,
         background: Background | None,
     ) -> None:
-        self.bank, self.recipe, self.runtime = bank, recipe, runtime
+        self.dataset, self.recipe, self.runtime = dataset, recipe, runtime
         self.field, self.background = field, background
         self._rays_per_batch = min(1024.0, recipe.max_rays)
         self._loss_average = torch.tensor(0.1, dtype=torch.float64, device=runtime.device)
         self._parts = [part for level in range(len(recipe.levels)) for part in self._parts_of(level)]
         self._number = 0  # of the part that is being learned
-        self._course: Course | None = None  # of that part, once it has begun
+        self._training_state: TrainingState | None = None  # of that part, once it has begun
         self._renderer: Renderer | None = None  # of the field, likewise
         self._unit = float((field.bounds[1] - field.bounds[0]).max()) / 2  # of distances along rays
 
@@ -95,17 +95,19 @@ class VoxelFit:
     @property
     def done(self) -> int:
         """Iterations that are done."""
-        return sum(part.iterations for part in self._parts[: self._number]) + (self._course.done if self._course else 0)
+        return sum(part.iterations for part in self._parts[: self._number]) + (
+            self._training_state.done if self._training_state else 0
+        )
 
-    def scenes(self, progress: Progress, unfinished: Unfinished | None = None) -> Iterator[Scene]:
+    def scenes(self, progress: Progress, checkpoint: Checkpoint | None = None) -> Iterator[Scene]:
         """Run what is left of the fit; the scene as it stands after each level, frozen."""
-        if self._course is None:
+        if self._training_state is None:
             self._begin(self._parts[0])
         for part in self._parts[self._number :]:
             if part is not self._parts[self._number]:
                 self._number += 1
                 self._begin(part)
-            self._train(part, progress, unfinished)
+            self._train(part, progress, checkpoint)
             level = self.recipe.levels[part.level]
             if part.before + part.iterations == level.iterations:
                 frozen = self.field.requires_grad_(False)  # each part learns a field of its own
@@ -113,7 +115,9 @@ class VoxelFit:
 
     def state(self) -> dict[str, Tensor]:
         """All that resuming takes, once the fit has begun."""
-        return self._position() | prefixed("own", self._own_tensors()) | prefixed("course", self._course.state())
+        return (
+            self._position() | prefixed("own", self._own_tensors()) | prefixed("course", self._training_state.state())
+        )
 
     def resume(self, state: dict[str, Tensor]) -> None:
         """Let this fresh fit resume a state, on the processor, of a fit of the same photos and settings.
@@ -121,20 +125,20 @@ class VoxelFit:
         Raises:
             DataError: The state is of another fit; nothing is changed then.
         """
-        course_state = below("course", state)
+        saved_state = below("course", state)
         own = {name: tensor for name, tensor in state.items() if not name.startswith("course.")}
         check_alike(own, self._position() | prefixed("own", self._own_tensors()))
         number_of_part = whole_number(state, "part", len(self._parts) - 1)
-        field = self._field_like(below("learned.field", course_state), float(state["voxel"]))
+        field = self._field_like(below("learned.field", saved_state), float(state["voxel"]))
         renderer = self._renderer_of(field)
-        course = self._course_of(field, renderer, self._parts[number_of_part])
-        course.resume(course_state)
+        training_state = self._course_of(field, renderer, self._parts[number_of_part])
+        training_state.resume(saved_state)
         self._number = number_of_part
         self._rays_per_batch = float(state["rays_per_batch"])
         self._loss_average = state["loss_average"].to(self.runtime.device)
         for name, tensor in self._own_tensors().items():
             tensor.copy_(state[f"own.{name}"])
-        self._learn(field, renderer, course)
+        self._learn(field, renderer, training_state)
 
     def _position(self) -> dict[str, Tensor]:
         """The numbers of a state."""
@@ -161,7 +165,7 @@ class VoxelFit:
     def _begin(self, part: Part) -> None:
         """Prune before every part but the first, and refine before every level but the first."""
         if part is not self._parts[0]:
-            self._course = None  # its memory is needed
+            self._training_state = None  # its memory is needed
             self.field = self._pruned()
             self._renderer = None  # likewise
         if part.level and not part.before:
@@ -178,9 +182,9 @@ class VoxelFit:
     def _begin_level(self, level: Level) -> None:
         """Called before the iterations of each level but the first, on its field."""
 
-    def _learn(self, field: VoxelField, renderer: Renderer, course: Course) -> None:
+    def _learn(self, field: VoxelField, renderer: Renderer, training_state: TrainingState) -> None:
         """Train this field from now on."""
-        self.field, self._renderer, self._course = field, renderer, course
+        self.field, self._renderer, self._training_state = field, renderer, training_state
 
     def _renderer_of(self, field: VoxelField) -> Renderer:
         observing = Observing(POINT_MARGIN * field.voxel, OFF_PATH * field.voxel)
@@ -192,19 +196,19 @@ class VoxelFit:
     def _trained_networks(self, field: VoxelField) -> list:
         return list(field.color_network.parameters())
 
-    def _course_of(self, field: VoxelField, renderer: Renderer, part: Part) -> Course:
+    def _course_of(self, field: VoxelField, renderer: Renderer, part: Part) -> TrainingState:
         groups = [
             {"params": [field.raw_density, field.feature_table], "lr": self.recipe.table_rate},
             {"params": self._trained_networks(field), "lr": self.recipe.network_rate},
         ]
         optimizer = renderer.optimizer(groups, betas=(0.9, 0.99))
-        return Course(part.iterations, optimizer, lambda: self._learned(field), self.runtime)
+        return TrainingState(part.iterations, optimizer, lambda: self._learned(field), self.runtime)
 
     def _learned(self, field: VoxelField) -> dict[str, Tensor]:
         background = {} if self.background is None else self.background.state_dict()
         return prefixed("field", field.state_dict()) | prefixed("background", background)
 
-    def _train(self, part: Part, progress: Progress, unfinished: Unfinished | None) -> None:
+    def _train(self, part: Part, progress: Progress, checkpoint: Checkpoint | None) -> None:
         level = self.recipe.levels[part.level]
         whole = exponential_with_warmup(10, 0.35, 0.1)
 
@@ -215,7 +219,7 @@ class VoxelFit:
         def step(_: int, batch_scale: float) -> tuple[Tensor, dict[str, float]]:
             return self._step(part.level, level, batch_scale)
 
-        train(self._course, part.iterations, step, schedule, progress, unfinished)
+        train(self._training_state, part.iterations, step, schedule, progress, checkpoint)
 
     def _step(self, number: int, level: Level, batch_scale: float) -> tuple[Tensor, dict[str, float]]:
         n_rays = max(64, int(self._rays_per_batch * batch_scale))
@@ -246,7 +250,7 @@ class VoxelFit:
     def _some_rays(self, at_least: float = 0.0) -> Iterator[Rays]:
         """Batches of rays through random pixels, that tell what training rays see; so many rays at least."""
         n_batches = max(FEWEST_BATCHES, math.ceil(at_least / BATCH_RAYS))
-        return (self.bank.rays(self.bank.draw(BATCH_RAYS, self.runtime)) for _ in range(n_batches))
+        return (self.dataset.rays(self.dataset.draw(BATCH_RAYS, self.runtime)) for _ in range(n_batches))
 
     def _parts_of(self, level: int) -> list[Part]:
         """The stretches between the cuts of a level; the first level has none."""

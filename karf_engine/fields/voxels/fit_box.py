@@ -21,7 +21,7 @@ from ...compute.runtime import Runtime
 from ...project.settings import GeometrySettings, Level
 from ..background import Background
 from ..extent import box_round_focus
-from ..rendering.rays import PixelBank
+from ..rendering.rays import PixelDataset
 from ..spaces import OPAQUE_REACH
 from .field import VoxelField
 from .fit import Batch, VoxelFit
@@ -70,14 +70,14 @@ class BoxFit(VoxelFit):
 
     def __init__(
         self,
-        bank: PixelBank,
+        dataset: PixelDataset,
         background_kind: str,
         settings: GeometrySettings,
         runtime: Runtime,
         field: VoxelField,
     ) -> None:
         background = Background().to(runtime.device) if background_kind == "opaque" else None
-        super().__init__(bank, settings, runtime, field, background)
+        super().__init__(dataset, settings, runtime, field, background)
         self.background_kind = background_kind
         self._first_voxel = field.voxel
         self._support = BackgroundSupport(runtime.device)  # learned from the second level on
@@ -95,15 +95,15 @@ class BoxFit(VoxelFit):
         )
 
     def _batch(self, number: int, level: Level, n_rays: int) -> Batch:
-        index = self.bank.draw(n_rays, self.runtime)
-        rays = self.bank.rays(index)
-        target = self.bank.color[index].float() / 255
+        index = self.dataset.draw(n_rays, self.runtime)
+        rays = self.dataset.rays(index)
+        target = self.dataset.color[index].float() / 255
         sums = self._renderer.render(RayBatch(rays, level.step, self.runtime.rand(n_rays), number == 0))
         backdrop = None if self.background is None else self.background(rays.viewdirs)
         free = None if number == 0 or backdrop is None else self._support.shares(rays.viewdirs)
         behind = self._behind(index, sums, backdrop, free)
-        if self.bank.alpha is not None:
-            matte = self.bank.alpha[index].float()[:, None] / 255
+        if self.dataset.alpha is not None:
+            matte = self.dataset.alpha[index].float()[:, None] / 255
             target = target * matte + (1 - matte) * behind
         error = ((sums.color + sums.remainder[:, None] * behind - target) ** 2).mean()
         loss = error + self._regularization(number, sums)
@@ -123,7 +123,7 @@ class BoxFit(VoxelFit):
             return self.runtime.rand(n_rays, 3)
         if backdrop is None:
             plain = torch.full((n_rays, 3), 1.0 if self.background_kind == "white" else 0.0, device=self.runtime.device)
-            return torch.where(self.bank.solid[index, None], self.runtime.rand(n_rays, 3), plain)
+            return torch.where(self.dataset.solid[index, None], self.runtime.rand(n_rays, 3), plain)
         if free is None:
             return backdrop
         passes = (sums.remainder.detach() > 1 - 1e-6)[:, None]
@@ -140,7 +140,7 @@ class BoxFit(VoxelFit):
             opacity = (1 - sums.remainder).clamp_min(1e-6)
             variance = (sums.distance_squared - sums.distance**2 / opacity).mean()
             loss = loss + falling * variance * (self._unit / self._first_voxel) ** 2
-        elif self.bank.alpha is None and number > 0:
+        elif self.dataset.alpha is None and number > 0:
             opacity = (1 - sums.remainder).clamp(1e-4, 1 - 1e-4)
             entropy = -(opacity * opacity.log() + (1 - opacity) * (1 - opacity).log())
             loss = loss + settings.opacity_entropy * entropy.mean()
@@ -171,13 +171,13 @@ def _needless(backdrop: Tensor, target: Tensor, free: Tensor) -> Tensor:
     return torch.exp(-gap / (2 * ALIKE**2)) * (free > COMMON)
 
 
-def visual_hull(bank: PixelBank, points: Tensor, margin: float) -> Tensor:
+def visual_hull(dataset: PixelDataset, points: Tensor, margin: float) -> Tensor:
     """True for points [n, 3] that SEEING of the views see, each with something within `margin` (world units)."""
     possible = torch.ones(len(points), dtype=torch.bool, device=points.device)
     n_seen = torch.zeros(len(points), dtype=torch.long, device=points.device)
-    for number, camera in enumerate(bank.cameras):
-        first, last = int(bank.first[number]), int(bank.first[number + 1])
-        matte = bank.alpha[first:last].view(1, 1, camera.height, camera.width) > 0
+    for number, camera in enumerate(dataset.cameras):
+        first, last = int(dataset.first[number]), int(dataset.first[number + 1])
+        matte = dataset.alpha[first:last].view(1, 1, camera.height, camera.width) > 0
         depth_of_middle = float(torch.linalg.norm(points.mean(0) - torch.from_numpy(camera.position).to(points)))
         radius = max(1, math.ceil(margin * camera.fx / depth_of_middle))
         matte = nn.functional.max_pool2d(matte.float(), 2 * radius + 1, stride=1, padding=radius)[0, 0] > 0
@@ -188,31 +188,31 @@ def visual_hull(bank: PixelBank, points: Tensor, margin: float) -> Tensor:
         inside = (local[:, 2] < 0) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
         possible &= ~inside | matte[v.clamp(0, camera.height - 1), u.clamp(0, camera.width - 1)]
         n_seen += inside
-    return possible & (n_seen >= SEEING * len(bank.cameras))
+    return possible & (n_seen >= SEEING * len(dataset.cameras))
 
 
-def start_box_fit(bank: PixelBank, background_kind: str, settings: GeometrySettings, runtime: Runtime) -> BoxFit:
+def start_box_fit(dataset: PixelDataset, background_kind: str, settings: GeometrySettings, runtime: Runtime) -> BoxFit:
     """A fresh field in a box round the cameras' focus point, with everything in it possible."""
-    center, half_width = box_round_focus(bank.cameras, OPAQUE_REACH if background_kind == "opaque" else 0.75)
+    center, half_width = box_round_focus(dataset.cameras, OPAQUE_REACH if background_kind == "opaque" else 0.75)
     n = settings.levels[0].voxels
-    if bank.alpha is not None:  # the mattes allow a tighter box
-        center, half_width = _matte_box(bank, center, half_width)
+    if dataset.alpha is not None:  # the mattes allow a tighter box
+        center, half_width = _matte_box(dataset, center, half_width)
     minimum = (center - half_width).float().to(runtime.device)
     voxel = 2 * half_width / n
     occupied = torch.ones(n, n, n, dtype=torch.bool, device=runtime.device)
-    if bank.alpha is not None:
+    if dataset.alpha is not None:
         points = minimum + (torch.nonzero(occupied) + 0.5) * voxel
-        occupied = visual_hull(bank, points, voxel).view(n, n, n)
-    return BoxFit(bank, background_kind, settings, runtime, VoxelField(minimum, voxel, occupied, settings.features))
+        occupied = visual_hull(dataset, points, voxel).view(n, n, n)
+    return BoxFit(dataset, background_kind, settings, runtime, VoxelField(minimum, voxel, occupied, settings.features))
 
 
-def _matte_box(bank: PixelBank, center: Tensor, half_width: float) -> tuple[Tensor, float]:
+def _matte_box(dataset: PixelDataset, center: Tensor, half_width: float) -> tuple[Tensor, float]:
     """A box round the mattes' visual hull, looked for in a generous one."""
     n, wide = 48, half_width * 1.8
     grid = torch.stack(torch.meshgrid(*[torch.arange(n)] * 3, indexing="ij"), -1).view(-1, 3)
     voxel = 2 * wide / n
-    points = ((center - wide) + (grid + 0.5) * voxel).float().to(bank.color.device)
-    inside = points[visual_hull(bank, points, voxel)]
+    points = ((center - wide) + (grid + 0.5) * voxel).float().to(dataset.color.device)
+    inside = points[visual_hull(dataset, points, voxel)]
     if len(inside) == 0:
         return center, half_width
     low, high = inside.amin(0).cpu().double() - voxel, inside.amax(0).cpu().double() + voxel

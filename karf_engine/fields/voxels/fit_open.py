@@ -19,10 +19,10 @@ from ...project.settings import Level, OpenSettings
 from ..background import Background
 from ..free_space import FreeSpace
 from ..horizon import Horizon
-from ..rendering.rays import PixelBank
+from ..rendering.rays import PixelDataset
 from ..rendering.space import OpenSpace
 from ..training.adam import Adam
-from ..training.state import Course
+from ..training.state import TrainingState
 from .field import VoxelField
 from .fit import Batch, VoxelFit
 from .observations import Observations
@@ -48,7 +48,7 @@ class OpenFit(VoxelFit):
 
     def __init__(
         self,
-        bank: PixelBank,
+        dataset: PixelDataset,
         settings: OpenSettings,
         runtime: Runtime,
         field: VoxelField,
@@ -56,9 +56,9 @@ class OpenFit(VoxelFit):
         free: FreeSpace,
         horizon: Horizon | None,
     ) -> None:
-        background = fit_background(bank, runtime)
-        sky = None if horizon is None else fit_sky(bank, horizon, runtime)
-        super().__init__(bank, settings, runtime, field, sky or background)
+        background = fit_background(dataset, runtime)
+        sky = None if horizon is None else fit_sky(dataset, horizon, runtime)
+        super().__init__(dataset, settings, runtime, field, sky or background)
         self._observations, self._free = observations, free
         self._horizon = None if sky is None else horizon
 
@@ -68,18 +68,18 @@ class OpenFit(VoxelFit):
             return super()._refined(level)
         return field.refined(level.voxels, lambda cells: ~self._free.holds(field.space.to_world(cells)))
 
-    def _learn(self, field: VoxelField, renderer: Renderer, course: Course) -> None:
-        super()._learn(field, renderer, course)
+    def _learn(self, field: VoxelField, renderer: Renderer, training_state: TrainingState) -> None:
+        super()._learn(field, renderer, training_state)
         self._vertices = field.numbers()
 
     def _batch(self, number: int, level: Level, n_rays: int) -> Batch:
-        settings, runtime, bank = self.recipe, self.runtime, self.bank
+        settings, runtime, dataset = self.recipe, self.runtime, self.dataset
         n_observed = int(n_rays * settings.point_share) if len(self._observations) else 0
-        index = bank.draw(n_rays, runtime)
+        index = dataset.draw(n_rays, runtime)
         chosen = runtime.randint(max(1, len(self._observations)), n_observed)
         index[n_rays - n_observed :] = self._observations.index[chosen]
         jitter, observed = runtime.rand(n_rays), self._observations.positions[chosen]
-        rays, target = bank.rays(index), bank.color[index].float() / 255
+        rays, target = dataset.rays(index), dataset.color[index].float() / 255
         sums = self._renderer.render(RayBatch(rays, level.step, jitter, number == 0, observed))
         # behind everything but the sky it is any color, so that rays must end on something
         behind, passing = runtime.rand(n_rays, 3), settings.transparency * sums.remainder
@@ -115,7 +115,7 @@ class OpenFit(VoxelFit):
 
 
 def start_open_fit(
-    bank: PixelBank,
+    dataset: PixelDataset,
     space: OpenSpace,
     settings: OpenSettings,
     n_features: int,
@@ -128,43 +128,47 @@ def start_open_fit(
 
     horizon: above which there may be a sky.
     """
-    low, high = space.grid_bounds(bank.cameras)
+    low, high = space.grid_bounds(dataset.cameras)
     voxel = float((high - low).max()) / settings.levels[0].voxels
     shape = [max(1, math.ceil(float(side) / voxel - 1e-3)) for side in high - low]
     occupied = torch.ones(shape, dtype=torch.bool, device=runtime.device)
     cells = low + (torch.nonzero(occupied) + 0.5) * voxel
-    occupied = (space.is_seen(cells, bank.cameras) & ~free.holds(space.to_world(cells))).view(shape)
+    occupied = (space.is_seen(cells, dataset.cameras) & ~free.holds(space.to_world(cells))).view(shape)
     field = VoxelField(low, voxel, occupied, n_features, 64, DENSITY_BIAS, space)
-    return OpenFit(bank, settings, runtime, field, observations, free, horizon)
+    return OpenFit(dataset, settings, runtime, field, observations, free, horizon)
 
 
-def fit_background(bank: PixelBank, runtime: Runtime) -> Background:
+def fit_background(dataset: PixelDataset, runtime: Runtime) -> Background:
     """What the photos show in each direction on average: a better filling for unseen gaps than any one color."""
     background = Background().to(runtime.device)
-    _learn_directions(background, bank, None, torch.square, runtime)
+    _learn_directions(background, dataset, None, torch.square, runtime)
     return background.requires_grad_(False)
 
 
-def fit_sky(bank: PixelBank, horizon: Horizon, runtime: Runtime) -> Background | None:
+def fit_sky(dataset: PixelDataset, horizon: Horizon, runtime: Runtime) -> Background | None:
     """What most photos show in each direction above the horizon; None where that does not follow from the direction."""
-    index = bank.draw(SKY_PIXELS, runtime)
-    index = index[horizon.is_sky(bank.rays(index).viewdirs)]
+    index = dataset.draw(SKY_PIXELS, runtime)
+    index = index[horizon.is_sky(dataset.rays(index).viewdirs)]
     if len(index) < FEWEST_SKY_PIXELS:
         return None
     sky = Background().to(runtime.device)
     # absolute differences: things before the sky are strays
-    gaps = _learn_directions(sky, bank, index, torch.abs, runtime)
+    gaps = _learn_directions(sky, dataset, index, torch.abs, runtime)
     return sky if float(gaps.quantile(AGREEING)) < SKY_LIKENESS else None
 
 
 def _learn_directions(
-    background: Background, bank: PixelBank, index: Tensor | None, penalty: Callable[[Tensor], Tensor], runtime: Runtime
+    background: Background,
+    dataset: PixelDataset,
+    index: Tensor | None,
+    penalty: Callable[[Tensor], Tensor],
+    runtime: Runtime,
 ) -> Tensor:
     """Learn the colors of random pixels, or of those in `index`; differences of the last ones, [n] in a channel."""
     optimizer = Adam(background.parameters(), lr=1e-2)
     for _ in range(200):
-        some = bank.draw(2048, runtime) if index is None else index[runtime.randint(len(index), 2048)]
-        gaps = background(bank.rays(some).viewdirs) - bank.color[some].float() / 255
+        some = dataset.draw(2048, runtime) if index is None else index[runtime.randint(len(index), 2048)]
+        gaps = background(dataset.rays(some).viewdirs) - dataset.color[some].float() / 255
         loss = penalty(gaps).mean()
         optimizer.zero_grad()
         loss.backward()

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ...capture.capture import SparsePoints
 from ..extent import is_reliable
-from ..rendering.rays import PixelBank
+from ..rendering.rays import PixelDataset
 from ..rendering.space import Space
 
 
@@ -19,7 +19,7 @@ class Observations:
     """Which pixel observes which sparse point.
 
     Attributes:
-        index: [m], running pixel index of a PixelBank.
+        index: [m], running pixel index of a PixelDataset.
         positions: [m, 3], of the points, grid coordinates.
     """
 
@@ -30,18 +30,18 @@ class Observations:
         return len(self.index)
 
 
-def observations_of(bank: PixelBank, space: Space, points: SparsePoints | None) -> Observations:
-    """The pixels of the bank that see a reliable sparse point."""
+def observations_of(dataset: PixelDataset, space: Space, points: SparsePoints | None) -> Observations:
+    """The pixels of the dataset that see a reliable sparse point."""
     index, positions = [torch.zeros(0, dtype=torch.long)], [torch.zeros(0, 3)]
     if points is not None and len(points):
         reliable = is_reliable(points)
-        for number, camera in enumerate(bank.cameras):
+        for number, camera in enumerate(dataset.cameras):
             seen = points.point[points.view == number]
             world = points.positions[seen[reliable[seen]]]
             pixels, depth = camera.project(world)
             cells = np.floor(pixels).astype(int)
             inside = (depth > 0) & ((cells >= 0) & (cells < (camera.width, camera.height))).all(1)
-            index.append(int(bank.first[number]) + torch.from_numpy(cells[inside] @ (1, camera.width)))
+            index.append(int(dataset.first[number]) + torch.from_numpy(cells[inside] @ (1, camera.width)))
             positions.append(torch.from_numpy(world[inside]).float())
-    device = bank.color.device
+    device = dataset.color.device
     return Observations(torch.cat(index).to(device), space.to_grid(torch.cat(positions).to(device)))

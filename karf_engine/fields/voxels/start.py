@@ -22,9 +22,9 @@ def start_voxel_fit(inputs: FitInputs) -> VoxelFit:
     Raises:
         BadRequest: A frustum was asked for, and how near the scene is is not known.
     """
-    bank, settings, runtime = inputs.bank, inputs.settings, inputs.runtime
+    dataset, settings, runtime = inputs.dataset, inputs.settings, inputs.runtime
     if inputs.space == "box":
-        return start_box_fit(bank, inputs.background_kind, settings, runtime)
+        return start_box_fit(dataset, inputs.background_kind, settings, runtime)
     recipe, horizon = settings.open, None
     if inputs.space == "frustum":
         space = middle_frustum(inputs.views, inputs.points)
@@ -32,12 +32,12 @@ def start_voxel_fit(inputs: FitInputs) -> VoxelFit:
         smoothness = recipe.frustum_smoothness * recipe.total_variation
         recipe = replace(recipe, levels=levels, total_variation=smoothness)
     else:
-        space = contraction_round_focus(bank.cameras, recipe)
-        horizon = horizon_of(bank.cameras, inputs.points, space.center, space.radius).to(runtime.device)
+        space = contraction_round_focus(dataset.cameras, recipe)
+        horizon = horizon_of(dataset.cameras, inputs.points, space.center, space.radius).to(runtime.device)
     space = space_on(space, runtime.device)
-    observations = observations_of(bank, space, inputs.points)
+    observations = observations_of(dataset, space, inputs.points)
     free = FreeSpace.of(inputs.views, inputs.points, runtime.device)
-    return start_open_fit(bank, space, recipe, settings.features, observations, free, horizon, runtime)
+    return start_open_fit(dataset, space, recipe, settings.features, observations, free, horizon, runtime)
 
 
 def _finer(level: Level, factor: float) -> Level:

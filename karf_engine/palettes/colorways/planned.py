@@ -21,7 +21,7 @@ class PlannedColorway:
     Attributes:
         colorway: As the sheet says.
         edit: Of all objects; those that the colorway does not name stay as learned.
-        predictions: One a wish.
+        predictions: One a target color.
     """
 
     colorway: Colorway
@@ -32,7 +32,7 @@ class PlannedColorway:
 def plan_colorways(
     project: Project, sheet: Path, locked: Mapping[str, Sequence[int]] | None = None
 ) -> tuple[PlannedColorway, ...]:
-    """The colorways of a sheet (see `edit.color_sheet`), each with its edit and what it will reach.
+    """The colorways of a sheet (see `palettes.colorways.sheet`), each with its edit and what it will reach.
 
     Args:
         project: With palettes.
@@ -51,18 +51,26 @@ def plan_colorways(
                 f"There is no swatch {number} of {name!r} to lock.", f"Objects are: {', '.join(palettes)}."
             )
     colorways = read_sheet(sheet)
-    for wish in (wish for colorway in colorways for wish in colorway.wishes):
-        if wish.name not in palettes:
-            raise DataError(f"{wish.where}: there is no object {wish.name!r}.", f"Objects are: {', '.join(palettes)}.")
+    for target_color in (target_color for colorway in colorways for target_color in colorway.target_colors):
+        if target_color.name not in palettes:
+            raise DataError(
+                f"{target_color.where}: there is no object {target_color.name!r}.",
+                f"Objects are: {', '.join(palettes)}.",
+            )
     path = project.checked(project.object_colors_file)
     seen = {name: read_object_colors(path, name) for name in palettes}
     learned = {name: palette.colors for name, palette in palettes.items()}
     planned = []
     for colorway in colorways:
         predictions = tuple(
-            predict(wish, palettes[wish.name], seen[wish.name], (locked or {}).get(wish.name, ()))
-            for wish in colorway.wishes
+            predict(
+                target_color,
+                palettes[target_color.name],
+                seen[target_color.name],
+                (locked or {}).get(target_color.name, ()),
+            )
+            for target_color in colorway.target_colors
         )
-        colors = learned | {prediction.wish.name: prediction.colors for prediction in predictions}
+        colors = learned | {prediction.target_color.name: prediction.colors for prediction in predictions}
         planned.append(PlannedColorway(colorway, Edit(colors, "delta"), predictions))
     return tuple(planned)

@@ -15,30 +15,30 @@ from ...io.color import ciede2000, lab_to_srgb, srgb_to_lab
 from ..matching.becomes import match_becomes, mean_weights, near
 from ..object_colors import ColorHistogram
 from ..palette import BRIGHTEST, Palette, rgb_to_hex
-from .sheet import Wish
+from .sheet import TargetColor
 
-TOLERANCE = 2.0  # CIEDE2000 to the wish up to which a color counts as reached
+TOLERANCE = 2.0  # CIEDE2000 to the target color up to which a color counts as reached
 SPREAD = 6.0  # of a paint's colors in Lab, about its most frequent one
 MOST_CANDIDATES = 256  # histogram cells that are tried as an object's dominant color
 FOREIGN = 10.0  # CIEDE2000 from which the object shows no such source color
 BRIGHT = 0.95  # sRGB from which better lit parts of an object would be brighter than white
-ROUNDING = 0.005  # of sRGB numbers: what the wish's own may be beyond what can be
+ROUNDING = 0.005  # of sRGB numbers: what the target color's own may be beyond what can be
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """What comes of one wish.
+    """What comes of one target color.
 
     Attributes:
-        wish: The wish.
+        target_color: The target color.
         source: The color of the object that shall become it, sRGB [3].
         colors: The object's edited palette [M, 3].
         reached: What the source becomes, sRGB [3].
-        ciede2000: Of the color reached to the wish.
-        reason: Why the wish cannot be reached, after "because"; empty where it is reached.
+        ciede2000: Of the color reached to the target color.
+        reason: Why the target color cannot be reached, after "because"; empty where it is reached.
     """
 
-    wish: Wish
+    target_color: TargetColor
     source: np.ndarray
     colors: np.ndarray
     reached: np.ndarray
@@ -48,7 +48,7 @@ class Prediction:
     @property
     def target(self) -> np.ndarray:
         """The wanted color as near as a picture can show it, sRGB [3]."""
-        return np.clip(lab_to_srgb(self.wish.lab), 0, 1)
+        return np.clip(lab_to_srgb(self.target_color.lab), 0, 1)
 
 
 def dominant_color(seen: ColorHistogram) -> np.ndarray:
@@ -66,11 +66,13 @@ def dominant_color(seen: ColorHistogram) -> np.ndarray:
     return np.average(seen.colors, axis=0, weights=density[density.sum(axis=1).argmax()]).astype(np.float64)
 
 
-def predict(wish: Wish, palette: Palette, seen: ColorHistogram, locked: Iterable[int] = ()) -> Prediction:
-    """The edit for a wish and what it reaches; with the compositing that adds the palette's change.
+def predict(
+    target_color: TargetColor, palette: Palette, seen: ColorHistogram, locked: Iterable[int] = ()
+) -> Prediction:
+    """The edit for a target color and what it reaches; with the compositing that adds the palette's change.
 
     Args:
-        wish: Of the palette's object.
+        target_color: Of the palette's object.
         palette: As learned.
         seen: The object's colors.
         locked: Swatches that stay as they are.
@@ -82,21 +84,21 @@ def predict(wish: Wish, palette: Palette, seen: ColorHistogram, locked: Iterable
         >>> pot = Palette("pot", np.array([[0, 0, 0], [1, 0.1, 0.1]], np.float32))
         >>> seen = ColorHistogram(colors, np.array([10]), weights)
         >>> for color in ([0.05, 0.1, 0.3], [0.6, 0.7, 1.0]):
-        ...     result = predict(Wish("pot", srgb_to_lab(np.array(color)), None, "sheet.csv, line 2"), pot, seen)
+        ...     result = predict(TargetColor("pot", srgb_to_lab(np.array(color)), None, "sheet.csv, line 2"), pot, seen)
         ...     print(rgb_to_hex(result.reached), round(result.ciede2000), result.reason[:54] or "reached")
         #0d194c 0 reached
         #666666 35 80 % of its color #330505 are the palette's black: too
     """
-    source = dominant_color(seen) if wish.source is None else np.asarray(wish.source, np.float64)
-    target = np.clip(lab_to_srgb(wish.lab), 0, 1)
+    source = dominant_color(seen) if target_color.source is None else np.asarray(target_color.source, np.float64)
+    target = np.clip(lab_to_srgb(target_color.lab), 0, 1)
     try:
         colors = match_becomes(*seen, palette.colors, source, target, locked)
     except BadRequest as error:  # a source that is black
         colors, reason = palette.colors, error.sentence.rstrip(".")
     else:
         reason = ""
-    reached, difference, why = reached_by(colors, palette, seen, source, wish.lab, locked)
-    return Prediction(wish, source, colors, reached, difference, reason if reason and why else why)
+    reached, difference, why = reached_by(colors, palette, seen, source, target_color.lab, locked)
+    return Prediction(target_color, source, colors, reached, difference, reason if reason and why else why)
 
 
 def reached_by(

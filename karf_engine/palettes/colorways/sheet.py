@@ -40,7 +40,7 @@ DELIMITERS = "\t;,"
 
 
 @dataclass(frozen=True)
-class Wish:
+class TargetColor:
     """The color that one object of a colorway shall have.
 
     Attributes:
@@ -62,11 +62,11 @@ class Colorway:
 
     Attributes:
         name: As written.
-        wishes: One an object.
+        target_colors: One an object.
     """
 
     name: str
-    wishes: tuple[Wish, ...]
+    target_colors: tuple[TargetColor, ...]
 
     @property
     def folder(self) -> str:
@@ -92,26 +92,27 @@ def read_sheet(path: Path) -> tuple[Colorway, ...]:
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     path = Path(folder) / "spring.csv"
         ...     _ = path.write_text("colorway,object,hex\\nMint,pot,#80d0a0\\nSky,pot,#80a0d0\\n")
-        ...     [(colorway.name, colorway.wishes[0].lab.round().tolist()) for colorway in read_sheet(path)]
+        ...     [(colorway.name, colorway.target colors[0].lab.round().tolist()) for colorway in read_sheet(path)]
         [('Mint', [77.0, -35.0, 16.0]), ('Sky', [65.0, 1.0, -28.0])]
     """
     rows = list(_json_rows(path) if path.suffix.lower() == ".json" else _csv_rows(path))
     if not 0 < len(rows) <= MOST_ROWS:
         raise DataError(f"{path} has {len(rows)} rows of colorways.", f"Give 1 to {MOST_ROWS}.")
-    found: dict[str, dict[str, Wish]] = {}
+    found: dict[str, dict[str, TargetColor]] = {}
     folders: dict[str, str] = {}
     for row, where in rows:
-        name, wish = _text(row, "colorway", where), _wish(row, where)
+        name, target_color = _text(row, "colorway", where), _target_color(row, where)
         same = folders.setdefault(file_name(name).casefold(), name)
         if same != name:
             raise DataError(f"{where}: {name!r} and {same!r} would share a folder.", "Give one of them another name.")
-        wishes = found.setdefault(name, {})
-        if wish.name in wishes:
+        target_colors = found.setdefault(name, {})
+        if target_color.name in target_colors:
             raise DataError(
-                f"{where}: {name!r} has two colors of {wish.name!r}.", f"The other is {wishes[wish.name].where}."
+                f"{where}: {name!r} has two colors of {target_color.name!r}.",
+                f"The other is {target_colors[target_color.name].where}.",
             )
-        wishes[wish.name] = wish
-    return tuple(Colorway(name, tuple(wishes.values())) for name, wishes in found.items())
+        target_colors[target_color.name] = target_color
+    return tuple(Colorway(name, tuple(target_colors.values())) for name, target_colors in found.items())
 
 
 def _csv_rows(path: Path) -> Iterator[tuple[dict[str, Any], str]]:
@@ -152,14 +153,14 @@ def _text(row: dict[str, Any], column: str, where: str) -> str:
     return value.strip()
 
 
-def _wish(row: dict[str, Any], where: str) -> Wish:
+def _target_color(row: dict[str, Any], where: str) -> TargetColor:
     name = _text(row, "object", where)
     joined = {kind: [row[part] for part in parts] for kind, parts in COLUMNS_OF_ONE.items() if _has_all(row, parts)}
     lab = _color(row | joined, "", where)
     if lab is None:
         raise DataError(f"{where} has no color.", f"Fill one of the columns {', '.join(KINDS)}.")
     source = _color(row, "source_", where)
-    return Wish(name, lab, None if source is None else np.clip(lab_to_srgb(source), 0, 1), where)
+    return TargetColor(name, lab, None if source is None else np.clip(lab_to_srgb(source), 0, 1), where)
 
 
 def _has_all(row: dict[str, Any], columns: tuple[str, ...]) -> bool:

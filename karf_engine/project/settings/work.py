@@ -16,7 +16,7 @@ def seconds_of_stages(settings: Settings, samples_per_second: float, is_open: bo
 
     Args:
         settings: With which the stages run.
-        samples_per_second: Samples that a fit of the geometry learns from in a second, see `doctor.speed`.
+        samples_per_second: Samples that a fit of the geometry learns from in a second, see `cli.doctor.speed`.
         is_open: Whether the scene extends behind the object and the cameras.
 
     Returns:

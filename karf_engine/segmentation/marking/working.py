@@ -20,7 +20,7 @@ class WorkingPhoto:
 
     Attributes:
         colors: [h, w, 3] uint8 sRGB.
-        links: How like neighbors are, see `matting.random_walk.links_of`.
+        links: How like neighbors are, see `segmentation.random_walk.links_of`.
         scale: Its pixels per pixel of the photo, (x, y).
     """
 

@@ -49,7 +49,7 @@ def prepare() -> None:
     import torch
     import torch._dynamo  # what the first step of an optimizer imports
 
-    for name in ("cli", *(f"stages.{stage}" for stage in MODULES)):
+    for name in ("cli", *(f"commands.{stage}" for stage in MODULES)):
         import_module(f"karf_engine.{name}")
     torch.set_num_threads(1)
 

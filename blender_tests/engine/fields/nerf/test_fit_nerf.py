@@ -19,7 +19,7 @@ from karf_engine.fields.fit import FitInputs
 from karf_engine.fields.nerf.field import NerfSampling
 from karf_engine.fields.nerf.start import fresh_fit, place_nerf
 from karf_engine.fields.registry import start_fit
-from karf_engine.fields.rendering.rays import PixelBank, camera_rays
+from karf_engine.fields.rendering.rays import PixelDataset, camera_rays
 from karf_engine.fields.rendering.space import Box, Frustum
 from karf_engine.metrics.images import psnr
 from karf_engine.project.settings import GeometrySettings, NerfSettings, preset
@@ -43,7 +43,7 @@ TINY = NerfSettings(
 def bank_of(photos, kind, device="cpu"):
     alphas = [p.alpha for p in photos] if kind == "alpha" else None
     colors = [p.color / p.alpha[..., None].clip(1e-6) if kind == "alpha" else p.color for p in photos]
-    return PixelBank([p.camera for p in photos], [c.clip(0, 1) for c in colors], alphas, device=device)
+    return PixelDataset([p.camera for p in photos], [c.clip(0, 1) for c in colors], alphas, device=device)
 
 
 def start(kind, settings=TINY, space="box", seed=0, device="cpu"):
@@ -117,10 +117,10 @@ def test_scenes_come_as_often_as_asked_and_at_the_end():
 def test_the_rate_falls_to_a_tenth_in_the_steps_given_across_scenes(monkeypatch):
     rates = []
 
-    def note(course, until, step, schedule, progress, unfinished):
-        rate = course.optimizer.param_groups[0]["lr"]
-        rates.extend(rate * schedule(i, course.iterations) for i in range(course.done, until))
-        course.done = until
+    def note(training_state, until, step, schedule, progress, checkpoint):
+        rate = training_state.optimizer.param_groups[0]["lr"]
+        rates.extend(rate * schedule(i, training_state.iterations) for i in range(training_state.done, until))
+        training_state.done = until
 
     monkeypatch.setattr("karf_engine.fields.nerf.fit.train", note)
     list(start("black", replace(TINY, iterations=101, look_every=30, rate=1e-3, decay_steps=100)).scenes(silent()))
@@ -132,12 +132,12 @@ def test_the_rate_falls_to_a_tenth_in_the_steps_given_across_scenes(monkeypatch)
 
 def test_the_first_rays_of_an_object_capture_go_through_the_photos_middle():
     _, photos = still_life(3, 32)
-    bank = bank_of(photos, "black")
-    index = bank.draw_central(4000, 0.5, start_runtime(0, 1, "cpu"))
+    dataset = bank_of(photos, "black")
+    index = dataset.draw_central(4000, 0.5, start_runtime(0, 1, "cpu"))
     pixel = index % (32 * 32)
     column, row = pixel % 32, pixel // 32
     assert (column.min(), column.max(), row.min(), row.max()) == (8, 23, 8, 23)
-    assert torch.bincount(bank.view_of(index)).min() > 1000
+    assert torch.bincount(dataset.view_of(index)).min() > 1000
 
 
 def test_cancelling_and_diverging_end_the_fit():
@@ -205,5 +205,5 @@ def test_what_is_white_stays_white_where_nothing_is():
     fit = fresh_fit(bank_of(photos, "alpha"), "alpha", Box(), sampling, TINY, start_runtime(0, 1, "cpu"))
     for network in (fit.field.coarse, fit.field.fine):
         network.alpha_linear.bias.data[:] = -100.0
-    coarse, fine = fit._render(fit.bank.rays(torch.arange(5)))
+    coarse, fine = fit._render(fit.dataset.rays(torch.arange(5)))
     assert_allclose(coarse.detach(), np.ones((5, 3))), assert_allclose(fine.detach(), np.ones((5, 3)))

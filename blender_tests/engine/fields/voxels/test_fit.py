@@ -15,7 +15,7 @@ from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import Diverged
 from karf_engine.fields.extent import focus_point
-from karf_engine.fields.rendering.rays import PixelBank
+from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.voxels import fit_box
 from karf_engine.fields.voxels.fit_box import start_box_fit, visual_hull
 from karf_engine.metrics.images import psnr
@@ -35,7 +35,7 @@ def bank_of(photos, kind, device="cpu"):
     alphas = [p.alpha for p in photos] if kind == "alpha" else None
     solids = [solid_pixels(p.color, "black") for p in photos] if kind == "black" else None
     colors = [p.color / p.alpha[..., None].clip(1e-6) if kind == "alpha" else p.color for p in photos]
-    return PixelBank([p.camera for p in photos], [c.clip(0, 1) for c in colors], alphas, solids, device=device)
+    return PixelDataset([p.camera for p in photos], [c.clip(0, 1) for c in colors], alphas, solids, device=device)
 
 
 def fit(photos, kind, settings=SETTINGS, seed=0, levels=2, device="cpu"):

@@ -16,7 +16,7 @@ from karf_engine.fields.extent import looks_one_way, nearest_depth
 from karf_engine.fields.files import load_scene, save_scene
 from karf_engine.fields.fit import FitInputs
 from karf_engine.fields.registry import start_fit
-from karf_engine.fields.rendering.rays import PixelBank
+from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.rendering.space import Box, Contraction
 from karf_engine.fields.spaces import choose_space
 from karf_engine.fields.voxels import fit as voxel_fit
@@ -94,13 +94,13 @@ def points_on_the_still_life(cameras, photos, spread=1.0):
 
 def start(cameras, space, with_points, settings=SETTINGS, device="cpu"):
     photos = [take_photo(camera, sky=True) for camera in cameras]
-    bank = PixelBank(cameras, [photo.color for photo in photos], None, device=device)
+    dataset = PixelDataset(cameras, [photo.color for photo in photos], None, device=device)
     points = points_on_the_still_life(cameras, photos) if with_points else None
     views = views_of(cameras)
     if space == "frustum":
         views = [replace(view, depth_bounds=(2.2, 9.0)) for view in views]
     runtime = start_runtime(0, threads=1, device=str(device))
-    return start_fit(FitInputs(bank, "opaque", space, views, points, settings, runtime))
+    return start_fit(FitInputs(dataset, "opaque", space, views, points, settings, runtime))
 
 
 def silent():
@@ -207,8 +207,8 @@ def test_pruning_keeps_what_photos_show_however_many_cells_there_are(monkeypatch
     state = start(cameras(8), "contraction", True, few)
     unpruned = next(state.scenes(silent())).field
     renderer = new_renderer(unpruned, state.runtime, 1.0, 0.0, Observing(0.1, 0.1))
-    pixels = torch.arange(len(state.bank))
-    is_shown = renderer.visibility(state.bank.rays(part) for part in pixels.split(4096)) > 0.1
+    pixels = torch.arange(len(state.dataset))
+    is_shown = renderer.visibility(state.dataset.rays(part) for part in pixels.split(4096)) > 0.1
     kept = state._pruned().occupied[unpruned.occupied]
     assert kept[is_shown].float().mean() > 0.99
     assert kept.float().mean() < 0.97
@@ -261,22 +261,24 @@ def test_the_nearest_depth_is_declared_or_that_of_the_points():
 
 
 def test_a_frustum_without_any_depth_is_refused():
-    bank = PixelBank(front(), [take_photo(camera).color for camera in front()], None)
+    dataset = PixelDataset(front(), [take_photo(camera).color for camera in front()], None)
     with pytest.raises(BadRequest, match="how near"):
-        start_fit(FitInputs(bank, "opaque", "frustum", views_of(front()), None, SETTINGS, start_runtime(0, 1, "cpu")))
+        start_fit(
+            FitInputs(dataset, "opaque", "frustum", views_of(front()), None, SETTINGS, start_runtime(0, 1, "cpu"))
+        )
 
 
 def test_each_observation_is_the_pixel_that_shows_its_point():
     photos = [take_photo(camera) for camera in ring()]
     points = points_on_the_still_life(ring(), photos)
-    bank = PixelBank(ring(), [photo.color for photo in photos], None)
-    observations = observations_of(bank, Box(), points)
+    dataset = PixelDataset(ring(), [photo.color for photo in photos], None)
+    observations = observations_of(dataset, Box(), points)
     assert len(observations) == len(points.view)
-    rays = bank.rays(observations.index)
+    rays = dataset.rays(observations.index)
     toward = torch.nn.functional.normalize(observations.positions - rays.origins, dim=1)
     assert (toward * rays.viewdirs).sum(1).min() > np.cos(1.0 / ring()[0].fx)  # within a pixel
     bad = replace(points, errors=np.where(np.arange(300) < 150, 9.0, 0.3).astype(np.float32))
-    assert len(observations_of(bank, Box(), bad)) == (points.point >= 150).sum()
+    assert len(observations_of(dataset, Box(), bad)) == (points.point >= 150).sum()
 
 
 def test_only_what_a_camera_sees_is_looked_for():

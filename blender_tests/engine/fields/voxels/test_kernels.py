@@ -22,7 +22,7 @@ from karf_engine.fields.rendering.rays import Rays
 from karf_engine.fields.rendering.space import Box, Contraction, Frustum
 from karf_engine.fields.rendering.volume import accumulate, ray_weights_from_sigmas
 from karf_engine.fields.training.loop import constant, train
-from karf_engine.fields.training.state import Course
+from karf_engine.fields.training.state import TrainingState
 from karf_engine.fields.voxels.choice import new_renderer
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.fields.voxels.fused import preparing
@@ -258,10 +258,10 @@ def test_what_is_not_a_number_stops_training():
     field.feature_table.data[:, 0] = torch.nan
     renderer = fused(field)
     optimizer = renderer.optimizer([{"params": [field.raw_density, field.feature_table], "lr": 0.1}], (0.9, 0.99))
-    course = Course(3, optimizer, dict, start_runtime(0, 1, "cpu"))
+    training_state = TrainingState(3, optimizer, dict, start_runtime(0, 1, "cpu"))
     with pytest.raises(Diverged):
         train(
-            course,
+            training_state,
             3,
             lambda *_: (renderer.render(batch).color.mean(), {}),
             constant,

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ....compute.cores import share
 from ....compute.kernels import kernel
-from ....compute.process_group import Team
+from ....compute.process_group import ProcessGroup
 from ...training.adam import Adam
 from .arrays import DENSITY, FEATURES, Table
 from .marching import ONE, ZERO
@@ -62,14 +62,16 @@ class LazyAdam(Adam):
     All other parameters step as ever. The tables' gradients are those that kernels have added up, not `.grad`.
     """
 
-    def __init__(self, groups: list[dict], betas: tuple[float, float], tables: FieldTables, team: Team) -> None:
+    def __init__(
+        self, groups: list[dict], betas: tuple[float, float], tables: FieldTables, process_group: ProcessGroup
+    ) -> None:
         super().__init__(groups, betas=betas, eps=float(EPSILON), fused=True)
-        self._tables, self._team = tables, team
+        self._tables, self._process_group = tables, process_group
 
     @torch.no_grad()
     def step(self, closure: None = None) -> None:
         """One step of everything that has a gradient."""
-        if self._team.size > 1:
+        if self._process_group.size > 1:
             self._tables.touch_others()
         group = self.param_groups[0]
         beta1, beta2 = group["betas"]

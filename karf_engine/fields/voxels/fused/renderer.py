@@ -42,7 +42,7 @@ class FusedRenderer:
         self._ordered: Sorted | None = None
 
     def optimizer(self, groups: list[dict], betas: tuple[float, float]) -> LazyAdam:
-        return LazyAdam(groups, betas, self.tables, self.runtime.team)
+        return LazyAdam(groups, betas, self.tables, self.runtime.process_group)
 
     def render(self, batch: RayBatch) -> RaySums:
         sums = _Render.apply(self.field.raw_density, self, batch)
