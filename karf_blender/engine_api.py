@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from .. import karf_engine
+from ..karf_engine.api import render_bundle
 from ..karf_engine.capture import FORMATS, hold_out, open_capture, write_cameras
 from ..karf_engine.capture.camera import Camera
 from ..karf_engine.capture.capture import Capture, SparsePoints, View
@@ -17,7 +18,6 @@ from ..karf_engine.capture.reprojection import (
 )
 from ..karf_engine.capture.transforms_json import camera_to_json
 from ..karf_engine.capture.undistortion import undistorted
-from ..karf_engine.commands.farm.bundle import render_bundle
 from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency, error_from_code
 from ..karf_engine.export.layer_names import ObjectLayers, read_layer_names
 from ..karf_engine.export.scene_points import ScenePoints, read_points, write_points

@@ -23,16 +23,17 @@ if TYPE_CHECKING:
         learn,
         learn_geometry,
         learn_recoloring,
+        learning_bundle,
         load,
         mark,
         render,
+        render_bundle,
         segment,
         write_points,
     )
     from .capture import open_capture
     from .capture.camera import Camera
     from .capture.capture import Capture, View
-    from .commands.farm.bundle import learning_bundle, render_bundle
     from .errors import KarfError
     from .palettes.edit_files import read_edit, write_edit
     from .palettes.palette import Edit, Palette
@@ -40,64 +41,36 @@ if TYPE_CHECKING:
     from .recolor.frames import Frame
     from .recolor.model import Model
 
-_HOME = {  # name -> the module that defines it
-    "Camera": "capture.camera",
-    "Capture": "capture.capture",
-    "Edit": "palettes.palette",
-    "Frame": "recolor.frames",
-    "KarfError": "errors",
-    "Model": "recolor.model",
-    "PRESETS": "project.settings",
-    "Palette": "palettes.palette",
-    "Settings": "project.settings",
-    "View": "capture.capture",
-    "colorways": "api",
-    "extract_palettes": "api",
-    "find_poses": "api",
-    "learn": "api",
-    "learn_geometry": "api",
-    "learn_recoloring": "api",
-    "learning_bundle": "commands.farm.bundle",
-    "load": "api",
-    "mark": "api",
-    "open_capture": "capture",
-    "read_edit": "palettes.edit_files",
-    "render": "api",
-    "render_bundle": "commands.farm.bundle",
-    "segment": "api",
-    "write_edit": "palettes.edit_files",
-    "write_points": "api",
+# module -> the public names that it defines
+_DEFINES = {
+    "api": (
+        "find_poses",
+        "mark",
+        "learn",
+        "learn_geometry",
+        "segment",
+        "extract_palettes",
+        "learn_recoloring",
+        "load",
+        "render",
+        "colorways",
+        "write_points",
+        "render_bundle",
+        "learning_bundle",
+    ),
+    "capture": ("open_capture",),
+    "capture.camera": ("Camera",),
+    "capture.capture": ("Capture", "View"),
+    "errors": ("KarfError",),
+    "palettes.edit_files": ("read_edit", "write_edit"),
+    "palettes.palette": ("Edit", "Palette"),
+    "project.settings": ("PRESETS", "Settings"),
+    "recolor.frames": ("Frame",),
+    "recolor.model": ("Model",),
 }
+_HOME = {name: module for module, names in _DEFINES.items() for name in names}
 
-__all__ = [
-    "PRESETS",
-    "Camera",
-    "Capture",
-    "Edit",
-    "Frame",
-    "KarfError",
-    "Model",
-    "Palette",
-    "Settings",
-    "View",
-    "__version__",
-    "colorways",
-    "extract_palettes",
-    "find_poses",
-    "learn",
-    "learn_geometry",
-    "learn_recoloring",
-    "learning_bundle",
-    "load",
-    "mark",
-    "open_capture",
-    "read_edit",
-    "render",
-    "render_bundle",
-    "segment",
-    "write_edit",
-    "write_points",
-]
+__all__ = sorted([*_HOME, "__version__"])
 
 
 def __getattr__(name: str) -> Any:

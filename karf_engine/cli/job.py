@@ -15,7 +15,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from ..commands.dispatch import run_request
+from ..commands.dispatch import run_command
+from ..commands.options import options_of_job
 from ..compute.progress import Emit
 from ..errors import DataError, KarfError
 from ..path_map import PathMap
@@ -132,7 +133,8 @@ def _run_job(job: Path, orders: Orders, paths: PathMap) -> int:
             _stay_warm(job, request, emit, paths)
         else:
             orders.listen()
-            run_request(request, emit, orders.is_stopped)
+            options = options_of_job(request.stage, request.project, request.options)
+            run_command(options, emit, orders.is_stopped)
         emit("done", summary=_summary(request))
     except Exception as raised:
         error = as_karf_error(raised)

@@ -1,8 +1,6 @@
 """Colorways: every colorway of a sheet times every view, and what becomes of its colors.
 
-Options: sheet (CSV or JSON, see `palettes.colorways.sheet`), out (folder), views and size (as the render stage takes them;
-default all, photo), predict_only (bool), locked (list of <object>/<number> of swatches that stay as learned). What each
-color will be is known, and told, before anything is rendered. Writes
+What each color will be is known, and told, before anything is rendered. Writes
 
     OUT/<colorway>/<view>.png        the recolored view; of photos .png, .tif or .exr as they came
     OUT/colorways.csv                of each color: wanted, predicted, reached, their CIEDE2000, and why not closer
@@ -25,39 +23,34 @@ from ..export.colorway_pictures import Probes, pictures_of
 from ..export.colorway_table import Reached, write_table
 from ..export.contact_sheet import Line, Row, write_contact_sheet
 from ..export.finished_frames import FinishedFrames, frame_mark, model_mark, view_mark
-from ..export.frame_files import size_of
 from ..palettes.colorways.planned import PlannedColorway, plan_colorways
 from ..palettes.colorways.reached import Prediction
 from ..palettes.palette import rgb_to_hex
 from ..project.locking import consistent, opened
 from ..recolor.model import Model
-from ..wire import Request
 from .disputes import Disputes
 from .job import Job, open_job
+from .options.editing import ColorwaysOptions
 
 VERSION = 1
 SHEET_VIEWS, SHEET_ROWS = 6, 100
 MOST_WARNINGS = 5
 
 
-def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
-    """Tell what each colorway reaches, then write it in all views. Raises BadRequest where sheet or out is missing."""
-    project, options = opened(request.project), request.options
-    for name in ("sheet", "out"):
-        if not options.get(name):
-            raise BadRequest(f"The colorways were given no {name}.", "Give a sheet, and a folder to write to.")
-    out = Path(options["out"])
-    planned = plan_colorways(project, Path(options["sheet"]), _locked(options.get("locked", ())))
+def run(options: ColorwaysOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
+    """Tell what each colorway reaches, then write it in all views. Raises DataError where the sheet has a wrong row."""
+    project = opened(options.project)
+    planned = plan_colorways(project, options.sheet, _locked(options.locked))
     _tell(planned, emit)
-    write_table(out / "colorways.csv", planned)
-    if not options.get("predict_only"):
+    write_table(options.out / "colorways.csv", planned)
+    if not options.predict_only:
         project.require("recoloring")
         with consistent(project):
-            job = open_job(request, emit, should_stop)
-            work = _Work(job, Model(project, job.runtime.device), planned, out)
+            job = open_job(options, emit, should_stop)
+            work = _Work(job, Model(project, job.runtime.device), planned, options)
         work.run()
-        job.artifact("contact sheet", out / "contact_sheet.png")
-    emit("artifact", kind="colorways", path=str(out / "colorways.csv"))
+        job.artifact("contact sheet", options.out / "contact_sheet.png")
+    emit("artifact", kind="colorways", path=str(options.out / "colorways.csv"))
 
 
 def _locked(swatches: Sequence[str]) -> dict[str, list[int]]:
@@ -85,11 +78,11 @@ def _tell(planned: Sequence[PlannedColorway], emit: Emit) -> None:
 class _Work:
     """Colorways times views: a view is rendered once for all colorways, and a picture that is finished not again."""
 
-    def __init__(self, job: Job, model: Model, planned: Sequence[PlannedColorway], out: Path) -> None:
-        self._job, self._model, self._planned, self._out = job, model, planned, out
-        self._views, self._captured = choose_views(job.capture(), job.options.get("views", "all"))
-        self._finished = FinishedFrames.read(out)
-        self._mark, self._size = model_mark(job), size_of(job.options.get("size"))
+    def __init__(self, job: Job, model: Model, planned: Sequence[PlannedColorway], options: ColorwaysOptions) -> None:
+        self._job, self._model, self._planned, self._out = job, model, planned, options.out
+        self._views, self._captured = choose_views(job.capture(), options.views)
+        self._finished = FinishedFrames.read(options.out)
+        self._mark, self._size = model_mark(job.project, job.settings), options.size
 
     def run(self) -> None:
         """Write what is not finished, then the table and the contact sheet."""

@@ -1,34 +1,33 @@
-"""From a request to the stages that it names: what the command line, a job's process and the library all go through."""
+"""From a command's options to the module that carries it out: what command line, worker and library all go through."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
 from ..compute.progress import Emit
 from ..errors import missing_package
-from ..project import STAGE_ORDER
-from ..wire import Request
+from ..io.options import Options
+from .options import LearnOptions
 
 
-def run_request(request: Request, emit: Emit, should_stop: Callable[[], bool], **in_memory: Any) -> None:
-    """Run a request in this process; `all` is every stage that learns, in their order.
+def run_command(options: Options, emit: Emit, should_stop: Callable[[], bool], **in_memory: Any) -> None:
+    """Run a command in this process; `all` is every stage that learns, in their order.
 
     Args:
-        request: the stage, the project and the stage's options.
-        emit: receives the events (see `wire`).
-        should_stop: asked often; once it is true the stage ends with Cancelled.
-        **in_memory: what the stage takes beside its request, where the caller has read it already.
+        options: What the command is given; its class says which command.
+        emit: Receives the events (see the worker's protocol).
+        should_stop: Asked often; once it is true the command ends with Cancelled.
+        **in_memory: What the first stage takes beside its options, where the caller has read it already.
 
     Raises:
-        KarfError: as the stage does; MissingDependency where a package is missing.
+        KarfError: As the command does; MissingDependency where a package is missing.
     """
-    request.check_options()
-    for stage in STAGE_ORDER if request.stage == "all" else (request.stage,):
+    for stage in options.stages() if isinstance(options, LearnOptions) else (options,):
         try:
-            module = import_module(f".{stage}", __package__)
+            module = import_module(f".{stage.command}", __package__)
         except ModuleNotFoundError as error:
             raise missing_package(error.name) from error
-        module.run(replace(request, stage=stage), emit, should_stop, **in_memory)
+        module.run(stage, emit, should_stop, **in_memory)
+        in_memory = {}

@@ -1,10 +1,6 @@
 """Stage 0: photos -> radiance field (geometry.safetensors).
 
-Options: capture (path), preset, overrides (list of `stage.field=value`), nerf (path of a NeRF that another program has
-trained, which becomes the geometry), holdout (every how many-th photo is held out where the capture declares no test
-photos; by default as the project's geometry was learned, else none), masks (folder of masks), threads, device.
-
-Marked photos are learned from, also those that would be held out: the project's marks and those of `masks`.
+Marked photos are learned from, also those that would be held out: the project's marks and those of `options.masks`.
 """
 
 from __future__ import annotations
@@ -26,7 +22,7 @@ from ..compute import cores
 from ..compute.process_group import ProcessGroup, joined
 from ..compute.progress import Emit, Progress
 from ..compute.runtime import start_runtime
-from ..errors import BadRequest, Cancelled, DataError, KarfError
+from ..errors import Cancelled, DataError, KarfError
 from ..fields.detail import kept_psnr, typical_pixels_per_voxel
 from ..fields.files import save_scene
 from ..fields.nerf.field import NerfNetwork
@@ -37,12 +33,14 @@ from ..fields.rendering.rays import PixelDataset
 from ..fields.scene import Scene, psnr_of_views
 from ..fields.task import background_of, build_pixel_dataset, task_of
 from ..io.files import write_json
+from ..io.fingerprints import file_digest
 from ..io.images import over, write_png
+from ..project import Project
 from ..project import settings as settings_module
 from ..project.locking import opened
 from ..segmentation.coarse_masks import marked_views
-from ..wire import Request
-from .job import Job, StageRun, file_digest, make_job, run_stage
+from .job import Job, StageRun, make_job, run_stage
+from .options.learning import GeometryOptions
 
 VERSION = 2
 VALIDATION_VIEWS = 8
@@ -53,33 +51,27 @@ ENOUGH_PIXELS = 2.0  # that a voxel may span: most photos keep about 29 dB then
 WORSE = 0.5  # dB that held-out views may lose from level to level without a warning
 
 
-def run(request: Request, emit: Emit, should_stop: Callable[[], bool], capture: Capture | None = None) -> None:
-    """Learn the scene of `options["capture"]` into the project; a finished one of the same inputs is kept.
+def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], capture: Capture | None = None) -> None:
+    """Learn the scene of `options.capture` into the project; a finished one of the same inputs is kept.
 
     capture: what that path holds, for a caller who has it in memory.
     """
-    options = request.options
-    if "capture" not in options:
-        raise BadRequest("The geometry stage was given no capture.", "Name a folder or file with photos and poses.")
-    settings = settings_module.with_overrides(
-        settings_module.preset(options.get("preset", "demo")), options.get("overrides", [])
-    )
-    nerf = Path(options["nerf"]) if options.get("nerf") else None
+    settings = settings_module.with_overrides(settings_module.preset(options.preset), list(options.overrides))
+    nerf = options.nerf
     networks = None if nerf is None else read_nerf(nerf)
-    capture = capture or open_capture(Path(options["capture"]))
+    capture = capture or open_capture(options.capture)
     for remark in capture.remarks:
         emit("warning", code="capture", sentence=remark)
-    project = opened(request.project)
-    project.create(str(Path(options["capture"]).absolute()))
-    holdout = options.get("holdout")
-    capture = hold_out(capture, project.holdout() if holdout is None else holdout)
+    project = opened(options.project)
+    project.create(str(options.capture.absolute()))
+    capture = hold_out(capture, project.holdout() if options.holdout is None else options.holdout)
     job = make_job(project, options, settings, emit, should_stop)
     with run_stage(job, "geometry", VERSION, *_inputs(capture, nerf)) as run:
         if run is None:
             project.set_settings(settings_module.to_dict(settings))
             return
         run.summary["holdout"] = capture.holdout
-        capture = with_marked(job, capture)
+        capture = with_marked(project, capture, options.masks)
         n_photos = len(capture.split("train"))
         if n_photos < 3:
             raise DataError(f"{capture.source} has {n_photos} training photos.", "A scene needs at least three.")
@@ -92,13 +84,12 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool], capture: 
     job.artifact("geometry", project.geometry_file)
 
 
-def with_marked(job: Job, capture: Capture) -> Capture:
-    """The capture with all marked photos among those to learn from.
+def with_marked(project: Project, capture: Capture, masks: Path | None) -> Capture:
+    """The capture with all marked photos among those to learn from; masks: a folder of more marks.
 
     A mark of later does not make finished geometry outdated: this is no part of its fingerprint.
     """
-    folders = [job.project.masks_folder, job.project.corrections_folder]
-    folders += [Path(job.options["masks"])] if job.options.get("masks") else []
+    folders = [folder for folder in (project.masks_folder, project.corrections_folder, masks) if folder is not None]
     return with_split(capture, set().union(*(marked_views(folder, capture) for folder in folders)), "train")
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -17,14 +15,13 @@ from ..compute.progress import Emit, Progress, peak_memory_bytes
 from ..compute.runtime import Runtime, start_runtime
 from ..errors import Diverged
 from ..fields.training.checkpoint import Checkpoint
+from ..io.fingerprints import fingerprint
+from ..io.options import Options
 from ..project import STAGE_ORDER, Project
 from ..project import settings as settings_module
 from ..project.contents import capture_of, settings_for
 from ..project.locking import consistent, opened, writing
 from ..project.settings import Settings
-from ..wire import Request
-
-WHOLE_BYTES, END_BYTES = 2**20, 2**18  # files up to here count whole, larger ones by their ends
 
 
 @dataclass(frozen=True)
@@ -32,7 +29,6 @@ class Job:
     """One run of one stage. emit and should_stop are the caller's (see progress)."""
 
     project: Project
-    options: dict[str, Any]
     settings: Settings
     runtime: Runtime
     emit: Emit
@@ -69,39 +65,18 @@ class StageRun:
         return self._outputs / path.name
 
 
-def open_job(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> Job:
-    """Open the project of a request whose geometry stage is finished, with the settings that its stage builds on."""
-    project = opened(request.project)
-    return make_job(project, request.options, settings_for(project, request.stage), emit, should_stop)
+def open_job(options: Options, emit: Emit, should_stop: Callable[[], bool]) -> Job:
+    """Open the project of a command's options, whose geometry is learned, with the settings that it builds on."""
+    project = opened(options.project)
+    return make_job(project, options, settings_for(project, options.command), emit, should_stop)
 
 
 def make_job(
-    project: Project, options: dict[str, Any], settings: Settings, emit: Emit, should_stop: Callable[[], bool]
+    project: Project, options: Options, settings: Settings, emit: Emit, should_stop: Callable[[], bool]
 ) -> Job:
-    """A job with a runtime as the options say (`threads`, `device`)."""
-    runtime = start_runtime(settings.seed, options.get("threads"), options.get("device"))
-    return Job(project, options, settings, runtime, emit, should_stop)
-
-
-def fingerprint(*parts: Any) -> str:
-    """A short text that changes when any JSON value in `parts` does."""
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
-
-
-def file_digest(path: Path) -> list:
-    """What tells a file from another one in its place: its size, and a hash of its content.
-
-    Of a file over 1 MiB, its first and last 256 KiB: whoever takes another picture changes these.
-    """
-    size = path.stat().st_size
-    with path.open("rb") as stream:
-        if size <= WHOLE_BYTES:
-            content = stream.read()
-        else:
-            content = stream.read(END_BYTES)
-            stream.seek(-END_BYTES, 2)
-            content += stream.read()
-    return [size, hashlib.sha256(content).hexdigest()]
+    """A job with a runtime of the options' threads and device."""
+    runtime = start_runtime(settings.seed, options.threads, options.device)
+    return Job(project, settings, runtime, emit, should_stop)
 
 
 def stage_fingerprint(job: Job, stage: str, version: int, *inputs: Any) -> str:

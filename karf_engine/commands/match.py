@@ -1,15 +1,9 @@
-"""To an edit: from one color pair, "this color of the object becomes that color", or from a painted or graded view.
-
-Options: edit (EDIT.json to start from), out (EDIT.json), and object, source, target (#rrggbb), rule (becomes | fewest |
-added), also (further [source, target] of the object); or view, picture (of that view as it shall look).
-"""
+"""An edit from one color pair, "this color of the object becomes that color", or from a painted or graded view."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -23,37 +17,25 @@ from ..palettes.palette import rgb_to_hex
 from ..palettes.project_edit import ProjectEdit, as_color, edit_of
 from ..project import Project
 from ..project.locking import consistent, opened
-from ..wire import Request
-
-PAIR, PICTURE = ("object", "source", "target"), ("view", "picture")
+from .options.editing import MatchOptions
 
 
-def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
+def run(options: MatchOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Solve the edit and write it; other objects keep what `edit` says of them."""
     del should_stop  # seconds at most
-    project, options = opened(request.project), request.options
+    project = opened(options.project)
     project.require("palette")
-    asked = PICTURE if any(options.get(name) for name in PICTURE) else PAIR
-    for name in (*asked, "out"):
-        if not options.get(name):
-            raise BadRequest(
-                f"The match was given no {name}.",
-                "Give object, source color, target color and out; or view, picture and out.",
-            )
-    edit = edit_of(project, options.get("edit"))
-    if asked == PICTURE:
+    edit = edit_of(project, options.edit)
+    if options.is_of_picture:
         edit = _match_picture(project, options, edit, emit)
+    elif options.rule == "added":
+        for source, target in ((options.source, options.target), *options.also):
+            edit = edit.add_color(options.object, source, target)
     else:
-        pair, rule = [options[name] for name in PAIR], options.get("rule") or "becomes"
-        also = [tuple(each) for each in options.get("also") or ()]
-        if rule == "added":
-            for source, target in (pair[1:], *also):
-                edit = edit.add_color(pair[0], source, target)
-        else:
-            edit = edit.becomes(*pair, rule, also)
-            _tell(edit, pair[0], [tuple(pair[1:]), *also], emit)
-    edit.save(options["out"])
-    emit("artifact", kind="edit", path=str(Path(options["out"])))
+        edit = edit.becomes(options.object, options.source, options.target, options.rule, options.also)
+        _tell(edit, options.object, [(options.source, options.target), *options.also], emit)
+    edit.save(options.out)
+    emit("artifact", kind="edit", path=str(options.out))
 
 
 def _tell(edit: ProjectEdit, name: str, pairs: list[tuple[str, str]], emit: Emit) -> None:
@@ -73,19 +55,19 @@ def _tell(edit: ProjectEdit, name: str, pairs: list[tuple[str, str]], emit: Emit
     emit("stage", name="match", text=f"{name}: {share:.0%} of it is of the paint that becomes another; the rest stays")
 
 
-def _match_picture(project: Project, options: dict[str, Any], edit: ProjectEdit, emit: Emit) -> ProjectEdit:
+def _match_picture(project: Project, options: MatchOptions, edit: ProjectEdit, emit: Emit) -> ProjectEdit:
     """The edit that brings a view closest to a picture of it; what is left is told."""
     from ..compute.runtime import start_runtime
     from ..recolor.model import Model  # needs torch, which a color pair does not
 
     project.require("recoloring")
-    runtime = start_runtime(0, options.get("threads"), options.get("device"))
+    runtime = start_runtime(0, options.threads, options.device)
     with consistent(project):
         model = Model(project, runtime.device)
-    matches = model.match(model.capture.view(options["view"]), Path(options["picture"]), edit)
+    matches = model.match(model.capture.view(options.view), options.picture, edit)
     if not matches:
         raise BadRequest(
-            f"{options['picture']} shows all objects of {options['view']!r} as they are.",
+            f"{options.picture} shows all objects of {options.view!r} as they are.",
             "Paint on the objects, or give a picture of another view.",
         )
     for match in matches:

@@ -1,4 +1,4 @@
-"""Stage 2a: the objects' colors -> palettes (palette.json) and color histograms (object_colors.npz). No options."""
+"""Stage 2a: the objects' colors -> palettes (palette.json) and color histograms (object_colors.npz)."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from ..heads.object_surface import object_pixels, scarce_objects
 from ..palettes.extraction.extraction import color_histograms, extract_palettes
 from ..palettes.object_colors import write_object_colors
 from ..palettes.palette import write_palettes
-from ..wire import Request
 from .job import open_job, run_stage
+from .options.learning import PaletteOptions
 
 VERSION = 1
 
 
-def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
+def run(options: PaletteOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Extract a palette for every segmented object, or one for all of them."""
-    job = open_job(request, emit, should_stop)
+    job = open_job(options, emit, should_stop)
     with run_stage(job, "palette", VERSION) as run:
         if run is None:
             return

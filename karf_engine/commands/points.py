@@ -1,49 +1,42 @@
-"""The scene as points on its surface, which viewers show from every side and recolor by themselves.
-
-Options: out (.npz with all that recoloring needs, see `export.scene_points`; or .ply with colors), edit (EDIT.json, of .ply),
-count (about how many points).
-"""
+"""The scene as points on its surface, which viewers show from every side and recolor by themselves."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 from ..compute.progress import Emit
 from ..errors import BadRequest
 from ..export.ply import write_ply
-from ..export.point_sampling import COUNT, chosen_views, scene_points
+from ..export.point_sampling import chosen_views, scene_points
 from ..export.scene_points import write_points
 from ..palettes.compositing import stack_palettes
 from ..palettes.palette_files import read_edit_file
 from ..project.locking import consistent, opened
 from ..recolor.model import Model
-from ..wire import Request
 from .job import open_job
+from .options.editing import PointsOptions
 
 KINDS = (".npz", ".ply")
 
 
-def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
+def run(options: PointsOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Write the points. Raises BadRequest where it is not said to which kind of file, or an edit is given for .npz."""
-    project, options = opened(request.project), request.options
-    out = Path(options.get("out") or "")
+    project = opened(options.project)
+    out, is_ply = options.out, options.out.suffix.lower() == ".ply"
     if out.suffix.lower() not in KINDS:
         raise BadRequest(
             f"The points were given no file to write: {out}.", f"Name one that ends with {' or '.join(KINDS)}."
         )
-    is_ply = out.suffix.lower() == ".ply"
-    edited = options.get("edit")
-    if edited and not (is_ply and isinstance(edited, str)):
-        raise BadRequest(f"{out} cannot be written with the edit {edited}.", "Give one edit file, and a .ply to write.")
+    if options.edit and not is_ply:
+        raise BadRequest(f"{out} cannot be written with the edit {options.edit}.", "Give a .ply to write.")
     project.require("recoloring")
     with consistent(project):
-        job = open_job(request, emit, should_stop)
+        job = open_job(options, emit, should_stop)
         model = Model(project, job.runtime.device)
-    edit = read_edit_file(Path(edited), model.palettes, job.settings.compositing) if edited else None
+    edit = read_edit_file(options.edit, model.palettes, job.settings.compositing) if options.edit else None
     views = job.capture().split("train") or job.capture().views
     emit("stage", name="points", text=f"{len(chosen_views(views))} views")
-    points = scene_points(model, views, options.get("count") or COUNT, job.progress("points", len(chosen_views(views))))
+    points = scene_points(model, views, options.count, job.progress("points", len(chosen_views(views))))
     if is_ply:
         palettes = model.learned_colors
         if edit is not None:

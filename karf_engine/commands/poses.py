@@ -1,7 +1,6 @@
 """A capture from photos without poses, or from a video: photos and a COLMAP model in a new folder.
 
-Options: photos (a folder of photos or a video file), out (the new capture's folder), matching (auto | exhaustive |
-sequential; auto matches all pairs of up to 250 photos), threads. The request's project is not used.
+Pairs of up to 250 photos are all matched, of more those of neighbors by name, where nothing else is asked for.
 
 OUT/images/ holds hard links to the photos, or copies where the file system has none; photos that Exif turns and EXR
 files become upright 8-bit copies, because COLMAP works on stored pixels. OUT/sparse/0/ is the model. OUT appears only
@@ -27,9 +26,8 @@ from ..compute.progress import Emit, Progress
 from ..errors import BadRequest, DataError, missing_package
 from ..io.image_size import image_header
 from ..io.images import read_photo, write_png
-from ..wire import Request
+from .options.capturing import PosesOptions
 
-MATCHING = ("auto", "exhaustive", "sequential")
 MOST_EXHAUSTIVE = 250  # photos; all pairs of more take hours
 ENOUGH = 0.9  # share of registered photos below which a second, more sensitive try is made, and the user warned
 TOO_FEW = 0.3  # share of registered photos that is no result
@@ -37,9 +35,9 @@ TOO_FEW = 0.3  # share of registered photos that is no result
 MIN_AGREEMENT = 0.8
 
 
-def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
+def run(options: PosesOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Find the poses and write the capture. Raises DataError where too few photos can be placed."""
-    source, out, matching = _checked(request.options)
+    source, out = _checked(options)
     out.parent.mkdir(parents=True, exist_ok=True)
     with work_folder(out.parent, f".{out.name[:100]}-") as work:
         capture = work / "capture"
@@ -51,8 +49,9 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
             work=work,
             model=capture / "sparse" / "0",
             one_lens=len({image_header(capture / "images" / name).stored for name in names}) == 1,
-            sequential=matching == "sequential" or (matching == "auto" and len(names) > MOST_EXHAUSTIVE),
-            threads=request.options.get("threads") or -1,
+            sequential=options.matching == "sequential"
+            or (options.matching == "auto" and len(names) > MOST_EXHAUSTIVE),
+            threads=options.threads or -1,
         )
         result = _reconstruct_twice(task, emit, should_stop)
         _judge(source, result, len(names), emit)
@@ -62,21 +61,16 @@ def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
     emit("artifact", kind="capture", path=str(out))
 
 
-def _checked(options: dict) -> tuple[Path, Path, str]:
-    for name in ("photos", "out"):
-        if not options.get(name):
-            raise BadRequest(f"The poses stage was given no {name}.", "Give photos (a folder or a video) and out.")
-    source, out = Path(options["photos"]).absolute(), Path(options["out"]).absolute()
-    matching = options.get("matching", "auto")
-    if matching not in MATCHING:
-        raise BadRequest(f"Unknown matching {matching!r}.", f"Use one of: {', '.join(MATCHING)}.")
+def _checked(options: PosesOptions) -> tuple[Path, Path]:
+    """Where the photos are and the capture goes, absolute."""
+    source, out = options.photos.absolute(), options.out.absolute()
     if not source.exists():
         raise DataError(f"{source} does not exist.", "Give a folder of photos, or a video file.")
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise BadRequest(f"{out} already exists and is not empty.", "Give a new folder for the capture.")
     if find_spec("pycolmap") is None:
         raise missing_package("pycolmap")
-    return source, out, matching
+    return source, out
 
 
 # --------------------------------------------------------------------------------------------------------------- photos

@@ -1,4 +1,4 @@
-"""Stage 2b: palettes and surface samples -> F_w (recoloring.safetensors) and the learned palettes. No options."""
+"""Stage 2b: palettes and surface samples -> F_w (recoloring.safetensors) and the learned palettes."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from ..palettes.extraction.extraction import color_histograms
 from ..palettes.object_colors import write_object_colors
 from ..palettes.palette import Palette, read_palettes, write_palettes
 from ..segmentation.report import SegmentationReport
-from ..wire import Request
 from .job import Job, StageRun, open_job, run_stage
+from .options.learning import RecoloringOptions
 
 VERSION = 1
 
 
-def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
+def run(options: RecoloringOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Learn view-consistent palette weights, and adapt the palettes."""
-    job = open_job(request, emit, should_stop)
+    job = open_job(options, emit, should_stop)
     with run_stage(job, "recoloring", VERSION) as run:
         if run is None:
             return

@@ -33,82 +33,78 @@ from ..capture.chosen_views import choose_views, part_of
 from ..compute.progress import Emit
 from ..errors import BadRequest
 from ..export.finished_frames import model_mark, pending_frames
-from ..export.frame_files import check_format, size_of, write_view
+from ..export.frame_files import write_view
+from ..export.frame_options import RenderOptions
 from ..palettes.palette import Edit, Palette
 from ..palettes.palette_files import read_edit_file
 from ..project.locking import consistent, opened, writing
 from ..project.settings import with_overrides
 from ..recolor.model import Model
-from ..wire import Request
 from .disputes import Disputes
 from .job import Job, open_job
 
 
-def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
+def run(options: RenderOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Render the requested views. With planes, which belong to the project, it is held for writing."""
-    project = opened(request.project)
-    project.require("geometry")
-    with writing(project) if request.options.get("planes") else nullcontext():
-        with consistent(project):
-            job = _with_overrides(open_job(request, emit, should_stop))
-            model, learned = Model(project, job.runtime.device, job.settings), model_mark(job)
-        _render(job, model, learned)
-
-
-def _render(job: Job, model: Model, learned: str) -> None:
-    """Render what is not finished. learned: `model_mark` of the model."""
-    options = job.options
-    if options.get("unsure"):
-        job.project.require("segmentation")
-    if options.get("edit") or options.get("planes") or options.get("layers"):
-        job.project.require("recoloring")
-    if not options.get("out") and not options.get("planes"):
+    if options.out is None and not options.planes:
         raise BadRequest("The render stage was given nowhere to write.", "Name a folder with --out.")
-    size_of(options.get("size"))  # before anything is rendered
-    check_format(options.get("format"))
-    views, captured = choose_views(job.capture(), options.get("views", "all"))
-    part = part_of(views, options.get("first"), options.get("last"), options.get("count"))
-    edits = read_edits(options.get("edit"), views, model.palettes, job.settings.compositing)[part]
-    views = views[part]
-    frames = pending_frames(job, learned, views, edits)
-    job.emit("stage", name="render", text=f"{len(views)} views")
-    progress = job.progress("render", len(views))
-    progress.resume_at(len(views) - len(frames.todo))
+    project = opened(options.project)
+    project.require("geometry")
+    with writing(project) if options.planes else nullcontext():
+        with consistent(project):
+            job = _with_overrides(open_job(options, emit, should_stop), options.overrides)
+            model, learned = Model(project, job.runtime.device, job.settings), model_mark(project, job.settings)
+        _render(job, model, learned, options)
+
+
+def _render(job: Job, model: Model, learned: str, options: RenderOptions) -> None:
+    """Render what is not finished. learned: `model_mark` of the model."""
+    if options.unsure:
+        job.project.require("segmentation")
+    if options.edit or options.planes or options.layers:
+        job.project.require("recoloring")
+    views, captured = choose_views(job.capture(), options.views)
+    part = part_of(views, options.first, options.last, options.count)
+    edits = read_edits(options.edit, views, model.palettes, job.settings.compositing)[part]
+    frames = pending_frames(options, learned, views[part], edits)
+    job.emit("stage", name="render", text=f"{len(edits)} views")
+    progress = job.progress("render", len(edits))
+    progress.resume_at(len(edits) - len(frames.todo))
     disputes = Disputes()
     for view, edit, mark in frames.todo:
-        files, disputed = write_view(job, model, view, edit, captured)
+        files, disputed = write_view(model, view, edit, captured, options, job.artifact)
         disputes.add(view.name, disputed)
         frames.note(view.name, mark, files)
         progress.step()
     disputes.tell(job.emit)
-    if options.get("out"):
-        job.artifact("frames", Path(options["out"]))
+    if options.out is not None:
+        job.artifact("frames", options.out)
 
 
-def _with_overrides(job: Job) -> Job:
+def _with_overrides(job: Job, overrides: Sequence[str]) -> Job:
     """The job with other settings of how it renders. Raises BadRequest where others are asked for."""
-    settings = with_overrides(job.settings, job.options.get("overrides") or [])
+    settings = with_overrides(job.settings, list(overrides))
     if replace(settings, render=job.settings.render) != job.settings:
         raise BadRequest("Only settings of render can change now.", "Learn again with the others.")
     return replace(job, settings=settings)
 
 
 def read_edits(
-    wanted: str | list[str] | None, views: Sequence[View], palettes: Sequence[Palette], compositing: str
+    wanted: Path | Sequence[Path] | None, views: Sequence[View], palettes: Sequence[Palette], compositing: str
 ) -> list[Edit | None]:
     """The edit of each view. compositing: see `read_edit_file`.
 
     wanted: one file for all, one for each, a folder with `<view>.json` for each, or None.
 
-    Raises BadRequest where their number is not that of the views, DataError where one is no edit of these palettes.
+    Raises BadRequest where their number is not that of the views, DataError where one is not an edit of these palettes.
     """
-    if isinstance(wanted, str) and Path(wanted).is_dir():
-        wanted = [str(Path(wanted, f"{view.name}.json")) for view in views]
-    paths = wanted if isinstance(wanted, list) else [wanted] * len(views)
-    if len(paths) != len(views) or not all(path is None or isinstance(path, str) for path in paths):
+    if isinstance(wanted, Path) and wanted.is_dir():
+        wanted = [wanted / f"{view.name}.json" for view in views]
+    paths = [wanted] * len(views) if wanted is None or isinstance(wanted, Path) else wanted
+    if len(paths) != len(views):
         raise BadRequest(
             f"The render stage was given {len(paths)} edits for {len(views)} views.",
             "Give one edit file for all, or a list with one for each view.",
         )
-    known = {path: read_edit_file(Path(path), palettes, compositing) for path in set(paths) if path}
+    known = {path: read_edit_file(path, palettes, compositing) for path in set(paths) if path}
     return [known.get(path) for path in paths]

@@ -1,15 +1,9 @@
-"""Stage 1: coarse masks -> F_s (segmentation.safetensors), the objects' rays (surface.safetensors) and a report.
-
-Options: masks (folder MASKS/<object>/<photo stem>.png; the project's own masks by default), corrections (folder of
-partial marks, see segmentation.corrections; the project's own by default), volumes (file of boxes and meshes, see
-project.volumes; the project's own by default).
-"""
+"""Stage 1: coarse masks -> F_s (segmentation.safetensors), the objects' rays (surface.safetensors) and a report."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -23,6 +17,7 @@ from ..heads.files import save_segmentation, save_surface
 from ..heads.rendering import segment_cache
 from ..heads.volumes import Volumes
 from ..io.color import to_bytes
+from ..io.fingerprints import file_digest
 from ..project.volumes import Volume, read_volumes
 from ..segmentation.coarse_masks import CoarseMask, copy_masks, find_masks
 from ..segmentation.constraints import SeenPoints
@@ -35,22 +30,22 @@ from ..segmentation.report import report_of
 from ..segmentation.surface_points import surface_points
 from ..segmentation.views import CachedViews, cache_views, load_masked_views
 from ..segmentation.votes import RayVotes, votes_of_rays
-from ..wire import Request
-from .job import Job, StageRun, file_digest, open_job, run_stage
+from .job import Job, StageRun, open_job, run_stage
+from .options.learning import SegmentationOptions
 
 VERSION = 3
 WITHIN = "F_s"  # what heeds volumes
 
 
-def run(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
+def run(options: SegmentationOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Segment the objects of the given masks in the whole capture."""
-    job = open_job(request, emit, should_stop)
+    job = open_job(options, emit, should_stop)
     job.project.require("geometry")
     capture = job.capture()
-    folder = Path(job.options.get("masks") or job.project.masks_folder)
+    folder = options.masks or job.project.masks_folder
     masks = find_masks(folder, capture)
-    corrections = find_corrections(Path(job.options.get("corrections") or job.project.corrections_folder), capture)
-    volumes_file = Path(job.options.get("volumes") or job.project.volumes_file)
+    corrections = find_corrections(options.corrections or job.project.corrections_folder, capture)
+    volumes_file = options.volumes or job.project.volumes_file
     volumes = read_volumes(volumes_file)
     # without corrections and volumes, the fingerprint is that of before there were any
     inputs = [_digests(marks) for marks in (masks, corrections) if marks]

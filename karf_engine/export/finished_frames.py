@@ -8,29 +8,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from ..capture.capture import Capture, View, capture_to_json
-from ..commands.job import Job, file_digest, fingerprint
+from ..io.fingerprints import file_digest, fingerprint
 from ..palettes.palette import Edit
-from ..project import STAGE_ORDER
-from ..project.settings import to_dict
+from ..project import STAGE_ORDER, Project
+from ..project.settings import Settings, to_dict
+from .frame_options import RenderOptions
 
 VERSION = 1  # goes up when the same would be rendered to other pictures
 NOTE = "finished.jsonl"
-NOT_OF_A_FRAME = {
-    "views",
-    "first",
-    "last",
-    "count",
-    "edit",
-    "out",
-    "threads",
-    "device",
-    "skip_existing",
-}  # options of a request
+# options that say which frames are made, where and how fast, not what is in them
+NOT_OF_A_FRAME = {"project", "views", "first", "last", "count", "edit", "out", "threads", "device", "skip_existing"}
 
 
 @dataclass(frozen=True)
@@ -78,11 +70,11 @@ def _size(path: Path) -> int:
     return path.stat().st_size if path.is_file() else -1
 
 
-def model_mark(job: Job) -> str:
-    """A text that changes when anything that is learned of a job's project does, or how it renders."""
-    stages = {stage: job.project.finished(stage) or {} for stage in STAGE_ORDER}
+def model_mark(project: Project, settings: Settings) -> str:
+    """A text that changes when anything that is learned of a project does, or how it renders."""
+    stages = {stage: project.finished(stage) or {} for stage in STAGE_ORDER}
     learned = {stage: [facts.get("fingerprint"), facts.get("files")] for stage, facts in stages.items()}
-    return fingerprint(VERSION, learned, to_dict(job.settings.render))
+    return fingerprint(VERSION, learned, to_dict(settings.render))
 
 
 def view_mark(model: str, view: View, *options: Any) -> str:
@@ -125,19 +117,21 @@ class PendingFrames:
             self.finished.note(frame, made_from, files)
 
 
-def pending_frames(job: Job, learned: str, views: Sequence[View], edits: Sequence[Edit | None]) -> PendingFrames:
-    """All frames of a request; with its option `skip_existing` those that are not there, or made from other things.
+def pending_frames(
+    options: RenderOptions, learned: str, views: Sequence[View], edits: Sequence[Edit | None]
+) -> PendingFrames:
+    """All frames of a command; with its option `skip_existing` those that are not there, or made from other things.
 
     learned: `model_mark` as it was when the model was loaded.
     """
-    out = job.options.get("out")
-    if not out:
+    if options.out is None:
         return PendingFrames([(view, edit, "") for view, edit in zip(views, edits, strict=True)], None)
-    own = {name: value for name, value in job.options.items() if name not in NOT_OF_A_FRAME and value}
-    finished = FinishedFrames.read(Path(out))
+    values = asdict(options)
+    own = {name: value for name, value in values.items() if name not in NOT_OF_A_FRAME and value}
+    finished = FinishedFrames.read(options.out)
     frames = [
         (view, edit, frame_mark(view_mark(learned, view, own), edit)) for view, edit in zip(views, edits, strict=True)
     ]
-    if job.options.get("skip_existing"):
+    if options.skip_existing:
         frames = [frame for frame in frames if not finished.has(frame[0].name, frame[2])]
     return PendingFrames(frames, finished)

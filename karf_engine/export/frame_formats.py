@@ -11,8 +11,6 @@ from ..io.color import srgb_to_linear, to_bytes
 from ..io.files import atomic_write
 from ..io.images import encoded
 
-FORMATS = {"png8": ".png", "png16": ".png", "exr16": ".exr", "exr32": ".exr"}  # kind -> suffix
-
 
 def write_frame(path: Path, color: np.ndarray, kind: str) -> None:
     """Write a picture, atomically: PNG as sRGB with straight alpha, EXR scene-linear with premultiplied alpha.
@@ -20,7 +18,7 @@ def write_frame(path: Path, color: np.ndarray, kind: str) -> None:
     Args:
         path: With the kind's suffix.
         color: sRGB [H, W, 3], or with straight alpha [H, W, 4], in [0, 1].
-        kind: One of `FORMATS`.
+        kind: One of `frame_options.FORMATS`.
     """
     write = {"png8": _write_png8, "png16": _write_png16, "exr16": _write_exr16, "exr32": _write_exr32}[kind]
     atomic_write(path, lambda temporary: write(temporary, color))

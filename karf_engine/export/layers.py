@@ -16,7 +16,6 @@ curve (IEC 61966-2-1), as OpenColorIO's texture transform of sRGB gives it, with
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +23,7 @@ import OpenEXR
 
 from ..io.color import srgb_to_linear
 from ..io.files import atomic_write
-from ..palettes.palette import Palette
+from ..recolor.layers import Layers
 from . import cryptomatte
 from .layer_names import ATTRIBUTE, ObjectLayers, describe_layers, name_layers
 
@@ -34,25 +33,6 @@ COLORS = (
     "(IEC 61966-2-1; OCIO: sRGB texture to linear Rec. 709). Recolor in sRGB: "
     "linear(clip(srgb(base) + sum of weight * (srgb(new color) - learned color)))"
 )
-
-
-@dataclass(frozen=True)
-class Layers:
-    """One view of K objects, whose palettes have up to M colors. Row 0 is on top.
-
-    Attributes:
-        palettes: Of the objects as learned.
-        base: [H, W, 3] sRGB, the picture that an edit changes: uint8, uint16, or float in [0, 1].
-        coverage: [K, H, W] in [0, 1], any float.
-        palette_weights: [K, M, H, W], coverage times weights, any float; what a small palette lacks is not read.
-        depth: [H, W] along the optical axis, world units, 0 where empty; None where it is not known.
-    """
-
-    palettes: tuple[Palette, ...]
-    base: np.ndarray
-    coverage: np.ndarray
-    palette_weights: np.ndarray
-    depth: np.ndarray | None = None
 
 
 def write_layers(path: Path, layers: Layers) -> None:

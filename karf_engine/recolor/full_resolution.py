@@ -15,7 +15,6 @@ import numpy as np
 from ..capture.capture import View
 from ..capture.training_images import image_of
 from ..errors import BadRequest
-from ..export.layers import Layers
 from ..io.color import to_bytes
 from ..io.images import BACK, oriented, over, turned
 from ..palettes.added import palettes_with, spread, with_sets
@@ -23,6 +22,7 @@ from ..palettes.compositing import hard_masks
 from ..palettes.extraction.barycentric_weights import palette_weights_of_image, star_weights
 from ..palettes.palette import AddedColor, Edit, Palette
 from .frames import Frame
+from .layers import Layers
 from .matting.matte import NEGLIGIBLE, Matte, disputed_objects
 from .photos import StoredPhoto, open_photo
 from .photos.stored import from_camera

@@ -32,7 +32,7 @@ def child_messages(name: str, work: Callable[[Callable[[str, Any], None], Any], 
     here, there = context.Pipe(duplex=False)
     child = context.Process(target=_run, args=(there, work, task), daemon=True)
     main = sys.modules["__main__"]
-    sys.path.append(str(Path(__file__).parents[2]))  # the engine may run as a folder, off the path that the child gets
+    sys.path.append(str(Path(__file__).parents[3]))  # the engine may run as a folder, off the path that the child gets
     sys.modules["__main__"] = ModuleType("__main__")  # else the child would run the caller's script again
     try:
         child.start()

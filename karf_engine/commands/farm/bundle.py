@@ -18,8 +18,9 @@ template alone.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,141 +28,92 @@ from ...capture import open_capture
 from ...capture.capture import View
 from ...capture.chosen_views import choose_views
 from ...errors import BadRequest
+from ...export.frame_options import FrameOptions
 from ...io.files import write_json
+from ...io.options import Options
 from ...palettes.palette import read_palettes
 from ...palettes.palette_files import read_edit_file
 from ...project import Project
 from ...project.contents import capture_of
-from .options import MACHINE, PER_TASK, PICTURES, PYTHON
+from ..options import FarmOptions
 from .packing import pack_capture, pack_engine, pack_masks, pack_project
 from .template import CAMERAS, CAPTURE, ENGINE, MASKS, PROJECT, Frames, learning_job, render_job
 
-PathLike = Path | str
 
-
-def render_bundle(
-    project: PathLike,
-    out: PathLike,
-    *,
-    views: str = "all",
-    edit: PathLike | Sequence[PathLike] | None = None,
-    per_task: int = PER_TASK,
-    python: str = PYTHON,
-    **pictures: Any,
-) -> Path:
-    """Write a bundle that renders frames of a learned project, a task for every few of them.
-
-    Args:
-        project: The project's folder.
-        out: The bundle's folder, new or empty.
-        views: A split, names with commas, or the path of a CAMERAS.json, as for `api.render`.
-        edit: File of an edit; or one for each view, in their order, or a folder with `<view>.json` for each.
-        per_task: How many frames a task renders.
-        python: The Python of the farm's machines that has the engine's packages.
-        **pictures: What else `api.render` takes of `PICTURES`.
+def write_bundle(options: FarmOptions) -> Path:
+    """Write a bundle that renders frames of a learned project, or with masks one that learns a capture first.
 
     Returns:
         The bundle's folder, absolute.
 
     Raises:
-        KarfError: The project is not learned, a view is unknown, an edit is none of this project's, or `out` is taken.
+        KarfError: The project is not learned or the capture cannot be read, a photo lies elsewhere, a view is unknown,
+            an edit is not of this project, or `out` is taken.
     """
-    learned = Project(project)
+    if options.masks is not None:
+        return _learning_bundle(options)
+    if options.preset is not None:
+        raise BadRequest("A learned project has its preset.", "Leave --preset out, or give --masks to learn a capture.")
+    return _render_bundle(options)
+
+
+def _render_bundle(options: FarmOptions) -> Path:
+    learned, edit = Project(options.source), options.edit
     learned.require("geometry")
-    chosen, captured = choose_views(capture_of(learned), views)
-    if isinstance(edit, PathLike) and Path(edit).is_dir():
-        edit = [Path(edit, f"{view.name}.json") for view in chosen]
+    chosen, captured = choose_views(capture_of(learned), options.views)
+    if isinstance(edit, Path) and edit.is_dir():
+        edit = [edit / f"{view.name}.json" for view in chosen]
     _check_edits(learned, edit)
-    with _new_folder(Path(out)) as folder:
+    with _new_folder(options.out) as folder:
         pack_project(learned, folder / PROJECT, chosen if captured else ())
-        frames = _pack_frames(folder, views, (chosen, captured), edit, per_task, _arguments(pictures))
-        _finish(folder, render_job(f"KaRF {learned.folder.name}", frames), python)
-    return Path(out).absolute()
+        frames = _pack_frames(folder, options, (chosen, captured), edit)
+        _finish(folder, render_job(f"KaRF {learned.folder.name}", frames), options.python)
+    return options.out.absolute()
 
 
-def learning_bundle(
-    capture: PathLike,
-    masks: PathLike,
-    out: PathLike,
-    *,
-    preset: str = "demo",
-    overrides: Sequence[str] = (),
-    holdout: int = 0,
-    views: str = "all",
-    edit: PathLike | None = None,
-    per_task: int = PER_TASK,
-    python: str = PYTHON,
-    **pictures: Any,
-) -> Path:
-    """Write a bundle that learns a capture, a step for every stage, and then renders frames of it.
-
-    Args:
-        capture: A capture whose photos lie below its folder.
-        masks: A folder of rough masks.
-        out: The bundle's folder, new or empty.
-        preset: As for `api.learn`.
-        overrides: Single settings of all stages, each as `stage.field=value`.
-        holdout: As for `api.learn`.
-        views: As for `render_bundle`.
-        edit: File of an edit; that of a palette fits whatever palettes will be learned.
-        per_task: As for `render_bundle`.
-        python: As for `render_bundle`.
-        **pictures: As for `render_bundle`; `threads` and `device` count for learning too.
-
-    Returns:
-        The bundle's folder, absolute.
-
-    Raises:
-        KarfError: The capture or the masks cannot be read, a photo lies elsewhere, or `out` is taken.
-    """
-    opened = open_capture(capture, holdout=holdout)
-    chosen = choose_views(opened, views)
-    settings = ["--preset", preset, "--holdout", str(holdout), *_arguments({"overrides": overrides})]
-    machine = _arguments({name: pictures.get(name) for name in MACHINE})
-    with _new_folder(Path(out)) as folder:
-        name = pack_capture(Path(capture), opened, folder / CAPTURE)
-        pack_masks(Path(masks), folder / MASKS)
+def _learning_bundle(options: FarmOptions) -> Path:
+    opened = open_capture(options.source, holdout=options.holdout)
+    chosen = choose_views(opened, options.views)
+    settings = ["--preset", options.preset or "demo", "--holdout", str(options.holdout)]
+    settings += [part for text in options.overrides for part in ("--set", text)]
+    with _new_folder(options.out) as folder:
+        name = pack_capture(options.source, opened, folder / CAPTURE)
+        pack_masks(options.masks, folder / MASKS)
         (folder / PROJECT).mkdir()
-        frames = _pack_frames(folder, views, chosen, edit, per_task, _arguments(pictures))
-        _finish(folder, learning_job(f"KaRF {opened.source.name}", name, settings, machine, frames), python)
-    return Path(out).absolute()
+        frames = _pack_frames(folder, replace(options, overrides=()), chosen, options.edit)
+        machine = options.narrowed(Options).to_arguments()
+        _finish(folder, learning_job(f"KaRF {opened.source.name}", name, settings, machine, frames), options.python)
+    return options.out.absolute()
 
 
-def _check_edits(project: Project, edit: PathLike | Sequence[PathLike] | None) -> None:
+def _check_edits(project: Project, edit: Path | Sequence[Path] | None) -> None:
     """Raise KarfError where an edit is none of the project's: now, and not on the farm."""
     if edit is None:
         return
     project.require("recoloring")
     palettes = read_palettes(project.checked(project.palette_file))
-    for path in {Path(edit)} if isinstance(edit, PathLike) else set(map(Path, edit)):
+    for path in {edit} if isinstance(edit, Path) else set(edit):
         read_edit_file(path, palettes, "delta")
 
 
 def _pack_frames(
-    folder: Path,
-    views: str,
-    chosen: tuple[list[View], bool],
-    edit: PathLike | Sequence[PathLike] | None,
-    per_task: int,
-    arguments: Sequence[str],
+    folder: Path, options: FarmOptions, chosen: tuple[list[View], bool], edit: Path | Sequence[Path] | None
 ) -> Frames:
     """Copy cameras and edits. chosen: the views, and whether they are captured ones."""
-    if per_task < 1:
-        raise BadRequest(f"{per_task} frames a task are none.", "Give a number from 1.")
     found, captured = chosen
     if not captured:
-        shutil.copyfile(views, folder / CAMERAS)
-    return Frames(
-        views if captured else CAMERAS, _pack_edits(folder, edit, found), len(found), per_task, tuple(arguments)
-    )
+        shutil.copyfile(options.views, folder / CAMERAS)
+    views = options.views if captured else CAMERAS
+    arguments = tuple(options.narrowed(FrameOptions).to_arguments())
+    return Frames(views, _pack_edits(folder, edit, found), len(found), options.per_task, arguments)
 
 
-def _pack_edits(folder: Path, edit: PathLike | Sequence[PathLike] | None, views: Sequence[View]) -> str:
+def _pack_edits(folder: Path, edit: Path | Sequence[Path] | None, views: Sequence[View]) -> str:
     """Copy edits; returns the name of the file, or of the folder that has one for each view, or nothing."""
     if edit is None:
         return ""
-    if isinstance(edit, PathLike):
-        name = f"edit{Path(edit).suffix}"
+    if isinstance(edit, Path):
+        name = f"edit{edit.suffix}"
         shutil.copyfile(edit, folder / name)
         return name
     if len(edit) != len(views):
@@ -170,26 +122,6 @@ def _pack_edits(folder: Path, edit: PathLike | Sequence[PathLike] | None, views:
     for path, view in zip(edit, views, strict=True):
         shutil.copyfile(path, folder / "edits" / f"{view.name}.json")
     return "edits"
-
-
-def _arguments(options: Mapping[str, Any]) -> list[str]:
-    """Options of `api.render` as arguments of the command line.
-
-    Examples:
-        >>> _arguments({"alpha": True, "depth": False, "size": 800, "overrides": ["render.edges=field"]})
-        ['--alpha', '--size', '800', '--set', 'render.edges=field']
-    """
-    found = []
-    for name, value in options.items():
-        if name not in PICTURES:
-            raise BadRequest(f"A bundle knows no option {name!r}.", f"Use one of: {', '.join(PICTURES)}.")
-        if name == "overrides":
-            found += [part for text in value for part in ("--set", text)]
-        elif value is True:
-            found.append(f"--{name}")
-        elif value not in (None, False):
-            found += [f"--{name}", str(value)]
-    return found
 
 
 def _finish(folder: Path, template: dict[str, Any], python: str) -> None:

@@ -17,7 +17,7 @@ from ...project.contents import capture_of
 from ...project.state import write_state
 
 PHOTOS = "photos"
-ENGINE_FOLDER = Path(__file__).resolve().parents[1]
+ENGINE_FOLDER = Path(__file__).resolve().parents[2]
 
 
 def pack_engine(target: Path) -> None:

@@ -1,0 +1,72 @@
+"""What each command is given: one frozen dataclass each, from which parser, jobs and library are derived.
+
+The standard library alone is needed: Blender makes its jobs of these too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ...errors import BadRequest
+from ...export.frame_options import RenderOptions
+from ...io.options import Options
+from .capturing import MarkOptions, PosesOptions
+from .editing import ColorwaysOptions, FarmOptions, MatchOptions, PointsOptions
+from .learning import GeometryOptions, LearnOptions, PaletteOptions, RecoloringOptions, SegmentationOptions
+
+# by their names, in the order of the workflow
+COMMANDS: dict[str, type[Options]] = {
+    kind.command: kind
+    for kind in (
+        PosesOptions,
+        MarkOptions,
+        LearnOptions,
+        GeometryOptions,
+        SegmentationOptions,
+        PaletteOptions,
+        RecoloringOptions,
+        MatchOptions,
+        RenderOptions,
+        ColorwaysOptions,
+        PointsOptions,
+        FarmOptions,
+    )
+}
+
+
+def options_of_job(command: str, project: Path, values: Mapping[str, Any]) -> Options:
+    """The options that a job's request stands for.
+
+    Args:
+        command: Its stage.
+        project: Its project; poses have none.
+        values: Its options, JSON values.
+
+    Raises:
+        BadRequest: An option is unknown, missing, of another type or out of range.
+    """
+    if command not in COMMANDS:
+        raise BadRequest(f"Unknown command {command!r:.200}.", f"Use one of: {', '.join(COMMANDS)}.")
+    kind = COMMANDS[command]
+    own = {"project": project} if "project" in kind.__dataclass_fields__ else {}
+    return kind.from_json({**values, **own})
+
+
+__all__ = [
+    "COMMANDS",
+    "ColorwaysOptions",
+    "FarmOptions",
+    "GeometryOptions",
+    "LearnOptions",
+    "MarkOptions",
+    "MatchOptions",
+    "PaletteOptions",
+    "PointsOptions",
+    "PosesOptions",
+    "RecoloringOptions",
+    "RenderOptions",
+    "SegmentationOptions",
+    "options_of_job",
+]

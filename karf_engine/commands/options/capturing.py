@@ -1,0 +1,48 @@
+"""Options of what comes before learning: camera poses, and marks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from ...io.options import Options, option
+
+MATCHING = ("auto", "exhaustive", "sequential")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PosesOptions(Options):
+    """Make a capture of photos without camera poses, or of a video."""
+
+    command: ClassVar[str] = "poses"
+
+    photos: Path = option("folder of photos, or a video file", positional=True, metavar="PHOTOS")
+    out: Path = option("the new capture's folder", metavar="DIR")
+    matching: str = option(
+        "which pairs of photos are compared: all, or neighbors by name (default: all of up to 250)",
+        "auto",
+        choices=MATCHING,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarkOptions(Options):
+    """Write the mask of an object in one photo, from a box, clicks or a lasso."""
+
+    command: ClassVar[str] = "mark"
+
+    capture: Path = option("folder or transforms.json with photos and camera poses", positional=True, metavar="CAPTURE")
+    view: str = option("which photo", metavar="NAME")
+    object_name: str = option("what the object is called", flag="object", metavar="NAME")
+    masks: Path = option("write MASKS/<object>/<view>.png", flag="out", metavar="MASKS")
+    box: tuple[float, float, float, float] | None = option(
+        "a frame that the object lies in, pixels of the photo as stored", None, metavar="X0,Y0,X1,Y1"
+    )
+    points: tuple[tuple[float, float, bool], ...] = option(
+        "pixels X,Y that show the object (--click) or do not (--not), in the order of the clicks; may be repeated",
+        (),
+        flag=None,
+    )
+    lasso: tuple[tuple[float, float], ...] | None = option("corners X,Y of a line around the object", None, flag=None)
+    weights: Path | None = option("a Segment Anything model's folder; needs the extra marks", None, metavar="DIR")

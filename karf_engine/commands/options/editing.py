@@ -1,0 +1,112 @@
+"""Options of what is done with a learned project."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from ...errors import BadRequest
+from ...export.frame_options import FrameOptions, size_of
+from ...io.options import Options, option
+from ...project.settings import PRESETS
+
+RULES = ("becomes", "fewest", "added")
+PAIR, PICTURE = ("object", "source", "target"), ("view", "picture")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatchOptions(Options):
+    """Write the edit with which one color of an object becomes another, or a view looks as it was painted."""
+
+    command: ClassVar[str] = "match"
+
+    project: Path = option("project folder", positional=True, metavar="DIR")
+    object: str | None = option("which object", None)
+    source: str | None = option("a color it shows, #rrggbb", None, flag="from", metavar="COLOR")
+    target: str | None = option("the color it shall become, #rrggbb", None, flag="to", metavar="COLOR")
+    also: tuple[tuple[str, str], ...] = option(
+        "another paint of the object and what it becomes; all pairs are solved together (may be repeated)",
+        (),
+        metavar=("FROM", "TO"),
+    )
+    rule: str = option(
+        "becomes: the whole material; fewest: as few swatches as possible; added: this pigment alone, by a color that "
+        "is added to the swatches",
+        "becomes",
+        choices=RULES,
+    )
+    view: str | None = option("in place of a color pair: the view that --picture shows", None)
+    picture: Path | None = option("this view painted over or graded, of any size", None, metavar="FILE")
+    edit: Path | None = option(
+        "start from this edit (one call an object); with --picture the one that was painted on", None, metavar="FILE"
+    )
+    out: Path = option("EDIT.json to write", metavar="FILE")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in PICTURE if self.is_of_picture else PAIR:
+            if not getattr(self, name):
+                raise BadRequest(
+                    f"The match was given no {name}.",
+                    "Give object, source color, target color and out; or view, picture and out.",
+                )
+
+    @property
+    def is_of_picture(self) -> bool:
+        """Whether a painted picture is matched, not a color pair."""
+        return any(getattr(self, name) for name in PICTURE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColorwaysOptions(Options):
+    """Render every colorway of a sheet in every view."""
+
+    command: ClassVar[str] = "colorways"
+
+    project: Path = option("project folder", positional=True, metavar="DIR")
+    sheet: Path = option("CSV or JSON: colorway, object, and a color as hex, lab, srgb or srgb8", metavar="FILE")
+    views: str = option("as for render", "all")
+    out: Path = option(
+        "folder for <colorway>/, colorways.csv and the contact sheet; pictures that are there already are not made "
+        "again",
+        metavar="DIR",
+    )
+    size: str | int = option("as for render", "photo")
+    predict_only: bool = option("only write colorways.csv: what will be reached", False)
+    locked: tuple[str, ...] = option("swatches that stay as learned, each as <object>/<number>", (), flag=None)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "size", size_of(self.size))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointsOptions(Options):
+    """Write the scene as points on its surface."""
+
+    command: ClassVar[str] = "points"
+
+    project: Path = option("project folder", positional=True, metavar="DIR")
+    out: Path = option(".ply: colored points; .npz: with what recoloring them needs", metavar="FILE")
+    count: int = option("about how many points", 60_000, metavar="N")
+    edit: Path | None = option("EDIT.json or a palette file: a .ply gets these colors", None, metavar="FILE")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FarmOptions(FrameOptions):
+    """Write a job for a render farm: a folder by the Open Job Description specification."""
+
+    command: ClassVar[str] = "farm"
+
+    source: Path = option(
+        "project folder; with --masks, a capture that is learned first", positional=True, metavar="SOURCE"
+    )
+    out: Path = option("the bundle's folder, new or empty", metavar="DIR")
+    masks: Path | None = option("learn SOURCE first, with these coarse masks", None, metavar="DIR")
+    preset: str | None = option("with --masks: quality against time (default: demo)", None, choices=tuple(PRESETS))
+    holdout: int = option("with --masks: hold out every Nth photo, as for geometry", 0, metavar="N")
+    views: str = option("as for render", "all")
+    edit: Path | tuple[Path, ...] | None = option("as for render: recolored frames too", None, metavar="FILE")
+    per_task: int = option("frames a task", 10, metavar="N", minimum=1)
+    python: str = option("of the farm's machines, with the engine's packages", "python3")

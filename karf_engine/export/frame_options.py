@@ -1,0 +1,82 @@
+"""Which files of a rendered view are written, and of what kind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from ..errors import BadRequest
+from ..io.options import Options, option
+
+# of recolored frames that are not of a photo's size, and the endings of their files
+FORMATS = {"png8": ".png", "png16": ".png", "exr16": ".exr", "exr32": ".exr"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameOptions(Options):
+    """What is written of each view."""
+
+    base: str | None = option(
+        "what an edit of a captured view changes (default: photo; with the preset paper: render)",
+        None,
+        choices=("photo", "render"),
+    )
+    size: str | int = option(
+        "of masks and recolored pictures of captured views: photo (all its pixels), learned, or the long side in pixels",
+        "photo",
+    )
+    jpeg: bool = option("write recolored JPEG photos as JPEG, not as PNG", False)
+    alpha: bool = option("write renderings without what is behind the scene, with alpha", False)
+    format: str = option("of recolored frames of new cameras; exr is scene-linear", "png8", choices=tuple(FORMATS))
+    depth: bool = option("write depth/ too", False)
+    unsure: bool = option("write unsure/ too: where objects' labels are unsure, white", False)
+    layers: bool = option("write layers/ too (OpenEXR for compositors)", False)
+    overrides: tuple[str, ...] = option(
+        "change one setting (see the settings verb; of a learned project those of render), as render.edges=field; may "
+        "be repeated",
+        (),
+        flag="set",
+        metavar="STAGE.FIELD=VALUE",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "size", size_of(self.size))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RenderOptions(FrameOptions):
+    """Render masks, pictures and recolored frames, of captured views or of any cameras."""
+
+    command: ClassVar[str] = "render"
+
+    project: Path = option("project folder", positional=True, metavar="DIR")
+    views: str = option("train, test, val, all, names with commas, or CAMERAS.json (transforms.json with sizes)", "all")
+    first: int | None = option("the first of these views to write, counted from 1", None, metavar="N")
+    last: int | None = option("the last one; beyond the end: the end", None, metavar="N")
+    count: int | None = option("how many at most", None, metavar="N")
+    edit: Path | tuple[Path, ...] | None = option(
+        "EDIT.json, a palette file, or a folder with <view>.json for each view: write recolored frames too",
+        None,
+        metavar="FILE",
+    )
+    out: Path | None = option("folder for render/, masks/, recolor/", None, metavar="DIR")
+    planes: bool = option("write planes/ too (what Blender recolors from)", False)
+    skip_existing: bool = option(
+        "keep frames that are there already, made from the same: resumes where a job was stopped", False
+    )
+
+
+def size_of(wanted: str | int) -> str | int:
+    """The size of recolored photos that is asked for: `photo`, `learned`, or pixels. Raises BadRequest for others.
+
+    Examples:
+        >>> size_of("800")
+        800
+    """
+    if wanted in ("photo", "learned"):
+        return wanted
+    if not str(wanted).isascii() or not str(wanted).isdigit() or int(wanted) < 1:
+        raise BadRequest(f"{wanted!r:.200} is not a size.", "Use photo, learned, or the long side in pixels.")
+    return int(wanted)
