@@ -165,7 +165,7 @@ def test_what_the_system_refuses_is_a_sentence_too(monkeypatch, tmp_path, raised
     def refuse(*_, **__):
         raise raised
 
-    monkeypatch.setattr("karf_engine.api.run_request", refuse)
+    monkeypatch.setattr("karf_engine.api.run_command", refuse)
     with pytest.raises(told, match=words):
         karf.extract_palettes(tmp_path)
 

@@ -161,15 +161,14 @@ def _converted(name: str, kind: Any, value: Any) -> Any:
 
 def _fitted(kind: Any, value: Any) -> Any:
     """The value as this type has it; MISSING where it is of another."""
+    if "\0" in str(value):
+        raise BadRequest(f"{value!r:.200} holds a zero character.", "Correct it.")
     if typing.get_origin(kind) is tuple:
         return _fitted_tuple(typing.get_args(kind), value)
     if kind is Path:
-        is_path = isinstance(value, str | os.PathLike) and str(value) and "\0" not in str(value)
-        return Path(value) if is_path else MISSING
+        return Path(value) if isinstance(value, str | os.PathLike) and str(value) else MISSING
     if kind is float:
         return float(value) if type(value) in (int, float) else MISSING
-    if kind is str:
-        return value if type(value) is str and "\0" not in value else MISSING
     return value if type(value) is kind else MISSING
 
 

@@ -32,7 +32,7 @@ def end(capsys, monkeypatch, error):
     def raising(*_):
         raise error
 
-    monkeypatch.setattr("karf_engine.api.run_request", raising)
+    monkeypatch.setattr("karf_engine.cli.verbs.run_command", raising)
     code = main(["palette", "project"])
     return code, capsys.readouterr().err
 
@@ -122,7 +122,7 @@ def test_a_job_whose_events_cannot_be_written_keeps_its_exit_code_and_says_why(
 
     Request("palette", tmp_path).write(tmp_path / "job")
     monkeypatch.setattr(job, "EventWriter", lambda job: FullDisk())
-    monkeypatch.setattr(job, "run_request", raising)
+    monkeypatch.setattr(job, "run_command", raising)
     assert job.run_jobs(tmp_path / "job") == code
     assert error.sentence in capsys.readouterr().err
 
@@ -160,17 +160,19 @@ def test_an_impossible_number_of_threads_is_a_bad_request(tmp_path, capsys, thre
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"threads": "2"}, "threads = '2' is no int"),
-        ({"threads": True}, "threads = True is no int"),
+        ({"threads": "2"}, "threads = '2' is not a whole number"),
+        ({"threads": True}, "threads = True is not a whole number"),
         ({"threads": 1_000_000}, "threads = 1000000 is out of range"),
-        ({"views": ["r_0"]}, "views = ['r_0'] is no str"),
-        ({"out": 5}, "out = 5 is no str"),
-        ({"capture": 5}, "capture = 5 is no str"),
-        ({"overrides": "abc"}, "overrides = 'abc' is no list"),
-        ({"overrides": [1]}, "overrides = [1] is no list of texts"),
-        ({"planes": "yes"}, "planes = 'yes' is no bool"),
-        ({"device": 7}, "device = 7 is no str"),
+        ({"views": ["r_0"]}, "views = ['r_0'] is not a text"),
+        ({"out": 5}, "out = 5 is not a path"),
+        ({"edit": [5]}, "edit = [5] is not a path or a list, each a path"),
+        ({"overrides": "abc"}, "overrides = 'abc' is not a list, each a text"),
+        ({"overrides": [1]}, "overrides = [1] is not a list, each a text"),
+        ({"planes": "yes"}, "planes = 'yes' is not true or false"),
+        ({"device": 7}, "device = 7 is not a text"),
         ({"out": "a\0b"}, "holds a zero character"),
+        ({"plane": True}, "Unknown option plane"),
+        ({"count": "3"}, "count = '3' is not a whole number"),
     ],
 )
 def test_options_of_another_type_are_named_to_the_caller(tmp_path, options, words):

@@ -24,14 +24,14 @@ import os, signal, sys
 engine, arguments = sys.argv[6], sys.argv[7:]
 sys.path.insert(0, os.path.dirname(engine))
 from karf_engine.cli import main
-from karf_engine.export.finished_frames import UnfinishedFrames
-note, noted = UnfinishedFrames.note, []
+from karf_engine.export.finished_frames import PendingFrames
+note, noted = PendingFrames.note, []
 def dying(self, frame, *told):
     if len(noted) == 2:
         os.kill(os.getpid(), signal.SIGKILL)
     noted.append(frame)
     note(self, frame, *told)
-UnfinishedFrames.note = dying
+PendingFrames.note = dying
 sys.exit(main(arguments))
 """
 

@@ -118,9 +118,9 @@ def rewrite_facts(path, change):
 
 def job_of(project):
     from karf_engine.commands.job import open_job
-    from karf_engine.wire import Request
+    from karf_engine.commands.options import RenderOptions
 
-    return open_job(Request("render", project, {"threads": 1}), lambda *_, **__: None, lambda: False)
+    return open_job(RenderOptions(project=project, threads=1), lambda *_, **__: None, lambda: False)
 
 
 @pytest.mark.parametrize("file", ["segmentation.safetensors", "surface.safetensors"])

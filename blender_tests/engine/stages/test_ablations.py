@@ -16,6 +16,7 @@ from karf_engine.heads.fields import RecoloringField
 from karf_engine.heads.files import SURFACE_SCHEMA, load_segmentation, load_surface
 from karf_engine.heads.fit import fit_recoloring
 from karf_engine.io.checkpoints import load_tensors
+from karf_engine.io.options import Options
 from karf_engine.palettes.compositing import stack_palettes
 from karf_engine.palettes.extraction.extraction import extract_palettes
 from karf_engine.palettes.palette import read_palettes
@@ -30,7 +31,7 @@ def job(learned):
     """The still life's project, opened to read."""
     project = Project(learned.project)
     settings = settings_module.from_dict(project.state()["settings"])
-    return make_job(project, {"threads": 1, "device": "cpu"}, settings, lambda *_, **__: None, lambda: False)
+    return make_job(project, Options(threads=1, device="cpu"), settings, lambda *_, **__: None, lambda: False)
 
 
 @pytest.fixture(scope="module")

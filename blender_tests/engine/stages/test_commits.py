@@ -11,10 +11,10 @@ pytest.importorskip("torch")
 from blender_tests.engine.conftest import QUICK
 from karf_engine.cli import main
 from karf_engine.commands import geometry
-from karf_engine.commands.dispatch import run_request
+from karf_engine.commands.dispatch import run_command
+from karf_engine.commands.options import LearnOptions, SegmentationOptions
 from karf_engine.errors import Cancelled
 from karf_engine.project import STAGE_ORDER, Project
-from karf_engine.wire import Request
 
 
 @pytest.fixture
@@ -63,7 +63,7 @@ def test_a_cancelled_job_leaves_the_project_as_it_was(still_life, copy, tmp_path
         return len(steps) > 5
 
     with pytest.raises(Cancelled):
-        run_request(Request("all", copy.folder, options), lambda *_, **__: None, stop_after_some)
+        run_command(LearnOptions.of(project=copy.folder, **options), lambda *_, **__: None, stop_after_some)
     after = contents(copy.folder)
     if change.startswith(("segmentation", "recoloring")):  # it knows what was asked for of stages to come
         assert after.pop("project.json") != before.pop("project.json")
@@ -82,7 +82,7 @@ def test_masks_of_a_cancelled_segmentation_are_not_kept(still_life, copy, tmp_pa
 
     with pytest.raises(Cancelled):
         options = {"masks": str(masks), "threads": 1}
-        run_request(Request("segmentation", copy.folder, options), listen, lambda: bool(fitting))
+        run_command(SegmentationOptions.of(project=copy.folder, **options), listen, lambda: bool(fitting))
     assert contents(copy.folder) == before
 
 

@@ -14,12 +14,13 @@ from karf_engine.capture.capture import Capture, View, hold_out
 from karf_engine.capture.training_images import load_views
 from karf_engine.commands import geometry
 from karf_engine.commands.job import make_job
+from karf_engine.commands.options import GeometryOptions
 from karf_engine.errors import KarfError
 from karf_engine.io.images import write_png
+from karf_engine.io.options import Options
 from karf_engine.project import Project
 from karf_engine.project.contents import capture_of
 from karf_engine.project.settings import preset, with_overrides
-from karf_engine.wire import Request
 
 QUICK = [
     "geometry.space=contraction",
@@ -51,15 +52,14 @@ def events():
 def job_on(folder, events):
     settings = with_overrides(preset("demo"), QUICK)
     return make_job(
-        Project(folder), {"threads": 1}, settings, lambda kind, /, **v: events.append((kind, v)), lambda: False
+        Project(folder), Options(threads=1), settings, lambda kind, /, **v: events.append((kind, v)), lambda: False
     )
 
 
 def learn(monkeypatch, capture, folder, events, **more):
     monkeypatch.setattr(geometry, "open_capture", lambda path: capture)
-    options = {"capture": str(capture.source), "overrides": QUICK, "threads": 1, **more}
-    request = Request("geometry", folder, options)
-    geometry.run(request, lambda kind, /, **values: events.append((kind, values)), lambda: False)
+    options = GeometryOptions.of(capture=capture.source, project=folder, overrides=QUICK, threads=1, **more)
+    geometry.run(options, lambda kind, /, **values: events.append((kind, values)), lambda: False)
     return Project(folder).finished("geometry")
 
 

@@ -20,7 +20,8 @@ from karf_engine.capture import open_capture
 from karf_engine.capture.poses.structure_from_motion import SfmResult, _epipolar_errors
 from karf_engine.capture.poses.video import write_sharpest_frames
 from karf_engine.commands import poses
-from karf_engine.commands.dispatch import run_request
+from karf_engine.commands.dispatch import run_command
+from karf_engine.commands.options import PosesOptions
 from karf_engine.errors import BadRequest, Cancelled, DataError, MissingDependency
 from karf_engine.io.image_size import image_header
 from karf_engine.io.images import read_photo, write_png
@@ -30,8 +31,8 @@ from karf_engine.wire import EventReader, Request
 def run(photos, out, should_stop=lambda: False, **options):
     """Run the stage with one thread; returns its events as (kind, values)."""
     events = []
-    request = Request("poses", out, {"photos": str(photos), "out": str(out), "threads": 1} | options)
-    run_request(request, lambda kind, /, **values: events.append((kind, values)), should_stop)
+    found = PosesOptions.of(photos=photos, out=out, threads=1, **options)
+    run_command(found, lambda kind, /, **values: events.append((kind, values)), should_stop)
     return events
 
 
@@ -195,10 +196,10 @@ def test_wrong_requests_are_named_before_anything_is_made(tmp_path):
         run(tmp_path / "nowhere", tmp_path / "capture")
     with pytest.raises(BadRequest, match="already exists and is not empty"):
         run(photos, photos)
-    with pytest.raises(BadRequest, match="Unknown matching 'all'"):
+    with pytest.raises(BadRequest, match="matching = 'all' is unknown"):
         run(photos, tmp_path / "capture", matching="all")
     with pytest.raises(BadRequest, match="was given no out"):
-        run_request(Request("poses", tmp_path, {"photos": str(photos)}), lambda *_, **__: None, lambda: False)
+        run_command(PosesOptions.of(photos=photos), lambda *_, **__: None, lambda: False)
     assert [path.name for path in tmp_path.iterdir()] == ["photos"]
 
 

@@ -153,7 +153,7 @@ def test_frames_of_a_camera_may_be_deep_and_transparent(sequence):
     assert alpha.min() < 0.05 and alpha.max() > 0.95
     # behind the still life is black
     np.testing.assert_allclose(clear[..., :3] * alpha, opaque, atol=0.01)
-    with pytest.raises(BadRequest, match="Unknown format 'gif'"):
+    with pytest.raises(BadRequest, match="format = 'gif' is unknown"):
         sequence.render(format="gif")
 
 

@@ -18,6 +18,7 @@ from karf_engine.capture import open_capture, write_cameras
 from karf_engine.capture.capture import View
 from karf_engine.cli import main
 from karf_engine.commands import render
+from karf_engine.commands.options import RenderOptions
 from karf_engine.errors import BadRequest
 from karf_engine.export.layer_names import read_layer_names
 from karf_engine.io.color import linear_to_srgb
@@ -30,7 +31,6 @@ from karf_engine.palettes.palette import read_palettes, rgb_to_hex
 from karf_engine.project import STAGE_ORDER, Project
 from karf_engine.project.volumes import Volume, write_volumes
 from karf_engine.recolor.model import Model
-from karf_engine.wire import Request
 
 BALL_COLOR, GREEN = "#c0221a", "#1ec040"
 
@@ -199,7 +199,7 @@ def test_a_job_may_edit_every_view_in_its_own_way(learned, green, tmp_path):
     options = {"views": str(tmp_path / "path.json"), "edit": edits, "out": str(tmp_path), "threads": 1}
     events = []
     render.run(
-        Request("render", Project(learned.project).folder, options),
+        RenderOptions.of(project=learned.project, **options),
         lambda event, **values: events.append((event, values)),
         lambda: False,
     )
@@ -209,7 +209,7 @@ def test_a_job_may_edit_every_view_in_its_own_way(learned, green, tmp_path):
     assert {values["total"] for kind, values in events if kind == "progress"} == {3}
     options["edit"] = edits[:2]
     with pytest.raises(BadRequest, match="2 edits for 3 views"):
-        render.run(Request("render", Project(learned.project).folder, options), lambda *_, **__: None, lambda: False)
+        render.run(RenderOptions.of(project=learned.project, **options), lambda *_, **__: None, lambda: False)
 
 
 def test_free_cameras_are_rendered_and_recolored_without_a_photo(learned, green, tmp_path):

@@ -10,12 +10,12 @@ pytest.importorskip("scipy")
 
 from blender_tests.engine.conftest import run_engine
 from karf_engine.commands import geometry
+from karf_engine.commands.options import GeometryOptions
 from karf_engine.compute import process_group as process_group_module
 from karf_engine.compute.process_group import ProcessGroup
 from karf_engine.errors import BadRequest, Cancelled
 from karf_engine.fields.training import loop
 from karf_engine.io.checkpoints import load_tensors
-from karf_engine.wire import Request
 
 SETTINGS = (
     "geometry.long_side=32",
@@ -52,10 +52,10 @@ def in_turn(training_state, step, iteration, parts):
 def learn_in_turn(capture, project, until=1000):
     """Learn by `in_turn`, at most so many iterations."""
     done = []
-    request = Request("geometry", project, {"capture": str(capture), "overrides": list(SETTINGS), "threads": 1})
+    options = GeometryOptions(capture=capture, project=project, overrides=SETTINGS, threads=1)
     with pytest.MonkeyPatch.context() as patch, suppress(Cancelled):
         patch.setattr(loop, "_gradients", lambda *given: (done.append(1), in_turn(*given))[1])
-        geometry.run(request, lambda *_, **__: None, lambda: len(done) >= until)
+        geometry.run(options, lambda *_, **__: None, lambda: len(done) >= until)
     return project / "geometry.safetensors"
 
 

@@ -19,6 +19,7 @@ from karf_engine.capture import open_capture
 from karf_engine.capture.capture import capture_to_json
 from karf_engine.capture.ply import read_points
 from karf_engine.commands.job import open_job
+from karf_engine.commands.options import RenderOptions
 from karf_engine.commands.recoloring import rays_of
 from karf_engine.errors import KarfError
 from karf_engine.export.layer_names import read_layer_names
@@ -153,7 +154,7 @@ def surface(path: Path) -> None:
 
 def masked_views(path: Path) -> None:
     """What the recoloring stage learns from in the views that have a mask, which the report names."""
-    job = open_job(Request("render", path.parent, {"threads": 1}), lambda kind, /, **values: None, lambda: False)
+    job = open_job(RenderOptions(project=path.parent, threads=1), lambda kind, /, **values: None, lambda: False)
     project = job.project
     settings = replace(job.settings, recoloring=replace(job.settings.recoloring, supervision="reference"))
     surface, _ = load_surface(project.checked(project.surface_file))
