@@ -74,8 +74,9 @@ def _takes(kind: type[Options], *, hidden: Collection[str] = (), is_run: bool = 
         named |= dict.fromkeys(Run.__annotations__) if is_run else {}
         keywords = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=named[name]) for name in named]
         function.__signature__ = signature.replace(parameters=[*own, *keywords])
-        lines = [f"    {item.name}: {item.metadata['help']}." for item in more]
-        function.__doc__ = "\n".join([inspect.cleandoc(function.__doc__), "", "Options:", *lines])
+        text = inspect.cleandoc(function.__doc__)
+        lines = [f"    {item.name}: {item.metadata['help']}." for item in listed(kind) if f" {item.name}:" not in text]
+        function.__doc__ = "\n".join([text, "", "Options:", *lines])
         return function
 
     return documented

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from ..errors import Cancelled
 from .failing import as_karf_error, say, say_error
-from .parser import make_parser
+from .parser import check_known, make_parser
 
 
 def is_one_of_several() -> bool:
@@ -20,8 +20,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the process exit code."""
     if hasattr(sys.stdout, "reconfigure"):  # a console of Windows may not know a letter of a path
         sys.stdout.reconfigure(errors="backslashreplace")
-    options = make_parser().parse_args(arguments)
+    options, others = make_parser().parse_known_args(arguments)
     try:
+        check_known(options, others)
         if is_one_of_several():
             from .together import run_together  # needs torch, without which `doctor` still has something to say
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import typing
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from ..commands.options import COMMANDS
-from ..io.options import Options, alternatives, flag_of, listed, types_of
+from ..io.options import Options, alternatives, flag_of, listed, types_of, unknown
 from ..version import __version__
 from . import verbs
 
@@ -32,6 +32,13 @@ def make_parser() -> argparse.ArgumentParser:
     _add_views_of_results(added)
     _add_others(commands)
     return parser
+
+
+def check_known(arguments: argparse.Namespace, others: Sequence[str]) -> None:
+    """Raise BadRequest where a command line has arguments that its verb does not know."""
+    if others:
+        known = [flag for item in listed(getattr(arguments, "kind", Options)) if (flag := flag_of(item))]
+        raise unknown(others[0], known)
 
 
 def _add_command(commands: Commands, kind: type[Options]) -> argparse.ArgumentParser:

@@ -11,7 +11,7 @@ import difflib
 import os
 import types
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
 from pathlib import Path
@@ -87,9 +87,7 @@ class Options:
         known = {item.name: item for item in fields(cls)}
         for name in values:
             if name not in known:
-                nearest = difflib.get_close_matches(name, known, 1)
-                hint = f"Did you mean {nearest[0]}?" if nearest else f"Known: {', '.join(known)}."
-                raise BadRequest(f"Unknown option {name:.200}.", hint)
+                raise unknown(name, known)
         missing = [name for name, item in known.items() if item.default is MISSING and values.get(name) is None]
         if missing:
             raise BadRequest(f"The {cls.command} command was given no {missing[0]}.", f"Give {' and '.join(missing)}.")
@@ -116,6 +114,14 @@ class Options:
     def to_arguments(self) -> list[str]:
         """What is not the default as arguments of the command line, positional ones left out."""
         return [part for item in fields(self) for part in _arguments(item, getattr(self, item.name))]
+
+
+def unknown(name: str, known: Iterable[str]) -> BadRequest:
+    """The error for a name that is not among the known ones; it says which of them is nearest."""
+    known = list(known)
+    nearest = difflib.get_close_matches(name, known, 1)
+    hint = f"Did you mean {nearest[0]}?" if nearest else f"Known: {', '.join(known)}."
+    return BadRequest(f"Unknown option {name:.200}.", hint)
 
 
 def listed(kind: type[Options]) -> list[dataclasses.Field]:

@@ -1,0 +1,109 @@
+"""Options of commands: what fits is taken, what does not is refused by name, and every way in says the same."""
+
+import dataclasses
+import inspect
+import json
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("numpy")
+
+import karf_engine as karf
+from karf_engine.cli.parser import make_parser
+from karf_engine.cli.verbs import options_of
+from karf_engine.commands.options import COMMANDS, MatchOptions, RenderOptions, options_of_job
+from karf_engine.errors import BadRequest
+from karf_engine.io.options import Options
+
+NEEDED = {  # the least that each command takes
+    "poses": {"photos": "photos", "out": "out"},
+    "mark": {"capture": "capture", "view": "a", "object_name": "pot", "masks": "masks"},
+    "all": {"capture": "capture", "project": "project", "masks": "masks"},
+    "geometry": {"capture": "capture", "project": "project"},
+    "segmentation": {"project": "project"},
+    "palette": {"project": "project"},
+    "recoloring": {"project": "project"},
+    "match": {"project": "project", "object": "pot", "source": "#ff0000", "target": "#00ff00", "out": "edit.json"},
+    "render": {"project": "project"},
+    "colorways": {"project": "project", "sheet": "sheet.csv", "out": "out"},
+    "points": {"project": "project", "out": "points.ply"},
+    "farm": {"source": "project", "out": "out"},
+}
+FUNCTIONS = {
+    "find_poses": "poses", "mark": "mark", "learn": "all", "learn_geometry": "geometry", "segment": "segmentation",
+    "extract_palettes": "palette", "learn_recoloring": "recoloring", "render": "render", "colorways": "colorways",
+    "write_points": "points", "learning_bundle": "farm",
+}  # fmt: skip
+every_command = pytest.mark.parametrize("command", COMMANDS)
+
+
+def refused(kind, **values):
+    with pytest.raises(BadRequest) as caught:
+        kind.of(**values)
+    return str(caught.value)
+
+
+@every_command
+def test_the_least_that_a_command_takes_is_enough_and_nothing_of_it_can_be_left_out(command):
+    kind, needed = COMMANDS[command], NEEDED[command]
+    kind.of(**needed)
+    for name in needed:
+        message = refused(kind, **{other: value for other, value in needed.items() if other != name})
+        assert name in message
+
+
+@every_command
+def test_a_misspelled_option_is_refused_with_the_nearest_name(command):
+    assert refused(COMMANDS[command], **NEEDED[command], thread=1) == "Unknown option thread. Did you mean threads?"
+
+
+@every_command
+@pytest.mark.parametrize("value", [3.5, float("nan"), object(), {}])
+def test_no_option_takes_what_is_of_no_type_of_its_own(command, value):
+    for item in dataclasses.fields(COMMANDS[command]):
+        assert f"option {item.name} = " in refused(COMMANDS[command], **{**NEEDED[command], item.name: value})
+
+
+@every_command
+def test_options_survive_the_way_through_json(command):
+    options = COMMANDS[command].of(**NEEDED[command], threads=2)
+    again = COMMANDS[command].from_json(json.loads(json.dumps(options.to_json())))
+    assert again == options
+
+
+@every_command
+def test_the_command_line_gives_the_same_options(command):
+    options = COMMANDS[command].of(**NEEDED[command], threads=2)
+    positional = [NEEDED[command][item.name] for item in dataclasses.fields(options) if item.metadata["positional"]]
+    assert options_of(make_parser().parse_args([command, *positional, *options.to_arguments()])) == options
+
+
+@pytest.mark.parametrize(("function", "command"), FUNCTIONS.items())
+def test_a_function_of_the_library_shows_and_explains_every_option(function, command):
+    found = getattr(karf, function)
+    names = {item.name for item in dataclasses.fields(COMMANDS[command])} - {"source"}
+    assert names <= set(inspect.signature(found).parameters)
+    assert all(f"{name}:" in found.__doc__ for name in names)
+
+
+def test_texts_become_paths_and_lists_become_tuples():
+    options = RenderOptions.of(project="a", edit=["b.json", Path("c.json")], overrides=["render.edges=field"])
+    assert options.project == Path("a") and options.edit == (Path("b.json"), Path("c.json"))
+    assert options.overrides == ("render.edges=field",)
+
+
+def test_a_job_of_an_earlier_version_is_understood():
+    values = {"views": "r_0", "edit": None, "out": None, "planes": True, "depth": False, "base": "photo", "threads": 2}
+    options = options_of_job("render", Path("project"), values)
+    assert (options.views, options.planes, options.base, options.out) == ("r_0", True, "photo", None)
+
+
+def test_what_a_match_lacks_is_named_as_its_kind_has_it():
+    assert "no picture" in refused(MatchOptions, project="a", out="b", view="r_0")
+    assert "no target" in refused(MatchOptions, project="a", out="b", object="pot", source="#ff0000")
+
+
+@pytest.mark.parametrize(("threads", "words"), [(0, "out of range"), (257, "1 to 256"), (True, "whole number")])
+def test_threads_have_a_range(threads, words):
+    assert words in refused(Options, threads=threads)
