@@ -93,6 +93,9 @@ def find_poses(photos: PathLike, out: PathLike, **options: Any) -> None:
 
     Raises:
         KarfError: Too few photos could be placed, or a photo is damaged.
+
+    Example:
+        find_poses("photos", "garden")
     """
     _run(PosesOptions, photos=photos, out=out, **options)
 
@@ -112,6 +115,9 @@ def mark(capture: PathLike, view: str, object_name: str, masks: PathLike, **opti
 
     Raises:
         KarfError: The view is unknown, or nothing says where in it the object is.
+
+    Example:
+        mark("garden", "r_003", "pot", "masks", box=(120, 80, 310, 260))
     """
     given = MarkOptions.of(capture=capture, view=view, object_name=object_name, masks=masks, **options)
     try:
@@ -137,6 +143,9 @@ def learn(capture: Capture | PathLike, masks: PathLike, *, project: PathLike, **
 
     Raises:
         KarfError: An input is missing, damaged or contradicts another, or the computer ran out of memory.
+
+    Example:
+        model = learn("garden", "masks", project="garden_karf", preset="fast", progress=print)
     """
     _run(LearnOptions, capture=capture, masks=masks, project=project, **options)
     return load(project, device=options.get("device"))
@@ -147,6 +156,9 @@ def learn_geometry(capture: Capture | PathLike, *, project: PathLike, **options:
     """Learn the radiance field of a capture into a project; marked photos are among those that it learns from.
 
     Arguments and errors are those of `learn`.
+
+    Example:
+        learn_geometry("garden", project="garden_karf", preset="fine", holdout=8)
     """
     _run(GeometryOptions, capture=capture, project=project, **options)
 
@@ -161,24 +173,39 @@ def segment(project: PathLike, masks: PathLike | None = None, **options: Any) ->
 
     Raises:
         KarfError: A mask fits no photo or marks nothing, or the project's geometry is missing or damaged.
+
+    Example:
+        segment("garden_karf", masks="masks")
     """
     _run(SegmentationOptions, project=project, masks=masks, **options)
 
 
 @_takes(PaletteOptions)
 def extract_palettes(project: PathLike, **options: Any) -> None:
-    """Extract a palette from the colors of every segmented object. Raises KarfError where none is segmented."""
+    """Extract a palette from the colors of every segmented object. Raises KarfError where none is segmented.
+
+    Example:
+        extract_palettes("garden_karf")
+    """
     _run(PaletteOptions, project=project, **options)
 
 
 @_takes(RecoloringOptions)
 def learn_recoloring(project: PathLike, **options: Any) -> None:
-    """Learn F_w, the palette weights of every point, and adapt the palettes. Raises KarfError where none is extracted."""
+    """Learn F_w, the palette weights of every point, and adapt the palettes. Raises KarfError where none is extracted.
+
+    Example:
+        learn_recoloring("garden_karf", threads=2)
+    """
     _run(RecoloringOptions, project=project, **options)
 
 
 def load(project: PathLike, device: str | None = None) -> Model:
-    """The model in a project's folder, see `Model.load`."""
+    """The model in a project's folder, see `Model.load`.
+
+    Example:
+        model = load("garden_karf")
+    """
     try:
         from .recolor.model import Model
     except ModuleNotFoundError as error:
@@ -198,6 +225,9 @@ def render(project: PathLike, out: PathLike, **options: Any) -> None:
 
     Raises:
         KarfError: A view or an object of the edit is unknown, or what they need is not learned.
+
+    Example:
+        render("garden_karf", "frames", views="test", edit="edit.json", depth=True)
     """
     _run(RenderOptions, project=project, out=out, **options)
 
@@ -216,6 +246,9 @@ def colorways(project: PathLike, sheet: PathLike, out: PathLike, **options: Any)
 
     Raises:
         KarfError: The sheet has a row that is wrong, a view is unknown, or palettes are not learned.
+
+    Example:
+        colorways("garden_karf", "sheet.csv", "colorways", size=1024)
     """
     _run(ColorwaysOptions, project=project, sheet=sheet, out=out, **options)
 
@@ -230,6 +263,9 @@ def write_points(project: PathLike, out: PathLike, **options: Any) -> None:
 
     Raises:
         KarfError: Nothing is learned, the count is out of range, or the file is of another kind.
+
+    Example:
+        write_points("garden_karf", "garden.ply", count=200_000)
     """
     _run(PointsOptions, project=project, out=out, **options)
 
@@ -248,6 +284,9 @@ def render_bundle(project: PathLike, out: PathLike, **options: Any) -> Path:
 
     Raises:
         KarfError: The project is not learned, a view is unknown, an edit is not of this project, or `out` is taken.
+
+    Example:
+        render_bundle("garden_karf", "job", views="cameras.json", edit="edit.json", per_task=20)
     """
     from .commands.farm.bundle import write_bundle  # needs numpy
 
@@ -268,6 +307,9 @@ def learning_bundle(capture: PathLike, masks: PathLike, out: PathLike, **options
 
     Raises:
         KarfError: The capture or the masks cannot be read, a photo lies elsewhere, or `out` is taken.
+
+    Example:
+        learning_bundle("garden", "masks", "job", preset="fine")
     """
     from .commands.farm.bundle import write_bundle  # needs numpy
 

@@ -16,6 +16,12 @@ class KarfError(Exception):
         exit_code: Of a process that ends by it, of the class.
         sentence: What went wrong; names the file and the value.
         hint: The remedy.
+
+    Example:
+        try:
+            learn("garden", "masks", project="garden_karf")
+        except KarfError as error:
+            print(error.sentence, error.hint)
     """
 
     code = "internal"

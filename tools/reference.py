@@ -1,7 +1,11 @@
-"""Write docs/command_line.md, the reference of all commands, from their options: python -m tools.reference [--check]."""
+"""Write the reference of commands and of the library from the code itself: python -m tools.reference.
+
+docs/command_line.md comes from the options of the commands, docs/library.md from the docstrings of the public names.
+"""
 
 from __future__ import annotations
 
+import inspect
 import sys
 import typing
 from collections.abc import Iterator
@@ -9,11 +13,12 @@ from dataclasses import MISSING, Field
 from pathlib import Path
 from typing import Any
 
+import karf_engine
 from karf_engine.commands.options import COMMANDS
 from karf_engine.io.options import Options, alternatives, flag_of, listed, types_of
 from karf_engine.project.settings import describe
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "command_line.md"
+DOCS = Path(__file__).resolve().parents[1] / "docs"
 HEAD = """# Commands and their options
 
 <!-- written by `python -m tools.reference` from karf_engine/commands/options/; change it there -->
@@ -26,11 +31,62 @@ What is misspelled is refused, with the nearest name. The `run` verb takes job f
 Exit codes: 0 done, 2 bad request, 3 missing dependency, 4 bad data, 5 out of memory, 6 cancelled, 7 diverged,
 70 internal error.
 """
+LIBRARY = """# The library
+
+<!-- written by `python -m tools.reference` from the docstrings of karf_engine's public names; change it there -->
+
+`pip install .`, then `import karf_engine as karf`. These names are what the library promises; importing them needs no
+torch until something is learned or rendered. Shapes, axes and units: [conventions](conventions.md). Fields, heads, layers
+and formats of your own: [extending](extending.md). Every module is described [in the API pages](index.md).
+"""
+TITLES = {
+    "api": "Functions",
+    "capture": "Captures",
+    "errors": "Errors",
+    "palettes.edit_files": "Edits and palettes",
+    "project.settings": "Settings",
+    "recolor.frames": "What is learned and rendered",
+}
 NAMES = {str: "text", int: "whole number", float: "number", bool: "yes or no", Path: "path"}
 
 
-def page() -> str:
-    """The whole page."""
+def library() -> str:
+    """docs/library.md."""
+    parts = [LIBRARY]
+    for module, names in karf_engine._DEFINES.items():
+        parts += [f"## {TITLES[module]}\n"] if module in TITLES else []
+        parts += [_name(name) for name in names]
+    return "\n".join(parts)
+
+
+def _name(name: str) -> str:
+    thing = getattr(karf_engine, name)
+    if name == "PRESETS":
+        return f"### PRESETS\nThe presets' settings by name: {', '.join(thing)}. See [settings](command_line.md#settings).\n"
+    methods = [each for each in vars(thing) if not each.startswith("_")] if inspect.isclass(thing) else []
+    found = [(f"{name}.{each}", getattr(thing, each)) for each in methods]
+    parts = [_entry(f"### {name}", name, thing)]
+    parts += [_entry(f"#### {full}", full, each) for full, each in found if callable(each) and each.__doc__]
+    return "\n".join(parts)
+
+
+def _entry(heading: str, name: str, thing: Any) -> str:
+    return f"{heading}\n```python\n{name}{_signature(thing)}\n```\n```text\n{inspect.getdoc(thing)}\n```\n"
+
+
+def _signature(thing: Any) -> str:
+    """A call's parameters with their defaults, without types, a line for each where there are many."""
+    parameters = inspect.signature(thing).parameters.values()
+    parts = [str(each.replace(annotation=each.empty)) for each in parameters]
+    keywords = [n for n, each in enumerate(parameters) if each.kind is each.KEYWORD_ONLY]
+    if keywords:
+        parts.insert(keywords[0], "*")
+    joined = ", ".join(parts)
+    return f"({joined})" if len(joined) < 90 else "(\n    " + ",\n    ".join(parts) + ",\n)"
+
+
+def command_line() -> str:
+    """docs/command_line.md."""
     parts = [HEAD, *(_section(kind) for kind in COMMANDS.values()), _common(), _settings()]
     return "\n".join(parts)
 
@@ -91,12 +147,14 @@ def _cell(text: str) -> str:
     return text.replace("|", "\\|").replace("<", "&lt;")
 
 
+PAGES = {"command_line.md": command_line, "library.md": library}
+
+
 def main() -> int:
-    """Write the page, or with --check say whether it is up to date."""
-    if "--check" in sys.argv:
-        return int(PAGE.read_text(encoding="utf-8") != page())
-    PAGE.write_text(page(), encoding="utf-8")
-    print(PAGE)
+    """Write the pages."""
+    for name, page in PAGES.items():
+        (DOCS / name).write_text(page(), encoding="utf-8")
+        print(DOCS / name)
     return 0
 
 

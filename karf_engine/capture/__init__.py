@@ -64,6 +64,9 @@ def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Cap
     Raises:
         BadRequest: `holdout` is no number of photos.
         DataError: The path does not exist, is of no known format, or is damaged.
+
+    Example:
+        capture = open_capture("garden", holdout=8)
     """
     path = Path(path)
     if not path.exists():

@@ -35,6 +35,9 @@ class View:
         image: Absolute path of the photo; None for a bare camera.
         split: `train`, `val` or `test`.
         depth_bounds: Nearest and farthest depth of what it shows, world units; None where the capture declares none.
+
+    Example:
+        height, width = capture.view("r_003").camera.height, capture.view("r_003").camera.width
     """
 
     name: str
@@ -91,6 +94,10 @@ class Capture:
         remarks: Sentences that a user should see: what was skipped, or guessed.
         points: The sparse points where the format has them; the canonical JSON leaves them out.
         holdout: Every how many-th photo was chosen to be held out (see `hold_out`), 0 where none was; not in the JSON.
+
+    Example:
+        capture = open_capture("garden", holdout=8)
+        [view.name for view in capture.split("test")]
     """
 
     source: Path

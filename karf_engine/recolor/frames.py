@@ -26,6 +26,10 @@ class Frame:
         palette_weights: [K, M, H, W] float32, probabilities times weights (Eq. 9); None before palettes are learned.
         base: [H, W, 3] float32 sRGB in [0, 1], the picture that an edit changes: the photo, or the rendering.
         disputed: objects about which photo and field disagree, so that their edges are the field's.
+
+    Example:
+        frame = model.render(model.capture.views[0].camera)
+        pot = frame.probabilities[model.objects.index("pot")]  # [H, W] in [0, 1]
     """
 
     picture: Picture

@@ -60,6 +60,11 @@ class Model:
         segmentation: F_s, or None before segmentation.
         palettes: of the objects, in their order; empty before palettes are learned.
         recoloring: F_w, or None before palettes are learned.
+
+    Example:
+        model = Model.load("garden_karf")
+        edit = model.edit().becomes("pot", "#b5302c", "#3059b8")
+        picture = model.recolor(model.capture.view("r_003"), edit)
     """
 
     def __init__(self, project: Project, device: torch.device | str = "cpu", settings: Settings | None = None) -> None:

@@ -1,4 +1,4 @@
-"""The reference of commands is what their options say."""
+"""The reference of commands and of the library is what the code says."""
 
 import pytest
 
@@ -7,13 +7,22 @@ pytest.importorskip("numpy")
 from tools import reference
 
 
-def test_the_page_is_what_the_options_say():
-    assert reference.PAGE.read_text(encoding="utf-8") == reference.page(), "run python -m tools.reference"
+@pytest.mark.parametrize("name", reference.PAGES)
+def test_a_page_is_what_the_code_says(name):
+    written = (reference.DOCS / name).read_text(encoding="utf-8")
+    assert written == reference.PAGES[name](), "run python -m tools.reference"
 
 
 def test_every_command_and_option_is_on_it():
-    text = reference.page()
+    text = reference.command_line()
     for kind in reference.COMMANDS.values():
         section = text.split(f"## {kind.command}\n")[1].split("\n## ")[0]
         names = set(kind.__dataclass_fields__) - set(reference.Options.__dataclass_fields__)
         assert all(f"`{name}`" in section for name in names), kind
+
+
+def test_every_public_name_is_on_the_page_of_the_library_with_an_example():
+    sections = reference.library().split("\n### ")[1:]
+    names = {section.partition("\n")[0]: section for section in sections}
+    assert set(names) == set(reference.karf_engine.__all__) - {"__version__"}
+    assert [name for name, text in names.items() if "Example" not in text] == ["PRESETS"]

@@ -204,7 +204,11 @@ class RenderSettings:
 
 @dataclass(frozen=True)
 class Settings:
-    """All stages, the seed, and the name of the preset they came from."""
+    """All stages, the seed, and the name of the preset they came from.
+
+    Example:
+        settings = with_overrides(PRESETS["demo"], ["geometry.rays=4096"])
+    """
 
     preset: str = "demo"
     seed: int = option(0, "Seed of every random number", 0, 2**31 - 1)
