@@ -1,1 +1,1 @@
-"""One module a stage: read inputs, call rooms, write artifacts. Each has `run(request, emit, should_stop)`."""
+"""One module a command: `run(options, emit, should_stop)` reads inputs, calls rooms and writes files."""

@@ -1,1 +1,1 @@
-"""What other programs take over: pictures in layers, and mattes by the Cryptomatte specification."""
+"""Everything that is written for users: frames, layers, Cryptomatte mattes, points, tables, contact sheets."""

@@ -1,1 +1,1 @@
-"""Editing learned palettes: their files, compositing of edited pictures, and "becomes"; stdlib and numpy only."""
+"""Palettes, edits of them, and what becomes of a picture: extraction, matching, compositing, colorways."""
