@@ -161,7 +161,7 @@ def import_scene(
     }
     job.emit("stage", name="geometry", text=f"comparing {path.name} with {len(training_images)} photos")
     scene, alignment, psnr = import_nerf(
-        networks, list(capture.views), datasets, job.settings.geometry.nerf, str(path), device
+        networks, list(capture.views), datasets, job.settings.geometry.nerf, str(path), device, job.settings.seed
     )
     job.emit("stage", name="geometry", text=f"{path.name} is placed {alignment!r} and shows them at {psnr:.1f} dB")
     preview(job, scene, training_images[0])
@@ -191,7 +191,7 @@ def validation_pixels(job: Job, capture: Capture) -> PixelDataset | None:
 
 def validate(job: Job, scene: Scene, held_out: PixelDataset, scores: list[list[float]]) -> None:
     """Append how well held-out views are rendered, mean and worst in dB, and warn where that has become worse."""
-    values = psnr_of_views(scene, held_out)
+    values = psnr_of_views(scene, held_out, seed=job.settings.seed)
     mean, worst = round(sum(values) / len(values), 2), round(min(values), 2)
     job.emit("stage", name="geometry", text=f"held-out views {mean} dB, the worst {worst} dB")
     if scores and mean < scores[-1][0] - WORSE:

@@ -45,7 +45,7 @@ def kernel(function: Kernel) -> Kernel:
     return _compiled(function, MATH, False)
 
 
-def making_kernel(function: Kernel) -> Kernel:
+def allocating_kernel(function: Kernel) -> Kernel:
     """A kernel that makes arrays to work in."""
     return _compiled(function, MATH, True)
 

@@ -37,7 +37,7 @@ MIN_OPACITY = 0.9
 MOST_SPREAD = 8.0  # voxels, of a ray's end: a silhouette's is longer, that of a shiny surface nearly so
 NEIGHBORS = 12  # over which normals are smoothed
 NEAREST = 4  # whose distance is that between points
-LONELY = 3.0  # cells to the sixth neighbor: such points float
+OUTLIER_DISTANCE = 3.0  # cells to the sixth neighbor: such points float
 
 
 @dataclass(frozen=True)
@@ -196,7 +196,7 @@ def _is_seen(world: np.ndarray, voxels: np.ndarray, looks: Sequence[_Look]) -> n
 def _is_lonely(positions: np.ndarray, cell: float) -> np.ndarray:
     """Which points [n, 3] have few neighbors."""
     distances, _ = cKDTree(positions).query(positions, [7])
-    return distances[:, 0] > LONELY * cell
+    return distances[:, 0] > OUTLIER_DISTANCE * cell
 
 
 def _voxels_of(field: Field, positions: np.ndarray) -> np.ndarray:

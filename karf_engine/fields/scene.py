@@ -102,33 +102,35 @@ class Scene:
     def _render_chunk(self, rays: Rays, first: int, n_quantiles: int) -> tuple[Tensor, Tensor, Tensor, SurfaceCache]:
         field = self.field
         trace = field.trace(rays, self.step)
-        samples, ray_weights, remainder = trace.samples, trace.ray_weights, trace.remainder
+        samples, ray_weights, final_transmittance = trace.samples, trace.ray_weights, trace.final_transmittance
         seen = torch.nonzero(ray_weights > VISIBLE_WEIGHT).squeeze(1)
         ray_indices, positions = samples.ray_indices[seen], samples.positions[seen]
         color = field.color(positions, rays.viewdirs[ray_indices], field.features(positions))
         surface = field.space.to_world(positions)
         distances = torch.linalg.norm(surface - rays.origins[ray_indices], dim=1, keepdim=True)
         sums = accumulate(ray_weights[seen], torch.cat([color, distances], 1), ray_indices, len(rays))
-        opacity = 1 - remainder
-        color = sums[:, :3] + remainder[:, None] * self.behind(rays.viewdirs)
+        opacity = 1 - final_transmittance
+        color = sums[:, :3] + final_transmittance[:, None] * self.behind(rays.viewdirs)
         # an empty ray has no distance: dividing by the smallest float keeps 0 / 0 out
         distance = sums[:, 3] / opacity.clamp_min(torch.finfo(opacity.dtype).tiny)
         return color, opacity, distance, quantile_samples(rays, samples, ray_weights, n_quantiles, first)
 
 
-def psnr_of_views(scene: Scene, dataset: PixelDataset, n_pixels: int = VALIDATION_PIXELS) -> list[float]:
-    """PSNR of each training image of the dataset, over random pixels of it (always the same ones).
+def psnr_of_views(scene: Scene, dataset: PixelDataset, n_pixels: int = VALIDATION_PIXELS, seed: int = 0) -> list[float]:
+    """PSNR of each training image of the dataset, over random pixels of it, the same ones for a seed.
 
     Returns:
         Values in dB, at most 100.
     """
-    errors = [((shown - photo) ** 2).mean() for shown, photo in compared_pixels(scene, dataset, n_pixels)]
+    errors = [((shown - photo) ** 2).mean() for shown, photo in compared_pixels(scene, dataset, n_pixels, seed)]
     return [-10 * math.log10(float(error) + 1e-10) for error in errors]
 
 
-def compared_pixels(scene: Scene, dataset: PixelDataset, n_pixels: int) -> Iterator[tuple[Tensor, Tensor]]:
-    """What the scene and the photo show at random pixels of each image of the dataset (always the same ones), [n, 3] each."""
-    random = torch.Generator().manual_seed(0)
+def compared_pixels(
+    scene: Scene, dataset: PixelDataset, n_pixels: int, seed: int = 0
+) -> Iterator[tuple[Tensor, Tensor]]:
+    """What scene and photo show at random pixels of each training image of the dataset, [n, 3] each; the same ones for a seed."""
+    random = torch.Generator().manual_seed(seed)
     for first, last in itertools.pairwise(dataset.first.tolist()):
         index = torch.randint(first, last, (n_pixels,), generator=random).to(dataset.color.device)
         yield scene.colors(dataset.rays(index)), dataset.color[index].float() / 255

@@ -22,7 +22,7 @@ NEGLIGIBLE = 1 / 1024  # probability of a class: too little to change an 8-bit p
 
 
 def render_classes(karf: SegmentationField, positions: Tensor, features: Tensor, opacity: Tensor) -> Tensor:
-    """Rendered class probabilities of rays (the sum of Eq. 8): the remainder goes to the background.
+    """Rendered class probabilities of rays (the sum of Eq. 8): the final transmittance goes to the background.
 
     Differentiable to F_s; not through the rays' weights, which are frozen.
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy import float32, int32
 
-from ..compute.kernels import kernel, making_kernel
+from ..compute.kernels import allocating_kernel, kernel
 
 ONE, HALF = float32(1), float32(0.5)
 LEAST_EXPONENT, MOST_EXPONENT = float32(-87), float32(88)
@@ -32,7 +32,7 @@ def exponentials(x, powers, out):
         out[i] *= powers[i]
 
 
-@making_kernel
+@allocating_kernel
 def fill_blocks(x, u, anchor, constants, blocks):
     """Write the Gaussians of u [rows, n_in] and SiLU(x), all times exp(shift), to `blocks` [rows, N + 1, n_in].
 
@@ -67,7 +67,7 @@ def fill_blocks(x, u, anchor, constants, blocks):
             bases[n, i] = x[row, i] * raised / (ONE + upward[i])
 
 
-@making_kernel
+@allocating_kernel
 def fill_gradients(x, u, anchor, constants, blocks, products, grad_x, grad_u):
     """Write gradients by x and u (up to a factor), and return the sum of w (w E - 2 sum_j j E_j), E = sum_j E_j.
 

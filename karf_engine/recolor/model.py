@@ -253,7 +253,7 @@ class Model:
         return full_resolution_view(view, size, seen, self._mattes_of, self.objects, self.palettes)
 
     def _mattes_of(self, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray) -> list[Matte]:
-        return self._looks.mattes(self.settings.render.edges, photo, probabilities, rendered)
+        return self._looks.mattes(self.settings.render.edges, photo, probabilities, rendered, self.settings.seed)
 
     @translated()
     def render_training_image(self, training_image: TrainingImage, weights_from: str = "photo") -> Frame:

@@ -60,16 +60,21 @@ class RenderCache:
         tensors["probabilities"] = torch.from_numpy(frame.probabilities)
         self._keep(self._path(camera), tensors, SCHEMA, {})
 
-    def mattes(self, edges: str, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray) -> list[Matte]:
-        """What `recolor.matting.refine.mattes_of` gives for the same arguments; refined ones are taken where they are kept."""
+    def mattes(
+        self, edges: str, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray, seed: int
+    ) -> list[Matte]:
+        """What `recolor.matting.refine.mattes_of` gives for the same arguments; refined ones are taken where they are kept.
+
+        The seed must be the one that the scene was learned with: kept mattes belong to one scene.
+        """
         if edges == "field":  # as quick to make as to read
-            return mattes_of(edges, photo, probabilities, rendered)
+            return mattes_of(edges, photo, probabilities, rendered, seed)
         arrays = [np.ascontiguousarray(array) for array in (photo, probabilities, rendered)]
         contents = [[array.shape, array.dtype.str, hashlib.sha256(array).hexdigest()] for array in arrays]
         path = self._folder / f"{_mark(MATTES, edges, contents)}.safetensors"
         known = _read_mattes(path, len(probabilities))
         if known is None:
-            known = mattes_of(edges, *arrays)
+            known = mattes_of(edges, *arrays, seed)
             self._keep(path, *_tensors_of(known))
         return known
 

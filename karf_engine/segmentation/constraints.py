@@ -20,7 +20,7 @@ from .surface_points import LABEL_SAMPLES, SurfacePoints
 from .views import CACHE_STEP
 from .votes import vote_on_points
 
-REACH = 4.0  # grains, within which a sample belongs to a point
+REACH = 4.0  # point spacings, within which a sample belongs to a point
 LEAST_SOLID = 0.5  # of a ray that fixes points, of the view's median: a silhouette's samples lie far apart
 
 
@@ -84,7 +84,9 @@ class SeenPoints:
             camera = self.camera(view)
             rays = camera_rays(camera, self._field.bounds.device)
             cache = cache_surface(self._field, rays, LABEL_SAMPLES, CACHE_STEP)
-            _, point = self._tree.query(cache.positions.cpu().numpy(), distance_upper_bound=REACH * self._points.grain)
+            _, point = self._tree.query(
+                cache.positions.cpu().numpy(), distance_upper_bound=REACH * self._points.spacing
+            )
             point[point == len(self._points)] = -1
             self._looks[view.name] = Look((camera.height, camera.width), cache, point)
         return self._looks[view.name]
@@ -114,7 +116,7 @@ class SeenPoints:
     def _votes(self, look: Look, targets: np.ndarray, said: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Targets [p, K+1] and strength [p] of the points, of what is said of a view's pixels."""
         cache, index = look.cache, look.cache.index.cpu().numpy()
-        solid = (torch.exp(-cache.spread / (4 * self._points.grain)) * cache.opacity).cpu().numpy()
+        solid = (torch.exp(-cache.spread / (4 * self._points.spacing)) * cache.opacity).cpu().numpy()
         asked = said.ravel()[index]
         # of a stroke on what is thin all rays are like that, and the better half of them counts
         least = min(LEAST_SOLID * np.median(solid), np.median(solid[asked])) if asked.any() else 0.0

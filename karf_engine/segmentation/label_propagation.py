@@ -7,8 +7,8 @@ pairwise terms (be as your neighbors are), which is one linear system:
 
     (D + C + eps) x - lambda W x = C y + eps / (K+1)         W: neighbor weights, D: lambda times their row sums
 
-What is thin or small has few seeds and many ties to what surrounds it. There all that is said of points, C, counts more:
-as much as makes the seeds hold.
+What is thin or small has few seeds and many ties to what surrounds it. There all unary terms, C, count more, by a seed
+weight with which the seeds keep their labels.
 
 A few rounds follow. In each, mixtures of Gaussians in Lab are fitted to the colors of the classes as they are, each
 point gets a color label from them, and the system is solved again with these labels as a second unary term. This is
@@ -39,24 +39,68 @@ from .neighbor_graph import conjugate_gradients, neighbor_graph
 from .point_labels import Labels, margin
 from .seeds import seed_regions, seeds_of
 
-SMOOTHNESS = 20.0  # lambda: weight of the pairwise terms
-PRIOR = 1e-4  # eps
-UNKNOWN_LOG_DENSITY = -15.5  # of a color that belongs to no class
-RARE_BACKGROUND = 0.25  # the background's density falls with this power of its mass, where it has less than the objects
-DECIDED = 0.6  # a seed's largest vote; with less its class is open
-HOLDING, MOST_DOUBLINGS = 0.98, 6  # the share of an object's seeds that must hold; C doubles so many times at most
-FADE_RADII = 2.0  # an object's colors fade beyond this many seed radii
-HELD, LEAST_HELD = 5.0, 0.02  # confidence of labels without a margin of doubt, and of none, as patches follow
-MOST_OF_OBJECT = 0.1  # of an object's points: a larger part of it is no patch
-TOGETHER = 0.5  # of the ties of a point that changes, those to others that do
-REACH_RADII = 4.0  # points farther than this many seed radii from every object are background without being solved for
+
+@dataclass(frozen=True)
+class PropagationParameters:
+    """What decides the labels. docs/method.md (label propagation) says what was tried with them, and on which scenes.
+
+    Attributes:
+        smoothness: Lambda, weight of the pairwise terms. Half of it was measured on drawn seed 6, `hue` and the demo: the
+            first gained, the others lost.
+        uniform_prior: Eps, weight of the prior for no class in particular. Not varied on record.
+        unknown_log_density: Of a color that belongs to no class, natural logarithm. Not varied on record.
+        rare_background: The background's density falls with this power of its mass, where it has less than the objects.
+            Not varied on record.
+        decided: A seed's largest vote; with less its class is open. Not varied on record.
+        seed_consistency: Share of an object's seeds that must keep its label; set on a plant of 200 points, raised from
+            0.9 for things as small.
+        most_doublings: The seed weight doubles this many times at most. Not varied on record.
+        fade_radii: An object's colors fade beyond this many seed radii. Not varied on record.
+        fade_strength: Taken off the log density at twice that distance. Not varied on record.
+        patch_confidence: Of labels without a doubt, as patches follow what surrounds them. Not varied on record.
+        least_patch_confidence: Of labels in full doubt, likewise. Not varied on record.
+        most_of_object: Share of an object's points; a larger part of it is not a patch: small objects were taken whole.
+        together: Share of the ties of a point that changes, that lead to others that do. Set on a scene seen from the
+            front alone, where thin ends and rims eroded.
+        reach_radii: Points farther than this many seed radii from every object are background without being solved for.
+            Not varied on record.
+        unreliable: Share of the seeds of an object's color that are its own, up to which the color has no influence. Not
+            varied on record.
+        reliable_range: Further share, after which its influence is whole. Not varied on record.
+        least_anchor: Votes of a point that can hold its part of an object. Not varied on record.
+        least_tie: Weight of the graph that joins two points of a part. Not varied on record.
+        least_color_share: Of each class when open votes are shared out by color. Not varied on record.
+    """
+
+    smoothness: float = 20.0
+    uniform_prior: float = 1e-4
+    unknown_log_density: float = -15.5
+    rare_background: float = 0.25
+    decided: float = 0.6
+    seed_consistency: float = 0.98
+    most_doublings: int = 6
+    fade_radii: float = 2.0
+    fade_strength: float = 4.5
+    patch_confidence: float = 5.0
+    least_patch_confidence: float = 0.02
+    most_of_object: float = 0.1
+    together: float = 0.5
+    reach_radii: float = 4.0
+    unreliable: float = 0.5
+    reliable_range: float = 0.2
+    least_anchor: float = 0.1
+    least_tie: float = 1e-5
+    least_color_share: float = 1e-3
+
+
+PARAMETERS = PropagationParameters()
 
 
 def propagate_labels(
     positions: np.ndarray,
     lab: np.ndarray,
     normals: np.ndarray,
-    grain: float,
+    spacing: float,
     seed_targets: np.ndarray,
     seed_confidence: np.ndarray,
     rounds: int,
@@ -68,22 +112,22 @@ def propagate_labels(
         positions: [p, 3] grid coordinates.
         lab: [p, 3] CIE Lab.
         normals: [p, 3] of unit length, outward.
-        grain: how fine the points are, see `SurfacePoints`.
+        spacing: how fine the points are, see `SurfacePoints`.
         seed_targets: [p, K+1]; rows sum to 1.
         seed_confidence: [p] >= 0; 0 where there is no seed.
         rounds: in which colors are learned, at least 1.
         random: draws the colors that mixtures are fitted to.
     """
     n_classes = seed_targets.shape[1]
-    trees, radii = seed_regions(positions, grain, seed_targets, seed_confidence)
+    trees, radii = seed_regions(positions, spacing, seed_targets, seed_confidence)
     distance = np.stack([tree.query(positions)[0] for tree in trees], 1)  # [p, K]
-    near = (distance < REACH_RADII * radii).any(1)
+    near = (distance < PARAMETERS.reach_radii * radii).any(1)
     propagation = _Propagation(
         lab[near],
-        neighbor_graph(positions[near], lab[near], normals[near], grain),
+        neighbor_graph(positions[near], lab[near], normals[near], spacing),
         seed_targets[near],
         seed_confidence[near],
-        4.5 * np.maximum(0, distance[near] / (FADE_RADII * radii) - 1) ** 2,
+        PARAMETERS.fade_strength * np.maximum(0, distance[near] / (PARAMETERS.fade_radii * radii) - 1) ** 2,
         random,
     )
     solved = propagation.run(rounds)
@@ -110,7 +154,7 @@ class _Propagation:
     def run(self, rounds: int) -> Labels:
         """Labels of the points."""
         targets, confidence = self.seed_targets, self.seed_confidence
-        of_masks, say = self._holding()
+        of_masks, seed_weight = self._seed_weight()
         x = of_masks
         mixture_weight = confidence
         precision = np.ones(targets.shape[1] - 1)
@@ -127,35 +171,37 @@ class _Propagation:
             together = reliable + color_confidence
             shared = _share_open_votes(targets, color_labels)
             unary = reliable[:, None] * shared + color_confidence[:, None] * color_labels
-            x = self._smooth(unary / np.maximum(together, 1e-12)[:, None], say * together, x)
+            x = self._smooth(unary / np.maximum(together, 1e-12)[:, None], seed_weight * together, x)
             # not where colors said it: they would confirm themselves, and a neighbor of nearly the object's hue be lost to it
             mixture_weight = reliable
-        x = self._connected(self._with_patches(self._connected(x), say))
+        x = self._connected(self._with_patches(self._connected(x), seed_weight))
         return Labels(x, precision, (of_masks + color_labels + x) / 3)
 
-    def _holding(self) -> tuple[np.ndarray, np.ndarray]:
-        """The first solution, [p, K+1], and the factor on what is said of points with which seeds hold there, [p]."""
+    def _seed_weight(self) -> tuple[np.ndarray, np.ndarray]:
+        """The first solution, [p, K+1], and the factor on all unary terms with which seeds keep their labels there, [p]."""
         n_objects = self.seed_targets.shape[1] - 1
         numbers = np.arange(1, n_objects + 1)
         own = np.stack([seeds_of(k, self.seed_targets, self.seed_confidence) for k in numbers], 1)
         factors = np.ones(n_objects)
-        for doublings in range(MOST_DOUBLINGS + 1):
-            say = np.where(self.distance_penalty > 0, 1, factors).max(1)
-            x = self._smooth(self.seed_targets, say * self.seed_confidence, None)
-            holding = (own & (x.argmax(1)[:, None] == numbers)).sum(0) >= HOLDING * own.sum(0)
-            if holding.all() or doublings == MOST_DOUBLINGS:
+        for doublings in range(PARAMETERS.most_doublings + 1):
+            seed_weight = np.where(self.distance_penalty > 0, 1, factors).max(1)
+            x = self._smooth(self.seed_targets, seed_weight * self.seed_confidence, None)
+            is_consistent = (own & (x.argmax(1)[:, None] == numbers)).sum(0) >= PARAMETERS.seed_consistency * own.sum(0)
+            if is_consistent.all() or doublings == PARAMETERS.most_doublings:
                 break
-            factors = np.where(holding, factors, 2 * factors)
-        return x, say
+            factors = np.where(is_consistent, factors, 2 * factors)
+        return x, seed_weight
 
     def _smooth(self, targets: np.ndarray, confidence: np.ndarray, start: np.ndarray | None) -> np.ndarray:
         """Solve the linear system for all classes; they sum to one by themselves."""
         n_classes = targets.shape[1]
         row_sums = np.asarray(self.graph.sum(1)).ravel()
-        diagonal = SMOOTHNESS * row_sums + confidence + PRIOR
-        right = confidence[:, None] * targets + PRIOR / n_classes
+        diagonal = PARAMETERS.smoothness * row_sums + confidence + PARAMETERS.uniform_prior
+        right = confidence[:, None] * targets + PARAMETERS.uniform_prior / n_classes
         x = np.full_like(targets, 1 / n_classes) if start is None else start
-        x = conjugate_gradients(lambda v: diagonal[:, None] * v - SMOOTHNESS * (self.graph @ v), diagonal, right, x)
+        x = conjugate_gradients(
+            lambda v: diagonal[:, None] * v - PARAMETERS.smoothness * (self.graph @ v), diagonal, right, x
+        )
         x = np.clip(x, 0, None)
         return x / np.maximum(x.sum(1, keepdims=True), 1e-12)
 
@@ -165,10 +211,12 @@ class _Propagation:
         log_density = class_log_densities(self.lab, strengths, self.random)
         mass = strengths.sum(0)
         # before an empty background most of its seeds are what the masks left out of the objects
-        log_density[:, 0] += RARE_BACKGROUND * np.log(np.clip(mass[0] / max(mass[1:].sum(), 1e-12), 1e-12, 1))
+        log_density[:, 0] += PARAMETERS.rare_background * np.log(
+            np.clip(mass[0] / max(mass[1:].sum(), 1e-12), 1e-12, 1)
+        )
         log_density[:, 1:] -= self.distance_penalty
         density = np.exp(np.maximum(log_density, -700))
-        unknown = np.exp(UNKNOWN_LOG_DENSITY)
+        unknown = np.exp(PARAMETERS.unknown_log_density)
         return (density + unknown / x.shape[1]) / (density.sum(1, keepdims=True) + unknown)
 
     def _color_reliability(self, color_labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -177,12 +225,12 @@ class _Propagation:
         The background's are always: a mask that spills over much of it must not take away its influence.
         """
         predicted = color_labels.argmax(1)
-        decided = self.seed_confidence * (self.seed_targets.max(1) > DECIDED)
+        decided = self.seed_confidence * (self.seed_targets.max(1) > PARAMETERS.decided)
         share = np.ones(color_labels.shape[1])
         for k in range(1, color_labels.shape[1]):
             weight = decided * (predicted == k)
             share[k] = (weight * self.seed_targets[:, k]).sum() / max(weight.sum(), 1e-12)
-        return np.clip((share - 0.5) / 0.2, 0, 1), share[1:]
+        return np.clip((share - PARAMETERS.unreliable) / PARAMETERS.reliable_range, 0, 1), share[1:]
 
     def _color_confidence(self, color_labels: np.ndarray, x: np.ndarray, reliability: np.ndarray) -> np.ndarray:
         """Confidence of the color labels, [p]: their margin, times the least reliability of three classes.
@@ -210,7 +258,7 @@ class _Propagation:
             label = x.argmax(1)
             part = self._parts(label)
             strength = self.seed_confidence * self.seed_targets[np.arange(len(label)), label]
-            anchored = np.bincount(part, strength * (strength > 0.1), part.max() + 1) > 0
+            anchored = np.bincount(part, strength * (strength > PARAMETERS.least_anchor), part.max() + 1) > 0
             loose = ~anchored[part] & (label > 0)
             if not loose.any():
                 break
@@ -219,25 +267,27 @@ class _Propagation:
             x /= x.sum(1, keepdims=True)
         return x
 
-    def _with_patches(self, x: np.ndarray, say: np.ndarray) -> np.ndarray:
+    def _with_patches(self, x: np.ndarray, seed_weight: np.ndarray) -> np.ndarray:
         """Let patches in doubt follow what surrounds them; all other points are as they were."""
-        solved = self._smooth(x, say * (LEAST_HELD + HELD * margin(x)), x)
+        solved = self._smooth(
+            x, seed_weight * (PARAMETERS.least_patch_confidence + PARAMETERS.patch_confidence * margin(x)), x
+        )
         before, after = x.argmax(1), solved.argmax(1)
         changed = (before != after) & (before * after == 0)  # only the background's colors counted untested
-        together = changed & (self.graph @ changed >= TOGETHER * np.asarray(self.graph.sum(1)).ravel())
+        together = changed & (self.graph @ changed >= PARAMETERS.together * np.asarray(self.graph.sum(1)).ravel())
         patch = self._parts(np.where(together, before, -1))
-        is_small = np.bincount(patch)[patch] <= MOST_OF_OBJECT * np.bincount(before)[before]
+        is_small = np.bincount(patch)[patch] <= PARAMETERS.most_of_object * np.bincount(before)[before]
         return np.where((together & ((before == 0) | is_small))[:, None], solved, x)
 
     def _parts(self, label: np.ndarray) -> np.ndarray:
         """Number of the connected part of equal labels that each point belongs to, [p]."""
         edges = self.graph.tocoo()
-        same = (edges.data > 1e-5) & (label[edges.row] == label[edges.col])
+        same = (edges.data > PARAMETERS.least_tie) & (label[edges.row] == label[edges.col])
         tied = sparse.coo_matrix((np.ones(same.sum()), (edges.row[same], edges.col[same])), shape=self.graph.shape)
         return connected_components(tied, directed=False)[1]
 
 
 def _share_open_votes(targets: np.ndarray, color_labels: np.ndarray) -> np.ndarray:
     """Votes that leave several classes open ("not this object" is no more), shared out by color, [p, K+1]."""
-    shared = targets * np.maximum(color_labels, 1e-3)
+    shared = targets * np.maximum(color_labels, PARAMETERS.least_color_share)
     return shared / shared.sum(1, keepdims=True)

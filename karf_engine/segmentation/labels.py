@@ -11,6 +11,7 @@ import torch
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
+from ..compute.convergence import convergence_as_event
 from ..compute.progress import Emit
 from ..errors import DataError
 from ..fields.protocol import Field
@@ -113,7 +114,7 @@ class Labelling:
     @cached_property
     def graph(self) -> csr_matrix:
         """Neighbor weights of all points."""
-        return neighbor_graph(self.points.positions, self.points.lab, self.normals, self.points.grain)
+        return neighbor_graph(self.points.positions, self.points.lab, self.normals, self.points.spacing)
 
     def solve(
         self, objects: Sequence[str], constraints: Constraints, rounds: int, random: np.random.Generator
@@ -136,7 +137,7 @@ class Labelling:
         _require_any(objects, has_seeds(targets, confidence).any())
         points = self.points
         labels = propagate_labels(
-            points.positions, points.lab, self.normals, points.grain, targets, confidence, rounds, random
+            points.positions, points.lab, self.normals, points.spacing, targets, confidence, rounds, random
         )
         return self._within_volumes(labels)
 
@@ -182,8 +183,9 @@ def label_surface(
     """
     labelling = Labelling.of(scene_field, points, votes, objects, volumes)
     emit("stage", name="labels", text=f"{len(points)} surface points")
-    labels = labelling.solve(objects, constraints, rounds, random)
-    surface = _labelled(objects, points, labelling.corrected(labels, constraints), constraints.fixed, emit)
+    with convergence_as_event(emit):
+        labels = labelling.corrected(labelling.solve(objects, constraints, rounds, random), constraints)
+    surface = _labelled(objects, points, labels, constraints.fixed, emit)
     _warn_of_low_precision(surface, emit)
     return surface
 

@@ -1,9 +1,9 @@
-"""Soft labels of pixels from what each says by itself and what its neighbors of like color say.
+"""Soft labels of pixels from a prior for each and from its neighbors of like color.
 
 Random walks with priors (Grady, "Multilabel Random Walker Image Segmentation Using Prior Models", 2005): the labels
-x_c of class c minimize sum_ij w_ij (x_ci - x_cj)^2 + sum_i g_i (x_ci - p_ci)^2, where p is a pixel's own opinion, g how
-much that counts, and w_ij is high between neighbors of like color. It is one sparse, positive definite system for all
-classes, and its solution sums to 1 where the opinions do.
+x_c of class c minimize sum_ij w_ij (x_ci - x_cj)^2 + sum_i g_i (x_ci - p_ci)^2, where p is a pixel's prior, g the
+prior's weight, and w_ij is high between neighbors of like color. It is one sparse, positive definite system for all
+classes, and its solution sums to 1 where the priors do.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import cg
 
-LIKENESS = 0.05  # per squared Lab unit: neighbors that differ by 4.5 are linked by exp(-1)
-LEAST_LINK = 1e-4
-TOLERANCE = 1e-3
+from ..compute.sparse_systems import solve
+
+LIKENESS = 0.05  # per squared Lab unit: neighbors that differ by 4.5 are linked by exp(-1) (not varied on record)
+LEAST_LINK = 1e-4  # between neighbors of any colors: the system stays definite (not varied on record)
 NEIGHBORS = ((0, 1), (1, 0), (1, 1), (1, -1))  # row and column to half of the eight neighbors
 
 Part = tuple[slice, slice]  # of a picture
@@ -35,14 +35,16 @@ def links_of(channels: np.ndarray, likeness: float = LIKENESS) -> Iterator[Link]
         yield here, there, np.exp(-likeness * ((channels[here] - channels[there]) ** 2).sum(-1)) + LEAST_LINK
 
 
-def random_walk(links: Iterable[Link], opinions: np.ndarray, free: np.ndarray, trust: float | np.ndarray) -> np.ndarray:
-    """Labels of the free pixels; those of the others are their opinions.
+def random_walk(
+    links: Iterable[Link], priors: np.ndarray, free: np.ndarray, prior_weight: float | np.ndarray
+) -> np.ndarray:
+    """Labels of the free pixels; those of the others are their priors.
 
     Args:
         links: Between the pixels, see `links_of`.
-        opinions: [C, h, w] float32, sum to 1 over C.
+        priors: [C, h, w] float32, sum to 1 over C.
         free: [h, w] bool.
-        trust: What a pixel's own opinion counts beside its links to neighbors, > 0; a number or [n] of the free
+        prior_weight: What a pixel's prior counts beside its links to neighbors, > 0; a number or [n] of the free
             pixels.
 
     Returns:
@@ -51,22 +53,21 @@ def random_walk(links: Iterable[Link], opinions: np.ndarray, free: np.ndarray, t
     count = int(free.sum())
     number = np.full(free.shape, -1, np.int32)
     number[free] = np.arange(count, dtype=np.int32)
-    degree, pulls = np.zeros(count), np.zeros((len(opinions), count))
+    degree, right_hand_sides = np.zeros(count), np.zeros((len(priors), count))
     rows, columns, values = [], [], []
     for here, there, link in links:
         for own, other, place in ((number[here], number[there], there), (number[there], number[here], here)):
             inside, edge = (own >= 0) & (other >= 0), (own >= 0) & (other < 0)
             degree += np.bincount(own[own >= 0], link[own >= 0], count)
             rows.append(own[inside]), columns.append(other[inside]), values.append(-link[inside])
-            for pull, opinion in zip(pulls, opinions, strict=True):
-                pull += np.bincount(own[edge], link[edge] * opinion[place][edge], count)
-    diagonal = degree + trust
+            for right_hand_side, prior in zip(right_hand_sides, priors, strict=True):
+                right_hand_side += np.bincount(own[edge], link[edge] * prior[place][edge], count)
+    diagonal = degree + prior_weight
     links = sparse.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), (count, count))
-    system, precondition = links + sparse.diags_array(diagonal), sparse.diags_array(1 / diagonal)
-    own = opinions[:, free]
+    system = links + sparse.diags_array(diagonal)
     solved = [
-        cg(system, pull + trust * start, x0=start, rtol=TOLERANCE, M=precondition)[0]
-        for pull, start in zip(pulls, own.astype(np.float64), strict=True)
+        solve(system, right_hand_side + prior_weight * prior, prior)
+        for right_hand_side, prior in zip(right_hand_sides, priors[:, free].astype(np.float64), strict=True)
     ]
     return np.clip(np.stack(solved), 0, 1).astype(np.float32)
 

@@ -21,12 +21,12 @@ def seeds_of(k: int, seed_targets: np.ndarray, seed_confidence: np.ndarray) -> n
 
 
 def seed_regions(
-    positions: np.ndarray, grain: float, seed_targets: np.ndarray, seed_confidence: np.ndarray
+    positions: np.ndarray, spacing: float, seed_targets: np.ndarray, seed_confidence: np.ndarray
 ) -> tuple[list[cKDTree], np.ndarray]:
-    """For each object a search tree of its confident seeds, and their RMS radius, at least a grain: one may be all."""
+    """For each object a search tree of its confident seeds, and their RMS radius, at least a point spacing: one may be all."""
     trees, radii = [], []
     for k in range(1, seed_targets.shape[1]):
         seeds = positions[seeds_of(k, seed_targets, seed_confidence)]
         trees.append(cKDTree(seeds, balanced_tree=False, compact_nodes=False))
         radii.append(np.sqrt(((seeds - seeds.mean(0)) ** 2).sum(1).mean()) if len(seeds) else 0)
-    return trees, np.maximum(radii, grain)
+    return trees, np.maximum(radii, spacing)

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from .doubts import DOUBTED
 from .point_labels import Labels
-from .surface_points import CELL_IN_GRAINS, SurfacePoints
+from .surface_points import CELL_IN_SPACINGS, SurfacePoints
 from .views import CachedViews
 
 MOST = 8
@@ -55,7 +55,7 @@ def _patches(points: SurfacePoints, kind: np.ndarray) -> np.ndarray:
     patch, chosen = np.zeros(len(kind), int), np.flatnonzero(kind)
     if len(chosen):
         tree = cKDTree(points.positions[chosen], balanced_tree=False, compact_nodes=False)
-        first, second = tree.query_pairs(JOINED * CELL_IN_GRAINS * points.grain, output_type="ndarray").T
+        first, second = tree.query_pairs(JOINED * CELL_IN_SPACINGS * points.spacing, output_type="ndarray").T
         same = kind[chosen[first]] == kind[chosen[second]]
         tied = coo_matrix((same, (first, second)), (len(chosen), len(chosen)))
         tied.eliminate_zeros()

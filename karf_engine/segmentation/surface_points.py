@@ -1,4 +1,4 @@
-"""Surface points: the samples of many rays merged into cells a little larger than a grain, mostly a voxel."""
+"""Surface points: the samples of many rays merged into cells a little larger than the point spacing, mostly a voxel."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import torch
 from ..io.color import srgb_to_lab
 from .views import CachedViews
 
-CELL_IN_GRAINS = 1.4
+CELL_IN_SPACINGS = 1.4
 MOST_POINTS = 60_000  # about: finer ones have few votes each, and colors outvote their neighbors
 LABEL_SAMPLES = 3  # a ray: labels are of the surface, and the first and last of many samples lie off it
 
@@ -24,13 +24,13 @@ class SurfacePoints:
         positions: [p, 3] grid coordinates.
         lab: [p, 3] CIE Lab, L in [0, 100].
         point_of_sample: [n, K] int, into which point each sample of each ray went.
-        grain: how fine the points are, grid coordinates; lengths of the label propagation are multiples of it.
+        spacing: of the points, about, grid coordinates; lengths of the label propagation are multiples of it.
     """
 
     positions: np.ndarray
     lab: np.ndarray
     point_of_sample: np.ndarray
-    grain: float
+    spacing: float
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -43,33 +43,33 @@ def surface_points(cached: CachedViews, voxel: float) -> SurfacePoints:
         cached: views and where their rays end.
         voxel: size of the field's voxels, grid coordinates.
     """
-    points = _points_of_grain(cached, voxel)
+    points = _points_of_spacing(cached, voxel)
     if len(points) <= MOST_POINTS:
         return points
-    return _points_of_grain(cached, voxel * math.sqrt(len(points) / MOST_POINTS))
+    return _points_of_spacing(cached, voxel * math.sqrt(len(points) / MOST_POINTS))
 
 
-def _points_of_grain(cached: CachedViews, grain: float) -> SurfacePoints:
+def _points_of_spacing(cached: CachedViews, spacing: float) -> SurfacePoints:
     cache = cached.cache.thinned(LABEL_SAMPLES)
     lab = srgb_to_lab(cached.views.colors()[cache.index.cpu().numpy()])
     # samples of a silhouette ray lie far apart, and its color is a mixture
-    confidence = torch.exp(-cache.spread / (4 * grain)) * cache.opacity
-    return merge_samples(cache.positions.cpu().numpy(), lab, confidence.cpu().numpy(), grain)
+    confidence = torch.exp(-cache.spread / (4 * spacing)) * cache.opacity
+    return merge_samples(cache.positions.cpu().numpy(), lab, confidence.cpu().numpy(), spacing)
 
 
-def merge_samples(positions: np.ndarray, lab: np.ndarray, ray_confidence: np.ndarray, grain: float) -> SurfacePoints:
-    """Merge the samples of rays in cells of 1.4 grains.
+def merge_samples(positions: np.ndarray, lab: np.ndarray, ray_confidence: np.ndarray, spacing: float) -> SurfacePoints:
+    """Merge the samples of rays in cells of 1.4 point spacings.
 
     Args:
         positions: [n, K, 3] samples, grid coordinates.
         lab: [n, 3] photo colors of the rays.
         ray_confidence: [n] in [0, 1], weight in the means. A ray whose samples lie far apart (a silhouette) should have
             a low one: its color is a mixture.
-        grain: grid coordinates.
+        spacing: grid coordinates.
     """
     n_rays, n_samples = positions.shape[:2]
     flat = positions.reshape(-1, 3)
-    cells = np.floor((flat - flat.min(0)) / (CELL_IN_GRAINS * grain)).astype(np.int64)
+    cells = np.floor((flat - flat.min(0)) / (CELL_IN_SPACINGS * spacing)).astype(np.int64)
     extent = cells.max(0) + 1
     keys = (cells[:, 0] * extent[1] + cells[:, 1]) * extent[2] + cells[:, 2]
     _, point = np.unique(keys, return_inverse=True)
@@ -82,4 +82,4 @@ def merge_samples(positions: np.ndarray, lab: np.ndarray, ray_confidence: np.nda
         sums = [np.bincount(point, weight * values[:, axis], n_points) for axis in range(values.shape[1])]
         return np.stack(sums, 1) / total[:, None]
 
-    return SurfacePoints(mean(flat), mean(np.repeat(lab, n_samples, 0)), point.reshape(n_rays, n_samples), grain)
+    return SurfacePoints(mean(flat), mean(np.repeat(lab, n_samples, 0)), point.reshape(n_rays, n_samples), spacing)

@@ -23,7 +23,7 @@ from karf_engine.palettes.added import spread, with_sets
 from karf_engine.palettes.extraction.barycentric_weights import palette_weights_of_image
 from karf_engine.palettes.extraction.cells import cell_index, color_cells
 from karf_engine.palettes.extraction.hull import extract_palette
-from karf_engine.palettes.matching.fitting import room
+from karf_engine.palettes.matching.fitting import bounds
 from karf_engine.palettes.matching.least_squares import bounded_least_squares
 from karf_engine.palettes.palette import BRIGHTEST, AddedColor, Edit
 from karf_engine.recolor.frames import Frame
@@ -144,7 +144,7 @@ def _best(pixels: Pixels, weights: np.ndarray, palette: np.ndarray) -> np.ndarra
     By least squares in sRGB, weighted anew in each round so that squared distances there become CIEDE2000; the best
     round counts.
     """
-    lower, upper = room(palette, (), BRIGHTEST)
+    lower, upper = bounds(palette, (), BRIGHTEST)
     found, counts = [], np.ones(len(weights))
     for _ in range(ROUNDS):
         change = bounded_least_squares(weights, pixels.true - pixels.photo, lower, upper, counts)

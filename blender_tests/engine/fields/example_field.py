@@ -92,7 +92,7 @@ class BallFit:
         trace = field.trace(rays, self.scene.step)
         positions, ray_indices = trace.samples.positions, trace.samples.ray_indices
         colors = field.color(positions, rays.viewdirs[ray_indices], field.features(positions))
-        behind = trace.remainder[:, None] * self.scene.behind(rays.viewdirs)
+        behind = trace.final_transmittance[:, None] * self.scene.behind(rays.viewdirs)
         shown = accumulate(trace.ray_weights, colors, ray_indices, len(rays)) + behind
         loss = ((shown - self.dataset.color[index].float() / 255) ** 2).mean()
         return loss, {"psnr": float(-10 * loss.detach().log10())}

@@ -27,10 +27,10 @@ def test_labels_of_a_random_walk_sum_to_one_and_stop_at_edges():
     lab[:, 10:] = 50
     free = np.zeros((20, 20), bool)
     free[:, 2:18] = True
-    opinions = np.full((2, 20, 20), 0.5, np.float32)
-    opinions[:, :, :2] = [[[1]], [[0]]]
-    opinions[:, :, 18:] = [[[0]], [[1]]]
-    labels = random_walk(links_of(lab), opinions, free, 1e-4)
+    priors = np.full((2, 20, 20), 0.5, np.float32)
+    priors[:, :, :2] = [[[1]], [[0]]]
+    priors[:, :, 18:] = [[[0]], [[1]]]
+    labels = random_walk(links_of(lab), priors, free, 1e-4)
     assert labels.sum(0) == pytest.approx(1, abs=0.01)
     assert labels[0].reshape(20, 16)[:, :8].min() > 0.9 > 0.1 > labels[0].reshape(20, 16)[:, 8:].max()
 

@@ -6,7 +6,7 @@ import numpy as np
 
 
 def composite(sigmas, deltas, ray_indices, n_rays):
-    """Paper Eq. 8, one sample after the other: transmittance [S], ray_weights [S], remainder [R]."""
+    """Paper Eq. 8, one sample after the other: transmittance [S], ray_weights [S], final transmittance [R]."""
     light = np.ones(n_rays)
     transmittance, ray_weights = np.zeros(len(sigmas)), np.zeros(len(sigmas))
     for i, ray in enumerate(ray_indices):

@@ -12,8 +12,8 @@ from blender_tests.engine.reference.rays import composite
 from karf_engine.fields.rendering.volume import (
     accumulate,
     distortion,
+    final_transmittance_from_sigmas,
     ray_weights_from_sigmas,
-    remainder_from_sigmas,
     transmittance_from_optical_depths,
 )
 
@@ -33,7 +33,7 @@ def test_two_samples_on_one_ray_by_hand():
     sigmas, ray = torch.full((2,), math.log(2.0)), torch.zeros(2, dtype=torch.long)
     assert_allclose(ray_weights_from_sigmas(sigmas, 1.0, ray), [0.5, 0.25], atol=1e-7)
     assert_allclose(transmittance_from_optical_depths(sigmas, ray), [1.0, 0.5], atol=1e-7)
-    assert_allclose(remainder_from_sigmas(sigmas, 1.0, ray, 1), [0.25], atol=1e-7)
+    assert_allclose(final_transmittance_from_sigmas(sigmas, 1.0, ray, 1), [0.25], atol=1e-7)
     values = torch.tensor([[1.0, 0.0], [0.0, 4.0]])
     weights = ray_weights_from_sigmas(sigmas, 1.0, ray)
     assert_allclose(accumulate(weights, values, ray, 1), [[0.5, 1.0]], atol=1e-6)
@@ -46,7 +46,7 @@ def test_packed_rays_agree_with_the_loop_over_single_rays(device):
     found = (
         transmittance_from_optical_depths(sigmas * deltas, ray_indices),
         ray_weights_from_sigmas(sigmas, deltas, ray_indices),
-        remainder_from_sigmas(sigmas, deltas, ray_indices, 200),
+        final_transmittance_from_sigmas(sigmas, deltas, ray_indices, 200),
     )
     for ours, loop in zip(found, expected, strict=True):
         assert_allclose(ours.cpu(), loop, atol=1e-12)
@@ -55,10 +55,10 @@ def test_packed_rays_agree_with_the_loop_over_single_rays(device):
 def test_weights_and_remainder_of_every_ray_sum_to_one(device):
     sigmas, deltas, ray_indices = random_rays(300, torch.float32, device=device)
     weights = ray_weights_from_sigmas(sigmas, deltas, ray_indices)
-    remainder = remainder_from_sigmas(sigmas, deltas, ray_indices, 300)
-    assert weights.min() >= 0 and remainder.min() >= 0
+    rest = final_transmittance_from_sigmas(sigmas, deltas, ray_indices, 300)
+    assert weights.min() >= 0 and rest.min() >= 0
     opacity = accumulate(weights, None, ray_indices, 300)[:, 0]
-    assert_allclose((opacity + remainder).cpu(), np.ones(300), atol=2e-6)
+    assert_allclose((opacity + rest).cpu(), np.ones(300), atol=2e-6)
 
 
 def test_a_single_precision_batch_of_many_rays_keeps_six_digits(device):
@@ -81,8 +81,8 @@ def test_gradients_are_finite_for_every_density():
     ray_indices = torch.arange(301) // 7
     for order in (logs, logs.flip(0)):
         weights = ray_weights_from_sigmas(order.exp(), 0.3, ray_indices)
-        remainder = remainder_from_sigmas(order.exp(), 0.3, ray_indices, 43)
-        loss = (weights * torch.arange(301)).sum() + remainder.sum()
+        rest = final_transmittance_from_sigmas(order.exp(), 0.3, ray_indices, 43)
+        loss = (weights * torch.arange(301)).sum() + rest.sum()
         (gradient,) = torch.autograd.grad(loss, logs)
         assert torch.isfinite(weights).all() and torch.isfinite(gradient).all()
         assert gradient.abs().max() > 0
@@ -97,13 +97,13 @@ def test_the_analytic_gradient_agrees_with_finite_differences():
     sigmas, deltas, ray_indices = random_rays(4)
     sigmas = (sigmas + 0.1).requires_grad_(True)
     assert torch.autograd.gradcheck(lambda s: ray_weights_from_sigmas(s, deltas, ray_indices), sigmas)
-    assert torch.autograd.gradcheck(lambda s: remainder_from_sigmas(s, deltas, ray_indices, 4), sigmas)
+    assert torch.autograd.gradcheck(lambda s: final_transmittance_from_sigmas(s, deltas, ray_indices, 4), sigmas)
 
 
 def test_no_samples_leave_all_light():
     empty, ray = torch.zeros(0), torch.zeros(0, dtype=torch.long)
     assert len(ray_weights_from_sigmas(empty, 0.1, ray)) == 0
-    assert_allclose(remainder_from_sigmas(empty, 0.1, ray, 3), [1, 1, 1])
+    assert_allclose(final_transmittance_from_sigmas(empty, 0.1, ray, 3), [1, 1, 1])
 
 
 def test_distortion_is_the_double_sum_over_each_ray():

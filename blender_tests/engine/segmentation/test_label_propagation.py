@@ -11,7 +11,7 @@ pytest.importorskip("scipy")
 from karf_engine.io.color import srgb_to_lab
 from karf_engine.segmentation.gaussian_mixtures import class_log_densities
 from karf_engine.segmentation.label_propagation import _Propagation, propagate_labels
-from karf_engine.segmentation.neighbor_graph import PATTERN, conjugate_gradients, neighbor_graph
+from karf_engine.segmentation.neighbor_graph import PARAMETERS, conjugate_gradients, neighbor_graph
 from karf_engine.segmentation.seeds import has_seeds
 
 VOXEL = 0.05
@@ -182,7 +182,7 @@ def test_the_graph_is_symmetric_and_weak_across_edges_of_normal_and_color(random
     assert smooth == pytest.approx(np.exp(-1 / 32), abs=1e-3)
     assert corner < 0.05 * smooth
     # an edge of color alone is weak, but stronger than none: a pattern is one thing
-    assert 0.5 * PATTERN * smooth < pattern < 2 * PATTERN * smooth
+    assert 0.5 * PARAMETERS.pattern * smooth < pattern < 2 * PARAMETERS.pattern * smooth
     assert graph[4, 29] == 0
 
 

@@ -33,10 +33,10 @@ def test_the_surface_has_no_more_points_than_rays_can_fill(learned, monkeypatch)
     progress = Progress(lambda *_, **__: None, lambda: False, "surface", views.n_pixels)
     cached = cache_views(field, views, settings.segmentation.samples_per_ray, progress)
     fine = surface_points(cached, field.voxel)
-    assert fine.grain == field.voxel
+    assert fine.spacing == field.voxel
     monkeypatch.setattr(surface_points_module, "MOST_POINTS", len(fine) // 4)
     coarse = surface_points(cached, field.voxel)
-    assert coarse.grain == pytest.approx(2 * fine.grain, rel=0.01)
+    assert coarse.spacing == pytest.approx(2 * fine.spacing, rel=0.01)
     assert len(fine) / 6 < len(coarse) < len(fine) / 2
 
 

@@ -62,7 +62,7 @@ def test_votes_of_rays_are_summed_on_the_points_of_their_samples():
 def test_samples_merge_into_points_by_their_confidence():
     positions = np.array([[[0.0, 0.0, 0.0]], [[0.2, 0.0, 0.0]], [[9.0, 9.0, 9.0]]])
     lab = np.array([[10.0, 0, 0], [40.0, 0, 0], [70.0, 1, 2]])
-    points = merge_samples(positions, lab, np.array([1.0, 0.5, 0.0]), grain=1.0)
+    points = merge_samples(positions, lab, np.array([1.0, 0.5, 0.0]), spacing=1.0)
     assert points.point_of_sample.tolist() == [[0], [0], [1]]
     assert_allclose(points.positions, [[0.2 / 3, 0, 0], [9, 9, 9]])
     assert_allclose(points.lab, [[20, 0, 0], [70, 1, 2]])
@@ -72,7 +72,7 @@ def test_merging_agrees_with_a_loop_over_cells():
     random = np.random.default_rng(0)
     positions, lab = random.uniform(-2, 3, (200, 3, 3)), random.uniform(0, 100, (200, 3))
     confidence = random.uniform(0.1, 1, 200)
-    points = merge_samples(positions, lab, confidence, grain=0.6)
+    points = merge_samples(positions, lab, confidence, spacing=0.6)
     point = points.point_of_sample.ravel()
     flat, color, weight = positions.reshape(-1, 3), np.repeat(lab, 3, 0), np.repeat(confidence, 3)
     cells = np.floor((flat - flat.min(0)) / (1.4 * 0.6)).astype(int)

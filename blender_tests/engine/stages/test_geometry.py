@@ -164,7 +164,7 @@ def test_a_search_for_points_that_fails_is_a_warning(capture, monkeypatch, tmp_p
 def test_held_out_views_that_become_worse_are_warned_of(monkeypatch, tmp_path, events):
     job, scores = job_on(tmp_path, events), []
     for values in ([22.0, 24.0], [21.8, 24.0], [20.0, 23.0]):
-        monkeypatch.setattr(geometry, "psnr_of_views", lambda scene, dataset, values=values: values)
+        monkeypatch.setattr(geometry, "psnr_of_views", lambda scene, dataset, seed, values=values: values)
         geometry.validate(job, None, None, scores)
     assert scores == [[23.0, 22.0], [22.9, 21.8], [21.5, 20.0]]
     assert warnings(events) == ["held_out"]

@@ -93,6 +93,7 @@ def import_nerf(
     settings: NerfSettings,
     source: str,
     device: torch.device,
+    seed: int = 0,
 ) -> tuple[Scene, str, float]:
     """The scene of these networks, aligned with the capture.
 
@@ -103,6 +104,7 @@ def import_nerf(
         settings: Samples a ray, and near and far where they are set.
         source: Where the networks are from, for errors.
         device: Where the scene shall live.
+        seed: Of the pixels that are compared, and of the rays that measure the scene's bounds.
 
     Returns:
         The scene, the alignment's name, and the PSNR in dB with which it shows the photos.
@@ -115,7 +117,7 @@ def import_nerf(
         field = _field(networks, alignment, settings, device)
         for kind, dataset in datasets.items():
             scene = Scene(field, None, kind, 1.0)
-            psnr = float(np.mean(psnr_of_views(scene, dataset, TRIED_PIXELS)))
+            psnr = float(np.mean(psnr_of_views(scene, dataset, TRIED_PIXELS, seed)))
             # an alignment that does not suit the cameras may lead nowhere
             tried.append((psnr if np.isfinite(psnr) else 0.0, alignment.name, scene))
     psnr, name, scene = max(tried, key=lambda entry: entry[0])
@@ -126,7 +128,7 @@ def import_nerf(
             f"{MIN_PSNR:g} dB needed.",
             "Give the capture it was trained on, as it was given to that program; geometry.nerf.near and .far may help.",
         )
-    scene.field.bounds = _bounds(scene.field, datasets[scene.background_kind])
+    scene.field.bounds = _bounds(scene.field, datasets[scene.background_kind], seed)
     return scene, name, psnr
 
 
@@ -139,6 +141,6 @@ def _field(
     return NerfField(*networks, sampling, space, torch.zeros(2, 3)).to(device).requires_grad_(False)
 
 
-def _bounds(field: NerfField, dataset: PixelDataset) -> Tensor:
-    index = torch.randint(len(dataset), (MEASURED_RAYS,), generator=torch.Generator().manual_seed(0))
+def _bounds(field: NerfField, dataset: PixelDataset, seed: int) -> Tensor:
+    index = torch.randint(len(dataset), (MEASURED_RAYS,), generator=torch.Generator().manual_seed(seed))
     return surface_bounds(field, dataset.rays(index.to(dataset.color.device)))

@@ -2,7 +2,7 @@
 
 Geometry is frozen after its stage, so the rendering weights of a ray are constants. Of a ray's samples the later stages
 keep K, at the middles of K equal shares of its opacity (K = 3: at 1/6, 3/6 and 5/6), each of weight opacity / K. What
-the ray does not stop is the remainder; it belongs to the background class and to the black palette entry.
+the ray does not stop is its final transmittance; it belongs to the background class and to the black palette entry.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 Naming: S samples of all rays lie in one row, sorted by ray and then by distance; `ray_indices` [S] says whose they are.
 `optical_depths` = sigma * delta [S]; `alphas` = 1 - exp(-optical_depth); `transmittance` = light that reaches a sample;
-`ray_weights` = transmittance * alpha; `remainder` [R] = light that leaves the ray behind its last sample, so that a
-ray's weights and its remainder sum to one.
+`ray_weights` = transmittance * alpha; `final_transmittance` [R] = light that leaves the ray behind its last
+sample, so that a ray's weights and its final transmittance sum to one.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def ray_weights_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_indices:
         ray_indices: [S], sorted.
 
     Returns:
-        Weights [S] in [0, 1]; a ray's sum and its remainder are one.
+        Weights [S] in [0, 1]; a ray's sum and its final transmittance are one.
 
     Example:
         >>> ray_weights_from_sigmas(torch.tensor([0.0, 0.6931, 0.6931]), 1.0, torch.tensor([0, 0, 0]))
@@ -128,7 +128,7 @@ def accumulate(ray_weights: Tensor, values: Tensor | None, ray_indices: Tensor, 
     return result.index_add(0, ray_indices, weighted)
 
 
-def remainder_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_indices: Tensor, n_rays: int) -> Tensor:
+def final_transmittance_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_indices: Tensor, n_rays: int) -> Tensor:
     """Light that leaves each ray behind its last sample: exp(-its total optical depth).
 
     Differentiable in `sigmas` and `deltas`. Never negative, as 1 - sum(ray_weights) can be.
@@ -143,7 +143,7 @@ def remainder_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_indices: T
         Remainders [R] in [0, 1]; 1 for rays without samples.
 
     Example:
-        >>> remainder_from_sigmas(torch.tensor([0.6931, 0.6931]), 1.0, torch.tensor([0, 0]), 2)
+        >>> final_transmittance_from_sigmas(torch.tensor([0.6931, 0.6931]), 1.0, torch.tensor([0, 0]), 2)
         tensor([0.2500, 1.0000])
     """
     optical_depths = sigmas * deltas
@@ -158,12 +158,12 @@ class Trace:
     Attributes:
         samples: Packed, of all rays.
         ray_weights: [S] in [0, 1], of the samples.
-        remainder: [R] in [0, 1], what the rays do not end on.
+        final_transmittance: [R] in [0, 1], what the rays do not end on.
     """
 
     samples: Samples
     ray_weights: Tensor
-    remainder: Tensor
+    final_transmittance: Tensor
 
 
 def trace_of(samples: Samples, sigmas: Tensor, n_rays: int) -> Trace:
@@ -175,17 +175,17 @@ def trace_of(samples: Samples, sigmas: Tensor, n_rays: int) -> Trace:
         n_rays: R.
 
     Returns:
-        Samples, their weights, and the remainders of the rays.
+        Samples, their weights, and the final transmittances of the rays.
 
     Example:
         >>> samples = Samples(torch.tensor([0]), torch.tensor([2.0]), torch.tensor([[0.0, 0.0, 2.0]]), 0.5)
-        >>> trace_of(samples, torch.tensor([1.3863]), 1).remainder
+        >>> trace_of(samples, torch.tensor([1.3863]), 1).final_transmittance
         tensor([0.5000])
     """
     return Trace(
         samples,
         ray_weights_from_sigmas(sigmas, samples.step, samples.ray_indices),
-        remainder_from_sigmas(sigmas, samples.step, samples.ray_indices, n_rays),
+        final_transmittance_from_sigmas(sigmas, samples.step, samples.ray_indices, n_rays),
     )
 
 

@@ -12,25 +12,27 @@ from ...compute.progress import Emit
 from ...compute.runtime import Runtime
 from ...project.settings import GeometrySettings
 from .field import VoxelField
-from .renderer import Observing, Renderer
+from .renderer import PointSupervision, Renderer
 from .torch_renderer import TorchRenderer
 
 
-def new_renderer(field: VoxelField, runtime: Runtime, unit: float, lottery: float, observing: Observing) -> Renderer:
+def new_renderer(
+    field: VoxelField, runtime: Runtime, unit: float, russian_roulette: float, supervision: PointSupervision
+) -> Renderer:
     """A renderer of this field.
 
     Args:
         field: Of any device.
         runtime: Where to compute, and the source of random numbers.
         unit: Length in which distances along rays are summed up, grid units.
-        lottery: Samples of less weight get a color with a probability in proportion to it; 0 for none.
-        observing: How exactly rays observe points.
+        russian_roulette: Samples of less weight get a color with a probability in proportion to it; 0 for none.
+        supervision: How exactly rays observe points.
     """
     if field.suits_kernels:
         from .fused.renderer import FusedRenderer  # needs numba
 
-        return FusedRenderer(field, runtime, unit, lottery, observing)
-    return TorchRenderer(field, runtime, unit, lottery, observing)
+        return FusedRenderer(field, runtime, unit, russian_roulette, supervision)
+    return TorchRenderer(field, runtime, unit, russian_roulette, supervision)
 
 
 def prepare_kernels(settings: GeometrySettings, device: torch.device) -> Callable[[Emit, Callable[[], bool]], None]:

@@ -26,7 +26,7 @@ from ..training.loop import exponential_with_warmup, train
 from ..training.state import TrainingState, below, check_alike, number, prefixed, whole_number
 from .choice import new_renderer
 from .field import VoxelField
-from .renderer import Observing, Renderer
+from .renderer import PointSupervision, Renderer
 
 POINT_MARGIN = 2.0  # voxels; a point's surface is looked for this far round it
 BATCH_RAYS, FEWEST_BATCHES = 8192, 16  # that tell what training rays see
@@ -60,14 +60,14 @@ class VoxelFit:
         background_kind: alpha, black, white or opaque.
         cuts: Shares of a level's iterations after which it is pruned again.
         first_share: Of the samples that the first level takes: in its fog each of them is seen.
-        lottery: Samples of less weight get a color with a probability in proportion to it; 0 for none.
+        russian_roulette: Samples of less weight get a color with a probability in proportion to it; 0 for none.
         recipe: The levels with their rates and limits.
     """
 
     background_kind: str
     cuts: tuple[float, ...] = ()
     first_share = 1.0
-    lottery = 0.0
+    russian_roulette = 0.0
 
     def __init__(
         self,
@@ -187,8 +187,8 @@ class VoxelFit:
         self.field, self._renderer, self._training_state = field, renderer, training_state
 
     def _renderer_of(self, field: VoxelField) -> Renderer:
-        observing = Observing(POINT_MARGIN * field.voxel, OFF_PATH * field.voxel)
-        return new_renderer(field, self.runtime, self._unit, self.lottery, observing)
+        supervision = PointSupervision(POINT_MARGIN * field.voxel, OFF_PATH * field.voxel)
+        return new_renderer(field, self.runtime, self._unit, self.russian_roulette, supervision)
 
     def _batch(self, number: int, level: Level, n_rays: int) -> Batch:
         raise NotImplementedError

@@ -7,7 +7,7 @@ What makes it clean, by kind of background:
   opaque: otherwise opacity and brightness trade off; half-transparent rays are punished;
 - opaque: the background is a function of direction that only rays through empty space may teach. Where no such ray
   exists it is random, so that what stands there must become opaque; a ray's samples are drawn together. Where the
-  background alone shows a photo's color, opacity costs: mist of that color, which no photo contradicts, clears.
+  background alone shows a photo's color, opacity costs: fog of that color, which no photo contradicts, clears.
 """
 
 from __future__ import annotations
@@ -28,9 +28,11 @@ from .fit import Batch, VoxelFit
 from .renderer import RayBatch, RaySums
 
 AZIMUTH_BINS, ELEVATION_BINS = 36, 36
-MIST = 3e-2  # weight of opacity before a background that shows the photo's color by itself
+FOG_PENALTY = 3e-2  # weight of opacity before a background that shows the photo's color by itself
 ALIKE = 0.03  # standard deviation of a photo's color from a background that it shows
-COMMON = 0.2  # of the rays in a direction: else it shows things, which a background learned past them may look like
+# share of a direction's rays that must pass everything: else photos show things there, and a background that was learned
+# past them may look like these
+LEAST_BACKGROUND_SUPPORT = 0.2
 SEEING = 0.25  # of the views see all that mattes may be of: a table is wider than a picture
 
 
@@ -105,11 +107,11 @@ class BoxFit(VoxelFit):
         if self.dataset.alpha is not None:
             matte = self.dataset.alpha[index].float()[:, None] / 255
             target = target * matte + (1 - matte) * behind
-        error = ((sums.color + sums.remainder[:, None] * behind - target) ** 2).mean()
+        error = ((sums.color + sums.final_transmittance[:, None] * behind - target) ** 2).mean()
         loss = error + self._regularization(number, sums)
         if free is not None:
             needless = _needless(backdrop.detach(), target, free)
-            loss = loss + MIST * (needless * (1 - sums.remainder)).mean()
+            loss = loss + FOG_PENALTY * (needless * (1 - sums.final_transmittance)).mean()
         return Batch(loss, error, sums.n_samples)
 
     def _behind(self, index: Tensor, sums: RaySums, backdrop: Tensor | None, free: Tensor | None) -> Tensor:
@@ -126,7 +128,7 @@ class BoxFit(VoxelFit):
             return torch.where(self.dataset.solid[index, None], self.runtime.rand(n_rays, 3), plain)
         if free is None:
             return backdrop
-        passes = (sums.remainder.detach() > 1 - 1e-6)[:, None]
+        passes = (sums.final_transmittance.detach() > 1 - 1e-6)[:, None]
         color = torch.where(passes, backdrop, backdrop.detach())
         return torch.where((free > 0)[:, None] | passes, color, self.runtime.rand(n_rays, 3))
 
@@ -137,11 +139,11 @@ class BoxFit(VoxelFit):
             loss = loss + settings.sparsity * sums.alpha.sum() / max(sums.n_samples, 1)
         if self.background is not None:
             falling = settings.depth_variance * (1.0, 0.3, 0.1)[min(number, 2)]
-            opacity = (1 - sums.remainder).clamp_min(1e-6)
+            opacity = (1 - sums.final_transmittance).clamp_min(1e-6)
             variance = (sums.distance_squared - sums.distance**2 / opacity).mean()
             loss = loss + falling * variance * (self._unit / self._first_voxel) ** 2
         elif self.dataset.alpha is None and number > 0:
-            opacity = (1 - sums.remainder).clamp(1e-4, 1 - 1e-4)
+            opacity = (1 - sums.final_transmittance).clamp(1e-4, 1 - 1e-4)
             entropy = -(opacity * opacity.log() + (1 - opacity) * (1 - opacity).log())
             loss = loss + settings.opacity_entropy * entropy.mean()
         return loss
@@ -168,7 +170,7 @@ class BoxFit(VoxelFit):
 def _needless(backdrop: Tensor, target: Tensor, free: Tensor) -> Tensor:
     """How well the background alone shows each pixel, [R] in [0, 1]; 0 in directions that rarely show it."""
     gap = ((backdrop - target) ** 2).sum(1)
-    return torch.exp(-gap / (2 * ALIKE**2)) * (free > COMMON)
+    return torch.exp(-gap / (2 * ALIKE**2)) * (free > LEAST_BACKGROUND_SUPPORT)
 
 
 def visual_hull(dataset: PixelDataset, points: Tensor, margin: float) -> Tensor:

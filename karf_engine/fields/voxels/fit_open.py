@@ -35,7 +35,7 @@ TV_VERTICES = 30_000
 CARVED = 256  # cells along the longest side, up to which those of each level are asked whether they are free
 SKY_PIXELS, FEWEST_SKY_PIXELS = 200_000, 200  # of all photos that are looked at; above the horizon
 AGREEING, SKY_LIKENESS = 0.8, 0.11  # share of what photos show above the horizon; its difference from a sky, a channel
-MIST = 5e-2  # weight of opacity before a sky that shows the photo's color by itself
+FOG_PENALTY = 5e-2  # weight of opacity before a sky that shows the photo's color by itself
 ALIKE = 0.2  # standard deviation of a photo's color from the sky that it shows: clouds move
 
 
@@ -43,7 +43,7 @@ class OpenFit(VoxelFit):
     """The fit of open space. observations may be empty; horizon: above which there is a sky, None for nowhere."""
 
     cuts = (1 / 4, 1 / 2)
-    lottery = 0.02
+    russian_roulette = 0.02
     background_kind = "opaque"
 
     def __init__(
@@ -82,13 +82,13 @@ class OpenFit(VoxelFit):
         rays, target = dataset.rays(index), dataset.color[index].float() / 255
         sums = self._renderer.render(RayBatch(rays, level.step, jitter, number == 0, observed))
         # behind everything but the sky it is any color, so that rays must end on something
-        behind, passing = runtime.rand(n_rays, 3), settings.transparency * sums.remainder
+        behind, passing = runtime.rand(n_rays, 3), settings.transparency * sums.final_transmittance
         if self._horizon is not None:
             is_sky, sky = self._horizon.is_sky(rays.viewdirs), self.background(rays.viewdirs)
             needless = torch.exp(-((sky.detach() - target) ** 2).sum(1) / (2 * ALIKE**2))
             behind = torch.where(is_sky[:, None], sky, behind)
-            passing = torch.where(is_sky, MIST * needless * (1 - sums.remainder), passing)
-        error = ((sums.color + sums.remainder[:, None] * behind - target) ** 2).mean()
+            passing = torch.where(is_sky, FOG_PENALTY * needless * (1 - sums.final_transmittance), passing)
+        error = ((sums.color + sums.final_transmittance[:, None] * behind - target) ** 2).mean()
         loss = error + settings.distortion * sums.distortion.mean() + passing.mean()
         loss = loss + settings.total_variation * self._total_variation()
         if n_observed:

@@ -19,7 +19,7 @@ DARK = 1e-4  # of the light left, a ray ends
 
 
 @dataclass(frozen=True)
-class Observing:
+class PointSupervision:
     """How exactly rays observe points, grid units.
 
     Attributes:
@@ -56,7 +56,7 @@ class RaySums:
 
     Attributes:
         color: Weighted colors, what is behind left out, [R, 3].
-        remainder: Light that leaves the ray behind its last sample, [R] in [0, 1].
+        final_transmittance: Light that leaves the ray behind its last sample, [R] in [0, 1].
         distortion: Mip-NeRF 360's (volume.distortion), in the renderer's unit of length, [R].
         before: Weight clearly before the ray's observed point, [R]; 0 for rays that observe none or pass it by.
         up_to: Weight up to a little behind that point, [R], likewise.
@@ -68,7 +68,7 @@ class RaySums:
     """
 
     color: Tensor
-    remainder: Tensor
+    final_transmittance: Tensor
     distortion: Tensor
     before: Tensor
     up_to: Tensor

@@ -14,22 +14,24 @@ from ..rendering.volume import (
     VISIBLE_WEIGHT,
     accumulate,
     distortion,
+    final_transmittance_from_sigmas,
     ray_weights_from_sigmas,
-    remainder_from_sigmas,
     transmittance_from_optical_depths,
 )
 from ..training.adam import Adam
 from .field import VoxelField
-from .renderer import DARK, Observing, RayBatch, RaySums
+from .renderer import DARK, PointSupervision, RayBatch, RaySums
 
 
 class TorchRenderer:
     """Renders and learns one field where its tensors are."""
 
-    def __init__(self, field: VoxelField, runtime: Runtime, unit: float, lottery: float, observing: Observing) -> None:
+    def __init__(
+        self, field: VoxelField, runtime: Runtime, unit: float, russian_roulette: float, supervision: PointSupervision
+    ) -> None:
         """See renderer.py: new_renderer."""
         self.field, self.runtime = field, runtime
-        self._unit, self._lottery, self._observing = unit, lottery, observing
+        self._unit, self._russian_roulette, self._supervision = unit, russian_roulette, supervision
 
     def optimizer(self, groups: list[dict], betas: tuple[float, float]) -> Adam:
         return Adam(groups, betas=betas, eps=1e-12, fused=True)
@@ -51,7 +53,7 @@ class TorchRenderer:
         before, up_to, observes = self._observed(batch, paths, samples, weights)
         return RaySums(
             accumulate(weights[seen] * shares[seen], colors, ray_indices, n_rays),
-            remainder_from_sigmas(sigmas, samples.step, samples.ray_indices, n_rays),
+            final_transmittance_from_sigmas(sigmas, samples.step, samples.ray_indices, n_rays),
             distortion(weights, scaled, samples.step / self._unit, samples.ray_indices, n_rays),
             before,
             up_to,
@@ -76,9 +78,9 @@ class TorchRenderer:
 
     def _shares(self, weights: Tensor) -> Tensor:
         """What each sample's color counts for: 0, or one over the probability that it is drawn."""
-        if not self._lottery:
+        if not self._russian_roulette:
             return (weights > VISIBLE_WEIGHT).to(weights.dtype)
-        chance = (weights / self._lottery).clamp_max(1)
+        chance = (weights / self._russian_roulette).clamp_max(1)
         return torch.where(self.runtime.rand(len(weights)) < chance, 1 / chance, torch.zeros_like(chance))
 
     def _observed(
@@ -91,8 +93,8 @@ class TorchRenderer:
         first = n_rays - len(batch.observed)
         at, gap = Polylines(paths[first:]).nearest(batch.observed)
         reach = torch.full_like(none, -1.0)
-        reach[first:] = torch.where(gap < self._observing.off_path, at, torch.full_like(at, -1.0))
-        limit, margin = reach[samples.ray_indices], self._observing.margin
+        reach[first:] = torch.where(gap < self._supervision.off_path, at, torch.full_like(at, -1.0))
+        limit, margin = reach[samples.ray_indices], self._supervision.margin
         nearer = torch.stack([samples.distances < limit - margin, samples.distances < limit + margin], 1)
         before, up_to = accumulate(weights, nearer & (limit >= 0)[:, None], samples.ray_indices, n_rays).unbind(1)
         return before, up_to, reach >= 0

@@ -20,7 +20,7 @@ from .barycentric_weights import outside_distance, star_weights
 
 FLAT_EXTENT = 8 / 255  # a cloud thinner than this, but for 0.5 % of its pixels, is flat: thicker is more than noise
 FLAT_SHARE = 0.995
-LONELY_SHARE = 0.0005  # a cell is a stray if it and its 26 neighbors hold less than this share of the pixels
+OUTLIER_SHARE = 0.0005  # a cell is an outlier if it and its 26 neighbors hold less than this share of the pixels
 MANY_VIEWS = 3  # from this number of views on, a color must be seen in two
 EXACT_VERTICES = 10  # with fewer vertices a lossy collapse is chosen by its measured loss
 COARSE_LOSS = 0.25 / 255  # RMS distance of pixels that the hull may leave outside before it is simplified
@@ -88,7 +88,7 @@ def _trusted(cells: np.ndarray, counts: np.ndarray, support: np.ndarray | None) 
     np.add.at(grid, (red, green, blue), counts)
     shifts = range(-1, 2)
     around = sum(grid[red + i, green + j, blue + k] for i in shifts for j in shifts for k in shifts)
-    keep = around >= LONELY_SHARE * np.sum(counts)
+    keep = around >= OUTLIER_SHARE * np.sum(counts)
     if support is not None and np.max(support) >= MANY_VIEWS:
         keep &= np.asarray(support) > 1
     return keep if keep.any() else np.ones(len(cells), bool)

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ...io.color import srgb_to_lab
-from .fitting import match_pixels, moved, room
+from .fitting import bounds, match_pixels, moved
 from .paints import angles, pigment_gate, reflection_target, repainted
 
 OTHER = 0.17  # radians in linear light from which on colors are of different paints
@@ -164,7 +164,7 @@ def match_fewest(
         [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 1.0, 0.0]]
     """
     weights = np.asarray(palette_weights_of_pixel, np.float64)
-    lower, upper = room(palette, locked, np.maximum(1.0, palette))  # what is brighter than white may stay
+    lower, upper = bounds(palette, locked, np.maximum(1.0, palette))  # what is brighter than white may stay
     shown = weights @ np.asarray(palette, np.float64) if shown is None else shown
     wanted = np.clip(np.subtract(target, shown), weights @ lower, weights @ upper)
     stiffness = np.ones(len(weights))

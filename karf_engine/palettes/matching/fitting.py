@@ -47,16 +47,16 @@ def match_pixels(
         >>> match_pixels(weights, weights @ palette, [[0.5, 0, 0], [0, 1, 0]], palette).round(2).tolist()
         [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 1.0, 0.0]]
     """
-    lower, upper = room(palette, locked, BRIGHTEST)
+    lower, upper = bounds(palette, locked, BRIGHTEST)
     change = bounded_least_squares(palette_weights, np.subtract(targets, colors), lower, upper, counts, RIDGE)
     return moved(palette, change)
 
 
-def room(palette: np.ndarray, locked: Iterable[int], brightest: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def bounds(palette: np.ndarray, locked: Iterable[int], brightest: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Bounds [M, 3] of a palette change: 0 <= palette + change <= brightest; entry 0 and locked ones stay.
 
     Examples:
-        >>> lower, upper = room(np.array([[0.0, 0, 0], [0.5, 0.25, 1]]), (), 2.0)
+        >>> lower, upper = bounds(np.array([[0.0, 0, 0], [0.5, 0.25, 1]]), (), 2.0)
         >>> lower.tolist(), upper.tolist()
         ([[0.0, 0.0, 0.0], [-0.5, -0.25, -1.0]], [[0.0, 0.0, 0.0], [1.5, 1.75, 1.0]])
     """

@@ -14,7 +14,7 @@ from ...errors import BadRequest
 from ...io.color import ciede2000, srgb_to_lab
 from ..compositing import hard_masks
 from ..palette import BRIGHTEST, Palette
-from .fitting import moved, room
+from .fitting import bounds, moved
 from .least_squares import bounded_least_squares
 
 DIFFERENT = 4 / 255  # in one channel: such a pixel was painted; less can be a file's rounding or noise
@@ -154,7 +154,7 @@ def _fit(
         palette: As it stands, [M, 3].
         locked: Entries that stay.
     """
-    lower, upper = room(palette, locked, BRIGHTEST)
+    lower, upper = bounds(palette, locked, BRIGHTEST)
     counts = np.where(painted, 1.0, UNPAINTED * painted.sum() / max(1, (~painted).sum()))
     sure = painted & (aim > 0).all(axis=1) & (aim < 1).all(axis=1)
     trust, reached = (sure if sure.any() else painted).astype(np.float64), shown

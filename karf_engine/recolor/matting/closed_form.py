@@ -12,11 +12,13 @@ from __future__ import annotations
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import cg
 
-REGULARIZATION = 1e-5  # epsilon of the paper, for colors in [0, 1]: noise tells nothing of coverage
-GUESS = 0.01  # what the guess counts in each pixel: a line one pixel wide has no certain pixel to be told from
-TOLERANCE = 1e-3
+from ...compute.sparse_systems import solve
+
+REGULARIZATION = 1e-5  # epsilon of the paper, for colors in [0, 1]: noise says nothing about coverage (not varied)
+GUESS = (
+    0.01  # weight of the guess in each pixel, for lines one pixel wide, which touch no certain pixel (on such lines)
+)
 WINDOWS_AT_ONCE = 1 << 15  # 21 MB of window matrices
 WINDOW = [(row, column) for row in (-1, 0, 1) for column in (-1, 0, 1)]
 
@@ -48,24 +50,23 @@ def closed_form_matting(colors: np.ndarray, coverage: np.ndarray, unknown: np.nd
     asked = unknown & inner
     if not asked.any():
         return result
-    system, pulls = _system(colors, coverage, asked)
-    system += GUESS * sparse.eye_array(len(pulls))
-    pulls += GUESS * coverage[asked]
-    precondition = sparse.diags_array(1 / system.diagonal())
-    solved, _ = cg(system, pulls, x0=coverage[asked].astype(np.float64), rtol=TOLERANCE, M=precondition)
+    system, right_hand_side = _system(colors, coverage, asked)
+    system += GUESS * sparse.eye_array(len(right_hand_side))
+    right_hand_side += GUESS * coverage[asked]
+    solved = solve(system, right_hand_side, coverage[asked].astype(np.float64))
     result[inner[unknown]] = np.clip(solved, 0, 1)
     return result
 
 
 def _system(colors: np.ndarray, coverage: np.ndarray, asked: np.ndarray) -> tuple[sparse.csr_array, np.ndarray]:
-    """Rows and columns of L of the pixels asked for, and what known pixels beside them add to the right side."""
+    """Rows and columns of L of the pixels asked for, and what known pixels beside them add to the right-hand side."""
     count, width = int(asked.sum()), asked.shape[1]
     number = np.full(asked.size, -1, np.int32)
     number[asked.ravel()] = np.arange(count, dtype=np.int32)
     steps = np.array([row * width + column for row, column in WINDOW])
     centers = _centers(asked)
     flat_colors, known = colors.reshape(-1, 3), coverage.ravel()
-    pulls = np.zeros(count)
+    right_hand_side = np.zeros(count)
     system = sparse.csr_array((count, count))
     for first in range(0, len(centers), WINDOWS_AT_ONCE):
         pixels = centers[first : first + WINDOWS_AT_ONCE, None] + steps
@@ -74,8 +75,8 @@ def _system(colors: np.ndarray, coverage: np.ndarray, asked: np.ndarray) -> tupl
         both, edge = (own >= 0) & (other >= 0), (own >= 0) & (other < 0)
         system += sparse.csr_array((parts[both], (own[both], other[both])), (count, count))
         beside = np.broadcast_to(known[pixels][:, None, :], parts.shape)[edge]
-        pulls -= np.bincount(own[edge], parts[edge] * beside, count)
-    return system, pulls
+        right_hand_side -= np.bincount(own[edge], parts[edge] * beside, count)
+    return system, right_hand_side
 
 
 def _centers(asked: np.ndarray) -> np.ndarray:

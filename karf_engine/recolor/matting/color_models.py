@@ -13,11 +13,29 @@ import numpy as np
 
 from ...segmentation.gaussian_mixtures import Mixture, fit_mixture
 
-COMPONENTS, DRAWS = 20, 5000
-REACH = 12.0  # standard deviation of the window of a place's own shares, pixels of the field's picture
-WHOLE_PHOTO = 0.1  # weight of the shares in the whole photo, beside a window that is full of the class
-LEAST_SHARE = 1e-5
-STRIDE = 4  # shares vary slowly: they are kept at every fourth pixel
+
+@dataclass(frozen=True)
+class ColorParameters:
+    """What color models of a photo are fitted with. Set together, when mattes were first made; not varied on record.
+
+    Attributes:
+        components: Gaussians that the classes share.
+        draws: Pixels that they are fitted to.
+        window: Standard deviation of the window of a place's own shares, pixels of the field's picture.
+        whole_photo: Weight of the shares in the whole photo, beside a window that is full of the class.
+        least_share: Of each Gaussian in each class.
+        stride: Shares vary slowly, and are kept at every 4th pixel.
+    """
+
+    components: int = 20
+    draws: int = 5000
+    window: float = 12.0
+    whole_photo: float = 0.1
+    least_share: float = 1e-5
+    stride: int = 4
+
+
+PARAMETERS = ColorParameters()
 
 
 @dataclass(frozen=True)
@@ -62,10 +80,9 @@ def fit_color_models(lab: np.ndarray, strengths: np.ndarray, random: np.random.G
     known = np.flatnonzero(strengths.any(0))
     colors = lab.reshape(-1, 3)[known]
     totals = np.maximum(strengths.sum((1, 2)), 1e-12)
-    even = (
-        strengths.reshape(len(strengths), -1)[:, known] / totals[:, None]
-    )  # small objects count as much as large ones
-    mixture = fit_mixture(colors, even.sum(0), COMPONENTS, random, DRAWS)
+    # small objects count as much as large ones
+    even = strengths.reshape(len(strengths), -1)[:, known] / totals[:, None]
+    mixture = fit_mixture(colors, even.sum(0), PARAMETERS.components, random, PARAMETERS.draws)
     responsibilities = mixture.responsibilities(mixture.log_components(colors)).astype(np.float32)
     return ColorModels(mixture, _local_shares(strengths, known, responsibilities))
 
@@ -80,15 +97,17 @@ def _local_shares(strengths: np.ndarray, known: np.ndarray, responsibilities: np
         spread = np.zeros((height * width, responsibilities.shape[1]), np.float32)
         spread[known] = strength[known, None] * responsibilities
         local = np.stack([_windowed(plane.reshape(height, width)) for plane in spread.T], -1)
-        result.append((local + WHOLE_PHOTO * whole) / (stood_for + WHOLE_PHOTO)[..., None])
-    return np.maximum(np.stack(result, 2), LEAST_SHARE)
+        result.append((local + PARAMETERS.whole_photo * whole) / (stood_for + PARAMETERS.whole_photo)[..., None])
+    return np.maximum(np.stack(result, 2), PARAMETERS.least_share)
 
 
 def _windowed(plane: np.ndarray) -> np.ndarray:
     """Mean of a plane [h, w] in a Gaussian window about every place of the coarse grid."""
     height, width = plane.shape
-    size = (-(-width // STRIDE), -(-height // STRIDE))
-    return cv2.GaussianBlur(cv2.resize(plane, size, interpolation=cv2.INTER_AREA), (0, 0), REACH / STRIDE)
+    size = (-(-width // PARAMETERS.stride), -(-height // PARAMETERS.stride))
+    return cv2.GaussianBlur(
+        cv2.resize(plane, size, interpolation=cv2.INTER_AREA), (0, 0), PARAMETERS.window / PARAMETERS.stride
+    )
 
 
 def posterior(models: ColorModels, lab: np.ndarray, places: np.ndarray, priors: np.ndarray) -> np.ndarray:

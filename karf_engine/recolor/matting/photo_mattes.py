@@ -7,7 +7,7 @@ in steps of two: labels far from any border are enlarged as they are, those near
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -24,34 +24,75 @@ from .sharpness import sharp_size
 from .strays import without_strays
 from .tiles import enlarged, tiles
 
-BAND = 6  # how far from an object's border of the field its border in the photo may lie, pixels of the field's picture
-RING = 25  # how far around objects their surroundings' colors are looked at, pixels of the field's picture
-CORE = 1.0  # deeper than so many pixels inside an object, the field is right where it is SURE
-SURE, NONE = 0.8, 0.02  # probability of what is surely an object; and at most, of surely none
-LEAST_PROBABILITY = 0.005  # the field never outvotes a color altogether
-LEAST_CORE = 20  # pixels from which colors can be told
-TRUST = 0.05  # of a pixel's own opinion, see random_walk
-RESOLVED, TRUST_RESOLVED = 5.0, 1.0  # the same where the field is sure and shows the photo's color, Lab units: between
-# things of one color nothing else tells
-LOST_PARTS_AT = 1  # after how many enlargements what the field has lost is looked for: thin parts must be seen
-STEP_BAND = 3  # pixels about a border that are decided again after each enlargement
-PRESENT = 15  # pixels about one of a class, in which others may be found to be of that class too
-DECIDED = 0.98
-LEAST_CARRIED = 0.05  # of a class that is present near a border, when enlarged labels are asked again
-BORDER = 1.5  # pixels to either side of a border whose coverage is found by matting
-CERTAIN, UNSURE = 0.99, 0.3  # labels above are no mixtures, however near the border: a stem is all border; labels
-# that far from 0 and 1 are, however far from it
-LEAST_AGREEMENT = 0.5  # IoU of photo and field, below which the field is right
-TILE, MARGIN = 512, 16
+TILE, MARGIN = 512, 16  # pixels (not varied)
 
 
-def refine_mattes(photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray) -> list[Matte]:
+@dataclass(frozen=True)
+class MatteParameters:
+    """What decides a photo's mattes.
+
+    They were set when mattes were first made in photos, together, and are measured together on the demo's photos, the
+    drawn scenes and `single`, `hue`, `glossy`, `front` and `thin` (docs/benchmark.md, edges). No single one's influence
+    is on record, unless it is said.
+
+    Attributes:
+        band: Pixels of the field's picture, by which an object's border in the photo may differ from the field's.
+        ring: Pixels of the field's picture round objects in which their surroundings' colors are learned.
+        core_depth: Pixels of the field's picture; deeper inside an object the field is right where it is `sure`.
+        sure: Probability above which the field is sure of an object.
+        none: Sum of the objects' probabilities below which the field is sure that there is none.
+        least_probability: Of every class of the field, so that it never outvotes a color altogether.
+        fewest_core_pixels: From which colors can be learned.
+        prior_weight: Of a pixel's prior in the random walk.
+        resolved_prior_weight: The same where the field is sure and shows the photo's color: between things of one color
+            nothing else tells them apart.
+        resolved_difference: Lab units, below which the field shows the photo's color.
+        lost_parts_step: Number of enlargements after which parts that the field has lost are looked for: thin parts must
+            be seen.
+        step_band: Pixels about a border that are decided again after each enlargement.
+        present: Pixels about one of a class in which others may be of that class too. Raised from 7, when an apple's
+            stem was taken for a banana's elsewhere in the photo.
+        decided: Probability above which a label is certain.
+        least_carried: Prior of a class that is present near a border, when enlarged labels are decided again.
+        border: Pixels to either side of a border whose coverage closed-form matting finds.
+        certain: Labels above are not mixtures, however near the border: a stem is all border.
+        unsure: Labels at least this far from 0 and 1 are mixtures, however far from the border; set for photos that are
+            less sharp than their pixels.
+        least_agreement: IoU of photo and field, below which the field is right.
+    """
+
+    band: float = 6
+    ring: float = 25
+    core_depth: float = 1.0
+    sure: float = 0.8
+    none: float = 0.02
+    least_probability: float = 0.005
+    fewest_core_pixels: int = 20
+    prior_weight: float = 0.05
+    resolved_prior_weight: float = 1.0
+    resolved_difference: float = 5.0
+    lost_parts_step: int = 1
+    step_band: int = 3
+    present: int = 15
+    decided: float = 0.98
+    least_carried: float = 0.05
+    border: float = 1.5
+    certain: float = 0.99
+    unsure: float = 0.3
+    least_agreement: float = 0.5
+
+
+PARAMETERS = MatteParameters()
+
+
+def refine_mattes(photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray, seed: int = 0) -> list[Matte]:
     """Mattes of K objects from the field's soft answer and the photo.
 
     Args:
         photo: uint8 [H, W, 3] sRGB.
         probabilities: [K, h, w] float32 of the objects, of the field, on the photo's own grid, h <= H and w <= W.
         rendered: uint8 [h, w, 3] sRGB, the scene as the field shows it there.
+        seed: Of the pixels that color models are fitted to.
 
     Returns:
         One matte for each object.
@@ -61,13 +102,13 @@ def refine_mattes(photo: np.ndarray, probabilities: np.ndarray, rendered: np.nda
         return unmixed(photo, np.zeros_like(probabilities))
     start = probabilities.shape[1:]
     field = lab_of(rendered)
-    classes, models = decide(lab_of(_resized(photo, start)), probabilities, field)
+    classes, models = decide(lab_of(_resized(photo, start)), probabilities, field, np.random.default_rng(seed))
     # what the photo's lens has blurred is a mixture over many of its pixels: it is decided where they are few
     end = np.maximum(sharp_size(photo, _near_border(classes)), start)
     sizes = steps(start, tuple(end.tolist()))[1:]
     for number, size in enumerate(sizes):
         reduced = _resized(photo, size)
-        if number == min(LOST_PARTS_AT, len(sizes) - 1):
+        if number == min(PARAMETERS.lost_parts_step, len(sizes) - 1):
             classes = with_lost_parts(reduced, field, classes, models)
         classes = sharpen(reduced, classes, models)
     coverage = cover(_resized(photo, classes.shape[1:]), classes)
@@ -82,7 +123,7 @@ def refine_mattes(photo: np.ndarray, probabilities: np.ndarray, rendered: np.nda
 def _disagree(coverage: np.ndarray, mask: np.ndarray) -> bool:
     """Whether an object's coverage has little to do with the field's mask, bool [h, w]."""
     found = cv2.resize(coverage.astype(np.float32), mask.shape[::-1], interpolation=cv2.INTER_AREA) > 0.5
-    return bool((found & mask).sum() < LEAST_AGREEMENT * (found | mask).sum())
+    return bool((found & mask).sum() < PARAMETERS.least_agreement * (found | mask).sum())
 
 
 def with_lost_parts(photo: np.ndarray, rendered: np.ndarray, classes: np.ndarray, models: ColorModels) -> np.ndarray:
@@ -106,23 +147,28 @@ def steps(start: tuple[int, int], end: tuple[int, int]) -> list[tuple[int, int]]
     return [tuple(start), *between, *([tuple(end)] if tuple(end) != tuple(start) else [])]
 
 
-def decide(lab: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray) -> tuple[np.ndarray, ColorModels]:
+def decide(
+    lab: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray, random: np.random.Generator
+) -> tuple[np.ndarray, ColorModels]:
     """Classes [K+1, h, w] at the field's picture size, class 0 being no object, and the colors that they have."""
     classes = np.concatenate([np.clip(1 - probabilities.sum(0), 0, 1)[None], probabilities])
     masks = hard_masks(probabilities)
     cores = [_core(mask, own) for mask, own in zip(masks, probabilities, strict=True)]
     away = np.stack([distance_to(mask) for mask in masks])
     nearest = away.min(0)
-    surroundings = (probabilities.sum(0) < NONE) & (nearest < RING)
-    models = fit_color_models(lab, np.stack([surroundings, *cores]), np.random.default_rng(0))
-    free = (nearest <= BAND) & ~np.any(cores, 0)
-    priors = np.maximum(classes, LEAST_PROBABILITY)
-    priors[1:][away > BAND] = 0
-    opinions = np.stack([~np.any(cores, 0), *cores]).astype(np.float32)
-    opinions[:, free] = posterior(models, lab[free], _places(free), priors[:, free])
-    resolved = (classes.max(0)[free] > DECIDED) & (difference_nearby(lab, rendered, free, 1) < RESOLVED)
-    opinions[:, free] = random_walk(links_of(lab), opinions, free, np.where(resolved, TRUST_RESOLVED, TRUST))
-    return opinions, models
+    surroundings = (probabilities.sum(0) < PARAMETERS.none) & (nearest < PARAMETERS.ring)
+    models = fit_color_models(lab, np.stack([surroundings, *cores]), random)
+    free = (nearest <= PARAMETERS.band) & ~np.any(cores, 0)
+    of_field = np.maximum(classes, PARAMETERS.least_probability)
+    of_field[1:][away > PARAMETERS.band] = 0
+    labels = np.stack([~np.any(cores, 0), *cores]).astype(np.float32)
+    labels[:, free] = posterior(models, lab[free], _places(free), of_field[:, free])
+    resolved = (classes.max(0)[free] > PARAMETERS.decided) & (
+        difference_nearby(lab, rendered, free, 1) < PARAMETERS.resolved_difference
+    )
+    weights = np.where(resolved, PARAMETERS.resolved_prior_weight, PARAMETERS.prior_weight)
+    labels[:, free] = random_walk(links_of(lab), labels, free, weights)
+    return labels, models
 
 
 def sharpen(photo: np.ndarray, classes: np.ndarray, models: ColorModels) -> np.ndarray:
@@ -135,16 +181,16 @@ def sharpen(photo: np.ndarray, classes: np.ndarray, models: ColorModels) -> np.n
         if free.any():
             lab = lab_of(photo[tile.outer])
             places = (np.argwhere(free) + [tile.rows.start + 0.5, tile.columns.start + 0.5]) / size
-            priors = np.maximum(labels, LEAST_CARRIED * _present(labels))[:, free]
+            priors = np.maximum(labels, PARAMETERS.least_carried * _present(labels))[:, free]
             labels[:, free] = posterior(models, lab[free], places, priors)
-            labels[:, free] = random_walk(links_of(lab), labels, free, TRUST)
+            labels[:, free] = random_walk(links_of(lab), labels, free, PARAMETERS.prior_weight)
         result[(slice(None), *tile.place)] = labels[(slice(None), *tile.inner)]
     return result
 
 
 def _present(labels: np.ndarray) -> np.ndarray:
     """Whether each class holds a pixel thereabouts: the far end of another object may have any color."""
-    kernel = np.ones((2 * PRESENT + 1,) * 2, np.uint8)
+    kernel = np.ones((2 * PARAMETERS.present + 1,) * 2, np.uint8)
     return np.stack([cv2.dilate((own > 0.5).astype(np.uint8), kernel) for own in labels])
 
 
@@ -167,8 +213,8 @@ def _border_matted(light: np.ndarray, label: np.ndarray) -> np.ndarray:
     inside = label > 0.5
     if not inside.any() or inside.all():
         return inside.astype(np.float32)
-    border = np.maximum(distance_to(inside), distance_to(~inside)) <= BORDER
-    unknown = (border & (label < CERTAIN)) | ((label > UNSURE) & (label < 1 - UNSURE))
+    border = np.maximum(distance_to(inside), distance_to(~inside)) <= PARAMETERS.border
+    unknown = (border & (label < PARAMETERS.certain)) | ((label > PARAMETERS.unsure) & (label < 1 - PARAMETERS.unsure))
     result = np.where(unknown, label, inside.astype(np.float32))
     result[unknown] = closed_form_matting(light, result, unknown)
     return result
@@ -176,8 +222,8 @@ def _border_matted(light: np.ndarray, label: np.ndarray) -> np.ndarray:
 
 def _near_border(classes: np.ndarray) -> np.ndarray:
     top = classes.max(0)
-    unsure = top < DECIDED
-    kernel = np.ones((2 * STEP_BAND + 1,) * 2, np.uint8)
+    unsure = top < PARAMETERS.decided
+    kernel = np.ones((2 * PARAMETERS.step_band + 1,) * 2, np.uint8)
     hard = classes.argmax(0).astype(np.uint8)
     border = cv2.dilate(hard, kernel) != cv2.erode(hard, kernel)
     return unsure | border
@@ -188,8 +234,8 @@ def _places(chosen: np.ndarray) -> np.ndarray:
 
 
 def _core(mask: np.ndarray, probability: np.ndarray) -> np.ndarray:
-    core = mask & (probability > SURE) & (distance_to(~mask) > CORE)
-    if core.sum() >= LEAST_CORE or not mask.any():
+    core = mask & (probability > PARAMETERS.sure) & (distance_to(~mask) > PARAMETERS.core_depth)
+    if core.sum() >= PARAMETERS.fewest_core_pixels or not mask.any():
         return core
     return mask & (probability >= np.median(probability[mask]))  # a thin or small object has no deeper pixels
 

@@ -9,7 +9,9 @@ from .matte import NEGLIGIBLE, Matte
 from .photo_mattes import refine_mattes
 
 
-def mattes_of(edges: str, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray) -> list[Matte]:
+def mattes_of(
+    edges: str, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray, seed: int = 0
+) -> list[Matte]:
     """Mattes of the K objects of a photo.
 
     Args:
@@ -17,6 +19,7 @@ def mattes_of(edges: str, photo: np.ndarray, probabilities: np.ndarray, rendered
         photo: uint8 sRGB [H, W, 3].
         probabilities: [K, h, w] of each object, in the grid of the photo at any size.
         rendered: uint8 sRGB [h, w, 3], the scene as the field shows it there.
+        seed: Of the colors that are drawn in the photo.
 
     Example:
         >>> mattes = mattes_of("field", np.zeros((2, 4, 3), np.uint8), np.array([[[0.0, 1.0]]]), np.zeros((1, 2, 3)))
@@ -25,7 +28,7 @@ def mattes_of(edges: str, photo: np.ndarray, probabilities: np.ndarray, rendered
     """
     if edges == "field" or not len(probabilities):
         return field_mattes((photo.shape[1], photo.shape[0]), probabilities)
-    return refine_mattes(photo, probabilities, rendered)
+    return refine_mattes(photo, probabilities, rendered, seed)
 
 
 def field_mattes(size: tuple[int, int], probabilities: np.ndarray) -> list[Matte]:

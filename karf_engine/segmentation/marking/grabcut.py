@@ -23,7 +23,7 @@ def fit_colors(colors: np.ndarray, trimap: np.ndarray, iterations: int) -> np.nd
     is_inside = (trimap & 1).astype(bool)
     if is_inside.all() or not is_inside.any():
         return is_inside
-    cv2.setRNGSeed(0)
+    cv2.setRNGSeed(0)  # photos are marked before there are settings with a seed
     found, unused = trimap.copy(), np.zeros((1, 65))
     cv2.grabCut(colors, found, None, unused, unused.copy(), iterations, cv2.GC_INIT_WITH_MASK)
     return (found & 1).astype(bool)

@@ -12,7 +12,7 @@ import numpy as np
 
 from .grabcut import NOT, PERHAPS, PERHAPS_NOT, fit_colors
 from .prompts import Prompts
-from .regions import RADIUS, meant_region
+from .regions import PARAMETERS, meant_region
 from .working import WorkingPhoto, working_photo
 
 FITS_OF_FRAME, FITS_OF_CLICK = 3, 1  # iterations of GrabCut
@@ -80,7 +80,7 @@ class Marker:
         photo, click = self._photo, prompts.points[-1]
         said = np.full(photo.shape, -1, np.int8)
         for x, y, is_object in prompts.points:
-            said[photo.disk(x, y, RADIUS)] = is_object
+            said[photo.disk(x, y, PARAMETERS.radius)] = is_object
         if not mask.any() and not click[2]:
             return mask
         region = meant_region(photo, mask, said, click)

@@ -9,6 +9,7 @@ depend on the scale, and serves the first click; corrections are rather small.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -16,18 +17,46 @@ import numpy as np
 from ..random_walk import Link, random_walk
 from .working import WorkingPhoto
 
-RADIUS = 2  # of a click, pixels
-LEAK = 1e-4  # trust of all pixels in the opposite of a click: the walk ends somewhere
-EDGE = 0.02  # the same at the picture's edge: objects are mostly inside
-LEAK_FAR = 0.002  # the same of a correction, grows with the distance
-REACH = 8.0  # a correction goes no farther, in depths of its click in what it corrects
-LEAST_DEPTH = 2.0  # pixels
-LEVELS = 120
-POWER, POWER_OF_CORRECTION = 0.5, 0.3
-LEAST_AREA = 0.0008  # of a region, in pictures
-MOST_AREA = 0.7
-MOST_ADDED, MOST_REMOVED = 3.0, 0.5  # by one click, in areas of the mask so far
-ALWAYS_ADDED = 0.25  # in pictures, however small the mask is
+
+@dataclass(frozen=True)
+class RegionParameters:
+    """What decides which region a click means. Chosen together on the first three captures of docs/benchmark.md's masks
+    from clicks: the demo, `thin` and flower.
+
+    Attributes:
+        radius: Of a click, pixels.
+        leak: Weight of every pixel's prior for the opposite of a click: the walk ends somewhere.
+        edge: The same at the picture's edge: objects are mostly inside.
+        leak_far: The same of a correction; grows with the distance.
+        reach: A correction goes no farther, in depths of its click in what it corrects.
+        least_depth: Of a click, pixels.
+        levels: Lines that are compared.
+        power: Of the area that a border's cost is divided by: the root does not depend on the scale.
+        power_of_correction: The same for a correction, which is rather small.
+        least_area: Of a region, in pictures.
+        most_area: The same.
+        most_added: By one click, in areas of the mask so far.
+        most_removed: The same.
+        always_added: In pictures, however small the mask is.
+    """
+
+    radius: int = 2
+    leak: float = 1e-4
+    edge: float = 0.02
+    leak_far: float = 0.002
+    reach: float = 8.0
+    least_depth: float = 2.0
+    levels: int = 120
+    power: float = 0.5
+    power_of_correction: float = 0.3
+    least_area: float = 0.0008
+    most_area: float = 0.7
+    most_added: float = 3.0
+    most_removed: float = 0.5
+    always_added: float = 0.25
+
+
+PARAMETERS = RegionParameters()
 
 
 def meant_region(
@@ -45,16 +74,16 @@ def meant_region(
         bool [h, w], the connected pixels that become the object, or not the object.
     """
     x, y, is_object = click
-    own, same = photo.disk(x, y, RADIUS), mask == is_object
-    leak, within = np.full(photo.shape, LEAK), np.ones(photo.shape, bool)
+    own, same = photo.disk(x, y, PARAMETERS.radius), mask == is_object
+    leak, within = np.full(photo.shape, PARAMETERS.leak), np.ones(photo.shape, bool)
     if is_object:
-        leak[0], leak[-1], leak[:, 0], leak[:, -1] = EDGE, EDGE, EDGE, EDGE
+        leak[0], leak[-1], leak[:, 0], leak[:, -1] = PARAMETERS.edge, PARAMETERS.edge, PARAMETERS.edge, PARAMETERS.edge
     if mask.any():
         column, row = photo.place(x, y)
-        depth = max(float(_depths(mask, is_object)[row, column]), LEAST_DEPTH)
+        depth = max(float(_depths(mask, is_object)[row, column]), PARAMETERS.least_depth)
         rows, columns = np.ogrid[: photo.shape[0], : photo.shape[1]]
         away = np.hypot(rows - row, columns - column) / depth
-        leak, within = leak + LEAK_FAR * (away / depth) ** 2, away <= REACH
+        leak, within = leak + PARAMETERS.leak_far * (away / depth) ** 2, away <= PARAMETERS.reach
     walk = _walk(photo.links, said, is_object, leak)
     candidates = (~same & (said != (not is_object)) & within) | own
     region = _cheapest(photo.links, walk, candidates, same & mask.any(), _most(mask, is_object))
@@ -80,8 +109,12 @@ def _walk(links: Sequence[Link], said: np.ndarray, is_object: bool, leak: np.nda
 def _most(mask: np.ndarray, is_object: bool) -> float:
     """Largest area of a region, pixels."""
     if not mask.any():
-        return MOST_AREA * mask.size
-    return max(MOST_ADDED * mask.sum(), ALWAYS_ADDED * mask.size) if is_object else MOST_REMOVED * mask.sum()
+        return PARAMETERS.most_area * mask.size
+    return (
+        max(PARAMETERS.most_added * mask.sum(), PARAMETERS.always_added * mask.size)
+        if is_object
+        else PARAMETERS.most_removed * mask.sum()
+    )
 
 
 def _cheapest(
@@ -89,8 +122,8 @@ def _cheapest(
 ) -> np.ndarray:
     """The candidates inside the cheapest level line; a border with what it is joined to costs nothing."""
     values = np.sort(walk[candidates])
-    least = min(max(4, LEAST_AREA * walk.size), len(values))
-    sizes = np.geomspace(least, max(least, min(most, len(values))), LEVELS).astype(int)
+    least = min(max(4, PARAMETERS.least_area * walk.size), len(values))
+    sizes = np.geomspace(least, max(least, min(most, len(values))), PARAMETERS.levels).astype(int)
     levels = np.unique(values[len(values) - sizes])
     levels = levels[(levels > 0) & (levels < values[-1])]
     if not len(levels):
@@ -103,5 +136,7 @@ def _cheapest(
         cut += np.bincount(np.searchsorted(levels, low[differs]), link[differs], len(cut))
         cut -= np.bincount(np.searchsorted(levels, high[differs]), link[differs], len(cut))
     areas = len(values) - np.searchsorted(values, levels, side="right")
-    best = np.argmin(np.cumsum(cut)[:-1] / areas ** (POWER_OF_CORRECTION if joined.any() else POWER))
+    best = np.argmin(
+        np.cumsum(cut)[:-1] / areas ** (PARAMETERS.power_of_correction if joined.any() else PARAMETERS.power)
+    )
     return candidates & (walk > levels[best])

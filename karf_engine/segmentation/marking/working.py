@@ -11,7 +11,7 @@ from ...io.images import over, resize
 from ..random_walk import Link, links_of
 
 LONG_SIDE = 256  # pixels: a click is answered in a fifth of a second
-LIKENESS = 0.1  # per squared Lab unit: neighbors that differ by 3.2 are linked by exp(-1)
+LIKENESS = 0.1  # per squared Lab unit: neighbors that differ by 3.2 are linked by exp(-1) (chosen with regions.RegionParameters)
 
 
 @dataclass(frozen=True)

@@ -99,7 +99,7 @@ def test_a_trace_holds_the_sorted_union_and_its_weights_and_remainder_sum_to_one
     trace = field().trace(rays)
     assert len(trace.samples) == 6 * 20
     assert (trace.samples.distances.view(6, 20).diff(dim=1) >= 0).all()
-    assert_allclose(trace.ray_weights.view(6, 20).sum(1) + trace.remainder, np.ones(6), atol=1e-5)
+    assert_allclose(trace.ray_weights.view(6, 20).sum(1) + trace.final_transmittance, np.ones(6), atol=1e-5)
     along = rays.origins[0] + trace.samples.distances[:20, None] * rays.viewdirs[0]
     assert_allclose(trace.samples.positions[:20], along, atol=1e-5)
 

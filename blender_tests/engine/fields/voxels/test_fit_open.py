@@ -23,7 +23,7 @@ from karf_engine.fields.voxels import fit as voxel_fit
 from karf_engine.fields.voxels.choice import new_renderer
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.fields.voxels.observations import observations_of
-from karf_engine.fields.voxels.renderer import Observing
+from karf_engine.fields.voxels.renderer import PointSupervision
 from karf_engine.fields.voxels.torch_renderer import TorchRenderer
 from karf_engine.metrics.images import psnr
 from karf_engine.project.settings import GeometrySettings, Level, OpenSettings
@@ -206,7 +206,7 @@ def test_pruning_keeps_what_photos_show_however_many_cells_there_are(monkeypatch
     few = replace(SETTINGS, open=replace(SETTINGS.open, levels=levels, samples=6000))
     state = start(cameras(8), "contraction", True, few)
     unpruned = next(state.scenes(silent())).field
-    renderer = new_renderer(unpruned, state.runtime, 1.0, 0.0, Observing(0.1, 0.1))
+    renderer = new_renderer(unpruned, state.runtime, 1.0, 0.0, PointSupervision(0.1, 0.1))
     pixels = torch.arange(len(state.dataset))
     is_shown = renderer.visibility(state.dataset.rays(part) for part in pixels.split(4096)) > 0.1
     kept = state._pruned().occupied[unpruned.occupied]

@@ -46,7 +46,7 @@ def test_rays_end_where_torch_lets_them_end(space, by_torch):
     field, rays = frozen_field(space), random_batch(space).rays
     trace, expected = field.trace(rays, 0.7), by_torch(field.trace, rays, 0.7)
     assert 0 < len(trace.samples) < len(expected.samples)  # torch goes on in the dark
-    assert_close(trace.remainder, expected.remainder, rtol=1e-3, atol=DARK)
+    assert_close(trace.final_transmittance, expected.final_transmittance, rtol=1e-3, atol=DARK)
     assert trace.samples.ray_indices.dtype == torch.int64 and (trace.samples.ray_indices.diff() >= 0).all()
     assert trace.samples.step == pytest.approx(expected.samples.step)
     for number in range(len(rays)):
@@ -89,7 +89,7 @@ def test_rays_that_meet_nothing_have_no_samples():
         random_batch("box").rays[:0],
     ):
         trace = field.trace(rays, 0.7)
-        assert len(trace.samples) == 0 and torch.equal(trace.remainder, torch.ones(len(rays)))
+        assert len(trace.samples) == 0 and torch.equal(trace.final_transmittance, torch.ones(len(rays)))
 
 
 @pytest.mark.parametrize("space", SPACES)
@@ -111,18 +111,18 @@ def test_samples_that_need_more_room_get_it():
     field.raw_density.fill_(-20.0)  # clear: no ray ends before the grid does
     trace = field.trace(random_batch("box").rays, 0.01)
     assert len(trace.samples) > 64 * 200
-    assert_close(trace.ray_weights.sum() + trace.remainder.sum(), torch.tensor(200.0), rtol=1e-4, atol=0)
+    assert_close(trace.ray_weights.sum() + trace.final_transmittance.sum(), torch.tensor(200.0), rtol=1e-4, atol=0)
 
 
 def test_a_field_that_is_released_and_learns_is_seen_anew_when_it_is_frozen_again():
     field, rays = frozen_field("box"), random_batch("box").rays
-    before = field.trace(rays, 0.7).remainder
+    before = field.trace(rays, 0.7).final_transmittance
     field.requires_grad_(True)
-    assert field.trace(rays, 0.7).remainder.requires_grad
+    assert field.trace(rays, 0.7).final_transmittance.requires_grad
     with torch.no_grad():
         field.raw_density -= 5
-        learning = field.trace(rays, 0.7).remainder
-    after = field.requires_grad_(False).trace(rays, 0.7).remainder
+        learning = field.trace(rays, 0.7).final_transmittance
+    after = field.requires_grad_(False).trace(rays, 0.7).final_transmittance
     assert (after > before + 0.1).any()
     assert_close(after, learning, rtol=1e-3, atol=DARK)
 

@@ -29,13 +29,13 @@ from karf_engine.fields.voxels.fused import preparing
 from karf_engine.fields.voxels.fused.bending import paths_of
 from karf_engine.fields.voxels.fused.marching import share_of, uniform
 from karf_engine.fields.voxels.fused.renderer import FusedRenderer
-from karf_engine.fields.voxels.renderer import Observing, RayBatch
+from karf_engine.fields.voxels.renderer import PointSupervision, RayBatch
 from karf_engine.fields.voxels.torch_renderer import TorchRenderer
 
 ROOT = Path(__file__).resolve().parents[4]
-OBSERVING = Observing(margin=0.05, off_path=0.4)
+SUPERVISION = PointSupervision(margin=0.05, off_path=0.4)
 UNIT = 0.3
-SUMS = ("color", "remainder", "distortion", "before", "up_to", "distance", "distance_squared", "alpha")
+SUMS = ("color", "final_transmittance", "distortion", "before", "up_to", "distance", "distance_squared", "alpha")
 SPACES = {
     "box": Box(),
     "contraction": Contraction(torch.zeros(3), 0.5, 1.0, 0.05),
@@ -72,12 +72,12 @@ def doubled(batch: RayBatch) -> RayBatch:
     return RayBatch(rays, batch.step, batch.jitter.double(), batch.is_diffuse, batch.observed.double())
 
 
-def fused(field: VoxelField, lottery: float = 0.0) -> FusedRenderer:
-    return FusedRenderer(field, start_runtime(0, 1, "cpu"), UNIT, lottery, OBSERVING)
+def fused(field: VoxelField, russian_roulette: float = 0.0) -> FusedRenderer:
+    return FusedRenderer(field, start_runtime(0, 1, "cpu"), UNIT, russian_roulette, SUPERVISION)
 
 
 def exact(field: VoxelField) -> TorchRenderer:
-    return TorchRenderer(field, start_runtime(0, 1, "cpu"), UNIT, 0.0, OBSERVING)
+    return TorchRenderer(field, start_runtime(0, 1, "cpu"), UNIT, 0.0, SUPERVISION)
 
 
 def gradients_of(field: VoxelField) -> dict:
@@ -185,7 +185,7 @@ def _numbers(seed, n_rays, n_numbers, out):
             out[ray, number] = uniform(seed, ray, number)
 
 
-def test_the_lottery_is_uniform_and_its_draws_do_not_depend_on_each_other():
+def test_russian_roulette_is_uniform_and_its_draws_do_not_depend_on_each_other():
     drawn = np.empty((1000, 100), np.float32)
     for seed in (0, 1, 2**31 - 2):
         _numbers(seed, 1000, 100, drawn)
@@ -199,8 +199,8 @@ def test_the_lottery_is_uniform_and_its_draws_do_not_depend_on_each_other():
 
 
 @pytest.mark.parametrize("weight", [0.0005, 0.004, 0.019, 0.5])
-def test_colors_count_as_much_as_without_a_lottery_on_average(weight):
-    limits = fused(random_field("box"), lottery=0.02)._limits
+def test_colors_count_as_much_as_without_russian_roulette_on_average(weight):
+    limits = fused(random_field("box"), russian_roulette=0.02)._limits
     shares = np.empty((2000, 100), np.float32)
     _shares(np.float32(weight), limits, 2000, 100, shares)
     chance = min(1.0, weight / 0.02)
@@ -212,7 +212,7 @@ def test_colors_count_as_much_as_without_a_lottery_on_average(weight):
 def _learn(threads: int, iterations: int = 12) -> VoxelField:
     runtime = start_runtime(0, threads, "cpu")
     field, batch = random_field("box", share=0.7), random_batch("box", 1000)
-    renderer = FusedRenderer(field, runtime, UNIT, 0.02, OBSERVING)
+    renderer = FusedRenderer(field, runtime, UNIT, 0.02, SUPERVISION)
     groups = [
         {"params": [field.raw_density, field.feature_table], "lr": 0.05},
         {"params": list(field.color_network.parameters()), "lr": 0.01},
@@ -271,12 +271,12 @@ def test_what_is_not_a_number_stops_training():
 
 def test_without_numba_or_where_it_is_left_out_torch_learns(monkeypatch):
     field, runtime = random_field("box"), start_runtime(0, 1, "cpu")
-    assert isinstance(new_renderer(field, runtime, UNIT, 0.0, OBSERVING), FusedRenderer)
+    assert isinstance(new_renderer(field, runtime, UNIT, 0.0, SUPERVISION), FusedRenderer)
     monkeypatch.setenv("KARF_KERNELS", "off")
-    assert isinstance(new_renderer(field, runtime, UNIT, 0.0, OBSERVING), TorchRenderer)
+    assert isinstance(new_renderer(field, runtime, UNIT, 0.0, SUPERVISION), TorchRenderer)
     monkeypatch.delenv("KARF_KERNELS")
     monkeypatch.setitem(sys.modules, "numba", None)
-    assert isinstance(new_renderer(field, runtime, UNIT, 0.0, OBSERVING), TorchRenderer)
+    assert isinstance(new_renderer(field, runtime, UNIT, 0.0, SUPERVISION), TorchRenderer)
 
 
 def check_bounds(file, names, cache):

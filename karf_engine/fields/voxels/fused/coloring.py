@@ -6,11 +6,12 @@ import math
 
 import numpy as np
 
-from ....compute.kernels import kernel, making_kernel
-from .arrays import RED
+from ....compute.kernels import allocating_kernel, kernel
+from .arrays import BLUE, GREEN, RED
 from .marching import ONE, ZERO
 from .prefetching import prefetch
 
+N_HARMONICS = 9  # numbers of a viewing direction (see rendering/spherical_harmonics.py)
 GROUP = 4  # samples that go through the network together
 AHEAD = 12  # samples; rows are asked for so much earlier: memory answers while the network computes
 
@@ -37,7 +38,7 @@ def gather(features, corners, x, y, z, n, out):
 def ask_for_rows(number, last, ordered, table, n):
     """Ask for the rows of n of the ordered sample AHEAD of this one."""
     number += AHEAD
-    if number < last and ordered.places[number, 3] != ZERO:
+    if number < last and ordered.places[number].share != ZERO:
         for corner in range(4):
             at = np.int64(ordered.corners[number, corner]) * n
             prefetch(table, at)
@@ -46,7 +47,7 @@ def ask_for_rows(number, last, ordered, table, n):
 
 @kernel
 def hidden_layers(inputs, network, out):
-    """Before the ReLU, of GROUP inputs [GROUP, F + 9] at once: each weight is read once for all of them."""
+    """Before the ReLU, of GROUP inputs [GROUP, F + N_HARMONICS] at once: each weight is read once for all of them."""
     for unit in range(out.shape[1]):
         out[0, unit] = out[1, unit] = out[2, unit] = out[3, unit] = network.b1[unit]
     for k in range(0, inputs.shape[1] // 3 * 3, 3):
@@ -88,17 +89,17 @@ def next_group(number, last, ordered, group):
     """Fill `group` with the next GROUP samples that have a color; how many there were, and where to look on."""
     count = 0
     while number < last and count < GROUP:
-        if ordered.places[number, 3] != ZERO:
+        if ordered.places[number].share != ZERO:
             group[count] = number
             count += 1
         number += 1
     return count, number
 
 
-@making_kernel
+@allocating_kernel
 def color_samples(first, last, ordered, samples, features, harmonics, network, n_features, n_hidden, is_diffuse):
     """Colors of the ordered samples first to last that have one. Lengths of the tuples n_* are sizes."""
-    inputs = np.zeros((GROUP, len(n_features) + 9), np.float32)
+    inputs = np.zeros((GROUP, len(n_features) + N_HARMONICS), np.float32)
     hidden = np.zeros((GROUP, len(n_hidden)), np.float32)
     group = np.zeros(GROUP, np.int64)
     color_groups(
@@ -117,8 +118,8 @@ def color_groups(
             at = group[member]
             own = ordered.features[at]
             ask_for_rows(at, last, ordered, features, len(n_features))
-            x, y, z = ordered.places[at, 0], ordered.places[at, 1], ordered.places[at, 2]
-            gather(features, ordered.corners[at], x, y, z, len(n_features), own)
+            place = ordered.places[at]
+            gather(features, ordered.corners[at], place.x, place.y, place.z, len(n_features), own)
         if not is_diffuse:
             read_inputs(group, count, ordered, harmonics, len(n_features), inputs)
             hidden_layers(inputs, network, hidden)
@@ -140,7 +141,7 @@ def read_inputs(group, count, ordered, harmonics, n_features, inputs):
         ray = ordered.rays[at]
         for number in range(n_features):
             inputs[member, number] = ordered.features[at, number]
-        for number in range(9):
+        for number in range(N_HARMONICS):
             inputs[member, n_features + number] = harmonics[ray, number]
 
 
@@ -150,9 +151,9 @@ def composite(first, last, rays, samples):
     for ray in range(first, last):
         red, green, blue = ZERO, ZERO, ZERO
         for sample in range(rays.first[ray], rays.first[ray] + rays.counts[ray]):
-            weight = samples.shares[sample] * samples.light[sample, 0]
+            weight = samples.shares[sample] * samples.light[sample].weight
             if weight != ZERO:
                 red += weight * samples.colors[sample, 0]
                 green += weight * samples.colors[sample, 1]
                 blue += weight * samples.colors[sample, 2]
-        rays.sums[ray, RED], rays.sums[ray, RED + 1], rays.sums[ray, RED + 2] = red, green, blue
+        rays.sums[ray, RED], rays.sums[ray, GREEN], rays.sums[ray, BLUE] = red, green, blue

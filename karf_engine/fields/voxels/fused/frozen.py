@@ -12,7 +12,7 @@ from ...rendering.sampling import Samples
 from ...rendering.spherical_harmonics import spherical_harmonics
 from ...rendering.volume import Trace
 from ..grid import VoxelGrid
-from .arrays import REMAINDER, Limits, RayArrays, new_rays, new_samples
+from .arrays import FINAL_TRANSMITTANCE, Limits, RayArrays, new_rays, new_samples
 from .arrays import Samples as Chunks
 from .asking import colors_at, features_at, pack
 from .bending import paths_of
@@ -47,7 +47,7 @@ class FrozenField:
         share(pack, len(starts), self._grid, chunks, capacity, starts, indices, distances, positions, weights)
         indices, distances, positions, weights = map(torch.from_numpy, (indices, distances, positions, weights))
         samples = Samples(indices, distances, positions, float(step * self._grid.voxel))
-        return Trace(samples, weights, torch.from_numpy(arrays.sums[:, REMAINDER].copy()))
+        return Trace(samples, weights, torch.from_numpy(arrays.sums[:, FINAL_TRANSMITTANCE].copy()))
 
     def features(self, positions: Tensor) -> Tensor:
         """Prior features [n, F] at positions [n, 3] (see `VoxelField.features`)."""

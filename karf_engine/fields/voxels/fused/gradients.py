@@ -4,15 +4,30 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....compute.kernels import kernel, making_kernel
-from .arrays import ALPHA, BEFORE, BOTH, DENSITY, DISTANCE, DISTORTION, REMAINDER, SQUARE, UP_TO, Network
-from .coloring import GROUP, ask_for_rows, hidden_layers, next_group, read_inputs
+from ....compute.kernels import allocating_kernel, kernel
+from .arrays import (
+    ALPHA,
+    BEFORE,
+    BLUE,
+    BOTH,
+    DENSITY,
+    DISTANCE,
+    DISTORTION,
+    FINAL_TRANSMITTANCE,
+    GREEN,
+    RED,
+    SQUARE,
+    UP_TO,
+    Network,
+    Workspace,
+)
+from .coloring import GROUP, N_HARMONICS, ask_for_rows, hidden_layers, next_group, read_inputs
 from .marching import ONE, THIRD, TWO, ZERO
 
 
 @kernel
-def ray_gradients(first, last, rays, samples, gradients, margin, unit, step):
-    """Gradients of raw densities and of the colors' logits, in place, of the rays first to last.
+def ray_gradients(first, last, rays, samples, gradients, margin, unit, step, sample_gradients):
+    """Fill the gradients of the samples of the rays first to last, from those of the rays' sums.
 
     A ray's sums are linear in its weights (the distortion: quadratic). A weight's own optical depth raises it and takes
     light from all behind it, which is summed up from the back.
@@ -22,11 +37,11 @@ def ray_gradients(first, last, rays, samples, gradients, margin, unit, step):
         upstream, reach = gradients[ray], rays.reach[ray]
         weights, moments = ZERO, rays.sums[ray, DISTANCE]
         for sample in range(begin, end):
-            weights += samples.light[sample, 0]
+            weights += samples.light[sample].weight
         weights_before, moments_before = ZERO, ZERO
         for sample in range(begin, end):
-            weight = samples.light[sample, 0]
-            distance = samples.places[sample, 3]
+            weight = samples.light[sample].weight
+            distance = samples.places[sample].distance
             scaled = distance / unit
             moments_behind = moments - moments_before - weight * scaled
             weights_behind = weights - weights_before - weight
@@ -40,17 +55,18 @@ def ray_gradients(first, last, rays, samples, gradients, margin, unit, step):
             moments_before += weight * scaled
             share = samples.shares[sample]
             if share != ZERO:
-                color = samples.colors[sample]
-                gradient += share * (upstream[0] * color[0] + upstream[1] * color[1] + upstream[2] * color[2])
+                color = logit_gradients = samples.colors[sample]  # these take the place of the colors
+                gradient += share * (upstream[RED] * color[0] + upstream[GREEN] * color[1] + upstream[BLUE] * color[2])
                 for channel in range(3):
                     value = color[channel]
-                    color[channel] = upstream[channel] * weight * share * value * (ONE - value)
-            samples.places[sample, 3] = gradient
-        behind = upstream[REMAINDER] * rays.sums[ray, REMAINDER]
+                    logit_gradients[channel] = upstream[channel] * weight * share * value * (ONE - value)
+            sample_gradients.weights[sample] = gradient
+        behind = upstream[FINAL_TRANSMITTANCE] * rays.sums[ray, FINAL_TRANSMITTANCE]
         for sample in range(end - 1, begin - 1, -1):
-            light, gradient = samples.light[sample], samples.places[sample, 3]
-            light[3] *= gradient * light[2] - behind + upstream[ALPHA] * light[1]
-            behind += gradient * light[0]
+            light, gradient = samples.light[sample], sample_gradients.weights[sample]
+            by_depth = gradient * light.behind - behind + upstream[ALPHA] * light.transmittance
+            sample_gradients.densities[sample] = light.slope * by_depth
+            behind += gradient * light.weight
 
 
 @kernel
@@ -117,48 +133,50 @@ def add_at(table, row, low, high, n, values):
 @kernel
 def corner_shares(place):
     """What each of a cell's four lower corners counts for, and the upper ones' part of it."""
-    x, y = place[0], place[1]
-    return ((ONE - x) * (ONE - y), (ONE - x) * y, x * (ONE - y), x * y), place[2]
+    x, y = place.x, place.y
+    return ((ONE - x) * (ONE - y), (ONE - x) * y, x * (ONE - y), x * y), place.z
 
 
-@making_kernel
+@allocating_kernel
 def slab_gradients(
-    first, last, offset, cuts, ordered, samples, harmonics, network, gradients, touched, sums, n_features,
-    n_hidden, is_diffuse,
+    first, last, offset, cuts, ordered, sample_gradients, harmonics, network, gradients, touched, sums,
+    n_features, n_hidden, is_diffuse,
 ):  # fmt: skip
     """Gradients of the slabs number offset + 2 * (first to last): no two of these share a vertex.
 
     The network's are summed by slab. Which thread takes which slab is chance, and changes no bit.
     """
-    inputs = np.zeros((GROUP, len(n_features) + 9), np.float32)
-    feature_gradients = np.zeros((GROUP, len(n_features)), np.float32)
-    logit_gradients = np.zeros((GROUP, 3), np.float32)
-    hidden = np.zeros((GROUP, len(n_hidden)), np.float32)
-    hidden_gradients = np.zeros_like(hidden)
-    group = np.zeros(GROUP, np.int64)
-    room = inputs, feature_gradients, logit_gradients, hidden, hidden_gradients, group
+    workspace = Workspace(
+        np.zeros((GROUP, len(n_features) + N_HARMONICS), np.float32),
+        np.zeros((GROUP, len(n_features)), np.float32),
+        np.zeros((GROUP, 3), np.float32),
+        np.zeros((GROUP, len(n_hidden)), np.float32),
+        np.zeros((GROUP, len(n_hidden)), np.float32),
+        np.zeros(GROUP, np.int64),
+    )
     for pair in range(first, last):
         slab = offset + 2 * pair
         own_sums = Network(sums.w1[slab], sums.b1[slab], sums.w2[slab], sums.b2[slab])
         slab_gradients_in(
-            room, cuts[slab], cuts[slab + 1], ordered, samples, harmonics, network, gradients, touched, own_sums,
-            n_features, is_diffuse,
+            workspace, cuts[slab], cuts[slab + 1], ordered, sample_gradients, harmonics, network, gradients, touched,
+            own_sums, n_features, is_diffuse,
         )  # fmt: skip
 
 
 @kernel
 def slab_gradients_in(
-    room, first, last, ordered, samples, harmonics, network, gradients, touched, sums, n_features, is_diffuse
-):
-    """Gradients of the slab of ordered samples first to last, in room for a group."""
-    inputs, feature_gradients, logit_gradients, hidden, hidden_gradients, group = room
-    density_gradients(first, last, ordered, samples, gradients[0], touched)
+    workspace, first, last, ordered, sample_gradients, harmonics, network, gradients, touched, sums, n_features,
+    is_diffuse,
+):  # fmt: skip
+    """Gradients of the slab of ordered samples first to last."""
+    inputs, feature_gradients, logit_gradients, hidden, hidden_gradients, group = workspace
+    density_gradients(first, last, ordered, sample_gradients, gradients.densities, touched)
     count, number = next_group(first, last, ordered, group)
     while count:
         logit_gradients[:] = ZERO
         for member in range(count):
             for channel in range(3):
-                gradient = samples.colors[ordered.index[group[member]], channel]
+                gradient = sample_gradients.logits[ordered.index[group[member]], channel]
                 logit_gradients[member, channel] = feature_gradients[member, channel] = gradient
         if not is_diffuse:
             read_inputs(group, count, ordered, harmonics, len(n_features), inputs)
@@ -167,24 +185,24 @@ def slab_gradients_in(
                 inputs, len(n_features), hidden, logit_gradients, network, sums, hidden_gradients, feature_gradients
             )
         for member in range(count):
-            ask_for_rows(group[member], last, ordered, gradients[1], len(n_features))
+            ask_for_rows(group[member], last, ordered, gradients.features, len(n_features))
             corners = ordered.corners[group[member]]
             shares, upper = corner_shares(ordered.places[group[member]])
             for corner in range(4):
                 low, high = shares[corner] * (ONE - upper), shares[corner] * upper
-                add_at(gradients[1], corners[corner], low, high, len(n_features), feature_gradients[member])
+                add_at(gradients.features, corners[corner], low, high, len(n_features), feature_gradients[member])
         count, number = next_group(number, last, ordered, group)
 
 
 @kernel
-def density_gradients(first, last, ordered, samples, gradients, touched):
+def density_gradients(first, last, ordered, sample_gradients, gradients, touched):
     """Gradients of raw densities, of the ordered samples first to last, and which rows they touch."""
     for number in range(first, last):
         place = ordered.places[number]
         corners = ordered.corners[number]
         shares, upper = corner_shares(place)
-        gradient = samples.light[ordered.index[number], 3]
-        flag = DENSITY if place[3] == ZERO else BOTH
+        gradient = sample_gradients.densities[ordered.index[number]]
+        flag = DENSITY if place.share == ZERO else BOTH
         for corner in range(4):
             row = np.uint64(corners[corner])
             gradients[row] += shares[corner] * (ONE - upper) * gradient

@@ -9,14 +9,27 @@ import math
 
 import numpy as np
 
-from ....compute.kernels import kernel, making_kernel
+from ....compute.kernels import allocating_kernel, kernel
+from ...rendering.sampling import BLOCK
+from ...rendering.volume import VISIBLE_WEIGHT
 from .. import renderer
-from .arrays import ALPHA, BEFORE, DISTANCE, DISTORTION, REMAINDER, SQUARE, UP_TO, Grid, Limits, RayArrays, Samples
+from .arrays import (
+    ALPHA,
+    BEFORE,
+    DISTANCE,
+    DISTORTION,
+    FINAL_TRANSMITTANCE,
+    SQUARE,
+    UP_TO,
+    Grid,
+    Limits,
+    RayArrays,
+    Samples,
+)
 
 CHUNK = 32  # rays whose samples lie in one piece of memory
-BLOCK = 4  # cells a side of the coarse grid's blocks, and steps of a coarse stride (sampling.BLOCK)
 DARK = np.float32(renderer.DARK)
-VISIBLE = np.float32(1e-4)  # without a lottery, samples of less weight have no color (volume.VISIBLE_WEIGHT)
+VISIBLE = np.float32(VISIBLE_WEIGHT)  # without Russian roulette, samples of less weight have no color
 ZERO, HALF, ONE, TWO = np.float32(0), np.float32(0.5), np.float32(1), np.float32(2)
 THIRD = np.float32(1 / 3)
 
@@ -75,7 +88,7 @@ def row_of(index, vertex):
 @kernel
 def corners_of(grid, vertex):
     """Table rows of the four lower corners of the occupied cell at a vertex; each has the upper one's after it."""
-    row, plane = grid.shape[7], grid.shape[8]
+    row, plane = grid.row_stride, grid.plane_stride
     return (
         row_of(grid.index, vertex), row_of(grid.index, vertex + row),
         row_of(grid.index, vertex + plane), row_of(grid.index, vertex + plane + row),
@@ -104,9 +117,9 @@ def place_at(path, starts, directions, piece, distance, grid):
     return x, y, z
 
 
-@making_kernel
+@allocating_kernel
 def march(first_chunk, last_chunk, grid: Grid, rays: RayArrays, samples: Samples, limits: Limits):
-    """Fill `samples`, and all of `rays` but the colors. A chunk that needs more places says so in its count."""
+    """Fill `samples`, and all of `rays` but the colors. The count of a chunk that needs more places is its capacity."""
     n_rays, n_knots = len(rays.jitter), rays.paths.shape[1]
     starts = np.empty(n_knots, np.float32)
     directions = np.empty((n_knots, 3), np.float32)
@@ -131,9 +144,7 @@ def march(first_chunk, last_chunk, grid: Grid, rays: RayArrays, samples: Samples
 def march_ray(ray, count, end, starts, directions, grid, rays, samples, limits):
     """Samples of one ray from place `count` on; returns the place after the last one."""
     path, jitter, reach, sums = rays.paths[ray], rays.jitter[ray], rays.reach[ray], rays.sums[ray]
-    size_x, size_y, size_z = grid.shape[0], grid.shape[1], grid.shape[2]
-    blocks_x, blocks_y, blocks_z, row_bytes = grid.shape[3], grid.shape[4], grid.shape[5], grid.shape[6]
-    row, plane = grid.shape[7], grid.shape[8]
+    cells, blocks = grid.cells, grid.blocks
     step = limits.step * grid.voxel
     stride = np.float32(BLOCK) * step
     unit = ONE / limits.unit
@@ -150,10 +161,10 @@ def march_ray(ray, count, end, starts, directions, grid, rays, samples, limits):
         while coarse_piece + 1 < n_pieces and starts[coarse_piece + 1] <= distance:
             coarse_piece += 1
         x, y, z = place_at(path, starts, directions, coarse_piece, distance, grid)
-        i = min(max(int(x * np.float32(1 / BLOCK)), 0), blocks_x - 1)
-        j = min(max(int(y * np.float32(1 / BLOCK)), 0), blocks_y - 1)
-        k = min(max(int(z * np.float32(1 / BLOCK)), 0), blocks_z - 1)
-        if grid.coarse[(i * blocks_y + j) * blocks_z + k] == 0:
+        i = min(max(int(x * np.float32(1 / BLOCK)), 0), blocks.x - 1)
+        j = min(max(int(y * np.float32(1 / BLOCK)), 0), blocks.y - 1)
+        k = min(max(int(z * np.float32(1 / BLOCK)), 0), blocks.z - 1)
+        if grid.coarse[(i * blocks.y + j) * blocks.z + k] == 0:
             continue
         for number in range(block * BLOCK, (block + 1) * BLOCK):
             distance = (np.float32(number) + jitter) * step
@@ -163,17 +174,17 @@ def march_ray(ray, count, end, starts, directions, grid, rays, samples, limits):
                 piece += 1
             x, y, z = place_at(path, starts, directions, piece, distance, grid)
             # bent paths are not clipped to the grid
-            if is_bent and (x < 0 or y < 0 or z < 0 or x >= size_x or y >= size_y or z >= size_z):
+            if is_bent and (x < 0 or y < 0 or z < 0 or x >= cells.x or y >= cells.y or z >= cells.z):
                 continue
-            i = min(max(int(x), 0), size_x - 1)
-            j = min(max(int(y), 0), size_y - 1)
-            k = min(max(int(z), 0), size_z - 1)
-            if (grid.bits[(i * size_y + j) * row_bytes + (k >> 3)] >> (k & 7)) & 1 == 0:
+            i = min(max(int(x), 0), cells.x - 1)
+            j = min(max(int(y), 0), cells.y - 1)
+            k = min(max(int(z), 0), cells.z - 1)
+            if (grid.bits[(i * cells.y + j) * grid.row_bytes + (k >> 3)] >> (k & 7)) & 1 == 0:
                 continue
             if count == end:
                 return end  # a full chunk is computed again with more places
             x, y, z = x - np.float32(i), y - np.float32(j), z - np.float32(k)
-            lowest = i * plane + j * row + k
+            lowest = i * grid.plane_stride + j * grid.row_stride + k
             corners = corners_of(grid, lowest)
             raw = raw_density(grid.densities, corners, x, y, z) + grid.bias
             small = math.exp(-abs(raw))
@@ -200,15 +211,14 @@ def march_ray(ray, count, end, starts, directions, grid, rays, samples, limits):
             for corner in range(4):
                 samples.corners[count, corner] = corners[corner]
             samples.rays[count] = ray
-            samples.places[count, 0], samples.places[count, 1], samples.places[count, 2] = x, y, z
-            samples.places[count, 3] = distance
-            samples.light[count, 0], samples.light[count, 1], samples.light[count, 2] = weight, through, light
-            samples.light[count, 3] = slope * limits.step
+            place, lit = samples.places[count], samples.light[count]
+            place.x, place.y, place.z, place.distance = x, y, z, distance
+            lit.weight, lit.transmittance, lit.behind, lit.slope = weight, through, light, slope * limits.step
             samples.shares[count] = share_of(weight, limits, ray, number)
             count += 1
             if light <= DARK:
                 break
-    sums[REMAINDER], sums[DISTORTION] = math.exp(-depth), pairs
+    sums[FINAL_TRANSMITTANCE], sums[DISTORTION] = math.exp(-depth), pairs
     sums[BEFORE], sums[UP_TO] = before, up_to
     sums[DISTANCE], sums[SQUARE], sums[ALPHA] = distance_sum, square_sum, alpha_sum
     return count
@@ -217,20 +227,20 @@ def march_ray(ray, count, end, starts, directions, grid, rays, samples, limits):
 @kernel
 def share_of(weight, limits, ray, number):
     """What a sample's color counts for: nothing, or one over the probability that it is drawn (Russian roulette)."""
-    if limits.lottery <= ZERO:
-        return ONE if weight > max(VISIBLE, -limits.lottery) else ZERO
-    if weight >= limits.lottery:
+    if limits.russian_roulette == ZERO:
+        return ONE if weight > VISIBLE else ZERO
+    if weight >= limits.russian_roulette:
         return ONE
-    if uniform(limits.seed, ray, number) * limits.lottery < weight:
-        return limits.lottery / weight
+    if uniform(limits.seed, ray, number) * limits.russian_roulette < weight:
+        return limits.russian_roulette / weight
     return ZERO
 
 
 @kernel
 def count_places(first, last, pieces, grid, samples, bins, capacity):
     """Of each piece of the chunks, how many samples lie in each bin: a part of a plane of the grid."""
-    plane = grid.shape[8]
-    parts = bins.shape[1] // (grid.shape[0] + 1)  # of each plane
+    plane = grid.plane_stride
+    parts = bins.shape[1] // (grid.cells.x + 1)  # of each plane
     for piece in range(first, last):
         own = bins[piece]
         own[:] = 0
@@ -256,8 +266,8 @@ def place_bins(n_planes, bins, planes):
 @kernel
 def put_in_place(first, last, pieces, grid, samples, ordered, bins, capacity):
     """Write the samples of these pieces of the chunks in order: a stable counting sort, however they are cut."""
-    plane = grid.shape[8]
-    parts = bins.shape[1] // (grid.shape[0] + 1)
+    plane = grid.plane_stride
+    parts = bins.shape[1] // (grid.cells.x + 1)
     for piece in range(first, last):
         for chunk in range(pieces[piece], pieces[piece + 1]):
             for sample in range(chunk * capacity, chunk * capacity + samples.counts[chunk]):
@@ -268,9 +278,8 @@ def put_in_place(first, last, pieces, grid, samples, ordered, bins, capacity):
                 for corner in range(4):
                     ordered.corners[to, corner] = samples.corners[sample, corner]
                 ordered.rays[to] = samples.rays[sample]
-                for axis in range(3):
-                    ordered.places[to, axis] = samples.places[sample, axis]
-                ordered.places[to, 3] = samples.shares[sample]
+                own, place = ordered.places[to], samples.places[sample]
+                own.x, own.y, own.z, own.share = place.x, place.y, place.z, samples.shares[sample]
 
 
 @kernel
@@ -286,4 +295,4 @@ def mark_visible(n_chunks, samples, capacity, visibility):
     for chunk in range(n_chunks):
         for sample in range(chunk * capacity, chunk * capacity + samples.counts[chunk]):
             cell = samples.corners[sample, 0]
-            visibility[cell] = max(visibility[cell], samples.light[sample, 0])
+            visibility[cell] = max(visibility[cell], samples.light[sample].weight)

@@ -20,7 +20,7 @@ from ...rendering.rays import Rays
 from ...rendering.space import Contraction
 from ...scene import Scene
 from ..field import VoxelField
-from ..renderer import Observing, RayBatch
+from ..renderer import PointSupervision, RayBatch
 from .bending import paths_of
 from .renderer import FusedRenderer
 
@@ -49,7 +49,7 @@ def prepare(n_features: int) -> None:
     runtime = start_runtime(0, 1, "cpu")
     rays = Rays(torch.tensor([[0.5, 0.5, -1.0]]), torch.tensor([[0.0, 0.0, 1.0]]))
     field = VoxelField(torch.zeros(3), 0.5, torch.ones(2, 2, 2, dtype=torch.bool), n_features)
-    renderer = FusedRenderer(field, runtime, 1.0, 0.02, Observing(0.1, 0.1))
+    renderer = FusedRenderer(field, runtime, 1.0, 0.02, PointSupervision(0.1, 0.1))
     groups = [{"params": [field.raw_density, field.feature_table]}, {"params": list(field.color_network.parameters())}]
     optimizer = renderer.optimizer(groups, (0.9, 0.99))
     renderer.visibility([rays])

@@ -13,9 +13,19 @@ from ....compute.runtime import Runtime
 from ...rendering.rays import Rays
 from ...rendering.spherical_harmonics import spherical_harmonics
 from ..field import VoxelField
-from ..renderer import Observing, RayBatch, RaySums
+from ..renderer import PointSupervision, RayBatch, RaySums
 from .adam import LazyAdam
-from .arrays import Limits, Network, Samples, Sorted, new_rays, new_samples
+from .arrays import (
+    SHARED_PLACE,
+    Limits,
+    Network,
+    SampleGradients,
+    Samples,
+    Sorted,
+    new_rays,
+    new_sample_gradients,
+    new_samples,
+)
 from .bending import paths_of
 from .coloring import color_samples, composite
 from .gradients import ray_gradients, slab_gradients
@@ -30,15 +40,21 @@ SLABS = 24  # of the grid, whose gradients are computed side by side
 class FusedRenderer:
     """Renders and learns one field of the processor's memory."""
 
-    def __init__(self, field: VoxelField, runtime: Runtime, unit: float, lottery: float, observing: Observing) -> None:
+    def __init__(
+        self, field: VoxelField, runtime: Runtime, unit: float, russian_roulette: float, supervision: PointSupervision
+    ) -> None:
         """See ../renderer.py: new_renderer."""
         take_from_torch()
         self.field, self.runtime = field, runtime
         self.tables = FieldTables(field)
         self._limits = Limits(
-            64 * CHUNK, 0, np.float32(1), *map(np.float32, (lottery, observing.margin, observing.off_path, unit))
+            64 * CHUNK,
+            0,
+            np.float32(1),
+            *map(np.float32, (russian_roulette, supervision.margin, supervision.off_path, unit)),
         )
         self._samples: Samples | None = None
+        self._gradients: SampleGradients | None = None
         self._ordered: Sorted | None = None
 
     def optimizer(self, groups: list[dict], betas: tuple[float, float]) -> LazyAdam:
@@ -47,10 +63,12 @@ class FusedRenderer:
     def render(self, batch: RayBatch) -> RaySums:
         sums = _Render.apply(self.field.raw_density, self, batch)
         color, rest = sums[:, :3], sums[:, 3:].unbind(1)
-        remainder, distortion, before, up_to, distance, square, alpha = rest
+        final_transmittance, distortion, before, up_to, distance, square, alpha = rest
         observes = torch.from_numpy(self._rays.reach >= 0)
         n_samples = int(self._rays.counts.sum())
-        return RaySums(color, remainder, distortion, before, up_to, observes, distance, square, alpha, n_samples)
+        return RaySums(
+            color, final_transmittance, distortion, before, up_to, observes, distance, square, alpha, n_samples
+        )
 
     def differences(self, rows: Tensor, other_rows: Tensor) -> tuple[Tensor, Tensor]:
         return _Differences.apply(self.field.raw_density, self, rows.int().numpy(), other_rows.int().numpy()).unbind(0)
@@ -68,7 +86,7 @@ class FusedRenderer:
 
     # ------------------------------------------------------------------------------------------------------ kernels
     def forward(self, batch: RayBatch) -> Tensor:
-        """Sums of each ray, [R, 10], in the order of arrays.RED to ALPHA."""
+        """Sums of each ray, [R, N_SUMS], in the order of arrays.RED to ALPHA."""
         self._march(batch)
         samples, ordered, tables = self._samples, self._ordered, self.tables
         total = self._sort_by_place()
@@ -76,25 +94,25 @@ class FusedRenderer:
         self._network, self._is_diffuse = tables.network(), batch.is_diffuse
         self._total = total
         share(
-            color_samples, total, ordered, samples, tables.values[1], self._harmonics, self._network,
+            color_samples, total, ordered, samples, tables.values.features, self._harmonics, self._network,
             tables.n_features, tables.n_hidden, batch.is_diffuse,
         )  # fmt: skip
         share(composite, len(batch.rays), self._rays, samples)
         return torch.from_numpy(self._rays.sums)
 
     def backward(self, gradients: Tensor) -> None:
-        """Add up the gradients of tables and network, from those of the last batch's sums [R, 10]."""
-        tables, limits, samples, ordered = self.tables, self._limits, self._samples, self._ordered
+        """Add up the gradients of tables and network, from those of the last batch's sums [R, N_SUMS]."""
+        tables, limits, ordered = self.tables, self._limits, self._ordered
         share(
-            ray_gradients, len(gradients), self._rays, samples, gradients.contiguous().numpy(), limits.margin,
-            limits.unit, np.float32(limits.step * self.field.voxel),
+            ray_gradients, len(gradients), self._rays, self._samples, gradients.contiguous().numpy(), limits.margin,
+            limits.unit, np.float32(limits.step * self.field.voxel), self._gradients,
         )  # fmt: skip
         cuts = self._cuts()
         n_slabs = len(cuts) - 1
         sums = Network(*(np.zeros((n_slabs, *part.shape), np.float32) for part in self._network))
         for offset in range(2):  # even slabs share no vertex, nor do odd ones
             share(
-                slab_gradients, (n_slabs + 1 - offset) // 2, offset, cuts, ordered, samples,
+                slab_gradients, (n_slabs + 1 - offset) // 2, offset, cuts, ordered, self._gradients,
                 self._harmonics, self._network, tables.gradients, tables.touched, sums, tables.n_features,
                 tables.n_hidden, self._is_diffuse,
             )  # fmt: skip
@@ -126,35 +144,32 @@ class FusedRenderer:
         observed = np.zeros((0, 3), np.float32) if batch.observed is None else batch.observed.numpy()
         paths = paths_of(self.field.space, self.field.bounds, batch.rays)
         self._rays = new_rays(paths, batch.jitter.numpy(), observed)
-        seed = int(self.runtime.randint(2**31 - 1, 1)) if self._limits.lottery else 0
+        seed = int(self.runtime.randint(2**31 - 1, 1)) if self._limits.russian_roulette else 0
         self._limits = self._limits._replace(seed=seed, step=np.float32(batch.step))
-        self._make_room(self._limits.capacity)
+        self._grow(self._limits.capacity)
         while True:
             share(march, self._n_chunks, self.tables.grid, self._rays, self._samples, self._limits)
             if self._samples.counts[: self._n_chunks].max(initial=0) < self._limits.capacity:
                 return
-            self._make_room(self._limits.capacity * 3 // 2)
+            self._grow(self._limits.capacity * 3 // 2)
 
-    def _make_room(self, capacity: int) -> None:
-        """Memory for as many samples a chunk; it only grows."""
+    def _grow(self, capacity: int) -> None:
+        """Memory for `capacity` samples a chunk; it only grows."""
         size = self._n_chunks * capacity
         self._limits = self._limits._replace(capacity=capacity)
         if self._samples is not None and len(self._samples.rays) >= size:
             return
         n_planes = self.field.occupied.shape[0] + 1
-
-        def room(kind: type, *shape: int) -> np.ndarray:
-            return np.empty(shape, kind)
-
         self._samples = new_samples(self._n_chunks, capacity)
+        self._gradients = new_sample_gradients(self._samples)
         self._ordered = Sorted(
-            room(np.int32, size),
-            room(np.int32, size, 4),
-            room(np.int32, size),
-            room(np.float32, size, 4),
-            room(np.float32, size, self.field.n_features),
-            room(np.int32, count(), max(1, BINS // n_planes) * n_planes),
-            room(np.int64, n_planes + 1),
+            np.empty(size, np.int32),
+            np.empty((size, 4), np.int32),
+            np.empty(size, np.int32),
+            np.empty(size, SHARED_PLACE),
+            np.empty((size, self.field.n_features), np.float32),
+            np.empty((count(), max(1, BINS // n_planes) * n_planes), np.int32),
+            np.empty(n_planes + 1, np.int64),
         )
 
 

@@ -54,8 +54,8 @@ def difference_gradients(
             continue
         has_one, has_other = first <= one < last, first <= other < last
         if has_one and has_other:
-            ask_for_pair(pair, rows, other_rows, values[1], len(n_features))
-            ask_for_pair(pair, rows, other_rows, gradients[1], len(n_features))
+            ask_for_pair(pair, rows, other_rows, values.features, len(n_features))
+            ask_for_pair(pair, rows, other_rows, gradients.features, len(n_features))
             draw_together(one, other, values, gradients, n_features, touched, density_share, feature_share)
         elif has_one:
             draw(one, other, values, gradients, n_features, touched, density_share, feature_share)
@@ -67,25 +67,25 @@ def difference_gradients(
 def draw_together(one, other, values, gradients, n_features, touched, density_share, feature_share):
     """Add to the gradients of two rows what their difference asks of them."""
     touched[one] = touched[other] = BOTH
-    gradient = TWO * density_share * (values[0][other] - values[0][one])
-    gradients[0][one] -= gradient
-    gradients[0][other] += gradient
+    gradient = TWO * density_share * (values.densities[other] - values.densities[one])
+    gradients.densities[one] -= gradient
+    gradients.densities[other] += gradient
     a = np.uint64(one) * np.uint64(len(n_features))
     b = np.uint64(other) * np.uint64(len(n_features))
     for number in range(len(n_features)):
         k = np.uint64(number)
-        gradient = TWO * feature_share * (values[1][b + k] - values[1][a + k])
-        gradients[1][a + k] -= gradient
-        gradients[1][b + k] += gradient
+        gradient = TWO * feature_share * (values.features[b + k] - values.features[a + k])
+        gradients.features[a + k] -= gradient
+        gradients.features[b + k] += gradient
 
 
 @literal_kernel
 def draw(row, other, values, gradients, n_features, touched, density_share, feature_share):
     """The same for the first of them alone: another core adds to the other one."""
     touched[row] = BOTH
-    gradients[0][row] -= TWO * density_share * (values[0][other] - values[0][row])
+    gradients.densities[row] -= TWO * density_share * (values.densities[other] - values.densities[row])
     a = np.uint64(row) * np.uint64(len(n_features))
     b = np.uint64(other) * np.uint64(len(n_features))
     for number in range(len(n_features)):
         k = np.uint64(number)
-        gradients[1][a + k] -= TWO * feature_share * (values[1][b + k] - values[1][a + k])
+        gradients.features[a + k] -= TWO * feature_share * (values.features[b + k] - values.features[a + k])

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor, nn
 
 from ..grid import VoxelGrid
-from .arrays import DENSITY, FEATURES, Grid, Network
+from .arrays import DENSITY, FEATURES, Axes, Grid, Network, TablePair
 
 
 class FieldTables:
@@ -15,15 +15,16 @@ class FieldTables:
 
     Attributes:
         grid: The cells.
-        gradients: Of densities [n] and of features [n * F], added up since the last step.
-        touched: Which rows have gradients, bits of adam.DENSITY and adam.FEATURES, [n] uint8.
+        gradients: Of densities and of features, added up since the last step.
+        touched: Which rows have gradients, bits of arrays.DENSITY and arrays.FEATURES, [n] uint8.
         n_features, n_hidden: Tuples as long as there are features and hidden units: lengths are constants to numba.
     """
 
     def __init__(self, field: VoxelGrid) -> None:
         self.field = field
         self.grid = grid_of(field)
-        self.gradients = np.zeros(len(field.raw_density), np.float32), np.zeros(field.feature_table.numel(), np.float32)
+        sizes = len(field.raw_density), field.feature_table.numel()
+        self.gradients = TablePair(*(np.zeros(size, np.float32) for size in sizes))
         self.touched = np.zeros(len(field.raw_density), np.uint8)
         self.n_features, self.n_hidden = (0,) * field.n_features, (0,) * field.width
 
@@ -33,10 +34,9 @@ class FieldTables:
         return self.field.raw_density, self.field.feature_table
 
     @property
-    def values(self) -> tuple[np.ndarray, np.ndarray]:
-        """Raw densities [n] and features [n * F]."""
-        density, features = self.parameters
-        return flat(density), flat(features)
+    def values(self) -> TablePair:
+        """Raw densities and features, the field's own memory."""
+        return TablePair(*map(flat, self.parameters))
 
     def show_gradients(self) -> None:
         """Let the field's parameters have these gradients, in this very memory: processes that learn together read it."""
@@ -56,11 +56,15 @@ class FieldTables:
 def grid_of(field: VoxelGrid) -> Grid:
     """The cells of a field, with its densities."""
     bits = np.packbits(field.occupied.numpy(), axis=2, bitorder="little")
-    row, plane = field.vertex_numbers(torch.tensor([[0, 1, 0], [1, 0, 0]])).tolist()
+    row_stride, plane_stride = field.vertex_numbers(torch.tensor([[0, 1, 0], [1, 0, 0]])).tolist()
     return Grid(
         field.minimum.numpy(),
         np.float32(field.voxel),
-        np.array([*field.occupied.shape, *field.coarse.shape, bits.shape[2], row, plane]),
+        Axes(*field.occupied.shape),
+        Axes(*field.coarse.shape),
+        bits.shape[2],
+        row_stride,
+        plane_stride,
         bits.ravel(),
         field.coarse.numpy().view(np.uint8).ravel(),
         field.index.view(-1).numpy(),
