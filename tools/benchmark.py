@@ -84,7 +84,8 @@ def bench_kan(options: argparse.Namespace) -> list[Row]:
     from tools.speed import kan
 
     rows = kan.run(options.threads, options.repeats)
-    kan.print_table(rows)
+    print_rows(rows)
+    kan.print_ratios(rows)
     return rows
 
 

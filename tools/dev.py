@@ -5,8 +5,8 @@
     python3 tools/dev.py matrix [CELL ...]   the tests on other versions of Blender, Python, packages: docs/versions.md
     python3 tools/dev.py bench [NAME ...]    measured ratios and seconds
     python3 tools/dev.py evaluate [TABLE ..] the paper's tables on the demo capture: docs/results.md
-    python3 tools/dev.py faults [NAME ...]   kills, full disks, damage thrown at the engine: docs/reliability.md
-    python3 tools/dev.py fuzz [READER ...]   nearly right files for every reader: docs/reliability.md
+    python3 tools/dev.py faults [-k NAME]    kills, full disks, damage thrown at the engine: docs/reliability.md
+    python3 tools/dev.py fuzz [-k READER]    nearly right files for every reader: docs/reliability.md
     python3 tools/dev.py window [...]        the extension used by mouse and keys in a real window: docs/window_story.md
     python3 tools/dev.py build               the extension's zip, repository and checksums in dist/; sets nothing up
     python3 tools/dev.py wheel               the engine's wheel and source archive in dist/, checked
@@ -153,13 +153,37 @@ def run_tests(options: argparse.Namespace, rest: list[str]) -> int:
 
 
 def run_matrix(options: argparse.Namespace, rest: list[str]) -> int:
-    """Run the tests on other versions, in environments that uv makes; without a network, say that none was run."""
+    """Run the tests on other versions by nox, in environments that uv makes; without a network, say that none was run."""
+    chosen = parse_matrix(rest)
+    if chosen.clean:
+        shutil.rmtree(ROOT / ".venv" / "matrix", ignore_errors=True)
+        return 0
     try:
-        setup("lock")
+        setup("nox")
     except subprocess.CalledProcessError:
-        print("matrix: skipped, uv could not be downloaded", flush=True)
-        return int("--strict" in rest)
-    return _run("lock", "-m", "tools.matrix", *rest)
+        print("matrix: skipped, nox could not be downloaded", flush=True)
+        return int(chosen.strict)
+    sessions = ["wheels"] if chosen.wheels else chosen.cells
+    arguments = ["--list"] if chosen.list else ["--session", *sessions] if sessions else []
+    arguments += [
+        f"--{'' if chosen.strict else 'no-'}error-on-missing-interpreters"
+    ]  # else nox asks whether it is in CI
+    if chosen.out:
+        chosen.out.parent.mkdir(parents=True, exist_ok=True)
+        arguments += ["--report", str(chosen.out)]
+    return _run("nox", "-m", "nox", *arguments, "--", *(name for name in ("quick", "strict") if getattr(chosen, name)))
+
+
+def parse_matrix(rest: list[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python3 tools/dev.py matrix", description=run_matrix.__doc__)
+    parser.add_argument("cells", nargs="*", metavar="CELL", help="which, as --list names them (default: all)")
+    parser.add_argument("--quick", action="store_true", help="leave slow tests of the engine out")
+    parser.add_argument("--strict", action="store_true", help="a skipped cell counts as a failed one")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write what came of each cell as JSON")
+    parser.add_argument("--wheels", action="store_true", help="only ask for which systems there are all packages")
+    parser.add_argument("--list", action="store_true", help="only list the cells")
+    parser.add_argument("--clean", action="store_true", help="only remove the environments")
+    return parser.parse_args(rest)
 
 
 def run_bench(options: argparse.Namespace, rest: list[str]) -> int:
@@ -171,11 +195,15 @@ def run_evaluate(options: argparse.Namespace, rest: list[str]) -> int:
 
 
 def run_faults(options: argparse.Namespace, rest: list[str]) -> int:
-    return _run("engine", "-m", "tools.reliability.faults", *rest, **ONE_THREAD)
+    """Throw all faults; `rest` is pytest's, such as `-k kills`, and `--kills N` and `--seed N`."""
+    return _run("engine", "-m", "pytest", "blender_tests/engine/faults", "-v", "--all-faults", *rest)
 
 
 def run_fuzz(options: argparse.Namespace, rest: list[str]) -> int:
-    return _run("engine", "-m", "tools.reliability.fuzz", *rest, **ONE_THREAD)
+    """Change many files of every reader; `rest` is pytest's, such as `-k PLY`, and `--mutants N`."""
+    shown = ("-v", "--hypothesis-show-statistics", "--capture=sys", "--basetemp=fuzz_out")
+    mutants = ("-m", "pytest", "blender_tests/engine/readers", "--mutants=400", *shown, *rest)
+    return _run("engine", *mutants, **ONE_THREAD)
 
 
 def run_window(options: argparse.Namespace, rest: list[str]) -> int:

@@ -1,4 +1,4 @@
-"""Judge edges in the photos' own size, ours beside simpler ways to them: OUT/edges.json, and crops of each scene.
+"""Judge edges in the photos' own size, ours beside the field's: OUT/edges.json, and crops of each scene.
 
     .venv/engine/bin/python -m tools.scenes.judge_edges CAPTURES LEARNED [SCENE ...] --out OUT [--larger LEARNED]
 
@@ -7,8 +7,8 @@ one as it is otherwise, whose labels then stand for the coverage. LEARNED/<scene
 `project`; it may have been learned from any capture of the same views. With --larger, projects that were learned from
 larger photos.
 
-Rows: `field` (the field's probabilities, enlarged: edges=field), `bicubic`, `guided` filter, `matting` alone, `photo`
-(ours: edges=photo), `larger` (the field as learned from larger photos), `truth` (the true coverage). Edits are those of the capture, from one color pair an object.
+Rows: `field` (the field's probabilities, enlarged: edges=field), `photo` (ours: edges=photo), `larger` (the field as
+learned from larger photos), `truth` (the true coverage). Edits are those of the capture, from one color pair an object.
 """
 
 from __future__ import annotations

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import time
-from typing import Any
+from functools import partial
 
 import numpy as np
 
 from karf_engine.palettes.compositing import delta_composite
 
+from .rows import Row, median_seconds
+
 SIZE, COLORS = 800, 6
 
 
-def run(repeats: int = 21) -> list[dict[str, Any]]:
+def run(repeats: int = 21) -> list[Row]:
     """Median milliseconds of `delta_composite`, with one swatch changed and with all; a dict a case.
 
     object: the share of the picture's height that it spans (1 is the worst case).
@@ -29,16 +30,7 @@ def run(repeats: int = 21) -> list[dict[str, Any]]:
         for changed in (1, COLORS):
             edited = learned.copy()
             edited[0, -changed:] = 1 - edited[0, -changed:]
-            times = []
-            for _ in range(repeats):
-                start = time.perf_counter()
-                delta_composite(base, weights, learned, edited, out=out)
-                times.append(time.perf_counter() - start)
-            milliseconds = round(1000 * float(np.median(times)), 2)
+            work = partial(delta_composite, base, weights, learned, edited, out=out)
+            milliseconds = round(1000 * median_seconds({"delta": work}, repeats)["delta"], 2)
             results.append({"case": "delta", "object": span, "changed": changed, "median_ms": milliseconds})
     return results
-
-
-if __name__ == "__main__":
-    for row in run():
-        print(row)

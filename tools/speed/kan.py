@@ -1,15 +1,12 @@
-"""Time and memory of the Gaussian layer against its floor and its rivals: python -m tools.speed.kan [--threads 1].
+"""Time and memory of the Gaussian layer against its floor and its rivals: python3 tools/dev.py bench kan.
 
 All cases run interleaved in one process, 16,384 rows, 256 -> 256, N = 8, float32; the figures are medians. The floor
 is the matrix products alone, on blocks that already exist: one forward, two backward. `fastkan` is the plain form
 that stores every basis. Memory is the peak a forward and backward pass allocates on top of input and parameters.
 """
 
-import argparse
 import os
-import statistics
-import time
-from collections.abc import Callable
+from functools import partial
 from itertools import accumulate
 
 os.environ.setdefault("KINETO_LOG_LEVEL", "99")  # the memory profiler is talkative
@@ -21,6 +18,8 @@ from torch import Tensor, nn
 from karf_engine.kan.bspline import BSplineLayer
 from karf_engine.kan.grbf import GRBFLayer
 from karf_engine.kan.mlp import MLPLayer
+
+from .rows import Row, median_seconds
 
 N_ROWS, N_IN, N_OUT, N_CENTERS = 16384, 256, 256, 8
 # Ratios of times, forward and forward + backward: ours to the floor at most, the stored form to ours at least.
@@ -64,24 +63,8 @@ def _forward(layer: nn.Module, x: Tensor) -> None:
 
 
 def _forward_backward(layer: nn.Module, x: Tensor, upstream: Tensor) -> None:
-    layer(x).backward(upstream)
-
-
-def _seconds(work: Callable[..., None], layer: nn.Module, *tensors: Tensor) -> float:
-    _clear_gradients(layer, tensors[0])
-    start = time.perf_counter()
-    work(layer, *tensors)
-    return time.perf_counter() - start
-
-
-def _peak_megabytes(layer: nn.Module, x: Tensor, upstream: Tensor) -> float:
-    """Return the highest sum of live allocations of a forward and backward pass, from the profiler's memory events."""
     _clear_gradients(layer, x)
-    with torch.profiler.profile(activities=[torch.profiler.ProfilerActivity.CPU], profile_memory=True) as profile:
-        _forward_backward(layer, x, upstream)
-    events = [event for event in profile.profiler.kineto_results.events() if event.name() == "[memory]"]
-    live = accumulate(event.nbytes() for event in sorted(events, key=lambda event: event.start_ns()))
-    return max(live) / 2**20
+    layer(x).backward(upstream)
 
 
 def _clear_gradients(layer: nn.Module, x: Tensor) -> None:
@@ -89,7 +72,17 @@ def _clear_gradients(layer: nn.Module, x: Tensor) -> None:
     x.grad = None
 
 
-def run(threads: int = 1, repeats: int = 5) -> list[dict]:
+def _peak_megabytes(layer: nn.Module, x: Tensor, upstream: Tensor) -> float:
+    """Return the highest sum of live allocations of a forward and backward pass, from the profiler's memory events."""
+    _clear_gradients(layer, x)  # before, so that freeing them does not count
+    with torch.profiler.profile(activities=[torch.profiler.ProfilerActivity.CPU], profile_memory=True) as profile:
+        _forward_backward(layer, x, upstream)
+    events = [event for event in profile.profiler.kineto_results.events() if event.name() == "[memory]"]
+    live = accumulate(event.nbytes() for event in sorted(events, key=lambda event: event.start_ns()))
+    return max(live) / 2**20
+
+
+def run(threads: int = 1, repeats: int = 5) -> list[Row]:
     """Return one row a case: median milliseconds, ratios to the floor, and peak memory in MB; sets torch's threads."""
     torch.set_num_threads(threads)
     torch.manual_seed(0)
@@ -101,61 +94,31 @@ def run(threads: int = 1, repeats: int = 5) -> list[dict]:
         "bspline": BSplineLayer(N_IN, N_OUT),
         "mlp": MLPLayer(N_IN, N_OUT),
     }
-    forward, both = {name: [] for name in layers}, {name: [] for name in layers}
-    for repeat in range(repeats + 1):  # the first round warms up
-        for name, layer in layers.items():
-            seconds = _seconds(_forward, layer, x), _seconds(_forward_backward, layer, x, upstream)
-            if repeat:
-                forward[name].append(seconds[0])
-                both[name].append(seconds[1])
-    rows = [
+    passes = {"forward": _forward, "both": partial(_forward_backward, upstream=upstream)}
+    cases = {(name, way): partial(work, layer, x) for name, layer in layers.items() for way, work in passes.items()}
+    seconds = median_seconds(cases, repeats)
+    return [
         {
             "case": name,
-            "threads": threads,
-            "forward_ms": 1e3 * statistics.median(forward[name]),
-            "forward_backward_ms": 1e3 * statistics.median(both[name]),
-            "peak_mb": _peak_megabytes(layer, x, upstream),
+            "forward_ms": round(1e3 * seconds[name, "forward"], 1),
+            "forward_to_floor": round(seconds[name, "forward"] / seconds["floor", "forward"], 2),
+            "forward_backward_ms": round(1e3 * seconds[name, "both"], 1),
+            "forward_backward_to_floor": round(seconds[name, "both"] / seconds["floor", "both"], 2),
+            "peak_mb": round(_peak_megabytes(layer, x, upstream)),
         }
         for name, layer in layers.items()
     ]
-    for row in rows:
-        row["forward_to_floor"] = row["forward_ms"] / rows[0]["forward_ms"]
-        row["forward_backward_to_floor"] = row["forward_backward_ms"] / rows[0]["forward_backward_ms"]
-    return rows
 
 
-def print_table(rows: list[dict]) -> None:
-    """Print the rows of `run`, then the layer's ratios beside their targets."""
-    print(f"{'case':8} {'forward':>10} {'/floor':>7} {'fwd+bwd':>10} {'/floor':>7} {'peak':>9}")
-    for row in rows:
-        print(
-            f"{row['case']:8} {row['forward_ms']:7.1f} ms {row['forward_to_floor']:7.2f} "
-            f"{row['forward_backward_ms']:7.1f} ms {row['forward_backward_to_floor']:7.2f} {row['peak_mb']:6.0f} MB"
-        )
+def print_ratios(rows: list[Row]) -> None:
+    """Print the layer's ratios beside their targets."""
     by_case = {row["case"]: row for row in rows}
-    ours, stored = by_case["grbf"], by_case["fastkan"]
-    for index, pass_name in enumerate(("forward", "forward_backward")):
-        to_floor = ours[f"{pass_name}_to_floor"]
-        faster = stored[f"{pass_name}_ms"] / ours[f"{pass_name}_ms"]
-        print(
-            f"{pass_name}: {to_floor:.2f}x the floor (target <= {FLOOR_TARGETS[index]}), "
-            f"{faster:.2f}x faster than fastkan (target >= {FASTKAN_TARGETS[index]})"
-        )
-    spline = by_case["bspline"]
+    ours, stored, spline = by_case["grbf"], by_case["fastkan"], by_case["bspline"]
+    for name, floor, rival in zip(("forward", "forward_backward"), FLOOR_TARGETS, FASTKAN_TARGETS, strict=True):
+        faster = stored[f"{name}_ms"] / ours[f"{name}_ms"]
+        print(f"{name}: {ours[f'{name}_to_floor']:.2f}x the floor (target <= {floor}), "
+              f"{faster:.2f}x faster than fastkan (target >= {rival})")  # fmt: skip
     faster = spline["forward_backward_ms"] / ours["forward_backward_ms"]
     print(f"forward_backward: {faster:.2f}x faster than bspline, a KAN's usual layer (grid 5, order 3)")
     memory = [other["peak_mb"] / ours["peak_mb"] for other in (stored, spline)]
     print(f"peak memory: 1/{memory[0]:.1f} of fastkan, 1/{memory[1]:.1f} of bspline")
-
-
-def main() -> None:
-    """Measure and print, as the command line says."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--repeats", type=int, default=5)
-    arguments = parser.parse_args()
-    print_table(run(arguments.threads, arguments.repeats))
-
-
-if __name__ == "__main__":
-    main()

@@ -7,10 +7,8 @@ backward and the optimizer's step on the same rays and the same field; medians, 
 
 from __future__ import annotations
 
-import statistics
-import time
 from collections.abc import Callable
-from typing import Any
+from functools import partial
 
 import torch
 from torch import Tensor
@@ -20,11 +18,13 @@ from karf_engine.heads.fields import RecoloringField
 from karf_engine.heads.rendering import features_of, render_weights
 from karf_engine.project.settings import RecoloringSettings
 
+from .rows import Row, median_seconds
+
 RAYS, DENSE_SAMPLES, CACHED_SAMPLES, COLORS = 256, 192, (3, 1), 6
 TARGET = 50.0  # times faster with the cache, at its 3 samples a ray
 
 
-def run(threads: int = 1, repeats: int = 3) -> list[dict[str, Any]]:
+def run(threads: int = 1, repeats: int = 3) -> list[Row]:
     """One row a case: median milliseconds of an iteration, and how many times faster than the dense one."""
     torch.set_num_threads(threads)
     torch.manual_seed(0)
@@ -35,20 +35,15 @@ def run(threads: int = 1, repeats: int = 3) -> list[dict[str, Any]]:
     target = torch.rand(RAYS, COLORS)
     cases = {"dense": lambda karf: dense_weights(karf, field, positions, viewdirs)}
     for count in CACHED_SAMPLES:
-        few = positions[:, :count]
+        few = positions[:, :count].contiguous()
         features = features_of(field, few)  # once for a whole training
         cases[f"cache of {count}"] = lambda karf, few=few, features=features: render_weights(
             karf, few, viewdirs, features
         )[:, 0]
     karf = RecoloringField(field.bounds, field.n_features, [COLORS], RecoloringSettings(width=256))
     optimizer = torch.optim.Adam(karf.parameters())
-    seconds: dict[str, list[float]] = {name: [] for name in cases}
-    for repeat in range(repeats + 1):  # the first round warms up
-        for name, weights_of in cases.items():
-            taken = iteration_seconds(lambda weights_of=weights_of: weights_of(karf), target, optimizer)
-            if repeat:
-                seconds[name].append(taken)
-    median = {name: statistics.median(values) for name, values in seconds.items()}
+    steps = {name: partial(iterate, partial(weights_of, karf), target, optimizer) for name, weights_of in cases.items()}
+    median = median_seconds(steps, repeats)
     return [
         {"case": name, "rays": RAYS, "ms": round(1e3 * value, 1), "faster": round(median["dense"] / value, 1)}
         for name, value in median.items()
@@ -67,15 +62,8 @@ def dense_weights(karf: RecoloringField, field: VoxelField, positions: Tensor, v
     return (weights.view(*positions.shape[:2], -1) * ray_weights[..., None]).sum(1)
 
 
-def iteration_seconds(weights_of: Callable[[], Tensor], target: Tensor, optimizer: torch.optim.Optimizer) -> float:
-    """Seconds of a forward pass, a backward pass and a step."""
-    start = time.perf_counter()
+def iterate(weights_of: Callable[[], Tensor], target: Tensor, optimizer: torch.optim.Optimizer) -> None:
+    """A forward pass, a backward pass and a step."""
     optimizer.zero_grad(set_to_none=True)
     ((weights_of() - target) ** 2).sum(1).mean().backward()
     optimizer.step()
-    return time.perf_counter() - start
-
-
-if __name__ == "__main__":
-    for row in run():
-        print(row)

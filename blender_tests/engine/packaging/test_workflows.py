@@ -9,7 +9,7 @@ import pytest
 yaml = pytest.importorskip("yaml", reason="it comes with the extra `lint`")
 
 from blender_tests.engine.conftest import ROOT
-from tools.matrix.cells import all_cells
+from tools.cells import all_cells
 
 FILES = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 COMMAND = re.compile(r"tools/dev\.py ([\w-]+)")

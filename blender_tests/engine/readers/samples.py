@@ -15,6 +15,7 @@ import torch
 from PIL import Image
 
 import karf_engine as karf
+from blender_tests.engine.faults.bench import MASKED_VIEWS, N_PHOTOS, SETTINGS, SIZE
 from blender_tests.engine.reference import capture_files, checkpoints
 from blender_tests.engine.reference.still_life import cameras, write_capture, write_masks
 from karf_engine.export.layers import write_layers
@@ -23,8 +24,6 @@ from karf_engine.palettes.palette import Edit, Palette
 from karf_engine.palettes.palette_files import write_edit_file
 from karf_engine.recolor.layers import Layers
 from karf_engine.wire import Event, Request
-
-from ..faults.bench import MASKED_VIEWS, N_PHOTOS, SETTINGS, SIZE
 
 RENDERED = "test_r_0"  # the view of a learned project that has planes
 NAMES = [f"photo_{number}.png" for number in range(4)]

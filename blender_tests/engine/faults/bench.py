@@ -12,16 +12,17 @@ import json
 import shutil
 import time
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from blender_tests.engine.faults.engine import Run, run
+from blender_tests.engine.faults.traps import record_changes
 from blender_tests.engine.reference.still_life import write_capture, write_masks
 from karf_engine.errors import KarfError
 from karf_engine.project import STAGE_ORDER, Project
 from karf_engine.project.locking import opened
-
-from .engine import Run, run
 
 SIZE, N_PHOTOS = 36, 8
 MASKED_VIEWS = ("r_0", "r_4")
@@ -135,8 +136,8 @@ class Bench:
                 self._must(self.command("geometry", True, stage))
                 start = self._snapshot(f"{stage} to be learned anew")
             self._scenario(f"{stage}, anew", stage, start, self.command(stage, True))
-        seconds = time.monotonic()
         self.restore(complete.folder)
+        seconds = time.monotonic()
         self._must(self.render("--planes"))
         seconds = time.monotonic() - seconds
         self.scenarios.append(Scenario("render", "render", complete.folder, self.render("--planes"), complete, seconds))
@@ -211,6 +212,26 @@ class Bench:
         return {str(path.relative_to(self.look)): digest(path) for path in paths}, shown
 
     # --- the questions after a fault -------------------------------------------------------------------------------
+    def changes(self, scenario: Scenario, flushes: bool) -> list[str]:
+        """The changes of files that a scenario makes, in order."""
+        self.restore(scenario.start)
+        record = self.folder / "changes.txt"
+        run(scenario.command, partial(record_changes, self.project, record, flushes))
+        return record.read_text().splitlines()
+
+    # --- after a fault ---------------------------------------------------------------------------------------------
+    def survives(self, scenario: Scenario, ended: Run | None = None, exact: bool = True) -> None:
+        """Assert what holds after every fault: nothing is lost, and the same command completes it.
+
+        Args:
+            scenario: What was interrupted.
+            ended: How, if it may not have ended in just any way.
+            exact: Whether pictures are those of the right state to the bit.
+        """
+        assert self.lost(exact) is None
+        assert ended is None or ended.flaw is None
+        assert self.rerun(scenario, exact) is None
+
     def lost(self, exact: bool = True) -> str | None:
         """What a fault has cost: None where the project is in a right state, or was never begun.
 

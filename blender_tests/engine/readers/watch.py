@@ -1,29 +1,30 @@
-"""Read one file under watch: what must never happen is noted, whatever the reader does.
+"""Read one file under watch: what must never happen is raised, whatever the reader does about it.
 
-Limits: ten seconds, a gigabyte of memory above what is in use. Noted: an exception that is no KarfError, writing outside
-the given folder, unpickling, starting a program, opening a connection.
+Limits: ten seconds, a gigabyte of memory above what is in use. Never: an exception that is not a KarfError, writing
+outside the given folder, unpickling, starting a program, opening a connection.
 """
 
 from __future__ import annotations
 
+import faulthandler
 import os
 import re
 import resource
 import signal
 import sys
 import tempfile
-import traceback
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 from karf_engine.errors import KarfError
 
 SECONDS = 10
+PATIENCE = 2 * SECONDS  # after which the process ends: it hangs in what no signal reaches
 BYTES = 1 << 30
 LONGEST = 2000  # letters of a sentence
+INTERNAL = 70  # exit code
 FORBIDDEN = (
     "pickle.find_class",
     "subprocess.Popen",
@@ -37,12 +38,8 @@ CHANGES = ("os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.link", "os.syml
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """What a reader made of a file. finding: what must never happen, or None; refused: whether in a sentence."""
-
-    refused: bool = False
-    finding: str | None = None
+class Flaw(AssertionError):
+    """What must never happen."""
 
 
 class TooSlow(BaseException):
@@ -54,44 +51,40 @@ _folder = ""
 _hooked = False
 
 
-def read_watched(read: Callable[[Path], object], path: Path, folder: Path) -> Outcome:
-    """Read a file; the reader may write in the folder only."""
+def read_watched(read: Callable[[Path], object], path: Path, folder: Path) -> bool:
+    """Read a file; the reader may write in the folder only.
+
+    Returns:
+        Whether it was read, and not refused in a sentence.
+
+    Raises:
+        Exception: Whatever the reader lets through.
+        Flaw: What must never happen besides.
+    """
+    refused = None
     with _watched(folder) as notes:
-        outcome = _outcome(read, path)
-    return Outcome(outcome.refused, notes[0]) if notes else outcome
+        try:
+            read(path)
+        except KarfError as error:
+            refused = error
+        except TooSlow as error:
+            raise Flaw(f"takes more than {SECONDS} s") from error
+    if notes:
+        raise Flaw(notes[0])
+    if refused is not None:
+        _check(refused)
+    return refused is None
 
 
-def _outcome(read: Callable[[Path], object], path: Path) -> Outcome:
-    try:
-        read(path)
-    except KarfError as error:
-        return Outcome(True, _flaw(error))
-    except TooSlow:
-        return Outcome(finding=f"takes more than {SECONDS} s")
-    except MemoryError as error:
-        return Outcome(finding=f"takes more than 1 GB in {_place(error)}")
-    except Exception as error:
-        text = re.sub(r"\d+", "#", str(error))[:80]
-        return Outcome(finding=f"{type(error).__name__} in {_place(error)}: {text}")
-    return Outcome()
-
-
-def _flaw(error: KarfError) -> str | None:
-    """What is wrong with a refusal."""
-    cause: BaseException | None = error.__cause__ or error.__context__
+def _check(refused: KarfError) -> None:
+    """Raise a Flaw where a refusal hides something else, or is not one that a user can read."""
+    cause: BaseException | None = refused.__cause__ or refused.__context__
     while cause is not None:
         if isinstance(cause, MemoryError) or re.search(r"(?i)insufficient memory|bad_alloc|can't allocate", str(cause)):
-            return f"takes more than 1 GB in {_place(cause)}"
+            raise Flaw("takes more than 1 GB") from cause
         cause = cause.__cause__ or cause.__context__
-    if error.exit_code == 70:
-        return f"an internal error: {error.sentence[:80]}"
-    return "a sentence without end" if len(error.sentence) > LONGEST else None
-
-
-def _place(error: BaseException) -> str:
-    """The innermost function of the engine."""
-    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if "karf_engine" in frame.filename]
-    return f"{Path(frames[-1].filename).name}: {frames[-1].name}" if frames else "?"
+    if refused.exit_code == INTERNAL or len(refused.sentence) > LONGEST:
+        raise Flaw(f"not a sentence for a user: {refused.sentence[:80]}") from refused
 
 
 # ---------------------------------------------------------------------------------------------------------------- limits
@@ -107,6 +100,7 @@ def _watched(folder: Path) -> Iterator[list[str]]:
     old_bytecode, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # a late import is no writing of the reader's
     old_limit = resource.getrlimit(resource.RLIMIT_AS)
     notes: list[str] = []
+    faulthandler.dump_traceback_later(PATIENCE, exit=True, file=sys.__stderr__)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -117,6 +111,7 @@ def _watched(folder: Path) -> Iterator[list[str]]:
     finally:
         _notes = None
         signal.setitimer(signal.ITIMER_REAL, 0)
+        faulthandler.cancel_dump_traceback_later()
         resource.setrlimit(resource.RLIMIT_AS, old_limit)
         signal.signal(signal.SIGALRM, old_handler)
         sys.dont_write_bytecode = old_bytecode

@@ -1,7 +1,8 @@
-"""Commands of the engine in processes that are forked once torch is imported: real ones, really killed, soon started."""
+"""Commands of the engine in processes that are forked from one which has torch: real, really killed, soon started."""
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import re
 import signal
@@ -9,11 +10,22 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from importlib import import_module
+from multiprocessing.connection import Connection
+
+from tools.dev import ONE_THREAD
 
 TIMEOUT = 120.0
-MODULES = ("geometry", "segmentation", "palette", "recoloring", "render", "match")
+STAGES = ("geometry", "segmentation", "palette", "recoloring", "render", "match")
+# encodings.utf_8_sig: where a child may not read Python's own files; torch._dynamo: what the first step of an optimizer imports
+IMPORTED = [
+    "__main__",
+    "encodings.utf_8_sig",
+    "torch._dynamo",
+    "karf_engine.cli",
+    *(f"karf_engine.commands.{stage}" for stage in STAGES),
+]
 SENTENCE = re.compile(r"^(?:(?:error|warning): |(?=cancelled; ))(.*)", re.MULTILINE)
+FORKING = multiprocessing.get_context("forkserver") if os.name != "nt" else None
 
 
 @dataclass(frozen=True)
@@ -44,37 +56,37 @@ class Run:
         return f"ends with {self.code} and no sentence" if self.code and not self.sentence else None
 
 
-def prepare() -> None:
-    """Import once what every command needs, with one thread: a process that is forked later must find no others."""
-    import torch
-    import torch._dynamo  # what the first step of an optimizer imports
+def prepare(patch) -> None:
+    """Let the process that all others are forked from import the engine, with one thread: forks must find no others.
 
-    for name in ("cli", *(f"commands.{stage}" for stage in MODULES)):
-        import_module(f"karf_engine.{name}")
-    torch.set_num_threads(1)
+    Args:
+        patch: pytest's, which takes the variables back.
+    """
+    for name, value in ONE_THREAD.items():
+        patch.setenv(name, value)
+    FORKING.set_forkserver_preload(IMPORTED)
 
 
 class Child:
     """One command of the engine that is running in a process of its own.
 
-    before: called in that process before the command, to set a limit or a trap. What the command prints comes through a
-    pipe: a limit of file sizes does not reach it.
+    before: called in that process before the command, to set a limit or a trap; it is pickled. What the command prints
+    comes through a pipe: a limit of file sizes does not reach it.
     """
 
-    def __init__(self, arguments: Sequence[str], before: Callable[[], None] | None = None) -> None:
+    def __init__(self, arguments: Sequence[str], before: Callable[[], object] | None = None) -> None:
         self._printed = bytearray()
         self._killed = False
-        self._pipe, end = os.pipe()
-        self.process = os.fork()
-        if not self.process:
-            _become(arguments, end, before)
-        os.close(end)
-        os.set_blocking(self._pipe, False)
+        self._out, end = FORKING.Pipe(duplex=False)
+        self._process = FORKING.Process(target=_become, args=(arguments, end, before))
+        self._process.start()
+        end.close()
+        os.set_blocking(self._out.fileno(), False)
 
     def stop(self, number: int = signal.SIGKILL) -> None:
         """Send a signal; a process that has ended already gets none."""
         try:
-            os.kill(self.process, number)
+            os.kill(self._process.pid, number)
         except ProcessLookupError:
             return
         self._killed = self._killed or number == signal.SIGKILL
@@ -82,42 +94,39 @@ class Child:
     def wait(self, seconds: float = TIMEOUT) -> Run:
         """Wait for its end; what lasts longer is ended."""
         end = time.monotonic() + seconds
-        while True:
-            process, status = os.waitpid(self.process, os.WNOHANG)
+        while self._process.is_alive() and time.monotonic() < end:
             self._drain()
-            if process:
-                return self._run(os.waitstatus_to_exitcode(status))
-            if time.monotonic() > end:
-                os.kill(self.process, signal.SIGKILL)
-                os.waitpid(self.process, 0)
-                return self._run(None)
-            time.sleep(0.002)
+            self._process.join(0.005)
+        hung = self._process.is_alive()
+        if hung:
+            self._process.kill()
+            self._process.join()
+        self._drain()
+        self._out.close()
+        code = None if hung else self._process.exitcode
+        return Run(code, self._printed.decode(errors="replace"), self._killed and code == -signal.SIGKILL)
 
     def _drain(self) -> None:
         try:
-            while part := os.read(self._pipe, 65536):
+            while part := os.read(self._out.fileno(), 65536):
                 self._printed += part
         except BlockingIOError:
             pass
 
-    def _run(self, code: int | None) -> Run:
-        os.close(self._pipe)
-        killed = self._killed and code == -signal.SIGKILL
-        return Run(code, self._printed.decode(errors="replace"), killed)
 
-
-def run(arguments: Sequence[str], before: Callable[[], None] | None = None) -> Run:
+def run(arguments: Sequence[str], before: Callable[[], object] | None = None) -> Run:
     """Run one command to its end."""
     return Child(arguments, before).wait()
 
 
-def _become(arguments: Sequence[str], out: int, before: Callable[[], None] | None) -> None:
+def _become(arguments: Sequence[str], out: Connection, before: Callable[[], object] | None) -> None:
     """In the new process: run the command and end."""
     code = 99
     try:
         os.setsid()
         for number in (1, 2):
-            os.dup2(out, number)
+            os.dup2(out.fileno(), number)
+        sys.stdout, sys.stderr = (open(number, "w", buffering=1, closefd=False) for number in (1, 2))
         if before is not None:
             before()
         from karf_engine.cli import main

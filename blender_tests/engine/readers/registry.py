@@ -1,20 +1,16 @@
-"""The registry of readers: what is valid, which file is changed, how, and how the engine reads it.
-
-`readers(project)` is what the tests and the long command both run over. A project may come from a stranger whose
-checksums fit its hostile files, so they are renewed after each change.
-"""
+"""The registry of readers: what is valid, which file is changed, how, and how the engine reads it."""
 
 from __future__ import annotations
 
 import json
-import random
 import re
-import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import karf_engine as karf
+from blender_tests.engine.faults.checksums import renew_checksum
+from blender_tests.engine.readers import mutations, samples
 from karf_engine.capture import open_capture
 from karf_engine.capture.capture import capture_to_json
 from karf_engine.capture.ply import read_points
@@ -38,68 +34,30 @@ from karf_engine.project import STAGE_ORDER
 from karf_engine.project.contents import capture_of, settings_for
 from karf_engine.project.locking import opened
 from karf_engine.wire import EventReader, Request
-
-from ...convert_bmild import read_bmild
-from ..faults.checksums import renew_checksum
-from . import mutate, samples
-from .watch import Outcome, read_watched
+from tools.convert_bmild import read_bmild
 
 PLAIN = re.compile(r"(train_|test_)?r_\d+")  # names of views and photos as the samples have them
 
 
 @dataclass(frozen=True)
 class Reader:
-    """make: writes valid files into an empty folder. files: which of them are changed. read: is given the changed
-    one."""
+    """How the engine reads files of one kind.
+
+    Attributes:
+        name: As tests are called.
+        make: Writes valid files into an empty folder.
+        files: Which of them are changed.
+        mutation: How.
+        read: Reads the changed one; it may write into its folder.
+        is_slow: Whether it renders.
+    """
 
     name: str
     make: Callable[[Path], None]
     files: tuple[str, ...]
-    mutator: mutate.Mutator
+    mutation: mutations.Mutation
     read: Callable[[Path], object]
-    is_slow: bool = False  # it renders
-
-    def changed(self, name: str, valid: bytes, folder: Path, chance: random.Random) -> Outcome:
-        """Put a changed file in the place of a valid one and read it under watch."""
-        path = folder / name
-        path.write_bytes(self.mutator(valid, chance))
-        renew_checksum(folder, name)
-        return read_watched(self.read, path, folder)
-
-
-class Bed:
-    """A folder with one reader's valid files, to be changed one at a time; a reader that writes may write there."""
-
-    def __init__(self, reader: Reader, folder: Path) -> None:
-        self.reader, self._folder, self._valid = reader, folder / "files", folder / "valid"
-        self._valid.mkdir(parents=True)
-        reader.make(self._valid)
-        self._restore()
-
-    def _restore(self) -> None:
-        shutil.rmtree(self._folder, ignore_errors=True)
-        shutil.copytree(self._valid, self._folder)
-
-    def read_valid(self) -> list[Outcome]:
-        """What the reader makes of its unchanged files."""
-        return [read_watched(self.reader.read, self._folder / name, self._folder) for name in self.reader.files]
-
-    def try_one(self, chance: random.Random) -> Outcome:
-        """Change one file, read it, and put everything back."""
-        name = chance.choice(self.reader.files)
-        outcome = self.reader.changed(name, (self._valid / name).read_bytes(), self._folder, chance)
-        self._put_back(name)
-        return outcome
-
-    def _put_back(self, changed: str) -> None:
-        for name in {changed, "project.json"}:
-            if (self._valid / name).exists():
-                shutil.copyfile(self._valid / name, self._folder / name)
-
-    @property
-    def folder(self) -> Path:
-        """Where the changed file lies."""
-        return self._folder
+    is_slow: bool = False
 
 
 # ------------------------------------------------------------------------------------------------------------ how to read
@@ -188,7 +146,7 @@ def renamed(path: Path) -> None:
     names = [entry["name"] for entry in json.loads(path.read_text())["objects"]]
     for name in ("segmentation.safetensors", "surface.safetensors"):
         file = folder / name
-        file.write_bytes(mutate.with_header(file.read_bytes(), lambda header: _with_objects(header, names)))
+        file.write_bytes(mutations.with_header(file.read_bytes(), lambda header: _with_objects(header, names)))
         renew_checksum(folder, name)
     edits = json.loads((folder / "edit.json").read_text())
     edits["objects"] = dict(zip(names, edits["objects"].values(), strict=True))
@@ -197,7 +155,7 @@ def renamed(path: Path) -> None:
 
 
 def _with_objects(header: dict, names: list[str]) -> dict:
-    return mutate.with_facts(header, lambda facts: facts | {"objects": names})
+    return mutations.with_facts(header, lambda facts: facts | {"objects": names})
 
 
 def rendered_cameras(path: Path) -> None:
@@ -222,32 +180,32 @@ def readers(project: Path | None) -> list[Reader]:
     model = "sparse/0/"
     found = [
         Reader("NeRF-synthetic, transforms_train.json", samples.nerf_synthetic, ("transforms_train.json",),
-               mutate.mutate_json, capture),
-        Reader("transforms.json", samples.transforms, ("transforms.json",), mutate.mutate_json, capture),
-        Reader("camera file", samples.camera_file, ("cameras.json",), mutate.mutate_json, new_cameras),
+               mutations.changed_json, capture),
+        Reader("transforms.json", samples.transforms, ("transforms.json",), mutations.changed_json, capture),
+        Reader("camera file", samples.camera_file, ("cameras.json",), mutations.changed_json, new_cameras),
         *(
-            Reader(f"COLMAP, {table}{suffix}", samples.colmap(suffix), (f"{model}{table}{suffix}",), mutator, capture)
-            for suffix, mutator in ((".bin", mutate.mutate_bytes), (".txt", mutate.mutate_text))
+            Reader(f"COLMAP, {table}{suffix}", samples.colmap(suffix), (f"{model}{table}{suffix}",), mutation, capture)
+            for suffix, mutation in ((".bin", mutations.changed_bytes), (".txt", mutations.changed_text))
             for table in ("cameras", "images", "points3D")
         ),
-        Reader("LLFF, poses_bounds.npy", samples.llff(17), ("poses_bounds.npy",), mutate.mutate_npy, capture),
-        Reader("NeX, hwf_cxcy.npy", samples.llff(14), ("hwf_cxcy.npy",), mutate.mutate_npy, capture),
-        Reader("PLY", samples.ply, ("text.ply", "binary.ply"), mutate.mutate_text, read_points),
+        Reader("LLFF, poses_bounds.npy", samples.llff(17), ("poses_bounds.npy",), mutations.changed_npy, capture),
+        Reader("NeX, hwf_cxcy.npy", samples.llff(14), ("hwf_cxcy.npy",), mutations.changed_npy, capture),
+        Reader("PLY", samples.ply, ("text.ply", "binary.ply"), mutations.changed_text, read_points),
         Reader("PNG", samples.png, ("plain.png", "alpha.png", "palette.png", "deep.png", "deep_gray.png"),
-               mutate.mutate_bytes, photo),
-        Reader("JPEG", samples.jpeg, ("plain.jpg", "print.jpg"), mutate.mutate_bytes, photo),
+               mutations.changed_bytes, photo),
+        Reader("JPEG", samples.jpeg, ("plain.jpg", "print.jpg"), mutations.changed_bytes, photo),
         Reader("WebP, BMP, TIFF", samples.other_pictures, ("plain.webp", "plain.bmp", "plain.tif", "deep.tif", "float.tif"),
-               mutate.mutate_bytes, photo),
-        Reader("EXR", samples.exr, ("zip.exr", "plain.exr"), mutate.mutate_bytes, photo),
-        Reader("mask", samples.png, ("plain.png", "alpha.png", "palette.png", "deep_gray.png"), mutate.mutate_bytes,
+               mutations.changed_bytes, photo),
+        Reader("EXR", samples.exr, ("zip.exr", "plain.exr"), mutations.changed_bytes, photo),
+        Reader("mask", samples.png, ("plain.png", "alpha.png", "palette.png", "deep_gray.png"), mutations.changed_bytes,
                read_mask),
-        Reader("GIMP palette", samples.swatches, ("swatches.gpl",), mutate.mutate_text, swatches),
-        Reader("Adobe swatches", samples.swatches, ("swatches.ase",), mutate.mutate_bytes, swatches),
-        Reader("layers", samples.layers, ("view.exr",), mutate.mutate_bytes, read_layer_names),
-        Reader("NeRF, torch.save", samples.nerfs, ("zip.tar", "legacy.tar"), mutate.mutate_bytes, read_nerf),
-        Reader("NeRF, pickled npy", samples.nerfs, ("model_000001.npy",), mutate.mutate_bytes, read_bmild),
-        Reader("request.json", samples.request, ("request.json",), mutate.mutate_json, read_request),
-        Reader("events.jsonl", samples.events, ("events.jsonl",), mutate.mutate_bytes, read_events),
+        Reader("GIMP palette", samples.swatches, ("swatches.gpl",), mutations.changed_text, swatches),
+        Reader("Adobe swatches", samples.swatches, ("swatches.ase",), mutations.changed_bytes, swatches),
+        Reader("layers", samples.layers, ("view.exr",), mutations.changed_bytes, read_layer_names),
+        Reader("NeRF, torch.save", samples.nerfs, ("zip.tar", "legacy.tar"), mutations.changed_bytes, read_nerf),
+        Reader("NeRF, pickled npy", samples.nerfs, ("model_000001.npy",), mutations.changed_bytes, read_bmild),
+        Reader("request.json", samples.request, ("request.json",), mutations.changed_json, read_request),
+        Reader("events.jsonl", samples.events, ("events.jsonl",), mutations.changed_bytes, read_events),
     ]  # fmt: skip
     return [*found, *_project_readers(project)]
 
@@ -260,28 +218,28 @@ def _project_readers(project: Path | None) -> list[Reader]:
         samples.camera_file(folder)
 
     kinds = [
-        ("project.json", mutate.mutate_json, state),
-        ("capture.json", mutate.mutate_json, learned),
-        ("segmentation.json", mutate.mutate_json, masked_views),
-        ("palette.json", mutate.mutate_json, learned),
-        ("edit.json", mutate.mutate_json, edit),
-        ("geometry.safetensors", mutate.mutate_safetensors, learned),
-        ("segmentation.safetensors", mutate.mutate_safetensors, learned),
-        ("recoloring.safetensors", mutate.mutate_safetensors, learned),
-        ("surface.safetensors", mutate.mutate_safetensors, surface),
-        ("object_colors.npz", mutate.mutate_npz, object_colors),
-        (f"planes/{samples.RENDERED}.npz", mutate.mutate_npz, read_planes),
+        ("project.json", mutations.changed_json, state),
+        ("capture.json", mutations.changed_json, learned),
+        ("segmentation.json", mutations.changed_json, masked_views),
+        ("palette.json", mutations.changed_json, learned),
+        ("edit.json", mutations.changed_json, edit),
+        ("geometry.safetensors", mutations.changed_safetensors, learned),
+        ("segmentation.safetensors", mutations.changed_safetensors, learned),
+        ("recoloring.safetensors", mutations.changed_safetensors, learned),
+        ("surface.safetensors", mutations.changed_safetensors, surface),
+        ("object_colors.npz", mutations.changed_npz, object_colors),
+        (f"planes/{samples.RENDERED}.npz", mutations.changed_npz, read_planes),
     ]
     named = [
-        ("capture.json", copied, mutate.mutate_names, rendered),
-        ("palette.json", copied, mutate.mutate_names, matched),
-        ("palette.json and all others", copied, mutate.mutate_names, renamed),
-        ("segmentation.safetensors", copied, mutate.name_safetensors, rendered),
-        ("edit.json", copied, mutate.mutate_keys, rendered),
-        ("cameras.json", with_cameras, mutate.mutate_names, rendered_cameras),
+        ("capture.json", copied, mutations.hostile_names, rendered),
+        ("palette.json", copied, mutations.hostile_names, matched),
+        ("palette.json and all others", copied, mutations.hostile_names, renamed),
+        ("segmentation.safetensors", copied, mutations.hostile_objects, rendered),
+        ("edit.json", copied, mutations.hostile_keys, rendered),
+        ("cameras.json", with_cameras, mutations.hostile_names, rendered_cameras),
     ]
-    found = [Reader(file.partition("/")[0], copied, (file,), mutator, read) for file, mutator, read in kinds]
-    for title, make, mutator, read in named:
+    found = [Reader(file.partition("/")[0], copied, (file,), mutation, read) for file, mutation, read in kinds]
+    for title, make, mutation, read in named:
         file = title.partition(" ")[0]
-        found.append(Reader(f"hostile names in {title}", make, (file,), mutator, read, read is not matched))
+        found.append(Reader(f"hostile names in {title}", make, (file,), mutation, read, read is not matched))
     return found

@@ -1,0 +1,38 @@
+"""How many faults are thrown, and the project that they are thrown at."""
+
+import random
+
+import pytest
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--all-faults", action="store_true", help="in every stage and at every change of a file")
+    parser.addoption("--kills", type=int, help="kills at random moments (default: 200 with --all-faults, else 6)")
+    parser.addoption("--seed", type=int, default=0, help="seed of all chance (default: 0)")
+
+
+@pytest.fixture(scope="session")
+def bench(tmp_path_factory):
+    """The workspace with every right state of a project."""
+    from blender_tests.engine.faults import engine
+    from blender_tests.engine.faults.bench import Bench
+
+    with pytest.MonkeyPatch.context() as patch:
+        engine.prepare(patch)
+        yield Bench(tmp_path_factory.mktemp("faults"))
+
+
+@pytest.fixture
+def few(request) -> bool:
+    """Whether a fault is thrown at one stage only, and at some of its moments."""
+    return not request.config.getoption("all_faults", False)
+
+
+@pytest.fixture
+def kills(request, few) -> int:
+    return request.config.getoption("kills", None) or (6 if few else 200)
+
+
+@pytest.fixture
+def chance(request) -> random.Random:
+    return random.Random(request.config.getoption("seed", 0))

@@ -1,0 +1,63 @@
+"""Traps in a process: something happens when it changes a file below a folder.
+
+A change is a file that is made or emptied, a rename, a removal, a new folder, and with `flushes` a file's flush. Each
+function is called in the process itself, before its work begins.
+"""
+
+from __future__ import annotations
+
+import errno
+import itertools
+import os
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+CHANGES = ("os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate", "os.link", "os.symlink")
+MAKING = os.O_CREAT | os.O_TRUNC
+REMOVALS = ("os.remove", "os.rmdir")
+
+
+def record_changes(folder: Path, record: Path, flushes: bool) -> None:
+    """Write what changes a file to a record, one change a line."""
+    handle = os.open(record, os.O_CREAT | os.O_WRONLY | os.O_TRUNC)
+    _at_each_change(folder, lambda event: os.write(handle, f"{event}\n".encode()), flushes)
+
+
+def die_at_change(folder: Path, number: int) -> None:
+    """Be killed just before the change of this number, counted from 1."""
+    count = itertools.count(1)
+    _at_each_change(folder, lambda event: next(count) == number and os.kill(os.getpid(), signal.SIGKILL), False)
+
+
+def no_room_from_change(folder: Path, number: int) -> None:
+    """Let the change of this number and each after it fail that needs room: a removal needs none."""
+    count = itertools.count(1)
+
+    def act(event: str) -> None:
+        if next(count) >= number and not event.startswith(REMOVALS):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    _at_each_change(folder, act, True)
+
+
+def _at_each_change(folder: Path, act: Callable[[str], object], flushes: bool) -> None:
+    root, flush = str(folder), os.fsync
+
+    def hook(event: str, arguments: tuple) -> None:
+        makes = event == "open" and isinstance(arguments[2], int) and arguments[2] & MAKING
+        if event not in CHANGES and not makes:
+            return
+        path = os.fsdecode(arguments[0]) if isinstance(arguments[0], str | bytes | os.PathLike) else ""
+        vain = {"os.mkdir": True, "os.remove": False}.get(event)  # what is there already, or no longer
+        if path.startswith(root) and (vain is None or os.path.lexists(path) != vain):
+            act(f"{event} {Path(path).suffix or Path(path).name}")
+
+    def flushed(handle) -> None:
+        act("fsync")
+        flush(handle)
+
+    if flushes:
+        os.fsync = flushed
+    sys.addaudithook(hook)

@@ -1,1 +1,0 @@
-"""The tests on other versions of Blender, Python and packages than those of `requirements/`."""

@@ -1,1 +1,0 @@
-"""What faults and damaged files do to projects and readers: docs/reliability.md."""
