@@ -9,7 +9,7 @@ from .project import disk, saving
 from .rig import reprojection
 from .steps import preview
 from .swatches import drawn_over, groups, recolor
-from .tasks import ownership, runner, warm
+from .tasks import ownership, runner, timer
 from .workspace import clicking, estimates, folding, opening, statusbar
 
 # later ones use earlier ones: taken down in reverse
@@ -29,8 +29,8 @@ MODULES = (
     following,
     disk,
     ownership,
+    timer,
     runner,
-    warm,
     preview,
     folding,
     statusbar,

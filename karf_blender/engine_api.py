@@ -60,8 +60,18 @@ from ..karf_engine.palettes.swatch_picture import SwatchPicture, palette_only, p
 from ..karf_engine.project import Project
 from ..karf_engine.project.settings import PRESETS, seconds_of_stages
 from ..karf_engine.project.volumes import Volume, read_volumes, write_volumes
-from ..karf_engine.wire import CANCEL, LOG_FILE, REQUEST_FILE, WARM, Ask, Event, EventReader, Request, folder_line
 from ..karf_engine.worker.findings import ERROR, OK, VERDICT, WARNING, Finding
+from ..karf_engine.worker.protocol import (
+    CANCEL,
+    LOG_FILE,
+    REQUEST_FILE,
+    WARM,
+    Event,
+    EventReader,
+    Query,
+    Request,
+    folder_line,
+)
 from ..karf_engine.worker.requirements import REQUIRED
 
 # the file or folder by which each known kind of capture is recognized
@@ -91,7 +101,6 @@ __all__ = [
     "WARM",
     "WARNING",
     "AddedColor",
-    "Ask",
     "BadRequest",
     "Camera",
     "Cancelled",
@@ -111,6 +120,7 @@ __all__ = [
     "Planes",
     "PlannedColorway",
     "Project",
+    "Query",
     "Request",
     "ScenePoints",
     "SparsePoints",

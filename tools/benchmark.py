@@ -8,7 +8,7 @@
                  iteration; of --capture DIR ..., else of the demo, with --preset
     stages       seconds and peak memory of each stage: of --project DIR, else of the demo, learned for this
     photos       seconds and peak memory of recoloring a photo of 1, 12 and 24 megapixels, of the same project
-    preview      milliseconds from ask to answer of a camera's preview in the warm engine, by size; of the same project
+    preview      milliseconds from query to answer of a camera's preview in a worker, by size; of the same project
     detail       pixels that a voxel spans, the PSNR that photos keep without so much detail, and what the scene reaches
 
 Without names: all but the last five. Times are those of this machine at this moment; the ratios say more than

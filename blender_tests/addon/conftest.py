@@ -20,7 +20,7 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 MODULES = {
     "": "engine_api headless preferences progress steps",
     "host": "compat labels rendering words",
-    "engine": "environment examination installing jobs keeping probing processes removing report speed",
+    "engine": "environment examination failures installing probing processes removing report speed worker",
     "engine.managed": "home",
     "preferences": "managing state",
     "project": "captures contents disk folders saving",
@@ -29,7 +29,7 @@ MODULES = {
     "swatches": "becomes display drawn_over edits free_camera object_masks palettes pigments planes recolor wishes",
     "marking": "asking following gestures history objects overlay photo png proposals raster sheets tools",
     "steps": "masks preview",
-    "tasks": "ownership runner task warm",
+    "tasks": "ownership queries runner task timer",
     "compositor": "group",
     "nodes": "drivers sockets",
     "surface": "mesh placing trees",
@@ -69,7 +69,7 @@ def addon(bpy, monkeypatch):
     yield modules
     assert not modules.runner.is_running()
     modules.preview.stop()
-    modules.warm.stop()
+    modules.queries.stop()
     modules.runner.release()
 
 

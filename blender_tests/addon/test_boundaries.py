@@ -38,7 +38,7 @@ SHARED = [
     "commands/dispatch",
     "commands/options/*",
     "commands/farm/*",
-    "wire",
+    "worker/protocol",
     "worker/findings",
     "worker/requirements",
 ]
@@ -125,12 +125,12 @@ def test_only_compat_asks_for_blenders_version():
     [
         "engine/environment",
         "engine/examination",
-        "engine/jobs",
+        "engine/failures",
         *sorted(f"engine/managed/{path.stem}" for path in (ROOT / "karf_blender" / "engine" / "managed").glob("*.py")),
         "engine/processes",
         "engine/report",
         "engine/speed",
-        "engine/warm",
+        "engine/worker",
         "rig/lens",
         "rig/placement",
     ],

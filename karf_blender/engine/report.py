@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ..engine_api import REQUEST_FILE, EventReader, Finding
-from . import jobs
+from .failures import log_tail
 
 SHORTEST_NAME = 3  # letters: shorter ones are found in every text
 
@@ -16,7 +16,7 @@ SHORTEST_NAME = 3  # letters: shorter ones are found in every text
 def compose(job: Path, sentence: str, versions: Mapping[str, str]) -> str:
     """The report of the failed job in this folder, which may be gone. versions: of the programs at work, by name."""
     ending = {"Engine": _engine(job), "Stage": _stage(job), "Ended": sentence}
-    return _text({**versions, **ending, "Log": f"\n{jobs.log_tail(job) or 'none'}"})
+    return _text({**versions, **ending, "Log": f"\n{log_tail(job) or 'none'}"})
 
 
 def compose_findings(findings: Sequence[Finding], versions: Mapping[str, str]) -> str:

@@ -1,4 +1,4 @@
-"""What the warm engine is asked while marks are drawn, and what follows when it answers."""
+"""What the engine is asked while marks are drawn, and what follows when it answers."""
 
 from functools import partial
 from pathlib import Path
@@ -11,7 +11,7 @@ from ..engine_api import KarfError
 from ..pictures import images
 from ..preferences import state
 from ..project import disk
-from ..tasks import warm
+from ..tasks import queries
 from . import objects, photo, proposals, sheets
 from .proposals import Proposal
 from .sheets import Layer
@@ -25,7 +25,7 @@ def propose(scene: bpy.types.Scene, proposal: Proposal) -> None:
     """
     step, options = proposals.note(scene, proposal)
     sheets.follow(scene)
-    warm.ask(scene, "propose", options, partial(_take_proposal, step, proposal))
+    queries.send(scene, "propose", options, partial(_take_proposal, step, proposal))
 
 
 def _take_proposal(step: int, proposal: Proposal, scene: bpy.types.Scene, values: dict[str, Any]) -> None:
@@ -45,7 +45,7 @@ def correct(scene: bpy.types.Scene) -> None:
     if scene.karf.marking.correct and can_answer:
         view = scene.karf.active_view
         options = {"view": view, "masks": str(objects.masks_folder(scene))}
-        warm.ask(scene, "correct", options, partial(_take_corrected, view))
+        queries.send(scene, "correct", options, partial(_take_corrected, view))
 
 
 def _take_corrected(view: str, scene: bpy.types.Scene, values: dict[str, Any]) -> None:

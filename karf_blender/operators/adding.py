@@ -59,7 +59,7 @@ class KARF_OT_add_color(PreparedStep, bpy.types.Operator):
 
     @reports_errors
     def execute(self, context):
-        number = steps.add_color(context.scene, self.object_name, self.picked, self.reach)
+        number = steps.add_color(context.scene, self.object_name, self.picked, reach=self.reach)
         windows.redraw(*windows.PANEL_AREAS)
         self.report({"INFO"}, tell("Added as swatch {number}: change its color", number=number))
         return {"FINISHED"}

@@ -35,7 +35,8 @@ class KARF_OT_export_cameras(bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         scene, path = context.scene, Path(bpy.path.abspath(self.filepath))
-        count = steps.export_cameras(scene, path, None, steps.frame_range(scene))
+        steps.export_cameras(scene, path)
+        count = len(steps.frame_range(scene))
         self.report({"INFO"}, tell("Wrote {count} cameras to {path}", count=count, path=path))
         return {"FINISHED"}
 

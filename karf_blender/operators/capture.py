@@ -111,7 +111,7 @@ class KARF_OT_import_capture(RigOptions, bpy.types.Operator):
         path = Path(bpy.path.abspath(self.filepath))
         # untouched, a project that is learned keeps what it was learned without
         holdout = self.holdout if self.properties.is_property_set("holdout") else None
-        capture = steps.import_capture(context.scene, path, project, self.rig_options(), holdout)
+        capture = steps.import_capture(context.scene, path, project, holdout, self.rig_options())
         for remark in capture.remarks:  # a report of it would lie over the window until it is clicked away
             progress.warn(remark)
         view_from_camera(context.area, colored_points=self.points and capture.points is not None)

@@ -92,7 +92,7 @@ class KARF_OT_render_colorways(PaletteStep, bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         sheet = Path(bpy.path.abspath(self.filepath))
-        runner.launch(steps.render_colorways(context.scene, sheet, self.views))
+        runner.launch(steps.colorways(context.scene, sheet, self.views))
         self.report({"INFO"}, tell("Pictures go to {path}", path=steps.colorways_folder(context.scene, sheet)))
         return {"FINISHED"}
 
@@ -105,7 +105,7 @@ def show_predictions(context, sheet):
     for plan in planned:
         for prediction in plan.predictions:
             item = shown.colors.add()
-            item.colorway, item.object = plan.colorway.name, prediction.wish.name
+            item.colorway, item.object = plan.colorway.name, prediction.target_color.name
             item.wanted, item.reached = prediction.target, prediction.reached
             item.difference, item.reason = prediction.ciede2000, prediction.reason
     shown.active = next((number for number, item in enumerate(shown.colors) if item.reason), 0)

@@ -79,7 +79,7 @@ class KARF_OT_load_edit(SwatchStep, bpy.types.Operator):
 
     @reports_errors
     def execute(self, context):
-        steps.load_edit(context.scene, Path(bpy.path.abspath(self.filepath)))
+        steps.apply_edit(context.scene, Path(bpy.path.abspath(self.filepath)))
         return {"FINISHED"}
 
 

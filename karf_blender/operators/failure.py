@@ -4,7 +4,7 @@ from pathlib import Path
 
 import bpy
 
-from ..engine import jobs, report
+from ..engine import failures, report
 from ..engine_api import DataError
 from ..host import windows
 from .reporting import reports_errors, versions
@@ -45,7 +45,7 @@ class KARF_OT_open_log(FailureStep, bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         job = Path(context.window_manager.karf_progress.job)
-        tail = jobs.log_tail(job)
+        tail = failures.log_tail(job)
         if not tail:
             raise DataError(f"The log in {job} is empty, or gone.", "Run the step again.")
         text = bpy.data.texts.get(LOG_NAME) or bpy.data.texts.new(LOG_NAME)

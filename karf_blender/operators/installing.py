@@ -11,7 +11,7 @@ from ..engine.managed import machine, recipes, shells
 from ..engine.managed.plan import Choices
 from ..engine_api import KarfError
 from ..host.labels import draw_text
-from ..tasks import runner, warm
+from ..tasks import queries, runner
 from .reporting import is_free, is_unchanging, reports_errors
 
 BUILDS = {
@@ -28,7 +28,7 @@ SHELLS = {"posix": "Linux, macOS", "powershell": "PowerShell", "cmd": "Windows c
 def _leave_python() -> None:
     """End what still runs in the engine's Python, which may be replaced."""
     probing.cancel()
-    warm.stop()
+    queries.stop()
     runner.release()
 
 

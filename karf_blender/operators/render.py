@@ -145,7 +145,7 @@ class KARF_OT_render_camera(CameraDialog, PaletteStep, bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         scene = context.scene
-        runner.launch(steps.render_camera(scene, scene.camera, self.frames(scene)))
+        runner.launch(steps.render_sequence(scene, scene.camera, self.frames(scene)))
         self.report({"INFO"}, tell("Pictures go to {path}", path=steps.camera_folder(scene) / "recolor"))
         return {"FINISHED"}
 
@@ -168,7 +168,7 @@ class KARF_OT_farm_bundle(CameraDialog, ProjectSwatchStep, bpy.types.Operator):
     def execute(self, context):
         scene = context.scene
         out = folders.absolute(self.directory) if self.directory else None
-        bundle = steps.camera_bundle(scene, scene.camera, self.frames(scene), out, self.per_task)
+        bundle = steps.farm_bundle(scene, scene.camera, self.frames(scene), out, self.per_task)
         self.report({"INFO"}, tell("The job is in {path}", path=bundle))
         return {"FINISHED"}
 
@@ -194,7 +194,7 @@ class KARF_OT_build_compositor(PaletteStep, bpy.types.Operator):
 
     @reports_errors
     def execute(self, context):
-        runner.launch(steps.build_compositor(context.scene, self.view, self.driven))
+        runner.launch(steps.build_compositor(context.scene, self.view, driven=self.driven))
         return {"FINISHED"}
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import wraps
 
 from .. import preferences
-from ..engine import installing, jobs, removing
+from ..engine import failures, installing, removing
 from ..engine_api import VERSION, KarfError, MissingDependency
 from ..host import compat
 from ..host.words import shown, tell, told
@@ -29,7 +29,7 @@ def reports_errors(execute: Callable) -> Callable:
         except KarfError as error:
             self.report({"ERROR"}, told(str(error)))
         except OSError as error:
-            self.report({"ERROR"}, told(str(jobs.disk_error(error))))
+            self.report({"ERROR"}, told(str(failures.disk_error(error))))
         return {"CANCELLED"}
 
     return safe

@@ -8,7 +8,7 @@ from ..marking import objects
 from ..pictures import chips
 from ..preferences import state
 from ..project import disk
-from ..tasks import warm
+from ..tasks import queries
 from .views import draw_view
 
 
@@ -43,7 +43,7 @@ def draw_masks(layout, context):
     layout.operator("karf.erase_mask", icon="X", text="Erase Correction" if marking.correct else "Erase Mask")
     if state.known().problem:
         draw_text(layout, "Without the engine a box is a rectangle, and clicks do nothing.", "INFO")
-    if warm.is_waiting("propose") or warm.is_waiting("correct"):
+    if queries.is_waiting("propose") or queries.is_waiting("correct"):
         layout.label(text="The engine is at work", icon="SORTTIME")
     layout.prop(scene.karf, "masks")
 

@@ -6,10 +6,10 @@ others are done when they return. All raise KarfError for what a user can mend.
 
 from .cameras import export_cameras, frame_range, import_cameras
 from .capture import find_poses, import_capture
-from .colorways import colorways_folder, predict_colorways, render_colorways
+from .colorways import colorways, colorways_folder, predict_colorways
 from .compositing import build_compositor, compositor_node, place_layers
-from .edit import becomes, load_edit, match_picture, paint_over, save_edit
-from .farm import camera_bundle
+from .edit import apply_edit, becomes, match_picture, paint_over, save_edit
+from .farm import farm_bundle
 from .learn import extract_palette, learn_all, learn_scene, prepare_views, segment, show_view
 from .masks import (
     add_object,
@@ -24,29 +24,42 @@ from .masks import (
     set_volume,
     show_photo,
 )
-from .preview import write_preview
-from .render import camera_folder, render_camera, render_captured, render_view, save_shown
+from .preview import preview_camera
+from .render import camera_folder, render_captured, render_sequence, render_view, save_shown
 from .seeing import see_view, show_masks
 from .sequences import add_strip, show_frames
 from .surface import export_scene, place_points, show_colors, show_scene
-from .swatches import add_color, color_at, link_swatches, merge_swatch, remove_color, split_swatch, unlink_swatch
+from .swatches import (
+    Color,
+    add_color,
+    color_at,
+    link_swatches,
+    merge_swatch,
+    remove_color,
+    set_swatch,
+    split_swatch,
+    unlink_swatch,
+)
 from .view import leave_view, look_through, reprojection_error
 
 __all__ = [
+    "Color",
     "add_color",
     "add_object",
     "add_strip",
+    "apply_edit",
     "becomes",
     "build_compositor",
-    "camera_bundle",
     "camera_folder",
     "color_at",
+    "colorways",
     "colorways_folder",
     "compositor_node",
     "erase_mask",
     "export_cameras",
     "export_scene",
     "extract_palette",
+    "farm_bundle",
     "find_poses",
     "frame_range",
     "go_to_suggested",
@@ -57,7 +70,6 @@ __all__ = [
     "learn_scene",
     "leave_view",
     "link_swatches",
-    "load_edit",
     "look_through",
     "mark_box",
     "mark_click",
@@ -70,17 +82,18 @@ __all__ = [
     "place_points",
     "predict_colorways",
     "prepare_views",
+    "preview_camera",
     "remove_color",
     "remove_object",
-    "render_camera",
     "render_captured",
-    "render_colorways",
+    "render_sequence",
     "render_view",
     "reprojection_error",
     "save_edit",
     "save_shown",
     "see_view",
     "segment",
+    "set_swatch",
     "set_volume",
     "show_colors",
     "show_frames",
@@ -90,5 +103,4 @@ __all__ = [
     "show_view",
     "split_swatch",
     "unlink_swatch",
-    "write_preview",
 ]

@@ -6,33 +6,41 @@ from pathlib import Path
 import bpy
 
 from ..engine_api import BadRequest, open_capture, write_cameras
-from ..rig import camera_paths, frames
+from ..rig import camera_paths
+from ..rig.frames import frames_of
 
 
-def export_cameras(scene: bpy.types.Scene, path: Path, camera: bpy.types.Object | None, numbers: Iterable[int]) -> int:
-    """Write what a camera is in these frames as a transforms.json, with poses relative to the rig where there is one.
+def export_cameras(
+    scene: bpy.types.Scene,
+    path: str | Path,
+    camera: bpy.types.Object | None = None,
+    frames: Iterable[int] | None = None,
+) -> Path:
+    """Write what a camera is frame by frame as a transforms.json, with poses relative to the rig where there is one.
 
     Args:
         scene: The scene.
         path: The file.
-        camera: None: the scene's.
-        numbers: The frames.
+        camera: Default: the scene's.
+        frames: Their numbers; default: the scene's range.
 
     Returns:
-        The number of cameras.
+        The file's path.
 
     Raises:
         BadRequest: There is no camera or no frame, or the camera is no pinhole.
     """
-    views = list(frames.frames_of(scene, camera_of(scene, camera), numbers))
+    path, numbers = Path(path).absolute(), frame_range(scene) if frames is None else frames
+    views = list(frames_of(scene, camera_of(scene, camera), numbers))
     if not views:
         raise BadRequest("There are no frames to export.", "Give at least one frame.")
     write_cameras(path, views)
-    return len(views)
+    return path
 
 
-def import_cameras(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
-    """One animated camera, below the rig where there is one, of the cameras in a file; it becomes the scene's."""
+def import_cameras(scene: bpy.types.Scene, path: str | Path) -> bpy.types.Object:
+    """Make one animated camera, below the rig where there is one, of the cameras in a file; it becomes the scene's."""
+    path = Path(path).absolute()
     return camera_paths.build(open_capture(path, photos=False).views, path.stem, scene)
 
 

@@ -2,7 +2,9 @@
 
 import os
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import bpy
 
@@ -15,13 +17,16 @@ from ..tasks.ownership import Owner
 from ..tasks.task import Task
 from . import requests, view
 
+USUAL_RIG = cameras.Options()
+
 
 def import_capture(
     scene: bpy.types.Scene,
-    path: Path,
-    project: Path | None = None,
-    options: cameras.Options | None = None,
+    path: str | Path,
+    project: str | Path | None = None,
     holdout: int | None = None,
+    rig: cameras.Options = USUAL_RIG,
+    **options: Any,
 ) -> Capture:
     """Build the rig of a capture and make it the scene's.
 
@@ -30,15 +35,18 @@ def import_capture(
     Args:
         scene: The scene.
         path: The capture's folder or camera file.
-        project: Default: the one the scene has of this capture, else a folder beside the .blend.
-        options: How the rig is shown.
-        holdout: Every how many-th photo is kept out of learning where the capture declares none; 0: none. Default: as
-            the project was learned, else 0.
+        project: Folder of all that is learned; default: the one the scene has of this capture, else one beside the
+            .blend.
+        holdout: N keeps every Nth photo out of learning where the capture declares none; 0: none. Default: as the
+            project was learned, else 0.
+        rig: How the rig is shown.
+        options: Single ones of its options.
 
     Returns:
         The capture; its remarks say what could not be had.
     """
     captures.forget()
+    path, project = Path(path).absolute(), Path(project).absolute() if project else None
     capture = open_capture(path)
     path = _place_of(path, capture)
     karf = scene.karf
@@ -50,7 +58,7 @@ def import_capture(
         project.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         capture = replace(capture, remarks=(*capture.remarks, f"{project} cannot be made: {error.strerror}."))
-    karf.rig = cameras.build(capture, f"KaRF {project.name}", scene, options)
+    karf.rig = cameras.build(capture, f"KaRF {project.name}", scene, replace(rig, **options))
     with recolor.batched(scene):
         if not is_known:
             palettes.load_palettes(scene, ())
@@ -98,8 +106,19 @@ def _common_folder(places: list[Path]) -> Path:
         return places[0]
 
 
-def find_poses(scene: bpy.types.Scene, photos: Path, options: cameras.Options | None = None) -> Task:
-    """Camera poses of a folder of photos, or of a video, in a new project folder; then their capture is imported."""
+def find_poses(scene: bpy.types.Scene, photos: str | Path, rig: cameras.Options = USUAL_RIG, **options: Any) -> Task:
+    """Find the camera poses of a folder of photos, or of a video, in a new project folder, and import their capture.
+
+    Args:
+        scene: The scene.
+        photos: The folder or the video.
+        rig: How the rig is shown.
+        options: Single ones of its options.
+
+    Returns:
+        The task; its result is the capture.
+    """
+    photos, rig = Path(photos).absolute(), replace(rig, **options)
     wanted = project = folders.default_project(photos.with_suffix("") if photos.is_file() else photos)
     number = 2
     while (project / "capture").exists():  # found before: what was learned of it stays
@@ -113,7 +132,7 @@ def find_poses(scene: bpy.types.Scene, photos: Path, options: cameras.Options | 
                 f"The scene that asked for camera poses is gone or has another project: import {out} yourself."
             )
         else:
-            import_capture(found, out, project, options)
+            import_capture(found, out, project, rig=rig, **options)
 
     request = Request("poses", project, {"photos": str(photos), "out": str(out)} | requests.threads())
-    return Task("Find Camera Poses", (request,), import_found, owner)
+    return Task("Find Camera Poses", (request,), import_found, owner, partial(captures.of, scene))

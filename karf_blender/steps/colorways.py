@@ -14,14 +14,14 @@ from ..tasks.task import Task
 from . import requests
 
 
-def predict_colorways(scene: bpy.types.Scene, sheet: Path) -> tuple[PlannedColorway, ...]:
+def predict_colorways(scene: bpy.types.Scene, sheet: str | Path) -> tuple[PlannedColorway, ...]:
     """What each color of a sheet will be, without the engine; locked swatches stay.
 
     Raises:
         BadRequest: The scene has no project, or that has no palettes.
         DataError: The sheet has a row that is wrong, or a file of the project is damaged.
     """
-    return plan_colorways(folders.project_of(scene), sheet, _locked(scene))
+    return plan_colorways(folders.project_of(scene), Path(sheet).absolute(), _locked(scene))
 
 
 def _locked(scene: bpy.types.Scene) -> dict[str, list[int]]:
@@ -33,25 +33,37 @@ def _locked(scene: bpy.types.Scene) -> dict[str, list[int]]:
     return {name: numbers for name, numbers in locked.items() if numbers}
 
 
-def render_colorways(scene: bpy.types.Scene, sheet: Path, views: str = "all", out: Path | None = None) -> Task:
-    """Have the engine write every colorway in every view (`all`, `train`, `test`, names, or a camera file).
+def colorways(
+    scene: bpy.types.Scene,
+    sheet: str | Path,
+    views: str = "all",
+    out: str | Path | None = None,
+    predict_only: bool = False,
+) -> Task | tuple[PlannedColorway, ...]:
+    """Have the engine write every colorway of a sheet in every view, with a table and a contact sheet.
 
     Pictures that are there already and would come out the same are kept.
 
     Args:
         scene: The scene.
-        sheet: CSV or JSON, see docs/files.md.
-        views: Which views.
-        out: The folder; default: `colorways/<sheet>` in the output folder.
+        sheet: CSV or JSON: a colorway, an object and a color a row; see docs/files.md.
+        views: `all`, `train`, `test`, names with commas, or the path of a camera file.
+        out: The folder; default: `colorways_folder`.
+        predict_only: Render nothing, which needs no engine.
 
     Returns:
-        The task; its folder is `colorways_folder`.
+        The colorways, each with its edit and the predicted colors: at once, or as the task's result.
     """
-    predict_colorways(scene, sheet)  # a wrong sheet is told now, and not by a job
-    out = out or colorways_folder(scene, sheet)
+    sheet = Path(sheet).absolute()
+    planned = predict_colorways(scene, sheet)  # a wrong sheet is told now, and not by a job
+    if predict_only:
+        return planned
+    out = Path(out).absolute() if out else colorways_folder(scene, sheet)
     locked = [f"{name}/{number}" for name, numbers in _locked(scene).items() for number in numbers]
     options = {"sheet": str(sheet), "views": views, "out": str(out), "locked": locked}
-    return requests.task(scene, "Colorways", ("colorways", options), finish=partial(_say_where, out))
+    return requests.task(
+        scene, "Colorways", ("colorways", options), finish=partial(_say_where, out), result=lambda: planned
+    )
 
 
 def colorways_folder(scene: bpy.types.Scene, sheet: Path) -> Path:

@@ -16,15 +16,30 @@ from . import following, requests, sequences
 from .edit import save_edit
 
 
-def build_compositor(scene: bpy.types.Scene, view: str = "", driven: bool = False) -> Task:
-    """Have the engine write the layers of a captured view (default: the active one), then recolor it by nodes."""
+def build_compositor(
+    scene: bpy.types.Scene, view: str = "", layers: str | Path | None = None, driven: bool = False
+) -> Task | bpy.types.Node:
+    """Recolor a view by nodes in the scene's compositor, with a color socket for each swatch.
+
+    Args:
+        scene: The scene.
+        view: Name of a captured view, whose layers the engine writes; default: the active one.
+        layers: A layered picture that the engine has written already, of any camera; then no view is rendered.
+        driven: Whether the sockets follow the scene's swatches; else they begin with them and can be set by hand.
+
+    Returns:
+        The group's node: at once where layers are given, else as the task's result.
+    """
+    if layers is not None:
+        return place_layers(scene, Path(layers).absolute(), driven)
     view = captures.view_of(scene, view).name
     out = folders.out_folder(scene)
     finish = partial(_place, out / "layers" / f"{view}.exr", driven)
     edit = out / "edit.json" if pigments.of(scene) else None
     if edit is not None:
         save_edit(scene, edit)
-    return requests.task(scene, "Build Compositor", requests.layers(view, out, edit), finish=finish)
+    job = requests.layers(view, out, edit)
+    return requests.task(scene, "Build Compositor", job, finish=finish, result=partial(compositor_node, scene, view))
 
 
 def _place(path: Path, driven: bool, owner: Owner, request: Request) -> None:

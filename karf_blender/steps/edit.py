@@ -1,38 +1,37 @@
 """Step 6: one color becomes another, a view is matched to a picture of it, and edits are kept as files."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
-import numpy as np
 
-from ..engine_api import ObjectMatch, read_edit_file, write_edit_file
+from ..engine_api import Edit, ObjectMatch, read_edit_file, write_edit_file
 from ..pictures import editors
 from ..swatches import becomes as becoming
 from ..swatches import colors, edits, matching
+from .swatches import Color, rgb_of
 
 
 def becomes(
     scene: bpy.types.Scene,
-    name: str,
-    source: Sequence[float],
-    target: Sequence[float],
-    rule: str,
+    object_name: str,
+    source: Color,
+    target: Color,
+    rule: str = "becomes",
     from_edited: bool = False,
 ) -> None:
     """Set an object's swatches so that a color of it becomes another.
 
     Args:
         scene: The scene.
-        name: The object's.
-        source: sRGB in [0, 1], as the photos show it, or `from_edited` as the edited picture does.
+        object_name: The object's.
+        source: As the photos show it, or `from_edited` as the edited picture does.
         target: What it shall become.
-        rule: `becomes` or `fewest`.
+        rule: `becomes` (the whole object gets a new paint) or `fewest` (as few changed swatches as possible).
         from_edited: Go on from the swatches as they are; else only locked ones stay as they are.
     """
-    item = edits.object_named(scene, name)
+    item = edits.object_named(scene, object_name)
     start = colors.edited(item) if from_edited else colors.learned(item)
-    becoming.apply(scene, name, np.array(source, np.float32), np.array(target, np.float32), rule, start)
+    becoming.apply(scene, object_name, rgb_of(source), rgb_of(target), rule, start)
 
 
 def paint_over(scene: bpy.types.Scene) -> bpy.types.Image:
@@ -43,22 +42,25 @@ def paint_over(scene: bpy.types.Scene) -> bpy.types.Image:
     return image
 
 
-def match_picture(scene: bpy.types.Scene, picture: Path | bpy.types.Image | None = None) -> tuple[ObjectMatch, ...]:
+def match_picture(
+    scene: bpy.types.Scene, picture: str | Path | bpy.types.Image | None = None
+) -> tuple[ObjectMatch, ...]:
     """Set the swatches so that the active view looks as a picture of it does; locked ones stay.
 
     Args:
         scene: The scene.
-        picture: A file or an image; None: the scene's own.
+        picture: A file or an image: the whole view, of any size, without lens distortion; None: the scene's own.
 
     Returns:
-        What came of each object that the picture wants otherwise.
+        For each object that the picture wants otherwise: its `name`, its `colors`, and the mean CIEDE2000 of its pixels
+        to the picture `before` and what is `left`.
 
     Raises:
         BadRequest: There is no picture, or it is not of this view.
         DataError: The file is unreadable.
     """
-    if isinstance(picture, Path):
-        found = matching.match(scene, picture.name, matching.read(picture))
+    if isinstance(picture, str | Path):
+        found = matching.match(scene, Path(picture).name, matching.read(Path(picture)))
     else:
         image = picture or matching.chosen(scene)
         found = matching.match(scene, image.name, matching.pixels_of(image))
@@ -69,11 +71,13 @@ def match_picture(scene: bpy.types.Scene, picture: Path | bpy.types.Image | None
     return found
 
 
-def load_edit(scene: bpy.types.Scene, path: Path) -> None:
-    """Set the swatches to an edit or palette file; what it does not name becomes as learned."""
-    edits.apply_edit(scene, read_edit_file(path, edits.learned(scene), scene.karf.compositing))
+def apply_edit(scene: bpy.types.Scene, edit: str | Path | Edit) -> None:
+    """Set the swatches to an edit, or to an edit or palette file; what it does not name becomes as learned."""
+    if not isinstance(edit, Edit):
+        edit = read_edit_file(Path(edit), edits.learned(scene), scene.karf.compositing)
+    edits.apply_edit(scene, edit)
 
 
-def save_edit(scene: bpy.types.Scene, path: Path) -> None:
+def save_edit(scene: bpy.types.Scene, path: str | Path) -> None:
     """Write the swatches as an edit file, or as the palette file that the ending says."""
-    write_edit_file(path, edits.current_edit(scene))
+    write_edit_file(Path(path), edits.current_edit(scene))

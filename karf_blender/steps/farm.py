@@ -13,21 +13,21 @@ from . import requests
 from .render import camera_folder, write_sequence
 
 
-def camera_bundle(
+def farm_bundle(
     scene: bpy.types.Scene,
-    camera: bpy.types.Object | None,
-    numbers: Iterable[int],
-    out: Path | None = None,
+    camera: bpy.types.Object | None = None,
+    frames: Iterable[int] | None = None,
+    out: str | Path | None = None,
     per_task: int = 10,
     python: str = "python3",
 ) -> Path:
-    """Write a bundle that renders what a camera sees, recolored, with the swatches of each frame.
+    """Write a bundle that renders what a camera sees, recolored, with the swatches of each frame; see docs/farm.md.
 
     Args:
         scene: The scene.
-        camera: None: the scene's.
-        numbers: The frames.
-        out: The bundle's folder, new or empty; None: a new one, `farm/<camera>` in the output folder.
+        camera: Default: the scene's.
+        frames: Their numbers; default: the scene's range.
+        out: The bundle's folder, new or empty; default: a new one, `farm/<camera>` in the output folder.
         per_task: How many frames a task renders.
         python: The Python of the farm's machines that has the engine's packages.
 
@@ -37,9 +37,9 @@ def camera_bundle(
     Raises:
         KarfError: There is no camera, palette or frame, the project is damaged, or `out` is taken.
     """
-    out = out or _free(folders.out_folder(scene) / "farm" / camera_folder(scene, camera).name)
+    out = Path(out).absolute() if out else _free(folders.out_folder(scene) / "farm" / camera_folder(scene, camera).name)
     with TemporaryDirectory() as folder:
-        cameras, edits = write_sequence(scene, camera, numbers, Path(folder))
+        cameras, edits = write_sequence(scene, camera, frames, Path(folder))
         _, options = requests.pictures(scene, str(cameras), edits, out, "render")
         pictures = {name: options[name] for name in ("base", "format", "alpha")}
         return render_bundle(

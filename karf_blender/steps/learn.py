@@ -1,31 +1,61 @@
 """Steps 2, 4 and 5: what the engine learns; and showing a view of it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import bpy
 
 from ..engine_api import BadRequest
 from ..pictures import editors
 from ..project import captures, contents, folders
-from ..swatches import palettes, recolor
+from ..swatches import edits, palettes, recolor
 from ..tasks.task import Task
 from . import requests
 
 
-def learn_scene(scene: bpy.types.Scene, preset: str = "", overrides: Sequence[str] = ()) -> Task:
-    """Geometry from the photos, or of the panel's pretrained NeRF; a preset becomes the panel's, an empty one is it."""
-    return requests.task(scene, "Learn Scene", _geometry(scene, preset, overrides))
+def learn_scene(
+    scene: bpy.types.Scene, preset: str = "", overrides: Sequence[str] = (), nerf: str | Path | None = None
+) -> Task:
+    """Learn the geometry from the photos, or import that of a pretrained NeRF. What is chosen becomes the panel's.
+
+    Args:
+        scene: The scene.
+        preset: Name of the settings; default: the panel's.
+        overrides: Single settings as `stage.field=value`.
+        nerf: Checkpoint of a NeRF of another program; default: the panel's.
+
+    Returns:
+        The task; its result is the stage's entry in the project (seconds, metrics).
+    """
+    if nerf is not None:
+        scene.karf.nerf = folders.stored(Path(nerf).absolute())
+    job = _geometry(scene, preset, overrides)
+    return requests.task(scene, "Learn Scene", job, result=partial(_entry, scene, "geometry"))
+
+
+def _entry(scene: bpy.types.Scene, stage: str) -> dict[str, Any]:
+    return folders.project_of(scene).finished(stage)
 
 
 def learn_all(scene: bpy.types.Scene, preset: str = "", overrides: Sequence[str] = ()) -> Task:
-    """All that is learned, in a row, and the planes of the active view; what is done already is not learned again.
+    """Learn all in a row, and prepare the active view; what is done already is not learned again.
+
+    Args:
+        scene: The scene.
+        preset: As of `learn_scene`.
+        overrides: As of `learn_scene`.
+
+    Returns:
+        The task; its result is the palettes as learned, one an object.
 
     Raises:
         BadRequest: No masks are chosen.
     """
     jobs = (_geometry(scene, preset, overrides), _segmentation(scene, None), *_palettes(scene))
-    return requests.task(scene, "Learn All", *jobs)
+    return requests.task(scene, "Learn All", *jobs, result=partial(edits.learned, scene))
 
 
 def _geometry(scene: bpy.types.Scene, preset: str, overrides: Sequence[str]) -> tuple[str, dict]:
@@ -40,13 +70,21 @@ def _geometry(scene: bpy.types.Scene, preset: str, overrides: Sequence[str]) -> 
     }
 
 
-def segment(scene: bpy.types.Scene, folder: Path | None = None) -> Task:
-    """Masks of every view from the coarse ones in a folder (default: the panel's).
+def segment(scene: bpy.types.Scene, masks: str | Path | None = None) -> Task:
+    """Segment the objects.
+
+    Args:
+        scene: The scene.
+        masks: Folder of coarse masks, `<object>/<photo name>.png`; default: the panel's.
+
+    Returns:
+        The task; its result is the stage's entry in the project.
 
     Raises:
         BadRequest: No folder is chosen.
     """
-    return requests.task(scene, "Segment", _segmentation(scene, folder))
+    job = _segmentation(scene, Path(masks).absolute() if masks else None)
+    return requests.task(scene, "Segment", job, result=partial(_entry, scene, "segmentation"))
 
 
 def _segmentation(scene: bpy.types.Scene, folder: Path | None) -> tuple[str, dict]:
@@ -58,39 +96,43 @@ def _segmentation(scene: bpy.types.Scene, folder: Path | None) -> tuple[str, dic
 
 
 def extract_palette(scene: bpy.types.Scene) -> Task:
-    """Palettes of the objects, what every pixel takes from them, and the planes of the active view."""
-    return requests.task(scene, "Extract Palette", *_palettes(scene))
+    """Extract and learn the palettes, and prepare the active view.
+
+    Returns:
+        The task; its result is the palettes as learned, one an object.
+    """
+    return requests.task(scene, "Extract Palette", *_palettes(scene), result=partial(edits.learned, scene))
 
 
 def _palettes(scene: bpy.types.Scene) -> tuple[tuple[str, dict], ...]:
     return ("palette", {}), ("recoloring", {}), requests.planes(scene.karf.active_view)
 
 
-def prepare_views(scene: bpy.types.Scene, views: str) -> Task:
-    """Edit planes of captured views, so that they can be shown: a view's name, `train`, `test` or `all`."""
+def prepare_views(scene: bpy.types.Scene, views: str = "all") -> Task:
+    """Prepare captured views (a view's name, `train`, `test` or `all`), so that they show without the engine."""
     return requests.task(scene, "Prepare Views", requests.planes(views))
 
 
-def show_view(scene: bpy.types.Scene, name: str = "") -> Task | None:
-    """Make a captured view active and show it, where it has planes.
+def show_view(scene: bpy.types.Scene, view: str = "") -> Task | bpy.types.Image:
+    """Make a captured view (default: the active one) active, and show it recolored.
 
     Palettes that the project has learned meanwhile are imported first.
 
     Returns:
-        None, or the task that prepares the view where it has no planes.
+        The result image: at once, or as the result of the task that prepares the view first.
 
     Raises:
         KarfError: There is no such view, there are no palettes, or Blender renders.
     """
     karf = scene.karf
-    if name and name not in karf.views:
-        raise BadRequest(f"The capture has no view {name!r}.", "Choose one from the list.")
+    if view and view not in karf.views:
+        raise BadRequest(f"The capture has no view {view!r}.", "Choose one from the list.")
     palettes.import_learned(scene)
     if not karf.objects:
         raise BadRequest("There is no palette yet.", "Extract the palettes first.")
-    if name:
-        karf.active_view = name
+    if view:
+        karf.active_view = view
     if not contents.is_current(folders.project_of(scene), karf.active_view):
-        return prepare_views(scene, karf.active_view)
+        return replace(prepare_views(scene, karf.active_view), result=lambda: scene.karf.result)
     editors.reveal(recolor.show(scene), is_wanted=True, is_whole=True)
-    return None
+    return karf.result

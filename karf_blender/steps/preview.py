@@ -1,4 +1,4 @@
-"""Live Camera: what the scene's camera sees, rendered by the warm engine while it or the rig moves.
+"""Live Camera: what the scene's camera sees, rendered by the engine while it or the rig moves.
 
 A coarse picture comes first, finer ones while the camera stands still; swatches change each in Blender alone. One timer
 looks at the camera, so that whatever moves it counts: the mouse, keyframes, drivers, parents, constraints. While no
@@ -22,7 +22,7 @@ from ..pictures import editors, images
 from ..rig import frames
 from ..swatches import colors, display, free_camera, pigments
 from ..swatches.planes import ShownView, recolored
-from ..tasks import runner, warm
+from ..tasks import queries, runner
 from ..tasks.ownership import Owner
 from .cameras import camera_of
 
@@ -101,15 +101,27 @@ def stop() -> None:
     free_camera.forget()
 
 
-def write_preview(scene: bpy.types.Scene, camera: bpy.types.Object | None, path: Path, long_side: int) -> None:
-    """Write what a camera (None: the scene's) sees now, with the swatches as they stand, as a PNG.
+def preview_camera(
+    scene: bpy.types.Scene, path: str | Path, camera: bpy.types.Object | None = None, long_side: int = 512
+) -> Path:
+    """Write what a camera sees now with the swatches as they stand; the worker that renders it stays for the next one.
+
+    Args:
+        scene: The scene.
+        path: The PNG to write.
+        camera: Default: the scene's.
+        long_side: Pixels; the scene's render size is never enlarged.
+
+    Returns:
+        The picture's path.
 
     Raises:
         KarfError: There is no camera, or nothing is learned.
     """
     pinhole = frames.pinhole(scene, camera_of(scene, camera))
-    view = _taken(warm.wait(scene, KIND, _options(pinhole, long_side)))
-    images.write_png(path, images.upright(recolored(view, scene)))
+    view = _taken(queries.wait(scene, KIND, _options(pinhole, long_side)))
+    images.write_png(Path(path), images.upright(recolored(view, scene)))
+    return Path(path)
 
 
 def _options(camera: Camera, long_side: int) -> dict[str, Any]:
@@ -176,7 +188,7 @@ def _look(live: _Live, scene: bpy.types.Scene) -> None:
     if live.sides and live.asked is None:
         side, *rest = live.sides
         live.sides, live.asked = tuple(rest), (text, side)
-        warm.ask(
+        queries.send(
             scene, KIND, _options(camera, side), partial(_take, live.asked), lambda error: _say(_Memory.live, error)
         )
 

@@ -1,6 +1,7 @@
 """Step 7: recolored pictures as files."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -9,13 +10,14 @@ import bpy
 from .. import progress
 from ..engine_api import BadRequest, Request, write_cameras, write_edit
 from ..pictures import images
+from ..pictures.sequences import files_in
 from ..project import folders
-from ..rig import frames
+from ..rig.frames import file_name, frames_of
 from ..swatches import edits, planes, recolor
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
 from . import requests, sequences
-from .cameras import camera_of
+from .cameras import camera_of, frame_range
 from .edit import save_edit
 
 
@@ -32,21 +34,52 @@ def save_shown(scene: bpy.types.Scene) -> Path:
     return path
 
 
-def render_view(scene: bpy.types.Scene, size: str | int | None = None) -> Task:
-    """Recolor the active view with the swatches as they stand, on its photo; size as of `render_captured`."""
-    return _captured_task(scene, "This View", scene.karf.active_view, size)
-
-
-def render_captured(scene: bpy.types.Scene, views: str = "all", size: str | int | None = None) -> Task:
-    """Recolor captured views with the swatches as they stand, on their photos.
+def render_view(scene: bpy.types.Scene, size: str | int | None = None) -> Task | Path:
+    """Recolor the active view with the swatches as they stand, on its photo.
 
     Args:
         scene: The scene.
-        views: `all`, `train`, `test` or names.
-        size: `photo`: all pixels of the photo, in a file of its kind; `learned`: what was learned from; or the long
-            side in pixels. Default: the panel's.
+        size: As of `render_captured`; `shown`: the preview as it is shown, without the engine.
+
+    Returns:
+        The picture's path: at once, or as the task's result.
     """
+    if size == "shown":
+        return save_shown(scene)
+    view = scene.karf.active_view
+    task = _captured_task(scene, "This View", view, size)
+    return replace(task, result=lambda: files_in(task.result(), [view])[0])
+
+
+def render_captured(
+    scene: bpy.types.Scene,
+    views: str = "all",
+    out: str | Path | None = None,
+    skip_existing: bool | None = None,
+    size: str | int | None = None,
+) -> Task:
+    """Recolor captured views with the swatches as they stand, on their photos. What is chosen becomes the panel's.
+
+    Args:
+        scene: The scene.
+        views: `all`, `train`, `test` or names with commas.
+        out: Output folder; default: the panel's.
+        skip_existing: Whether to keep pictures that would come out the same; default: the panel's.
+        size: `photo`: all pixels of the photos, in files of their kind (PNG, TIFF or EXR); `learned`: what was learned
+            from; or the long side in pixels. Default: the panel's.
+
+    Returns:
+        The task; its result is the folder of the pictures.
+    """
+    _choose(scene, out, skip_existing)
     return _captured_task(scene, "Captured Views", views, size)
+
+
+def _choose(scene: bpy.types.Scene, out: str | Path | None, skip_existing: bool | None) -> None:
+    if out is not None:
+        scene.karf.out = folders.stored(Path(out).absolute())
+    if skip_existing is not None:
+        scene.karf.skip_existing = skip_existing
 
 
 def _captured_task(scene: bpy.types.Scene, title: str, views: str, size: str | int | None) -> Task:
@@ -64,21 +97,38 @@ def _captured_size(scene: bpy.types.Scene) -> str | int:
     return karf.captured_pixels if karf.captured_size == "PIXELS" else karf.captured_size.lower()
 
 
-def render_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None, numbers: Iterable[int]) -> Task:
-    """Recolor what any Blender camera (None: the scene's) sees, frame by frame, swatches keyframed or not.
+def render_sequence(
+    scene: bpy.types.Scene,
+    camera: bpy.types.Object | None = None,
+    frames: Iterable[int] | None = None,
+    out: str | Path | None = None,
+    skip_existing: bool | None = None,
+) -> Task:
+    """Recolor what any Blender camera sees, frame by frame, with the swatches of each. What is chosen becomes the panel's.
 
-    The pictures are CAMERA_FOLDER/recolor/frame_0001.png and so on, see `camera_folder`.
+    Args:
+        scene: The scene.
+        camera: Default: the scene's.
+        frames: Their numbers; default: the scene's range.
+        out: Output folder; default: the panel's.
+        skip_existing: Whether to keep frames that would come out the same; default: the panel's.
+
+    Returns:
+        The task; its result is the folder of the pictures, frame_0001.png and so on, in the `camera_folder`.
     """
-    out = camera_folder(scene, camera)
-    cameras, files = write_sequence(scene, camera, numbers, out)
-    job = requests.pictures(scene, str(cameras), files, out, "render")
+    _choose(scene, out, skip_existing)
+    folder = camera_folder(scene, camera)
+    cameras, files = write_sequence(scene, camera, frames, folder)
+    job = requests.pictures(scene, str(cameras), files, folder, "render")
     return _frames_task(scene, "Camera's Frames", job, are_shown=True)
 
 
 def write_sequence(
-    scene: bpy.types.Scene, camera: bpy.types.Object | None, numbers: Iterable[int], out: Path
+    scene: bpy.types.Scene, camera: bpy.types.Object | None, frames: Iterable[int] | None, out: Path
 ) -> tuple[Path, list[str]]:
-    """Write what a camera (None: the scene's) is in these frames, and the swatches there; equal edits are one file.
+    """Write what a camera (None: the scene's) is in these frames (None: the scene's), and the swatches there.
+
+    Equal edits are one file.
 
     Returns:
         The camera file, and the edit's file of each frame.
@@ -91,7 +141,7 @@ def write_sequence(
         raise BadRequest("There is no palette yet.", "Extract the palettes first.")
     views, files, known = [], [], {}
     with recolor.batched(scene):
-        for view in frames.frames_of(scene, camera, numbers):
+        for view in frames_of(scene, camera, frame_range(scene) if frames is None else frames):
             edit = edits.current_edit(scene)
             key = b"".join(colors.tobytes() for colors in edit.colors.values())
             if key not in known:
@@ -110,7 +160,8 @@ def _frames_task(scene: bpy.types.Scene, title: str, job: tuple[str, dict], are_
     _, options = job
     folder = Path(options["out"]) / "recolor"
     scene.karf.frames = folders.stored(folder)
-    return requests.task(scene, title, job, finish=partial(_present_frames, folder, are_shown))
+    finish = partial(_present_frames, folder, are_shown)
+    return requests.task(scene, title, job, finish=finish, result=lambda: folder)
 
 
 def _present_frames(folder: Path, are_shown: bool, owner: Owner, request: Request) -> None:
@@ -128,4 +179,4 @@ def camera_folder(scene: bpy.types.Scene, camera: bpy.types.Object | None = None
 
     It is a folder of its own, `cameras/<camera>` in the output folder.
     """
-    return folders.out_folder(scene) / "cameras" / frames.file_name(camera_of(scene, camera))
+    return folders.out_folder(scene) / "cameras" / file_name(camera_of(scene, camera))

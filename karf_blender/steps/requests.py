@@ -46,11 +46,15 @@ def task(
     title: str,
     *jobs: tuple[str, dict],
     finish: Callable[[Owner, Request], None] = import_results,
+    result: Callable[[], Any] = lambda: None,
 ) -> Task:
-    """A task of the scene's project: pairs of a stage and its options, run in a row; `finish` is called after each."""
+    """A task of the scene's project: pairs of a stage and its options, run in a row.
+
+    `finish` is called after each, and `result` gives what a script gets in the end.
+    """
     project, owner = folders.project_of(scene).folder, Owner.of(scene)
     requests = tuple(Request(stage, project, options | threads()) for stage, options in jobs)
-    return Task(title, requests, partial(finish, owner), owner)
+    return Task(title, requests, partial(finish, owner), owner, result)
 
 
 def threads() -> dict[str, int]:

@@ -10,7 +10,7 @@ from ..engine_api import Request
 from ..pictures import editors
 from ..project import contents
 from ..swatches import drawn_over, object_masks, recolor
-from ..tasks import warm
+from ..tasks import queries
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
 from . import requests
@@ -27,7 +27,7 @@ def show_masks(scene: bpy.types.Scene) -> None:
     _reveal(scene)
     if object_masks.of(scene) is None:
         view = scene.karf.active_view
-        warm.ask(scene, "masks", {"view": view}, partial(_take_masks, view))
+        queries.send(scene, "masks", {"view": view}, partial(_take_masks, view))
 
 
 def _take_masks(view: str, scene: bpy.types.Scene, values: dict[str, Any]) -> None:

@@ -12,12 +12,12 @@ from ..project import folders
 STANDARD = ("Standard", "Raw")  # view transforms that show sRGB colors as they are
 
 
-def show_frames(scene: bpy.types.Scene, folder: Path | None = None, is_wanted: bool = True) -> bpy.types.Image:
+def show_frames(scene: bpy.types.Scene, folder: str | Path | None = None, is_wanted: bool = True) -> bpy.types.Image:
     """Show rendered frames in the Image Editors, as a sequence where their names count up.
 
     Args:
         scene: The scene.
-        folder: Of the pictures; None: those rendered last.
+        folder: Of the pictures; default: those rendered last.
         is_wanted: The user asked for them now; else a picture that is being painted on is left alone.
 
     Raises:
@@ -27,7 +27,7 @@ def show_frames(scene: bpy.types.Scene, folder: Path | None = None, is_wanted: b
     return sequences.show(files, _first_frame(files), is_wanted)
 
 
-def add_strip(scene: bpy.types.Scene, folder: Path | None = None) -> "bpy.types.Strip":
+def add_strip(scene: bpy.types.Scene, folder: str | Path | None = None) -> "bpy.types.Strip":
     """Put rendered frames into the scene's sequencer; folder and errors as those of `show_frames`."""
     files = frames_in(scene, folder)
     say_view_transform(scene)
@@ -41,11 +41,11 @@ def say_view_transform(scene: bpy.types.Scene) -> None:
         progress.warn(f"The view transform {transform} changes colors: Standard shows them as they are.")
 
 
-def frames_in(scene: bpy.types.Scene, folder: Path | None = None) -> list[Path]:
+def frames_in(scene: bpy.types.Scene, folder: str | Path | None = None) -> list[Path]:
     """The pictures of a folder (None: those rendered last); of a camera's frames those of its last job alone."""
     if folder is None and not scene.karf.frames:
         raise BadRequest("No frames have been rendered yet.", "Render captured views or a camera's frames first.")
-    folder = folder or folders.absolute(scene.karf.frames)
+    folder = Path(folder).absolute() if folder else folders.absolute(scene.karf.frames)
     cameras = folder.parent / "cameras.json"
     names = [view.name for view in open_capture(cameras, photos=False).views] if cameras.is_file() else None
     files = sequences.files_in(folder, names)

@@ -15,11 +15,27 @@ from ..tasks.task import Task
 from . import following, requests, sequences
 
 
-def show_scene(scene: bpy.types.Scene, count: int | None = None) -> Task:
-    """Have the engine find points on the learned scene's surface (default: as many as the panel says), then show them."""
+def show_scene(
+    scene: bpy.types.Scene, count: int | None = None, points: str | Path | None = None
+) -> Task | bpy.types.Object:
+    """Show the learned scene as an object whose colors follow the swatches.
+
+    Args:
+        scene: The scene.
+        count: About how many points; default: the panel's.
+        points: A file that the engine has written already (`points --out FILE.npz`); then it is not asked.
+
+    Returns:
+        The object, where there was one before the same with other points: at once where points are given, else as the
+        task's result.
+    """
+    if points is not None:
+        return place_points(scene, Path(points).absolute())
     path = folders.project_of(scene).points_file
     job = "points", {"out": str(path), "count": count or scene.karf.surface.count}
-    return requests.task(scene, "Show in 3D View", job, finish=partial(_place, path))
+    return requests.task(
+        scene, "Show in 3D View", job, finish=partial(_place, path), result=lambda: scene.karf.surface.item
+    )
 
 
 def _place(path: Path, owner: Owner, request: Request) -> None:
@@ -74,8 +90,13 @@ def show_colors(spaces: Iterable["bpy.types.SpaceView3D"]) -> None:
         space.shading.type, space.shading.light, space.shading.color_type = "SOLID", "FLAT", "VERTEX"
 
 
-def export_scene(scene: bpy.types.Scene, path: Path, shape: str = "quads") -> Path:
-    """Write the scene's object as recolored now; arguments as of `surface.export`.
+def export_scene(scene: bpy.types.Scene, path: str | Path, shape: str = "quads") -> Path:
+    """Write the scene's object with its colors as they are now.
+
+    Args:
+        scene: The scene.
+        path: The file: `.ply`, `.glb`, `.gltf`, `.usd`, `.usda` or `.usdc`.
+        shape: `quads`, as Blender shows it, or `points`, a vertex each.
 
     Returns:
         The file's path.
@@ -86,5 +107,6 @@ def export_scene(scene: bpy.types.Scene, path: Path, shape: str = "quads") -> Pa
     item = placing.find(scene)
     if item is None:
         raise BadRequest("The scene is not shown in 3D yet.", "Press Show in 3D View first.")
+    path = Path(path).absolute()
     export.export(scene, item, path, shape)
     return path

@@ -1,12 +1,29 @@
 """Step 6: swatches that move together. A swatch is an object's name and a number from 1: swatch 0 is black."""
 
+from collections.abc import Sequence
+
 import bpy
 import numpy as np
 
-from ..engine_api import MOST_ADDED, REACH, AddedColor, BadRequest, rgb_to_hex, srgb_to_lab
+from ..engine_api import MOST_ADDED, REACH, AddedColor, BadRequest, hex_to_rgb, rgb_to_hex, srgb_to_lab
 from ..swatches import colors, edits, groups, keyframes, pigments, planes, recolor
 
 Swatch = tuple[str, int]
+Color = str | Sequence[float]  # sRGB in [0, 1], or "#rrggbb"
+
+
+def rgb_of(color: Color) -> np.ndarray:
+    """A color as sRGB, float32 [3]."""
+    return np.array(hex_to_rgb(color) if isinstance(color, str) else color, np.float32)
+
+
+def set_swatch(scene: bpy.types.Scene, object_name: str, index: int, color: Color) -> None:
+    """Give a swatch a color, sRGB in [0, 2].
+
+    Raises:
+        BadRequest: There is no such swatch.
+    """
+    edits.set_color(scene, object_name, index, rgb_of(color))
 
 
 def link_swatches(scene: bpy.types.Scene, one: Swatch, other: Swatch) -> None:
@@ -27,12 +44,12 @@ def unlink_swatch(scene: bpy.types.Scene, name: str, index: int) -> None:
     groups.unlink(edits.swatch_at(scene, name, index))
 
 
-def merge_swatch(scene: bpy.types.Scene, name: str, index: int, into: int | None = None) -> int:
+def merge_swatch(scene: bpy.types.Scene, object_name: str, index: int, into: int | None = None) -> int:
     """Let one swatch of an object move another's paint along with its own: both then change by the same amount.
 
     Args:
         scene: The scene.
-        name: The object's.
+        object_name: The object's.
         index: The swatch that is no longer shown.
         into: The one that moves it; None: the one whose learned color is nearest.
 
@@ -42,14 +59,14 @@ def merge_swatch(scene: bpy.types.Scene, name: str, index: int, into: int | None
     Raises:
         BadRequest: There is no such swatch, it is locked, or no other is shown.
     """
-    edits.unlocked(scene, name, index)
-    item = edits.object_named(scene, name)
+    edits.unlocked(scene, object_name, index)
+    item = edits.object_named(scene, object_name)
     others = [each for each in range(1, pigments.size(item)) if each != index and not item.swatches[each].merged]
     if item.swatches[index].is_added:
-        raise BadRequest(f"Swatch {index} of {name!r} was added: it cannot be merged.", "Remove it in its menu.")
+        raise BadRequest(f"Swatch {index} of {object_name!r} was added: it cannot be merged.", "Remove it in its menu.")
     if not others or into not in (None, *others):
         raise BadRequest(
-            f"Swatch {index} of {name!r} cannot be merged into {into or 'another'}.",
+            f"Swatch {index} of {object_name!r} cannot be merged into {into or 'another'}.",
             "Choose another swatch of this object that is shown.",
         )
     if into is None:
@@ -94,42 +111,49 @@ def color_at(scene: bpy.types.Scene, name: str, place: tuple[float, float]) -> n
     return np.clip(own / own.sum() @ learned, 0, 1)
 
 
-def add_color(scene: bpy.types.Scene, name: str, picked: np.ndarray, reach: float = REACH) -> int:
-    """Give an object one more swatch, for the pigment of a color that it shows; the picture stays as it is.
+def add_color(
+    scene: bpy.types.Scene, object_name: str, picked: Color, color: Color | None = None, reach: float = REACH
+) -> int:
+    """Give an object one more swatch, which changes only what has the pigment of a color that it shows.
 
     Args:
         scene: The scene.
-        name: The object's.
-        picked: The color as the photos show it, sRGB [3] in [0, 1].
-        reach: How far around its hue colors are of this pigment; see `palettes.added`.
+        object_name: The object's.
+        picked: The color as the photos show it.
+        color: What it shall be; default: as it is shown now.
+        reach: How far around its hue (of a gray: its chroma) colors are of this pigment, 0.05 to 4; see `edit.added`.
 
     Returns:
-        The swatch's number.
+        The swatch's number, for `set_swatch`.
 
     Raises:
         BadRequest: The color is black, or the object has too many.
         DataError: The project's histogram of the object's colors is damaged.
     """
-    item, picked = edits.object_named(scene, name), np.array(picked, np.float32)
+    item, picked = edits.object_named(scene, object_name), rgb_of(picked)
     if len(pigments.added(item)) >= MOST_ADDED:
-        raise BadRequest(f"{MOST_ADDED} colors were added to {name!r}.", "Remove one of them in its menu.")
-    color = AddedColor(picked, reach)
-    found = pigments.solved(item, color, pigments.shown(item, picked))
+        raise BadRequest(f"{MOST_ADDED} colors were added to {object_name!r}.", "Remove one of them in its menu.")
+    added = AddedColor(picked, reach)
+    found = pigments.solved(item, added, pigments.shown(item, picked))
     with recolor.batched(scene), groups.apart():
-        number = pigments.append(item, color)
+        number = pigments.append(item, added)
         pigments.paint(item, number, found)
+    if color is not None:
+        set_swatch(scene, object_name, number, color)
     return number
 
 
-def remove_color(scene: bpy.types.Scene, name: str, index: int) -> None:
+def remove_color(scene: bpy.types.Scene, object_name: str, index: int) -> None:
     """Take an added color away: its pigment is the swatches' again.
 
     Raises:
         BadRequest: There is no such swatch, it is locked, or it was learned.
     """
-    swatch, item = edits.unlocked(scene, name, index), edits.object_named(scene, name)
+    swatch, item = edits.unlocked(scene, object_name, index), edits.object_named(scene, object_name)
     if not swatch.is_added:
-        raise BadRequest(f"Swatch {index} of {name!r} was learned: it stays.", "Merge it into another in its menu.")
+        raise BadRequest(
+            f"Swatch {index} of {object_name!r} was learned: it stays.", "Merge it into another in its menu."
+        )
     keyframes.copy_shared_action(scene)
     curves, count, learned = keyframes.of(scene), pigments.size(item), rgb_to_hex(swatch.learned)
     with recolor.batched(scene), groups.apart():
@@ -137,5 +161,5 @@ def remove_color(scene: bpy.types.Scene, name: str, index: int) -> None:
         pigments.remove(item, index)
     numbers = {each: number for number, each in enumerate(scene.karf.objects.keys())}
     for curve in curves:
-        if curve.object_name == name and isinstance(curve.swatch, int) and curve.swatch >= index:
+        if curve.object_name == object_name and isinstance(curve.swatch, int) and curve.swatch >= index:
             keyframes.move(curve, numbers, learned if curve.swatch == index else curve.swatch - count)

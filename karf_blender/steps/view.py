@@ -40,11 +40,14 @@ def show_camera(scene: bpy.types.Scene, capture: Capture, view: View) -> None:
     cameras.straighten_background(scene, view, folders.project_of(scene).photos_folder)
 
 
-def reprojection_error(scene: bpy.types.Scene, name: str = "") -> ErrorSummary:
-    """How far the sparse points are from where a view's photo shows them.
+def reprojection_error(scene: bpy.types.Scene, view: str = "") -> ErrorSummary:
+    """Measure how far the sparse points are from where a view (default: the active one) shows them in its photo.
+
+    Returns:
+        Count of points, and median and worst distance in pixels.
 
     Raises:
         DataError: The capture has no sparse points.
     """
-    name = captures.view_of(scene, name).name
+    name = captures.view_of(scene, view).name
     return reprojection.check(captures.path_of(scene), captures.of(scene), name).summary

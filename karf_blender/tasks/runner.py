@@ -1,8 +1,7 @@
 """Runs tasks (one engine job, or several in a row): beside the user interface, or blocking in a script.
 
-Beside the interface one persistent timer polls the running task; a modal operator would hold back auto-save for as long
-as it runs. In background mode timers never fire, so there a task blocks, prints its progress and raises its error.
-One task runs at a time: the engine uses all the cores it is given. Its process is kept for a moment, for the next job.
+In background mode a task blocks, prints its progress and raises its error. One task runs at a time: the engine uses all
+the cores it is given. Its worker is kept for a moment, for the next job.
 """
 
 import time
@@ -13,21 +12,23 @@ import bpy
 from bpy.app.handlers import persistent
 
 from .. import engine_api, preferences, progress
-from ..engine import jobs
-from ..engine.keeping import KeptEngine
+from ..engine.failures import disk_errors, log_tail
+from ..engine.worker import Worker
 from ..engine_api import BadRequest, Cancelled, Event, KarfError, Project, Request
-from ..host import compat, rendering, windows
+from ..host import rendering, windows
 from ..pictures import editors
 from ..project import disk, folders
+from . import timer
 from .task import Task
 
 POLL_SECONDS = 0.2
 PRINT_SECONDS = 5.0
+KEEP_SECONDS = 60.0  # that the worker waits for the next job; half of it counts on it
 REPORTED = ("internal", "dependency")  # codes of errors that the log explains
 
 
 class _Running:
-    """A task at work: the job it is at, how many are done, and whether it was asked to stop."""
+    """A task at work: how many of its jobs are done, and whether it was asked to stop."""
 
     is_stopping = False
 
@@ -36,17 +37,17 @@ class _Running:
         self._done = 0
         self._python = python
         self._threads = threads
-        self.job = self._start()
+        self._begin_next()
 
-    def _start(self) -> jobs.Job:
+    def _begin_next(self) -> None:
         request = self.task.requests[self._done]
-        self._begin = time.monotonic()
-        with jobs.disk_errors():
+        self._began = time.monotonic()
+        with disk_errors():
             folder = Project(request.project).new_job(request.stage)
-        return _engine.start(self._python, request, folder, self._threads)
+        _worker.begin(self._python, request, folder, self._threads)
 
     def advance(self) -> bool:
-        """Let Blender do what follows an ended job, and start the next.
+        """Let Blender do what follows an ended job, and begin the next.
 
         Returns:
             True when the last is done.
@@ -54,22 +55,22 @@ class _Running:
         Raises:
             KarfError: The job failed, or what follows it.
         """
-        if not self.job.ended:
+        if not _worker.ended:
             return False
-        self.job.check()
+        _worker.check()
         for timekeeper in _timekeepers:
-            timekeeper(self.job.request, time.monotonic() - self._begin)
-        with jobs.disk_errors():
-            self.task.after(self.job.request)
+            timekeeper(_worker.request, time.monotonic() - self._began)
+        with disk_errors():
+            self.task.after(_worker.request)
         self._done += 1
         if self._done == len(self.task.requests):
             return True
-        self.job = self._start()
+        self._begin_next()
         return False
 
 
 _running: list[_Running] = []
-_engine = KeptEngine()
+_worker = Worker(KEEP_SECONDS)
 _listeners: list[Callable[[], None]] = []
 _timekeepers: list[Callable[[Request, float], None]] = []
 
@@ -113,7 +114,7 @@ def current_request(scene: bpy.types.Scene) -> Request | None:
     """What the engine is doing for the scene's project; None where it does nothing for it."""
     if not _running or not scene.karf.project:
         return None
-    request = _running[0].job.request
+    request = _worker.request
     return request if request.project == folders.project_of(scene).folder else None
 
 
@@ -127,8 +128,7 @@ def launch(task: Task) -> None:
         wait(task)
         return
     _begin(task)
-    if not bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.register(_tick, first_interval=POLL_SECONDS, persistent=True)
+    timer.start(_poll)
 
 
 def wait(task: Task) -> None:
@@ -142,8 +142,8 @@ def wait(task: Task) -> None:
     try:
         done = False
         while not done:
-            stage = running.job.request.stage
-            for event in running.job.poll():
+            stage = _worker.request.stage
+            for event in _worker.poll():
                 _show(task, event)
                 if event.kind != "progress" or time.monotonic() > quiet_until:
                     quiet_until = time.monotonic() + PRINT_SECONDS
@@ -167,15 +167,15 @@ def cancel() -> None:
     """
     if not _running:
         raise BadRequest("No KaRF job is running.", "")
-    _running[0].job.cancel()
+    _worker.cancel()
     _running[0].is_stopping = True
     progress.state().text = "Stopping"
 
 
 def release() -> None:
-    """End the engine's process where it only waits for a next job: its Python may be replaced."""
+    """End the worker where it only waits for a next job: its Python may be replaced."""
     if not _running:
-        _engine.end()
+        _worker.end()
 
 
 def _begin(task: Task) -> _Running:
@@ -188,11 +188,11 @@ def _begin(task: Task) -> _Running:
 
 
 def _end() -> None:
-    """Forget the running task; its child is ended where it still lives."""
+    """Forget the running task; its job is ended where it is still at work."""
     while _running:
-        running = _running.pop()
-        if not running.job.ended:
-            _engine.end()
+        _running.pop()
+        if not _worker.ended:
+            _worker.end()
         progress.state().running = False
         disk.refresh()
 
@@ -204,20 +204,19 @@ def _finish(error: KarfError | None) -> None:
     elif error is not None:
         progress.fail(error)
         if error.code in REPORTED:
-            job = _running[0].job
-            state.job = str(job.folder)
-            print(f"The end of {job.folder / engine_api.LOG_FILE}:\n{job.log_tail()}", flush=True)
+            state.job = str(_worker.folder)
+            print(f"The end of {_worker.folder / engine_api.LOG_FILE}:\n{log_tail(_worker.folder)}", flush=True)
     else:
         state.text = "done"
 
 
-def _tick() -> float | None:
-    """The timer: shows what the running task has reported, and stops itself when there is none."""
+def _poll() -> float | None:
+    """Called by the timer as long as a task runs: shows what it has reported."""
     if not _running:
         return None
     running = _running[0]
     try:
-        events = running.job.poll()
+        events = _worker.poll()
         for event in events:
             if not running.is_stopping:
                 _show(running.task, event)
@@ -249,10 +248,9 @@ def _show(task: Task, event: Event) -> None:
         editors.show_preview(Path(event["path"]))
 
 
-@persistent
-def _before_exit(*_):
+def _stop() -> None:
     _end()
-    _engine.end()
+    _worker.end()
 
 
 @persistent
@@ -265,17 +263,11 @@ def _after_load(*_):
 def register():
     """Called when the extension is enabled."""
     bpy.app.handlers.load_post.append(_after_load)
-    if compat.exit_handlers() is not None:
-        compat.exit_handlers().append(_before_exit)
 
 
 def unregister():
     """Called when the extension is disabled."""
-    if compat.exit_handlers() is not None:
-        compat.exit_handlers().remove(_before_exit)
     bpy.app.handlers.load_post.remove(_after_load)
-    # a timer left behind hangs or crashes some Blender versions at exit
-    if bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.unregister(_tick)
-    _end()
-    _engine.end()
+
+
+timer.at_end(_stop)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import bpy
 
@@ -11,12 +12,21 @@ from .ownership import Owner
 
 @dataclass(frozen=True)
 class Task:
-    """Jobs of one project to run in a row, with what Blender does after each is done, for the scene that began them."""
+    """Jobs of one project to run in a row, with what Blender does after each is done, for the scene that began them.
+
+    Attributes:
+        title: What the panel calls it.
+        requests: The jobs.
+        after: Called with each job's request when it is done.
+        owner: Who began it.
+        result: Gives what came of it, for the script that has waited until all was done.
+    """
 
     title: str
     requests: tuple[Request, ...]
     after: Callable[[Request], None]
     owner: Owner | None = None
+    result: Callable[[], Any] = lambda: None
 
     @property
     def is_file_open(self) -> bool:

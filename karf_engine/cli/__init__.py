@@ -1,4 +1,4 @@
-"""The command line: one verb a function of the library, and `run` for a job folder (see wire)."""
+"""The command line: one verb a function of the library, and `run` for a job folder (see worker.protocol)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 
 from ..errors import Cancelled
-from .failing import as_karf_error, say, say_error
+from ..worker.failing import as_karf_error, say, say_error
 from .parser import check_known, make_parser
 
 

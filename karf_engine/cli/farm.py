@@ -6,7 +6,7 @@ import argparse
 
 from ..commands.farm.options import PICTURES
 from ..errors import BadRequest
-from .failing import say
+from ..worker.failing import say
 
 
 def write_bundle(options: argparse.Namespace) -> int:

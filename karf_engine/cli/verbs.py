@@ -5,18 +5,20 @@ from __future__ import annotations
 import argparse
 import json
 import signal
+import sys
 from dataclasses import fields
+from pathlib import Path
 
 from ..commands.dispatch import run_command
 from ..compute.progress import TerminalEmit
 from ..errors import BadRequest
 from ..io.files import read_json
 from ..io.options import Options
-from ..path_map import PathMap
 from ..project import Project
 from ..project.settings import describe
-from .failing import say
-from .job import run_jobs
+from ..worker.failing import say
+from ..worker.loop import Worker
+from ..worker.path_map import PathMap
 
 
 def options_of(arguments: argparse.Namespace) -> Options:
@@ -110,4 +112,4 @@ def speed(options: argparse.Namespace) -> int:
 
 def run(options: argparse.Namespace) -> int:
     """A job folder, and those that follow it."""
-    return run_jobs(options.job, PathMap.of(options.folders), options.wait)
+    return Worker(PathMap.of(options.folders), options.wait).serve(Path(options.job), sys.stdin)

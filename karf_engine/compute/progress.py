@@ -1,6 +1,6 @@
 """Progress of a job: events at most four times a second, with rate and time left, and the question whether to stop.
 
-`emit(kind, **values)` receives the events of `wire`; a child process writes them to its job, a terminal prints them.
+`emit(kind, **values)` receives the events of `worker.protocol`; a child process writes them to its job, a terminal prints them.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""The engine as a process of its own: what it needs, what it is asked, what it answers."""
+"""The engine as a child process: one protocol for jobs and queries, and the loop that serves both."""

@@ -1,4 +1,4 @@
-"""How long a preview of any camera takes in the warm engine: from ask to answer, with its file, on one thread."""
+"""How long a preview of any camera takes in a worker: from query to answer, with its file, on one thread."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from pathlib import Path
 
 from karf_engine.capture.transforms_json import camera_to_json
 from karf_engine.compute.progress import peak_memory_bytes
-from karf_engine.warm.preview import preview
-from karf_engine.warm.session import Session
+from karf_engine.worker.queries.preview import preview
+from karf_engine.worker.queries.session import Session
 from tools.speed.rows import Row
 
 SIDES = (96, 256, 512)  # pixels of the long side; Live Camera begins with the first

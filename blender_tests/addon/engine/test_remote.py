@@ -36,18 +36,20 @@ def program(tmp_path, monkeypatch):
     return tmp_path / "program"
 
 
-def test_a_job_there_is_a_job_as_any_other(addon, program, tmp_path):
+def test_a_job_there_is_a_job_as_any_other(addon, program, tmp_path, monkeypatch):
     assert addon.environment.find_python(str(program), {}) == program
     project = tmp_path / "client" / "pots_karf"
-    request = addon.engine_api.Request("render", project, {"views": "test"})
-    job = addon.jobs.start(program, ROOT / "karf_engine", request, tmp_path / "client" / "job")
+    request = addon.engine_api.Request("render", project, {"views": "test", "out": str(tmp_path / "client" / "frames")})
+    monkeypatch.setattr(addon.engine_api, "ENGINE_FOLDER", ROOT / "karf_engine")
+    worker = addon.worker.Worker()
+    worker.begin(program, request, tmp_path / "client" / "job")
     deadline = time.monotonic() + 120
     events = []
-    while not job.ended:
-        events += job.poll()
+    while not worker.ended:
+        events += worker.poll()
         assert time.monotonic() < deadline, "the job does not end"
         time.sleep(0.02)
-    assert events[0].kind == "hello", job.log_tail()
+    assert events[0].kind == "hello", addon.failures.log_tail(worker.folder)
     with pytest.raises(addon.engine_api.DataError, match="is no KaRF project") as caught:
-        job.check()
+        worker.check()
     assert str(project) in caught.value.sentence

@@ -22,13 +22,14 @@ from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import View, capture_from_json, capture_to_json
 from karf_engine.capture.transforms_frames import camera_from_json
 from karf_engine.cli import main as engine_main
+from karf_engine.commands.options import options_of_job
 from karf_engine.io.files import read_json, write_json
 from karf_engine.palettes.colorways.planned import plan_colorways
 from karf_engine.palettes.compositing import Planes, write_planes
 from karf_engine.palettes.edit_files import read_edit
 from karf_engine.palettes.palette import Palette, read_palettes, write_palettes
 from karf_engine.project import Project
-from karf_engine.wire import PROTOCOL, WARM, Ask, EventWriter, Request, folder_of_line
+from karf_engine.worker.protocol import PROTOCOL, WARM, EventWriter, Request, decode_line
 
 LEARNED = {"lid": [[0, 0, 0], [0.2, 0.4, 0.6], [1, 1, 1]], "pot": [[0, 0, 0], [0.8, 0.2, 0.1], [0.9, 0.9, 0.5]]}
 SHARES = (0.125, 0.25, 0.125)  # of the three palette entries, each object; exact in float16
@@ -38,17 +39,18 @@ def main(job, is_waiting):
     """Run a job, and those that follow on standard input where it shall wait for them."""
     code = run(job)
     while is_waiting and (line := sys.stdin.readline()) not in ("cancel\n", ""):
-        code = run(Path(folder_of_line(line)))
+        code = run(Path(decode_line(line)))
     return code
 
 
 def run(job):
     emit = EventWriter(job)
     request = Request.read(job)
-    misbehave(request.options.get("behave", ""), emit)
+    misbehave(request.options.pop("behave", ""), emit)
     emit("hello", protocol=PROTOCOL, engine="fake", python="3", torch="none", device="none", pid=os.getpid())
     if request.stage == WARM:
-        return stay_warm(job, emit)
+        return answer_queries(job, emit)
+    options_of_job(request.stage, request.project, request.options)  # refuses what the engine would
     emit("stage", name=request.stage)
     emit("progress", stage=request.stage, step=1, total=2, rate=10.0, eta_s=0.1, metrics={"loss": 0.5})
     emit("warning", code="fake", sentence="This is no real engine.")
@@ -58,20 +60,20 @@ def run(job):
     return 0
 
 
-def stay_warm(job, emit):
+def answer_queries(job, emit):
     for line in sys.stdin:
-        ask = Ask.decode(line)
-        behave = ask.options.get("behave", "")
+        query = decode_line(line)
+        behave = query.options.get("behave", "")
         if behave == "crash":
             os.abort()
-        elif behave == "idle":  # it ends just when it is asked
+        elif behave == "idle":  # it ends just when a query comes
             break
         elif behave == "refuse":
-            emit("refused", id=ask.number, code="data", sentence="photo_7.png is missing.", hint="Find it.")
+            emit("refused", id=query.number, code="data", sentence="photo_7.png is missing.", hint="Find it.")
         elif behave == "drop":
-            emit("dropped", id=ask.number)
+            emit("dropped", id=query.number)
         else:
-            emit("answer", id=ask.number, **ANSWERS[ask.kind](job, ask.options))
+            emit("answer", id=query.number, **QUERIES[query.kind](job, query.options))
     emit("done")
     return 0
 
@@ -112,7 +114,7 @@ def write_mask(job, mask):
 
 def preview(job, options):
     """Planes of the camera, all of one gray: its distance from the world's origin, times 20 of 255."""
-    camera = camera_from_json(options["camera"], "the ask").reduced(options["long_side"])
+    camera = camera_from_json(options["camera"], "the query").reduced(options["long_side"])
     path = job / "answers" / f"{time.monotonic_ns()}.npz"
     path.parent.mkdir(exist_ok=True)
     planes = planes_of(camera)
@@ -282,13 +284,13 @@ def write_png(path, picture):
 STAGES = {
     stage.__name__: stage for stage in (poses, geometry, segmentation, palette, recoloring, render, points, colorways)
 }
-ANSWERS = {
+QUERIES = {
     "echo": echo,
     "preview": preview,
     "propose": propose,
     "correct": correct,
     "masks": masks,
-}  # of a warm engine: kind -> function of the job's folder and the options
+}  # kind -> function of the job's folder and the options
 
 if __name__ == "__main__":
     if sys.argv[1] == "doctor":  # the true one: it needs no torch to say that there is none

@@ -200,7 +200,7 @@ def test_a_click_on_a_mask_that_was_painted_adds_and_takes_away_there_alone(addo
 
 def test_an_answer_that_undo_has_overtaken_changes_nothing(bpy, addon, marked, monkeypatch):
     asked = []
-    monkeypatch.setattr(addon.warm, "ask", lambda scene, kind, options, on_answer: asked.append(on_answer))
+    monkeypatch.setattr(addon.queries, "send", lambda scene, kind, options, on_answer: asked.append(on_answer))
     scene = bpy.context.scene
     addon.steps.mark_click(scene, (6, 6))
     bpy.ops.ed.undo_push(message="click")

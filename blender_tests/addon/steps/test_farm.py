@@ -41,7 +41,7 @@ def test_the_job_renders_as_the_panel_says(addon, filmed, tmp_path):
     bundle = addon.headless.farm_bundle(out=tmp_path / "job")
     (step,) = json.loads((bundle / "template.json").read_text())["steps"]
     arguments = " ".join(step["script"]["actions"]["onRun"]["args"])
-    assert "--base render --format exr16 --alpha" in arguments
+    assert "--base render --alpha --format exr16" in arguments
 
 
 def test_the_button_writes_a_new_folder_each_time(bpy, addon, filmed):

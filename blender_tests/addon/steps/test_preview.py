@@ -18,7 +18,7 @@ def live(bpy, addon, learned, monkeypatch):
     bpy.context.window_manager.karf_preview.long_side = LONG_SIDE
     timers = SimpleNamespace(is_registered=lambda tick: True, register=None, unregister=lambda tick: None)
     pretended = SimpleNamespace(app=SimpleNamespace(background=False, timers=timers), data=bpy.data, types=bpy.types)
-    for module in (addon.preview, addon.warm):
+    for module in (addon.preview, addon.queries, addon.timer):
         monkeypatch.setattr(module, "bpy", pretended)
     sides = []
     take = addon.preview._take
@@ -33,7 +33,7 @@ def live(bpy, addon, learned, monkeypatch):
         deadline, known = time.monotonic() + 20, len(sides)
         while len(sides) < known + count:
             addon.preview._tick()
-            addon.warm._tick()
+            addon.queries._poll()
             assert time.monotonic() < deadline, addon.preview.message()
             time.sleep(0.01)
         return sides[known:]
@@ -52,7 +52,7 @@ def test_coarse_comes_first_then_half_then_full_and_then_nothing(bpy, addon, liv
     assert live.look(3) == [96, LONG_SIDE // 2, LONG_SIDE]
     for _ in range(5):
         addon.preview._tick()
-    assert not addon.warm.is_waiting("preview")
+    assert not addon.queries.is_waiting("preview")
     assert tuple(bpy.data.images["KaRF camera"].size) == (200, 100)
 
 
@@ -77,11 +77,11 @@ def test_the_picture_follows_the_camera_and_the_rig(bpy, addon, live):
 
 def test_the_picture_follows_swatches_without_the_engine(bpy, addon, live):
     live.look(3)
-    addon.warm.stop()
+    addon.queries.stop()
     before = picture(bpy, addon)
     live.scene.karf.objects["pot"].swatches[1].color = (0.8, 0.2 + 0.4, 0.1)
     addon.preview._tick()
-    assert addon.warm._Memory.engine is None
+    assert addon.queries._Memory.worker is None
     assert np.allclose(picture(bpy, addon) - before, [0, 0.4 * 0.25 * 255, 0], atol=1.5)
 
 
@@ -91,7 +91,7 @@ def test_nothing_is_rendered_while_no_editor_shows_the_picture_and_it_goes_on_wh
     live.scene.camera.location *= 0.5
     for _ in range(5):
         addon.preview._tick()
-    assert not addon.warm.is_waiting("preview")
+    assert not addon.queries.is_waiting("preview")
     assert "No Image Editor shows the picture KaRF camera" in addon.preview.message()
     live.editor.image = bpy.data.images["KaRF camera"]
     assert live.look(3) == [96, LONG_SIDE // 2, LONG_SIDE]
@@ -194,11 +194,11 @@ def test_an_engine_that_crashes_is_said_once_and_tried_again_when_the_camera_mov
     deadline = time.monotonic() + 20
     while "crashed" not in addon.preview.message():
         addon.preview._tick()
-        addon.warm._tick()
+        addon.queries._poll()
         assert time.monotonic() < deadline
     for _ in range(5):
         addon.preview._tick()
-    assert not addon.warm.is_waiting("preview")
+    assert not addon.queries.is_waiting("preview")
     monkeypatch.setattr(addon.preview, "_options", options)
     live.scene.camera.location.x += 0.1
     live.look(1)

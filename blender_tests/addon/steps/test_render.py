@@ -68,8 +68,8 @@ def test_captured_views_are_rendered_with_the_edit(addon, learned, tmp_path):
 
 
 def test_photos_have_the_size_that_the_panel_says_unless_a_call_says_another(addon, learned):
-    def asked(*size):
-        return addon.steps.render_captured(learned, "all", *size).requests[0].options["size"]
+    def asked(size=None):
+        return addon.steps.render_captured(learned, "all", size=size).requests[0].options["size"]
 
     assert asked() == "photo"
     learned.karf.captured_size = "LEARNED"
@@ -99,7 +99,7 @@ def test_a_sequence_is_one_job_with_an_edit_for_each_of_its_swatches(bpy, addon,
     for frame, red in ((1, 0.0), (3, 0.4)):
         swatch.color = (red, 0.2, 0.2)
         swatch.keyframe_insert("color", frame=frame)
-    task = addon.steps.render_camera(learned, learned.camera, range(1, 31))
+    task = addon.steps.render_sequence(learned, learned.camera, range(1, 31))
     assert len(task.requests) == 1
     options = task.requests[0].options
     assert len(json.loads(Path(options["views"]).read_text())["frames"]) == len(options["edit"]) == 30
@@ -126,7 +126,7 @@ def test_a_moving_camera_reaches_the_engine_frame_by_frame(bpy, addon, learned, 
     for frame, x in ((1, 0.0), (2, 5.0)):
         camera.location = (x, 0, 2)
         camera.keyframe_insert("location", frame=frame)
-    task = addon.steps.render_camera(learned, camera, [1, 2])
+    task = addon.steps.render_sequence(learned, camera, [1, 2])
     capture = addon.engine_api.open_capture(task.requests[0].options["views"], photos=False)
     np.testing.assert_allclose([view.camera.position for view in capture.views], [(0, 0, 2), (5, 0, 2)], atol=1e-6)
     assert [view.name for view in capture.views] == ["frame_0001", "frame_0002"]

@@ -2,6 +2,8 @@
 
 import pytest
 
+from karf_engine.commands.options import options_of_job
+
 
 @pytest.fixture
 def film(addon, learned, tmp_path):
@@ -91,6 +93,6 @@ def test_a_folder_without_frames_is_told(addon, learned, tmp_path):
 )
 def test_the_engine_is_asked_for_the_chosen_output(addon, learned, tmp_path, file_format, depth, mode, expected):
     learned.karf.file_format, learned.karf.color_depth, learned.karf.color_mode = file_format, depth, mode
-    (request,) = addon.steps.render_camera(learned, None, [1]).requests
+    (request,) = addon.steps.render_sequence(learned, None, [1]).requests
     assert (request.options["format"], request.options["alpha"]) == expected
-    request.check_options()
+    options_of_job(request.stage, request.project, request.options)

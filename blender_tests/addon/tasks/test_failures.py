@@ -16,7 +16,7 @@ from ..timers import run_to_end
 def begin(addon, scene, behave, after=lambda request: None):
     request = addon.engine_api.Request("geometry", addon.folders.project_of(scene).folder, {"behave": behave})
     addon.runner._begin(addon.task.Task("Trial", (request,), after))
-    return addon.runner._running[0].job
+    return addon.runner._worker
 
 
 def drawn_status(bpy, addon):
@@ -28,7 +28,7 @@ def drawn_status(bpy, addon):
 
 def test_a_crash_is_a_sentence_with_a_report_and_a_log(bpy, addon, project_scene, capfd):
     begin(addon, project_scene, "crash")
-    run_to_end(addon.runner._tick)
+    run_to_end(addon.runner._poll)
     progress = bpy.context.window_manager.karf_progress
     assert progress.error.startswith("The engine crashed in the geometry job")
     assert "\n" not in progress.error + progress.hint and len(progress.error + progress.hint) < 200
@@ -45,7 +45,7 @@ def test_a_crash_is_a_sentence_with_a_report_and_a_log(bpy, addon, project_scene
 
 def test_what_a_user_can_mend_needs_no_report(bpy, addon, project_scene):
     begin(addon, project_scene, "error")
-    run_to_end(addon.runner._tick)
+    run_to_end(addon.runner._poll)
     assert not {"karf.copy_report", "karf.open_log"} & set(drawn_status(bpy, addon))
 
 
@@ -96,40 +96,40 @@ DAMAGED = (
 
 
 def test_damaged_events_are_passed_over(bpy, addon, project_scene):
-    job = begin(addon, project_scene, "deaf")
-    (job.folder / "events.jsonl").write_text("".join(f"{line}\n" for line in DAMAGED))
-    assert addon.runner._tick() is not None
-    job.terminate()
-    run_to_end(addon.runner._tick)
+    worker = begin(addon, project_scene, "deaf")
+    (worker.folder / "events.jsonl").write_text("".join(f"{line}\n" for line in DAMAGED))
+    assert addon.runner._poll() is not None
+    worker.end()
+    run_to_end(addon.runner._poll)
     assert "crashed in the geometry job (SIG" in bpy.context.window_manager.karf_progress.error
 
 
 def test_a_project_that_is_taken_away_under_a_job_is_said(bpy, addon, project_scene):
-    job = begin(addon, project_scene, "deaf")
+    worker = begin(addon, project_scene, "deaf")
     shutil.rmtree(addon.folders.project_of(project_scene).folder)
-    assert addon.runner._tick() is not None
-    job.terminate()
-    run_to_end(addon.runner._tick)
+    assert addon.runner._poll() is not None
+    worker.end()
+    run_to_end(addon.runner._poll)
     assert "was taken away while" in bpy.context.window_manager.karf_progress.error
 
 
 def test_a_log_that_is_gone_hides_no_sentence(addon, project_scene):
-    job = begin(addon, project_scene, "crash")
-    while not job.ended:
-        job.poll()
+    worker = begin(addon, project_scene, "crash")
+    while not worker.ended:
+        worker.poll()
         time.sleep(0.02)
-    (job.folder / "engine.log").unlink()
+    (worker.folder / "engine.log").unlink()
     with pytest.raises(addon.engine_api.KarfError, match="crashed in the geometry job"):
-        job.check()
-    assert job.log_tail() == ""
-    run_to_end(addon.runner._tick)
+        worker.check()
+    assert addon.failures.log_tail(worker.folder) == ""
+    run_to_end(addon.runner._poll)
 
 
 def test_a_folder_that_cannot_be_made_is_said(bpy, addon, project_scene, tmp_path):
     (tmp_path / "file").touch()
     request = addon.engine_api.Request("geometry", tmp_path / "project")
     with pytest.raises(addon.engine_api.DataError, match="file"):
-        addon.jobs.start(Path(sys.executable), Path("engine"), request, tmp_path / "file" / "job")
+        addon.worker.Worker().begin(Path(sys.executable), request, tmp_path / "file" / "job")
     shutil.rmtree(tmp_path / "project")
     (tmp_path / "project").mkdir()
     (tmp_path / "project" / "jobs").touch()
@@ -144,7 +144,7 @@ def test_what_the_disk_refuses_after_a_job_is_said(bpy, addon, project_scene):
 
     request = addon.steps.learn_scene(project_scene).requests[0]
     addon.runner._begin(addon.task.Task("Trial", (request,), full))
-    run_to_end(addon.runner._tick)
+    run_to_end(addon.runner._poll)
     assert bpy.context.window_manager.karf_progress.error == "/film/picture.png: No space left on device."
 
 
@@ -156,18 +156,20 @@ def test_an_operator_says_what_the_disk_refuses(bpy, addon, learned, tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="process groups")
-def test_what_the_engine_has_started_ends_with_it(addon, tmp_path):
+def test_what_the_engine_has_started_ends_with_it(addon, tmp_path, monkeypatch):
     late = tmp_path / "late"
     (tmp_path / "engine").mkdir()
     script = f"import subprocess; subprocess.Popen(['sh', '-c', 'sleep 1; touch {late}']); raise SystemExit(1)"
     (tmp_path / "engine" / "__main__.py").write_text(script)
     request = addon.engine_api.Request("geometry", tmp_path / "project")
-    job = addon.jobs.start(Path(sys.executable), tmp_path / "engine", request, tmp_path / "job")
-    while not job.ended:
-        job.poll()
+    monkeypatch.setattr(addon.engine_api, "ENGINE_FOLDER", tmp_path / "engine")
+    worker = addon.worker.Worker()
+    worker.begin(Path(sys.executable), request, tmp_path / "job")
+    while not worker.ended:
+        worker.poll()
         time.sleep(0.02)
     with pytest.raises(addon.engine_api.KarfError, match="exit code 1"):
-        job.check()
+        worker.check()
     time.sleep(1.2)
     assert not late.exists()
 

@@ -28,7 +28,7 @@ def test_the_timer_runs_a_task_to_its_end_without_blocking(bpy, addon, project_s
     runner._begin(task)
     progress = bpy.context.window_manager.karf_progress
     assert progress.running and progress.stage == "Learn Scene"
-    run_to_end(runner._tick)
+    run_to_end(runner._poll)
     assert not progress.running and progress.text == "done" and progress.error == ""
     assert progress.fraction == 0.5
     assert progress.warnings == "This is no real engine."
@@ -37,7 +37,7 @@ def test_the_timer_runs_a_task_to_its_end_without_blocking(bpy, addon, project_s
 def test_the_timer_shows_a_failed_job_and_ends(bpy, addon, project_scene):
     runner = addon.runner
     runner._begin(failing(addon, project_scene, "error"))
-    run_to_end(runner._tick)
+    run_to_end(runner._poll)
     progress = bpy.context.window_manager.karf_progress
     assert (progress.error, progress.hint) == ("photo_7.png is missing.", "Find it.")
     assert not runner.is_running()
@@ -50,7 +50,7 @@ def test_a_fault_after_the_job_ends_the_task_and_is_not_hidden(bpy, addon, proje
     task = addon.task.Task("Trial", addon.steps.learn_scene(project_scene).requests, fault)
     addon.runner._begin(task)
     with pytest.raises(ZeroDivisionError):
-        run_to_end(addon.runner._tick)
+        run_to_end(addon.runner._poll)
     progress = bpy.context.window_manager.karf_progress
     assert not progress.running and "ours" in progress.error
 
@@ -62,7 +62,7 @@ def test_a_second_task_is_refused_while_one_runs_and_cancel_ends_it(bpy, addon, 
         runner.wait(addon.steps.learn_scene(project_scene))
     assert not bpy.ops.karf.learn_scene.poll()
     assert bpy.ops.karf.cancel() == {"FINISHED"}
-    run_to_end(runner._tick)
+    run_to_end(runner._poll)
     progress = bpy.context.window_manager.karf_progress
     # what the user asked for is no error
     assert progress.text.startswith("cancelled") and progress.error == ""
@@ -85,18 +85,18 @@ def test_one_process_runs_what_is_learned_in_a_row_and_ends_with_the_extension(b
     jobs = (addon.folders.project_of(project_scene).folder / "jobs").iterdir()
     hellos = [next(iter(addon.engine_api.EventReader(job).poll())) for job in jobs]
     assert len(hellos) == 5 and len({hello["pid"] for hello in hellos}) == 1
-    process = addon.runner._engine._last._process
+    process = addon.runner._worker._process
     assert process.poll() is None
-    addon.runner.unregister()
-    addon.runner.register()
+    addon.timer.unregister()
+    addon.timer.register()
     assert process.poll() is not None
 
 
 def test_disabling_the_extension_ends_the_job_and_its_timer(bpy, addon, project_scene):
     runner = addon.runner
     runner._begin(failing(addon, project_scene, "deaf"))
-    job = runner._running[0].job
-    bpy.app.timers.register(runner._tick, first_interval=60, persistent=True)
-    runner.unregister()
-    runner.register()
-    assert job.ended and not bpy.app.timers.is_registered(runner._tick)
+    addon.timer.start(runner._poll)
+    addon.timer.unregister()
+    addon.timer.register()
+    assert runner._worker.ended and runner._worker._process.poll() is not None
+    assert not runner.is_running() and not bpy.app.timers.is_registered(addon.timer._tick)

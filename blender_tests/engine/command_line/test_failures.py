@@ -14,9 +14,10 @@ pytest.importorskip("scipy")
 pytest.importorskip("imageio")
 
 from blender_tests.engine.conftest import ROOT
-from karf_engine.cli import job, main
+from karf_engine.cli import main
 from karf_engine.errors import BadRequest, Cancelled, OutOfMemory
-from karf_engine.wire import EventReader, Request
+from karf_engine.worker import loop
+from karf_engine.worker.protocol import EventReader, Request
 
 FULL = Path("/dev/full")
 
@@ -121,9 +122,8 @@ def test_a_job_whose_events_cannot_be_written_keeps_its_exit_code_and_says_why(
         raise error
 
     Request("palette", tmp_path).write(tmp_path / "job")
-    monkeypatch.setattr(job, "EventWriter", lambda job: FullDisk())
-    monkeypatch.setattr(job, "run_command", raising)
-    assert job.run_jobs(tmp_path / "job") == code
+    monkeypatch.setattr(loop, "EventWriter", lambda job: FullDisk())
+    assert loop.Worker(run=raising).serve(tmp_path / "job", ()) == code
     assert error.sentence in capsys.readouterr().err
 
 
@@ -175,8 +175,9 @@ def test_an_impossible_number_of_threads_is_a_bad_request(tmp_path, capsys, thre
         ({"count": "3"}, "count = '3' is not a whole number"),
     ],
 )
-def test_options_of_another_type_are_named_to_the_caller(tmp_path, options, words):
+def test_options_of_another_type_are_named_to_the_caller(tmp_path, monkeypatch, options, words):
+    monkeypatch.setattr(sys, "stdin", io.StringIO())
     Request("render", tmp_path, options).write(tmp_path)
-    assert job.run_jobs(tmp_path) == BadRequest.exit_code
+    assert main(["run", str(tmp_path)]) == BadRequest.exit_code
     last = list(EventReader(tmp_path).poll())[-1]
     assert last.kind == "error" and last["code"] == "request" and words in last["sentence"] and last["hint"]

@@ -13,7 +13,7 @@ pytest.importorskip("torch")
 
 from blender_tests.engine.conftest import LONG_PATH, ROOT, odd_folder, run_engine
 from karf_engine.project import Project
-from karf_engine.wire import EventReader, Request
+from karf_engine.worker.protocol import EventReader, Request
 
 FEW_LETTERS = {"PYTHONIOENCODING": "ascii"}  # a console that knows no letters but those of English
 

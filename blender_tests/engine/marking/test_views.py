@@ -1,4 +1,4 @@
-"""Views of a capture marked by the library, the command line and a warm engine."""
+"""Views of a capture marked by the library, the command line and a worker."""
 
 from pathlib import Path
 
@@ -13,8 +13,8 @@ from karf_engine import KarfError, mark, open_capture
 from karf_engine.io.images import read_mask, read_photo
 from karf_engine.segmentation.marking.prompts import Prompts
 from karf_engine.segmentation.marking.proposals import propose
-from karf_engine.warm.answers import ANSWERS
-from karf_engine.warm.session import Session
+from karf_engine.worker.queries.kinds import QUERIES
+from karf_engine.worker.queries.session import Session
 
 
 @pytest.fixture(scope="module")
@@ -56,17 +56,17 @@ def test_what_cannot_be_marked_is_told_and_nothing_is_written(still_life, view, 
     assert not list(tmp_path.rglob("*.png"))
 
 
-def test_a_warm_engine_reads_a_photo_once(still_life, view, middle, wanted, tmp_path, monkeypatch):
+def test_a_worker_reads_a_photo_once(still_life, view, middle, wanted, tmp_path, monkeypatch):
     from karf_engine.segmentation.marking import views
 
     read = []
     monkeypatch.setattr(views, "photo_of", lambda view: read.append(view) or read_photo(view.image))
     session, options = Session(tmp_path), {"capture": str(still_life.capture), "view": view.name}
     for prompts in (Prompts(box=(0.0, 0.0, 9.0, 9.0)), Prompts(points=(middle,))):
-        answer = ANSWERS["propose"](session, options | {"prompts": prompts.to_json()})
+        answer = QUERIES["propose"](session, options | {"prompts": prompts.to_json()})
     assert (read_mask(Path(answer["mask"])) == wanted).all() and len(read) == 1
 
 
-def test_a_warm_engine_asks_for_what_it_needs(tmp_path):
+def test_a_query_says_what_it_needs(tmp_path):
     with pytest.raises(KarfError, match="without capture and prompts"):
-        ANSWERS["propose"](Session(tmp_path), {"view": "r_0"})
+        QUERIES["propose"](Session(tmp_path), {"view": "r_0"})

@@ -33,7 +33,7 @@ from karf_engine.palettes.project_edit import edit_of
 from karf_engine.project import STAGE_ORDER
 from karf_engine.project.contents import capture_of, settings_for
 from karf_engine.project.locking import opened
-from karf_engine.wire import EventReader, Request
+from karf_engine.worker.protocol import EventReader, Request
 from tools.convert_bmild import read_bmild
 
 PLAIN = re.compile(r"(train_|test_)?r_\d+")  # names of views and photos as the samples have them

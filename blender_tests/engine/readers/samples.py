@@ -23,7 +23,7 @@ from karf_engine.fields.nerf.field import NerfNetwork, NerfShape
 from karf_engine.palettes.palette import Edit, Palette
 from karf_engine.palettes.palette_files import write_edit_file
 from karf_engine.recolor.layers import Layers
-from karf_engine.wire import Event, Request
+from karf_engine.worker.protocol import Event, Request
 
 RENDERED = "test_r_0"  # the view of a learned project that has planes
 NAMES = [f"photo_{number}.png" for number in range(4)]

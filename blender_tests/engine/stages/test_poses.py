@@ -25,7 +25,7 @@ from karf_engine.commands.options import PosesOptions
 from karf_engine.errors import BadRequest, Cancelled, DataError, MissingDependency
 from karf_engine.io.image_size import image_header
 from karf_engine.io.images import read_photo, write_png
-from karf_engine.wire import EventReader, Request
+from karf_engine.worker.protocol import EventReader, Request
 
 
 def run(photos, out, should_stop=lambda: False, **options):

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ...engine_api import BadRequest, DataError, KarfError, read_json, write_json
-from ..jobs import disk_errors
+from ..failures import disk_errors
 from . import recipes
 
 SCHEMA = "karf-managed/1"

@@ -16,7 +16,7 @@ from typing import Any
 
 from ...engine_api import REQUIRED, Cancelled, KarfError, write_json
 from .. import processes
-from ..jobs import disk_errors
+from ..failures import disk_errors
 from . import failures, home, lists, plan, recipes
 from .plan import Plan, Step
 from .progress import Fetching, Progress

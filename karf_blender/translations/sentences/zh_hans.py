@@ -73,7 +73,7 @@ TEXTS = {
     "The {0} job was cancelled.": "{0} 任务已取消。",
     "{0} was taken away while the {1} job ran.": "{1} 任务运行时 {0} 被移走。",
     "Bring the project back and try again.": "请将项目放回原处后重试。",
-    "The warm engine ended before it answered.": "常驻引擎在应答之前就结束了。",
+    "The engine ended before it answered.": "引擎在应答之前就结束了。",
     "Try again.": "请重试。",
     "No KaRF job is running.": "没有正在运行的 KaRF 任务。",
     "KaRF is busy: {0}.": "KaRF 正忙：{0}。",

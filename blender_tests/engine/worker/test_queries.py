@@ -1,0 +1,214 @@
+"""A worker asked queries, in this process: each gets one event, and a job that follows ends the wait for them."""
+
+import queue
+import threading
+
+import pytest
+
+pytest.importorskip("numpy")
+
+from karf_engine.errors import DataError, OutOfMemory
+from karf_engine.worker.loop import Worker
+from karf_engine.worker.path_map import PathMap
+from karf_engine.worker.protocol import WARM, EventReader, Query, Request, folder_line
+from karf_engine.worker.queries import answering
+
+SAME_PATHS = PathMap()
+
+
+def line(number, kind="echo", **options):
+    return Query(number, kind, options).encode() + "\n"
+
+
+class Lines:
+    """Standard input: lines as they are written, the end when it is closed."""
+
+    def __init__(self, *lines):
+        self._queue = queue.SimpleQueue()
+        for each in lines:
+            self.write(each)
+
+    def write(self, text):
+        self._queue.put(text)
+
+    def close(self):
+        self._queue.put(None)
+
+    def __iter__(self):
+        return iter(self._queue.get, None)
+
+
+@pytest.fixture
+def kinds(monkeypatch):
+    """The kinds of queries: `echo` answers with its options."""
+    kinds = {"echo": lambda session, options: {"options": options}}
+    monkeypatch.setattr(answering, "QUERIES", kinds)
+    return kinds
+
+
+class Beside(threading.Thread):
+    """A worker beside the test, at a job that answers queries; `next()` is its next event after the first."""
+
+    def __init__(self, folder, lines, paths=SAME_PATHS, **options):
+        super().__init__(daemon=True)
+        self.code, self._lines, self._job = None, lines, folder / "job"
+        self._worker = Worker(paths)
+        Request(WARM, folder, options).write(self._job)
+        self._reader, self._events = EventReader(self._job), []
+        self.start()
+        assert self.next()[0] == "hello"
+
+    def run(self):
+        self.code = self._worker.serve(self._job, self._lines)
+
+    def next(self):
+        deadline = threading.Event()
+        for _ in range(2000):
+            self._events += self._reader.poll()
+            if self._events:
+                event = self._events.pop(0)
+                return event.kind, event.values
+            deadline.wait(0.01)
+        raise AssertionError("no event")
+
+    def ended(self):
+        """Wait for its end; the exit code."""
+        self.join(20)
+        assert not self.is_alive()
+        return self.code
+
+
+@pytest.fixture
+def stream():
+    return Lines()
+
+
+@pytest.fixture
+def worker(tmp_path, stream, kinds):
+    return Beside(tmp_path, stream)
+
+
+def test_every_query_is_answered_by_its_number(worker, stream):
+    for number in (7, 8):
+        stream.write(line(number, n=number))
+        assert worker.next() == ("answer", {"id": number, "options": {"n": number}})
+    stream.close()
+    assert worker.ended() == 0 and worker.next()[0] == "done"
+
+
+def test_of_a_kind_only_the_latest_that_waits_is_answered(worker, stream, kinds):
+    begun, go = threading.Event(), threading.Event()
+
+    def slow(session, options):
+        begun.set()
+        go.wait(20)
+        return {}
+
+    kinds["slow"] = slow
+    stream.write(line(1, "slow"))
+    begun.wait(20)
+    for number in (2, 3, 4):
+        stream.write(line(number, "echo"))
+    stream.write(line(5, "slow"))
+    go.set()
+    events = [worker.next() for _ in range(5)]
+    assert [values["id"] for kind, values in events if kind == "dropped"] == [2, 3]
+    assert [values["id"] for kind, values in events if kind == "answer"] == [1, 4, 5]
+
+
+def test_an_answer_that_takes_long_stops_where_a_later_query_of_its_kind_waits(worker, stream, kinds):
+    begun = threading.Event()
+
+    def until_superseded(session, options):
+        begun.set()
+        while options.get("is_long"):
+            session.check()
+        return {}
+
+    kinds["echo"] = until_superseded
+    stream.write(line(1, is_long=True))
+    begun.wait(20)
+    stream.write(line(2))
+    assert [worker.next() for _ in range(2)] == [("dropped", {"id": 1}), ("answer", {"id": 2})]
+
+
+def test_an_answer_that_takes_long_stops_where_the_caller_is_gone(worker, stream, kinds):
+    begun = threading.Event()
+
+    def endless(session, options):
+        begun.set()
+        while True:
+            session.check()
+
+    kinds["echo"] = endless
+    stream.write(line(1))
+    begun.wait(20)
+    stream.close()
+    worker.ended()
+
+
+@pytest.mark.parametrize("end", ["end of input", "word"])
+def test_the_end_of_input_or_the_word_ends_it(worker, stream, end):
+    stream.write("cancel\n") if end == "word" else stream.close()
+    assert worker.ended() == 0 and worker.next()[0] == "done"
+
+
+def test_no_query_for_a_while_ends_it(tmp_path, stream, kinds):
+    assert Beside(tmp_path, stream, idle_minutes=0).ended() == 0
+
+
+def test_a_job_that_follows_ends_the_wait_for_queries(worker, stream, tmp_path):
+    stream.write(folder_line(tmp_path / "another") + "\n")
+    assert worker.ended() == 0 and worker.next()[0] == "done"
+
+
+def test_what_fails_is_refused_in_a_sentence_and_the_next_is_answered(worker, stream, kinds):
+    def fail(session, options):
+        raise DataError("a.png is missing.", "Find it.")
+
+    kinds["fail"] = fail
+    stream.write(line(0, "fail"))
+    assert worker.next() == ("refused", {"id": 0, "code": "data", "sentence": "a.png is missing.", "hint": "Find it."})
+    stream.write(line(1, "paint"))
+    kind, values = worker.next()
+    assert kind == "refused" and "Unknown kind of query 'paint'" in values["sentence"]
+    stream.write(line(3))
+    assert worker.next()[0] == "answer"
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["{", "[1]", "7", "[" * 100_000, '{"id": "1", "kind": "echo", "options": {}}', '{"id": 1, "kind": "echo"}'],
+)
+def test_lines_that_say_nothing_are_warned_of_and_passed_over(worker, stream, text):
+    stream.write(text + "\n")
+    kind, values = worker.next()
+    assert kind == "warning" and values["code"] == "request"
+    stream.write(line(1))
+    assert worker.next()[0] == "answer"
+
+
+def test_paths_of_the_caller_are_those_of_this_computer(tmp_path, stream, kinds):
+    seen = []
+    kinds["echo"] = lambda session, options: seen.append(options) or {}
+    worker = Beside(tmp_path, stream, PathMap.of(["/mnt/film=/srv/film", f"{tmp_path}={tmp_path}"]))
+    stream.write(line(1, project="/mnt/film/pots", side=3))
+    assert worker.next() == ("answer", {"id": 1})
+    assert seen == [{"project": "/srv/film/pots", "side": 3}]
+
+
+def test_memory_that_ran_out_lets_all_go(worker, stream, kinds):
+    made = []
+
+    def hungry(session, options):
+        session.held("pots", "", lambda: made.append("anew"))
+        if options["is_large"]:
+            raise OutOfMemory("The computer ran out of memory.")
+        return {}
+
+    kinds["echo"] = hungry
+    for number, is_large in enumerate((False, True, False)):
+        stream.write(line(number, is_large=is_large))
+        _, values = worker.next()
+        assert values.get("code") == ("memory" if is_large else None)
+    assert made == ["anew", "anew"]

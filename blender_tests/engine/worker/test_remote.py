@@ -1,0 +1,202 @@
+"""The engine on another computer: a stand-in for ssh runs it here, where the shared folder has another path."""
+
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("torch")
+pytest.importorskip("scipy")
+
+from blender_tests.engine.conftest import QUICK, ROOT
+from karf_engine.errors import BadRequest
+from karf_engine.project import Project
+from karf_engine.project.contents import capture_of
+from karf_engine.worker.path_map import PathMap
+from karf_engine.worker.protocol import EventReader, Request
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="the stand-ins are scripts with a first line")
+SECONDS = 900  # only a hang takes as long: a machine may have much else to do
+# -T -o BatchMode=yes HOST COMMAND
+SSH = """#!/bin/sh
+[ "$1 $2 $3" = "-T -o BatchMode=yes" ] || exit 2
+[ "$4" = gpu ] || exit 255
+cd / && exec sh -c "$5"
+"""
+# Python on the other computer, on which nothing can be opened by the paths that the caller uses
+PYTHON = """#!{python}
+import sys
+if "-m" not in sys.argv:
+    import os
+    os.execv("{python}", sys.argv)
+def refuse(event, told):
+    if event == "open" and str(told[0]).startswith("{client}"):
+        raise FileNotFoundError(2, "not on this computer", str(told[0]))
+sys.addaudithook(refuse)
+sys.path.insert(0, "{root}")
+from karf_engine.cli import main
+sys.exit(main(sys.argv[sys.argv.index("karf_engine") + 1:]))
+"""
+
+
+@dataclass(frozen=True)
+class Computers:
+    """client, server: the shared folder's path on each. local: a folder that is not shared."""
+
+    client: Path
+    server: Path
+    local: Path
+
+    def start(self, *arguments, host="gpu", share=None, **options):
+        """As Blender starts an engine's Python; the share is where the map says that it is."""
+        return subprocess.Popen(
+            [
+                *(sys.executable, "-m", "karf_engine.remote", host, "--python", self.local / "python"),
+                *("--map", f"{self.client}={share or self.server}", "--", *map(str, arguments)),
+            ],
+            env=os.environ | {"PATH": f"{self.local}:{os.environ['PATH']}", "OMP_NUM_THREADS": "1"},
+            cwd=ROOT,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            **options,
+        )
+
+    def run_job(self, request, job=None, **where):
+        """A job from its request to its end: exit code, events, what was said beside them."""
+        job = job or self.client / "project" / "jobs" / "one"
+        request.write(job)
+        child = self.start("-I", "-B", "-u", "-X", "utf8", ROOT / "karf_engine", "run", job, **where)
+        code = child.wait(SECONDS)
+        return code, list(EventReader(job).poll()), child.stderr.read()
+
+
+@pytest.fixture
+def computers(tmp_path):
+    server, client, local = tmp_path / "server" / "film", tmp_path / "client" / "the film", tmp_path / "local"
+    for folder in (server, client.parent, local):
+        folder.mkdir(parents=True)
+    client.symlink_to(server, target_is_directory=True)
+    for name, text in (("ssh", SSH), ("python", PYTHON.format(python=sys.executable, root=ROOT, client=client))):
+        (local / name).write_text(text)
+        (local / name).chmod(0o755)
+    return Computers(client, server, local)
+
+
+@pytest.fixture
+def shared(computers, still_life, learned):
+    """The computers with the still life's capture, masks and learned project on the share."""
+    shutil.copytree(still_life.capture, computers.server / "capture")
+    shutil.copytree(still_life.masks, computers.server / "masks")
+    shutil.copytree(learned.project, computers.server / "project")
+    return computers
+
+
+def paths_of(events):
+    return [event["path"] for event in events if event.get("path")]
+
+
+def test_a_job_runs_there_and_its_events_name_the_paths_of_here(shared):
+    out = shared.client / "frames"
+    options = {"views": "test", "out": str(out), "threads": 1}
+    code, events, said = shared.run_job(Request("render", shared.client / "project", options))
+    assert (code, events[-1].kind) == (0, "done"), said
+    assert paths_of(events) == [str(out)]
+    assert len(list((out / "render").iterdir())) == 2
+
+
+def test_what_is_learned_there_is_found_from_here(shared):
+    project = shared.client / "learned"
+    settings = [*QUICK, 'geometry.levels=[{"voxels": 8, "iterations": 2, "step": 1.0}]']
+    options = {"capture": str(shared.client / "capture"), "overrides": settings, "threads": 1}
+    code, events, said = shared.run_job(Request("geometry", project, options), project / "jobs" / "one")
+    assert (code, events[-1].kind) == (0, "done"), said
+    assert all(path.startswith(str(project)) for path in paths_of(events))
+    assert str(shared.client) not in (project / "capture.json").read_text()
+    shared.server.rename(shared.local / "film")  # only the path of here leads there
+    shared.client.unlink()
+    shared.client.symlink_to(shared.local / "film", target_is_directory=True)
+    views = capture_of(Project(project)).views
+    assert all(view.image.is_relative_to(shared.client / "capture") and view.image.is_file() for view in views)
+
+
+def test_cancel_gets_there(shared):
+    job, options = shared.client / "job", {"capture": str(shared.client / "capture"), "preset": "fast", "threads": 1}
+    Request("geometry", shared.client / "slow", options).write(job)
+    child = shared.start("-I", "-B", "-u", "-X", "utf8", ROOT / "karf_engine", "run", job)
+    child.stdin.write("cancel\n")
+    child.stdin.flush()
+    assert child.wait(SECONDS) == 6
+    assert [event.kind for event in EventReader(job).poll()][-1] == "cancelled"
+    assert Project(shared.server / "slow").finished("geometry") is None
+
+
+def test_a_computer_that_is_not_reached_is_named(shared):
+    request = Request("render", shared.client / "project", {"views": "test"})
+    code, events, _ = shared.run_job(request, host="nowhere")
+    assert code == 255
+    assert [event.kind for event in events] == ["error"]
+    assert "nowhere cannot be reached" in events[0]["sentence"]
+
+
+def test_a_share_that_is_not_there_is_named(shared):
+    request = Request("render", shared.client / "project", {"views": "test"})
+    code, events, said = shared.run_job(request, share=shared.local / "elsewhere")
+    assert code == 4 and "is not a job folder" in said
+    assert str(shared.local / "elsewhere") in events[0]["sentence"] and "--map" in events[0]["hint"]
+
+
+def test_a_job_outside_the_share_is_refused_here(shared):
+    request = Request("render", shared.client / "project", {"views": "test"})
+    code, events, said = shared.run_job(request, job=shared.local / "job")
+    assert (code, events) == (2, []) and "lies in no folder that both computers share" in said
+
+
+def test_an_input_outside_the_share_is_named_in_the_events(shared):
+    request = Request("segmentation", shared.client / "project", {"masks": str(shared.local / "masks")})
+    code, events, _ = shared.run_job(request)
+    assert code == 2 and events[-1].kind == "error"
+    assert f"{shared.local / 'masks'} lies in no folder" in events[-1]["sentence"]
+
+
+def test_the_doctor_there_is_asked_about_the_shared_folder(shared):
+    asked = (ROOT / "karf_engine", "doctor", "--json", "--quick", "--folder", shared.client / "project")
+    child = shared.start("-I", "-B", "-u", "-X", "utf8", *asked)
+    said, errors = child.communicate(timeout=SECONDS)
+    assert str(shared.server / "project") in said, errors
+    assert str(shared.client) not in said
+
+
+def test_whatever_python_is_told_gets_there_as_it_is(computers):
+    child = computers.start("-I", "-c", "import sys; print(sys.argv[1:])", "a b", "$HOME", "it's", '"')
+    assert child.communicate(timeout=60)[0].strip() == repr(["a b", "$HOME", "it's", '"'])
+
+
+@pytest.mark.parametrize(
+    ("pair", "caller", "here"),
+    [
+        ("/mnt/film=/srv/film", "/mnt/film", "/srv/film"),
+        ("/mnt/film/=/srv/film/", "/mnt/film/a/b.png", "/srv/film/a/b.png"),
+        (r"Z:\film=/srv/film", r"z:\Film\a\b.png", "/srv/film/a/b.png"),
+        (r"\\nas\film=/srv/film", r"\\nas\film\a.png", "/srv/film/a.png"),
+        (r"/srv/film=D:\film", "/srv/film/a/b.png", r"D:\film\a\b.png"),
+    ],
+)
+def test_paths_are_told_as_either_system_writes_them(pair, caller, here):
+    assert PathMap.of([pair]).here(caller) == here
+
+
+def test_a_folder_whose_name_only_begins_alike_is_another(computers):
+    with pytest.raises(BadRequest, match="lies in no folder"):
+        PathMap.of(["/mnt/film=/srv/film"]).here("/mnt/films/a.png")
+
+
+@pytest.mark.parametrize("text", ["/mnt/film", "film=/srv/film", "/mnt/film=", "=/srv"])
+def test_a_pair_that_is_none_is_refused(text):
+    with pytest.raises(BadRequest, match="no pair of folders"):
+        PathMap.of([text])

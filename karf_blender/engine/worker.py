@@ -1,0 +1,290 @@
+"""The engine's worker, a child process: jobs one after another, queries, and cancel. No bpy, no threads: the caller polls.
+
+The worker reports in files (see the engine's `worker.protocol`); its standard input is lifeline and cancel. One that
+says nothing in time, or ends without a final event, has failed; what it wrote last is in its job's log. Starting takes
+two seconds, most of them to load torch, so a worker may be kept for a while after a job that is done. One whose job
+failed or was cancelled, or that was made for other settings, takes no further job.
+"""
+
+import contextlib
+import os
+import signal
+import subprocess
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from .. import engine_api
+from ..engine_api import (
+    CANCEL,
+    LOG_FILE,
+    Cancelled,
+    DataError,
+    Event,
+    EventReader,
+    KarfError,
+    MissingDependency,
+    Query,
+    Request,
+    error_from_code,
+    folder_line,
+)
+from . import processes
+from .failures import disk_errors
+
+HELLO_SECONDS = 180.0  # a first import of torch from a cold disk is slow
+CANCEL_SECONDS = 15.0
+EXIT_SECONDS = 15.0
+REPLIES = ("answer", "refused", "dropped")
+
+
+@dataclass
+class _Job:
+    """How far a job is.
+
+    Attributes:
+        request: What is asked of the worker.
+        folder: The job's own.
+        reader: Reads its events.
+        hello_by: When the worker must have said something.
+        final: Its last event.
+        planned: (when, signal) to send where the worker is still there.
+    """
+
+    request: Request
+    folder: Path
+    reader: EventReader
+    hello_by: float
+    final: Event | None = None
+    is_silent: bool = False
+    is_cancelled: bool = False
+    has_ended: bool = False
+    planned: list[tuple[float, int]] = field(default_factory=list)
+
+    def end_after(self, seconds: float) -> None:
+        """Have the worker ended by force in a while."""
+        if not self.planned:
+            first = time.monotonic() + seconds
+            self.planned = [(first, signal.SIGTERM), (first + processes.TERMINATE_SECONDS, processes.KILL)]
+
+
+class Worker:
+    """A worker: `begin` a job, `poll` until it has `ended`, `check` how it ended; then begin the next, or `end`.
+
+    Attributes:
+        unanswered: Whatever the caller noted of each query that has no reply yet, by its number.
+    """
+
+    def __init__(self, keep_seconds: float = 0, hello_seconds: float = HELLO_SECONDS) -> None:
+        """Make one; it is started with its first job.
+
+        Args:
+            keep_seconds: How long the process waits for the next job after one that is done; 0: it ends.
+            hello_seconds: How long it may be silent at the begin of a job.
+        """
+        self.unanswered: dict[int, Any] = {}
+        self._keep_seconds, self._hello_seconds = keep_seconds, hello_seconds
+        self._process: subprocess.Popen | None = None
+        self._made_for: tuple[Any, ...] = ()
+        self._waits_until = float("-inf")
+        self._job: _Job | None = None
+        self._unsent: dict[str, Query] | None = {}  # until the worker listens; None since
+        self._n_queries = 0
+
+    # --- jobs ------------------------------------------------------------------------------------------------------
+    def begin(self, python: Path, request: Request, folder: Path, threads: int = 0) -> None:
+        """Begin a job, in the process that waits for one where it still serves; no other job may be at work.
+
+        Args:
+            python: The Python that has the engine's packages.
+            request: What is asked; it is written into the folder.
+            folder: The job's own folder, new or empty.
+            threads: Processor threads; 0: the engine chooses.
+
+        Raises:
+            MissingDependency: The Python cannot be started.
+            DataError: The folder cannot be written.
+        """
+        with disk_errors():
+            request.write(folder)
+        if self.is_waiting and self.suits(python, threads):
+            self._send(folder_line(folder))
+        else:
+            self.end()
+            self._process = self._start(python, folder, threads)
+            self._made_for = _settings(python, threads)
+        self._waits_until, self._unsent = float("-inf"), {}
+        self._job = _Job(request, folder, EventReader(folder), time.monotonic() + self._hello_seconds)
+
+    def poll(self) -> list[Event]:
+        """The job's events since the last call. Also enforces the deadlines. Never blocks."""
+        job = self._job
+        if job.has_ended:
+            return []
+        # the exit is asked for first, so that all events written before it are read
+        has_exited = self._process.poll() is not None
+        events = self._new_events()
+        if events:
+            job.hello_by = float("inf")
+        for event in events:
+            if event.kind == "hello":
+                self._send_queries()
+            if event.is_final:
+                job.final = event
+                job.end_after(EXIT_SECONDS)
+        now = time.monotonic()
+        if self._keep_seconds and not job.is_cancelled and job.final is not None and job.final.kind == "done":
+            self._waits_until = now + self._keep_seconds / 2  # well before the process ends by itself
+            job.has_ended = True
+        elif has_exited:
+            self._close()
+            # what it started may have outlived it
+            processes.send(self._process, processes.KILL)
+            job.has_ended = True
+        elif now > job.hello_by:
+            job.is_silent = True
+            job.hello_by = float("inf")
+            job.end_after(0.0)
+        elif job.planned and now > job.planned[0][0]:
+            processes.send(self._process, job.planned.pop(0)[1])
+        return events
+
+    def cancel(self) -> None:
+        """Ask the worker to stop its job at the next safe point; it is ended by force where it does not."""
+        self._job.is_cancelled = True
+        self._send(CANCEL)
+        self._job.end_after(CANCEL_SECONDS)
+
+    def check(self) -> None:
+        """Return where the ended job is done.
+
+        Raises:
+            KarfError: It is not: the job's own error, or how it ended without one.
+        """
+        job, how = self._job, processes.ending(self._process)
+        stage = job.request.stage
+        if job.is_silent:
+            raise MissingDependency("The engine did not answer after its start.", "Try Test Engine in the preferences.")
+        if job.final is None and not job.folder.is_dir():
+            raise DataError(
+                f"{job.folder} was taken away while the {stage} job ran.", "Bring the project back and try again."
+            )
+        if job.final is None and job.is_cancelled:
+            raise Cancelled(f"The {stage} job did not stop by itself and was ended ({how}).")
+        if job.final is None:
+            raise KarfError(
+                f"The engine crashed in the {stage} job ({how}).",
+                "Most likely memory ran out: use a smaller preset, or fewer threads."
+                if how == "SIGKILL"
+                else "Its log tells more.",
+            )
+        if job.final.kind == "cancelled":
+            raise Cancelled(f"The {stage} job was cancelled.")
+        if job.final.kind == "error":
+            raise error_from_event(job.final)
+
+    @property
+    def request(self) -> Request:
+        """Of the job at work, or of the last one."""
+        return self._job.request
+
+    @property
+    def folder(self) -> Path:
+        """Of the job at work, or of the last one."""
+        return self._job.folder
+
+    @property
+    def ended(self) -> bool:
+        """Whether no job is at work."""
+        return self._job is None or self._job.has_ended
+
+    # --- queries ---------------------------------------------------------------------------------------------------
+    def query(self, kind: str, options: dict[str, Any], note: Any) -> None:
+        """Send a query to a worker whose job answers them; one of the same kind that was not begun is dropped.
+
+        Args:
+            kind: One of the engine's `queries.kinds.QUERIES`.
+            options: JSON values, paths absolute.
+            note: Is kept in `unanswered`.
+        """
+        self._n_queries += 1
+        query = Query(self._n_queries, kind, options)
+        self.unanswered[query.number] = note
+        if self._unsent is None:
+            self._send(query.encode())
+            return
+        # nobody reads the pipe yet, and it takes only so much
+        replaced = self._unsent.pop(kind, None)
+        self._unsent[kind] = query
+        if replaced is not None:
+            del self.unanswered[replaced.number]
+
+    def replies(self) -> list[tuple[Any, Event]]:
+        """Poll, and give what was answered, refused or dropped: the caller's note of the query, and the event."""
+        events = [event for event in self.poll() if event.kind in REPLIES and event["id"] in self.unanswered]
+        return [(self.unanswered.pop(event["id"]), event) for event in events]
+
+    # --- the process -----------------------------------------------------------------------------------------------
+    @property
+    def is_waiting(self) -> bool:
+        """Whether the process waits for its next job."""
+        return time.monotonic() < self._waits_until and self._process.poll() is None
+
+    def suits(self, python: Path, threads: int) -> bool:
+        """Whether the process was made for these settings, and for the environment as it is now."""
+        return self._made_for == _settings(python, threads)
+
+    def end(self) -> None:
+        """End the process now, at work or waiting; waits for it a few seconds at most."""
+        if self._process is not None:
+            self._close()
+            processes.end(self._process)
+        if self._job is not None:
+            self._job.has_ended = True
+
+    def _start(self, python: Path, folder: Path, threads: int) -> subprocess.Popen:
+        waiting = ("--wait", str(self._keep_seconds)) if self._keep_seconds else ()
+        command = processes.engine_command(python, engine_api.ENGINE_FOLDER, "run", folder, *waiting)
+        with disk_errors():
+            log = (folder / LOG_FILE).open("ab")
+        try:
+            with log:
+                return processes.start(
+                    command, threads, stdin=subprocess.PIPE, stdout=log, stderr=subprocess.STDOUT, cwd=folder
+                )
+        except OSError as error:
+            raise MissingDependency(
+                f"{python} cannot be started ({error}).", "Set Engine Python in the KaRF preferences."
+            ) from error
+
+    def _send(self, line: str) -> None:
+        """Write a line to standard input; a worker that is gone is noticed by `poll`."""
+        with contextlib.suppress(OSError, ValueError):
+            self._process.stdin.write(f"{line}\n".encode())
+            self._process.stdin.flush()
+
+    def _send_queries(self) -> None:
+        for query in (self._unsent or {}).values():
+            self._send(query.encode())
+        self._unsent = None
+
+    def _new_events(self) -> list[Event]:
+        try:
+            return list(self._job.reader.poll())
+        except OSError:  # the folder may be taken away while the worker lives; its end is seen all the same
+            return []
+
+    def _close(self) -> None:
+        with contextlib.suppress(OSError, ValueError):
+            self._process.stdin.close()
+
+
+def _settings(python: Path, threads: int) -> tuple[Any, ...]:
+    """What a process is made for."""
+    return python, engine_api.ENGINE_FOLDER, processes.child_environment(os.environ, threads)
+
+
+def error_from_event(event: Event) -> KarfError:
+    """The error of an `error` or a `refused` event."""
+    return error_from_code(event["code"], event["sentence"], event.get("hint") or "")

@@ -1,0 +1,1 @@
+"""The engine on another computer: `python -m karf_engine.remote`."""

@@ -1,0 +1,254 @@
+"""The protocol between a caller (Blender, a script) and a worker, a child process of the engine.
+
+A job is a folder. The caller writes `request.json`; the worker appends one JSON object a line to `events.jsonl` and
+leaves stray output in `engine.log`. A file cannot block, survives either side's crash and is readable by a person.
+
+The caller writes lines on the worker's standard input, which is its lifeline too:
+
+- `cancel`, or the end of input, asks it to stop.
+- A job's folder (`folder_line`): the next job, for a worker that was told to wait after one that is done.
+- A query (`Query.encode`): a job of the stage `warm` answers each by one event: answer or refused, or dropped where a
+  later query of its kind came before it had ended. It is done when no query comes for a while.
+
+Events: hello, stage, progress, preview, artifact, warning, error, done, cancelled, answer, refused, dropped. Exit codes
+are those of `errors`, 0 for done and 70 for an internal error; anything else is a crash.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..errors import BadRequest, DataError
+from ..io.inputs import MOST_JSON, check_file
+
+PROTOCOL = 1
+REQUEST_FILE = "request.json"
+EVENTS_FILE = "events.jsonl"
+LOG_FILE = "engine.log"
+STAGES = (
+    *("geometry", "segmentation", "palette", "recoloring", "render", "match", "colorways", "points", "poses", "all"),
+    "warm",
+)
+WARM = STAGES[-1]  # answers queries until none come; see `karf_engine.worker.queries`
+FINAL_EVENTS = ("done", "error", "cancelled")
+CANCEL = "cancel"  # the line that ends a job, as does the end of standard input
+EVENT_VALUES: dict[str, dict[str, Any]] = {  # what a reader may rely on; other values are an event's own
+    "hello": {"protocol": int},
+    "stage": {"name": str},
+    "progress": {"stage": str, "step": int, "total": int, "metrics": dict},
+    "preview": {"path": str},
+    "artifact": {"kind": str, "path": str},
+    "warning": {"code": str, "sentence": str},
+    "error": {"code": str, "sentence": str, "hint": str},
+    "cancelled": {"sentence": str},
+    "answer": {"id": int},
+    "refused": {"id": int, "code": str, "sentence": str, "hint": str},
+    "dropped": {"id": int},
+}
+
+
+@dataclass(frozen=True)
+class Request:
+    """What one job shall do.
+
+    Attributes:
+        stage: One of `STAGES`.
+        project: The project folder.
+        options: The stage's own, JSON values (paths absolute): see `commands.options.COMMANDS`, and of the stage `warm`
+            `worker.loop.WarmOptions`.
+    """
+
+    stage: str
+    project: Path
+    options: dict[str, Any] = field(default_factory=dict)
+
+    def write(self, job: Path) -> Path:
+        """Write `request.json` into the folder `job`, which is made if needed, and return its path."""
+        job.mkdir(parents=True, exist_ok=True)
+        path = job / REQUEST_FILE
+        content = {
+            "protocol": PROTOCOL,
+            "stage": self.stage,
+            "project": str(self.project),
+            "options": self.options,
+        }
+        path.write_text(json.dumps(content, indent=1), encoding="utf-8")
+        return path
+
+    @classmethod
+    def read(cls, job: Path) -> Request:
+        """Read `job/request.json`. Raises DataError where it is unreadable, BadRequest where it asks the impossible."""
+        path = job / REQUEST_FILE
+        check_file(path, MOST_JSON)
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+            protocol, stage = content["protocol"], content["stage"]
+            request = cls(stage, Path(content["project"]), dict(content.get("options", {})))
+        except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+            raise DataError(f"{path} is no readable request ({error!s:.200}).", "Start the job again.") from error
+        if protocol != PROTOCOL:
+            raise BadRequest(
+                f"{path} speaks protocol {protocol}, this engine speaks {PROTOCOL}.", "Update the older side."
+            )
+        if stage not in STAGES:
+            raise BadRequest(f"Unknown stage {stage!r:.200}.", f"Use one of: {', '.join(STAGES)}.")
+        return request
+
+
+@dataclass(frozen=True)
+class Query:
+    """A short question about what is learned.
+
+    Attributes:
+        number: The caller's, by which it knows the answer.
+        kind: What is asked, one of `worker.queries.kinds.QUERIES`.
+        options: JSON values, paths absolute.
+
+    Examples:
+        >>> Query(3, "preview", {"long_side": 96}).encode()
+        '{"id": 3, "kind": "preview", "options": {"long_side": 96}}'
+    """
+
+    number: int
+    kind: str
+    options: dict[str, Any]
+
+    def encode(self) -> str:
+        """One line of JSON, without the line end."""
+        return json.dumps({"id": self.number, "kind": self.kind, "options": self.options})
+
+
+def folder_line(job: Path) -> str:
+    """The line, without its end, that gives a waiting worker its next job.
+
+    Examples:
+        >>> folder_line(Path("/film/pots_karf/jobs/a"))
+        '"/film/pots_karf/jobs/a"'
+    """
+    return json.dumps(str(job))
+
+
+def decode_line(line: str) -> Query | str:
+    """What a line of standard input says: a query, or the folder of a next job. Raises BadRequest where it is neither.
+
+    Examples:
+        >>> decode_line('"/film/pots_karf/jobs/a"')
+        '/film/pots_karf/jobs/a'
+        >>> decode_line('{"id": 3, "kind": "masks", "options": {}}')
+        Query(number=3, kind='masks', options={})
+    """
+    try:
+        content = json.loads(line)
+    except (ValueError, RecursionError):
+        content = None
+    if isinstance(content, str):
+        return content
+    values = [content.get(name) for name in ("id", "kind", "options")] if isinstance(content, dict) else []
+    if [type(value) for value in values] != [int, str, dict]:
+        raise BadRequest(
+            f"{line!r:.200} is neither a job's folder nor a query.",
+            "Write a path as JSON text, or an object with a number, a kind and options.",
+        )
+    return Query(*values)
+
+
+@dataclass(frozen=True)
+class Event:
+    """One line of `events.jsonl`: a kind, a running number, seconds since the epoch, and the kind's own values."""
+
+    kind: str
+    number: int
+    time: float
+    values: dict[str, Any]
+
+    def __getitem__(self, key: str) -> Any:
+        return self.values[key]
+
+    def get(self, key: str, default: Any = None) -> Any:
+        return self.values.get(key, default)
+
+    @property
+    def is_final(self) -> bool:
+        """True for the last event of a job that ended by itself."""
+        return self.kind in FINAL_EVENTS
+
+    def encode(self) -> str:
+        """One line of JSON, without the line end."""
+        return json.dumps({"t": self.kind, "n": self.number, "time": round(self.time, 3), **self.values})
+
+    @classmethod
+    def decode(cls, line: str) -> Event:
+        """Parse one line. Raises ValueError where it is no event."""
+        try:
+            content = json.loads(line)
+        except RecursionError as error:
+            raise ValueError("brackets without end") from error
+        if not isinstance(content, dict) or not {"t", "n", "time"} <= content.keys():
+            raise ValueError(f"no event: {line!r}")
+        event = cls(content.pop("t"), content.pop("n"), content.pop("time"), content)
+        if not event._is_whole():
+            raise ValueError(f"an event of other values: {line!r}")
+        return event
+
+    def _is_whole(self) -> bool:
+        """Whether all that is read of its kind is there; a line may have been damaged on its way."""
+        if not isinstance(self.kind, str) or not isinstance(self.time, int | float):
+            return False
+        metrics = self.get("metrics") or {}
+        numbers = [self.get("eta_s") or 0.0, *(metrics.values() if isinstance(metrics, dict) else [metrics])]
+        known = EVENT_VALUES.get(self.kind, {})
+        has_known = all(isinstance(self.get(name), kind) for name, kind in known.items())
+        return has_known and all(isinstance(value, int | float) for value in numbers)
+
+
+class EventWriter:
+    """Appends events to a job's file, each flushed at once so that a reader sees it."""
+
+    def __init__(self, job: Path) -> None:
+        self._path = job / EVENTS_FILE
+        self._stream = self._path.open("a", encoding="utf-8")
+        self._number = 0
+
+    def __call__(self, kind: str, /, **values: Any) -> None:
+        try:
+            self._stream.write(Event(kind, self._number, time.time(), values).encode() + "\n")
+            self._stream.flush()
+        except OSError:
+            self._begin_anew()
+            raise
+        self._number += 1
+
+    def _begin_anew(self) -> None:
+        """Let go of what could not be written: the interpreter would try again at its end, and print a trace."""
+        with suppress(OSError):
+            self._stream.close()
+        self._stream = self._path.open("a", encoding="utf-8")
+
+
+class EventReader:
+    """Reads a job's events as they are appended; remembers how far it got and takes whole lines only."""
+
+    def __init__(self, job: Path) -> None:
+        self._path = job / EVENTS_FILE
+        self._offset = 0
+
+    def poll(self) -> Iterator[Event]:
+        """Yield the events that arrived since the last call. Lines that are no event are passed over."""
+        if not self._path.is_file():
+            return
+        with self._path.open("rb") as stream:
+            stream.seek(self._offset)
+            data = stream.read()
+        end = data.rfind(b"\n") + 1
+        self._offset += end
+        for line in data[:end].decode("utf-8", "replace").splitlines():
+            try:
+                yield Event.decode(line)
+            except ValueError:
+                continue

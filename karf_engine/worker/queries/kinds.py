@@ -1,0 +1,20 @@
+"""The kinds of queries: each is a function of the session and the query's options."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from .correct import correct
+from .masks import masks
+from .preview import preview
+from .propose import propose
+from .session import Session
+
+# kind -> function; it returns JSON values, paths as text. What needs torch or more is imported in it
+QUERIES: dict[str, Callable[[Session, dict[str, Any]], dict[str, Any]]] = {
+    "correct": correct,
+    "masks": masks,
+    "preview": preview,
+    "propose": propose,
+}
