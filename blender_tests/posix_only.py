@@ -27,7 +27,7 @@ def unguarded(package: Path) -> Iterator[str]:
 
     A guard is an `if` around it that asks for `os.name`, `sys.platform` or `hasattr`, a condition of the same
     expression that does, one before it that leaves the function, or a `try` that expects an ImportError. What is taken
-    by `getattr` is no use.
+    by `getattr` does not help.
     """
     for path in sorted(package.rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))

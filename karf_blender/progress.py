@@ -22,7 +22,7 @@ def begin(label: str) -> None:
 
 
 def warn(sentence: str) -> None:
-    """Tell the user something, in the panel and on the console."""
+    """Show the user a message, in the panel and on the console."""
     print(f"KaRF: {sentence}", flush=True)
     _add_warning(sentence)
 

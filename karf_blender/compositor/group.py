@@ -14,7 +14,7 @@ from ..nodes.sockets import scene_linear, swatch_socket
 
 DISPLAY = "sRGB"
 BASE = "Image"
-COLUMN, ROW = 190.0, 200.0  # distances of nodes
+COLUMN, ROW = 190.0, 200.0  # distances between nodes, in units of the node editor
 
 
 def fill(tree: bpy.types.NodeTree, objects: Sequence[ObjectLayers]) -> None:

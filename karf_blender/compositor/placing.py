@@ -14,7 +14,7 @@ from ..host import compat
 from ..nodes import drivers, sockets
 from . import group
 
-COMBINED = "Combined"  # how Blender calls the channels R, G and B
+COMBINED = "Combined"  # Blender's name for the channels R, G and B
 
 
 def build(

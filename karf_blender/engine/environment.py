@@ -40,7 +40,7 @@ def find_python(preference: str, variables: Mapping[str, str], managed: Path | N
     """The chosen Python; arguments are those of `chosen_python`.
 
     Raises:
-        MissingDependency: It is no file, or not given by its whole path.
+        MissingDependency: It is not a file, or not given by its whole path.
     """
     python = chosen_python(preference, variables, managed)
     if python.is_file():

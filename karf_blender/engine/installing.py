@@ -1,4 +1,4 @@
-"""The installation of the engine: beside the interface, or blocking in background mode, where timers never fire."""
+"""The installation of the engine: alongside the interface, or blocking in background mode, where timers never fire."""
 
 import sys
 import time
@@ -47,7 +47,7 @@ def last_error() -> KarfError | None:
 
 
 def launch(planned: Plan) -> None:
-    """Install beside the interface and return at once; in background mode, block until it is done.
+    """Install alongside the interface and return at once; in background mode, block until it is done.
 
     Raises:
         KarfError: It cannot start; in background mode also: it fails.
@@ -107,7 +107,7 @@ def _end() -> None:
 
 
 def _tick() -> float | None:
-    """The timer: lets the installation go on, and stops itself when it has ended."""
+    """The timer: lets the installation continue, and stops itself when it has ended."""
     installation = _Memory.installation
     if installation is None:
         return None

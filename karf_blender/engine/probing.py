@@ -1,4 +1,4 @@
-"""The test of the engine's Python: beside the interface, or blocking in background mode, where timers never fire.
+"""The test of the engine's Python: alongside the interface, or blocking in background mode, where timers never fire.
 
 What was found belongs to the Python that was asked and to this session.
 """
@@ -40,7 +40,7 @@ def verdict_on(python: Path | None) -> Finding | None:
 
 
 def launch(python: Path, folder: Path, threads: int = 0) -> None:
-    """Test a Python beside the interface and return at once; in background mode, block until it is done.
+    """Test a Python alongside the interface and return at once; in background mode, block until it is done.
 
     Args:
         python: Which one.

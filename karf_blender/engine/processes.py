@@ -61,7 +61,7 @@ def start(
 
 
 def send(process: subprocess.Popen, number: int) -> None:
-    """Send a signal to a process and to all it has started; on Windows these are ended whatever the signal."""
+    """Send a signal to a process and to all it has started; on Windows these are ended by any signal."""
     if os.name == "nt":
         with contextlib.suppress(OSError):  # a system may lack it
             tree = ["taskkill", "/F", "/T", "/PID", str(process.pid)]

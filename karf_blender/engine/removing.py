@@ -1,4 +1,4 @@
-"""The end of the engine's environment: deleted beside the interface, or at once in background mode."""
+"""The end of the engine's environment: deleted alongside the interface, or at once in background mode."""
 
 import time
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from ..engine_api import KarfError
 from ..host import windows
 from .managed import home
 
-SLICE_SECONDS = 0.05  # in which the interface stands still
+SLICE_SECONDS = 0.05  # time for which the interface may stand still
 PAUSE_SECONDS = 0.01
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from ..engine_api import REQUEST_FILE, EventReader, Finding
 from .failures import log_tail
 
-SHORTEST_NAME = 3  # letters: shorter ones are found in every text
+SHORTEST_NAME = 3  # letters of a name: shorter ones are found in every text
 
 
 def compose(job: Path, sentence: str, versions: Mapping[str, str]) -> str:

@@ -1,6 +1,6 @@
 """How fast the engine learns on this computer: measured once, corrected by the jobs that were done. No bpy.
 
-It is kept in a file of the user's, for one Python with so many threads.
+It is kept in a file of the user's, for one Python with one number of threads.
 """
 
 import contextlib
@@ -13,8 +13,8 @@ from pathlib import Path
 from ..engine_api import KarfError, read_json, write_json
 from . import processes
 
-NEW = 0.5  # weight of the last job beside all earlier ones
-UNBELIEVABLE = 0.3  # a job that took so little of its estimate went on where one had stopped, or found its work done
+NEW = 0.5  # weight of the last job relative to all earlier ones
+UNBELIEVABLE = 0.3  # share of its estimate below which a job had resumed another, or found its work done
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Speed:
         python: The engine's Python that was asked.
         threads: Those that it was given; 0: it chose.
         samples_per_second: As the engine has measured it; 0: not yet.
-        factors: By stage, the seconds that jobs took beside those that this speed promises.
+        factors: By stage, the seconds that jobs took relative to those that this speed predicts.
     """
 
     python: str
@@ -51,13 +51,13 @@ class Speed:
         )
 
     def write(self, file: Path) -> None:
-        """Keep it, where the disk lets us: it is no work of the user's."""
+        """Keep it, where the disk lets us: it is not the user's work."""
         with contextlib.suppress(OSError):
             write_json(file, asdict(self))
 
 
 def read(file: Path, python: str, threads: int) -> Speed:
-    """What is known of this Python with so many threads; nothing where the file is of others, or none."""
+    """What is known of this Python with this number of threads; nothing where the file is of others or missing."""
     unknown = Speed(python, threads)
     try:
         known = Speed(**read_json(file, "speed"))

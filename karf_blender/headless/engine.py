@@ -46,7 +46,7 @@ def install_engine(
     wheels: str | Path | None = None,
     starter: str | Path = "",
 ) -> Status:
-    """Install the engine, go on where an installation was stopped, or update it; prints the plan and how far it is.
+    """Install the engine, resume an installation that was stopped, or update it; prints the plan and how far it is.
 
     Arguments are those of `plan_engine`. The network is used only where Blender may (`--online-mode`).
 

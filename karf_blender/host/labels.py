@@ -4,12 +4,12 @@ import textwrap
 
 from .words import told
 
-WIDE = "\u2e7f"  # letters behind it are twice as wide
+WIDE = "\u2e7f"  # letters after this one are twice as wide
 SIDEBAR = 34  # letters that fit the sidebar's usual width
 
 
 def draw_text(layout, text, icon, width=SIDEBAR):
-    """A text as labels, one below the other, of so many letters at most; the icon stands before the first."""
+    """A text as labels, one below the other, of at most this many letters; the icon stands before the first."""
     column = layout.column(align=True)
     text = "\n".join(told(paragraph) for paragraph in text.splitlines())
     if any(letter > WIDE for letter in text):

@@ -25,7 +25,7 @@ def redraw(*kinds: str) -> None:
 
 
 def redraw_sidebars() -> None:
-    """Draw the panels again, and not the scene beside them, which may take long."""
+    """Draw the panels again, but not the scene next to them, which may take long."""
     for area in areas(*PANEL_AREAS):
         for region in area.regions:
             if region.type == "UI":

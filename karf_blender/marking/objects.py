@@ -10,7 +10,7 @@ from ..project import captures, folders
 from . import history
 
 FIRST = "object"
-BACKGROUND = "background"  # what no mask covers: the engine's word
+BACKGROUND = "background"  # the engine's name for what no mask covers
 
 
 def masks_folder(scene: bpy.types.Scene) -> Path:

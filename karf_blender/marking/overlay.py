@@ -15,10 +15,10 @@ from . import gestures, objects, photo, proposals, sheets
 from .sheets import Layer
 
 LONGEST = 2048  # pixels of a texture's side: larger masks are shown reduced
-IS, IS_NOT = (0.15, 0.85, 0.25), (0.95, 0.15, 0.1)  # corrections and clicks
-TINT, OUTLINE = 0.35, 2.0  # of the object being marked: opacity, pixels of the screen
+IS, IS_NOT = (0.15, 0.85, 0.25), (0.95, 0.15, 0.1)  # colors of corrections and clicks
+TINT, OUTLINE = 0.35, 2.0  # the marked object's fill (opacity) and outline (pixels of the screen)
 OTHERS_TINT, OTHERS_OUTLINE = 0.18, 1.0
-DOT = 6.0  # radius of a click
+DOT = 6.0  # radius of a click, pixels of the screen
 CIRCLE = np.stack([np.cos(angles := np.linspace(0, 2 * np.pi, 24, endpoint=False)), np.sin(angles)], -1)
 QUAD = ((0, 0), (1, 0), (1, 1), (0, 0), (1, 1), (0, 1))
 

@@ -6,7 +6,7 @@ import zlib
 import numpy as np
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
-COLOR_TYPES = {1: 0, 2: 4}  # by channels: gray; gray and alpha
+COLOR_TYPES = {1: 0, 2: 4}  # PNG color type by number of channels: gray; gray and alpha
 HEAD = ">2I5B"
 DEPTH = 8
 

@@ -145,7 +145,7 @@ def root_of(scene: bpy.types.Scene, is_correction: bool) -> Path:
 def files_of(
     scene: bpy.types.Scene, view: View, name: str, is_correction: bool, pixels: np.ndarray
 ) -> dict[Path, bytes | None]:
-    """What the files of an object's mask or correction must hold for these pixels; an empty one is no file."""
+    """What the files of an object's mask or correction must hold for these pixels; an empty one has no file."""
     root = root_of(scene, is_correction)
     found = [] if is_correction else masks_of_view(root / name, view)
     file = (found or [_named(root, name, view)])[0].with_suffix(".png")

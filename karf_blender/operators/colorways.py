@@ -11,7 +11,7 @@ from ..pictures import chips
 from ..tasks import runner
 from .reporting import PaletteStep, reports_errors
 
-WIDTH, ROWS = 720, 14  # of the dialog: pixels, and colors that show without scrolling
+WIDTH, ROWS = 720, 14  # of the dialog: width in pixels, and colors that show without scrolling
 
 
 class KARF_UL_colorways(bpy.types.UIList):

@@ -21,7 +21,7 @@ BUILDS = {
     "rocm": ("AMD", "ROCm: for AMD cards, on Linux"),
     "mps": ("Apple", "For Apple silicon"),
 }
-WIDTH, LETTERS = 640, 100  # of the dialog in pixels, and what fits into a line of it
+WIDTH, LETTERS = 640, 100  # of the dialog: width in pixels, and letters that fit into a line
 SHELLS = {"posix": "Linux, macOS", "powershell": "PowerShell", "cmd": "Windows cmd"}
 
 

@@ -15,7 +15,7 @@ DOES_ITEMS = [
     ("TAKE", "Take Away", "This is not the object"),
     ("CLEAR", "Clear", "Of a correction: say nothing here; of a mask: as Take Away"),
 ]
-LEAST = 3  # pixels of the screen: a smaller box or lasso is a slip of the mouse
+LEAST = 3  # pixels of the screen below which a box or lasso is a slip of the mouse
 
 
 class MarkingTool:

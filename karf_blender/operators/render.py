@@ -10,7 +10,7 @@ from ..properties.scene import FORMAT_DEPTHS
 from ..tasks import runner
 from .reporting import PaletteStep, ProjectSwatchStep, reports_errors
 
-WIDTH = 420  # of the dialogs, in pixels at an interface scale of 1
+WIDTH = 420  # width of the dialogs, in pixels at an interface scale of 1
 SPLIT_ITEMS = [
     ("ALL", "All", "All captured views"),
     ("TRAIN", "Learned From", "The views that the scene was learned from"),

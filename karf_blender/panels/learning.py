@@ -13,7 +13,7 @@ from .views import draw_view
 
 
 def draw_import(layout, context):
-    """Step 1; where nothing is imported yet, it also says what is missing to go on."""
+    """Step 1; where nothing is imported yet, it also says what is missing to continue."""
     karf = context.scene.karf
     if not karf.project:
         draw_engine(layout)

@@ -55,7 +55,7 @@ def draw_masks(layout, context):
 
 
 def draw_solo(layout, name, index):
-    """The eye beside a swatch."""
+    """The eye icon next to a swatch."""
     seeing = bpy.context.window_manager.karf_seeing
     is_solo = seeing.mode == "WEIGHTS" and (seeing.solo_object, seeing.solo_swatch) == (name, index)
     solo = layout.operator("karf.solo_swatch", text="", icon="HIDE_OFF", depress=is_solo)

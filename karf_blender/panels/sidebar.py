@@ -24,7 +24,7 @@ SECTIONS = (
     ("render", shown("7  Render"), rendering.draw_render),
 )
 EDITORS = (("VIEW_3D", "view3d"), ("IMAGE_EDITOR", "image"))
-HEADERS = {  # what a header says beside the step's title
+HEADERS = {  # text of a header after the step's title
     states.TO_DO: {"text": ""},
     states.DONE: {"text": "done", "icon": "CHECKMARK"},
     states.STALE: {"text": "stale", "icon": "FILE_REFRESH"},

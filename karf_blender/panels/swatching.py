@@ -8,7 +8,7 @@ from .seeing import draw_left, draw_solo
 
 
 def draw_object(layout, item):
-    """An object's swatches side by side, and what one of its colors shall become."""
+    """An object's swatches side by side, and what one of its colors is to become."""
     row = layout.row()
     row.context_pointer_set("karf_object", item)
     row.label(text=item.name, icon="OBJECT_DATA")
@@ -27,7 +27,7 @@ def draw_object(layout, item):
 
 
 def draw_swatch(column, item, index, swatch):
-    """One swatch: above as learned (a click gives it back), below as it shall be, its weights alone, and its menu."""
+    """One swatch: above as learned (a click gives it back), below as edited, its weights alone, and its menu."""
     column.context_pointer_set("karf_object", item)
     column.context_pointer_set("karf_swatch", swatch)
     row = column.row(align=True)

@@ -6,9 +6,9 @@ import bpy
 
 from ..host import windows
 
-PREFIX = "KaRF"  # of the names of all pictures that are shown
+PREFIX = "KaRF"  # prefix of the names of all pictures that are shown
 PREVIEW_NAME = f"{PREFIX} preview"
-MARGIN = 0.95  # of the editor that a picture fills
+MARGIN = 0.95  # share of the editor that a picture fills
 
 
 def reveal(image: bpy.types.Image, is_wanted: bool = False, is_whole: bool = False) -> None:
@@ -48,7 +48,7 @@ def show(area: bpy.types.Area, image: bpy.types.Image) -> None:
 
 
 def fit(area: bpy.types.Area) -> None:
-    """Let an Image Editor show its whole picture beside its sidebar and toolbar, which may lie over it."""
+    """Let an Image Editor show its whole picture between its sidebar and toolbar, which may lie over it."""
     width, height = area.spaces.active.image.size
     region, (x0, y0, x1, y1) = _free(area)
     if not width or min(x1 - x0, y1 - y0) <= 1:  # it cannot be read, or the editor was not drawn yet

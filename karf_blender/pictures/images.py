@@ -82,7 +82,7 @@ def read_picture(path: Path, long_side: int | None = None) -> np.ndarray:
 
     Args:
         path: The file.
-        long_side: Reduce the picture to at most so many pixels.
+        long_side: Reduce the picture's longer side to at most this many pixels.
 
     Returns:
         [H, W, 3] float32 in [0, 1], first row at the top.

@@ -8,7 +8,7 @@ import numpy as np
 from ..engine_api import Camera, DataError, View, find_header, linear_to_srgb, undistorted
 from . import images
 
-SHOWN_PIXELS = 2_000_000  # behind a camera; a whole photo of a phone would hold Blender up for seconds
+SHOWN_PIXELS = 2_000_000  # pixels of a photo behind a camera; a phone's full photo would block Blender for seconds
 
 
 def is_shown_as_stored(view: View) -> bool:
@@ -21,7 +21,7 @@ def read(view: View, long_side: int | None = None) -> np.ndarray:
 
     Args:
         view: The captured view.
-        long_side: Reduce the photo to at most so many pixels.
+        long_side: Reduce the photo's longer side to at most this many pixels.
 
     Returns:
         [H, W, 3] float32, sRGB in [0, 1].

@@ -11,7 +11,7 @@ from ..host import compat, rendering, windows
 from . import editors
 
 NAME = f"{editors.PREFIX} frames"
-SUFFIXES = (".png", ".tif", ".exr", ".jpg")  # of pictures that the engine writes
+SUFFIXES = (".png", ".tif", ".exr", ".jpg")  # suffixes of pictures that the engine writes
 
 
 def files_in(folder: Path, names: Sequence[str] | None = None) -> list[Path]:

@@ -1,4 +1,4 @@
-"""Colors that tell objects apart: an object has the same one in overlays, outlines, marks and icons."""
+"""Colors that distinguish objects: an object has the same one in overlays, outlines, marks and icons."""
 
 from ..engine_api import hex_to_rgb
 

@@ -68,7 +68,7 @@ def draw_progress(layout):
 
 
 def draw_buttons(row, engine: Engine):
-    """Install, or what goes on from what is there, and remove."""
+    """Install, or continue from what is there, and remove."""
     managed = engine.managed
     install = row.operator("karf.install_engine", text=VERBS[managed.state], icon="IMPORT")
     install.build, install.photos = managed.build, "photos" in managed.extras

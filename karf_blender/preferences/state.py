@@ -1,6 +1,6 @@
 """What the disk held of the engine when it was read last: drawing asks only this.
 
-Whoever keeps an eye on the disk calls `refresh`. In background mode nothing is drawn and timers never fire: there every
+The code that watches the disk calls `refresh`. In background mode nothing is drawn and timers never fire: there every
 question reads the disk.
 """
 
@@ -19,7 +19,7 @@ from . import choices
 
 HAS_TIMER = not bpy.app.background
 NOTHING = Status(NONE, "")
-SLICE = 50  # folders that are measured at once
+SLICE = 50  # folders measured at once
 SLICE_SECONDS = 0.05
 
 

@@ -14,7 +14,7 @@ import bpy
 from ..engine_api import BadRequest, KarfError, Project, read_json
 from . import folders
 
-GRACE_SECONDS = 5.0  # a stage copies masks into the project as the last thing that it does
+GRACE_SECONDS = 5.0  # tolerance: a stage copies masks into the project as its last action
 
 
 def finished_stages(scene: bpy.types.Scene) -> frozenset[str]:
@@ -172,5 +172,5 @@ def _reported(scene: bpy.types.Scene, key: str) -> Mapping[str, Any]:
     try:
         found = read_json(folders.project_of(scene).segmentation_report, "report").get(key)
         return found if isinstance(found, dict) else {}
-    except (OSError, KarfError, AttributeError):  # a report of something else is no reason to stop
+    except (OSError, KarfError, AttributeError):  # a report of something else must not stop it
         return {}

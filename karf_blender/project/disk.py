@@ -50,7 +50,7 @@ class Contents:
 
 
 class _Memory:
-    """What was read last, each scene's under what it depends on; and who is told when the disk was read."""
+    """What was read last, each scene's under what it depends on; and what is called when the disk was read."""
 
     scenes: Mapping[tuple[str, ...], Contents] = {}
     listeners: list[Callable[[], None]] = []

@@ -18,7 +18,7 @@ def absolute(stored: str, blend: str | None = None) -> Path:
 
 
 def stored(path: Path, blend: str | None = None) -> str:
-    """The path as the .blend stores it: `//...` beside a saved file, else absolute."""
+    """The path as the .blend stores it: `//...` relative to a saved file, else absolute."""
     blend = bpy.data.filepath if blend is None else blend
     if not blend:
         return str(path)
@@ -50,7 +50,7 @@ def nerf_of(scene: bpy.types.Scene) -> str:
 
 
 def default_project(capture: Path) -> Path:
-    """A project folder for this capture: beside the saved .blend, else in the extension's own folder."""
+    """A project folder for this capture: next to the saved .blend, else in the extension's own folder."""
     name = (capture.parent if capture.is_file() else capture).name
     if bpy.data.filepath:
         return Path(bpy.data.filepath).parent / f"{name}_karf"

@@ -37,7 +37,7 @@ DEPTH_ITEMS = [
     ("16", "16", "16 bits a channel; of OpenEXR half floats"),
     ("32", "32", "32 bits a channel: full floats"),
 ]
-FORMAT_DEPTHS = {"PNG": ("8", "16"), "OPEN_EXR": ("16", "32")}  # that a format has
+FORMAT_DEPTHS = {"PNG": ("8", "16"), "OPEN_EXR": ("16", "32")}  # depths that a format has
 MODE_ITEMS = [("RGB", "RGB", "Opaque"), ("RGBA", "RGBA", "What is behind the scene is transparent")]
 SIZE_ITEMS = [
     ("PHOTO", "Photo's Size", "All pixels of the photo, in a file of its kind"),

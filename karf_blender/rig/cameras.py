@@ -15,7 +15,7 @@ from ..engine_api import BadRequest, Camera, Capture, DataError, View
 from ..pictures import photos
 from . import lens, placement, points
 
-POINT_SIZE = 0.002  # radius of a sparse point; these are in units of the rig's extent
+POINT_SIZE = 0.002  # radius of a sparse point, in units of the rig's extent
 CLIP_START, CLIP_END = 0.001, 1000.0
 
 

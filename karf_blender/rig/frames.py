@@ -24,7 +24,7 @@ def frames_of(scene: bpy.types.Scene, camera: bpy.types.Object, numbers: Iterabl
         Views without photos, named frame_0001 and so on.
 
     Raises:
-        BadRequest: The camera is no perspective camera, or Blender renders.
+        BadRequest: The camera is not a perspective camera, or Blender renders.
     """
     rendering.refuse()
     current = scene.frame_current
@@ -55,7 +55,7 @@ def pinhole(scene: bpy.types.Scene, camera: bpy.types.Object) -> Camera:
     """The pinhole, in the capture's world, of a Blender camera with the scene's render size at its current frame.
 
     Raises:
-        BadRequest: The camera is no perspective camera, or it is mirrored or unevenly scaled.
+        BadRequest: The camera is not a perspective camera, or it is mirrored or unevenly scaled.
     """
     if camera.type != "CAMERA" or camera.data.type != "PERSP":
         raise BadRequest(f"{camera.name!r} is no perspective camera.", "Set the camera's type to Perspective.")

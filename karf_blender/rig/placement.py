@@ -9,7 +9,7 @@ from ..engine_api import Capture
 
 ORIENTATIONS = ("auto", "file", "upright")
 ARBITRARY_WORLDS = ("llff", "colmap")  # formats without a known up axis
-UP_WEIGHT = 0.01  # of the cameras' own up axes, which decide where their right axes leave it open
+UP_WEIGHT = 0.01  # weight of the cameras' up axes, which decide where their right axes leave it open
 
 
 def matrix_of(capture: Capture, orientation: str, size: float) -> np.ndarray:

@@ -25,7 +25,7 @@ from ..engine_api import (
 from ..host import compat, windows
 from ..project import captures
 
-BAD_PIXELS = 4.0  # an error of this many pixels or more is drawn red
+BAD_PIXELS = 4.0  # pixels of error from which it is drawn red
 GOOD, FAIR, BAD = np.array([[0.1, 0.9, 0.2, 1.0], [1.0, 0.85, 0.0, 1.0], [1.0, 0.05, 0.05, 1.0]], np.float32)
 LINE_WIDTH, POINT_SIZE = 1.5, 4.0
 TEXT_SIZE, TEXT_MARGIN = 14, 24
@@ -121,7 +121,7 @@ def forget() -> None:
 
 # --- the overlay ---------------------------------------------------------------------------------------------------
 def _drawn() -> Check | None:
-    """What the 3D View that is being drawn shall show."""
+    """What the 3D View that is being drawn is to show."""
     context = bpy.context
     space, scene = context.space_data, context.scene
     if not scene.karf.show_reprojection or not space.overlay.show_overlays:

@@ -1,6 +1,6 @@
 """The steps from capture to picture as plain functions; operators and scripts call these.
 
-A step that needs the engine returns a `Task`: launch it beside the interface or wait for it (see `tasks.runner`). The
+A step that needs the engine returns a `Task`: launch it alongside the interface or wait for it (see `tasks.runner`). The
 others are done when they return. All raise KarfError for what a user can mend.
 """
 

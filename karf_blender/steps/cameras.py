@@ -28,7 +28,7 @@ def export_cameras(
         The file's path.
 
     Raises:
-        BadRequest: There is no camera or no frame, or the camera is no pinhole.
+        BadRequest: There is no camera or no frame, or the camera is not a pinhole.
     """
     path, numbers = Path(path).absolute(), frame_range(scene) if frames is None else frames
     views = list(frames_of(scene, camera_of(scene, camera), numbers))

@@ -75,7 +75,7 @@ def import_capture(
         karf.active_view = first.name
     try:
         view.show_camera(scene, capture, first)
-    except DataError as error:  # the rig stands; one photo is no reason to take it away
+    except DataError as error:  # the rig is built; one unreadable photo must not remove it
         capture = replace(capture, remarks=(*capture.remarks, error.sentence))
     return capture
 

@@ -67,7 +67,7 @@ def place_layers(scene: bpy.types.Scene, path: Path, driven: bool = False) -> bp
         The group's node.
 
     Raises:
-        DataError: The file is no layered picture.
+        DataError: The file is not a layered picture.
     """
     objects = read_layer_names(path)
     known = following.known_of(scene, objects)

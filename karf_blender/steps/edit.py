@@ -27,7 +27,7 @@ def becomes(
         source: As the photos show it, or `from_edited` as the edited picture does.
         target: What it shall become.
         rule: `becomes` (the whole object gets a new paint) or `fewest` (as few changed swatches as possible).
-        from_edited: Go on from the swatches as they are; else only locked ones stay as they are.
+        from_edited: Continue from the swatches as they are; else only locked ones stay as they are.
     """
     item = edits.object_named(scene, object_name)
     start = colors.edited(item) if from_edited else colors.learned(item)

@@ -20,7 +20,7 @@ from ..project import contents, disk, folders
 MASK_VALUES = {"ADD": 1, "TAKE": 0, "CLEAR": 0}
 CORRECTION_VALUES = {"ADD": 1, "TAKE": -1, "CLEAR": 0}
 WITHOUT_ENGINE = shown("Brush, lasso and box mark without it.")
-CLICK_SHARE = 1 / 150  # of the photo's longer side: the radius of a correction's click
+CLICK_SHARE = 1 / 150  # radius of a correction's click, as a share of the photo's longer side
 
 
 def show_photo(scene: bpy.types.Scene) -> bpy.types.Image:
@@ -55,7 +55,7 @@ def begin_marking(window: bpy.types.Window) -> None:
 
 
 def fit_photo(window: bpy.types.Window) -> None:
-    """Show the whole photo to mark, beside the sidebar."""
+    """Show the whole photo to mark, clear of the sidebar."""
     for area in _photo_editors(window):
         editors.fit(area)
 
@@ -226,7 +226,7 @@ def set_volume(scene: bpy.types.Scene, shape: bpy.types.Object | None, kind: str
     """Let the active object be `inside` or `outside` of a mesh or an Empty's box; without a shape: of none any more.
 
     Returns:
-        How many volumes the object has now. *Segment* heeds them.
+        How many volumes the object has now. *Segment* uses them.
 
     Raises:
         KarfError: There is no object to mark, or the shape is neither mesh nor Empty.

@@ -1,7 +1,7 @@
 """Live Camera: what the scene's camera sees, rendered by the engine while it or the rig moves.
 
 A coarse picture comes first, finer ones while the camera stands still; swatches change each in Blender alone. One timer
-looks at the camera, so that whatever moves it counts: the mouse, keyframes, drivers, parents, constraints. While no
+looks at the camera, so that anything that moves it counts: the mouse, keyframes, drivers, parents, constraints. While no
 editor shows the picture, nothing is rendered.
 """
 

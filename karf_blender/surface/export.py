@@ -13,7 +13,7 @@ from ..nodes import shadeless
 from . import mesh
 
 SHAPES = ("quads", "points")
-USD_COLOR = "displayColor"  # what the format's viewers show
+USD_COLOR = "displayColor"  # the attribute that the format's viewers show
 
 
 def _ply(data: bpy.types.Mesh, path: str) -> None:

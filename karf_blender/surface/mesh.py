@@ -12,7 +12,7 @@ from ..nodes.sockets import short
 
 COVER = 0.9  # half a quad's side in distances between points: neighbors overlap and leave no holes
 BASE, CENTER, NORMAL = "base", "center", "normal"
-COLOR = "Color"  # what Blender calls the first of a mesh; Cycles shows `color` black
+COLOR = "Color"  # Blender's name for a mesh's first color attribute; Cycles shows `color` black
 CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], np.float32)
 
 

@@ -13,7 +13,7 @@ from ..nodes.sockets import scene_linear, swatch_socket
 from . import mesh
 
 RECOLOR, RADIUS = "Recolor", "Radius"  # names of nodes
-COLUMN, ROW = 180.0, 160.0  # distances of nodes
+COLUMN, ROW = 180.0, 160.0  # distances between nodes, in units of the node editor
 # of the piecewise curves of sRGB (IEC 61966-2-1): (threshold, slope below; above: scale x + shift, exponent, gain, lift)
 TO_LINEAR = ("KaRF to linear", 0.04045, 1 / 12.92, 1 / 1.055, 0.055 / 1.055, 2.4, 1.0, 0.0)
 TO_DISPLAY = ("KaRF to display", 0.0031308, 12.92, 1.0, 0.0, 1 / 2.4, 1.055, -0.055)

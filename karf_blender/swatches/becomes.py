@@ -22,7 +22,7 @@ from ..engine_api import (
 )
 from . import colors, edits, groups, pigments
 
-MOST_HELD = 8  # colors that paints of an object were given
+MOST_HELD = 8  # pairs held for an object's paints
 FOREIGN = 10.0  # CIEDE2000 from which an object shows no such color
 
 
@@ -41,9 +41,9 @@ def apply(
         scene: The scene.
         name: The object's.
         source: A color that it shows with the palette `start`, sRGB [3] in [0, 1].
-        target: What this one shall become.
+        target: What this one is to become.
         rule: `becomes` or `fewest`.
-        start: The palette to go on from, [M, 3].
+        start: The palette to start from, [M, 3].
         held: Colors that other paints of the object were given with `start` and keep, sRGB [3] each; of `becomes`.
 
     Returns:
@@ -77,7 +77,7 @@ def apply(
 def apply_picked(item: bpy.types.PropertyGroup) -> str:
     """`apply` with the object's own pair of colors, from the swatches as they were when its source was picked.
 
-    So the target can be changed any number of times. What was changed otherwise since is gone on from.
+    So the target can be changed any number of times. Other changes made since are kept as the start.
     """
     now = colors.edited(item)
     start = colors.stored(item, "before") if (now == colors.stored(item, "after")).all() else now

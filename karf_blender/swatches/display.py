@@ -18,9 +18,14 @@ from . import pigments, planes
 from .planes import ShownView
 
 PHOTO_SIDE = 800  # pixels at most of a photo that stands in for a view that is not prepared
-COMPARED_PIXELS = 160_000  # of differences: larger pictures are compared in every second pixel, or third
-HOTTEST = 20.0  # CIEDE2000 that is white in the heat map, with all beyond
-UNSURE, DIMMED = np.array([1.0, 0.55, 0.04], np.float32), np.float32(0.4)  # its color, and what is left of the photo
+COMPARED_PIXELS = (
+    160_000  # pixels of a difference picture: larger pictures are compared in every second pixel, or third
+)
+HOTTEST = 20.0  # CIEDE2000 from which the heat map is white
+UNSURE, DIMMED = (
+    np.array([1.0, 0.55, 0.04], np.float32),
+    np.float32(0.4),
+)  # color of unsure pixels; factor of the rest of the photo
 HEAT = np.array([[0, 0, 0.05], [0.33, 0.06, 0.43], [0.73, 0.21, 0.33], [0.98, 0.55, 0.04], [1, 1, 0.75]], np.float32)
 
 

@@ -15,7 +15,7 @@ from . import display, free_camera, object_masks
 
 LINE_WIDTH = 1.5
 TEXT_SIZE, MARGIN = 12, 16
-SCALE_WIDTH, SCALE_HEIGHT = 200, 12  # of the scale of differences
+SCALE_WIDTH, SCALE_HEIGHT = 200, 12  # size of the scale of differences, pixels
 TICKS = 4
 UNIT_SQUARE = ((0, 0), (1, 0), (1, 1), (0, 0), (1, 1), (0, 1))
 

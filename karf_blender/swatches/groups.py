@@ -18,7 +18,7 @@ from . import keyframes, pigments
 
 
 class _Memory:
-    """Whether swatches are being set that no other shall follow."""
+    """Whether swatches are being set that no others must follow."""
 
     is_still: bool = False
 

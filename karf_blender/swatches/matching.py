@@ -10,7 +10,7 @@ from ..pictures import images
 from . import colors, edits, groups, pigments, planes
 
 PAINTING_NAME = "KaRF painting"
-ASPECT_TOLERANCE = 0.02  # by which a picture's sides may differ from the view's: rounding of small sizes
+ASPECT_TOLERANCE = 0.02  # relative difference of aspect ratio between a picture and its view: rounding of small sizes
 
 
 def paint_over(scene: bpy.types.Scene) -> bpy.types.Image:

@@ -26,7 +26,7 @@ from ..engine_api import (
 from ..project import folders
 from . import colors, edits, groups, keyframes, pigments, recolor
 
-NEAR = 20.0  # a learned color this far from another in CIE L*a*b* may still be the same swatch's
+NEAR = 20.0  # CIE L*a*b* distance up to which two learned colors may be the same swatch's
 
 
 @dataclass(frozen=True)

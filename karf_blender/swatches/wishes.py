@@ -18,7 +18,7 @@ class _Memory:
 
 
 def left(scene: bpy.types.Scene, item: bpy.types.PropertyGroup) -> float | None:
-    """CIEDE2000 of what the object's source color has become to its target; None where there is no wish."""
+    """CIEDE2000 of what the object's source color has become to its target; None where there is no target color."""
     known = _Memory.left.get((scene.session_uid, item.name))
     return known[1] if known and known[0][:2] == _wish(item) else None
 

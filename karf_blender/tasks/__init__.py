@@ -1,1 +1,1 @@
-"""Tasks: engine jobs run beside the user interface or in a script, and the scenes that they belong to."""
+"""Tasks: engine jobs run alongside the user interface or in a script, and the scenes that they belong to."""

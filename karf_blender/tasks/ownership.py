@@ -1,4 +1,4 @@
-"""Who began a job. Its end belongs to that file, scene and project, whatever is open and named how when it comes."""
+"""Who began a job. Its end belongs to that file, scene and project, even if others are open or they are renamed by then."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Runs tasks (one engine job, or several in a row): beside the user interface, or blocking in a script.
+"""Runs tasks (one engine job, or several in a row): alongside the user interface, or blocking in a script.
 
 In background mode a task blocks, prints its progress and raises its error. One task runs at a time: the engine uses all
 the cores it is given. Its worker is kept for a moment, for the next job.
@@ -76,7 +76,7 @@ _timekeepers: list[Callable[[Request, float], None]] = []
 
 
 def listen(listener: Callable[[], None]) -> None:
-    """Have a function called whenever what is said of the running task beside the interface has changed."""
+    """Have a function called whenever the status of the running task alongside the interface has changed."""
     _listeners.append(listener)
 
 
@@ -119,7 +119,7 @@ def current_request(scene: bpy.types.Scene) -> Request | None:
 
 
 def launch(task: Task) -> None:
-    """Run a task beside the interface and return at once; in background mode, block until it is done.
+    """Run a task alongside the interface and return at once; in background mode, block until it is done.
 
     Raises:
         KarfError: It cannot start; in background mode also: it fails.

@@ -1,6 +1,6 @@
 """A captured camera that is clicked in the 3D View becomes the active view.
 
-The message bus tells of the user's clicks alone: undo brings the active view back with the rest of the scene.
+The message bus reports the user's clicks alone: undo brings the active view back with the rest of the scene.
 """
 
 import bpy

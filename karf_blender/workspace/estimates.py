@@ -37,7 +37,7 @@ def seconds(preset: str, button: str, is_open: bool) -> float | None:
 
 
 def measure_once() -> None:
-    """Measure this computer beside the interface, where that was not done yet with the engine as it is chosen."""
+    """Measure this computer alongside the interface, where that was not done yet with the engine as it is chosen."""
     if bpy.app.background or _Memory.measurement is not None or runner.is_running():
         return
     _read_once()
@@ -80,13 +80,13 @@ def _tick() -> float | None:
 
 
 def _take_time(request: Request, taken: float) -> None:
-    """Correct what is known by a job that is done; how open its scene was is told by what it noted."""
+    """Correct the estimates by a job that is done; its notes show whether its scene was open."""
     known, project = _Memory.known, engine_api.Project(request.project)
     if known is None or request.options.get("overrides"):
         return
     try:
         state = project.state()
-    except KarfError:  # a job that finds camera poses begins a folder that is no project yet
+    except KarfError:  # a job that finds camera poses begins a folder that is not yet a project
         return
     space = state["stages"].get("geometry", {}).get("space", "box")
     samples = _promised(state.get("settings", {}).get("preset", ""), 1.0, space != "box")

@@ -12,7 +12,7 @@ from ..project import disk
 from . import states
 from .states import DONE, RUNNING, STALE, STEPS
 
-# marking goes on after the first mask, beside the next step, and folds with that
+# marking continues after the first mask, alongside the next step, and folds with it
 FOLDERS = ("import", "learn", "segment", "palette")
 
 
@@ -41,7 +41,7 @@ def opened(before: dict[str, str], after: dict[str, str]) -> dict[str, bool]:
 
 
 def _next(kinds: dict[str, str]) -> tuple[str, ...]:
-    """The steps to work on: the first that is not done, with marking beside learning, which needs no marks."""
+    """The steps to work on: the first that is not done, with marking alongside learning, which needs no marks."""
     first = next((step for step in STEPS if kinds[step] != DONE), "edit")
     return ("learn", "mark") if first == "learn" and kinds["mark"] != DONE else (first,)
 

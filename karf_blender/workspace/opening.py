@@ -12,7 +12,7 @@ from ..host import windows
 
 FILE = Path(__file__).with_name("workspace.blend")
 NAME = TAB = "KaRF"
-LATER, TRIES = 0.2, 20  # a sidebar knows its tabs when it was drawn: seconds to the next look, and how often
+LATER, TRIES = 0.2, 20  # seconds between two looks, and how many: a sidebar knows its tabs once it was drawn
 ASIDE = "UI"
 
 

@@ -25,7 +25,7 @@ def draw_progress(row, state):
 
 
 def redraw() -> None:
-    """Draw the status bars again. They are no areas that Python knows: setting their text is what redraws them.
+    """Draw the status bars again. They are not areas that Python knows: setting their text is what redraws them.
 
     While a tool has its own text there, that is left alone; its next change draws the bar.
     """

@@ -36,9 +36,9 @@ class Format:
     """A capture format.
 
     Attributes:
-        name: What `Capture.format` says, such as `colmap`.
+        name: The value of `Capture.format`, such as `colmap`.
         marker: The file or folder by which a person recognizes it, for messages.
-        reason: Why it is read where later formats lie beside it; ends the sentence of a remark.
+        reason: Why it is read where later formats lie beside it; completes the sentence of a remark.
         recognizes: Whether a path, a file or folder that exists, is of this format; quick, by names alone.
         read: Reads such a path; the second argument is the `photos` of `open_capture`. Raises DataError.
     """
@@ -51,18 +51,18 @@ class Format:
 
 
 def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Capture:
-    """Read a capture, whatever its format.
+    """Read a capture of any known format.
 
     Args:
         path: The capture's folder, or its camera file.
         photos: Whether to look for the photos; without them, picture sizes must be in the file.
-        holdout: Hold out every so many-th photo where the capture declares no test photos, see `hold_out`.
+        holdout: Hold out every Nth photo where the capture declares no test photos, see `hold_out`.
 
     Returns:
-        The capture. A remark says which formats in the same folder were not read.
+        The capture. A remark names the formats in the same folder were not read.
 
     Raises:
-        BadRequest: `holdout` is no number of photos.
+        BadRequest: `holdout` is not a number of photos.
         DataError: The path does not exist, is of no known format, or is damaged.
 
     Example:

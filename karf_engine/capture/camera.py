@@ -74,7 +74,7 @@ class Camera:
         )
 
     def reduced(self, long_side: int) -> Camera:
-        """The same view with no side longer than so many pixels; never enlarged."""
+        """The same view with no side longer than this many pixels; never enlarged."""
         factor = min(1.0, long_side / max(self.width, self.height))
         return self.scaled(max(1, round(self.width * factor)), max(1, round(self.height * factor)))
 

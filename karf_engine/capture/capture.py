@@ -124,7 +124,7 @@ class Capture:
 
 
 def hold_out(capture: Capture, every: int) -> Capture:
-    """Hold out every so many-th training photo by name, the first included, to test what is learned from the others.
+    """Hold out every Nth training photo by name, the first included, to test what is learned from the others.
 
     A capture that has test photos already, or fewer training photos than `every`, stays as it is.
 
@@ -178,7 +178,7 @@ def capture_to_json(capture: Capture, folder: Path | None = None) -> dict[str, A
 
     Args:
         capture: The capture.
-        folder: Where the JSON will lie; None: photos are told by their absolute paths alone.
+        folder: Where the JSON will lie; None: photos are named by their absolute paths alone.
     """
     return {
         "schema": SCHEMA,
@@ -212,7 +212,7 @@ def capture_from_json(content: Any, path: Path) -> Capture:
         path: The file that it was found in, for messages.
 
     Raises:
-        DataError: It is no capture of this schema, or has a view whose name cannot be a file's or whose numbers are
+        DataError: It is not a capture of this schema, or has a view whose name cannot be a file's or whose numbers are
             impossible.
     """
     schema = content.get("schema") if isinstance(content, dict) else None
@@ -256,7 +256,7 @@ def _from_folder(image: Path | None, folder: Path | None) -> dict[str, str]:
 
 
 def _find_photo(folder: Path, *told: str | None) -> Path | None:
-    """The first of the told paths at which there is a file, else the first; relative ones lead from the folder."""
+    """The first of the given paths at which there is a file, else the first; relative ones lead from the folder."""
     places = [Path(os.path.normpath(folder / text)) for text in told if text]
     for place in places:
         with suppress(OSError):  # a name that no file system holds

@@ -2,7 +2,7 @@
 
 Format: COLMAP's documentation, "Output Format", with the camera models of src/colmap/sensor/models.h (4.2). Pixel
 corners lie at integers. Files are checked against their length before memory is allocated; what newer versions write
-beside the three (rigs, frames) repeats the images' poses and is not needed. Own code, since Blender's Python reads
+besides the three (rigs, frames) repeats the images' poses and is not needed. Own code, since Blender's Python reads
 models too, with numpy alone.
 """
 
@@ -23,7 +23,7 @@ from .limits import LARGEST_POSITION
 from .reading import read_text
 
 AGAIN = "Copy the file again, or export the model again from COLMAP."
-MODELS = {  # by id; parameters in the order of the file
+MODELS = {  # camera models by id; parameters in the order of the file
     0: ("SIMPLE_PINHOLE", "f cx cy"),
     1: ("PINHOLE", "fx fy cx cy"),
     2: ("SIMPLE_RADIAL", "f cx cy k1"),
@@ -47,7 +47,7 @@ PARAMETERS = dict(MODELS.values())
 OBSERVATION = np.dtype([("pixel", "<f8", 2), ("point", "<i8")])
 POINT = np.dtype([("id", "<i8"), ("position", "<f8", 3), ("color", "u1", 3), ("error", "<f8"), ("length", "<u8")])
 TRACK = np.dtype([("image", "<u4"), ("observation", "<u4")])
-SMALLEST_IMAGE = 73  # bytes: pose and numbers, an empty name, no features
+SMALLEST_IMAGE = 73  # bytes of the shortest entry: pose and numbers, an empty name, no features
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ import numpy as np
 from .camera import Camera
 
 NEWTON_STEPS = 25
-SLOPE_STEP = 1e-3  # pixels, of difference quotients
-NEAR_ENOUGH = 1e-4  # pixels
+SLOPE_STEP = 1e-3  # step of difference quotients, pixels
+NEAR_ENOUGH = 1e-4  # residual at which the inversion stops, pixels
 
 
 def distort(camera: Camera, pixels: np.ndarray) -> np.ndarray:

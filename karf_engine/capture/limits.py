@@ -8,11 +8,11 @@ from ..errors import DataError
 from ..io.image_size import MOST_PIXELS
 from .camera import Camera
 
-LARGEST_POSITION = 1e12  # of cameras and points: its square, and a scene's size over its detail, fit single precision
-LARGEST_SIDE = 10**6  # pixels; no photo is larger, a damaged file may claim so
-FOCAL_RANGE = (1e-3, 1e6)  # of the longer side: from beyond 179 degrees to a thousandth of one
-LARGEST_CENTER = 1e3  # of the longer side
-LARGEST_COEFFICIENT = 1e6  # of a lens polynomial
+LARGEST_POSITION = 1e12  # coordinate: its square, and a scene's size over its detail, fit single precision
+LARGEST_SIDE = 10**6  # pixels of a photo's side; a damaged file may claim more
+FOCAL_RANGE = (1e-3, 1e6)  # focal length in longer sides: from beyond 179 degrees to a thousandth of one
+LARGEST_CENTER = 1e3  # coordinate of the principal point, in longer sides
+LARGEST_COEFFICIENT = 1e6  # coefficient of a lens polynomial
 
 
 def check_camera(camera: Camera, label: str, hint: str = "Export the cameras again.") -> Camera:

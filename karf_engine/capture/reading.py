@@ -20,7 +20,7 @@ PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".JPG", ".PNG", ".JPEG", ".webp", ".t
 LENS_KEYS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 FISHEYE_KEYS = ("k1", "k2", "k3", "k4")
 POSE_TOLERANCE = 1e-3
-UNIT_TOLERANCE = 1e-5  # matrices written in single precision are this far from orthonormal
+UNIT_TOLERANCE = 1e-5  # deviation from orthonormal that single precision explains
 
 
 # ---------------------------------------------------------------------------------------------------------------- files

@@ -11,7 +11,7 @@ from .camera import Camera
 from .capture import Capture
 from .distortion import distort
 
-LENS_STEP = 0.5  # pixels to either side, of the slopes of a lens
+LENS_STEP = 0.5  # pixels to either side over which the slopes of a lens are measured
 NEWTON_STEPS = 3
 
 

@@ -1,4 +1,4 @@
-"""Plates: captured photos as learning wants them, at the working size and without lens distortion.
+"""Training images: captured photos as the fits use them, at the working size and without lens distortion.
 
 Images are float32 [H, W, C], display-referred sRGB in [0, 1]; pixel corners lie at integers. See `images`.
 """
@@ -21,10 +21,10 @@ from .capture import View
 from .distortion import distort
 
 BORDER_TOLERANCE = 0.04  # a border pixel this near to black or white counts as such: JPEG noise, dark gray paper
-BORDER_SHARE = 0.8  # of the border's pixels: an object may touch the border
+BORDER_SHARE = 0.8  # share of the border's pixels that must count: an object may touch the border
 SOLID_DIFFERENCE = 0.06  # a pixel this far from a black or white background shows something
-VIEW_SHARE = 0.9  # of the views: a few may be close-ups
-ASPECT_TOLERANCE = 0.02  # by which a picture's sides may differ from a view's: rounding of small sizes
+VIEW_SHARE = 0.9  # share of the views that must agree: a few may be close-ups
+ASPECT_TOLERANCE = 0.02  # relative difference between the aspect ratios of a picture and its view: rounding
 LENS_ROWS = 256  # rows of a lens map that are computed at once: float64 temporaries of whole photos are large
 LENS_DETAIL = 3  # photos are undistorted at this multiple of the working size, so that interpolation costs no detail
 
@@ -194,7 +194,7 @@ def background_kind(photos: Sequence[np.ndarray]) -> str:
     """What surrounds the objects in a capture's photos.
 
     Args:
-        photos: Float [H, W, 3 or 4] in [0, 1]. An alpha channel that is 1 everywhere is no matte.
+        photos: Float [H, W, 3 or 4] in [0, 1]. An alpha channel that is 1 everywhere is not a matte.
 
     Returns:
         `alpha` (a matte), `black`, `white`, or `opaque` (a real background).

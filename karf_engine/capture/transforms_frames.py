@@ -54,7 +54,7 @@ def read_frames(file: Path, split: str) -> list[Frame]:
         split: Of all its frames; empty where each declares its own.
 
     Raises:
-        DataError: The file is no JSON object with a list of frames, or a frame has no file_path.
+        DataError: The file is not a JSON object with a list of frames, or a frame has no file_path.
     """
     content = read_json(file, "cameras")
     if not isinstance(content, dict):

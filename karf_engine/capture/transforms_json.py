@@ -23,7 +23,7 @@ from .reading import FISHEYE_KEYS, LENS_KEYS, PHOTO_SUFFIXES, exists, make_views
 from .transforms_frames import Frame, camera_of, read_frames
 
 SYNTHETIC_FILES = {f"transforms_{split}.json": split for split in SPLITS}
-MOST_PARTS = 32  # of a photo's path that are searched for elsewhere
+MOST_PARTS = 32  # trailing parts of a photo's path that are searched for elsewhere
 
 
 # -------------------------------------------------------------------------------------------------------------- readers

@@ -7,7 +7,7 @@ import numpy as np
 from .camera import Camera
 from .distortion import distort
 
-ROWS = 16  # at a time: what is computed on the way stays in the processor's cache
+ROWS = 16  # rows computed at a time: intermediate results stay in the processor's cache
 
 
 def undistorted(photo: np.ndarray, camera: Camera) -> np.ndarray:

@@ -16,11 +16,11 @@ from typing import Any
 
 import torch
 
-PARTS = 4  # of the work a thread: parts take different times
+PARTS = 4  # parts of the work for each thread: they take different times
 
 
 class _Cores:
-    """How many this process uses, and whether they are shared out; torch's own number before anybody has said so."""
+    """How many this process uses, and whether they are shared out; torch's default until `use` was called."""
 
     count: int = 0
     are_shared = False
@@ -36,7 +36,7 @@ _thread = _Thread()
 
 
 def use(count: int) -> None:
-    """Use so many cores from now on, for torch."""
+    """Use this many cores from now on, for torch."""
     _Cores.count, _Cores.are_shared = count, False
     torch.set_num_threads(count)
 

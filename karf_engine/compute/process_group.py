@@ -18,7 +18,7 @@ from torch import Tensor, distributed
 
 from ..errors import BadRequest
 
-PATIENCE = timedelta(days=30)  # helpers wait for whole stages; it is torchrun that notices who has died
+PATIENCE = timedelta(days=30)  # timeout: helpers wait for whole stages; torchrun notices which process has died
 
 
 @dataclass(frozen=True)

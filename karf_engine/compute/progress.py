@@ -110,7 +110,7 @@ class TerminalEmit:
 
 
 def peak_memory_bytes() -> int:
-    """Largest resident memory of this process so far, bytes; 0 where the system does not say."""
+    """Largest resident memory of this process so far, bytes; 0 where the system does not report it."""
     status = Path("/proc/self/status")
     if status.exists():
         for line in status.read_text(encoding="utf-8").splitlines():

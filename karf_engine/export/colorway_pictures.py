@@ -17,7 +17,7 @@ from ..recolor.frames import Frame
 from ..recolor.model import Model
 from ..recolor.photos import StoredPhoto, suffix_for, write_photo
 
-SURE = 0.9  # coverage from which a pixel is all the object's
+SURE = 0.9  # coverage from which a pixel counts as wholly the object's
 MOST_PROBES = 50_000  # pixels of an object in which a view's colors are measured
 Pixels = tuple[np.ndarray, np.ndarray]  # rows and columns, [n] each
 

@@ -13,7 +13,7 @@ from ..io.color import to_bytes
 from ..io.images import over, read_photo, resize, write_png
 
 THUMBNAIL = 192  # pixels of a picture's longer side
-LABEL, LINE, CHIP, GAP = 260, 18, 12, 6  # pixels: width of a row's label, height of a line, side of a chip, between all
+LABEL, LINE, CHIP, GAP = 260, 18, 12, 6  # pixels: a row's label, line height, a chip's side, the gap between all
 PAPER, INK = 255, (40, 40, 40)
 
 

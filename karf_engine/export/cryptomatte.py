@@ -40,7 +40,7 @@ def murmur3(data: bytes) -> int:
 
 
 def object_id(name: str) -> int:
-    """An object's id: the hash of its name, changed by one bit where its float would be no normal number.
+    """An object's id: the hash of its name, changed by one bit where its float would not be a normal number.
 
     Examples:
         >>> hex(object_id("hello, world"))

@@ -1,4 +1,4 @@
-"""Which frames of a long job are finished, and what each was made from: so that a job that was stopped can go on.
+"""Which frames of a long job are finished, and what each was made from: so that a job that was stopped can resume.
 
 `finished.jsonl` in the output folder grows by one line a frame, after the frame's files are in their places: a killed
 job loses at most the frame at work, and the note costs the same for the first frame as for the last.
@@ -19,7 +19,7 @@ from ..project import STAGE_ORDER, Project
 from ..project.settings import Settings, to_dict
 from .frame_options import RenderOptions
 
-VERSION = 1  # goes up when the same would be rendered to other pictures
+VERSION = 1  # of the renderer: goes up when the same inputs would give other pictures
 NOTE = "finished.jsonl"
 # options that say which frames are made, where and how fast, not what is in them
 NOT_OF_A_FRAME = {"project", "views", "first", "last", "count", "edit", "out", "threads", "device", "skip_existing"}

@@ -24,10 +24,10 @@ from ..io.names import is_file_name
 from ..palettes.palette import MOST_ADDED, MOST_COLORS, MOST_OBJECTS, Palette
 
 LAYERS_SCHEMA = "karf-layers/1"
-ATTRIBUTE = "karf"  # of the header
-MOST_LAYERS = MOST_COLORS * (1 + MOST_ADDED)  # of an object
+ATTRIBUTE = "karf"  # name of the header's attribute
+MOST_LAYERS = MOST_COLORS * (1 + MOST_ADDED)  # layers of an object
 LONGEST = 40  # bytes of an object's part of a layer's name: Blender cuts names at 63
-MOST_HEADER = 16 << 20  # bytes; with the most objects and colors, none of them added, it has three quarters of that
+MOST_HEADER = 16 << 20  # bytes of the header; the most objects and colors, none added, need three quarters of that
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 AGAIN = "Render the layers again."
 
@@ -38,7 +38,7 @@ class ObjectLayers:
 
     Attributes:
         name: The object's.
-        coverage: Name of the plane that says how much of each pixel is the object's.
+        coverage: Name of the plane with the share of each pixel that is the object's.
         weights: Name of each palette color's plane; over the colors the planes sum to the coverage.
         colors: The palette as learned, [M, 3] float32 sRGB in [0, 1]; entry 0 is black.
 
@@ -131,7 +131,7 @@ def read_layer_names(path: Path) -> tuple[ObjectLayers, ...]:
 
 
 def _object(entry: dict[str, Any]) -> ObjectLayers:
-    """Raises ValueError, TypeError or KeyError for what is no object's entry."""
+    """Raises ValueError, TypeError or KeyError for what is not an object's entry."""
     colors = np.array(entry["colors"], np.float32)
     weights = tuple(entry["weights"])
     if colors.shape != (len(weights), 3) or len(weights) > MOST_LAYERS or not ((colors >= 0) & (colors <= 1)).all():

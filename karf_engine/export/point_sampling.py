@@ -29,10 +29,10 @@ from .scene_points import ScenePoints
 
 COUNT, FEWEST, MOST = 60_000, 1000, 2_000_000
 ENDS_PER_POINT = 8
-PROBE = 2000  # pixels of each view that show how many rays end sharply
-FEWEST_SHARP = 0.05  # of a probe: where it is less, the scene is too blurred for more rays to help
+PROBE = 2000  # pixels of each view on which the share of rays that end sharply is measured
+FEWEST_SHARP = 0.05  # share of a probe's rays: with fewer sharp ones the scene is too blurred for more rays to help
 MOST_VIEWS = 64
-SAMPLES = 3  # quantiles a ray: the middle one is where it ends, the others say how sharply
+SAMPLES = 3  # quantiles of each ray: the middle one is where it ends, the others measure how sharply
 MIN_OPACITY = 0.9
 MOST_SPREAD = 8.0  # voxels, of a ray's end: a silhouette's is longer, that of a shiny surface nearly so
 NEIGHBORS = 12  # over which normals are smoothed
@@ -77,7 +77,7 @@ def scene_points(model: Model, views: Sequence[View], count: int, progress: Prog
         model: One with palettes.
         views: Whose cameras look at the scene; at most MOST_VIEWS of them, spread round it, do.
         count: About how many points.
-        progress: Told of each view, `len(chosen_views(views))` of them; may cancel.
+        progress: Gets a step for each view, `len(chosen_views(views))` in all; may cancel.
 
     Raises:
         BadRequest: No palettes are learned, or the count is out of range.
@@ -104,7 +104,7 @@ def scene_points(model: Model, views: Sequence[View], count: int, progress: Prog
 
 
 def _checked(field: Field, ends: _Ends, looks: Sequence[_Look], count: float) -> tuple[_Ends, np.ndarray]:
-    """About so many points, [n], and which of them are no floaters, [n] bool."""
+    """About this many points, [n], and which of them are not floaters, [n] bool."""
     if not len(ends.weights):
         return ends, np.zeros(0, bool)
     merged, cell = _merged(ends, field.voxel, count)
@@ -119,7 +119,7 @@ def chosen_views(views: Sequence[View]) -> list[View]:
 
 
 def _camera_of(view: View, pixels: float) -> Camera:
-    """A view's pinhole with about so many pixels."""
+    """A view's pinhole with about this many pixels."""
     camera = view.camera.without_distortion()
     factor = math.sqrt(pixels / (camera.width * camera.height))
     return camera.scaled(max(1, round(camera.width * factor)), max(1, round(camera.height * factor)))
@@ -212,7 +212,7 @@ def _to_world(field: Field, positions: np.ndarray) -> np.ndarray:
 
 @torch.no_grad()
 def _described(model: Model, merged: _Ends) -> ScenePoints:
-    """The points with normals, and what F_s and F_w say of them, seen from the mean of the directions they were."""
+    """The points with normals, and the output of F_s and F_w at them, seen from their mean viewing direction."""
     field, n = model.scene.field, len(merged.positions)
     world = _to_world(field, merged.positions)
     positions, viewdirs = (torch.from_numpy(each).to(model.device) for each in (merged.positions, merged.viewdirs))

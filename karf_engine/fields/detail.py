@@ -15,7 +15,7 @@ from .extent import focus_point
 from .rendering.space import Space
 from .rendering.space_values import space_on
 
-STEP = 0.5  # pixels to either side, over which a space is taken for straight
+STEP = 0.5  # pixels to either side over which a space counts as straight
 
 
 def pixels_per_voxel(space: Space, voxel: float, positions: np.ndarray, camera: Camera) -> np.ndarray:
@@ -68,7 +68,7 @@ def typical_pixels_per_voxel(space: Space, voxel: float, views: Sequence[View], 
 
 
 def without_detail(photo: np.ndarray, pixels: float) -> np.ndarray:
-    """A photo as voxels of so many pixels would show it: reduced by averaging, and linear in between.
+    """A photo as voxels of this many pixels would show it: reduced by averaging, and linear in between.
 
     Args:
         photo: Float [H, W, 3] in [0, 1].
@@ -80,5 +80,5 @@ def without_detail(photo: np.ndarray, pixels: float) -> np.ndarray:
 
 
 def kept_psnr(photos: Sequence[np.ndarray], pixels: float) -> list[float]:
-    """PSNR that each photo keeps without detail of so many pixels, dB: about what such voxels can reach in it."""
+    """PSNR that each photo keeps without detail of this many pixels, dB: about what such voxels can reach in it."""
     return [cv2.PSNR(np.float64(without_detail(photo, pixels)), np.float64(photo), 1.0) for photo in photos]

@@ -1,4 +1,4 @@
-"""Where in the world a scene lies, as far as cameras and sparse points tell."""
+"""Where in the world a scene lies, estimated from cameras and sparse points."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from torch import Tensor, nn
 from ..capture.camera import Camera
 from ..capture.capture import SparsePoints, View
 
-SAME_WAY = 30.0  # degrees between any camera's axis and their mean: then they look one way
-NEAREST = 0.01  # of a camera's sparse points may be nearer than its nearest depth: mistakes
-FARTHEST = 0.99  # of a camera's sparse points may not be farther than its farthest depth: mistakes
-RELIABLE_ERROR = 1.5  # pixels of reprojection error, over the median: points above it are left out
-FEWEST_VIEWS = 3  # that observe a reliable point: two may agree on a mistake
+SAME_WAY = 30.0  # degrees between each camera's axis and their mean up to which cameras look one way
+NEAREST = 0.01  # share of a camera's sparse points that may be nearer than its nearest depth: mistakes
+FARTHEST = 0.99  # share of a camera's sparse points that its farthest depth must include: the rest are mistakes
+RELIABLE_ERROR = 1.5  # pixels of reprojection error above the median beyond which points are left out
+FEWEST_VIEWS = 3  # views that must observe a reliable point: two may agree on a mistake
 
 
 def looks_one_way(cameras: list[Camera]) -> bool:

@@ -15,7 +15,7 @@ from .scene import Scene
 
 SCHEMA = "karf-geometry/1"
 BACKGROUNDS = ("alpha", "black", "white", "opaque")
-STEPS = 0.01, 10.0  # voxels: finer ones never end, coarser ones miss what there is
+STEPS = 0.01, 10.0  # step range in voxels: finer steps never end, coarser ones miss what there is
 
 
 def save_scene(scene: Scene, path: Path) -> None:
@@ -32,7 +32,7 @@ def load_scene(path: Path, device: torch.device | str = "cpu") -> Scene:
 
     Args:
         path: As written by `save_scene`.
-        device: Where its tensors shall live.
+        device: Where its tensors will live.
 
     Raises:
         DataError: The file is missing or damaged, or its kind of field is not registered.

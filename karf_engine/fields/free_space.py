@@ -12,10 +12,10 @@ from ..capture.camera import Camera
 from ..capture.capture import SparsePoints, View
 from .extent import reliable_points
 
-FREE_SHARE = 0.85  # of a view's nearest depth: all that it sees lies behind
-ROUND_CAMERA = 0.5  # of the way from a camera to the nearest point in any direction, nothing stands
-FEWEST_POINTS = 50  # that say how near the nearest thing is
-MISTAKEN = 0.005  # of these points may be nearer than that
+FREE_SHARE = 0.85  # share of a view's nearest depth that is free: all that it sees lies behind
+ROUND_CAMERA = 0.5  # share of the distance from a camera to its nearest point within which nothing stands
+FEWEST_POINTS = 50  # points needed to estimate how near the nearest thing is
+MISTAKEN = 0.005  # share of these points that may be nearer: mistakes
 POSITIONS_AT_ONCE = 1 << 16
 # our cameras look down -z, y is up; pixels count down and depth ahead
 AHEAD = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0]])
@@ -41,7 +41,7 @@ class FreeSpace:
 
     @classmethod
     def of(cls, views: list[View], points: SparsePoints | None, device: torch.device | str = "cpu") -> FreeSpace:
-        """What the cameras of these views, without a lens distortion, and the sparse points that they observe tell."""
+        """The free space that the cameras of these views, without lens distortion, and their sparse points imply."""
         cameras = [view.camera for view in views]
         projections = [
             np.array([[c.fx, 0, c.cx], [0, c.fy, c.cy], [0, 0, 1]]) @ AHEAD @ c.world_to_camera for c in cameras

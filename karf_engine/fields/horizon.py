@@ -1,4 +1,4 @@
-"""Where the sky begins: above all that cameras see far away, nothing but the direction says what a photo shows."""
+"""Where the sky begins: above all that cameras see far away, what a photo shows depends on the direction alone."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from ..capture.camera import Camera
 from ..capture.capture import SparsePoints
 from .extent import is_reliable
 
-SECTORS = 36  # of the compass
-MARGIN = math.radians(0.5)  # above the highest point of a sector
+SECTORS = 36  # sectors of the compass
+MARGIN = math.radians(0.5)  # angle above the highest point of a sector, radians
 
 
 @dataclass(frozen=True)
@@ -45,10 +45,10 @@ def sector_of(x: Tensor, y: Tensor) -> Tensor:
 
 
 def horizon_of(cameras: list[Camera], points: SparsePoints | None, center: Tensor, radius: float) -> Horizon:
-    """The horizon: as high as cameras see points outside a ball, in a sector or the ones beside it, and at least level.
+    """The horizon: as high as cameras see points outside a ball, in a sector or its neighbors, and at least level.
 
     Args:
-        cameras: Held upright, more or less: their horizontal axes say what is up.
+        cameras: Held upright, more or less: their horizontal axes define what is up.
         points: As these cameras observe them, or None.
         center: [3], of the ball round what the cameras look at.
         radius: Its radius, world units.

@@ -19,7 +19,7 @@ class Field(Protocol):
         kind: Name in the registry and in files (see registry.py).
         space: Where the field lies in the world.
         bounds: [2, 3], lowest and highest corner of what there is.
-        voxel: Length below which nothing is told apart: the scale of normals and of the label solve.
+        voxel: Length below which nothing is distinguished: the scale of normals and of the label solve.
         n_features: F, number of prior features.
     """
 
@@ -49,7 +49,7 @@ class Field(Protocol):
         """JSON values to report of the field: its size, above all."""
 
     def config(self) -> dict[str, Any]:
-        """JSON values that, beside the tensors of `state_dict`, restore the field."""
+        """JSON values that, with the tensors of `state_dict`, restore the field."""
 
     @classmethod
     def restore(cls, config: dict[str, Any], tensors: dict[str, Tensor], device: torch.device | str) -> Field:

@@ -31,7 +31,7 @@ class FieldKind:
         name: That `geometry.field` and files give it.
         start: A fresh fit from photos.
         restore: The field of a config and tensors (see `Field.restore`).
-        prepare: Begins what may run beside the reading of the photos; what it returns waits until that is done.
+        prepare: Begins what may run while the photos are read; what it returns waits until that is done.
     """
 
     name: str

@@ -20,7 +20,7 @@ from .spaces import choose_space
 
 @dataclass(frozen=True)
 class FitTask:
-    """What each process of a group learns from: training images with cameras of their size, and what `FitInputs` has.
+    """What each process of a group learns from: training images with cameras of their size, and more of `FitInputs`.
 
     seed: of all random numbers. threads: of each process. device: its kind; each process has a card of its own.
     """
@@ -64,7 +64,7 @@ def background_of(training_images: list[TrainingImage]) -> str:
 
 
 def build_pixel_dataset(training_images: list[TrainingImage], kind: str, device: torch.device) -> PixelDataset:
-    """All pixels of the training images, with what the kind of background says of their opacity."""
+    """All pixels of the training images, with the opacity that the kind of background implies."""
     alphas = solids = None
     if kind == "alpha":
         alphas = [

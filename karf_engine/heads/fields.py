@@ -1,4 +1,4 @@
-"""The two KaRF fields on top of a frozen radiance field: F_s says which object, F_w says which palette colors.
+"""The two KaRF fields on top of a frozen radiance field: F_s gives the object, F_w the palette colors.
 
 Both read positions scaled to the objects' surroundings ([-1, 1]), standardized prior features and, F_w only, the
 viewing direction (paper, Eq. 7 and 10).
@@ -66,7 +66,7 @@ class SegmentationField(nn.Module):
         return self.head(encoded, self.standardizer(prior_features))
 
     def inside(self, positions: Tensor) -> Tensor:
-        """True where an object can be at a position: in its box, and as its volumes say, [n, K]."""
+        """True where an object can be at a position: in its box, and where its volumes allow it, [n, K]."""
         point = positions[:, None]
         boxed = ((point >= self.boxes[:, 0]) & (point <= self.boxes[:, 1])).all(-1)
         if self.volumes is None:

@@ -43,7 +43,7 @@ def load_segmentation(
     Args:
         path: what `save_segmentation` wrote.
         n_features: prior features of the scene's field.
-        device: where F_s shall be.
+        device: where F_s will be.
         space: of the scene's field; None where F_s is not asked.
 
     Raises:
@@ -90,7 +90,7 @@ def load_recoloring(
         bounds: those of F_s, [2, 3], grid coordinates.
         n_features: prior features of the scene's field.
         palettes: that it was trained for, one an object.
-        device: where F_w shall be.
+        device: where F_w will be.
 
     Raises:
         DataError: the file is damaged or belongs to other palettes.

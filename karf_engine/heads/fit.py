@@ -211,7 +211,7 @@ def fit_recoloring(
 def _learn(
     training_state: TrainingState, step: Step, schedule: Schedule, progress: Progress, checkpoint: Checkpoint | None
 ) -> None:
-    """Run the whole course, or what is left of it."""
+    """Run the whole training, or what is left of it."""
     if checkpoint is not None:
         checkpoint.follow(training_state, progress)
     train(training_state, training_state.iterations, step, schedule, progress, checkpoint)

@@ -132,7 +132,7 @@ def features_of(scene_field: Field, positions: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class ObjectSamples:
-    """What F_s says of a cache, and the s samples at which an object's probability is not negligible.
+    """The output of F_s for a cache, and the s samples at which an object's probability is not negligible.
 
     Attributes:
         rendered: [n, K+1] rendered class probabilities of all cached rays, as of `segment_cache`.

@@ -31,7 +31,7 @@ def save_tensors(path: Path, tensors: dict[str, Tensor], schema: str, metadata: 
         schema: What the file is, and its version.
         metadata: JSON values.
     """
-    # one entry: safetensors writes several in any order, and equal results shall be equal bytes
+    # one entry: safetensors writes several in any order, and equal results must be equal bytes
     header = {"karf": json.dumps({"schema": schema, "facts": metadata})}
     stored = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
     atomic_write(path, lambda temporary: save_file(stored, temporary, header))
@@ -51,7 +51,7 @@ def load_tensors(
             found = header.get("schema")
             if found != schema:
                 raise DataError(f"{path} holds {found!r:.200}, not {schema!r}.", AGAIN)
-            # copies: as long as the file itself is mapped, Windows lets nobody replace it
+            # copies: as long as the file itself is mapped, Windows does not let it be replaced
             tensors = {name: stored.get_tensor(name).clone() for name in stored.keys()}
             metadata = header["facts"]
     except FileNotFoundError as error:
@@ -66,7 +66,7 @@ def load_tensors(
 
 @contextmanager
 def restoring(path: Path) -> Iterator[None]:
-    """While something is made of the file's tensors and metadata: an error is theirs, as they are not as written.
+    """A context in which errors count as damage of the file, while its tensors and metadata are turned into something.
 
     Errors of memory and those that are sentences already pass.
 

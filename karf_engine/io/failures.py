@@ -31,7 +31,7 @@ WINDOWS_ERRORS = {  # its own numbers, which libraries that are not written in P
     2: errno.ENOENT, 3: errno.ENOENT, 5: errno.EACCES, 8: errno.ENOMEM, 14: errno.ENOMEM, 19: errno.EROFS,
     32: errno.EACCES, 33: errno.EACCES, 39: errno.ENOSPC, 112: errno.ENOSPC, 206: errno.ENAMETOOLONG,
 }  # fmt: skip
-WINDOWS_LONGEST_PATH = 259  # characters, where long paths have not been switched on
+WINDOWS_LONGEST_PATH = 259  # characters of a path, where long paths have not been switched on
 FREE_SPACE = "Free some space, or choose a folder on another disk; what was finished is kept."
 OTHER_FOLDER = "Choose a folder of your own, or change its rights; on Windows another program may hold the file open."
 SYSTEM_ERRORS = {  # by number: sentence and remedy
@@ -66,7 +66,7 @@ def is_out_of_memory(error: BaseException) -> bool:
 
 
 def first_line(error: BaseException) -> str:
-    """What a library says of a damaged file, short enough to stand within a sentence.
+    """A library's message about a damaged file, short enough to stand within a sentence.
 
     Examples:
         >>> first_line(ValueError("bad magic number.\\nSee the manual.")), first_line(EOFError())
@@ -100,7 +100,7 @@ def known_failure(error: BaseException) -> KarfError | None:
 
 @contextmanager
 def translated() -> Iterator[None]:
-    """Errors of the system leave the block as `known_failure` tells them; those that only a fault of ours explains pass."""
+    """Turn system errors in the block into those of `known_failure`; errors that only a bug explains pass unchanged."""
     try:
         yield
     except Exception as error:
@@ -114,7 +114,7 @@ def _system_number(error: BaseException) -> int | None:
     """The system's number of a failed call, also where a library has it in its message alone."""
     is_windows = os.name == "nt"
     if isinstance(error, OSError) and error.errno:
-        is_long = len(str(error.filename or "")) > WINDOWS_LONGEST_PATH  # Windows says that it is not there
+        is_long = len(str(error.filename or "")) > WINDOWS_LONGEST_PATH  # Windows reports it as missing
         return errno.ENAMETOOLONG if is_windows and is_long and error.errno == errno.ENOENT else error.errno
     if any(word in str(error) for word in DISK_FULL_MESSAGES):
         return errno.ENOSPC

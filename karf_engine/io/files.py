@@ -17,9 +17,9 @@ from typing import Any
 from ..errors import DataError
 from .inputs import MOST_JSON, check_file
 
-TEMPORARY = ".tmp"  # how names of files in the making begin, safetensors' own ones too
-STALE_SECONDS = 3600.0  # after which nobody is writing a temporary file any more
-HELD = (5, 32, 33, 1224)  # Windows: access denied, sharing violation, lock violation, mapped by a process
+TEMPORARY = ".tmp"  # prefix of the names of temporary files, safetensors' own included
+STALE_SECONDS = 3600.0  # age at which a temporary file is no longer being written
+HELD = (5, 32, 33, 1224)  # Windows errors: access denied, sharing violation, lock violation, mapped by a process
 HELD_SECONDS = 3.0  # for which virus scanners, indexers and thumbnails hold a new file there, at most
 
 
@@ -95,7 +95,7 @@ def read_json(path: Path, what: str) -> Any:
         what: What messages call it.
 
     Raises:
-        DataError: The file is missing, too large, or no JSON; names the line and the reason.
+        DataError: The file is missing, too large, or not JSON; names the line and the reason.
     """
     check_file(path, MOST_JSON, f"{path} ({what})")
     try:

@@ -22,7 +22,7 @@ FRAME_MARKERS = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 TIFF_ORDERS = {b"II*\0": "<", b"MM\0*": ">"}
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 MOST_PHOTO_BYTES = 2 << 30
-MOST_EXIF_BYTES = 1 << 16  # as much as a JPEG segment can hold
+MOST_EXIF_BYTES = 1 << 16  # of an Exif block: as much as a JPEG segment can hold
 # a few bytes may claim any number of pixels; photographs and renderings need at least a bit for six of them
 MOST_PIXELS = 400_000_000
 MOST_PIXELS_OF_SMALL = 32_000_000
@@ -117,7 +117,7 @@ def find_header(path: Path) -> ImageHeader | None:
 
     Raises:
         OSError: The file cannot be read.
-        DataError: It is missing, or no file.
+        DataError: It is missing, or not a file.
     """
     check_file(path, MOST_PHOTO_BYTES)
     with path.open("rb") as stream:
@@ -165,7 +165,7 @@ def _png_header(head: bytes, stream: BinaryIO) -> ImageHeader:
 
 
 def _png_orientation(stream: BinaryIO) -> int:
-    """Of an eXIf chunk before the pixels."""
+    """The orientation in an eXIf chunk before the pixels."""
     stream.seek(8)
     while len(start := stream.read(8)) == 8:
         length, kind = struct.unpack(">I4s", start)
@@ -219,7 +219,7 @@ def _orientation(fields: dict[int, tuple[int, ...]]) -> int:
 
 
 def _tiff_fields(stream: BinaryIO) -> dict[int, tuple[int, ...]]:
-    """Tags of the first directory whose values are 16- or 32-bit numbers; none where it is no TIFF."""
+    """Tags of the first directory whose values are 16- or 32-bit numbers; none where it is not a TIFF."""
     stream.seek(0)
     order = TIFF_ORDERS.get(stream.read(4))
     if order is None:

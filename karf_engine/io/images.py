@@ -24,9 +24,9 @@ from .failures import is_out_of_memory
 from .files import atomic_write
 from .image_size import MOST_PIXELS, MOST_PIXELS_OF_SMALL, ImageHeader, check_pixels, find_header, unreadable
 
-MOST_PIXELS_OF_SMALL_EXR = 8_000_000  # of up to four channels: each takes several copies of floats
+MOST_PIXELS_OF_SMALL_EXR = 8_000_000  # pixels of up to four channels: each takes several copies of floats
 BACK = {6: 8, 8: 6}  # the Exif orientation that undoes another; all others undo themselves
-MOST_PIXELS_OF_SMALL_MASK = 100_000_000  # of drawings, which pack well
+MOST_PIXELS_OF_SMALL_MASK = 100_000_000  # pixels of drawings, which compress well
 
 Image.MAX_IMAGE_PIXELS = MOST_PIXELS  # sizes are checked here, before a picture is decoded
 cv2.setNumThreads(1)  # its threads would fight torch's for the same cores
@@ -47,7 +47,7 @@ def read_photo(path: Path, upright: bool = True) -> np.ndarray:
         sRGB float32 [H, W, 3 or 4] in [0, 1]; alpha is straight.
 
     Raises:
-        DataError: The file is missing, damaged, no picture, or claims more pixels than are read.
+        DataError: The file is missing, damaged, not a picture, or claims more pixels than are read.
     """
     pixels, header = read_pixels(path, upright)
     colors = _as_colors(pixels)

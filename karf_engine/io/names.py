@@ -65,7 +65,7 @@ def check_names(values: Any, path: Path, what: str) -> list[str]:
     """The values as a list, once each can be the name of a file and none occurs twice; arguments as `check_name`.
 
     Raises:
-        DataError: As `check_name`, and where the values are no list or repeat.
+        DataError: As `check_name`, and where the values are not a list or repeat.
     """
     if not isinstance(values, Iterable) or isinstance(values, str | dict):
         raise DataError(f"{path} has no list of names of {what}.", "Run the stage that writes it again.")

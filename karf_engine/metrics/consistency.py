@@ -2,7 +2,7 @@
 
 Two ways to know where a pixel went: depth and cameras (`correspond`), or optical flow (`flow_rmse`), which guesses, but
 needs nothing but pictures. Pictures are [H, W, 3] in [0, 1], depth [H, W] along the optical axis (0 where empty), masks
-bool [H, W]. Pixel positions: see `capture/camera.py`. A flow [H, W, 2] says how far right and down each pixel moves.
+bool [H, W]. Pixel positions: see `capture/camera.py`. A flow [H, W, 2] holds how far right and down each pixel moves.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def moved_pixels(flow: np.ndarray) -> np.ndarray:
 
 
 def mean_of_pairs(count: int, interval: int, measure: Callable[[int, int], float]) -> float:
-    """Mean of measure(a, b) over all pairs of `count` views that lie `interval` apart; NaN where no pair says anything."""
+    """Mean of measure(a, b) over all pairs of `count` views that lie `interval` apart; NaN where no pair has a measure."""
     values = np.array([measure(a, a + interval) for a in range(count - interval)])
     values = values[np.isfinite(values)]
     return float(values.mean()) if len(values) else float("nan")

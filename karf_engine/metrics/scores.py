@@ -12,7 +12,7 @@ import numpy as np
 from .images import hue_shift, mean_ciede2000, mse_outside, psnr, ssim
 from .masks import accuracy, iou, iou_border_excluded
 
-MIN_PIXELS = 60  # views that show less of an object say nothing about its mask
+MIN_PIXELS = 60  # pixels of an object below which a view is too weak a test of its mask
 
 
 @dataclass(frozen=True)

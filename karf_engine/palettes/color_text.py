@@ -26,7 +26,7 @@ def color_to_text(color: Sequence[float] | np.ndarray) -> str:
 
 
 def colors_of_text(text: str) -> np.ndarray:
-    """All colors that a text names, sRGB [n, 3] float32 in [0, BRIGHTEST]; whatever stands between them is passed over.
+    """All colors that a text names, sRGB [n, 3] float32 in [0, BRIGHTEST]; other text between them is skipped.
 
     Examples:
         >>> colors_of_text("color(srgb 1.5 0.25 0); Pot: #FF0000, 00ff00-0000ff").tolist()

@@ -1,4 +1,4 @@
-"""Edits as JSON, edit.json: what each swatch shall be, and the colors that were added."""
+"""Edits as JSON, edit.json: the wanted color of each swatch, and the colors that were added."""
 
 from __future__ import annotations
 

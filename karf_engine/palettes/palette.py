@@ -22,9 +22,9 @@ from ..io.names import check_name, check_names
 PALETTE_SCHEMA = "karf-palette/1"
 COMPOSITING_MODES = ("delta", "paper")
 MOST_OBJECTS, MOST_COLORS = 255, 64
-MOST_ADDED = 16  # colors of an object
-REACH, MOST_REACH = 0.5, 4.0  # of an added color: where nothing is said, and at most
-BRIGHTEST = 2.0  # of an edited color: a swatch may be brighter than white, its mixtures are clipped
+MOST_ADDED = 16  # added colors an object can have at most
+REACH, MOST_REACH = 0.5, 4.0  # reach of an added color: default and maximum
+BRIGHTEST = 2.0  # highest sRGB value of an edited color: a swatch may be brighter than white, mixtures are clipped
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Palette:
 
 @dataclass(frozen=True)
 class AddedColor:
-    """A color of an object that is none of its swatches, and shall have one; see `palettes.added`.
+    """A color of an object that has no swatch yet, and is to have one; see `palettes.added`.
 
     Attributes:
         picked: The color as learned, sRGB [3] in [0, 1]; not black.
@@ -83,7 +83,7 @@ def hex_to_rgb(text: str) -> np.ndarray:
     """sRGB [3] float32 in [0, 1] of `#rrggbb` (the # may be left out).
 
     Raises:
-        DataError: The text is no such color.
+        DataError: The text is not such a color.
 
     Examples:
         >>> print(hex_to_rgb("#ff0033"))

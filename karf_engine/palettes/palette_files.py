@@ -2,7 +2,7 @@
 
 Hand-written by the published descriptions of both formats, because Blender's Python has no reader of them. A swatch is
 called `<object> <number>`, from 1; black is not written. Both formats end at white; `.gpl` has 8 bits a channel. Neither
-can say what an added color was picked for, so these are kept in JSON alone.
+can record what an added color was picked for, so these are kept in JSON alone.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from .palette import Edit, Palette
 SUFFIXES = (".json", ".gpl", ".ase")
 MOST_BYTES = 4 << 20  # twice what the most objects with the most colors and the longest names need
 GPL_HEAD = "GIMP Palette"
-ASE_HEAD = b"ASEF\0\1\0\0"  # version 1.0
+ASE_HEAD = b"ASEF\0\1\0\0"  # signature of a file of version 1.0
 ASE_GROUP, ASE_END, ASE_COLOR = 0xC001, 0xC002, 0x0001  # kinds of blocks
-ASE_MODELS = {b"RGB ": 3, b"Gray": 1}  # color models that are read: how many numbers
+ASE_MODELS = {b"RGB ": 3, b"Gray": 1}  # color models that are read, and how many numbers each has
 AGAIN = "Export the file again."
 
 
@@ -71,7 +71,7 @@ def write_edit_file(path: Path, edit: Edit) -> None:
 def read_edit_file(path: Path, palettes: Sequence[Palette], compositing: str = "delta") -> Edit:
     """Read an edit of the learned palettes from edit.json or a palette file.
 
-    Colors of a palette file go to the swatches that their names say, `pot 1`; where no name is a swatch's, in their
+    Colors of a palette file go to the swatches that they name, `pot 1`; where no name is a swatch's, in their
     order, when there are as many of them as swatches.
 
     Args:

@@ -50,7 +50,7 @@ class ProjectEdit(Edit):
         Args:
             name: the object.
             source: a color that it shows.
-            target: the color that this one shall become.
+            target: the color that this one becomes.
             rule: `becomes` carries the whole material along; `fewest` changes as few swatches as possible.
             also: of a thing of several paints further pairs of source and target, which `becomes` solves together with
                 the first: one after the other would take what a paint has become for another paint.
@@ -71,7 +71,7 @@ class ProjectEdit(Edit):
         Args:
             name: the object.
             picked: the pigment, as photos show it.
-            wanted: the color that it shall have; numbers may go up to 2, brighter than white.
+            wanted: the color that it gets; numbers may go up to 2, brighter than white.
             reach: how far around its hue, or in chroma where it is grey, other colors are of it: over 0 up to 4; 1 is as far as
                 `becomes` reaches.
 
@@ -113,7 +113,7 @@ class ProjectEdit(Edit):
         return replace(self, colors=self.colors | {name: colors})
 
     def save(self, path: Path | str) -> None:
-        """Write the edit, atomically: as JSON, or the palette file that the ending says (`palettes.palette_files`)."""
+        """Write the edit, atomically: as JSON, or as the palette file of its suffix (`palettes.palette_files`)."""
         write_edit_file(Path(path), self)
 
     def _palette(self, name: str) -> Palette:
@@ -124,11 +124,11 @@ class ProjectEdit(Edit):
 
 
 def edit_of(project: Project, path: Path | str | None = None) -> ProjectEdit:
-    """An edit of a project that changes nothing yet, or what a file says.
+    """An edit of a project that changes nothing yet, or that of a file.
 
     Raises:
         BadRequest: the project has no palettes.
-        DataError: the palettes' file is damaged, or the edit's file is no edit of them.
+        DataError: the palettes' file is damaged, or the edit's file is not an edit of them.
     """
     project.require("palette")
     palettes = read_palettes(project.checked(project.palette_file))

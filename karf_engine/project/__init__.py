@@ -1,4 +1,4 @@
-"""A project: the folder in which all lives that is learned of a capture, and what it says without torch."""
+"""A project: the folder of all that is learned of a capture, and what can be read of it without torch."""
 
 from .folder import Project
 from .state import STAGE_ORDER

@@ -1,4 +1,4 @@
-"""What a project knows beside tensors: its capture, and the settings that its stages were run with. Without torch."""
+"""What a project knows besides tensors: its capture, and the settings that its stages were run with. Without torch."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def capture_of(project: Project) -> Capture:
 def settings_for(project: Project, stage: str) -> Settings:
     """The settings a stage builds on: of the stages before it those that they were run with, of others as last set.
 
-    So what is finished is rendered as it was learned, whatever has been asked for since.
+    So what is finished is rendered as it was learned, even if settings have changed since.
 
     Args:
         project: one whose geometry stage is finished.

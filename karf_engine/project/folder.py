@@ -1,6 +1,6 @@
 """The project folder: every file's name, and which files belong together.
 
-All that is learned lives here, beside the .blend. Files are data (json, npz, safetensors, png), never pickles.
+All that is learned lives here, next to the .blend. Files are data (json, npz, safetensors, png), never pickles.
 A stage's outputs are gathered in a folder of their own until all are there, and take their places together (`commit`).
 
     project.json                 schema, capture, settings, each finished stage with checksums of its files
@@ -17,7 +17,7 @@ A stage's outputs are gathered in a folder of their own until all are there, and
     object_colors.npz            each object's color histogram with its palette weights (see edit.object_colors)
     recoloring.safetensors       the recoloring field F_w
     planes/<view>.npz            edit planes of a captured view (see edit.compositing)
-    looks/<scene>/<camera>.safetensors  what the field says of captured views (see recolor/render_cache.py)
+    looks/<scene>/<camera>.safetensors  cached renderings of captured views (see recolor/render_cache.py)
     photos/<view>-<digest>.png   photos without lens distortion, as Blender shows them behind its cameras
     jobs/<time>-<stage>/         request, events and log of each job
     .outputs/                    outputs of a stage at work
@@ -35,7 +35,7 @@ from ..errors import BadRequest, DataError
 from ..io.files import checksum, remove_temporaries, replace
 from .state import STAGE_ORDER, new_state, read_state, without_stage, write_state
 
-HOLDOUT_BEFORE = 8  # of projects that do not say
+HOLDOUT_BEFORE = 8  # N of every Nth photo held out in projects that do not record it
 
 
 class Project:
@@ -134,7 +134,7 @@ class Project:
 
     @property
     def looks_folder(self) -> Path:
-        """What the field says of captured views; see `recolor.render_cache`."""
+        """The cached renderings of captured views; see `recolor.render_cache`."""
         return self.folder / "looks"
 
     @property
@@ -180,7 +180,7 @@ class Project:
         """The content of project.json (see `project.state`).
 
         Raises:
-            DataError: The folder is no project, a newer one, or its project.json is damaged.
+            DataError: The folder is not a project, is of a newer version, or its project.json is damaged.
         """
         return read_state(self.state_file)
 
@@ -200,7 +200,7 @@ class Project:
         return summary
 
     def holdout(self) -> int:
-        """Every how many-th photo the finished geometry was learned without where the capture declares none; 0: none.
+        """N where the finished geometry was learned without every Nth photo and the capture declares none; 0: none.
 
         Those who learned before this was a choice had every 8th one held out.
         """

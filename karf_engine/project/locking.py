@@ -19,7 +19,7 @@ from ..errors import BadRequest
 from ..io.files import write_json
 from . import Project
 
-COMMIT_SECONDS = 60.0  # a commit renames a few files; on a slow network drive that may take a while
+COMMIT_SECONDS = 60.0  # wait for a commit: it renames a few files, which may take a while on a slow network drive
 
 
 @contextmanager

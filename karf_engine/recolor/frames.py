@@ -13,7 +13,7 @@ from ..fields.scene import Picture
 from ..io.color import to_bytes
 from ..palettes.compositing import Planes, hard_masks
 
-BAND_RAYS = 1 << 20  # rendered at once: with their surface samples they take about half a gigabyte
+BAND_RAYS = 1 << 20  # rays rendered at once: with their surface samples they take about half a gigabyte
 
 
 @dataclass(frozen=True)

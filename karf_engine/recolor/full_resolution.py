@@ -29,7 +29,7 @@ from .photos.stored import from_camera
 
 BAND_PIXELS = 1 << 19
 FindMattes = Callable[[np.ndarray, np.ndarray, np.ndarray], list[Matte]]  # photo, probabilities, rendered
-COPIES_BYTES = 400 << 20  # of edited photos at once: the weights of a band serve them all
+COPIES_BYTES = 400 << 20  # memory for edited photos at once: the weights of a band serve them all
 
 
 @dataclass(frozen=True)
@@ -186,8 +186,8 @@ def full_resolution_view(
     Args:
         view: Of the capture.
         size: `photo`, or a long side in pixels to which the photo is reduced.
-        seen: What the field says, in the grid of the view's camera with its lens, at any size.
-        mattes_of: Gives mattes of a photo, probabilities and a rendered picture, as `recolor.matting.refine.mattes_of` does.
+        seen: What the field renders, in the grid of the view's camera with its lens, at any size.
+        mattes_of: Mattes from a photo, probabilities and a rendered picture; see `recolor.matting.refine.mattes_of`.
         objects: Names of the K objects that were seen.
         palettes: Of the objects, as learned; empty before palettes are learned.
 

@@ -44,7 +44,7 @@ from .full_resolution import PhotoView, dense_weights, full_resolution_view
 from .matting.matte import Matte, dense_coverage, disputed_objects
 from .render_cache import RenderCache
 
-BASES = {"delta": "photo", "paper": "render"}  # what an edit of a captured view changes, where nothing is said
+BASES = {"delta": "photo", "paper": "render"}  # default picture that an edit of a captured view changes
 MASK_SAMPLES, WEIGHT_SAMPLES = 3, 8  # quantile samples a ray: colors need more of them than classes
 
 
@@ -101,7 +101,7 @@ class Model:
 
         Raises:
             BadRequest: nothing is learned there, or there is no such device.
-            DataError: it is no project, or a file is damaged.
+            DataError: it is not a project, or a file is damaged.
         """
         project = opened(folder)
         with consistent(project):
@@ -151,7 +151,7 @@ class Model:
     def render_view(self, view: View, base: str | None = None) -> Frame:
         """A captured view as its pinhole shows it, at the working size (`settings.geometry.long_side`).
 
-        Objects end where the field says; see `preview` and `photo_view` for the edges of the photo.
+        Objects end where the field ends them; see `preview` and `photo_view` for the edges of the photo.
 
         Args:
             view: of the capture.
@@ -174,7 +174,7 @@ class Model:
 
     @translated()
     def look(self, camera: Camera) -> Frame:
-        """What the field alone says, in the grid of a camera with its lens: no palette weights, itself as base.
+        """What the field alone renders, in the grid of a camera with its lens: no palette weights, itself as base.
 
         It is kept in the project, and the last one in memory. Raises OutOfMemory where the device has too little.
         """
@@ -217,7 +217,7 @@ class Model:
     def preview(self, view: View, long_side: int | None = None) -> Frame:
         """A captured view as its pinhole shows it, at a size to look at and to recolor quickly.
 
-        Base, probabilities (coverages, as `settings.render.edges` says) and palette weights are of this size; the
+        Base, probabilities (coverages, by `settings.render.edges`) and palette weights are of this size; the
         picture is of the working size.
 
         Args:
@@ -309,7 +309,7 @@ class Model:
 
     # --- editing ---------------------------------------------------------------------------------------------------
     def edit(self, path: Path | str | None = None) -> ProjectEdit:
-        """An edit that changes nothing yet, or what a file says. Raises BadRequest before palettes are learned."""
+        """An edit that changes nothing yet, or that of a file. Raises BadRequest before palettes are learned."""
         return edit_of(self.project, path)
 
     def match(self, view: View, picture: Path, edit: Edit) -> tuple[ObjectMatch, ...]:

@@ -1,4 +1,4 @@
-"""What the field and the photos say of captured views, kept in the project: another edit of the same views renders no
+"""Renderings and mattes of captured views, kept in the project: another edit of the same views renders no
 field and refines no edge again.
 
     looks/<scene>/<camera>.safetensors   color, depth, opacity and probabilities, as float32, exactly as rendered
@@ -30,13 +30,13 @@ from .frames import Frame
 from .matting.matte import Matte
 from .matting.refine import mattes_of
 
-SCHEMA = "karf-look/1"  # another number when the same would be rendered to other pictures
-MATTES = "karf-mattes/1"  # another number when the same would be refined to other mattes
-MOST_BYTES = 1 << 30  # of all that is kept of a project: photos of 800 pixels take 20 MB each
+SCHEMA = "karf-look/1"  # the number goes up when the same inputs would be rendered to other pictures
+MATTES = "karf-mattes/1"  # the number goes up when the same inputs would be refined to other mattes
+MOST_BYTES = 1 << 30  # size of a project's cache: photos of 800 pixels take 20 MB each
 
 
 class RenderCache:
-    """The looks of what is learned of a project now."""
+    """The cached renderings of what is learned of a project now."""
 
     def __init__(self, project: Project) -> None:
         learned = [project.finished(stage) or {} for stage in ("geometry", "segmentation")]
@@ -87,7 +87,7 @@ class RenderCache:
                 save_tensors(path, tensors, schema, facts)
 
     def _forget_others(self) -> None:
-        """Remove the looks of what was learned before, and nothing else that may lie there."""
+        """Remove the renderings of what was learned before, and nothing else that may lie there."""
         for path in self._all.glob("*/*.safetensors"):
             if path.parent != self._folder and not path.parent.is_symlink():
                 path.unlink()

@@ -32,7 +32,7 @@ class CoarseMask:
 
     Attributes:
         object_name: the object's.
-        view: the view that it was drawn on, of whatever split: a marked photo is learned from.
+        view: the view that it was drawn on, of any split: a marked photo is used in training.
         path: the file as the user gave it.
     """
 
@@ -51,7 +51,7 @@ def find_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
         capture: whose photos the masks were drawn on.
 
     Raises:
-        DataError: there is no mask, a name fits no photo or several, one is no file, or an object is called
+        DataError: there is no mask, a name fits no photo or several, one is not a file, or an object is called
             `background`, or what no file can be called, or as another but for upper and lower case.
     """
     if not folder.is_dir():

@@ -1,4 +1,4 @@
-"""What corrections say of surface points: which classes those may have, whatever masks and colors say."""
+"""The classes that corrections allow surface points to have, regardless of masks and colors."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ LEAST_SOLID = 0.5  # of a ray that fixes points, of the view's median: a silhoue
 
 @dataclass(frozen=True)
 class Constraints:
-    """What corrections say of p surface points.
+    """The classes that corrections require or forbid for p surface points.
 
     Attributes:
         targets: [p, K+1] shares of the classes; rows sum to 1; only classes with a share are allowed.
-        fixed: [p] bool, of which points something is said.
+        fixed: [p] bool, the points that are constrained.
     """
 
     targets: np.ndarray
@@ -45,7 +45,7 @@ def correction_targets(said: Mapping[int, np.ndarray], n_classes: int) -> tuple[
         n_classes: K + 1, background included.
 
     Returns:
-        Shares of the classes [H, W, n_classes], whose sums are 1, and where something was said, bool [H, W].
+        Shares of the classes [H, W, n_classes], whose sums are 1, and where a correction is, bool [H, W].
     """
     shape = next(iter(said.values())).shape
     is_it, allowed = np.zeros((*shape, n_classes)), np.ones((*shape, n_classes))
@@ -92,7 +92,7 @@ class SeenPoints:
         return self._looks[view.name]
 
     def constraints(self, corrections: Sequence[CoarseMask], objects: Sequence[str]) -> Constraints:
-        """What corrections say of the points. A ray whose samples lie far apart, at a silhouette, says little of each.
+        """The constraints of the points. A ray whose samples lie far apart, at a silhouette, constrains each little.
 
         Args:
             corrections: of any views; none is fine.
@@ -114,7 +114,7 @@ class SeenPoints:
         return Constraints(targets, total > 0)
 
     def _votes(self, look: Look, targets: np.ndarray, said: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Targets [p, K+1] and strength [p] of the points, of what is said of a view's pixels."""
+        """Targets [p, K+1] and strength [p] of the points, from the constraints of a view's pixels."""
         cache, index = look.cache, look.cache.index.cpu().numpy()
         solid = (torch.exp(-cache.spread / (4 * self._points.spacing)) * cache.opacity).cpu().numpy()
         asked = said.ravel()[index]

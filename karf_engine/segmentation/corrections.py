@@ -1,7 +1,7 @@
-"""Corrections: strokes that say of some pixels of a photo whether they are an object, and nothing of all others.
+"""Corrections: strokes that mark some pixels of a photo as an object or not, and leave all others open.
 
 CORRECTIONS/<object>/<view>.png, as large as the photo, 8-bit gray with alpha: opaque white is the object, opaque black is
-not, and where it is transparent nothing is said. They may lie on any view. A mask is what a hasty hand drew, and colors
+not, and where it is transparent the pixel is left open. They may lie on any view. A mask is what a hasty hand drew, and colors
 may overrule it; a correction is an answer to what was seen, and nothing does.
 """
 
@@ -18,7 +18,7 @@ from ..io.images import full_value, read_pixels
 from .coarse_masks import CoarseMask, at_working_size, marks_of, object_folders
 
 IS, IS_NOT = 1, -1
-LEAST_COVER = 0.25  # of a pixel that a stroke is on: thin ones must not be lost where the photo is reduced
+LEAST_COVER = 0.25  # share of a pixel that a stroke must cover: thin strokes must survive reducing the photo
 
 
 def find_corrections(folder: Path, capture: Capture) -> list[CoarseMask]:
@@ -31,14 +31,14 @@ def find_corrections(folder: Path, capture: Capture) -> list[CoarseMask]:
 
 
 def load_correction(correction: CoarseMask, camera: Camera) -> np.ndarray:
-    """What a correction says of each pixel of its view.
+    """A correction as one value for each pixel of its view.
 
     Args:
         correction: as large as the photo, or as the camera's picture.
         camera: the view's pinhole at the working size.
 
     Returns:
-        [H, W] int8: `IS`, `IS_NOT`, or 0 where it says nothing.
+        [H, W] int8: `IS`, `IS_NOT`, or 0 where it leaves the pixel open.
 
     Raises:
         DataError: it has no alpha, is of another size, or damaged.

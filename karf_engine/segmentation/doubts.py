@@ -1,4 +1,4 @@
-"""How unsure each object's labels are, where, and why: what is not yet said, and what masks and colors say differently."""
+"""How unsure each object's labels are, where, and why: what is not yet marked, and where masks and colors disagree."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Unsure:
     unseen: float
 
     def sentence(self, name: str) -> str:
-        """What to tell of the object."""
+        """What to report of the object."""
         if self.unseen > 0.5:
             return f"{self.share:.0%} of {name!r} is unsure, most of it where no marked photo shows it."
         return f"{self.share:.0%} of {name!r} is unsure, most of it where masks and colors contradict each other."

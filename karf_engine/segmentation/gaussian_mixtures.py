@@ -75,7 +75,7 @@ def fit_mixture(
     Args:
         lab: [n, 3] CIE Lab.
         weights: [n] >= 0, the points' chances to be drawn; not all zero.
-        n_components: m; fewer where there are not so many colors.
+        n_components: m; fewer where there are fewer colors.
         random: draws.
         n_draws: number of points.
     """

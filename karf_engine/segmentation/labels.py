@@ -123,7 +123,7 @@ class Labelling:
 
         Args:
             objects: names of the K objects.
-            constraints: what corrections say of the points.
+            constraints: those of the points by corrections.
             rounds: of the label propagation, at least 1.
             random: of the label propagation.
 
@@ -172,11 +172,11 @@ def label_surface(
         objects: names of the K objects.
         points: on the surface.
         votes: of the rays that the points were merged from.
-        constraints: what corrections say of the points.
+        constraints: those of the points by corrections.
         volumes: that objects must be inside or outside of, by their names.
         rounds: of the label propagation, at least 1.
         random: of the label propagation.
-        emit: is told the number of points, of objects without any, and of low precision.
+        emit: reports the number of points, objects without any, and low precision.
 
     Raises:
         DataError: no point stands for any of the objects.

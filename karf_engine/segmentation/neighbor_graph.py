@@ -54,7 +54,7 @@ def neighbor_graph(positions: np.ndarray, lab: np.ndarray, normals: np.ndarray, 
     Returns:
         Symmetric [p, p], weights in [0, 1 + 1e-6].
     """
-    # the balanced build has crashed beside torch on real data; this one has not
+    # the balanced build has crashed together with torch on real data; this one has not
     tree = cKDTree(positions, balanced_tree=False, compact_nodes=False)
     distances, neighbors = tree.query(positions, k=range(1, min(PARAMETERS.neighbors + 1, len(positions)) + 1))
     distances, neighbors = distances[:, 1:], neighbors[:, 1:]

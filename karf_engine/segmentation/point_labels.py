@@ -13,8 +13,8 @@ class Labels:
 
     Attributes:
         probabilities: [p, K+1]; rows sum to 1.
-        precision: [K] in [0, 1], of the seeds whose color looks like an object, the share that the masks call so.
-        opinion: [p, K+1]; rows sum to 1: the mean of what masks and neighbors, colors, and all together say.
+        precision: [K] in [0, 1], of the seeds whose color looks like an object, the share that the masks label so.
+        opinion: [p, K+1]; rows sum to 1: the mean of what masks and neighbors, colors, and all together suggest.
     """
 
     probabilities: np.ndarray
@@ -33,9 +33,9 @@ class Labels:
 
     @property
     def doubt(self) -> np.ndarray:
-        """How far the opinions contradict what the labels say of each object, [p, K] in [0, 1].
+        """How far the opinions contradict the labels of each object, [p, K] in [0, 1].
 
-        A label is mistaken most often where masks alone, or colors alone, would have said something else.
+        A label is mistaken most often where masks alone, or colors alone, would have given another label.
         """
         is_it = self.classes[:, None] == np.arange(1, self.opinion.shape[1])
         return np.where(is_it, 1 - self.opinion[:, 1:], self.opinion[:, 1:])

@@ -22,7 +22,7 @@ from .views import CachedViews
 
 @dataclass(frozen=True)
 class SegmentationReport:
-    """What the segmentation stage tells the user and the stages after it.
+    """What the segmentation stage reports to the user and to later stages.
 
     Attributes:
         objects: names of the objects.

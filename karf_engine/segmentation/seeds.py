@@ -16,7 +16,7 @@ def seeds_of(k: int, seed_targets: np.ndarray, seed_confidence: np.ndarray) -> n
     """True for the confident seeds of class k, [p]."""
     # only among its own: a point far away gathers many votes, half of which may be for an object not marked there
     strength = seed_confidence * seed_targets[:, k] * (seed_targets[:, k] > 0.5)
-    firm = np.maximum(0.25 * strength.max(initial=0), np.finfo(float).tiny)  # no confidence is no seed
+    firm = np.maximum(0.25 * strength.max(initial=0), np.finfo(float).tiny)  # what has no confidence is not a seed
     return strength >= firm
 
 

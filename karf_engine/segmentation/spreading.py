@@ -1,4 +1,4 @@
-"""How corrections change labels: what they say holds, and what is tied to it and was unsure follows.
+"""How corrections change labels: corrected points are fixed, and unsure points tied to them follow.
 
 One more linear system on the neighbor graph, for the change of the labels alone: what no stroke contradicts stays as it
 is. A stroke pulls its neighbors along, and they theirs; each is held by its margin:
@@ -43,12 +43,12 @@ PARAMETERS = SpreadParameters()
 
 
 def spread(labels: Labels, graph: sparse.csr_matrix, constraints: Constraints) -> Labels:
-    """The labels once corrections have changed them. A stroke that says what they show already changes no other point.
+    """The labels once corrections have changed them. A stroke that agrees with them changes no other point.
 
     Args:
         labels: of the p points, as masks have them.
         graph: their neighbor weights, [p, p].
-        constraints: what corrections say of them.
+        constraints: those of the points by corrections.
     """
     x, fixed = labels.probabilities, constraints.fixed
     # "this is not it" leaves it to the labels so far what else it is

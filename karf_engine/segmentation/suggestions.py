@@ -20,9 +20,9 @@ from .surface_points import CELL_IN_SPACINGS, SurfacePoints
 from .views import CachedViews
 
 MOST = 8
-PLACES = 4  # decimal, of a score
+PLACES = 4  # decimal places of a score
 WIDE = 2.0  # pixels from the middle of a patch to its border
-JOINED = 2.0  # cells, within which unsure points are of one patch
+JOINED = 2.0  # distance in cells within which unsure points are of one patch
 
 
 def views_to_mark(cached: CachedViews, points: SurfacePoints, labels: Labels) -> dict[str, float]:

@@ -20,7 +20,7 @@ from ..fields.rendering.surface_cache import SurfaceCache, cache_surface, join_c
 from ..project.settings import SegmentationSettings
 from .coarse_masks import CoarseMask, load_mask
 
-CACHE_STEP = 1.0  # voxels; the later stages need where a ray ends, not the last digit of its color
+CACHE_STEP = 1.0  # sampling step in voxels: the later stages need where a ray ends, not the last digit of its color
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What coarse masks say about pixels and surface points.
+"""Votes of coarse masks on the classes of pixels and surface points.
 
 A masked view holds masks of some of the objects. A pixel in a mask votes for that object. A pixel outside all of them
 votes evenly for the background and for the objects that have no mask in this view: it may well be one of those.
@@ -14,14 +14,14 @@ from scipy.ndimage import distance_transform_edt
 
 from .views import CachedViews, MaskedViews
 
-BAND_PIXELS = 6.0  # at 200 pixels of height
+BAND_PIXELS = 6.0  # width of the band along a mask's border, pixels of a photo 200 pixels high
 BAND_OF_RADIUS = 0.35
-LEAST_OPACITY = 0.3  # of a ray that votes
+LEAST_OPACITY = 0.3  # opacity of a ray that votes
 
 
 @dataclass(frozen=True)
 class RayVotes:
-    """What the masks say of n cached rays.
+    """The masks' votes on n cached rays.
 
     Attributes:
         targets: [n, K+1] shares of the classes; rows sum to 1.

@@ -16,7 +16,7 @@ from karf_engine.metrics.scores import MIN_PIXELS
 
 BAND = 3  # pixels on either side of the true border
 THIN = 1 / 64  # of the photo's width: half of what is the width of thin parts at most
-NEAR = 1  # what is claimed so many half widths beside a thin part counts against it
+NEAR = 1  # half widths around a thin part within which a false claim counts against it
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ ROUNDS = 20  # of 2-means
 
 
 class Truth:
-    """Ground truth of the capture in `folder`. Pictures are float [H, W, 3] in [0, 1]; labels int [H, W], 0 is no object."""
+    """Ground truth of the capture in `folder`. Pictures are float [H, W, 3] in [0, 1]; labels int [H, W], 0 for no object."""
 
     def __init__(self, folder: Path = DEMO) -> None:
         self.folder = folder

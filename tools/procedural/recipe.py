@@ -67,7 +67,7 @@ class TrueEdit:
 class Recipe:
     """What a capture shows.
 
-    build: adds everything to an empty file. views: of so many training and test views. names: object with masks -> id.
+    build: adds everything to an empty file. views: numbers of training and test views. names: object with masks -> id.
     flaws: (object, place in its three views) -> deliberate fault of that coarse mask. title, place, about_edits: texts
     of the README.
     """

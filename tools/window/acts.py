@@ -148,7 +148,7 @@ def save_file_as(blend: Path) -> Wait:
 
 
 def affirm_pictures(is_asked_nothing: Callable[[], bool]) -> Wait:
-    """Blender 5 asks before it saves whether pictures that are no files shall be saved too; Return says yes."""
+    """Blender 5 asks before it saves whether pictures without a file should be saved too; Return says yes."""
     end = time.monotonic() + ASKED_SECONDS
     while not is_asked_nothing() and time.monotonic() < end:
         yield 0.2

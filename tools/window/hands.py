@@ -19,7 +19,7 @@ Wait = Generator[float, None, None]
 PAUSE = 0.03  # seconds in which Blender takes an event in
 SETTLED = 0.2  # seconds after which a button knows that the mouse is over it, also on a busy machine
 ROW = 13  # pixels between two rows of a search; the lowest buttons are about 18 high
-EMPTY_ROWS = 26  # so many rows without a button are the end of the panels
+EMPTY_ROWS = 26  # consecutive rows without a button after which the panels end
 EDGE_STEPS = 200  # at most, from a button to its edge
 RIGHT = 0.845  # where a sidebar has the small button at the end of a row
 COLUMNS = (0.45, RIGHT, 0.2, 0.68, 0.32, 0.57)  # of a region's width, in the order of a search
@@ -241,7 +241,7 @@ def _settled(where: Where, pattern: str, place: Place) -> Generator[float, None,
 
 
 def edge(where: Where, pattern: str, place: Place, step: Place) -> Generator[float, None, Place]:
-    """The last place on a way, so many pixels a step, that still is the button's; from a place in it. Raises NotFound."""
+    """The last place along a direction (pixels a step) that is still the button's, from a place in it. Raises NotFound."""
     begin = time.monotonic()
     for _ in range(EDGE_STEPS):
         yield from move(place)

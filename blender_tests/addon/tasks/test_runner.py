@@ -64,7 +64,7 @@ def test_a_second_task_is_refused_while_one_runs_and_cancel_ends_it(bpy, addon, 
     assert bpy.ops.karf.cancel() == {"FINISHED"}
     run_to_end(runner._poll)
     progress = bpy.context.window_manager.karf_progress
-    # what the user asked for is no error
+    # what the user asked for is not an error
     assert progress.text.startswith("cancelled") and progress.error == ""
 
 

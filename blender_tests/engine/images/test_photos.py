@@ -1,4 +1,4 @@
-"""Photos of eight bits a channel in and out, their orientation, and files that are no picture."""
+"""Photos of eight bits a channel in and out, their orientation, and files that are not pictures."""
 
 import numpy as np
 import pytest

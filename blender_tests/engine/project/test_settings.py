@@ -112,7 +112,7 @@ def test_values_that_cannot_be_are_refused_by_name(override, words):
 
 
 def leaves(content, where=""):
-    """Dotted names of everything in nested groups of settings that is no group itself."""
+    """Dotted names of everything in nested groups of settings that is not a group itself."""
     for name, value in content.items():
         if isinstance(value, dict):
             yield from leaves(value, f"{where}{name}.")

@@ -81,7 +81,7 @@ def test_every_colorway_is_a_folder_of_all_views(rendered, learned):
 def test_what_is_measured_in_the_pictures_is_what_was_predicted(rendered):
     for row in table(rendered).values():
         assert int(row["views"]) == 2 and int(row["pixels"]) > 5
-        # the objects of this hasty project are no surer than nine tenths
+        # the objects of this hasty project are at most nine tenths sure
         assert abs(float(row["reached_ciede2000"]) - float(row["predicted_ciede2000"])) < 5
 
 

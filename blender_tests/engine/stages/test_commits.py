@@ -24,7 +24,7 @@ def copy(learned, tmp_path):
 
 
 def contents(folder):
-    # lock files, previews of learning and kept looks are no results
+    # lock files, previews of learning and cached renderings are not results
     skipped = {"lock", "commit.lock", "preview.png"}
     files = [path for path in folder.rglob("*") if path.is_file() and path.name not in skipped]
     files = [path for path in files if "looks" not in path.relative_to(folder).parts]

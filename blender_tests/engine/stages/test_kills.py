@@ -50,7 +50,7 @@ def same_file(first, second):
 
 
 def kill_once_saved(command, saved: Path, times: int):
-    """Run the command line in a child process and kill it after it has saved so many times."""
+    """Run the command line in a child process and kill it after it has saved this many times."""
     child = subprocess.Popen(
         [sys.executable, "-c", SAVING_ALWAYS, *map(str, command)],
         cwd=ROOT,

@@ -50,7 +50,7 @@ def in_turn(training_state, step, iteration, parts):
 
 
 def learn_in_turn(capture, project, until=1000):
-    """Learn by `in_turn`, at most so many iterations."""
+    """Learn by `in_turn`, at most this many iterations."""
     done = []
     options = GeometryOptions(capture=capture, project=project, overrides=SETTINGS, threads=1)
     with pytest.MonkeyPatch.context() as patch, suppress(Cancelled):

@@ -7,7 +7,7 @@ from typing import Any
 from ...engine_api import BadRequest, DataError, KarfError, MissingDependency
 from .plan import Plan, Step
 
-NETWORK = (  # the ones that say most first
+NETWORK = (  # phrases of network errors, the most specific first
     "temporary failure in name resolution",
     "failed to lookup address",
     "connection refused",

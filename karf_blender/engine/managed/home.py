@@ -15,7 +15,7 @@ from ..failures import disk_errors
 from . import recipes
 
 SCHEMA = "karf-managed/1"
-LISTS = ("packages", "uv")  # the requirements files
+LISTS = ("packages", "uv")  # names of the requirements files
 NONE, UNFINISHED, BROKEN, OUTDATED, READY = "none", "unfinished", "broken", "outdated", "ready"
 
 
@@ -115,7 +115,7 @@ def python_in(folder: Path) -> Path | None:
 
 
 def claim(home: Home, mark: dict[str, Any]) -> None:
-    """Make the folder KaRF's, and note what shall be in it.
+    """Make the folder KaRF's, and note what is to be in it.
 
     Raises:
         DataError: It is a file, holds what others put there, or cannot be written.

@@ -1,6 +1,6 @@
 """The installation at work: one child process after another, which the caller polls. No bpy and no threads.
 
-Installing, going on, repairing and updating are the same: what is there is surveyed, what is missing, changed or of
+Installing, resuming, repairing and updating are the same: what is there is surveyed, what is missing, changed or of
 another version is put in place, and the result is tested. Only then does the environment count. One that counted before
 does so until something in it changes: an update without network leaves a working engine.
 """
@@ -23,8 +23,8 @@ from .progress import Fetching, Progress
 
 HERE = Path(__file__).parent
 KILL_SECONDS = 5.0
-LOOK_SECONDS = 2.0  # between two looks into the cache
-FETCHED_AT_ONCE = "3"  # large files; what is cancelled loses those that it is at
+LOOK_SECONDS = 2.0  # interval between two looks into the cache
+FETCHED_AT_ONCE = "3"  # number of downloads: they are large, and cancelling loses those under way
 TESTING = "Testing"
 KEPT = {"pip", "setuptools", "uv", "wheel"}  # an environment's own tools
 CHANGING = ("Prepared ", "Uninstalled ", "Installed ")  # what uv says before and while it changes the environment
@@ -86,7 +86,7 @@ class Installation:
         """Return where the environment is ready.
 
         Raises:
-            KarfError: It is not: why, and how to go on.
+            KarfError: It is not: why, and how to continue.
         """
         if self._error is not None:
             raise self._error
@@ -108,7 +108,7 @@ class Installation:
         planned, place = self.plan, self.plan.home
         if self._needs_new_environment():
             self._spoil()
-            if not (place.environment / "pyvenv.cfg").is_file():  # uv replaces nothing that is no environment yet
+            if not (place.environment / "pyvenv.cfg").is_file():  # uv replaces only environments
                 shutil.rmtree(place.environment, ignore_errors=True)
             yield planned.make_environment()
         said = yield self._python("Looking at what is there", HERE / "survey.py")

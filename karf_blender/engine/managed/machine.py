@@ -6,10 +6,10 @@ from pathlib import Path
 
 from ...engine_api import BadRequest
 
-BUILDS = ("auto", "cpu", "cuda", "rocm", "mps")  # of torch
+BUILDS = ("auto", "cpu", "cuda", "rocm", "mps")  # builds of torch
 PROCESSORS = {"amd64": "x86_64", "x86_64": "x86_64", "arm64": "arm64", "aarch64": "arm64"}
 SYSTEMS = {"Linux": "linux", "Windows": "windows", "Darwin": "macos"}
-NVIDIA = (  # what its driver leaves on Linux, under WSL, on Windows
+NVIDIA = (  # files of its driver on Linux, under WSL, on Windows
     "proc/driver/nvidia/version",
     "dev/nvidiactl",
     "usr/lib/wsl/lib/libcuda.so.1",
@@ -94,7 +94,7 @@ def build_for(choice: str, machine: Machine) -> str:
 
 
 def backend_of(build: str, machine: Machine) -> str:
-    """What `uv --torch-backend` is told for a build; empty where the usual index has it, and thus the recipe."""
+    """The value of `uv --torch-backend` for a build; empty where the usual index has it, and thus the recipe."""
     system = machine.platform.partition("-")[0]
     if system == "linux" and build == "cpu":
         return "cpu"

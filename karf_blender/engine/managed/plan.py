@@ -21,7 +21,7 @@ ESTIMATES = {  # bytes of a build of torch that no recipe has, by system and bui
     ("linux", "rocm"): 5_000_000_000,
     ("windows", "cuda"): 2_900_000_000,
 }
-LONGEST_PATH = 259  # on Windows, unless it is told otherwise
+LONGEST_PATH = 259  # letters of a path on Windows, unless it is set up otherwise
 LONGEST_INSIDE = 150  # letters of the longest path below the folder that Python opens; uv itself knows no limit
 
 
@@ -30,7 +30,7 @@ class Choices:
     """What the user wants.
 
     folder: where to. build: one of `machine.BUILDS`. extras: of `recipes.EXTRAS`. wheels: a folder of wheels in place
-    of the network. starter: the path of a Python, or of uv, that makes the environment; empty: whatever is found.
+    of the network. starter: the path of a Python, or of uv, that makes the environment; empty: the first found.
     """
 
     folder: Path
@@ -45,7 +45,7 @@ class Step:
     """One command.
 
     title: what it does, for people. source: where it fetches from, for people. wheels: the files that it puts in place.
-    estimate: bytes of what it fetches beside them. is_needed: whether all fails where it fails.
+    estimate: bytes of what it fetches besides them. is_needed: whether all fails where it fails.
     """
 
     title: str
@@ -65,7 +65,7 @@ class Step:
 class Plan:
     """All that an installation needs to know.
 
-    build: `cpu`, `cuda`, `rocm` or `mps`. backend: what uv is told to get that build; empty: the recipe has it.
+    build: `cpu`, `cuda`, `rocm` or `mps`. backend: uv's option for that build; empty: the recipe has it.
     wheels: the files, with sizes and hashes. unchecked: what else comes, without a hash of ours. estimate: bytes of it.
     free_bytes: what the folder's disk has. is_begun: whether some of it is there already.
     """

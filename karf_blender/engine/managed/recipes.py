@@ -13,11 +13,11 @@ from ...engine_api import MissingDependency, read_json
 from . import lists
 
 FILE = lists.RECIPES
-EXTRAS = {  # what may be ticked, and what it is for
+EXTRAS = {  # optional parts that may be ticked, and what each is for
     "photos": "pycolmap: camera poses of photos that have none",
     "fast": "numba: scenes are learned nearly three times as fast on the processor; a graphics card does not need it",
 }
-USUAL = ("fast",)  # ticked unless the user says otherwise
+USUAL = ("fast",)  # parts that are ticked by default
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ import shlex
 from collections.abc import Sequence
 
 SHELLS = ("posix", "powershell", "cmd")
-PLAIN = re.compile(r"[\w./:\\=+-]+")  # what no Windows shell takes for anything else
+PLAIN = re.compile(r"[\w./:\\=+-]+")  # text that no Windows shell interprets
 
 
 def line(command: Sequence[str], shell: str) -> str:

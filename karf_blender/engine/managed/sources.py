@@ -13,7 +13,7 @@ PIP_VARIABLE = "PIP_INDEX_URL"
 
 @dataclass(frozen=True)
 class Source:
-    """sentence: where packages come from. variables: what uv must be told of it."""
+    """sentence: where packages come from. variables: the environment variables that pass it to uv."""
 
     sentence: str
     variables: dict[str, str] = field(default_factory=dict)

@@ -42,7 +42,7 @@ def find(chosen: str, own_python: str, wanted: Sequence[str], variables: Mapping
     """Find what can make the environment: the chosen one, Blender's own Python, uv, any other Python.
 
     Args:
-        chosen: Path of a Python or of uv; empty: whatever is found.
+        chosen: Path of a Python or of uv; empty: the first found.
         own_python: Blender's own Python.
         wanted: The Pythons that have a recipe, oldest first.
         variables: The process's environment.

@@ -22,7 +22,7 @@ def main() -> None:
         name, _, version = info.name[: -len(".dist-info")].partition("-")
         name = re.sub(r"[-_.]+", "-", name).lower()
         if not (info / "RECORD").is_file() or not (info / "METADATA").is_file():
-            shutil.rmtree(info)  # half put in place: nothing but its files could tell what to take away
+            shutil.rmtree(info)  # half put in place: nothing but its files could show what to remove
             continue
         installed[name] = version
         if not is_whole(folder, info / "RECORD"):

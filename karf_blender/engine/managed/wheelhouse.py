@@ -7,7 +7,7 @@ from ...engine_api import DataError
 from . import shells
 from .recipes import Recipe, Wheel
 
-MOST_NAMED = 6  # files in a sentence
+MOST_NAMED = 6  # files named in a sentence
 
 
 def build_in(folder: Path, recipe: Recipe, choice: str, build: str, backend: str) -> tuple[str, str]:

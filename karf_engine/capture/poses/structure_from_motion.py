@@ -18,9 +18,9 @@ import numpy as np
 from ...compute.progress import Emit, Progress
 from .child import Message, child_messages
 
-LONG_SIDE = 1600  # pixels of the photos in which features are found
-MOST_FEATURES = 4096  # of a photo; matching takes the square of it
-SEQUENTIAL_OVERLAP = 12  # neighbors on each side, then 2, 4, 8 .. times as far away
+LONG_SIDE = 1600  # pixels of the longer side of the photos in which features are found
+MOST_FEATURES = 4096  # features of a photo; matching takes time with their square
+SEQUENTIAL_OVERLAP = 12  # neighbors a photo is matched with on each side, then 2, 4, 8 .. times as far away
 PAIR_BLOCK = 10  # photos whose features are matched between two reports
 FEWEST_PHOTOS = 3
 EPIPOLAR_TOLERANCE = 4.0  # pixels; a match this near to its epipolar line agrees with the poses
@@ -75,7 +75,7 @@ def reconstruct(task: SfmTask, emit: Emit, should_stop: Callable[[], bool]) -> S
     """Find the photos' poses and write the model.
 
     Raises:
-        Cancelled: `should_stop` said so.
+        Cancelled: `should_stop` returned true.
         KarfError: pycolmap fails.
     """
     with child_messages("pycolmap", _reconstruct, task) as messages:
@@ -83,7 +83,7 @@ def reconstruct(task: SfmTask, emit: Emit, should_stop: Callable[[], bool]) -> S
 
 
 def _follow(messages: Iterator[Message], task: SfmTask, emit: Emit, should_stop: Callable[[], bool]) -> SfmResult:
-    """Tell of the child's progress until it has a result."""
+    """Report the child's progress until it has a result."""
     count = len(task.names)
     totals = {"start": 0, "features": count, "matching": task.pairs, "mapping": count}
     part, done, progress = "start", 0, Progress(emit, should_stop, "poses", count)
@@ -100,7 +100,7 @@ def _follow(messages: Iterator[Message], task: SfmTask, emit: Emit, should_stop:
 
 
 def _reached(database: Path, part: str, kind: str, value: Any) -> int:
-    """How many steps of this part are done, as far as can be told now."""
+    """How many steps of this part are done, as far as is known now."""
     if kind == "registered":
         return value
     table = {"features": "keypoints", "matching": "two_view_geometries"}.get(part)

@@ -22,10 +22,10 @@ from ..training_images import TrainingImage
 from .child import child_messages
 from .work_folder import work_folder
 
-MAX_FEATURES = 2500  # a photo
+MAX_FEATURES = 2500  # features of a photo
 AT_ONCE = 16  # photos that share the cores
 NEIGHBORS = 10  # photos that each photo is matched with
-TURN = 2.0  # how much a rotated view counts as far, against a camera at the rig's typical distance
+TURN = 2.0  # weight of a view's rotation against its distance in units of the rig's typical distance
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class _Task:
 def triangulate(training_images: list[TrainingImage], threads: int, progress: Progress) -> SparsePoints:
     """Points that at least two of the images share; `view` numbers the images, pixels and errors are of their size.
 
-    progress: gets one step a training image. Raises KarfError where pycolmap fails, and what progress raises.
+    progress: gets one step for each training image. Raises KarfError where pycolmap fails, and what progress raises.
     """
     with work_folder(Path(tempfile.gettempdir()), "karf-points-") as folder:
         task = _Task(

@@ -12,13 +12,13 @@ from ...errors import Cancelled, DataError
 from ...io.images import write_png
 
 MOST_FRAMES = 100
-SHARPNESS_WIDTH = 480  # pixels; at full size grain counts as sharpness
+SHARPNESS_WIDTH = 480  # pixels of the width at which sharpness is measured; at full size grain counts as sharpness
 
 
 def write_sharpest_frames(video: Path, folder: Path, should_stop: Callable[[], bool]) -> list[str]:
     """Write at most about 100 frames as `frame_0001.png` .. into `folder`, evenly spaced, and return their names.
 
-    Frames are upright, as the video says. Raises DataError where the file is no readable video, and Cancelled.
+    Frames are upright, as the video declares. Raises DataError where the file is not a readable video, and Cancelled.
     """
     names: list[str] = []
     stretch = max(1, round(_count(video, should_stop) / MOST_FRAMES))

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-LOCK = ".karf-work"  # held while the folder is worked in; the system lets go of it when the process ends
+LOCK = ".karf-work"  # lock file held while the folder is worked in; the system releases it when the process ends
 YOUNG = 10.0  # seconds in which a folder's maker may not hold its lock yet
 
 

@@ -23,8 +23,8 @@ from ..rendering.space_values import space_from_json, space_to_json
 from ..rendering.volume import Trace, outward_normals, trace_of
 
 DETAIL = 128  # a "voxel", the length scale of the later stages, is this share of the field's longest side
-MOST_SAMPLES = 1 << 12  # a ray
-CPU_POSITIONS_PER_CHUNK = 8192  # a chunk's activations stay near the processor's cache
+MOST_SAMPLES = 1 << 12  # samples of a ray
+CPU_POSITIONS_PER_CHUNK = 8192  # positions: a chunk's activations stay near the processor's cache
 ACCELERATOR_POSITIONS_PER_CHUNK = 1 << 18
 
 
@@ -125,7 +125,7 @@ class NerfField(nn.Module):
 
     @property
     def voxel(self) -> float:
-        """Length below which nothing is told apart, grid coordinates."""
+        """Length below which nothing is distinguished, grid coordinates."""
         return float((self.bounds[1] - self.bounds[0]).max()) / DETAIL
 
     def trace(self, rays: Rays, step_in_voxels: float = 1.0) -> Trace:
@@ -171,7 +171,7 @@ class NerfField(nn.Module):
         return {"voxel": self.voxel, "parameters": sum(p.numel() for p in self.parameters())}
 
     def config(self) -> dict[str, Any]:
-        """JSON values that, beside the tensors, restore the field."""
+        """JSON values that, with the tensors, restore the field."""
         return {
             "coarse": asdict(self.coarse.shape),
             "fine": asdict(self.fine.shape),

@@ -23,12 +23,12 @@ from .field import NerfNetwork, NerfShape
 from .pickles import check_torch_file
 
 HINT = "Give a checkpoint of nerf-pytorch (.tar) or krrish94/nerf-pytorch (.ckpt)."
-STATE_NAMES = (  # of the coarse and the fine network
+STATE_NAMES = (  # names of the states of the coarse and the fine network
     ("network_fn_state_dict", "network_fine_state_dict"),
     ("model_coarse_state_dict", "model_fine_state_dict"),
 )
 MOST_BYTES = 2 << 30
-WIDEST, DEEPEST = 4096, 64  # of networks; the paper's are 256 wide and 8 deep
+WIDEST, DEEPEST = 4096, 64  # limits of networks; the paper's are 256 wide and 8 deep
 KRRISH_LAYERS = {
     "layer1": "pts_linears.0",
     "fc_feat": "feature_linear",
@@ -36,7 +36,7 @@ KRRISH_LAYERS = {
     "layers_dir.0": "views_linears.0",
     "fc_rgb": "rgb_linear",
 }
-# numbers that training scripts note beside the networks; torch allows tensors and plain Python values by itself
+# numbers that training scripts store with the networks; torch allows tensors and plain Python values by itself
 _numpy_scalar = np.float64(0).__reduce__()[0]
 NUMPY_SCALARS = [
     (_numpy_scalar, "numpy.core.multiarray.scalar"),
@@ -47,7 +47,7 @@ NUMPY_SCALARS = [
 
 
 def read_nerf(path: Path) -> tuple[NerfNetwork, NerfNetwork]:
-    """Coarse and fine network of a file; where there is no fine one, the coarse one twice.
+    """Coarse and fine network of a file; without a fine one, the coarse one twice.
 
     Raises:
         DataError: The file is missing, damaged, holds more than numbers, or networks of another kind.
@@ -83,7 +83,7 @@ def network_of_state(path: Path, state: dict[str, Any]) -> NerfNetwork:
         state: Weights [out, in] and biases by name, in nerf-pytorch's or krrish94's naming.
 
     Raises:
-        DataError: The tensors claim more than the file holds, make no vanilla NeRF that sees viewing directions, are
+        DataError: The tensors claim more than the file holds, do not make a vanilla NeRF that sees viewing directions, are
             beyond 64 layers or a width of 4096, or are not finite.
     """
     try:

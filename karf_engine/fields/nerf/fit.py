@@ -24,9 +24,9 @@ from ..training.loop import train
 from ..training.state import TrainingState, below, check_alike, number, prefixed, whole_number
 from .field import NerfField, NerfNetwork
 
-CROP_SHARE = 0.5  # of the pictures' sides: where rays are drawn at first, so that not all of them are background
+CROP_SHARE = 0.5  # share of the pictures' sides from which rays are drawn at first, so that not all are background
 MEASURED_RAYS = 2048
-STRAYS = 0.005  # of the surface on either side of each axis is left out of the bounds
+STRAYS = 0.005  # share of the surface on either side of each axis that is left out of the bounds
 BOUNDS_MARGIN = 0.05
 
 

@@ -1,6 +1,6 @@
 """Importing a NeRF that another program has trained: where does its world lie in the capture's?
 
-A checkpoint does not say. Programs move and scale poses before they learn, each in its own way, so the known ways are
+A checkpoint does not record it. Programs move and scale poses before they learn, each in its own way, so the known ways are
 tried, and the one is taken with which the NeRF shows the photos. A NeRF that does not show them is refused.
 """
 
@@ -26,8 +26,8 @@ from .field import NerfField, NerfNetwork, NerfSampling
 from .fit import MEASURED_RAYS, surface_bounds
 from .start import OBJECT_DISTANCE
 
-SYNTHETIC_RANGE = (2.0, 6.0)  # of NeRF-synthetic captures, whose cameras stand 4 from the object
-LLFF_NEAR = 0.9  # of the nearest depth, where LLFF's rays begin outside NDC
+SYNTHETIC_RANGE = (2.0, 6.0)  # near and far depth of NeRF-synthetic captures, whose cameras stand 4 from the object
+LLFF_NEAR = 0.9  # share of the nearest depth at which LLFF's rays begin outside NDC
 MIN_PSNR = 20.0
 TRIED_PIXELS = 600
 

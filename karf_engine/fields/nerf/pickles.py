@@ -7,7 +7,7 @@ import zipfile
 from pathlib import Path
 from typing import BinaryIO
 
-# what tensors, dictionaries of them and the numbers beside them are made of; torch itself also calls classes by which a
+# what tensors, dictionaries of them and the numbers with them are made of; torch itself also calls classes by which a
 # few bytes take any memory
 NAMES = {
     "collections OrderedDict",
@@ -24,7 +24,7 @@ NAMES = {
     *(f"torch {kind}Storage" for kind in ("Float", "Double", "Half", "BFloat16", "Int", "Long", "Bool", "Byte")),
 }
 PUTS = ("PUT", "BINPUT", "LONG_BINPUT")
-PICKLES_OF_OLD_FILES = 5  # magic number, version, system, content, keys of the storages that follow
+PICKLES_OF_OLD_FILES = 5  # pickles: magic number, version, system, content, keys of the storages that follow
 
 
 def check_torch_file(path: Path) -> None:

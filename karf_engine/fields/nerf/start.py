@@ -17,7 +17,7 @@ from ..spaces import middle_frustum, ndc, similarity
 from .field import NerfField, NerfNetwork, NerfSampling, NerfShape
 from .fit import NerfFit
 
-OBJECT_DISTANCE = 4.0  # of the cameras, in a NeRF's own units: that of the NeRF-synthetic captures
+OBJECT_DISTANCE = 4.0  # distance of the cameras in a NeRF's own units: that of the NeRF-synthetic captures
 OBJECT_RANGE = (0.5, 1.5)  # of that distance is sampled: 2 to 6 there
 OPEN_RANGE = (0.1, 20.0)  # of it, where how near and far the scene is is not known
 POINT_RANGE = (0.9, 1.1)  # of the nearest and farthest sparse point

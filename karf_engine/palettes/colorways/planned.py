@@ -19,9 +19,9 @@ class PlannedColorway:
     """A colorway, before anything is rendered.
 
     Attributes:
-        colorway: As the sheet says.
+        colorway: As in the sheet.
         edit: Of all objects; those that the colorway does not name stay as learned.
-        predictions: One a target color.
+        predictions: One for each target color.
     """
 
     colorway: Colorway
@@ -41,7 +41,7 @@ def plan_colorways(
 
     Raises:
         BadRequest: The project has no palettes, or not that swatch.
-        DataError: The sheet is none or names an object that the project has not; a file of the project is damaged.
+        DataError: The sheet is invalid or names an unknown object, or a file of the project is damaged.
     """
     project.require("palette")
     palettes = {palette.name: palette for palette in read_palettes(project.checked(project.palette_file))}

@@ -18,23 +18,23 @@ from ..palette import BRIGHTEST, Palette, rgb_to_hex
 from .sheet import TargetColor
 
 TOLERANCE = 2.0  # CIEDE2000 to the target color up to which a color counts as reached
-SPREAD = 6.0  # of a paint's colors in Lab, about its most frequent one
+SPREAD = 6.0  # radius in Lab of a paint's colors around its most frequent one
 MOST_CANDIDATES = 256  # histogram cells that are tried as an object's dominant color
 FOREIGN = 10.0  # CIEDE2000 from which the object shows no such source color
 BRIGHT = 0.95  # sRGB from which better lit parts of an object would be brighter than white
-ROUNDING = 0.005  # of sRGB numbers: what the target color's own may be beyond what can be
+ROUNDING = 0.005  # tolerance for rounding, in sRGB numbers and in shares of a color
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """What comes of one target color.
+    """What an edit for one target color reaches.
 
     Attributes:
         target_color: The target color.
-        source: The color of the object that shall become it, sRGB [3].
+        source: The color of the object that is to become it, sRGB [3].
         colors: The object's edited palette [M, 3].
         reached: What the source becomes, sRGB [3].
-        ciede2000: Of the color reached to the target color.
+        ciede2000: Difference of the color reached from the target color.
         reason: Why the target color cannot be reached, after "because"; empty where it is reached.
     """
 
@@ -72,7 +72,7 @@ def predict(
     """The edit for a target color and what it reaches; with the compositing that adds the palette's change.
 
     Args:
-        target_color: Of the palette's object.
+        target_color: That of the palette's object.
         palette: As learned.
         seen: The object's colors.
         locked: Swatches that stay as they are.

@@ -1,13 +1,13 @@
-"""Sheets of colorways: a CSV or JSON file that says which object of which colorway shall have which color.
+"""Sheets of colorways: a CSV or JSON file that says which object of which colorway gets which color.
 
-A row has a colorway's name, an object, and one color by a column that says its kind:
+A row has a colorway's name, an object, and one color in a column that names its kind:
 
     hex                 #rrggbb
     lab                 CIE L* a* b* (D65), three numbers; or the three columns L*, a*, b*
     srgb                sRGB numbers from 0 to 1
     srgb8               sRGB numbers from 0 to 255; or the three columns R, G, B
 
-The color of the object that shall become it may stand in `source_hex`, `source_lab`, `source_srgb` or `source_srgb8`.
+The color of the object that is to become it may stand in `source_hex`, `source_lab`, `source_srgb` or `source_srgb8`.
 Other columns are left alone. A JSON sheet is a list of rows with the same keys.
 """
 
@@ -29,7 +29,7 @@ from ...io.names import file_name
 from ..palette import hex_to_rgb
 
 MOST_ROWS = 10_000
-RANGES = {  # of three numbers: lowest, highest
+RANGES = {  # lowest and highest value of the three numbers
     "lab": (np.array([0, -200, -200]), np.array([100, 200, 200])),
     "srgb": (np.zeros(3), np.ones(3)),
     "srgb8": (np.zeros(3), np.full(3, 255)),
@@ -41,13 +41,13 @@ DELIMITERS = "\t;,"
 
 @dataclass(frozen=True)
 class TargetColor:
-    """The color that one object of a colorway shall have.
+    """The color that one object of a colorway is to have.
 
     Attributes:
         name: The object's.
         lab: The wanted color, CIE L*a*b* [3].
-        source: The color of the object, as photos show it, that shall become it, sRGB [3]; None for its dominant one.
-        where: File and line that say so, for messages.
+        source: The color of the object, as photos show it, that is to become it, sRGB [3]; None for its dominant one.
+        where: Its file and line, for messages.
     """
 
     name: str
@@ -58,11 +58,11 @@ class TargetColor:
 
 @dataclass(frozen=True)
 class Colorway:
-    """Objects and the colors that they shall have together.
+    """Objects and the colors that they are to have together.
 
     Attributes:
         name: As written.
-        target_colors: One an object.
+        target_colors: One for each object.
     """
 
     name: str
@@ -84,15 +84,15 @@ def read_sheet(path: Path) -> tuple[Colorway, ...]:
         The colorways in the order in which they begin.
 
     Raises:
-        DataError: The file is missing or no sheet, a row lacks something or has a color that is none, or says of one
-            object twice what it becomes.
+        DataError: The file is missing or not a sheet, a row lacks something or has an invalid color, or it gives one
+            object two target colors.
 
     Examples:
         >>> import tempfile
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     path = Path(folder) / "spring.csv"
         ...     _ = path.write_text("colorway,object,hex\\nMint,pot,#80d0a0\\nSky,pot,#80a0d0\\n")
-        ...     [(colorway.name, colorway.target colors[0].lab.round().tolist()) for colorway in read_sheet(path)]
+        ...     [(colorway.name, colorway.target_colors[0].lab.round().tolist()) for colorway in read_sheet(path)]
         [('Mint', [77.0, -35.0, 16.0]), ('Sky', [65.0, 1.0, -28.0])]
     """
     rows = list(_json_rows(path) if path.suffix.lower() == ".json" else _csv_rows(path))

@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull
 
 FLAT = 1e-5  # extent, in units of color, below which a palette has no thickness in a direction
 SLIVER = 1e-8  # cone volume below which neighbors cover the cone
-CHUNK = 16384  # colors at a time: the scratch arrays stay in a core's cache
+CHUNK = 16384  # colors processed at a time: the scratch arrays stay in a core's cache
 
 
 @dataclass(frozen=True)

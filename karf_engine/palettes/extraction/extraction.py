@@ -17,7 +17,7 @@ from .hull import extract_palette
 def extract_palettes(
     names: Sequence[str], pixels: Sequence[Sequence[np.ndarray]], settings: PaletteSettings, seed: int = 0
 ) -> list[Palette]:
-    """One palette for each object, or the same for all from all their colors where the settings say `shared`.
+    """One palette for each object, or the same for all from all their colors where the settings ask for `shared`.
 
     Args:
         names: of the objects.

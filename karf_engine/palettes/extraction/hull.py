@@ -24,7 +24,7 @@ OUTLIER_SHARE = 0.0005  # a cell is an outlier if it and its 26 neighbors hold l
 MANY_VIEWS = 3  # from this number of views on, a color must be seen in two
 EXACT_VERTICES = 10  # with fewer vertices a lossy collapse is chosen by its measured loss
 COARSE_LOSS = 0.25 / 255  # RMS distance of pixels that the hull may leave outside before it is simplified
-COARSE_VERTICES = 48  # round clouds would keep hundreds of vertices
+COARSE_VERTICES = 48  # vertices at which this stage stops: round clouds would keep hundreds
 TOUCH = 1e-9
 
 
@@ -43,7 +43,7 @@ def extract_palette(
     Args:
         cells: [c, 3] colors, sRGB in [0, 1].
         counts: [c] number of pixels of each.
-        n_colors: M, black included, at least 2; fewer where the cloud is too flat for so many. None for the smallest up
+        n_colors: M, black included, at least 2; fewer where the cloud is too flat for this many. None for the smallest up
             to n_max whose hull leaves the pixels at most `tolerance` outside.
         tolerance: RMS distance in units of color.
         n_max: at least 2.

@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull, Delaunay, QhullError
 
 from .barycentric_weights import star_weights
 
-DIMENSIONS = 5  # of color and place
+DIMENSIONS = 5  # three of color and two of place
 FLAT = 1e-3  # extent of pixels, in colors or picture sizes, below which they have no thickness in a direction
 CHUNK = 65536
 

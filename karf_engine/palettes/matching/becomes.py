@@ -18,7 +18,7 @@ from .paints import angles, pigment_gate, reflection_target, repainted
 
 OTHER = 0.17  # radians in linear light from which on colors are of different paints
 NEAR = 5.0  # Lab distance within which a color looks like another one of the same paint
-EMPHASIS = 10.0  # how many times the whole object the picked color counts: it is what the artist looks at
+EMPHASIS = 10.0  # weight of the picked color relative to the whole object: the artist looks at it
 
 
 def with_held(
@@ -58,7 +58,7 @@ def match_becomes(
 ) -> np.ndarray:
     """The palette with which the source's paint becomes the target's, on the whole object, shading and gloss kept.
 
-    It goes on from any edit, where colors and palette are given as that edit shows them.
+    It continues from any edit, where colors and palette are given as that edit shows them.
 
     Args:
         colors: The object's color histogram, sRGB [n, 3] in [0, 1].
@@ -97,7 +97,7 @@ def match_pigment(
     target: np.ndarray,
     reach: float,
 ) -> np.ndarray:
-    """`match_becomes` of one pigment by itself: other colors of the object have no say, as swatches of their own serve
+    """`match_becomes` of one pigment by itself: other colors of the object do not count, as swatches of their own serve
     them. reach: see `pigment_gate`.
 
     Examples:

@@ -14,7 +14,7 @@ from ..palette import BRIGHTEST
 from .least_squares import bounded_least_squares
 
 STILL = 1e-4  # a move of a swatch under this, 1/40 of a step of 8 bits, is rounding
-RIDGE = 3e-4  # per unit of counts: what keeps swatches still that hardly any pixel uses
+RIDGE = 3e-4  # ridge per unit of counts, which keeps swatches still that hardly any pixel uses
 
 
 def match_pixels(

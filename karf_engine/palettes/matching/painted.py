@@ -18,13 +18,13 @@ from .fitting import bounds, moved
 from .least_squares import bounded_least_squares
 
 DIFFERENT = 4 / 255  # in one channel: such a pixel was painted; less can be a file's rounding or noise
-ENOUGH = 0.002  # the share of an object's pixels that must be painted to speak for it
-UNPAINTED = 0.1  # what all unpainted pixels of an object count together, of what the painted ones do
+ENOUGH = 0.002  # share of an object's pixels that must be painted for the object to be fitted
+UNPAINTED = 0.1  # weight of all unpainted pixels of an object together, as a share of the painted ones'
 OUTLIER = 0.1  # distance in sRGB to what swatches can reach at which a pixel counts a quarter
-SPILL = 0.4  # how strongly an object must be painted, of the strongest, where a fit to parts of it worsens the whole
-RIDGE = 1e-3  # per unit of counts: what keeps swatches still that hardly any pixel uses
-ROUNDS = 10  # of reweighting; later ones move no color by a step of 8 bits
-MOST_PIXELS = 20_000  # of an object that are looked at, evenly over it: more of them tell nothing new
+SPILL = 0.4  # share of the strongest object's change that one needs where a fit to parts of it worsens the whole
+RIDGE = 1e-3  # ridge per unit of counts, which keeps swatches still that hardly any pixel uses
+ROUNDS = 10  # rounds of reweighting; later ones move no color by a step of 8 bits
+MOST_PIXELS = 20_000  # pixels of an object that are sampled, evenly over it: more of them add nothing
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def match_picture(
 ) -> tuple[ObjectMatch, ...]:
     """The palettes with which a view comes closest to a wanted picture of it.
 
-    Only where the wanted picture differs from the edited view it says something: objects that it leaves alone stay, and
+    Only differences between the wanted picture and the edited view count: objects that it leaves alone stay, and
     the unpainted pixels of others count little, and nothing where they contradict the painted ones. Objects that only
     reflect the new colors of others, faintly and in parts, stay too.
 
@@ -70,7 +70,7 @@ def match_picture(
         palette_weights: [K, M, H, W].
         probabilities: [K, H, W], of the objects.
         base: The view without any edit, [H, W, 3] in [0, 1].
-        wanted: The same view as it shall look, [H, W, 3] in [0, 1].
+        wanted: The same view as it should look, [H, W, 3] in [0, 1].
         palettes: As learned, of the K objects.
         edited: The palettes as they stand, by the objects' names.
         locked: Swatches of objects that stay as they stand.
@@ -144,7 +144,7 @@ def _fit(
     """The palette [M, 3] that takes pixels from what is shown to the aim, by iteratively reweighted least squares.
 
     The weights are those of Geman and McClure (1987), "Statistical methods for tomographic image reconstruction", by
-    which what no palette can explain, such as a strange brush stroke, loses its say.
+    which what no palette can explain, such as a stray brush stroke, loses its weight.
 
     Args:
         weights: Of the pixels, [n, M].

@@ -1,6 +1,6 @@
 """Paints of a thing: how much of a color is of a paint, and what it becomes when the paint is changed.
 
-Naming: n colors, [n, 3] sRGB in [0, 1]; P paints, each told by a color that an eyedropper shows of it, [P, 3].
+Naming: n colors, [n, 3] sRGB in [0, 1]; P paints, each given by a color that an eyedropper picks on it, [P, 3].
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ HUE_GATE = 0.65  # radians of Lab hue at which a color counts as another pigment
 PALE = 5.0  # Lab chroma of a source at which a difference of hue counts half
 SAME = 1e-3  # radians in linear light up to which colors are equal
 GREY_CHROMA, CHROMA_GATE = 6.0, 25.0  # Lab chroma below which a source has no hue; and the gate that then stands in
-GLOSS_COST = 0.1  # of gloss beside white, 3, when a color is split into paint and gloss
+GLOSS_COST = 0.1  # penalty of gloss when a color is split into paint and gloss; white's is 3
 
 
 def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -38,7 +38,7 @@ def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray
         BadRequest: A source is black, and so the shading is unknown.
 
     Examples:
-        The source becomes the target, a green beside it stays:
+        The source becomes the target, a green next to it stays:
 
         >>> red, blue, green = np.array([0.7, 0.1, 0.1]), np.array([0.1, 0.2, 0.7]), np.array([0.1, 0.6, 0.2])
         >>> reflection_target(np.stack([red, green]), red, blue).round(3).tolist()

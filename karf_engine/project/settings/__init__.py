@@ -1,4 +1,4 @@
-"""Settings of every stage as data: frozen dataclasses, presets, and what panels and `--help` say of each field.
+"""Settings of every stage as data: frozen dataclasses, presets, and the texts that panels and `--help` show for each field.
 
 A preset is a whole `Settings` value. `with_overrides(settings, ["geometry.rays=4096"])` changes single fields, checks
 name, type and range, and raises BadRequest naming the field and the nearest known one.

@@ -8,7 +8,7 @@ from __future__ import annotations
 from .stages import Level, Settings
 
 SEGMENTATION, RECOLORING = 74.0, 93.0  # samples of the geometry that take as long as one ray of a batch ...
-WIDTH = 64  # ... of a head as wide as this
+WIDTH = 64  # ... for a head with layers of this width
 
 
 def seconds_of_stages(settings: Settings, samples_per_second: float, is_open: bool = False) -> dict[str, float] | None:

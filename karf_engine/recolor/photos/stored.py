@@ -39,7 +39,7 @@ class StoredPhoto:
 
     Attributes:
         path: The file.
-        header: What its header says.
+        header: Its header.
         pixels: [H, W, 3 or 4], of an EXR also 1: uint8, uint16, float32 or float16, in the stored grid. EXR: linear
             light with premultiplied alpha, on the display window. Others: sRGB, gray and palettes as three channels.
         channels: Name of the channels that an EXR holds them in; else empty.

@@ -1,7 +1,7 @@
 """Edited photos as files of the kind that they came in, with color profile and metadata.
 
 PNG: the ancillary chunks of the photo's own file, or those that Pillow makes of another file's profile, Exif, XMP and
-resolution (PNG specification, third edition, 11.3). TIFF: OpenCV's strips under the tags that say what the photo is
+resolution (PNG specification, third edition, 11.3). TIFF: OpenCV's strips under the tags that describe the photo
 (TIFF 6.0; Exif 2.3), since no library writes 16-bit colors with Exif. EXR: the file itself with other colors.
 """
 
@@ -24,16 +24,16 @@ from ...io.files import atomic_write
 from ...io.images import encoded, paste
 from .stored import StoredPhoto
 
-SUFFIXES = {"png": ".png", "tiff": ".tif", "exr": ".exr"}  # all else becomes PNG
+SUFFIXES = {"png": ".png", "tiff": ".tif", "exr": ".exr"}  # file suffix by kind; all else becomes PNG
 JPEG_QUALITY = 97
-PNG_LEVEL = 3  # of zlib: higher ones take several times as long for a few percent
+PNG_LEVEL = 3  # compression level of zlib: higher ones take several times as long for a few percent
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PNG_CHUNKS = {
     b"iCCP", b"sRGB", b"gAMA", b"cHRM", b"cICP", b"mDCV", b"cLLI", b"pHYs", b"eXIf", b"tEXt", b"zTXt", b"iTXt"
 }  # fmt: skip
 ORIENTATION = 0x0112
 EXIF_IFD, GPS_IFD, INTEROPERABILITY_IFD, ICC_PROFILE = 34665, 34853, 40965, 34675
-TIFF_LAYOUT = (256, 257, 258, 259, 262, 277, 278, 284, 317, 338, 339)  # size and coding of the pixels
+TIFF_LAYOUT = (256, 257, 258, 259, 262, 277, 278, 284, 317, 338, 339)  # tags of the size and coding of the pixels
 STRIP_OFFSETS, STRIP_BYTES, EXTRA_SAMPLES = 273, 279, 338
 TIFF_FACTS = (
     269, 270, 271, 272, 274, 282, 283, 285, 296, 301, 305, 306, 315, 316, 318, 319, 700, 33432, 33723, 34377,
@@ -89,7 +89,7 @@ def _write_png(path: Path, photo: StoredPhoto) -> None:
 
 
 def _png_facts(photo: StoredPhoto) -> Iterator[tuple[bytes, bytes]]:
-    """The chunks that say what the photo is, not how its pixels are coded."""
+    """The chunks that describe the photo, not how its pixels are coded."""
     if photo.header.kind == "png":
         content = photo.path.read_bytes()
     else:
@@ -172,7 +172,7 @@ def _directory(file: BinaryIO, tag: int | None = None, at: int | None = None) ->
 
 
 def _tiff_facts(photo: StoredPhoto) -> ImageFileDirectory_v2:
-    """The tags that say what the photo is, with its Exif and GPS directories."""
+    """The tags that describe the photo, with its Exif and GPS directories."""
     kept = ImageFileDirectory_v2()
     with photo.path.open("rb") as file:
         found = _directory(file)

@@ -18,7 +18,7 @@ def fit_colors(colors: np.ndarray, trimap: np.ndarray, iterations: int) -> np.nd
         iterations: How often colors and mask are fitted to each other.
 
     Returns:
-        bool [h, w]; where the trimap has only one side, what it says.
+        bool [h, w]; where the trimap has only one side, that side.
     """
     is_inside = (trimap & 1).astype(bool)
     if is_inside.all() or not is_inside.any():

@@ -1,4 +1,4 @@
-"""What a user marks in a photo to say which object is meant (numpy only)."""
+"""What a user marks in a photo to point out an object (numpy only)."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Prompts:
         }
 
     def check(self, width: int, height: int) -> None:
-        """Raises BadRequest where they cannot be prompts of a photo of this size, or say nothing."""
+        """Raises BadRequest where they cannot be prompts of a photo of this size, or are empty."""
         if self.box is None and self.lasso is None and not any(is_object for *_, is_object in self.points):
             raise BadRequest("Nothing says where the object is.", "Draw a box or a lasso around it, or click on it.")
         for x, y, _ in self.points:

@@ -2,7 +2,7 @@
 
 A box or a lasso is filled by GrabCut. Each click then means a region (`regions`), that the mask gains or loses, and the
 colors along its border are fitted once more. What lies elsewhere stays, so that a correction makes nothing worse that
-was right, and each pixel that was clicked is what the click has said.
+was right, and each pixel that was clicked is what the click marked.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from .prompts import Prompts
 from .regions import PARAMETERS, meant_region
 from .working import WorkingPhoto, working_photo
 
-FITS_OF_FRAME, FITS_OF_CLICK = 3, 1  # iterations of GrabCut
+FITS_OF_FRAME, FITS_OF_CLICK = 3, 1  # iterations of GrabCut for a frame and for a click
 NEAR = 15  # pixels: colors are fitted once more in this square about what a click has changed
 
 
@@ -46,7 +46,7 @@ class Marker:
             bool [H, W].
 
         Raises:
-            BadRequest: The prompts lie outside the photo, or say nothing.
+            BadRequest: The prompts lie outside the photo, or are empty.
         """
         prompts.check(self._width, self._height)
         mask = cv2.resize(self._found(prompts).astype(np.float32), (self._width, self._height)) > 0.5

@@ -67,7 +67,7 @@ def meant_region(
     Args:
         photo: The photo.
         mask: bool [h, w], the object so far; may be empty.
-        said: int8 [h, w], 1 where a click has said that it is the object, 0 where it is not, else -1.
+        said: int8 [h, w], 1 where a click marked the object, 0 where it marked something else, else -1.
         click: (x, y, is_object) in pixels of the photo as stored, already in `said`.
 
     Returns:

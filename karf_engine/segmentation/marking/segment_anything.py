@@ -46,7 +46,7 @@ class SegmentAnything:
         """The likeliest mask, bool [H, W]; of a lasso its frame counts.
 
         Raises:
-            BadRequest: The prompts lie outside the photo, or say nothing.
+            BadRequest: The prompts lie outside the photo, or are empty.
         """
         height, width = self._colors.shape[:2]
         prompts.check(width, height)

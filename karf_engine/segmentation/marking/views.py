@@ -29,7 +29,7 @@ def marker_of(capture: Path | str, name: str, weights: Path | str | None = None)
     Args:
         capture: The capture's folder or camera file.
         name: The view's.
-        weights: The folder of a Segment Anything model, which then says what is meant.
+        weights: The folder of a Segment Anything model, which then proposes the mask.
 
     Raises:
         KarfError: The capture has no such view, its photo cannot be read, or the weights cannot be used.
@@ -46,7 +46,7 @@ def write_mask(marking: Marking, prompts: Prompts, masks: Path, object_name: str
     """Write what prompts mean as MASKS/<object>/<view>.png; returns the file.
 
     Raises:
-        BadRequest: The object's name cannot be a folder's, or the prompts say nothing.
+        BadRequest: The object's name cannot be a folder's, or the prompts are empty.
     """
     if not is_file_name(object_name):
         raise BadRequest(f"{object_name!r:.200} cannot be the name of a folder.", "Call the object by a plain name.")

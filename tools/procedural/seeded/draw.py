@@ -119,7 +119,7 @@ def _draw_things(place: str, rng: np.random.Generator) -> tuple[tuple[Thing, ...
 
 
 def _fill(arrangement: _Arrangement, count: int) -> None:
-    """Add unmarked things until there are so many, or no more fits."""
+    """Add unmarked things until there are this many, or no more fit."""
     try:
         while len(arrangement.things) < count:
             arrangement.add(0)

@@ -92,7 +92,7 @@ def _build(scene: Scene) -> None:
 
 
 def _views(cameras: Cameras) -> Callable[[int, int], list[View]]:
-    """Return the function of so many training and test views."""
+    """Return the function that makes this many training and test views."""
     if cameras.way == "dome":
         return partial(dome_views, radius=cameras.distance, target=cameras.target)
     if cameras.way == "path":

@@ -91,7 +91,7 @@ def test_rays_end_as_in_the_plain_reading_before_their_background(kind, ground):
     colors = Scene(module, None, kind, 1.0).colors(rays)
     expected = np.stack([reference_color(module, rays[n : n + 1], ground) for n in range(len(rays))])
     assert_allclose(colors, expected, atol=2e-3)
-    assert expected.std() > 0.02  # they are no plain gray
+    assert expected.std() > 0.02  # they are not plain gray
 
 
 def test_a_trace_holds_the_sorted_union_and_its_weights_and_remainder_sum_to_one():
