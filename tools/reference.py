@@ -6,10 +6,11 @@ docs/command_line.md comes from the options of the commands, docs/library.md fro
 from __future__ import annotations
 
 import inspect
+import json
 import sys
 import typing
 from collections.abc import Iterator
-from dataclasses import MISSING, Field
+from dataclasses import MISSING, Field, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -77,12 +78,27 @@ def _entry(heading: str, name: str, thing: Any) -> str:
 def _signature(thing: Any) -> str:
     """A call's parameters with their defaults, without types, a line for each where there are many."""
     parameters = inspect.signature(thing).parameters.values()
-    parts = [str(each.replace(annotation=each.empty)) for each in parameters]
+    parts = [_parameter(each) for each in parameters]
     keywords = [n for n, each in enumerate(parameters) if each.kind is each.KEYWORD_ONLY]
     if keywords:
         parts.insert(keywords[0], "*")
     joined = ", ".join(parts)
     return f"({joined})" if len(joined) < 90 else "(\n    " + ",\n    ".join(parts) + ",\n)"
+
+
+def _parameter(parameter: inspect.Parameter) -> str:
+    """One of them, as `ruff format` writes it; of settings that are the default only the class."""
+    default = parameter.default
+    if default is parameter.empty:
+        return str(parameter.replace(annotation=parameter.empty))
+    text = (
+        f"{type(default).__name__}()"
+        if is_dataclass(default)
+        else json.dumps(default)
+        if isinstance(default, str)
+        else default
+    )
+    return f"{parameter.name}={text}"
 
 
 def command_line() -> str:
