@@ -1,11 +1,73 @@
-"""The one family of exceptions: what went wrong, in a sentence, and what the user can do about it."""
+"""What users are told: messages, and one family of exceptions that say what went wrong and what can be done."""
 
 from __future__ import annotations
 
+import re
 import sys
+from typing import Any
 
 INSTALL_NAMES = {"PIL": "pillow", "cv2": "opencv-python-headless"}  # where pip's name is another
-LONGEST = 1500  # letters of a sentence: what it quotes of a file may be without end
+LONGEST = 1500  # letters of a sentence or a value in it: what is quoted of a file may be without end
+PLACE = re.compile(r"\{(\w+)((?:![rs])?)((?::[^{}]*)?)\}")  # of a value in a template: name, conversion, format
+CONVERSIONS = {"": lambda value: value, "!r": repr, "!s": str}
+
+
+class Message(str):
+    """A sentence for people: English text that still knows its template and its values, by which it is translated.
+
+    Attributes:
+        key: The template with plain places, `{name}`: what tables of other languages are looked up by.
+        values: Texts for the places by name; messages where the values were such.
+
+    Examples:
+        >>> message = Message("{path} has {share:.0%} of {name!r}.", path="a.png", share=0.25, name="pot")
+        >>> message
+        "a.png has 25% of 'pot'."
+        >>> message.key, message.values
+        ("{path} has {share} of {name}.", {'path': 'a.png', 'share': '25%', 'name': "'pot'"})
+    """
+
+    key: str
+    values: dict[str, str]
+
+    def __new__(cls, template: str, /, **values: Any) -> Message:
+        """The places are `{name}`, `{name!r}` or `{name:.1f}`; braces around anything but a value's name stay as they are."""
+        texts = {name: text for place in PLACE.finditer(template) for name, text in _formatted(place, values)}
+        message = super().__new__(cls, PLACE.sub(lambda place: texts.get(place[1], place[0]), template))
+        message.key = PLACE.sub(lambda place: f"{{{place[1]}}}" if place[1] in texts else place[0], template)
+        message.values = texts
+        return message
+
+    def to_json(self) -> dict[str, Any]:
+        """Key and values as JSON values, for `from_json` on the other side of a process boundary."""
+        values = {name: text.to_json() if isinstance(text, Message) else text for name, text in self.values.items()}
+        return {"key": self.key, "values": values}
+
+    @classmethod
+    def from_json(cls, content: dict[str, Any]) -> Message:
+        """The message of these key and values. Raises ValueError where they are not a message's."""
+        key, values = content.get("key"), content.get("values")
+        if not isinstance(key, str) or not isinstance(values, dict):
+            raise ValueError(f"not a message: {content!r:.200}")
+        return cls(
+            key, **{name: cls.from_json(each) if isinstance(each, dict) else each for name, each in values.items()}
+        )
+
+
+def _formatted(place: re.Match[str], values: dict[str, Any]) -> list[tuple[str, str]]:
+    """The name and the text of a place in a template; nothing where no value has its name."""
+    name, conversion, form = place.groups()
+    if name not in values:
+        return []
+    value = values[name]
+    if isinstance(value, Message) and not conversion and not form:
+        return [(name, value)]
+    text = format(CONVERSIONS[conversion](value), form[1:])
+    return [(name, _cut(text))]
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]} ..."
 
 
 class KarfError(Exception):
@@ -17,6 +79,11 @@ class KarfError(Exception):
         sentence: What went wrong; names the file and the value.
         hint: The remedy.
 
+    Args:
+        sentence: A template of what went wrong, see `Message`.
+        hint: A template of the remedy.
+        **values: Of both.
+
     Example:
         try:
             learn("garden", "masks", project="garden_karf")
@@ -27,11 +94,11 @@ class KarfError(Exception):
     code = "internal"
     exit_code = 70
 
-    def __init__(self, sentence: str, hint: str = "") -> None:
-        sentence = sentence if len(sentence) <= LONGEST else f"{sentence[:LONGEST]} ..."
-        super().__init__(f"{sentence} {hint}".strip())
-        self.sentence = sentence
-        self.hint = hint
+    def __init__(self, sentence: str, hint: str = "", /, **values: Any) -> None:
+        self.sentence, self.hint = (
+            text if isinstance(text, Message) else Message(_cut(text), **values) for text in (sentence, hint)
+        )
+        super().__init__(f"{self.sentence} {self.hint}".strip())
 
 
 class BadRequest(KarfError):
@@ -95,6 +162,9 @@ def error_from_code(code: str, sentence: str, hint: str = "") -> KarfError:
 def missing_package(name: str) -> MissingDependency:
     """The error for a package (by its import name) that this Python lacks."""
     return MissingDependency(
-        f"The engine's Python ({sys.executable}) has no package {name!r}.",
-        f"Install it there: {sys.executable} -m pip install {INSTALL_NAMES.get(name, name)}",
+        "The engine's Python ({executable}) has no package {name!r}.",
+        "Install it there: {executable} -m pip install {package}",
+        executable=sys.executable,
+        name=name,
+        package=INSTALL_NAMES.get(name, name),
     )

@@ -70,11 +70,16 @@ def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Cap
     """
     path = Path(path)
     if not path.exists():
-        raise DataError(f"{path} does not exist.", "Give the capture's folder or its camera file.")
+        raise DataError("{path} does not exist.", "Give the capture's folder or its camera file.", path=path)
     found = [known for known in FORMATS if known.recognizes(path)]
     if not found:
         markers = ", ".join(known.marker for known in FORMATS)
-        raise DataError(f"{path} is no capture of a known format.", f"A capture has one of these: {markers}.")
+        raise DataError(
+            "{path} is no capture of a known format.",
+            "A capture has one of these: {markers}.",
+            path=path,
+            markers=markers,
+        )
     best, *others = found
     capture = hold_out(best.read(path, photos), holdout)
     if path.is_file() or not others:

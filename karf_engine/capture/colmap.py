@@ -196,8 +196,12 @@ def _find_photos(model: Path, names: list[str]) -> tuple[list[Path | None], list
                 guess = [f"Photos in {folder} have other names; they were taken in order."] * (pair is _by_order)
                 return photos, guess + _left_out(folder, names, photos)
     raise DataError(
-        f"{model}: none of its {len(names)} photos was found, the first are {', '.join(names[:3])}.",
-        f"Put the photos into {list(_roots(model))[-1] / 'images'}.",
+        "{path}: none of its {count} photos was found, the first are {first}.",
+        "Put the photos into {folder}.",
+        path=model,
+        count=len(names),
+        first=", ".join(names[:3]),
+        folder=list(_roots(model))[-1] / "images",
     )
 
 

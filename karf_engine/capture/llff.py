@@ -133,7 +133,12 @@ def _photos(file: Path, count: int) -> list[Path]:
     found = {place: photos for place in places if (photos := photos_in(place))}
     if not found:
         raise DataError(
-            f"{file} has {count} poses, but no photos lie in {places[0]}.", f"Put the photos into {folder / 'images'}."
+            "{path} has {count} poses, but no photos lie in {place}.",
+            "Put the photos into {folder}.",
+            path=file,
+            count=count,
+            place=places[0],
+            folder=folder / "images",
         )
     complete = [photos for photos in found.values() if len(photos) == count]
     if not complete:

@@ -34,9 +34,11 @@ def read_bytes(path: Path) -> bytes:
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise DataError(f"{path} cannot be read: {error.strerror}.", "Check the file.") from error
+        raise DataError(
+            "{path} cannot be read: {reason}.", "Check the file.", path=path, reason=error.strerror
+        ) from error
     if not data:
-        raise DataError(f"{path} is empty.", "Copy the file again.")
+        raise DataError("{path} is empty.", "Copy the file again.", path=path)
     if data.startswith(LFS_POINTER):
         raise DataError(f"{path} is a Git-LFS pointer, not the file.", "Fetch the files with: git lfs pull.")
     return data

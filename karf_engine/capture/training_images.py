@@ -134,8 +134,13 @@ def photo_of(view: View) -> np.ndarray:
             return photo
         found, photo = photo.shape, None  # never two of them in memory
     raise DataError(
-        f"{path} is {found[1]}x{found[0]} pixels where its camera has {size[1]}x{size[0]}.",
+        "{path} is {width}x{height} pixels where its camera has {expected_width}x{expected_height}.",
         "Import the capture again.",
+        path=path,
+        width=found[1],
+        height=found[0],
+        expected_width=size[1],
+        expected_height=size[0],
     )
 
 

@@ -110,8 +110,12 @@ def _read(source: Path, format_name: str, files: list[tuple[Path, str]], photos:
     if not found:
         first = ", ".join(f"{frame.fields['file_path']:.200}" for frame in missing[:3])
         raise DataError(
-            f"{source}: none of its {len(missing)} photos was found, the first are {first}.",
-            f"Put the photos below {frames[0].file.parent}, or write each file_path relative to that folder.",
+            "{path}: none of its {count} photos was found, the first are {first}.",
+            "Put the photos below {folder}, or write each file_path relative to that folder.",
+            path=source,
+            count=len(missing),
+            first=first,
+            folder=frames[0].file.parent,
         )
     views, remarks = _views(found)
     if missing:

@@ -74,7 +74,12 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
         capture = with_marked(project, capture, options.masks)
         n_photos = len(capture.split("train"))
         if n_photos < 3:
-            raise DataError(f"{capture.source} has {n_photos} training photos.", "A scene needs at least three.")
+            raise DataError(
+                "{path} has {count} training photos.",
+                "A scene needs at least three.",
+                path=capture.source,
+                count=n_photos,
+            )
         if nerf is None:
             scene = learn(job, capture, run)
         else:

@@ -65,7 +65,7 @@ def _checked(options: PosesOptions) -> tuple[Path, Path]:
     """Where the photos are and the capture goes, absolute."""
     source, out = options.photos.absolute(), options.out.absolute()
     if not source.exists():
-        raise DataError(f"{source} does not exist.", "Give a folder of photos, or a video file.")
+        raise DataError("{path} does not exist.", "Give a folder of photos, or a video file.", path=source)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise BadRequest(f"{out} already exists and is not empty.", "Give a new folder for the capture.")
     if find_spec("pycolmap") is None:
@@ -88,8 +88,11 @@ def _gather(source: Path, folder: Path, emit: Emit, should_stop: Callable[[], bo
             names.append(_take(photo, folder))
     if len(names) < FEWEST_PHOTOS:
         raise DataError(
-            f"{source} holds {len(names)} photos; poses need at least {FEWEST_PHOTOS}.",
+            "{path} holds {count} photos; poses need at least {fewest}.",
             "Give a folder with photos (PNG, JPEG, TIFF, BMP, WebP, EXR), 30 or more from all sides, or a video.",
+            path=source,
+            count=len(names),
+            fewest=FEWEST_PHOTOS,
         )
     return tuple(names)
 
@@ -137,9 +140,12 @@ def _judge(source: Path, result: SfmResult, count: int, emit: Emit) -> None:
     registered = result.registered
     if registered < max(FEWEST_PHOTOS, TOO_FEW * count):
         raise DataError(
-            f"Only {registered} of the {count} photos of {source} could be placed.",
-            "Take more photos with more overlap (everything in at least three of them), of a scene that has texture "
-            "and stands still, sharp and without zooming.",
+            "Only {registered} of the {count} photos of {path} could be placed.",
+            "Take more photos with more overlap (everything in at least three of them), of a scene that has texture and "
+            "stands still, sharp and without zooming.",
+            registered=registered,
+            count=count,
+            path=source,
         )
     if registered < ENOUGH * count:
         emit(

@@ -43,8 +43,9 @@ class Progress:
         """
         if self._should_stop():
             raise Cancelled(
-                f"The {self._stage} stage was cancelled.",
+                "The {stage} stage was cancelled.",
                 "What is finished and what is learned so far is kept; start it again when you like.",
+                stage=self._stage,
             )
         if count == 0:
             return

@@ -118,7 +118,9 @@ def read_layer_names(path: Path) -> tuple[ObjectLayers, ...]:
         with path.open("rb") as stream:
             text = _header_text(stream)
     except OSError as error:
-        raise DataError(f"{path} cannot be read: {error.strerror}.", "Check the file.") from error
+        raise DataError(
+            "{path} cannot be read: {reason}.", "Check the file.", path=path, reason=error.strerror
+        ) from error
     if text is None:
         raise DataError(f"{path} holds no layers of KaRF.", "Give a file that `render --layers` has written.")
     try:

@@ -63,4 +63,6 @@ def _faces_of(volume: Volume, name: str) -> np.ndarray:
     try:
         return ConvexHull(volume.vertices).equations
     except QhullError as error:
-        raise DataError(f"A volume of {name!r} is flat: nothing is inside of it.", "Give its mesh a depth.") from error
+        raise DataError(
+            "A volume of {name!r} is flat: nothing is inside of it.", "Give its mesh a depth.", name=name
+        ) from error

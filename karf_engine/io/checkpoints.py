@@ -55,7 +55,7 @@ def load_tensors(
             tensors = {name: stored.get_tensor(name).clone() for name in stored.keys()}
             metadata = header["facts"]
     except FileNotFoundError as error:
-        raise DataError(f"{path} does not exist.", "Run the stage that writes it.") from error
+        raise DataError("{path} does not exist.", "Run the stage that writes it.", path=path) from error
     except (SafetensorError, OSError, RecursionError, *DAMAGE) as error:
         raise _damaged(path, error) from error
     for name, tensor in tensors.items():
@@ -82,7 +82,9 @@ def restoring(path: Path) -> Iterator[None]:
 
 
 def _damaged(path: Path, error: Exception) -> DataError:
-    return DataError(f"{path} is damaged ({type(error).__name__}: {error!s:.200}).", AGAIN)
+    return DataError(
+        "{path} is damaged ({kind}: {error!s:.200}).", AGAIN, path=path, kind=type(error).__name__, error=error
+    )
 
 
 def _header(entries: dict[str, str]) -> dict[str, Any]:

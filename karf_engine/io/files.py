@@ -102,7 +102,12 @@ def read_json(path: Path, what: str) -> Any:
         return json.loads(path.read_text(encoding="utf-8-sig"))
     except json.JSONDecodeError as error:
         raise DataError(
-            f"{path} ({what}) is broken JSON at line {error.lineno}: {error.msg}.", "Export or write the file again."
+            "{path} ({what}) is broken JSON at line {line}: {reason}.",
+            "Export or write the file again.",
+            path=path,
+            what=what,
+            line=error.lineno,
+            reason=error.msg,
         ) from error
     except (OSError, ValueError, RecursionError) as error:  # no text, numbers without end, brackets without end
         raise DataError(f"{path} ({what}) cannot be read: {error}.", "Check the file.") from error

@@ -84,7 +84,9 @@ def image_header(path: Path) -> ImageHeader:
     try:
         header = find_header(path)
     except OSError as error:
-        raise DataError(f"{path} cannot be read: {error.strerror}.", "Check the file.") from error
+        raise DataError(
+            "{path} cannot be read: {reason}.", "Check the file.", path=path, reason=error.strerror
+        ) from error
     if header is None:
         raise unreadable(path, f"it has no complete {KINDS} header")
     check_pixels(path, *header.stored)
@@ -133,12 +135,16 @@ def unreadable(path: Path, reason: str) -> DataError:
     with path.open("rb") as stream:
         head = stream.read(32)
     if not head:
-        return DataError(f"{path} is empty.", "Copy the picture again.")
+        return DataError("{path} is empty.", "Copy the picture again.", path=path)
     if head.startswith(LFS_POINTER):
-        return DataError(f"{path} is a Git-LFS pointer, not a picture.", "Fetch the pictures with: git lfs pull.")
+        return DataError(
+            "{path} is a Git-LFS pointer, not a picture.", "Fetch the pictures with: git lfs pull.", path=path
+        )
     if head.startswith(b"\xef\xbf\xbd"):
         return DataError(f"{path} is damaged: it was copied as text.", "Copy the picture again as a binary file.")
-    return DataError(f"{path} cannot be read as a picture: {reason}.", "Export or copy the picture again.")
+    return DataError(
+        "{path} cannot be read as a picture: {reason}.", "Export or copy the picture again.", path=path, reason=reason
+    )
 
 
 def _header(head: bytes, stream: BinaryIO) -> ImageHeader | None:

@@ -26,9 +26,11 @@ def check_file(path: Path, most: int = MOST_BYTES, label: str = "") -> int:
     try:
         found = path.stat()
     except FileNotFoundError as error:
-        raise DataError(f"{label} does not exist.", "Check the path.") from error
+        raise DataError("{path} does not exist.", "Check the path.", path=label) from error
     except (OSError, ValueError) as error:  # a loop of links, a name that no disk can hold
-        raise DataError(f"{label} cannot be read: {getattr(error, 'strerror', error)}.", "Check the path.") from error
+        raise DataError(
+            "{path} cannot be read: {reason}.", "Check the path.", path=label, reason=getattr(error, "strerror", error)
+        ) from error
     if stat.S_ISDIR(found.st_mode):
         raise DataError(f"{label} is a folder, not a file.", "Check the path.")
     if not stat.S_ISREG(found.st_mode):

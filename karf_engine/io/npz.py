@@ -45,7 +45,9 @@ def read_arrays(path: Path, names: Sequence[str], what: str, hint: str) -> list[
     except Exception as error:  # a scrambled archive raises nearly anything
         if is_out_of_memory(error):
             raise
-        raise DataError(f"{label} cannot be read: {str(error) or type(error).__name__}.", hint) from error
+        raise DataError(
+            "{path} cannot be read: {reason}.", hint, path=label, reason=str(error) or type(error).__name__
+        ) from error
 
 
 def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:

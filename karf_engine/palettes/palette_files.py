@@ -99,7 +99,9 @@ def read_edit_file(path: Path, palettes: Sequence[Palette], compositing: str = "
     try:
         entries = read(path, path.read_bytes())
     except OSError as error:
-        raise DataError(f"{path} cannot be read: {error.strerror}.", "Check the file.") from error
+        raise DataError(
+            "{path} cannot be read: {reason}.", "Check the file.", path=path, reason=error.strerror
+        ) from error
     return Edit(_assigned(path, entries, palettes), compositing)
 
 

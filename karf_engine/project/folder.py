@@ -170,7 +170,11 @@ class Project:
             known = self.state()["capture"]
             if known != capture:
                 raise BadRequest(
-                    f"{self.folder} already holds a project of {known}.", f"Choose another folder for {capture}."
+                    "{folder} already holds a project of {known}.",
+                    "Choose another folder for {capture}.",
+                    folder=self.folder,
+                    known=known,
+                    capture=capture,
                 )
             return
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -196,7 +200,12 @@ class Project:
         """
         summary = self.finished(stage)
         if summary is None:
-            raise BadRequest(f"{self.folder} has no finished {stage} stage.", f"Run the {stage} stage first.")
+            raise BadRequest(
+                "{folder} has no finished {stage} stage.",
+                "Run the {stage} stage first.",
+                folder=self.folder,
+                stage=stage,
+            )
         return summary
 
     def holdout(self) -> int:
@@ -297,8 +306,11 @@ class Project:
         if stage is None or (path.exists() and checksum(path) == expected):
             return path
         raise DataError(
-            f"{path} is {'damaged' if path.exists() else 'missing'}: it is not what the {stage} stage wrote.",
-            f"Run the {stage} stage again; what is intact is kept.",
+            "{path} is {state}: it is not what the {stage} stage wrote.",
+            "Run the {stage} stage again; what is intact is kept.",
+            path=path,
+            state="damaged" if path.exists() else "missing",
+            stage=stage,
         )
 
     def is_intact(self, stage: str) -> bool:

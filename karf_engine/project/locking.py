@@ -34,7 +34,12 @@ def writing(project: Project) -> Iterator[None]:
     try:
         lock.acquire()
     except Timeout:
-        raise BadRequest(f"{project.folder} is in use by {_name(holder)}.", "Wait for that job or cancel it.") from None
+        raise BadRequest(
+            "{folder} is in use by {name}.",
+            "Wait for that job or cancel it.",
+            folder=project.folder,
+            name=_name(holder),
+        ) from None
     try:
         project.remove_leftovers()
         write_json(holder, {"pid": os.getpid(), "host": platform.node()})

@@ -36,8 +36,9 @@ def read_state(path: Path) -> dict[str, Any]:
     """
     if not path.exists():
         raise DataError(
-            f"{path.parent} is no KaRF project (project.json is missing).",
+            "{folder} is no KaRF project (project.json is missing).",
             "Give the folder that the geometry stage wrote.",
+            folder=path.parent,
         )
     state = read_json(path, "project state")
     schema = state.get("schema") if isinstance(state, dict) else None

@@ -16,7 +16,7 @@ from ..capture.camera import Camera
 from ..capture.capture import Capture, View
 from ..capture.mask_names import fits_view, mask_files
 from ..capture.training_images import TrainingImage, undistort
-from ..errors import DataError
+from ..errors import DataError, Message
 from ..io.files import atomic_write
 from ..io.image_size import MOST_PHOTO_BYTES
 from ..io.images import read_mask, resize
@@ -55,7 +55,7 @@ def find_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
             `background`, or what no file can be called, or as another but for upper and lower case.
     """
     if not folder.is_dir():
-        raise DataError(f"{folder} is no folder of masks.", LAYOUT_HINT)
+        raise DataError("{folder} is no folder of masks.", LAYOUT_HINT, folder=folder)
     masks = []
     for path in object_folders(folder):
         own = marks_of(path, capture)
@@ -63,7 +63,7 @@ def find_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
             raise DataError(f"{path} holds no mask of the object {path.name!r}.", LAYOUT_HINT)
         masks += own
     if not masks:
-        raise DataError(f"{folder} holds no masks.", LAYOUT_HINT)
+        raise DataError("{folder} holds no masks.", LAYOUT_HINT, folder=folder)
     return masks
 
 
@@ -101,7 +101,9 @@ def marks_of(folder: Path, capture: Capture) -> list[CoarseMask]:
     masks = [CoarseMask(folder.name, _view_of(path, path.relative_to(folder), capture), path) for path in files]
     for first, second in itertools.pairwise(sorted(masks, key=lambda mask: mask.view.name)):
         if first.view.name == second.view.name:
-            raise DataError(f"{first.path} and {second.path} mark the same photo.", "Keep one of them.")
+            raise DataError(
+                "{path} and {other} mark the same photo.", "Keep one of them.", path=first.path, other=second.path
+            )
     return masks
 
 
@@ -116,7 +118,8 @@ def _view_of(path: Path, below: Path, capture: Capture) -> View:
             "Name it after its view, or lay masks out in the photos' subfolders.",
         )
     first = next(iter(capture.views), None)
-    raise DataError(f"{path} is named after no photo.", f"The first one is {first.stem!r}." if first else "")
+    hint = Message("The first one is {name!r}.", name=first.stem) if first else ""
+    raise DataError("{path} is named after no photo.", hint, path=path)
 
 
 def fitting_views(below: Path, capture: Capture) -> list[View]:
@@ -141,7 +144,12 @@ def load_mask(mask: CoarseMask, training_image: TrainingImage) -> np.ndarray:
     """
     found = at_working_size(read_mask(mask.path), mask, training_image.camera) >= 0.5
     if not found.any():
-        raise DataError(f"{mask.path} marks nothing of {mask.object_name!r}.", "Paint the object white.")
+        raise DataError(
+            "{path} marks nothing of {object_name!r}.",
+            "Paint the object white.",
+            path=mask.path,
+            object_name=mask.object_name,
+        )
     return found
 
 
@@ -164,8 +172,13 @@ def at_working_size(drawn: np.ndarray, mask: CoarseMask, working: Camera) -> np.
         return resize(values, working.width, working.height)[..., 0]
     if (width, height) != (working.width, working.height):
         raise DataError(
-            f"{mask.path} is {width}x{height} pixels where its photo has {stored.width}x{stored.height}.",
+            "{path} is {width}x{height} pixels where its photo has {expected_width}x{expected_height}.",
             "Save the mask at the photo's size.",
+            path=mask.path,
+            width=width,
+            height=height,
+            expected_width=stored.width,
+            expected_height=stored.height,
         )
     return values[..., 0]
 

@@ -220,7 +220,9 @@ def _labelled(
 def _require_any(objects: list[str], found: bool) -> None:
     if not found:
         raise DataError(
-            f"Nothing in the scene belongs to {objects[0]!r}.", "Mark it more generously, or in another view."
+            "Nothing in the scene belongs to {name!r}.",
+            "Mark it more generously, or in another view.",
+            name=objects[0],
         )
 
 

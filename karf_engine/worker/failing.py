@@ -16,7 +16,7 @@ def as_karf_error(error: Exception) -> KarfError:
     if (known := known_failure(error)) is not None:
         return known
     say("".join(traceback.format_exception(error)).rstrip())
-    return KarfError(f"Internal error: {error!r}.", "Report it with its trace (of a job: in engine.log).")
+    return KarfError("Internal error: {error!r}.", "Report it with its trace (of a job: in engine.log).", error=error)
 
 
 def say_error(error: KarfError) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ..errors import BadRequest
+from ..errors import BadRequest, Message
 
 ABSOLUTE = re.compile(r"/|[A-Za-z]:[\\/]|\\\\")  # on either kind of system
 END = r"(?=$|[\\/\s'\",:;)\]]|\.(?:\s|$))"  # what may follow a folder's path within a sentence
@@ -74,6 +74,8 @@ class PathMap:
         """
         if isinstance(value, list | dict):
             return _each(value, self.theirs)
+        if isinstance(value, Message):
+            return Message(self.theirs(str(value.key)), **_each(value.values, self.theirs))
         if isinstance(value, str):
             for theirs, ours in self.folders:
                 value = re.sub(

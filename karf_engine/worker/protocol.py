@@ -24,7 +24,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..errors import BadRequest, DataError
+from ..errors import BadRequest, DataError, Message
 from ..io.inputs import MOST_JSON, check_file
 
 PROTOCOL = 1
@@ -160,7 +160,10 @@ def decode_line(line: str) -> Query | str:
 
 @dataclass(frozen=True)
 class Event:
-    """One line of `events.jsonl`: a kind, a running number, seconds since the epoch, and the kind's own values."""
+    """One line of `events.jsonl`: a kind, a running number, seconds since the epoch, and the kind's own values.
+
+    Texts among the values that are messages stay messages: the line has their keys and values under `messages`.
+    """
 
     kind: str
     number: int
@@ -179,8 +182,10 @@ class Event:
         return self.kind in FINAL_EVENTS
 
     def encode(self) -> str:
-        """One line of JSON, without the line end."""
-        return json.dumps({"t": self.kind, "n": self.number, "time": round(self.time, 3), **self.values})
+        """One line of JSON, without the line end; of messages the keys and values too, by which they are translated."""
+        messages = {name: value.to_json() for name, value in self.values.items() if isinstance(value, Message)}
+        told = {"messages": messages} if messages else {}
+        return json.dumps({"t": self.kind, "n": self.number, "time": round(self.time, 3), **self.values, **told})
 
     @classmethod
     def decode(cls, line: str) -> Event:
@@ -191,6 +196,10 @@ class Event:
             raise ValueError("brackets without end") from error
         if not isinstance(content, dict) or not {"t", "n", "time"} <= content.keys():
             raise ValueError(f"no event: {line!r}")
+        messages = content.pop("messages", None) or {}
+        if not isinstance(messages, dict):
+            raise ValueError(f"messages that are none: {line!r}")
+        content |= {name: Message.from_json(message) for name, message in messages.items()}
         event = cls(content.pop("t"), content.pop("n"), content.pop("time"), content)
         if not event._is_whole():
             raise ValueError(f"an event of other values: {line!r}")

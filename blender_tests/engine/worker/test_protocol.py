@@ -137,3 +137,19 @@ def test_a_sentence_that_quotes_without_end_is_cut_off():
     assert (
         len(error.sentence) < 2000 and error.sentence.endswith(" ...") and str(error).endswith("Correct the request.")
     )
+
+
+def test_a_message_keeps_its_key_and_values_on_its_way(tmp_path):
+    error = DataError("{path} has {share:.0%} of {name!r}.", "Ask for {name!r}.", path="a.png", share=0.25, name="pot")
+    outer = DataError("{where}: {sentence}", error.hint, where="sheet.csv", sentence=error.sentence)
+    EventWriter(tmp_path)("error", code=outer.code, sentence=outer.sentence, hint=outer.hint)
+    (event,) = EventReader(tmp_path).poll()
+    assert event["sentence"] == "sheet.csv: a.png has 25% of 'pot'." and event["hint"] == "Ask for 'pot'."
+    assert event["sentence"].key == "{where}: {sentence}"
+    assert event["sentence"].values["sentence"].key == "{path} has {share} of {name}."
+    assert event["hint"].values == {"name": "'pot'"}
+
+
+def test_an_event_of_a_version_before_has_texts_alone():
+    event = Event.decode('{"t": "warning", "n": 1, "time": 2.0, "code": "points", "sentence": "No {sparse} points."}')
+    assert event["sentence"] == "No {sparse} points."

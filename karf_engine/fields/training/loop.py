@@ -103,7 +103,9 @@ def train(
                 raise
             if parts == MOST_PARTS:
                 raise OutOfMemory(
-                    f"The device has too little memory even for a {MOST_PARTS}th of the batch.", "Use the CPU."
+                    "The device has too little memory even for a {parts}th of the batch.",
+                    "Use the CPU.",
+                    parts=MOST_PARTS,
                 ) from error
             parts *= 2
             continue
@@ -111,7 +113,10 @@ def train(
         is_checked = iteration % CHECK_EVERY == 0 or iteration == until - 1
         if is_checked and not math.isfinite(float(training_state.process_group.mean(loss))):
             raise Diverged(
-                f"Training diverged at iteration {iteration}: loss {float(loss)}.", "Lower the learning rate."
+                "Training diverged at iteration {iteration}: loss {loss}.",
+                "Lower the learning rate.",
+                iteration=iteration,
+                loss=float(loss),
             )
         training_state.process_group.average(
             parameter for group in optimizer.param_groups for parameter in group["params"]

@@ -83,8 +83,13 @@ class StoredPhoto:
         if known == self.size:
             return 1
         raise DataError(
-            f"{self.path} is {width}x{height} pixels where its camera has {camera.width}x{camera.height}.",
+            "{path} is {width}x{height} pixels where its camera has {expected_width}x{expected_height}.",
             "Import the capture again.",
+            path=self.path,
+            width=width,
+            height=height,
+            expected_width=camera.width,
+            expected_height=camera.height,
         )
 
     def colors(self, rows: slice = WHOLE, columns: slice = WHOLE) -> np.ndarray:
