@@ -2,10 +2,10 @@
 
 import bpy
 
-from ..host.words import say
+from ..host.words import translate
 from ..pictures import chips
 from ..project import disk
-from ..swatches import object_masks, wishes
+from ..swatches import shown
 
 # the key that shows before and after, with Alt the pie; free in the Image Editor of Blender's own key map
 KEY = "C"
@@ -45,7 +45,7 @@ def draw_masks(layout, context):
     if not seeing.show_masks:
         return
     column.prop(seeing, "tint", slider=True)
-    masks = object_masks.of(context.scene)
+    masks = shown.of(context.scene).known_masks()
     if masks is None:
         layout.label(text="Press Show Masks for this view", icon="INFO")
         return
@@ -64,10 +64,10 @@ def draw_solo(layout, name, index):
 
 def draw_left(layout, item):
     """How far an object's source color still is from its target."""
-    left = wishes.left(item.id_data, item)
+    left = shown.of(item.id_data).difference(item)
     if left is not None:
         layout.label(
-            text=say("{number} CIEDE2000 left", number=f"{left:.1f}"), icon="CHECKMARK" if left < 1 else "BLANK1"
+            text=translate("{number} CIEDE2000 left", number=f"{left:.1f}"), icon="CHECKMARK" if left < 1 else "BLANK1"
         )
 
 

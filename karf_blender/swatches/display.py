@@ -1,10 +1,10 @@
-"""What is shown of the active view, or of a free camera: the edited picture or another side of it, with a wipe or without.
+"""What is shown of a view or a free camera: the edited picture or another side of it, with a split view or without.
 
 `WindowManager.karf_seeing` says which (properties/seeing.py).
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from math import ceil, sqrt
 from pathlib import Path
 
@@ -14,7 +14,7 @@ import numpy as np
 from ..engine_api import KarfError, ciede2000, srgb_to_lab
 from ..pictures import images, photos
 from ..project import captures, contents, folders
-from . import pigments, planes
+from . import colors
 from .planes import ShownView
 
 PHOTO_SIDE = 800  # pixels at most of a photo that stands in for a view that is not prepared
@@ -30,51 +30,21 @@ HEAT = np.array([[0, 0, 0.05], [0.33, 0.06, 0.43], [0.73, 0.21, 0.33], [0.98, 0.
 
 
 @dataclass
-class _Canvas:
-    """Where a picture that is not just the edited one is put together.
+class PictureFiles:
+    """Pictures of how the engine sees the active view, each read once.
 
     Attributes:
-        buffer: The last one.
-        original: What it has of which original: all left of a line.
+        known: By what they are of: their files with the times of these, and the brightest of them in each pixel.
     """
 
-    buffer: np.ndarray | None = None
-    original: tuple[Path, int, int] | None = None
+    known: dict[str, tuple[list[tuple[Path, int]], np.ndarray]] = field(default_factory=dict)
 
-
-class _Memory:
-    """The pictures of the active view and of a free camera, and what was read last, by files and times."""
-
-    view = _Canvas()
-    camera = _Canvas()
-    rendering: tuple[tuple[Path, int], np.ndarray] | None = None
-    doubt: tuple[list[tuple[Path, int]], np.ndarray] | None = None
-
-
-def forget() -> None:
-    """Drop what is in memory."""
-    _Memory.view, _Memory.camera, _Memory.rendering, _Memory.doubt = _Canvas(), _Canvas(), None, None
-
-
-def picture(scene: bpy.types.Scene) -> np.ndarray:
-    """The active view as it is looked at.
-
-    Returns:
-        RGBA buffer [H, W, 4] float32 in Blender's row order; overwritten by the next call.
-
-    Raises:
-        KarfError: The view has no planes, or they belong to other palettes.
-    """
-    return _looked_at(scene, planes.shown_view(scene), _Memory.view)
-
-
-def camera_picture(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
-    """The same of planes of a free camera.
-
-    Raises:
-        DataError: They belong to other palettes.
-    """
-    return _looked_at(scene, view, _Memory.camera)
+    def read(self, kind: str, files: Sequence[Path]) -> np.ndarray:
+        """The pictures of a kind as one, [h, w, 3]."""
+        key = [(file, file.stat().st_mtime_ns) for file in files]
+        if kind not in self.known or self.known[kind][0] != key:
+            self.known[kind] = key, np.max([images.read_picture(file) for file in files], axis=0)
+        return self.known[kind][1]
 
 
 def key() -> tuple:
@@ -84,36 +54,49 @@ def key() -> tuple:
     return seeing.mode, *solo, seeing.is_wiped, seeing.wipe, seeing.show_masks
 
 
-def _looked_at(scene: bpy.types.Scene, view: ShownView, canvas: _Canvas) -> np.ndarray:
+def picture(scene: bpy.types.Scene, view: ShownView, files: PictureFiles) -> np.ndarray:
+    """A view as it is looked at.
+
+    Args:
+        scene: The scene, whose swatches recolor it.
+        view: The active view, or a free camera.
+        files: How the engine sees the active view.
+
+    Returns:
+        RGBA buffer [H, W, 4] float32 in Blender's row order; overwritten by the next call.
+
+    Raises:
+        KarfError: The planes belong to other palettes.
+    """
     seeing = bpy.context.window_manager.karf_seeing
-    edited = planes.recolored(view, scene)
+    edited = view.recolored(scene)
     mode = seeing.mode if view.planes.palette_weights.shape[1] else "EDITED"
     if mode == "EDITED" and not seeing.is_wiped:
         return edited
     width = edited.shape[1]
-    if canvas.buffer is None or canvas.buffer.shape != edited.shape:
-        canvas.buffer, canvas.original = images.blank(width, len(edited)), None
+    if view.canvas is None:
+        view.canvas = images.blank(width, len(edited))
     line = round(seeing.wipe * width) if seeing.is_wiped else 0
     if mode == "EDITED":  # a swatch may be being dragged: whole pixels are copied fastest
-        canvas.buffer[:, line:] = edited[:, line:]
+        view.canvas[:, line:] = edited[:, line:]
     else:
-        images.upright(canvas.buffer)[:, line:] = SIDES[mode](scene, view)[:, line:]
-    if canvas.original is None or canvas.original != (view.file, view.written, line):
-        images.upright(canvas.buffer)[:, :line] = _original(scene, view)[:, :line]
-        canvas.original = view.file, view.written, line
-    return canvas.buffer
+        images.upright(view.canvas)[:, line:] = SIDES[mode](scene, view, files)[:, line:]
+    if view.split_at != line:
+        images.upright(view.canvas)[:, :line] = _original(scene, view, files)[:, :line]
+        view.split_at = line
+    return view.canvas
 
 
-def stand_in(scene: bpy.types.Scene) -> np.ndarray:
+def stand_in(scene: bpy.types.Scene, files: PictureFiles) -> np.ndarray:
     """What is shown of a view that cannot be recolored, as `picture` returns it: its photo, or what is learned of it.
 
     Black where nothing can be read.
     """
     try:
-        rendering = _rendering(scene) if _mode() == "LEARNED" else None
+        rendering = _rendering(scene, files) if _mode() == "LEARNED" else None
         shown = _photo(scene) if rendering is None else rendering
         if shown is not None and _mode() == "UNSURE":
-            shown = _with_doubts(scene, shown)
+            shown = _with_doubts(scene, shown, files)
     except KarfError:
         shown = None
     if shown is None:
@@ -145,37 +128,38 @@ def heat(values: np.ndarray) -> np.ndarray:
 
 
 # --- the sides of a picture, [H, W, 3] or [H, W, 1] sRGB in [0, 1] --------------------------------------------------
-def _original(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
-    del scene
+def _original(scene: bpy.types.Scene, view: ShownView, files: PictureFiles) -> np.ndarray:
+    del scene, files
     return view.planes.base.astype(np.float32) / np.float32(255)
 
 
-def _learned(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
-    rendering = None if view.is_free else _rendering(scene)
+def _learned(scene: bpy.types.Scene, view: ShownView, files: PictureFiles) -> np.ndarray:
+    rendering = None if view.is_free else _rendering(scene, files)
     if rendering is None:  # the base is it, or the panel says that there is none
-        return _original(scene, view)
+        return _original(scene, view, files)
     return images.resized(rendering, *view.planes.base.shape[1::-1])
 
 
-def _weights(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
+def _weights(scene: bpy.types.Scene, view: ShownView, files: PictureFiles) -> np.ndarray:
+    del files
     seeing = bpy.context.window_manager.karf_seeing
-    shown = planes.spread(view, scene).planes
+    shown = view.spread(scene).planes
     k = shown.objects.index(seeing.solo_object) if seeing.solo_object in shown.objects else 0
     number = min(seeing.solo_swatch, shown.palette_weights.shape[1] - 1)
-    weights = shown.palette_weights[k, pigments.paints(scene.karf.objects[shown.objects[k]], number)]
+    weights = shown.palette_weights[k, colors.painted_by(scene.karf.objects[shown.objects[k]], number)]
     return weights.sum(axis=0, dtype=np.float32)[..., None]
 
 
-def _difference(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
-    return heat(difference(images.upright(planes.recolored(view, scene)), _original(scene, view)))
+def _difference(scene: bpy.types.Scene, view: ShownView, files: PictureFiles) -> np.ndarray:
+    return heat(difference(images.upright(view.recolored(scene)), _original(scene, view, files)))
 
 
-def _unsure(scene: bpy.types.Scene, view: ShownView) -> np.ndarray:
-    photo = _original(scene, view)
-    return photo if view.is_free else _with_doubts(scene, photo)
+def _unsure(scene: bpy.types.Scene, view: ShownView, files: PictureFiles) -> np.ndarray:
+    photo = _original(scene, view, files)
+    return photo if view.is_free else _with_doubts(scene, photo, files)
 
 
-SIDES: dict[str, Callable[[bpy.types.Scene, ShownView], np.ndarray]] = {
+SIDES: dict[str, Callable[[bpy.types.Scene, ShownView, PictureFiles], np.ndarray]] = {
     "ORIGINAL": _original,
     "LEARNED": _learned,
     "WEIGHTS": _weights,
@@ -189,27 +173,19 @@ def _mode() -> str:
     return bpy.context.window_manager.karf_seeing.mode
 
 
-def _with_doubts(scene: bpy.types.Scene, photo: np.ndarray) -> np.ndarray:
+def _with_doubts(scene: bpy.types.Scene, photo: np.ndarray, files: PictureFiles) -> np.ndarray:
     """A dimmed photo [H, W, 3] of the active view with what is unsure in it; as it is where nothing was rendered since."""
-    files = contents.seen_doubts(scene)
-    if not files:
+    doubts = contents.seen_doubts(scene)
+    if not doubts:
         return photo
-    key = [(file, file.stat().st_mtime_ns) for file in files]
-    if _Memory.doubt is None or _Memory.doubt[0] != key:
-        _Memory.doubt = key, np.max([images.read_picture(file) for file in files], axis=0)
-    doubt = images.resized(_Memory.doubt[1], *photo.shape[1::-1])
+    doubt = images.resized(files.read("doubts", doubts), *photo.shape[1::-1])
     return (1 - doubt) * DIMMED * photo + doubt * UNSURE
 
 
-def _rendering(scene: bpy.types.Scene) -> np.ndarray | None:
+def _rendering(scene: bpy.types.Scene, files: PictureFiles) -> np.ndarray | None:
     """What is learned of the active view, rendered, [h, w, 3]; None where it was not rendered since."""
     file = contents.seen_rendering(scene)
-    if file is None:
-        return None
-    key = file, file.stat().st_mtime_ns
-    if _Memory.rendering is None or _Memory.rendering[0] != key:
-        _Memory.rendering = key, images.read_picture(file)
-    return _Memory.rendering[1]
+    return None if file is None else files.read("rendering", [file])
 
 
 def _photo(scene: bpy.types.Scene) -> np.ndarray | None:

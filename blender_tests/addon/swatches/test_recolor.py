@@ -246,4 +246,4 @@ def test_planes_of_a_larger_palette_are_refused_in_a_sentence(addon, learned, mo
     importlib.import_module(type(planes).__module__).write_planes(addon.contents.planes_file(learned), larger)
     learned.karf.compositing = mode
     with pytest.raises(addon.engine_api.DataError, match="other palettes"):
-        addon.planes.composite(learned)
+        addon.shown.of(learned).edited()
