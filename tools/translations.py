@@ -83,8 +83,8 @@ def sentences(package: Path) -> set[str]:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.Call)
     ]
-    told = [node.args[at] for node in calls for at in SENTENCES_AT.get(_name(node.func), ()) if at < len(node.args)]
-    found = {_template(each) for node in told for each in _alternatives(node)}
+    spoken = [node.args[at] for node in calls for at in SENTENCES_AT.get(_name(node.func), ()) if at < len(node.args)]
+    found = {_template(each) for node in spoken for each in _alternatives(node)}
     return {text for text in found if any(map(str.isalpha, text))}
 
 

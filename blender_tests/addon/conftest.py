@@ -26,7 +26,7 @@ MODULES = {
     "project": "captures contents disk folders saving",
     "pictures": "editors images photos sequences chips tints",
     "rig": "camera_paths cameras frames lens looking placement points reprojection",
-    "swatches": "becomes colors display drawn_over edits free_camera object_masks palettes planes shown",
+    "swatches": "becomes colors drawn_over edits free_camera object_masks palettes shown views",
     "marking": "asking following gestures history objects overlay mask_layers photo png proposals raster tools",
     "steps": "masks preview",
     "tasks": "ownership queries runner task timer",

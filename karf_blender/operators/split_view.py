@@ -1,4 +1,4 @@
-"""The line between the original and the picture: dragged where it is, or moved by a button."""
+"""The split view: the line between the original and the picture, dragged where it is, or moved by a button."""
 
 import bpy
 

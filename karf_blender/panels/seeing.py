@@ -1,4 +1,4 @@
-"""How the picture is looked at: what of it, with a wipe or not, with masks or not; and a pie of the same."""
+"""How the picture is looked at: what of it, as a split view or not, with masks or not; and a pie of the same."""
 
 import bpy
 
@@ -12,7 +12,7 @@ KEY = "C"
 
 
 def draw_seeing(layout, context):
-    """What is shown of the active view, and the wipe."""
+    """What is shown of the active view, and the split view."""
     seeing = context.window_manager.karf_seeing
     column = layout.column(align=True)
     names = seeing.bl_rna.properties["mode"].enum_items.keys()

@@ -20,8 +20,8 @@ from ..host import handlers, rendering, windows
 from ..host.words import translatable
 from ..pictures import editors, images
 from ..rig import frames
-from ..swatches import colors, display, free_camera, shown
-from ..swatches.planes import ShownView
+from ..swatches import colors, free_camera, shown, views
+from ..swatches.views import ShownView
 from ..tasks import queries, runner
 from ..tasks.ownership import Owner
 from .cameras import camera_of
@@ -216,7 +216,7 @@ def _looks(scene: bpy.types.Scene) -> tuple:
     """What the picture of planes depends on."""
     edited = [colors.edited(item).tobytes() for item in scene.karf.objects]
     added = [colors.keys(own) for own in colors.added_by_object(scene).values()]
-    return scene.karf.compositing, *display.key(), *edited, added
+    return scene.karf.compositing, *views.key(), *edited, added
 
 
 def _say(live: _Live | None, error: KarfError) -> None:

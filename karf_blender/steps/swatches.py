@@ -100,7 +100,7 @@ def color_at(scene: bpy.types.Scene, name: str, place: tuple[float, float]) -> n
         BadRequest: The object is not there.
         KarfError: The view is not prepared.
     """
-    view, learned = shown.of(scene).planes().planes, colors.palette(edits.object_named(scene, name)).colors
+    view, learned = shown.of(scene).prepared_view().planes, colors.palette(edits.object_named(scene, name)).colors
     height, width = view.base.shape[:2]
     column, row = int(place[0] * width), int((1 - place[1]) * height)
     near = slice(max(0, row - 1), row + 2), slice(max(0, column - 1), column + 2)

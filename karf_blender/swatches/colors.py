@@ -10,7 +10,16 @@ from collections.abc import Iterable
 import bpy
 import numpy as np
 
-from ..engine_api import AddedColor, Palette
+from ..engine_api import (
+    AddedColor,
+    ColorHistogram,
+    Palette,
+    ciede2000,
+    reached_color,
+    shown_colors,
+    spread,
+    srgb_to_lab,
+)
 
 
 def learned(item: bpy.types.PropertyGroup) -> np.ndarray:
@@ -77,3 +86,28 @@ def painted_by(item: bpy.types.PropertyGroup, index: int) -> slice:
     """The swatches whose weights together are what swatch `index` changes: itself, or the set of an added color."""
     is_added = index < len(item.swatches) and item.swatches[index].is_added
     return slice(index, index + (size(item) if is_added else 1))
+
+
+def with_added(item: bpy.types.PropertyGroup, histogram: ColorHistogram) -> ColorHistogram:
+    """An object's colors in the photos with weights that are spread over the sets of its added colors."""
+    weights = spread(histogram.palette_weights.T, palette(item).colors, added(item)).T
+    return histogram._replace(palette_weights=weights)
+
+
+def color_pair(item: bpy.types.PropertyGroup) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """An object's source and target color; they are the same where there is no target."""
+    return tuple(item.source), tuple(item.target)
+
+
+def difference_to_target(item: bpy.types.PropertyGroup, histogram: ColorHistogram) -> float:
+    """CIEDE2000 of what the source color has become to the target. histogram: with the sets of added colors."""
+    whole = Palette(item.name, learned(item))
+    before, after = (shown_colors(histogram, whole, each) for each in (picked_with(item), edited(item)))
+    reached = reached_color(before, after, np.array(item.source), histogram.counts)
+    return float(ciede2000(srgb_to_lab(reached), srgb_to_lab(np.array(item.target))))
+
+
+def fingerprint(scene: bpy.types.Scene) -> bytes:
+    """All that keyframes can change in a picture, as one comparable value."""
+    palettes = [edited(item).tobytes() for item in scene.karf.objects]
+    return b"".join([scene.karf.compositing.encode(), scene.karf.active_view.encode(), *palettes])

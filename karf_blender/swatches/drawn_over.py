@@ -11,7 +11,7 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from gpu_extras.batch import batch_for_shader
 
 from ..host import windows
-from . import display, free_camera, shown
+from . import free_camera, shown, views
 from .object_masks import ObjectMasks
 
 LINE_WIDTH = 1.5
@@ -149,9 +149,9 @@ def draw_split(context: bpy.types.Context, is_bold: bool = False) -> None:
 def _draw_scale(scale: float) -> None:
     """The colors of differences and what they mean."""
     left, bottom = MARGIN * scale, 2 * MARGIN * scale
-    values = np.linspace(0, display.HOTTEST, len(display.HEAT))
-    x = left + values / display.HOTTEST * SCALE_WIDTH * scale
-    colors = [(*map(float, color), 1.0) for color in display.HEAT]
+    values = np.linspace(0, views.HOTTEST, len(views.HEAT))
+    x = left + values / views.HOTTEST * SCALE_WIDTH * scale
+    colors = [(*map(float, color), 1.0) for color in views.HEAT]
     corners = [(float(at), bottom + up * SCALE_HEIGHT * scale) for at in x for up in (0, 1)]
     shader = gpu.shader.from_builtin("SMOOTH_COLOR")
     batch = batch_for_shader(
@@ -160,7 +160,7 @@ def _draw_scale(scale: float) -> None:
     batch.draw(shader)
     blf.size(0, TEXT_SIZE * scale)
     for tick in range(TICKS + 1):
-        text = f"{display.HOTTEST * tick / TICKS:g}" + ("+" if tick == TICKS else "")
+        text = f"{views.HOTTEST * tick / TICKS:g}" + ("+" if tick == TICKS else "")
         _write(text, left + SCALE_WIDTH * scale * tick / TICKS, bottom - MARGIN * scale)
     _write("CIEDE2000", left, bottom + (SCALE_HEIGHT + 6) * scale)
 

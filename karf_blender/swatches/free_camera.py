@@ -4,9 +4,9 @@ import bpy
 
 from ..host.words import translatable
 from ..pictures import editors, images
-from . import display, object_masks, shown
+from . import object_masks, shown, views
 from .object_masks import ObjectMasks
-from .planes import ShownView
+from .views import ShownView
 
 IMAGE_NAME = f"{editors.PREFIX} camera"
 NO_PHOTO = translatable("A free camera has no photo: Original is the scene as learned.")
@@ -28,7 +28,7 @@ def show(scene: bpy.types.Scene, view: ShownView, width: int, height: int) -> No
         KarfError: The planes belong to other palettes, or Blender renders.
     """
     known = shown.of(scene)
-    picture = display.picture(scene, view, known.files)
+    picture = views.picture(scene, view, known.files)
     before = image()
     target = before or images.new_image(IMAGE_NAME, width, height)
     images.fit(target, width, height)

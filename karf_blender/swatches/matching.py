@@ -81,7 +81,7 @@ def match(scene: bpy.types.Scene, name: str, picture: np.ndarray) -> tuple[Objec
     karf = scene.karf
     if karf.compositing != "delta":
         raise BadRequest("A picture can be matched where photos are edited.", "Set Result to Photo plus change.")
-    view, items = shown.of(scene).planes().spread(scene).planes, {item.name: item for item in karf.objects}
+    view, items = shown.of(scene).prepared_view().spread(scene).planes, {item.name: item for item in karf.objects}
     ordered = [items[name] for name in view.objects]
     found = match_picture(
         [groups.gathered(item, weights) for item, weights in zip(ordered, view.palette_weights, strict=True)],

@@ -14,26 +14,13 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
-from ..engine_api import (
-    ColorHistogram,
-    DataError,
-    KarfError,
-    Palette,
-    ciede2000,
-    reached_color,
-    read_object_colors,
-    read_planes,
-    shown_colors,
-    spread,
-    srgb_to_lab,
-)
+from ..engine_api import ColorHistogram, DataError, KarfError, read_object_colors, read_planes
 from ..host import handlers, rendering
 from ..pictures import images
 from ..project import contents, folders
-from . import colors, display, object_masks
-from .display import PictureFiles
+from . import colors, object_masks, views
 from .object_masks import ObjectMasks
-from .planes import ShownView
+from .views import PictureFiles, ShownView
 
 RESULT_NAME = "KaRF"
 RETRY_SECONDS = 0.2
@@ -79,7 +66,7 @@ class ShownScene:
         try:
             self.recolor()
         except KarfError:  # the panel says that the view is not prepared
-            if self.stand_in_key != display.stand_in_key(self.scene):
+            if self.stand_in_key != views.stand_in_key(self.scene):
                 self.show_unedited()
 
     def recolor(self) -> bpy.types.Image:
@@ -89,8 +76,8 @@ class ShownScene:
             KarfError: The view cannot be composited, or Blender renders.
         """
         rendering.refuse()
-        self.values = _values(self.scene)
-        return self._put(display.picture(self.scene, self.planes(), self.files))
+        self.values = colors.fingerprint(self.scene)
+        return self._put(views.picture(self.scene, self.prepared_view(), self.files))
 
     def show_unedited(self) -> bpy.types.Image:
         """Put what there is of a view that cannot be recolored into the result image, which is made if needed.
@@ -99,7 +86,7 @@ class ShownScene:
             BadRequest: Blender renders.
         """
         rendering.refuse()
-        return self._put(display.stand_in(self.scene, self.files))
+        return self._put(views.stand_in(self.scene, self.files))
 
     def _put(self, buffer: np.ndarray) -> bpy.types.Image:
         """Make an RGBA buffer [H, W, 4] the result image, as the active view's picture."""
@@ -108,7 +95,7 @@ class ShownScene:
             karf.result = images.new_image(RESULT_NAME, width, height)
         images.fit(karf.result, width, height)
         images.upload(karf.result, buffer)
-        self.stand_in_key = display.stand_in_key(self.scene)
+        self.stand_in_key = views.stand_in_key(self.scene)
         self.load_masks()
         self.update_differences()
         return karf.result
@@ -119,11 +106,11 @@ class ShownScene:
         Raises:
             KarfError: The view has no planes, or they belong to other palettes.
         """
-        return self.planes().recolored(self.scene)
+        return self.prepared_view().recolored(self.scene)
 
     # --- what is read from the project -----------------------------------------------------------------------------
-    def planes(self) -> ShownView:
-        """The planes of the active view, read from disk where they are not the ones in memory.
+    def prepared_view(self) -> ShownView:
+        """The active view with its planes, read from disk where they are not the ones in memory.
 
         Raises:
             KarfError: There are none, or they are older than the palettes, or damaged.
@@ -150,10 +137,8 @@ class ShownScene:
             files = {"": contents.planes_file(self.scene)} if is_prepared else contents.seen_masks(self.scene)
             key = (*self._place(), *((file, file.stat().st_mtime_ns) for file in files.values()))
             if key != self.masks[0]:
-                self.masks = (
-                    key,
-                    object_masks.of_planes(self.planes().planes) if is_prepared else object_masks.of_files(files),
-                )
+                own = self.prepared_view().planes if is_prepared else None
+                self.masks = key, object_masks.of_files(files) if own is None else object_masks.of_planes(own)
         except (KarfError, OSError):
             self.masks = (), None
 
@@ -180,20 +165,18 @@ class ShownScene:
 
     def histogram(self, item: bpy.types.PropertyGroup) -> ColorHistogram:
         """The same with weights that are spread over the sets of the object's added colors."""
-        histogram = self.learned_histogram(item.name)
-        weights = spread(histogram.palette_weights.T, colors.palette(item).colors, colors.added(item)).T
-        return histogram._replace(palette_weights=weights)
+        return colors.with_added(item, self.learned_histogram(item.name))
 
     # --- target colors ---------------------------------------------------------------------------------------------
     def difference(self, item: bpy.types.PropertyGroup) -> float | None:
         """CIEDE2000 of what an object's source color has become to its target color; None where there is none."""
         known = self.differences.get(item.name)
-        return known[1] if known and known[0][:2] == _pair(item) else None
+        return known[1] if known and known[0][:2] == colors.color_pair(item) else None
 
     def update_differences(self) -> None:
         """Take the differences anew where swatches or target colors have changed; never raises."""
         for item in self.scene.karf.objects:
-            source, target = _pair(item)
+            source, target = colors.color_pair(item)
             if source == target:
                 self.differences.pop(item.name, None)
                 continue
@@ -201,26 +184,9 @@ class ShownScene:
             key = source, target, self.scene.karf.project, *palettes
             if item.name not in self.differences or self.differences[item.name][0] != key:
                 try:
-                    self.differences[item.name] = key, self._difference(item)
+                    self.differences[item.name] = key, colors.difference_to_target(item, self.histogram(item))
                 except (KarfError, OSError):  # the project is gone, or has no such object yet
                     self.differences.pop(item.name, None)
-
-    def _difference(self, item: bpy.types.PropertyGroup) -> float:
-        seen, learned = self.histogram(item), Palette(item.name, colors.learned(item))
-        before = shown_colors(seen, learned, colors.picked_with(item))
-        after = shown_colors(seen, learned, colors.edited(item))
-        reached = reached_color(before, after, np.array(item.source), seen.counts)
-        return float(ciede2000(srgb_to_lab(reached), srgb_to_lab(np.array(item.target))))
-
-
-def _pair(item: bpy.types.PropertyGroup) -> tuple[tuple, tuple]:
-    return tuple(item.source), tuple(item.target)
-
-
-def _values(scene: bpy.types.Scene) -> bytes:
-    """All that keyframes can change in a picture, as one comparable value."""
-    palettes = [colors.edited(item).tobytes() for item in scene.karf.objects]
-    return b"".join([scene.karf.compositing.encode(), scene.karf.active_view.encode(), *palettes])
 
 
 # --- all scenes ----------------------------------------------------------------------------------------------------
@@ -276,7 +242,7 @@ def _refresh_changed() -> None:
     for uid in _Registry.scenes.keys() - {scene.session_uid for scene in bpy.data.scenes}:
         del _Registry.scenes[uid]
     for scene in bpy.data.scenes:
-        if scene.karf.result is not None and _values(scene) != of(scene).values:
+        if scene.karf.result is not None and colors.fingerprint(scene) != of(scene).values:
             of(scene).refresh()
 
 
@@ -313,7 +279,7 @@ def _after_load(*_):
     forget_all()
     for scene in bpy.data.scenes:
         # a picture that was saved is that of the view that was active then
-        of(scene).stand_in_key = display.stand_in_key(scene)
+        of(scene).stand_in_key = views.stand_in_key(scene)
         of(scene).refresh()
 
 

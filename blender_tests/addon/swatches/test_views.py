@@ -34,7 +34,7 @@ def test_original_is_the_photo_and_edited_comes_back(addon, learned, seeing):
     np.testing.assert_array_equal(shown(addon, learned), edited)
 
 
-def test_the_wipe_shows_the_photo_left_of_its_line(addon, learned, seeing):
+def test_a_split_view_shows_the_photo_left_of_its_line(addon, learned, seeing):
     photo = shown(addon, learned)
     addon.headless.set_swatch("pot", 1, "#00ff00")
     edited = shown(addon, learned)
@@ -68,7 +68,7 @@ def test_the_eye_of_a_swatch_shows_its_weights_and_goes_out_again(bpy, addon, le
 
 def test_a_difference_is_black_where_nothing_changed_and_brighter_the_larger_it_is(addon, learned, seeing):
     seeing.mode = "DIFFERENCE"
-    nothing = addon.display.heat(np.zeros(1))[0] * 255
+    nothing = addon.views.heat(np.zeros(1))[0] * 255
     assert np.abs(shown(addon, learned) - nothing).max() <= 0.5
     addon.headless.set_swatch("pot", 1, (0.6, 0.2, 0.1))
     small = shown(addon, learned).sum()
@@ -80,7 +80,7 @@ def test_large_pictures_are_compared_in_some_of_their_pixels(addon):
     first = np.zeros((601, 900, 3), np.float32)
     second = first.copy()
     second[:, 450:] = 1
-    difference = addon.display.difference(first, second)
+    difference = addon.views.difference(first, second)
     assert difference.shape == (601, 900)
     assert not difference[:, :450].any()
     np.testing.assert_allclose(difference[:, 452:], 100, atol=1e-3)

@@ -1,8 +1,10 @@
-"""What is shown of a view or a free camera: the edited picture or another side of it, with a split view or without.
+"""Views: their edit planes, the picture that these make with the swatches, and how it is looked at.
 
-`WindowManager.karf_seeing` says which (properties/seeing.py).
+`WindowManager.karf_seeing` (properties/seeing.py) says what is shown of a view or a free camera: the edited picture or
+another side of it, with a split view or without.
 """
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import ceil, sqrt
@@ -11,24 +13,114 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..engine_api import KarfError, ciede2000, srgb_to_lab
+from ..engine_api import (
+    DataError,
+    KarfError,
+    Planes,
+    SwatchPicture,
+    ciede2000,
+    palette_only,
+    photo_plus_change,
+    spread_objects,
+    srgb_to_lab,
+    stack_palettes,
+)
 from ..pictures import images, photos
 from ..project import captures, contents, folders
 from . import colors
-from .planes import ShownView
+from .object_masks import ObjectMasks
 
 PHOTO_SIDE = 800  # pixels at most of a photo that stands in for a view that is not prepared
-COMPARED_PIXELS = (
-    160_000  # pixels of a difference picture: larger pictures are compared in every second pixel, or third
-)
+COMPARED_PIXELS = 160_000  # of a difference picture: larger ones are compared in every second pixel, or third
 HOTTEST = 20.0  # CIEDE2000 from which the heat map is white
-UNSURE, DIMMED = (
-    np.array([1.0, 0.55, 0.04], np.float32),
-    np.float32(0.4),
-)  # color of unsure pixels; factor of the rest of the photo
+UNSURE = np.array([1.0, 0.55, 0.04], np.float32)  # color of unsure pixels
+DIMMED = np.float32(0.4)  # factor of the rest of the photo
 HEAT = np.array([[0, 0, 0.05], [0.33, 0.06, 0.43], [0.73, 0.21, 0.33], [0.98, 0.55, 0.04], [1, 1, 0.75]], np.float32)
 
 
+@dataclass(eq=False)
+class ShownView:
+    """Planes of one view, ready for compositing.
+
+    Attributes:
+        file: Where they are from.
+        written: The file's time, in nanoseconds.
+        planes: As stored.
+        is_free: A camera's that has no photo: the base is what is learned.
+        masks: The objects in them, once they were painted.
+        pictures: By compositing, once it was asked for: the picture that follows the swatches, and the RGBA buffer
+            [H, W, 4] float32 in Blender's row order that it writes to.
+        with_sets: By added colors, those asked for last: the view whose weights are spread over their sets.
+        canvas: Where a picture that is not just the edited one is put together, RGBA as above; None before the first.
+        split_at: The canvas has the original left of this column.
+    """
+
+    file: Path
+    written: int
+    planes: Planes
+    is_free: bool = False
+    masks: ObjectMasks | None = None
+    pictures: dict[str, tuple[SwatchPicture, np.ndarray]] = field(default_factory=dict)
+    with_sets: dict[str, "ShownView"] = field(default_factory=dict)
+    canvas: np.ndarray | None = None
+    split_at: int = 0
+
+    def recolored(self, scene: bpy.types.Scene) -> np.ndarray:
+        """Recolor the view by a scene's swatches; planes of before palettes were learned show their base.
+
+        Returns:
+            RGBA buffer [H, W, 4] float32 in Blender's row order (see `images.upright`); overwritten by the next call.
+
+        Raises:
+            DataError: The planes belong to other palettes.
+        """
+        if not self.planes.palette_weights.shape[1]:
+            return self._picture("delta")[1]
+        view = self.spread(scene)
+        objects, items = view.planes.objects, {item.name: item for item in scene.karf.objects}
+        factors = stack_palettes(objects, {name: colors.edited(item) for name, item in items.items()})
+        compositing = scene.karf.compositing
+        if compositing != "paper":
+            factors -= stack_palettes(objects, {name: colors.learned(item) for name, item in items.items()})
+        picture, buffer = view._picture(compositing)
+        picture.paint(factors)
+        return buffer
+
+    def spread(self, scene: bpy.types.Scene) -> "ShownView":
+        """The view with its weights spread over the sets of the scene's added colors; without such colors itself.
+
+        Raises:
+            DataError: The planes belong to other palettes.
+        """
+        objects, learned = self.planes.objects, {palette.name: palette for palette in colors.palettes(scene)}
+        if set(objects) != set(learned):
+            raise DataError(
+                f"{self.file} was made for the objects {', '.join(objects)}.", "Extract the palettes again."
+            )
+        if max(len(palette.colors) for palette in learned.values()) != self.planes.palette_weights.shape[1]:
+            raise DataError(f"{self.file} was made for other palettes.", "Press Prepare in step 6.")
+        added = colors.added_by_object(scene)
+        if not added:
+            return self
+        key = repr([(name, colors.keys(own)) for name, own in added.items()])
+        if key not in self.with_sets:
+            weights = spread_objects(self.planes.palette_weights, [learned[name] for name in objects], added)
+            planes = dataclasses.replace(self.planes, palette_weights=weights)
+            self.with_sets.clear()
+            self.with_sets[key] = ShownView(self.file, self.written, planes)
+        return self.with_sets[key]
+
+    def _picture(self, compositing: str) -> tuple[SwatchPicture, np.ndarray]:
+        """The picture of one compositing, and its buffer."""
+        if compositing not in self.pictures:
+            height, width = self.planes.base.shape[:2]
+            buffer = images.blank(width, height)
+            follow = palette_only if compositing == "paper" else photo_plus_change
+            self.pictures[compositing] = follow(self.planes, images.upright(buffer)), buffer
+        return self.pictures[compositing]
+
+
+# --- how it is looked at -------------------------------------------------------------------------------------------
 @dataclass
 class PictureFiles:
     """Pictures of how the engine sees the active view, each read once.
