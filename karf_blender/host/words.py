@@ -2,8 +2,8 @@
 
 Labels, names and tooltips are translated where they are shown. Sentences with values in them are put together here,
 after their translation. Sentences of errors and warnings stay English where they are raised, as in logs and reports to
-developers, and as the engine says them; `translate_sentences` knows them again where they are shown. `tools/translations.py` collects
-all of them from the sources.
+developers, and as the engine says them; `translate_sentences` knows them again where they are shown.
+`tools/translations.py` collects all of them from the sources.
 """
 
 import re
@@ -43,7 +43,8 @@ def _retranslated(text: str) -> str:
     for end in _ends(text):
         template, values = _known(text[:end])
         if template:
-            return f"{translate(template).format(*map(_retranslated, values))} {translate_sentences(text[end:].strip())}".strip()
+            first = translate(template).format(*map(_retranslated, values))
+            return f"{first} {translate_sentences(text[end:].strip())}".strip()
     return text
 
 

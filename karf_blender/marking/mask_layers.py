@@ -169,7 +169,7 @@ def follow(scene: bpy.types.Scene) -> None:
 
 
 def reread(scene: bpy.types.Scene) -> None:
-    """Read the mask layers again from their files, where they are open: these were changed by undo, or by another stroke."""
+    """Read the mask layers again, where they are open: undo, or another stroke, has changed their files."""
     was_open = shown(scene) is not None
     forget()
     if was_open:

@@ -1,4 +1,4 @@
-"""What is drawn over pictures, and never into them: the objects' masks, the split view's line, the scale of differences.
+"""What is drawn over pictures, and never into them: objects' masks, the split view's line, the scale of differences.
 
 Masks are drawn in Image Editors that show the result image or a followed camera's, and in 3D Views that look through the active view's camera.
 """

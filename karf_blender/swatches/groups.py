@@ -133,7 +133,7 @@ def gathered(item: bpy.types.PropertyGroup, weights: np.ndarray) -> np.ndarray:
 
 # --- added colors --------------------------------------------------------------------------------------------------
 def color_shown(item: bpy.types.PropertyGroup, color: np.ndarray) -> np.ndarray:
-    """What a color of an object, sRGB [3] as learned, looks like as its swatches stand; exactly itself where none moved.
+    """What a learned color of an object, sRGB [3], looks like as its swatches stand; exactly itself where none moved.
 
     Raises:
         KarfError: There is no project, or it is damaged or has no such object.
