@@ -8,7 +8,7 @@ from .pictures import chips
 from .project import disk, saving
 from .rig import reprojection
 from .steps import preview
-from .swatches import drawn_over, groups, recolor
+from .swatches import drawn_over, groups, shown
 from .tasks import ownership, runner, timer
 from .workspace import clicking, estimates, folding, opening, statusbar
 
@@ -20,7 +20,7 @@ MODULES = (
     rendering,
     chips,
     groups,  # before what shows the swatches that it moves
-    recolor,
+    shown,
     saving,
     drivers,
     reprojection,

@@ -3,7 +3,7 @@
 import bpy
 
 from .engine_api import Event, KarfError
-from .host.words import say
+from .host.words import translate
 
 
 def state() -> bpy.types.PropertyGroup:
@@ -81,8 +81,8 @@ def _share_and_time(share: float, left: float | None) -> str:
     if not left:
         return percent
     if left > 90:
-        return say("{percent}, {count} min left", percent=percent, count=f"{left / 60:.0f}")
-    return say("{percent}, {count} s left", percent=percent, count=f"{left:.0f}")
+        return translate("{percent}, {count} min left", percent=percent, count=f"{left / 60:.0f}")
+    return translate("{percent}, {count} s left", percent=percent, count=f"{left:.0f}")
 
 
 def _time_left(event: Event) -> str:

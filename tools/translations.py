@@ -19,19 +19,21 @@ ROOT = Path(__file__).resolve().parents[1] / "karf_blender"
 ENGINE = ROOT.with_name("karf_engine")
 TABLES = ROOT / "translations"
 SENTENCES = TABLES / "sentences"
-MARKS = ("shown", "say", "tell")
+MARKS = ("translatable", "translate", "translate_report")
 KEYWORDS = ("text", "title", "message", "heading", "name", "description")  # of calls, whose values are shown
 POSITIONS = {"poll_message_set": 0, "report": 1, "draw_text": 1, "srgb": 0, "append": None}
 CLASS_TEXTS = ("bl_label", "bl_description")
 CONSTANTS = ("_ITEMS", "_NAMES", "_HELP")  # ends of names of module constants that are shown
 ERRORS = ("KarfError", "BadRequest", "DataError", "MissingDependency", "OutOfMemory", "Cancelled", "Diverged")
-TOLD = {**dict.fromkeys(ERRORS, (0, 1)), "warn": (0,), "find_scene": (1,)}  # which arguments are sentences
+SENTENCES_AT = {**dict.fromkeys(ERRORS, (0, 1)), "warn": (0,), "find_scene": (1,)}  # which arguments are sentences
 ENGLISH = ("headless", "managed")  # folders whose sentences stay English: for programmers, and of installing
 UNTRANSLATED = ("KaRF", "RGB", "RGBA", "PNG", "OpenEXR", "NeRF")
 
 
 def main() -> int:
-    faults = [f"{where}: {text!r} has values: use say() or tell()" for where, text in untranslatable()]
+    faults = [
+        f"{where}: {text!r} has values: use translate() or translate_report()" for where, text in untranslatable()
+    ]
     for language in languages():
         faults += [f"{language}: {text!r} is missing" for text in missing(language)]
         faults += [f"{language}: {text!r} is said nowhere" for text in stale(language)]
@@ -81,8 +83,8 @@ def sentences(package: Path) -> set[str]:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.Call)
     ]
-    told = [node.args[at] for node in calls for at in TOLD.get(_name(node.func), ()) if at < len(node.args)]
-    found = {_template(each) for node in told for each in _alternatives(node)}
+    spoken = [node.args[at] for node in calls for at in SENTENCES_AT.get(_name(node.func), ()) if at < len(node.args)]
+    found = {_template(each) for node in spoken for each in _alternatives(node)}
     return {text for text in found if any(map(str.isalpha, text))}
 
 

@@ -26,8 +26,8 @@ MODULES = {
     "project": "captures contents disk folders saving",
     "pictures": "editors images photos sequences chips tints",
     "rig": "camera_paths cameras frames lens looking placement points reprojection",
-    "swatches": "becomes display drawn_over edits free_camera object_masks palettes pigments planes recolor wishes",
-    "marking": "asking following gestures history objects overlay photo png proposals raster sheets tools",
+    "swatches": "becomes colors drawn_over edits free_camera object_masks palettes shown views",
+    "marking": "asking following gestures history objects overlay mask_layers photo png proposals raster tools",
     "steps": "masks preview",
     "tasks": "ownership queries runner task timer",
     "compositor": "group",
@@ -65,7 +65,7 @@ def addon(bpy, monkeypatch):
             setattr(modules, name, importlib.import_module(f"{package}.{name}"))
     monkeypatch.setattr(modules.engine_api, "ENGINE_FOLDER", FAKE_ENGINE)
     monkeypatch.setenv("KARF_ENGINE_PYTHON", sys.executable)
-    modules.recolor.forget()
+    modules.shown.forget_all()
     yield modules
     assert not modules.runner.is_running()
     modules.preview.stop()

@@ -2,7 +2,7 @@
 
 import textwrap
 
-from .words import told
+from .words import translate_sentences
 
 WIDE = "\u2e7f"  # letters after this one are twice as wide
 SIDEBAR = 34  # letters that fit the sidebar's usual width
@@ -11,7 +11,7 @@ SIDEBAR = 34  # letters that fit the sidebar's usual width
 def draw_text(layout, text, icon, width=SIDEBAR):
     """A text as labels, one below the other, of at most this many letters; the icon stands before the first."""
     column = layout.column(align=True)
-    text = "\n".join(told(paragraph) for paragraph in text.splitlines())
+    text = "\n".join(translate_sentences(paragraph) for paragraph in text.splitlines())
     if any(letter > WIDE for letter in text):
         width //= 2
     for paragraph in text.splitlines():

@@ -12,9 +12,9 @@ from ..pictures import images
 from ..preferences import state
 from ..project import disk
 from ..tasks import queries
-from . import objects, photo, proposals, sheets
+from . import mask_layers, objects, photo, proposals
+from .mask_layers import Layer
 from .proposals import Proposal
-from .sheets import Layer
 
 
 def propose(scene: bpy.types.Scene, proposal: Proposal) -> None:
@@ -24,7 +24,7 @@ def propose(scene: bpy.types.Scene, proposal: Proposal) -> None:
         KarfError: The engine cannot be started.
     """
     step, options = proposals.note(scene, proposal)
-    sheets.follow(scene)
+    mask_layers.follow(scene)
     queries.send(scene, "propose", options, partial(_take_proposal, step, proposal))
 
 
@@ -50,10 +50,10 @@ def correct(scene: bpy.types.Scene) -> None:
 
 def _take_corrected(view: str, scene: bpy.types.Scene, values: dict[str, Any]) -> None:
     files = {name: Path(file) for name, file in values["masks"].items()}
-    sheet = sheets.shown(scene)
-    if sheet is not None and sheet.view.name == view:
-        sheet.solved = {name: Layer(images.read_mask(file).astype(np.int8)) for name, file in files.items()}
-        sheets.follow(scene)
+    layers = mask_layers.shown(scene)
+    if layers is not None and layers.view.name == view:
+        layers.solved = {name: Layer(images.read_mask(file).astype(np.int8)) for name, file in files.items()}
+        mask_layers.follow(scene)
     for file in files.values():
         file.unlink(missing_ok=True)
 

@@ -4,7 +4,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..host import handlers
-from . import asking, history, sheets
+from . import asking, history, mask_layers
 
 
 @persistent
@@ -14,14 +14,14 @@ def _after_undo(*_):
     except OSError as error:
         print(f"KaRF: masks do not follow undo: {error}")
     for scene in bpy.data.scenes:
-        sheets.reread(scene)
+        mask_layers.reread(scene)
         asking.follow(scene)
 
 
 @persistent
 def _after_load(*_):
     history.forget()
-    sheets.forget()
+    mask_layers.forget()
 
 
 HANDLERS = (("undo_post", _after_undo), ("redo_post", _after_undo), ("load_post", _after_load))
@@ -36,4 +36,4 @@ def unregister():
     """Called when the extension is disabled."""
     handlers.remove(HANDLERS)
     history.forget()
-    sheets.forget()
+    mask_layers.forget()

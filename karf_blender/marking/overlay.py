@@ -11,8 +11,8 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ..engine_api import srgb_to_linear
-from . import gestures, objects, photo, proposals, sheets
-from .sheets import Layer
+from . import gestures, mask_layers, objects, photo, proposals
+from .mask_layers import Layer
 
 LONGEST = 2048  # pixels of a texture's side: larger masks are shown reduced
 IS, IS_NOT = (0.15, 0.85, 0.25), (0.95, 0.15, 0.1)  # colors of corrections and clicks
@@ -78,28 +78,28 @@ class _Memory:
 def _draw_overlay() -> None:
     context = bpy.context
     scene, space = context.scene, context.space_data
-    sheet = sheets.shown(scene)
-    if sheet is None or not photo.is_shown(scene, space) or not space.overlay.show_overlays:
+    layers = mask_layers.shown(scene)
+    if layers is None or not photo.is_shown(scene, space) or not space.overlay.show_overlays:
         return
     gpu.state.blend_set("ALPHA")
-    used = {_draw_layer(context.region, *each) for each in _layers(scene, sheet)}
+    used = {_draw_layer(context.region, *each) for each in _layers(scene, layers)}
     for key in _Memory.textures.keys() - used:
         del _Memory.textures[key]
-    _draw_clicks(context.region, scene, sheet)
+    _draw_clicks(context.region, scene, layers)
     _draw_gesture()
     gpu.state.blend_set("NONE")
 
 
-def _layers(scene, sheet):
+def _layers(scene, layers):
     """What is drawn, from the lowest: a name for its texture, the layer, its sign, color, opacity, width of outline."""
     marking, active = scene.karf.marking, objects.active(scene)
-    masks = sheet.masks | sheet.solved if marking.correct else sheet.masks
+    masks = layers.masks | layers.solved if marking.correct else layers.masks
     items = [item for item in marking.objects if item.folder in masks]
     for item in sorted(items, key=lambda item: item == active):
         look = (TINT, OUTLINE) if item == active else (OTHERS_TINT, OTHERS_OUTLINE)
         yield ("mask", item.folder), masks[item.folder], 1, objects.tint(item), *look
-    if marking.correct and active is not None and active.folder in sheet.corrections:
-        layer = sheet.corrections[active.folder]
+    if marking.correct and active is not None and active.folder in layers.corrections:
+        layer = layers.corrections[active.folder]
         yield ("is", active.folder), layer, 1, IS, TINT, OTHERS_OUTLINE
         yield ("is not", active.folder), layer, -1, IS_NOT, TINT, OTHERS_OUTLINE
 
@@ -151,12 +151,12 @@ def _shader() -> gpu.types.GPUShader:
 
 
 # --- clicks and gestures -------------------------------------------------------------------------------------------
-def _draw_clicks(region, scene, sheet) -> None:
+def _draw_clicks(region, scene, layers) -> None:
     active = objects.active(scene)
     proposal = proposals.shown(scene, active.folder) if active is not None else None
     if proposal is None:
         return
-    width, height = sheet.size
+    width, height = layers.size
     if proposal.box is not None:
         x0, y0, x1, y1 = proposal.box
         corners = ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))

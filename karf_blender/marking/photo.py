@@ -6,7 +6,7 @@ from ..engine_api import BadRequest, DataError
 from ..host import rendering, windows
 from ..pictures import editors, photos
 from ..project import captures, folders
-from . import sheets
+from . import mask_layers
 
 NAME = f"{editors.PREFIX} photo"
 VIEW = "karf_view"  # the property of the picture that says whose it is
@@ -26,8 +26,8 @@ def show(scene: bpy.types.Scene) -> bpy.types.Image:
     """
     image = _load(scene)
     editors.reveal(image, is_wanted=True)
-    sheets.open_sheet(scene)
-    sheets.follow(scene)
+    mask_layers.open_layers(scene)
+    mask_layers.follow(scene)
     return image
 
 

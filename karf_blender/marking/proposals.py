@@ -12,7 +12,7 @@ import numpy as np
 from .. import preferences
 from ..pictures import images
 from ..project import captures
-from . import history, sheets
+from . import history, mask_layers
 from .raster import Place
 
 
@@ -68,7 +68,7 @@ def box(scene: bpy.types.Scene, name: str, corner: Place, other: Place) -> Propo
 
 
 def _begin(scene: bpy.types.Scene, name: str, is_object: bool) -> Proposal:
-    before = sheets.open_sheet(scene).layer(name, is_correction=False).pixels > 0
+    before = mask_layers.open_layers(scene).layer(name, is_correction=False).pixels > 0
     return Proposal(name, scene.karf.active_view, np.packbits(before).tobytes(), is_object or not before.any())
 
 
@@ -78,7 +78,7 @@ def note(scene: bpy.types.Scene, proposal: Proposal) -> tuple[int, dict[str, Any
     Returns:
         The step's number, and what the engine is to be asked.
     """
-    step = history.record(scene, sheets.root_of(scene, False), {}, proposal)
+    step = history.record(scene, mask_layers.root_of(scene, False), {}, proposal)
     options = {"capture": str(captures.path_of(scene)), "view": proposal.view, "prompts": proposal.prompts()}
     return step, options | {"weights": preferences.current().marking_model or None}
 
@@ -92,11 +92,11 @@ def take(scene: bpy.types.Scene, step: int, proposal: Proposal, file: Path) -> N
     """
     pixels = proposal.joined(images.read_mask(file))
     view = captures.view_of(scene, proposal.view)
-    if not history.amend(step, sheets.files_of(scene, view, proposal.name, False, pixels)):
+    if not history.amend(step, mask_layers.files_of(scene, view, proposal.name, False, pixels)):
         return
-    sheet = sheets.shown(scene)
-    if sheet is not None and sheet.view.name == proposal.view:
-        layer = sheet.layer(proposal.name, is_correction=False)
+    layers = mask_layers.shown(scene)
+    if layers is not None and layers.view.name == proposal.view:
+        layer = layers.layer(proposal.name, is_correction=False)
         layer.pixels = pixels
         layer.touch()
-    sheets.follow(scene)
+    mask_layers.follow(scene)

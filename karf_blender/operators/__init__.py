@@ -18,9 +18,9 @@ from . import (
     probing,
     render,
     seeing,
+    split_view,
     surface,
     swatches,
-    wiping,
     workspace,
 )
 
@@ -35,7 +35,7 @@ FILES = (
     swatches,
     adding,
     seeing,
-    wiping,
+    split_view,
     render,
     preview,
     surface,

@@ -8,7 +8,7 @@ from bpy.props import StringProperty
 from .. import steps
 from ..engine_api import BadRequest
 from ..host import windows
-from ..host.words import tell
+from ..host.words import translate_report
 from ..properties.colors import pigment_reach, srgb
 from ..swatches import drawn_over
 from .reporting import PreparedStep, reports_errors
@@ -36,7 +36,7 @@ class KARF_OT_add_color(PreparedStep, bpy.types.Operator):
         context.window_manager.modal_handler_add(self)
         context.window.cursor_modal_set("EYEDROPPER")
         context.workspace.status_text_set(
-            tell("Click on {name} in the picture to add its color there.  Esc: none", name=self.object_name)
+            translate_report("Click on {name} in the picture to add its color there.  Esc: none", name=self.object_name)
         )
         return {"RUNNING_MODAL"}
 
@@ -61,7 +61,7 @@ class KARF_OT_add_color(PreparedStep, bpy.types.Operator):
     def execute(self, context):
         number = steps.add_color(context.scene, self.object_name, self.picked, reach=self.reach)
         windows.redraw(*windows.PANEL_AREAS)
-        self.report({"INFO"}, tell("Added as swatch {number}: change its color", number=number))
+        self.report({"INFO"}, translate_report("Added as swatch {number}: change its color", number=number))
         return {"FINISHED"}
 
 

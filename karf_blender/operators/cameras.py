@@ -6,7 +6,7 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from .. import steps
-from ..host.words import tell
+from ..host.words import translate_report
 from .capture import view_from_camera
 from .reporting import reports_errors
 
@@ -37,7 +37,7 @@ class KARF_OT_export_cameras(bpy.types.Operator):
         scene, path = context.scene, Path(bpy.path.abspath(self.filepath))
         steps.export_cameras(scene, path)
         count = len(steps.frame_range(scene))
-        self.report({"INFO"}, tell("Wrote {count} cameras to {path}", count=count, path=path))
+        self.report({"INFO"}, translate_report("Wrote {count} cameras to {path}", count=count, path=path))
         return {"FINISHED"}
 
 
@@ -59,7 +59,7 @@ class KARF_OT_import_cameras(bpy.types.Operator):
     def execute(self, context):
         camera = steps.import_cameras(context.scene, Path(bpy.path.abspath(self.filepath)))
         view_from_camera(context.area)
-        self.report({"INFO"}, tell("{name} is the scene's camera", name=camera.name))
+        self.report({"INFO"}, translate_report("{name} is the scene's camera", name=camera.name))
         return {"FINISHED"}
 
 

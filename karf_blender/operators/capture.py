@@ -7,7 +7,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, St
 
 from .. import progress, steps
 from ..engine_api import CAPTURE_MARKS
-from ..host.words import tell
+from ..host.words import translate_report
 from ..rig.cameras import Options
 from ..steps import masks
 from ..tasks import runner
@@ -117,7 +117,9 @@ class KARF_OT_import_capture(RigOptions, bpy.types.Operator):
         view_from_camera(context.area, colored_points=self.points and capture.points is not None)
         estimates.measure_once()
         opening.set_up(masks.begin_marking, masks.fit_photo)
-        self.report({"INFO"}, tell("{count} cameras from {path}", count=len(capture.views), path=capture.source))
+        self.report(
+            {"INFO"}, translate_report("{count} cameras from {path}", count=len(capture.views), path=capture.source)
+        )
         return {"FINISHED"}
 
 

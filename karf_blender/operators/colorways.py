@@ -6,7 +6,7 @@ import bpy
 from bpy.props import StringProperty
 
 from .. import steps
-from ..host.words import say, tell
+from ..host.words import translate, translate_report
 from ..pictures import chips
 from ..tasks import runner
 from .reporting import PaletteStep, reports_errors
@@ -77,7 +77,7 @@ class KARF_OT_render_colorways(PaletteStep, bpy.types.Operator):
         missed = sum(bool(item.reason) for item in shown.colors)
         count = len(shown.colors)
         layout.label(
-            text=say(
+            text=translate(
                 "{count} colors, {missed} of them cannot be reached. Numbers: CIEDE2000 to the wanted",
                 count=count,
                 missed=missed,
@@ -86,14 +86,16 @@ class KARF_OT_render_colorways(PaletteStep, bpy.types.Operator):
         rows = min(ROWS, len(shown.colors))
         layout.template_list(KARF_UL_colorways.__name__, "", shown, "colors", shown, "active", rows=rows)
         if shown.active < len(shown.colors) and (reason := shown.colors[shown.active].reason):
-            layout.label(text=say("Cannot be reached, because {reason}", reason=reason), icon="ERROR")
+            layout.label(text=translate("Cannot be reached, because {reason}", reason=reason), icon="ERROR")
         layout.prop(self, "views")
 
     @reports_errors
     def execute(self, context):
         sheet = Path(bpy.path.abspath(self.filepath))
         runner.launch(steps.colorways(context.scene, sheet, self.views))
-        self.report({"INFO"}, tell("Pictures go to {path}", path=steps.colorways_folder(context.scene, sheet)))
+        self.report(
+            {"INFO"}, translate_report("Pictures go to {path}", path=steps.colorways_folder(context.scene, sheet))
+        )
         return {"FINISHED"}
 
 

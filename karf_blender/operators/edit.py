@@ -7,7 +7,7 @@ from bpy.props import StringProperty
 
 from .. import steps
 from ..engine_api import EDIT_SUFFIXES
-from ..host.words import tell
+from ..host.words import translate_report
 from ..swatches import becomes, edits
 from .reporting import PreparedStep, ProjectSwatchStep, SwatchStep, reports_errors
 
@@ -57,7 +57,7 @@ class KARF_OT_match_picture(PreparedStep, bpy.types.Operator):
         file = Path(bpy.path.abspath(self.filepath)) if self.filepath else None
         found = steps.match_picture(context.scene, file)
         left = ", ".join(f"{each.name} {each.before:.1f} before, {each.left:.1f} now" for each in found)
-        self.report({"INFO"}, tell("CIEDE2000 to the picture: {left}", left=left))
+        self.report({"INFO"}, translate_report("CIEDE2000 to the picture: {left}", left=left))
         return {"FINISHED"}
 
 
@@ -100,7 +100,7 @@ class KARF_OT_save_edit(SwatchStep, bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         steps.save_edit(context.scene, Path(bpy.path.abspath(self.filepath)))
-        self.report({"INFO"}, tell("Wrote {path}", path=self.filepath))
+        self.report({"INFO"}, translate_report("Wrote {path}", path=self.filepath))
         return {"FINISHED"}
 
 

@@ -4,7 +4,7 @@ import bpy
 from bpy.props import EnumProperty
 
 from .. import steps
-from ..marking import gestures, photo, raster, sheets
+from ..marking import gestures, mask_layers, photo, raster
 from ..marking.gestures import Gesture
 from ..pictures import editors
 from ..steps import masks
@@ -37,14 +37,14 @@ class MarkingTool:
         """The mouse button was pressed."""
         if context.region.type != "WINDOW":
             return {"PASS_THROUGH"}
-        if not photo.is_shown(context.scene, context.space_data) or sheets.shown(context.scene) is None:
+        if not photo.is_shown(context.scene, context.space_data) or mask_layers.shown(context.scene) is None:
             editors.show(context.area, steps.show_photo(context.scene))
             return {"FINISHED"}
         return self.begin(context, event)
 
     def place(self, context, event) -> raster.Place:
         """Where the mouse is in the photo."""
-        size = sheets.open_sheet(context.scene).size
+        size = mask_layers.open_layers(context.scene).size
         return gestures.photo_place(context.region, size, (event.mouse_region_x, event.mouse_region_y))
 
 
@@ -55,7 +55,7 @@ class KARF_OT_mark_click(MarkingTool, bpy.types.Operator):
     bl_label = "Mark: Click"
 
     def begin(self, context, event):
-        place, size = self.place(context, event), sheets.open_sheet(context.scene).size
+        place, size = self.place(context, event), mask_layers.open_layers(context.scene).size
         if not all(0 <= value < length for value, length in zip(place, size, strict=True)):
             return {"CANCELLED"}  # beside the photo
         steps.mark_click(context.scene, place, self.does)
@@ -111,7 +111,7 @@ class DragTool(MarkingTool):
 
     def on_photo(self, context) -> list[raster.Place]:
         """The drag's places in the photo."""
-        size = sheets.open_sheet(context.scene).size
+        size = mask_layers.open_layers(context.scene).size
         return [gestures.photo_place(context.region, size, place) for place in self.drawn]
 
     def is_slip(self) -> bool:
@@ -166,7 +166,7 @@ class KARF_OT_mark_brush(DragTool, bpy.types.Operator):
         scene = context.scene
         Gesture.places = []  # the mask itself shows the stroke
         self.layer, self.value = masks.layer_to_mark(scene), masks.value_of(scene, self.does)
-        size = sheets.open_sheet(scene).size
+        size = mask_layers.open_layers(scene).size
         self.radius = gestures.photo_length(context.region, size, scene.karf.marking.brush)
         self.last = self.place(context, event)
         self.move(context, event)
@@ -182,7 +182,7 @@ class KARF_OT_mark_brush(DragTool, bpy.types.Operator):
         return {"FINISHED"}
 
     def abandon(self, context):
-        sheets.reread(context.scene)
+        mask_layers.reread(context.scene)
 
 
 CLASSES = (KARF_OT_mark_click, KARF_OT_mark_box, KARF_OT_mark_lasso, KARF_OT_mark_brush)

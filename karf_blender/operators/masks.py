@@ -6,8 +6,8 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 from .. import steps
 from ..engine_api import BadRequest
 from ..host import windows
-from ..host.words import tell
-from ..marking import objects, sheets, tools
+from ..host.words import translate_report
+from ..marking import mask_layers, objects, tools
 from ..pictures import editors
 from ..project import disk
 from .reporting import has_project, has_stage, reports_errors
@@ -128,7 +128,9 @@ class KARF_OT_set_volume(ObjectStep, bpy.types.Operator):
             raise BadRequest("There is no active object.", "Select a mesh or an Empty in the 3D View.")
         count = steps.set_volume(context.scene, shape, self.kind)
         name = objects.active(context.scene).folder
-        self.report({"INFO"}, tell("Volumes of {name}: {count}. Segment heeds them", name=name, count=count))
+        self.report(
+            {"INFO"}, translate_report("Volumes of {name}: {count}. Segment heeds them", name=name, count=count)
+        )
         return {"FINISHED"}
 
 
@@ -143,7 +145,7 @@ class KARF_OT_add_object(MarkingStep, bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         steps.add_object(context.scene, self.name)
-        sheets.follow(context.scene)
+        mask_layers.follow(context.scene)
         return {"FINISHED"}
 
 

@@ -4,7 +4,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from .. import preferences, steps
-from ..host.words import shown, tell
+from ..host.words import translatable, translate_report
 from ..project import folders
 from ..properties.scene import FORMAT_DEPTHS
 from ..tasks import runner
@@ -58,12 +58,15 @@ class KARF_OT_render_view(RenderDialog, ProjectSwatchStep, bpy.types.Operator):
         if preferences.has_engine():
             runner.launch(steps.render_view(context.scene))
             self.report(
-                {"INFO"}, tell("The picture goes to {path}", path=folders.out_folder(context.scene) / "recolor")
+                {"INFO"},
+                translate_report("The picture goes to {path}", path=folders.out_folder(context.scene) / "recolor"),
             )
         else:
             self.report(
                 {"WARNING"},
-                tell("Without the engine the preview was written: {path}", path=steps.save_shown(context.scene)),
+                translate_report(
+                    "Without the engine the preview was written: {path}", path=steps.save_shown(context.scene)
+                ),
             )
         return {"FINISHED"}
 
@@ -85,7 +88,9 @@ class KARF_OT_render_capture(RenderDialog, PaletteStep, bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         runner.launch(steps.render_captured(context.scene, self.views or self.split.lower()))
-        self.report({"INFO"}, tell("Pictures go to {path}", path=folders.out_folder(context.scene) / "recolor"))
+        self.report(
+            {"INFO"}, translate_report("Pictures go to {path}", path=folders.out_folder(context.scene) / "recolor")
+        )
         return {"FINISHED"}
 
 
@@ -146,7 +151,7 @@ class KARF_OT_render_camera(CameraDialog, PaletteStep, bpy.types.Operator):
     def execute(self, context):
         scene = context.scene
         runner.launch(steps.render_sequence(scene, scene.camera, self.frames(scene)))
-        self.report({"INFO"}, tell("Pictures go to {path}", path=steps.camera_folder(scene) / "recolor"))
+        self.report({"INFO"}, translate_report("Pictures go to {path}", path=steps.camera_folder(scene) / "recolor"))
         return {"FINISHED"}
 
 
@@ -169,7 +174,7 @@ class KARF_OT_farm_bundle(CameraDialog, ProjectSwatchStep, bpy.types.Operator):
         scene = context.scene
         out = folders.absolute(self.directory) if self.directory else None
         bundle = steps.farm_bundle(scene, scene.camera, self.frames(scene), out, self.per_task)
-        self.report({"INFO"}, tell("The job is in {path}", path=bundle))
+        self.report({"INFO"}, translate_report("The job is in {path}", path=bundle))
         return {"FINISHED"}
 
 
@@ -189,8 +194,10 @@ class KARF_OT_build_compositor(PaletteStep, bpy.types.Operator):
     @classmethod
     def description(cls, context, properties):
         if properties.driven:
-            return shown("Recolor the active view by nodes in the compositor, with sockets that follow the swatches")
-        return shown("Recolor the active view by nodes in the compositor, with sockets that are set by hand")
+            return translatable(
+                "Recolor the active view by nodes in the compositor, with sockets that follow the swatches"
+            )
+        return translatable("Recolor the active view by nodes in the compositor, with sockets that are set by hand")
 
     @reports_errors
     def execute(self, context):
@@ -218,7 +225,7 @@ class KARF_OT_show_frames(FramesStep, bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         image = steps.show_frames(context.scene)
-        self.report({"INFO"}, tell("{name} is in the Image Editors", name=image.name))
+        self.report({"INFO"}, translate_report("{name} is in the Image Editors", name=image.name))
         return {"FINISHED"}
 
 
@@ -232,9 +239,9 @@ class KARF_OT_add_strip(FramesStep, bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         strip = steps.add_strip(context.scene)
-        sentence = shown("{name} is on channel {channel} of the sequencer of {scene}")
+        sentence = translatable("{name} is on channel {channel} of the sequencer of {scene}")
         values = {"name": strip.name, "channel": strip.channel, "scene": context.scene.name}
-        self.report({"INFO"}, tell(sentence, **values))
+        self.report({"INFO"}, translate_report(sentence, **values))
         return {"FINISHED"}
 
 

@@ -7,14 +7,14 @@ from .. import preferences
 from ..engine import failures, installing, removing
 from ..engine_api import VERSION, KarfError, MissingDependency
 from ..host import compat
-from ..host.words import shown, tell, told
+from ..host.words import translatable, translate_report, translate_sentences
 from ..project import disk
 from ..tasks import runner
 
 MISSING = {
-    "geometry": shown("Learn the scene first"),
-    "segmentation": shown("Segment the objects first"),
-    "recoloring": shown("Extract the palettes first"),
+    "geometry": translatable("Learn the scene first"),
+    "segmentation": translatable("Segment the objects first"),
+    "recoloring": translatable("Extract the palettes first"),
 }
 
 
@@ -27,9 +27,9 @@ def reports_errors(execute: Callable) -> Callable:
         try:
             return execute(self, context, *event)
         except KarfError as error:
-            self.report({"ERROR"}, told(str(error)))
+            self.report({"ERROR"}, translate_sentences(str(error)))
         except OSError as error:
-            self.report({"ERROR"}, told(str(failures.disk_error(error))))
+            self.report({"ERROR"}, translate_sentences(str(failures.disk_error(error))))
         return {"CANCELLED"}
 
     return safe
@@ -115,7 +115,9 @@ def has_project(cls: type, context) -> bool:
     missing = disk.contents_of(context.scene).missing
     if missing is not None:
         cls.poll_message_set(
-            tell("The project folder {path} is missing: bring it back, or choose it in step 1", path=missing)
+            translate_report(
+                "The project folder {path} is missing: bring it back, or choose it in step 1", path=missing
+            )
         )
         return False
     return True

@@ -6,7 +6,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from .. import steps
-from ..host.words import tell
+from ..host.words import translate_report
 from ..surface import placing
 from ..tasks import runner
 from .reporting import PaletteStep, reports_errors
@@ -66,7 +66,7 @@ class KARF_OT_export_scene(bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         path = steps.export_scene(context.scene, Path(bpy.path.abspath(self.filepath)), self.shape)
-        self.report({"INFO"}, tell("Wrote {path}", path=path))
+        self.report({"INFO"}, translate_report("Wrote {path}", path=path))
         return {"FINISHED"}
 
 

@@ -1,7 +1,7 @@
 """Step 6: swatches."""
 
 from ..host.labels import draw_text
-from ..host.words import say
+from ..host.words import translate
 from ..project import disk
 from .seeing import draw_seeing
 from .swatching import draw_object
@@ -19,7 +19,9 @@ def draw_edit(layout, context):
     is_prepared = disk.contents_of(context.scene).is_prepared
     row.operator("karf.show_view", text="Show" if is_prepared else "Prepare", icon="IMAGE_DATA")
     if not is_prepared:
-        draw_text(layout, say("{view} is not prepared: Prepare shows it recolored", view=karf.active_view), "INFO")
+        draw_text(
+            layout, translate("{view} is not prepared: Prepare shows it recolored", view=karf.active_view), "INFO"
+        )
     if not any(area.type == "IMAGE_EDITOR" for area in context.screen.areas):
         layout.label(text="Open an Image Editor to see it", icon="INFO")
     draw_seeing(layout, context)
@@ -47,7 +49,7 @@ def draw_match(layout, karf):
     row.operator("karf.match_picture", icon="EYEDROPPER")
     for left in match.left:
         layout.label(
-            text=say(
+            text=translate(
                 "{name}: CIEDE2000 {before} before, {left} left",
                 name=left.name,
                 before=f"{left.before:.1f}",

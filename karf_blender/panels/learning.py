@@ -3,7 +3,7 @@
 from ... import __package__ as extension
 from ..engine import installing
 from ..host.labels import draw_text
-from ..host.words import say
+from ..host.words import translate
 from ..preferences import state
 from ..project import disk
 from ..rig import reprojection
@@ -72,10 +72,10 @@ def duration(seconds):
     """About so long, as one says it."""
     minutes = max(1, round(seconds / 60))
     if minutes >= 90:
-        return say("About {count} hours on this computer", count=round(minutes / 60))
+        return translate("About {count} hours on this computer", count=round(minutes / 60))
     if minutes == 1:
-        return say("About a minute on this computer")
-    return say("About {count} minutes on this computer", count=minutes)
+        return translate("About a minute on this computer")
+    return translate("About {count} minutes on this computer", count=minutes)
 
 
 def draw_engine(layout):
@@ -83,7 +83,7 @@ def draw_engine(layout):
     problem = state.known().problem
     if installing.is_running():
         progress = installing.progress()
-        layout.progress(factor=progress.fraction, text=say("Engine: {what}", what=progress.title))
+        layout.progress(factor=progress.fraction, text=translate("Engine: {what}", what=progress.title))
     elif problem:
         draw_text(layout, problem, "INFO")
     if problem or installing.is_running():
@@ -100,14 +100,14 @@ def draw_segment(layout, context):
     for name, share, is_unseen in known.unsure:
         shown = {"name": name, "share": f"{100 * share:.0f}"}
         if is_unseen:
-            draw_text(layout, say("{name}: {share} % unsure, where no mark shows it", **shown), "QUESTION")
+            draw_text(layout, translate("{name}: {share} % unsure, where no mark shows it", **shown), "QUESTION")
         else:
-            draw_text(layout, say("{name}: {share} % unsure, where marks and colors differ", **shown), "QUESTION")
+            draw_text(layout, translate("{name}: {share} % unsure, where marks and colors differ", **shown), "QUESTION")
     if known.unsure:
         layout.prop_enum(context.window_manager.karf_seeing, "mode", "UNSURE")
         draw_lacking(layout, context)
     if known.suggested:
-        text = say("Mark next: {view}", view=known.suggested[0])
+        text = translate("Mark next: {view}", view=known.suggested[0])
         layout.operator("karf.go_to_suggested", text=text, icon="LIGHT")
 
 

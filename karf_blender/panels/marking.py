@@ -3,7 +3,7 @@
 import bpy
 
 from ..host.labels import draw_text
-from ..host.words import say
+from ..host.words import translate
 from ..marking import objects
 from ..pictures import chips
 from ..preferences import state
@@ -20,7 +20,7 @@ class KARF_UL_objects(bpy.types.UIList):
         row.label(text="", icon_value=chips.icon(objects.tint(item)))
         row.prop(item, "name", text="", emboss=False)
         count = disk.contents_of(context.scene).masks.get(item.folder, 0)
-        row.label(text=say("{count} marked", count=count) if count else "not marked")
+        row.label(text=translate("{count} marked", count=count) if count else "not marked")
 
 
 def draw_masks(layout, context):

@@ -1,6 +1,6 @@
 """Step 7, Render: the pictures, and below them a group that can be opened for each other kind of result."""
 
-from ..host.words import shown
+from ..host.words import translatable
 from .preview import draw_live
 from .surface import draw_surface
 
@@ -49,10 +49,10 @@ def draw_compositor(layout, karf):
 
 # name, title, what it draws
 GROUPS = (
-    ("live", shown("Live Camera"), draw_live),
-    ("sequence", shown("Rendered Frames"), draw_sequence),
-    ("colorways", shown("Colorways"), draw_colorways),
-    ("surface", shown("Scene in 3D"), draw_surface),
-    ("compositor", shown("Compositor"), draw_compositor),
-    ("cameras", shown("Camera Paths"), draw_cameras),
+    ("live", translatable("Live Camera"), draw_live),
+    ("sequence", translatable("Rendered Frames"), draw_sequence),
+    ("colorways", translatable("Colorways"), draw_colorways),
+    ("surface", translatable("Scene in 3D"), draw_surface),
+    ("compositor", translatable("Compositor"), draw_compositor),
+    ("cameras", translatable("Camera Paths"), draw_cameras),
 )

@@ -1,18 +1,18 @@
-"""How the picture is looked at: what of it, with a wipe or not, with masks or not; and a pie of the same."""
+"""How the picture is looked at: what of it, as a split view or not, with masks or not; and a pie of the same."""
 
 import bpy
 
-from ..host.words import say
+from ..host.words import translate
 from ..pictures import chips
 from ..project import disk
-from ..swatches import object_masks, wishes
+from ..swatches import shown
 
 # the key that shows before and after, with Alt the pie; free in the Image Editor of Blender's own key map
 KEY = "C"
 
 
 def draw_seeing(layout, context):
-    """What is shown of the active view, and the wipe."""
+    """What is shown of the active view, and the split view."""
     seeing = context.window_manager.karf_seeing
     column = layout.column(align=True)
     names = seeing.bl_rna.properties["mode"].enum_items.keys()
@@ -45,7 +45,7 @@ def draw_masks(layout, context):
     if not seeing.show_masks:
         return
     column.prop(seeing, "tint", slider=True)
-    masks = object_masks.of(context.scene)
+    masks = shown.of(context.scene).known_masks()
     if masks is None:
         layout.label(text="Press Show Masks for this view", icon="INFO")
         return
@@ -64,10 +64,10 @@ def draw_solo(layout, name, index):
 
 def draw_left(layout, item):
     """How far an object's source color still is from its target."""
-    left = wishes.left(item.id_data, item)
+    left = shown.of(item.id_data).difference(item)
     if left is not None:
         layout.label(
-            text=say("{number} CIEDE2000 left", number=f"{left:.1f}"), icon="CHECKMARK" if left < 1 else "BLANK1"
+            text=translate("{number} CIEDE2000 left", number=f"{left:.1f}"), icon="CHECKMARK" if left < 1 else "BLANK1"
         )
 
 

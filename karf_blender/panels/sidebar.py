@@ -8,20 +8,20 @@ out, and its tooltip says for which.
 import bpy
 
 from ..host.labels import draw_text
-from ..host.words import shown
+from ..host.words import translatable
 from ..workspace import opening, states
 from . import editing, learning, marking, rendering
 from .status import draw_status
 
 # name, title, what it draws
 SECTIONS = (
-    ("import", shown("1  Import"), learning.draw_import),
-    ("learn", shown("2  Learn Scene"), learning.draw_learn),
-    ("mark", shown("3  Mark Objects"), marking.draw_masks),
-    ("segment", shown("4  Segment"), learning.draw_segment),
-    ("palette", shown("5  Palette"), learning.draw_palette),
-    ("edit", shown("6  Edit"), editing.draw_edit),
-    ("render", shown("7  Render"), rendering.draw_render),
+    ("import", translatable("1  Import"), learning.draw_import),
+    ("learn", translatable("2  Learn Scene"), learning.draw_learn),
+    ("mark", translatable("3  Mark Objects"), marking.draw_masks),
+    ("segment", translatable("4  Segment"), learning.draw_segment),
+    ("palette", translatable("5  Palette"), learning.draw_palette),
+    ("edit", translatable("6  Edit"), editing.draw_edit),
+    ("render", translatable("7  Render"), rendering.draw_render),
 )
 EDITORS = (("VIEW_3D", "view3d"), ("IMAGE_EDITOR", "image"))
 HEADERS = {  # text of a header after the step's title

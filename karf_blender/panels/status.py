@@ -3,7 +3,7 @@
 import bpy
 
 from ..host.labels import draw_text
-from ..host.words import say
+from ..host.words import translate
 from ..project import disk
 from ..workspace import statusbar
 
@@ -39,18 +39,18 @@ def outcome(context):
     if disk.contents_of(context.scene).missing:
         return {"text": "The project folder is missing", "icon": "ERROR"}
     if progress.error:
-        return {"text": say("{what} failed", what=say(progress.stage)), "icon": "ERROR"}
+        return {"text": translate("{what} failed", what=translate(progress.stage)), "icon": "ERROR"}
     if progress.text:
-        return {"text": f"{say(progress.stage)}: {say(progress.text)}", "icon": "INFO"}
+        return {"text": f"{translate(progress.stage)}: {translate(progress.text)}", "icon": "INFO"}
     return {"text": "No job is running", "icon": "CHECKMARK"}
 
 
 def row_title(context):
     """What the lower row's button is called while no job runs."""
     if has_trouble(context):
-        return say("Why, and What to Do")
+        return translate("Why, and What to Do")
     count = len(context.window_manager.karf_progress.warnings.splitlines())
-    return say("Messages: {count}", count=count) if count else say("No Messages")
+    return translate("Messages: {count}", count=count) if count else translate("No Messages")
 
 
 class KARF_PT_message(bpy.types.Panel):

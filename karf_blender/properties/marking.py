@@ -4,7 +4,7 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
 
 from ..engine_api import KarfError
-from ..marking import asking, objects, sheets
+from ..marking import asking, mask_layers, objects
 
 
 def _renamed(self, context):
@@ -13,16 +13,16 @@ def _renamed(self, context):
     except (KarfError, OSError) as error:
         self["name"] = self.folder
         print(f"KaRF: the object {self.folder!r} keeps its name: {error}")
-    sheets.reread(self.id_data)
+    mask_layers.reread(self.id_data)
 
 
 def _changed(self, context):
-    sheets.follow(self.id_data)
+    mask_layers.follow(self.id_data)
 
 
 def _switched(self, context):
     asking.follow(self.id_data)
-    sheets.follow(self.id_data)
+    mask_layers.follow(self.id_data)
 
 
 class KARF_PG_marked_object(bpy.types.PropertyGroup):

@@ -8,7 +8,7 @@ from ..host.compat import PATH_OPTIONS
 from ..marking import asking, objects
 from ..project import contents, disk, folders
 from ..rig import reprojection
-from ..swatches import palettes, recolor
+from ..swatches import palettes, shown
 from .marking import KARF_PG_marking
 from .surface import KARF_PG_surface
 from .swatches import KARF_PG_match, KARF_PG_object, edit_changed
@@ -47,7 +47,7 @@ SIZE_ITEMS = [
 
 
 def _view_chosen(self, context):
-    recolor.refresh(self.id_data)
+    shown.of(self.id_data).refresh()
     asking.follow(self.id_data)
     disk.refresh()
 

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from ..swatches import drawn_over, recolor
+from ..swatches import drawn_over, shown
 
 MODE_ITEMS = [
     ("EDITED", "Edited", "With the swatches as they stand", "BRUSH_DATA", 0),
@@ -17,7 +17,7 @@ MODE_ITEMS = [
 
 def _picture_changed(self, context):
     for scene in bpy.data.scenes:
-        recolor.refresh(scene)
+        shown.of(scene).refresh()
     drawn_over.redraw()
 
 

@@ -13,7 +13,7 @@ from bpy.props import (
 
 from .. import progress
 from ..engine_api import BRIGHTEST, KarfError
-from ..swatches import becomes, edits, groups, recolor, wishes
+from ..swatches import becomes, edits, groups, shown
 from .colors import pigment_reach, srgb
 
 RULE_ITEMS = [
@@ -24,12 +24,12 @@ RULE_ITEMS = [
 
 def edit_changed(self, context):
     """The update of a property that changes the picture."""
-    recolor.refresh(self.id_data)
+    shown.of(self.id_data).refresh()
 
 
 def _color_changed(self, context):
     if groups.follow(self):
-        recolor.refresh(self.id_data)
+        shown.of(self.id_data).refresh()
 
 
 def _reach_changed(self, context):
@@ -39,7 +39,7 @@ def _reach_changed(self, context):
 
 def _source_picked(self, context):
     becomes.picked(self)
-    wishes.update(self.id_data)
+    shown.of(self.id_data).update_differences()
 
 
 def _target_changed(self, context):
@@ -48,7 +48,7 @@ def _target_changed(self, context):
             becomes.apply_picked(self)
         except (KarfError, OSError) as error:
             progress.warn(str(error))
-    wishes.update(self.id_data)
+    shown.of(self.id_data).update_differences()
 
 
 def _picture_chosen(self, context):

@@ -12,7 +12,7 @@ from .. import progress
 from ..engine_api import Capture, DataError, KarfError, Project, Request, hold_out, open_capture
 from ..project import captures, folders
 from ..rig import cameras
-from ..swatches import palettes, recolor
+from ..swatches import palettes, shown
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
 from . import requests, view
@@ -59,7 +59,7 @@ def import_capture(
     except OSError as error:
         capture = replace(capture, remarks=(*capture.remarks, f"{project} cannot be made: {error.strerror}."))
     karf.rig = cameras.build(capture, f"KaRF {project.name}", scene, replace(rig, **options))
-    with recolor.batched(scene):
+    with shown.batched(scene):
         if not is_known:
             palettes.load_palettes(scene, ())
         karf.capture = folders.stored(path)

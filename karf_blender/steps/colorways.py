@@ -8,7 +8,7 @@ import bpy
 from .. import progress
 from ..engine_api import PlannedColorway, Request, plan_colorways
 from ..project import folders
-from ..swatches import pigments
+from ..swatches import colors
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
 from . import requests
@@ -27,7 +27,7 @@ def predict_colorways(scene: bpy.types.Scene, sheet: str | Path) -> tuple[Planne
 def _locked(scene: bpy.types.Scene) -> dict[str, list[int]]:
     """Numbers of the locked swatches of each object that has some."""
     locked = {
-        item.name: [i for i, swatch in enumerate(item.swatches[: pigments.size(item)]) if swatch.locked]
+        item.name: [i for i, swatch in enumerate(item.swatches[: colors.size(item)]) if swatch.locked]
         for item in scene.karf.objects
     }
     return {name: numbers for name, numbers in locked.items() if numbers}

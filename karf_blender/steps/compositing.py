@@ -9,7 +9,7 @@ from .. import progress
 from ..compositor import placing
 from ..engine_api import Request, find_header, read_layer_names
 from ..project import captures, folders
-from ..swatches import pigments
+from ..swatches import colors
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
 from . import following, requests, sequences
@@ -35,7 +35,7 @@ def build_compositor(
     view = captures.view_of(scene, view).name
     out = folders.out_folder(scene)
     finish = partial(_place, out / "layers" / f"{view}.exr", driven)
-    edit = out / "edit.json" if pigments.of(scene) else None
+    edit = out / "edit.json" if colors.added_by_object(scene) else None
     if edit is not None:
         save_edit(scene, edit)
     job = requests.layers(view, out, edit)

@@ -74,7 +74,7 @@ def match_picture(
 def apply_edit(scene: bpy.types.Scene, edit: str | Path | Edit) -> None:
     """Set the swatches to an edit, or to an edit or palette file; what it does not name becomes as learned."""
     if not isinstance(edit, Edit):
-        edit = read_edit_file(Path(edit), edits.learned(scene), scene.karf.compositing)
+        edit = read_edit_file(Path(edit), colors.palettes(scene), scene.karf.compositing)
     edits.apply_edit(scene, edit)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import progress
 from ..nodes import drivers
-from ..swatches import colors, pigments
+from ..swatches import colors
 
 
 class Palettes(Protocol):
@@ -25,7 +25,7 @@ def known_of(scene: bpy.types.Scene, objects: Sequence[Palettes]) -> list[Palett
 
 def _fits(scene: bpy.types.Scene, each: Palettes) -> bool:
     item = scene.karf.objects.get(each.name)
-    if item is None or len(each.colors) < pigments.size(item):
+    if item is None or len(each.colors) < colors.size(item):
         return False
     return colors.learned(item)[: len(each.colors)].tolist() == each.colors.tolist()
 

@@ -11,7 +11,7 @@ import bpy
 from ..engine_api import BadRequest
 from ..pictures import editors
 from ..project import captures, contents, folders
-from ..swatches import edits, palettes, recolor
+from ..swatches import colors, palettes, shown
 from ..tasks.task import Task
 from . import requests
 
@@ -55,7 +55,7 @@ def learn_all(scene: bpy.types.Scene, preset: str = "", overrides: Sequence[str]
         BadRequest: No masks are chosen.
     """
     jobs = (_geometry(scene, preset, overrides), _segmentation(scene, None), *_palettes(scene))
-    return requests.task(scene, "Learn All", *jobs, result=partial(edits.learned, scene))
+    return requests.task(scene, "Learn All", *jobs, result=partial(colors.palettes, scene))
 
 
 def _geometry(scene: bpy.types.Scene, preset: str, overrides: Sequence[str]) -> tuple[str, dict]:
@@ -101,7 +101,7 @@ def extract_palette(scene: bpy.types.Scene) -> Task:
     Returns:
         The task; its result is the palettes as learned, one an object.
     """
-    return requests.task(scene, "Extract Palette", *_palettes(scene), result=partial(edits.learned, scene))
+    return requests.task(scene, "Extract Palette", *_palettes(scene), result=partial(colors.palettes, scene))
 
 
 def _palettes(scene: bpy.types.Scene) -> tuple[tuple[str, dict], ...]:
@@ -134,5 +134,5 @@ def show_view(scene: bpy.types.Scene, view: str = "") -> Task | bpy.types.Image:
         karf.active_view = view
     if not contents.is_current(folders.project_of(scene), karf.active_view):
         return replace(prepare_views(scene, karf.active_view), result=lambda: scene.karf.result)
-    editors.reveal(recolor.show(scene), is_wanted=True, is_whole=True)
+    editors.reveal(shown.of(scene).recolor(), is_wanted=True, is_whole=True)
     return karf.result

@@ -9,17 +9,17 @@ from collections.abc import Sequence
 import bpy
 
 from ..engine_api import BadRequest, KarfError
-from ..host.words import shown
-from ..marking import asking, objects, photo, proposals, raster, sheets, tools, volumes
+from ..host.words import translatable
+from ..marking import asking, mask_layers, objects, photo, proposals, raster, tools, volumes
+from ..marking.mask_layers import Layer
 from ..marking.raster import Place
-from ..marking.sheets import Layer
 from ..pictures import editors
 from ..preferences import state
 from ..project import contents, disk, folders
 
 MASK_VALUES = {"ADD": 1, "TAKE": 0, "CLEAR": 0}
 CORRECTION_VALUES = {"ADD": 1, "TAKE": -1, "CLEAR": 0}
-WITHOUT_ENGINE = shown("Brush, lasso and box mark without it.")
+WITHOUT_ENGINE = translatable("Brush, lasso and box mark without it.")
 CLICK_SHARE = 1 / 150  # radius of a correction's click, as a share of the photo's longer side
 
 
@@ -29,7 +29,7 @@ def show_photo(scene: bpy.types.Scene) -> bpy.types.Image:
     Raises:
         KarfError: There is no capture, the photo or a mask cannot be read, or Blender renders.
     """
-    sheets.forget()  # another program may have written masks
+    mask_layers.forget()  # another program may have written masks
     objects.sync(scene)
     if not scene.karf.marking.objects:
         objects.add(scene)
@@ -110,7 +110,7 @@ def mark_click(scene: bpy.types.Scene, place: Place, does: str = "ADD") -> None:
         OSError: The correction cannot be written.
     """
     if scene.karf.marking.correct:
-        mark_stroke(scene, [place], max(sheets.open_sheet(scene).size) * CLICK_SHARE, does)
+        mark_stroke(scene, [place], max(mask_layers.open_layers(scene).size) * CLICK_SHARE, does)
     elif problem := state.known().problem:
         raise BadRequest("Clicks need the engine.", f"{problem} {WITHOUT_ENGINE}")
     else:
@@ -133,7 +133,7 @@ def layer_to_mark(scene: bpy.types.Scene) -> Layer:
         KarfError: There is no object or no view.
     """
     _choose_folder(scene)
-    return sheets.open_sheet(scene).layer(_name(scene), scene.karf.marking.correct)
+    return mask_layers.open_layers(scene).layer(_name(scene), scene.karf.marking.correct)
 
 
 def value_of(scene: bpy.types.Scene, does: str) -> int:
@@ -144,7 +144,7 @@ def value_of(scene: bpy.types.Scene, does: str) -> int:
 def keep(scene: bpy.types.Scene, layer: Layer) -> None:
     """Write the layer that was marked."""
     layer.touch()
-    sheets.save(scene, _name(scene), scene.karf.marking.correct)
+    mask_layers.save(scene, _name(scene), scene.karf.marking.correct)
     _after_mark(scene)
 
 
@@ -162,7 +162,7 @@ def _choose_folder(scene: bpy.types.Scene) -> None:
 
 def _after_mark(scene: bpy.types.Scene) -> None:
     disk.refresh()
-    sheets.follow(scene)
+    mask_layers.follow(scene)
     asking.correct(scene)
 
 
@@ -181,7 +181,7 @@ def remove_object(scene: bpy.types.Scene) -> None:
     """
     _name(scene)
     objects.remove(scene)
-    sheets.reread(scene)
+    mask_layers.reread(scene)
     disk.refresh()
 
 

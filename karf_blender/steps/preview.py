@@ -17,16 +17,16 @@ from bpy.app.handlers import persistent
 
 from ..engine_api import BadRequest, Camera, KarfError, camera_to_json, read_planes
 from ..host import handlers, rendering, windows
-from ..host.words import shown
+from ..host.words import translatable
 from ..pictures import editors, images
 from ..rig import frames
-from ..swatches import colors, display, free_camera, pigments
-from ..swatches.planes import ShownView, recolored
+from ..swatches import colors, free_camera, shown, views
+from ..swatches.views import ShownView
 from ..tasks import queries, runner
 from ..tasks.ownership import Owner
 from .cameras import camera_of
 
-UNSEEN = shown("No Image Editor shows the picture KaRF camera, so it is not rendered. Choose it in one.")
+UNSEEN = translatable("No Image Editor shows the picture KaRF camera, so it is not rendered. Choose it in one.")
 KIND = "preview"
 COARSE_SIDE = 96  # pixels
 LOOK_SECONDS = 0.03
@@ -98,7 +98,7 @@ def start(scene: bpy.types.Scene) -> None:
 def stop() -> None:
     """Follow no camera; its last picture stays."""
     _Memory.live = None
-    free_camera.forget()
+    shown.follow_no_camera()
 
 
 def preview_camera(
@@ -120,7 +120,7 @@ def preview_camera(
     """
     pinhole = frames.pinhole(scene, camera_of(scene, camera))
     view = _taken(queries.wait(scene, KIND, _options(pinhole, long_side)))
-    images.write_png(Path(path), images.upright(recolored(view, scene)))
+    images.write_png(Path(path), images.upright(view.recolored(scene)))
     return Path(path)
 
 
@@ -215,8 +215,8 @@ def _show(live: _Live, scene: bpy.types.Scene) -> None:
 def _looks(scene: bpy.types.Scene) -> tuple:
     """What the picture of planes depends on."""
     edited = [colors.edited(item).tobytes() for item in scene.karf.objects]
-    added = [pigments.keys(own) for own in pigments.of(scene).values()]
-    return scene.karf.compositing, *display.key(), *edited, added
+    added = [colors.keys(own) for own in colors.added_by_object(scene).values()]
+    return scene.karf.compositing, *views.key(), *edited, added
 
 
 def _say(live: _Live | None, error: KarfError) -> None:

@@ -13,7 +13,7 @@ from ..pictures import images
 from ..pictures.sequences import files_in
 from ..project import folders
 from ..rig.frames import file_name, frames_of
-from ..swatches import edits, planes, recolor
+from ..swatches import edits, shown
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
 from . import requests, sequences
@@ -27,7 +27,7 @@ def save_shown(scene: bpy.types.Scene) -> Path:
     Returns:
         The PNG's path.
     """
-    colors = images.upright(planes.composite(scene))
+    colors = images.upright(shown.of(scene).edited())
     # where the engine writes this view too
     path = folders.out_folder(scene) / "recolor" / f"{scene.karf.active_view}.png"
     images.write_png(path, colors)
@@ -140,7 +140,7 @@ def write_sequence(
     if not scene.karf.objects:
         raise BadRequest("There is no palette yet.", "Extract the palettes first.")
     views, files, known = [], [], {}
-    with recolor.batched(scene):
+    with shown.batched(scene):
         for view in frames_of(scene, camera, frame_range(scene) if frames is None else frames):
             edit = edits.current_edit(scene)
             key = b"".join(colors.tobytes() for colors in edit.colors.values())

@@ -11,7 +11,7 @@ from .. import preferences, progress
 from ..engine_api import Project, Request, read_palettes
 from ..pictures import editors
 from ..project import contents, folders
-from ..swatches import palettes, recolor
+from ..swatches import palettes, shown
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
 
@@ -35,10 +35,10 @@ def import_results(owner: Owner, request: Request) -> None:
         )
     for scene in scenes:
         if request.stage == "recoloring":
-            recolor.forget()
+            shown.forget(scene)
             palettes.load_palettes(scene, read_palettes(Project(request.project).palette_file))
         elif contents.is_prepared(scene):
-            editors.reveal(recolor.show(scene), is_whole=True)
+            editors.reveal(shown.of(scene).recolor(), is_whole=True)
 
 
 def task(

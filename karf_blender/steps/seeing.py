@@ -9,7 +9,7 @@ import bpy
 from ..engine_api import Request
 from ..pictures import editors
 from ..project import contents
-from ..swatches import drawn_over, object_masks, recolor
+from ..swatches import drawn_over, shown
 from ..tasks import queries
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
@@ -23,9 +23,9 @@ def show_masks(scene: bpy.types.Scene) -> None:
         KarfError: There is no project, or the engine cannot be started.
     """
     bpy.context.window_manager.karf_seeing.show_masks = True
-    object_masks.load(scene)
+    shown.of(scene).load_masks()
     _reveal(scene)
-    if object_masks.of(scene) is None:
+    if shown.of(scene).known_masks() is None:
         view = scene.karf.active_view
         queries.send(scene, "masks", {"view": view}, partial(_take_masks, view))
 
@@ -35,7 +35,7 @@ def _take_masks(view: str, scene: bpy.types.Scene, values: dict[str, Any]) -> No
         target = contents.seen_mask(scene, name, view)
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.move(file, target)
-    object_masks.load(scene)
+    shown.of(scene).load_masks()
     if scene.karf.active_view == view:
         _reveal(scene)
 
@@ -54,6 +54,7 @@ def _present(owner: Owner, request: Request) -> None:
 
 def _reveal(scene: bpy.types.Scene) -> None:
     """Show the active view, recolored where it is prepared, in the Image Editors."""
-    show = recolor.show if contents.is_prepared(scene) else recolor.show_unedited
-    editors.reveal(show(scene), is_wanted=True)
+    known = shown.of(scene)
+    image = known.recolor() if contents.is_prepared(scene) else known.show_unedited()
+    editors.reveal(image, is_wanted=True)
     drawn_over.redraw()

@@ -9,7 +9,7 @@ import bpy
 from ..engine_api import BadRequest, Palette, Request, palettes_with, read_points
 from ..project import folders
 from ..surface import export, placing
-from ..swatches import pigments
+from ..swatches import colors
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
 from . import following, requests, sequences
@@ -66,7 +66,7 @@ def place_points(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
     palettes = [Palette(name, colors) for name, colors in zip(points.objects, points.learned, strict=True)]
     palettes = [_as_long_as_swatches(scene, each) for each in palettes]
     ours = {each.name for each in following.known_of(scene, palettes)}
-    added = {name: own for name, own in pigments.of(scene).items() if name in ours}
+    added = {name: own for name, own in colors.added_by_object(scene).items() if name in ours}
     points, palettes = points.with_added(palettes, added), palettes_with(palettes, added)
     known = following.known_of(scene, palettes)
     karf.surface.item, node = placing.build(
@@ -81,7 +81,7 @@ def place_points(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
 def _as_long_as_swatches(scene: bpy.types.Scene, palette: Palette) -> Palette:
     """A palette without the zeros behind its end, which are there where others are longer."""
     item = scene.karf.objects.get(palette.name)
-    return palette if item is None else Palette(palette.name, palette.colors[: pigments.size(item)])
+    return palette if item is None else Palette(palette.name, palette.colors[: colors.size(item)])
 
 
 def show_colors(spaces: Iterable["bpy.types.SpaceView3D"]) -> None:

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 
 from ..engine_api import MOST_ADDED, REACH, AddedColor, BadRequest, hex_to_rgb, rgb_to_hex, srgb_to_lab
-from ..swatches import colors, edits, groups, keyframes, pigments, planes, recolor
+from ..swatches import colors, edits, groups, keyframes, shown
 
 Swatch = tuple[str, int]
 Color = str | Sequence[float]  # sRGB in [0, 1], or "#rrggbb"
@@ -35,7 +35,7 @@ def link_swatches(scene: bpy.types.Scene, one: Swatch, other: Swatch) -> None:
     first, second = edits.unlocked(scene, *one), edits.swatch_at(scene, *other)
     if first == second or second.merged:
         raise BadRequest(f"Swatch {one[1]} of {one[0]!r} cannot be linked with that.", "Choose another swatch.")
-    with recolor.batched(scene):
+    with shown.batched(scene):
         groups.link(first, second)
 
 
@@ -61,7 +61,7 @@ def merge_swatch(scene: bpy.types.Scene, object_name: str, index: int, into: int
     """
     edits.unlocked(scene, object_name, index)
     item = edits.object_named(scene, object_name)
-    others = [each for each in range(1, pigments.size(item)) if each != index and not item.swatches[each].merged]
+    others = [each for each in range(1, colors.size(item)) if each != index and not item.swatches[each].merged]
     if item.swatches[index].is_added:
         raise BadRequest(f"Swatch {index} of {object_name!r} was added: it cannot be merged.", "Remove it in its menu.")
     if not others or into not in (None, *others):
@@ -72,7 +72,7 @@ def merge_swatch(scene: bpy.types.Scene, object_name: str, index: int, into: int
     if into is None:
         lab = srgb_to_lab(colors.learned(item))
         into = min(others, key=lambda other: float(np.linalg.norm(lab[other] - lab[index])))
-    with recolor.batched(scene):
+    with shown.batched(scene):
         groups.merge(item, index, into)
     return into
 
@@ -100,7 +100,7 @@ def color_at(scene: bpy.types.Scene, name: str, place: tuple[float, float]) -> n
         BadRequest: The object is not there.
         KarfError: The view is not prepared.
     """
-    view, learned = planes.shown_view(scene).planes, pigments.learned(edits.object_named(scene, name))
+    view, learned = shown.of(scene).prepared_view().planes, colors.palette(edits.object_named(scene, name)).colors
     height, width = view.base.shape[:2]
     column, row = int(place[0] * width), int((1 - place[1]) * height)
     near = slice(max(0, row - 1), row + 2), slice(max(0, column - 1), column + 2)
@@ -131,13 +131,13 @@ def add_color(
         DataError: The project's histogram of the object's colors is damaged.
     """
     item, picked = edits.object_named(scene, object_name), rgb_of(picked)
-    if len(pigments.added(item)) >= MOST_ADDED:
+    if len(colors.added(item)) >= MOST_ADDED:
         raise BadRequest(f"{MOST_ADDED} colors were added to {object_name!r}.", "Remove one of them in its menu.")
     added = AddedColor(picked, reach)
-    found = pigments.solved(item, added, pigments.shown(item, picked))
-    with recolor.batched(scene), groups.apart():
-        number = pigments.append(item, added)
-        pigments.paint(item, number, found)
+    found = groups.solved_set(item, added, groups.color_shown(item, picked))
+    with shown.batched(scene), groups.apart():
+        number = groups.add_color(item, added)
+        groups.set_colors(item, number, found)
     if color is not None:
         set_swatch(scene, object_name, number, color)
     return number
@@ -155,10 +155,10 @@ def remove_color(scene: bpy.types.Scene, object_name: str, index: int) -> None:
             f"Swatch {index} of {object_name!r} was learned: it stays.", "Merge it into another in its menu."
         )
     keyframes.copy_shared_action(scene)
-    curves, count, learned = keyframes.of(scene), pigments.size(item), rgb_to_hex(swatch.learned)
-    with recolor.batched(scene), groups.apart():
+    curves, count, learned = keyframes.of(scene), colors.size(item), rgb_to_hex(swatch.learned)
+    with shown.batched(scene), groups.apart():
         groups.unlink(swatch)
-        pigments.remove(item, index)
+        groups.remove_color(item, index)
     numbers = {each: number for number, each in enumerate(scene.karf.objects.keys())}
     for curve in curves:
         if curve.object_name == object_name and isinstance(curve.swatch, int) and curve.swatch >= index:

@@ -20,7 +20,7 @@ from ..engine_api import (
     srgb_to_lab,
     with_held,
 )
-from . import colors, edits, groups, pigments
+from . import colors, edits, groups, shown
 
 MOST_HELD = 8  # pairs held for an object's paints
 FOREIGN = 10.0  # CIEDE2000 from which an object shows no such color
@@ -54,20 +54,21 @@ def apply(
         DataError: The project's histogram of the object's colors is damaged.
     """
     item = edits.object_named(scene, name)
-    seen = pigments.seen(item)
+    seen = shown.of(scene).histogram(item)
     locked, now = groups.held(item), colors.edited(item)
     start = np.where(np.isin(np.arange(len(now)), locked)[:, None], now, start)
-    shown = shown_colors(seen, Palette(name, colors.learned(item)), start)
+    visible = shown_colors(seen, Palette(name, colors.learned(item)), start)
     weights = groups.gathered(item, seen.palette_weights.T).T
     if rule == "fewest":
-        edited = match_fewest(nearest_weights(shown, weights, source), start, target, locked, shown=source)
+        edited = match_fewest(nearest_weights(visible, weights, source), start, target, locked, shown=source)
     else:
-        edited = match_becomes(shown, seen.counts, weights, start, *with_held(shown, source, target, held), locked)
-    edits.apply_edit(scene, Edit({name: edited}, scene.karf.compositing, pigments.of(scene)))
-    distance = ciede2000(srgb_to_lab(shown), srgb_to_lab(source)).min()
+        pairs = with_held(visible, source, target, held)
+        edited = match_becomes(visible, seen.counts, weights, start, *pairs, locked)
+    edits.apply_edit(scene, Edit({name: edited}, scene.karf.compositing, colors.added_by_object(scene)))
+    distance = ciede2000(srgb_to_lab(visible), srgb_to_lab(source)).min()
     if distance > FOREIGN:
         return f"{name} shows no color like {rgb_to_hex(source)}: the nearest differs by CIEDE2000 {distance:.0f}. Pick it anew."
-    before = ColorHistogram(shown, seen.counts, weights)
+    before = ColorHistogram(visible, seen.counts, weights)
     reached, left, reason = reached_by(edited, Palette(name, start), before, source, srgb_to_lab(target), locked)
     return (
         reason and f"{name} shows {rgb_to_hex(reached)}, CIEDE2000 {left:.0f} from what was wanted, because {reason}."

@@ -1,4 +1,4 @@
-"""What is drawn over pictures, and never into them: the objects' masks, the wipe's line, the scale of differences.
+"""What is drawn over pictures, and never into them: objects' masks, the split view's line, the scale of differences.
 
 Masks are drawn in Image Editors that show the result image or a followed camera's, and in 3D Views that look through the active view's camera.
 """
@@ -11,7 +11,8 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from gpu_extras.batch import batch_for_shader
 
 from ..host import windows
-from . import display, free_camera, object_masks
+from . import free_camera, shown, views
+from .object_masks import ObjectMasks
 
 LINE_WIDTH = 1.5
 TEXT_SIZE, MARGIN = 12, 16
@@ -76,11 +77,11 @@ def _draw_in_image() -> None:
     seeing, place = context.window_manager.karf_seeing, picture_in(context.region)
     if seeing.show_masks:
         is_camera = free_camera.is_in(context.space_data)
-        _draw_masks(free_camera.masks() if is_camera else object_masks.of(context.scene), place)
+        _draw_masks(free_camera.masks() if is_camera else shown.of(context.scene).known_masks(), place)
     if seeing.mode == "DIFFERENCE":
         _draw_scale(context.preferences.system.ui_scale)
     if seeing.is_wiped:
-        draw_wipe(context)
+        draw_split(context)
 
 
 def _draw_in_view() -> None:
@@ -88,10 +89,10 @@ def _draw_in_view() -> None:
     if context.window_manager.karf_seeing.show_masks and context.space_data.overlay.show_overlays:
         place = _camera_frame(context)
         if place is not None:
-            _draw_masks(object_masks.of(context.scene), place)
+            _draw_masks(shown.of(context.scene).known_masks(), place)
 
 
-def _draw_masks(masks: object_masks.ObjectMasks | None, place: Rectangle) -> None:
+def _draw_masks(masks: ObjectMasks | None, place: Rectangle) -> None:
     if masks is None:
         return
     seeing = bpy.context.window_manager.karf_seeing
@@ -116,7 +117,7 @@ def _draw_masks(masks: object_masks.ObjectMasks | None, place: Rectangle) -> Non
     gpu.state.blend_set("NONE")
 
 
-def _on_card(masks: object_masks.ObjectMasks, fill: gpu.types.GPUShader, lines: gpu.types.GPUShader) -> tuple:
+def _on_card(masks: ObjectMasks, fill: gpu.types.GPUShader, lines: gpu.types.GPUShader) -> tuple:
     """The fill as a texture, the square that it is drawn in, and the outlines."""
     height, width = masks.fill.shape[:2]
     texture = gpu.types.GPUTexture(
@@ -126,8 +127,8 @@ def _on_card(masks: object_masks.ObjectMasks, fill: gpu.types.GPUShader, lines: 
     return texture, square, batch_for_shader(lines, "LINES", {"pos": masks.outlines, "color": masks.colors})
 
 
-def draw_wipe(context: bpy.types.Context, is_bold: bool = False) -> None:
-    """Draw the wipe's line in an Image Editor, and what is on its sides. is_bold: the mouse is over it."""
+def draw_split(context: bpy.types.Context, is_bold: bool = False) -> None:
+    """Draw the split view's line in an Image Editor, and what is on its sides. is_bold: the mouse is over it."""
     seeing, scale = context.window_manager.karf_seeing, context.preferences.system.ui_scale
     left, bottom, right, top = picture_in(context.region)
     x = left + seeing.wipe * (right - left)
@@ -148,9 +149,9 @@ def draw_wipe(context: bpy.types.Context, is_bold: bool = False) -> None:
 def _draw_scale(scale: float) -> None:
     """The colors of differences and what they mean."""
     left, bottom = MARGIN * scale, 2 * MARGIN * scale
-    values = np.linspace(0, display.HOTTEST, len(display.HEAT))
-    x = left + values / display.HOTTEST * SCALE_WIDTH * scale
-    colors = [(*map(float, color), 1.0) for color in display.HEAT]
+    values = np.linspace(0, views.HOTTEST, len(views.HEAT))
+    x = left + values / views.HOTTEST * SCALE_WIDTH * scale
+    colors = [(*map(float, color), 1.0) for color in views.HEAT]
     corners = [(float(at), bottom + up * SCALE_HEIGHT * scale) for at in x for up in (0, 1)]
     shader = gpu.shader.from_builtin("SMOOTH_COLOR")
     batch = batch_for_shader(
@@ -159,7 +160,7 @@ def _draw_scale(scale: float) -> None:
     batch.draw(shader)
     blf.size(0, TEXT_SIZE * scale)
     for tick in range(TICKS + 1):
-        text = f"{display.HOTTEST * tick / TICKS:g}" + ("+" if tick == TICKS else "")
+        text = f"{views.HOTTEST * tick / TICKS:g}" + ("+" if tick == TICKS else "")
         _write(text, left + SCALE_WIDTH * scale * tick / TICKS, bottom - MARGIN * scale)
     _write("CIEDE2000", left, bottom + (SCALE_HEIGHT + 6) * scale)
 

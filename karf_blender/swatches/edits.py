@@ -9,29 +9,25 @@ from collections.abc import Sequence
 import bpy
 import numpy as np
 
-from ..engine_api import BadRequest, Edit, Palette, color_to_text, colors_of_text
-from . import colors, groups, pigments, recolor
-
-
-def learned(scene: bpy.types.Scene) -> tuple[Palette, ...]:
-    """The palettes as learned."""
-    return pigments.palettes(scene)
+from ..engine_api import BadRequest, Edit, color_to_text, colors_of_text
+from . import colors, groups
+from .shown import batched
 
 
 def current_edit(scene: bpy.types.Scene) -> Edit:
     """The palettes as the swatches stand now."""
     edited = {item.name: colors.edited(item) for item in scene.karf.objects}
-    return Edit(edited, scene.karf.compositing, pigments.of(scene))
+    return Edit(edited, scene.karf.compositing, colors.added_by_object(scene))
 
 
 def apply_edit(scene: bpy.types.Scene, edit: Edit) -> None:
     """Set the swatches to an edit of these objects, added colors among them. Objects that it leaves out and locked
     swatches stay, merged ones follow."""
-    with recolor.batched(scene):
+    with batched(scene):
         scene.karf.compositing = edit.compositing
         for name, wanted in edit.colors.items():
             item = object_named(scene, name)
-            pigments.replace(item, edit.added.get(name, ()))
+            groups.replace_added(item, edit.added.get(name, ()))
             for swatch, color in zip(item.swatches, wanted, strict=True):
                 if not (swatch.locked or swatch.merged):
                     swatch.color = color
@@ -46,7 +42,7 @@ def reset(scene: bpy.types.Scene, name: str, index: int | None = None) -> None:
     """Give one swatch of an object (None: all) the learned color back, and those that move with it theirs; locked ones
     stay."""
     chosen = object_named(scene, name).swatches if index is None else [unlocked(scene, name, index)]
-    with recolor.batched(scene), groups.apart():
+    with batched(scene), groups.apart():
         for swatch in [each for one in chosen for each in groups.together(one)]:
             if not swatch.locked:
                 swatch.color = swatch.learned
@@ -55,7 +51,7 @@ def reset(scene: bpy.types.Scene, name: str, index: int | None = None) -> None:
 def swap(scene: bpy.types.Scene, first: tuple[str, int], second: tuple[str, int]) -> None:
     """Let two swatches, each an object's name and a number, exchange their colors."""
     one, other = unlocked(scene, *first), unlocked(scene, *second)
-    with recolor.batched(scene):
+    with batched(scene):
         one.color, other.color = other.color[:], one.color[:]
 
 
@@ -73,7 +69,7 @@ def paste(scene: bpy.types.Scene, name: str, index: int | None, text: str) -> No
     if index is not None:
         set_color(scene, name, index, found[0])
         return
-    with recolor.batched(scene):
+    with batched(scene):
         shown = [swatch for swatch in object_named(scene, name).swatches[1:] if not swatch.merged]
         for swatch, color in zip(shown, found, strict=False):
             if not swatch.locked:

@@ -2,24 +2,18 @@
 
 import bpy
 
-from ..host.words import shown
+from ..host.words import translatable
 from ..pictures import editors, images
-from . import display, object_masks
+from . import object_masks, shown, views
 from .object_masks import ObjectMasks
-from .planes import ShownView
+from .views import ShownView
 
 IMAGE_NAME = f"{editors.PREFIX} camera"
-NO_PHOTO = shown("A free camera has no photo: Original is the scene as learned.")
-NO_PALETTES = shown("There are no palettes yet, so the picture is the scene as learned. Extract Palette, step 5.")
-NO_MASKS = shown("Nothing is segmented yet, so there are no masks to show. Segment, step 4.")
-
-
-class _Memory:
-    """The planes that are shown while a camera is followed, and the masks in them that were painted last, with the
-    planes that these are of."""
-
-    view: ShownView | None = None
-    masks: tuple[ShownView, ObjectMasks] | None = None
+NO_PHOTO = translatable("A free camera has no photo: Original is the scene as learned.")
+NO_PALETTES = translatable(
+    "There are no palettes yet, so the picture is the scene as learned. Extract Palette, step 5."
+)
+NO_MASKS = translatable("Nothing is segmented yet, so there are no masks to show. Segment, step 4.")
 
 
 def image() -> bpy.types.Image | None:
@@ -33,38 +27,33 @@ def show(scene: bpy.types.Scene, view: ShownView, width: int, height: int) -> No
     Raises:
         KarfError: The planes belong to other palettes, or Blender renders.
     """
-    picture = display.camera_picture(scene, view)
-    known = image()
-    target = known or images.new_image(IMAGE_NAME, width, height)
+    known = shown.of(scene)
+    picture = views.picture(scene, view, known.files)
+    before = image()
+    target = before or images.new_image(IMAGE_NAME, width, height)
     images.fit(target, width, height)
     images.upload(target, images.enlarged(picture, width, height))
-    if known is None:
+    if before is None:
         editors.reveal(target, is_wanted=True, is_whole=True)
-    _Memory.view = view
-    is_painted = _Memory.masks is not None and _Memory.masks[0] is view
-    if bpy.context.window_manager.karf_seeing.show_masks and view.planes.objects and not is_painted:
-        _Memory.masks = view, object_masks.of_planes(view.planes)
-
-
-def forget() -> None:
-    """No camera is followed any more; its last picture stays as it is."""
-    _Memory.view = _Memory.masks = None
+    known.camera = view
+    if bpy.context.window_manager.karf_seeing.show_masks and view.planes.objects and view.masks is None:
+        view.masks = object_masks.of_planes(view.planes)
 
 
 def is_in(space: bpy.types.Space) -> bool:
     """Whether an Image Editor shows the picture of a camera that is followed."""
-    return _Memory.view is not None and space.image is not None and space.image == image()
+    return shown.followed_camera() is not None and space.image is not None and space.image == image()
 
 
 def masks() -> ObjectMasks | None:
     """The objects in the picture; None where they are not looked at."""
-    known = _Memory.masks
-    return known[1] if known is not None and known[0] is _Memory.view else None
+    view = shown.followed_camera()
+    return None if view is None else view.masks
 
 
 def lacks() -> tuple[str, ...]:
     """What of the way that pictures are looked at this one cannot show, a sentence each."""
-    view, seeing = _Memory.view, bpy.context.window_manager.karf_seeing
+    view, seeing = shown.followed_camera(), bpy.context.window_manager.karf_seeing
     if view is None:
         return ()
     wants_palettes = seeing.mode in {"WEIGHTS", "DIFFERENCE"}

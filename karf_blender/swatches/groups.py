@@ -1,20 +1,22 @@
-"""Swatches that move together: linked ones have one color, merged ones change alike; locked ones stay.
+"""Swatches that move together: linked ones have one color, merged ones change alike, added ones move their set; locked
+ones stay.
 
 A link is a number that any swatches of a scene share. A merged swatch names the one of its object that moves it (its
 number, from 1; 0: none): the paint of both then changes by the same amount, so that merging changes no picture. An
-added color moves its set, see `pigments`.
+added color moves its set (see `colors`), which is solved so that its pigment looks as wanted.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
-from ..engine_api import BRIGHTEST
+from .. import progress
+from ..engine_api import BRIGHTEST, AddedColor, BadRequest, KarfError, mean_weights, solve_set
 from ..host import handlers, rendering
-from . import keyframes, pigments
+from . import colors, keyframes, shown
 
 
 class _Memory:
@@ -45,7 +47,7 @@ def follow(swatch: bpy.types.PropertyGroup) -> bool:
             if each != swatch and not each.locked:
                 each.color = swatch.color if leader is None else _moved_with(leader, each)
             if each.is_added:
-                pigments.update(each)
+                solve_added(each)
     return True
 
 
@@ -61,10 +63,12 @@ def together(swatch: bpy.types.PropertyGroup) -> list[bpy.types.PropertyGroup]:
 
 def _leader(swatch: bpy.types.PropertyGroup) -> bpy.types.PropertyGroup | None:
     """The swatch that one is merged into."""
-    if not swatch.merged:
-        return None
+    return _object_of(swatch).swatches[swatch.merged] if swatch.merged else None
+
+
+def _object_of(swatch: bpy.types.PropertyGroup) -> bpy.types.PropertyGroup:
     (item,) = (item for item in swatch.id_data.karf.objects if any(each == swatch for each in item.swatches))
-    return item.swatches[swatch.merged]
+    return item
 
 
 def _moved_with(leader: bpy.types.PropertyGroup, swatch: bpy.types.PropertyGroup) -> np.ndarray:
@@ -120,13 +124,95 @@ def gathered(item: bpy.types.PropertyGroup, weights: np.ndarray) -> np.ndarray:
     if not any(swatch.merged for swatch in item.swatches):
         return weights
     weights = weights.copy()
-    for index, swatch in enumerate(item.swatches[: pigments.size(item)]):
+    for index, swatch in enumerate(item.swatches[: colors.size(item)]):
         if swatch.merged and not swatch.locked:
             weights[swatch.merged] += weights[index]
             weights[index] = 0
     return weights
 
 
+# --- added colors --------------------------------------------------------------------------------------------------
+def color_shown(item: bpy.types.PropertyGroup, color: np.ndarray) -> np.ndarray:
+    """What a learned color of an object, sRGB [3], looks like as its swatches stand; exactly itself where none moved.
+
+    Raises:
+        KarfError: There is no project, or it is damaged or has no such object.
+    """
+    own = mean_weights(*shown.of(item.id_data).histogram(item), color)
+    return np.clip(color + own @ (colors.edited(item) - colors.learned(item)), 0, 1).astype(np.float32)
+
+
+def solved_set(item: bpy.types.PropertyGroup, color: AddedColor, wanted: np.ndarray) -> np.ndarray:
+    """The set [M, 3] of an added color with which its pigment looks as wanted, sRGB [3].
+
+    Raises:
+        BadRequest: The color is black, and so has no pigment.
+        KarfError: There is no project, or it is damaged or has no such object.
+    """
+    histogram = shown.of(item.id_data).learned_histogram(item.name)
+    return solve_set(histogram, colors.palette(item).colors, color, wanted)
+
+
+def solve_added(swatch: bpy.types.PropertyGroup) -> None:
+    """Let the set of an added color follow it; where it cannot be solved, the set stays and a warning says why."""
+    item = _object_of(swatch)
+    try:
+        found = solved_set(item, colors.added_color(swatch), np.array(swatch.color, np.float32))
+    except (KarfError, OSError) as error:
+        progress.warn(str(error))
+        return
+    set_colors(item, next(index for index, each in enumerate(item.swatches) if each == swatch), found)
+
+
+def set_colors(item: bpy.types.PropertyGroup, index: int, found: np.ndarray) -> None:
+    """Give the swatches of a set, the first of which is `index`, these colors [M, 3]."""
+    for number, color in enumerate(found, index):
+        item.swatches[number].color = color
+
+
+def add_color(item: bpy.types.PropertyGroup, color: AddedColor) -> int:
+    """Add a color with its set to an object, as learned; returns its number."""
+    count, number = colors.size(item), len(item.swatches)
+    first = item.swatches.add()
+    first.name = f"Added {number // count}"
+    first.is_added, first.reach = True, color.reach
+    first.learned = first.color = color.picked
+    for index in range(1, count):
+        swatch, own = item.swatches.add(), item.swatches[index]
+        swatch.name, swatch.merged = f"{first.name} Set", number
+        swatch.learned = swatch.color = own.learned
+        swatch.before, swatch.after = own.before, own.after  # then the pigment was the learned swatches' still
+    return number
+
+
+def remove_color(item: bpy.types.PropertyGroup, index: int) -> None:
+    """Take an added color, whose number is `index`, away with its set."""
+    count = colors.size(item)
+    for number in reversed(range(index, index + count)):
+        item.swatches.remove(number)
+    for number in range(index, len(item.swatches)):
+        if item.swatches[number].merged:
+            item.swatches[number].merged -= count
+
+
+def replace_added(item: bpy.types.PropertyGroup, wanted: Iterable[AddedColor]) -> None:
+    """Let an object have these added colors and no others.
+
+    Raises:
+        BadRequest: It has others, and one of them is locked.
+    """
+    wanted = tuple(wanted)
+    if colors.keys(wanted) == colors.keys(colors.added(item)):
+        return
+    if any(swatch.is_added and swatch.locked for swatch in item.swatches):
+        raise BadRequest(f"A color that was added to {item.name!r} is locked.", "Unlock it in its menu.")
+    while len(item.swatches) > colors.size(item):
+        remove_color(item, colors.size(item))
+    for color in wanted:
+        add_color(item, color)
+
+
+# --- keyframes -----------------------------------------------------------------------------------------------------
 @persistent
 def _after_frame(scene, *_):
     """Keyframes move one swatch without its update; the others of its group follow here."""

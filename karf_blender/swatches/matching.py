@@ -7,7 +7,7 @@ import numpy as np
 
 from ..engine_api import BadRequest, Edit, ObjectMatch, Palette, find_header, linear_to_srgb, match_picture
 from ..pictures import images
-from . import colors, edits, groups, pigments, planes
+from . import colors, edits, groups, shown
 
 PAINTING_NAME = "KaRF painting"
 ASPECT_TOLERANCE = 0.02  # relative difference of aspect ratio between a picture and its view: rounding of small sizes
@@ -19,7 +19,7 @@ def paint_over(scene: bpy.types.Scene) -> bpy.types.Image:
     Raises:
         KarfError: The view cannot be shown, or Blender renders.
     """
-    buffer = planes.composite(scene)
+    buffer = shown.of(scene).edited()
     height, width = buffer.shape[:2]
     image = bpy.data.images.get(PAINTING_NAME) or images.new_image(PAINTING_NAME, width, height)
     images.fit(image, width, height)
@@ -34,12 +34,12 @@ def chosen(scene: bpy.types.Scene) -> bpy.types.Image:
     Raises:
         BadRequest: There is none, or another view was painted over.
     """
-    match, shown = scene.karf.match, scene.karf.active_view
+    match, view = scene.karf.match, scene.karf.active_view
     if match.picture is None:
         raise BadRequest("No picture is chosen.", "Press Paint Over, or choose a picture of this view.")
-    if match.view not in ("", shown):
+    if match.view not in ("", view):
         raise BadRequest(
-            f"{match.picture.name!r} was painted over the view {match.view!r}, and {shown!r} is shown.",
+            f"{match.picture.name!r} was painted over the view {match.view!r}, and {view!r} is shown.",
             f"Show {match.view!r} in step 6, or paint over this view.",
         )
     return match.picture
@@ -81,7 +81,7 @@ def match(scene: bpy.types.Scene, name: str, picture: np.ndarray) -> tuple[Objec
     karf = scene.karf
     if karf.compositing != "delta":
         raise BadRequest("A picture can be matched where photos are edited.", "Set Result to Photo plus change.")
-    view, items = planes.spread(planes.shown_view(scene), scene).planes, {item.name: item for item in karf.objects}
+    view, items = shown.of(scene).prepared_view().spread(scene).planes, {item.name: item for item in karf.objects}
     ordered = [items[name] for name in view.objects]
     found = match_picture(
         [groups.gathered(item, weights) for item, weights in zip(ordered, view.palette_weights, strict=True)],
@@ -97,7 +97,9 @@ def match(scene: bpy.types.Scene, name: str, picture: np.ndarray) -> tuple[Objec
             f"{name!r} shows the objects as they are in {karf.active_view!r}.",
             "Paint on them, or choose another picture.",
         )
-    edits.apply_edit(scene, Edit({each.name: each.colors for each in found}, karf.compositing, pigments.of(scene)))
+    edits.apply_edit(
+        scene, Edit({each.name: each.colors for each in found}, karf.compositing, colors.added_by_object(scene))
+    )
     return found
 
 

@@ -1,19 +1,13 @@
-"""Where the objects are in the active view, ready to be drawn: as prepared for recoloring, else as segmented.
-
-They are read when masks are switched on or the view changes; drawing only asks for them.
-"""
+"""Where the objects are in a view, ready to be drawn."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import bpy
 import numpy as np
 
-from ..engine_api import KarfError, Planes
+from ..engine_api import Planes
 from ..pictures import images, tints
-from ..project import contents
-from . import planes
 
 
 @dataclass(frozen=True)
@@ -35,52 +29,17 @@ class ObjectMasks:
     drawn: list = field(default_factory=list)
 
 
-class _Memory:
-    """Of each scene (by `session_uid`) the masks read last, and which they are."""
-
-    scenes: dict[int, tuple[tuple, ObjectMasks | None]] = {}
-
-
-def of(scene: bpy.types.Scene) -> ObjectMasks | None:
-    """The masks of the scene's active view; None where none are known."""
-    key, masks = _Memory.scenes.get(scene.session_uid, ((), None))
-    return masks if key[:2] == _place(scene) else None
-
-
-def load(scene: bpy.types.Scene) -> None:
-    """Read the masks of the scene's active view, where they are looked at and not the ones in memory; never raises."""
-    if not bpy.context.window_manager.karf_seeing.show_masks or not scene.karf.project:
-        return
-    try:
-        is_prepared = contents.is_prepared(scene)
-        files = {"": contents.planes_file(scene)} if is_prepared else contents.seen_masks(scene)
-        key = (*_place(scene), *((file, file.stat().st_mtime_ns) for file in files.values()))
-        if key != _Memory.scenes.get(scene.session_uid, ((),))[0]:
-            masks = _from_planes(scene) if is_prepared else _from_pictures(files)
-            _Memory.scenes[scene.session_uid] = key, masks
-    except (KarfError, OSError):
-        _Memory.scenes.pop(scene.session_uid, None)
-
-
-def forget() -> None:
-    """Drop the masks in memory."""
-    _Memory.scenes.clear()
-
-
-def _place(scene: bpy.types.Scene) -> tuple[str, str]:
-    return scene.karf.project, scene.karf.active_view
-
-
-def _from_planes(scene: bpy.types.Scene) -> ObjectMasks:
-    return of_planes(planes.shown_view(scene).planes)
-
-
-def of_planes(shown: Planes) -> ObjectMasks:
+def of_planes(planes: Planes) -> ObjectMasks:
     """The objects in planes of any view or camera, of which there are some."""
-    return paint(dict(zip(shown.objects, shown.probabilities.astype(np.float32), strict=True)))
+    return paint(dict(zip(planes.objects, planes.probabilities.astype(np.float32), strict=True)))
 
 
-def _from_pictures(files: Mapping[str, Path]) -> ObjectMasks | None:
+def of_files(files: Mapping[str, Path]) -> ObjectMasks | None:
+    """The objects in pictures of their masks, by name; None where there are no pictures.
+
+    Raises:
+        KarfError: One cannot be read.
+    """
     return paint({name: images.read_picture(file)[..., 0] for name, file in files.items()}) if files else None
 
 

@@ -24,7 +24,7 @@ from ..engine_api import (
     write_edit,
 )
 from ..project import folders
-from . import colors, edits, groups, keyframes, pigments, recolor
+from . import colors, edits, groups, keyframes, shown
 
 NEAR = 20.0  # CIE L*a*b* distance up to which two learned colors may be the same swatch's
 
@@ -46,7 +46,7 @@ class _ObjectEdits:
         own = {name: tuple(getattr(item, name)) for name in ("source", "target")}
         own |= {name: getattr(item, name) for name in ("rule", "show_becomes", "held")}
         flags = zip(*((swatch.locked, swatch.link, swatch.merged) for swatch in item.swatches), strict=True)
-        return cls(pigments.added(item), colors.learned(item), colors.edited(item), *flags, own)
+        return cls(colors.added(item), colors.learned(item), colors.edited(item), *flags, own)
 
     @property
     def size(self) -> int:
@@ -81,7 +81,7 @@ def load_palettes(scene: bpy.types.Scene, palettes: Sequence[Palette]) -> None:
         _keep(scene, lost)
     keyframes.copy_shared_action(scene)
     curves = keyframes.of(scene)
-    with recolor.batched(scene), groups.apart():
+    with shown.batched(scene), groups.apart():
         scene.karf.objects.clear()
         for palette in palettes:
             _add(scene, palette, before.get(palette.name), matches.get(palette.name, {}))
@@ -112,7 +112,7 @@ def _add(scene: bpy.types.Scene, palette: Palette, before: _ObjectEdits | None, 
     for name, value in before.own.items():
         setattr(item, name, value)
     for color in before.added:
-        pigments.append(item, color)
+        groups.add_color(item, color)
     for old in before.touched & set(matches):
         swatch = item.swatches[matches[old]]
         swatch.locked, swatch.link = before.locked[old], before.links[old]
@@ -120,7 +120,7 @@ def _add(scene: bpy.types.Scene, palette: Palette, before: _ObjectEdits | None, 
         if (before.colors[old] != before.learned[old]).any():
             swatch.color = before.colors[old]
         if swatch.is_added:
-            pigments.update(swatch)
+            groups.solve_added(swatch)
 
 
 def _match(before: _ObjectEdits, new: np.ndarray | None) -> dict[int, int]:
@@ -203,8 +203,8 @@ def import_learned(scene: bpy.types.Scene) -> None:
         if not project.palette_file.exists():  # nothing was learned yet
             return
         palettes = read_palettes(project.checked(project.palette_file))
-        if [_key(palette) for palette in palettes] != [_key(palette) for palette in edits.learned(scene)]:
-            recolor.forget()
+        if [_key(palette) for palette in palettes] != [_key(palette) for palette in colors.palettes(scene)]:
+            shown.forget(scene)
             load_palettes(scene, palettes)
     except KarfError as error:
         progress.warn(f"{error.sentence} {error.hint}")

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import bpy
 
-from ..host.words import shown
+from ..host.words import translatable
 from ..project import disk, folders
 from ..project.disk import Contents
 from ..tasks import runner
@@ -19,11 +19,11 @@ STEP_OF_STAGE = {
     "recoloring": "palette",
     "colorways": "render",
 }
-OTHER_PRESET = shown("Learned with another preset: learn the scene again to follow this one.")
-OTHER_NERF = shown("Learned from another NeRF, or none: learn the scene again to follow this one.")
-OTHER_MARKS = shown("Marks have changed since: segment again.")
-OTHER_SCENE = shown("The scene was learned anew since: segment again.")
-OTHER_OBJECTS = shown("The objects were segmented anew since: extract the palettes again.")
+OTHER_PRESET = translatable("Learned with another preset: learn the scene again to follow this one.")
+OTHER_NERF = translatable("Learned from another NeRF, or none: learn the scene again to follow this one.")
+OTHER_MARKS = translatable("Marks have changed since: segment again.")
+OTHER_SCENE = translatable("The scene was learned anew since: segment again.")
+OTHER_OBJECTS = translatable("The objects were segmented anew since: extract the palettes again.")
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..host.words import say
+from ..host.words import translate
 from ..tasks import runner
 
 
@@ -11,7 +11,7 @@ def draw(self, context):
     state = context.window_manager.karf_progress
     if state.running:
         row = self.layout.row(align=True)
-        row.label(text=f"KaRF: {say(state.stage)}", icon="SORTTIME")
+        row.label(text=f"KaRF: {translate(state.stage)}", icon="SORTTIME")
         draw_progress(row, state)
         row.label(text=state.figures)
     elif state.error:

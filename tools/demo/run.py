@@ -91,7 +91,7 @@ def recolor(karf, name: str, edit: dict, out: Path, seconds: dict[str, float]) -
 def learned_edit(karf):
     """The edit that changes nothing."""
     package = karf.__name__.rpartition(".")[0]
-    palettes = import_module(f"{package}.swatches.edits").learned(bpy.context.scene)
+    palettes = import_module(f"{package}.swatches.colors").palettes(bpy.context.scene)
     return karf.Edit({palette.name: palette.colors for palette in palettes})
 
 

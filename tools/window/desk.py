@@ -38,7 +38,7 @@ def _bytes(image: bpy.types.Image) -> np.ndarray:
 
 def is_in_step() -> bool:
     """Whether the result picture is what the swatches say."""
-    wanted = module("pictures.images").upright(module("swatches.planes").composite(scene()))
+    wanted = module("pictures.images").upright(module("swatches.shown").of(scene()).edited())
     shown = _bytes(scene().karf.result)[..., :3].astype(int)
     return bool(np.abs(shown - np.rint(np.clip(wanted, 0, 1) * 255)).max() <= 1)
 

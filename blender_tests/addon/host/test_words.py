@@ -15,28 +15,28 @@ def chinese(addon, monkeypatch):
 def test_in_english_a_sentence_stays_as_it_is(addon):
     for template in addon.words.sentences.PATTERNS:
         sentence = template.format(*"abcde")
-        assert addon.words.told(sentence) == sentence
-        assert addon.words.told(f"{sentence} Try again.") == f"{sentence} Try again."
+        assert addon.words.translate_sentences(sentence) == sentence
+        assert addon.words.translate_sentences(f"{sentence} Try again.") == f"{sentence} Try again."
 
 
 def test_a_sentence_is_translated_round_its_values(addon, chinese):
-    told = addon.words.told
-    assert told("The scene 'Shot 1' has no capture.") == "场景 'Shot 1' 没有拍摄。"
-    assert told("mug.png marks nothing of 'mug'. Paint the object white.") == (
+    translate = addon.words.translate_sentences
+    assert translate("The scene 'Shot 1' has no capture.") == "场景 'Shot 1' 没有拍摄。"
+    assert translate("mug.png marks nothing of 'mug'. Paint the object white.") == (
         "mug.png 没有标记 'mug' 的任何部分。 请将物体涂成白色。"
     )
-    assert told("Nobody has translated this.") == "Nobody has translated this."
+    assert translate("Nobody has translated this.") == "Nobody has translated this."
 
 
 def test_every_sentence_is_known_by_the_translation_that_is_meant(addon, chinese):
     table = addon.words.sentences.TABLES["zh_HANS"]
     for template, translated in table.items():
-        assert addon.words.told(template.format(*"abcde")) == translated.format(*"abcde"), template
+        assert addon.words.translate_sentences(template.format(*"abcde")) == translated.format(*"abcde"), template
 
 
 def test_names_in_sentences_are_not_translated(addon, chinese):
-    assert addon.words.say("Masks") == "遮罩"
-    assert "Masks" in addon.words.told("The scene has no object Masks.")
+    assert addon.words.translate("Masks") == "遮罩"
+    assert "Masks" in addon.words.translate_sentences("The scene has no object Masks.")
 
 
 def test_an_operator_reports_in_the_language_of_the_interface(bpy, addon, chinese, learned):

@@ -119,7 +119,7 @@ def test_undo_takes_strokes_back_one_by_one_and_redo_brings_them_again(bpy, addo
     bpy.ops.ed.undo()
     scene = bpy.context.scene
     np.testing.assert_array_equal(mask(addon, scene), disc(5, 5, 3))
-    np.testing.assert_array_equal(addon.sheets.open_sheet(scene).masks["pot"].pixels, disc(5, 5, 3))
+    np.testing.assert_array_equal(addon.mask_layers.open_layers(scene).masks["pot"].pixels, disc(5, 5, 3))
     bpy.ops.ed.undo()
     assert not file_of(addon, bpy.context.scene).exists()
     for _ in range(2):
@@ -257,11 +257,11 @@ def test_a_click_is_a_small_dot_of_a_correction(addon, correcting):
 
 
 def test_the_engines_corrected_masks_are_shown_at_once(addon, correcting):
-    solved = addon.sheets.open_sheet(correcting).solved["pot"]
+    solved = addon.mask_layers.open_layers(correcting).solved["pot"]
     assert solved.pixels[:, :12].all() and not solved.pixels[:, 12:].any()
     before = solved.version
     addon.steps.mark_stroke(correcting, [(15, 8)], 3)
-    assert addon.sheets.open_sheet(correcting).solved["pot"].version != before
+    assert addon.mask_layers.open_layers(correcting).solved["pot"].version != before
 
 
 # --- objects and views ---------------------------------------------------------------------------------------------

@@ -246,7 +246,7 @@ def test_what_is_looked_at_and_what_is_left_are_in_the_panel(bpy, addon, learned
     pot = learned.karf.objects["pot"]
     pot.show_becomes = True
     pot.source, pot.target = (0.8, 0.2, 0.1), (0.1, 0.3, 0.8)
-    assert f"{addon.wishes.left(learned, pot):.1f} CIEDE2000 left" in draw()
+    assert f"{addon.shown.of(learned).difference(pot):.1f} CIEDE2000 left" in draw()
 
 
 def test_the_keys_of_before_and_after_are_in_the_image_editors_key_map_and_leave_with_the_extension(bpy, addon):

@@ -136,7 +136,7 @@ def test_the_picture_is_looked_at_as_those_of_photos_are(bpy, addon, live, seein
     assert np.allclose(picture(bpy, addon), 0.25 * 255, atol=1)  # of every pixel a quarter is the swatch's
     seeing.mode = "DIFFERENCE"
     addon.preview._tick()
-    unchanged = addon.display.heat(np.zeros(1))[0] * 255
+    unchanged = addon.views.heat(np.zeros(1))[0] * 255
     assert (picture(bpy, addon) > unchanged + 1).any()
 
 

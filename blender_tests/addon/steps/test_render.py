@@ -19,7 +19,7 @@ def test_the_shown_view_is_written_as_shown_whatever_the_view_transform(bpy, add
 
 
 def test_a_script_makes_an_edit_of_its_own_and_applies_it(bpy, addon, learned):
-    palettes = {palette.name: palette.colors.copy() for palette in addon.edits.learned(bpy.context.scene)}
+    palettes = {palette.name: palette.colors.copy() for palette in addon.colors.palettes(bpy.context.scene)}
     palettes["pot"][1] = (0.1, 0.2, 0.3)
     addon.headless.apply_edit(addon.headless.Edit(palettes))
     edited = addon.edits.current_edit(bpy.context.scene).colors["pot"]

@@ -20,8 +20,8 @@ def pots(addon, learned):
     base[:, :12], base[:, 12:] = np.rint(255 * np.array(RED)), np.rint(255 * np.array(YELLOW))
     planes = Planes(("lid", "pot"), weights, weights.sum(1), base)
     write_planes(addon.folders.project_of(learned).planes_file(learned.karf.active_view), planes)
-    addon.recolor.forget()
-    addon.recolor.refresh(learned)
+    addon.shown.forget(learned)
+    addon.shown.of(learned).refresh()
     return learned
 
 
@@ -42,7 +42,7 @@ def test_an_added_color_shows_as_one_swatch_and_changes_nothing(addon, pots):
     assert [index for index, each in enumerate(swatches) if index and not each.merged] == [1, 2, number]
     np.testing.assert_allclose(color(pots, number), YELLOW, atol=1e-6)
     np.testing.assert_array_equal(addon.images.pixels(pots.karf.result), before)
-    assert [len(palette.colors) for palette in addon.edits.learned(pots)] == [3, 3]
+    assert [len(palette.colors) for palette in addon.colors.palettes(pots)] == [3, 3]
 
 
 def test_only_its_pigment_follows_it_and_no_longer_other_swatches(addon, pots):
@@ -200,7 +200,7 @@ def test_what_has_no_pigment_is_refused(addon, pots):
 def test_it_stays_when_palettes_are_found_anew(addon, pots):
     number = addon.headless.add_color("pot", YELLOW, BLUE)
     pots.karf.objects["pot"].swatches[number].keyframe_insert("color", frame=1)
-    make, known = addon.engine_api.Palette, addon.edits.learned(pots)
+    make, known = addon.engine_api.Palette, addon.colors.palettes(pots)
     four = np.array([(0, 0, 0), (0.1, 0.8, 0.1), RED, YELLOW], np.float32)
     seen = {"pot": ColorHistogram(four[1:], np.ones(3), np.eye(4)[1:])}
     write_object_colors(addon.folders.project_of(pots).object_colors_file, seen)
@@ -219,7 +219,7 @@ def test_the_compositors_layers_have_it(addon, pots):
     assert request.options["edit"] is None
     addon.headless.add_color("pot", YELLOW, BLUE)
     (request,) = addon.steps.build_compositor(pots).requests
-    palettes = addon.edits.learned(pots)
+    palettes = addon.colors.palettes(pots)
     edit = addon.engine_api.read_edit_file(Path(request.options["edit"]), palettes)
     assert len(edit.added["pot"]) == 1 and len(edit.colors["pot"]) == 6
 
@@ -228,7 +228,7 @@ def test_the_scene_in_3d_has_it(addon, pots):
     api, n = addon.engine_api, 2
     none, weights = np.zeros((n, 3), np.float32), np.zeros((n, 2, 3), np.float16)
     weights[0, 1, 1] = weights[1, 1, 2] = 1
-    learned = np.stack([palette.colors for palette in addon.edits.learned(pots)])
+    learned = np.stack([palette.colors for palette in addon.colors.palettes(pots)])
     colors = np.rint(255 * np.array([RED, YELLOW])).astype(np.uint8)
     points = api.ScenePoints(
         ("lid", "pot"), none, none + [0, 0, 1], none[:, 0] + 1, colors, weights.sum(2), weights, learned

@@ -246,4 +246,45 @@ def test_planes_of_a_larger_palette_are_refused_in_a_sentence(addon, learned, mo
     importlib.import_module(type(planes).__module__).write_planes(addon.contents.planes_file(learned), larger)
     learned.karf.compositing = mode
     with pytest.raises(addon.engine_api.DataError, match="other palettes"):
-        addon.planes.composite(learned)
+        addon.shown.of(learned).edited()
+
+
+@pytest.fixture
+def two_scenes(addon, learned):
+    """The scene, and a copy of it with a result image of its own that shows another view."""
+    addon.headless.prepare_views("photo_1")
+    other = learned.copy()
+    other.karf.result = None
+    other.karf.active_view = "photo_1"
+    addon.shown.of(other).recolor()
+    return learned, other
+
+
+def test_each_scene_has_its_own_picture_and_reads_its_planes_once(addon, two_scenes, monkeypatch):
+    def read_planes(file):
+        raise AssertionError(f"{file} is read again")
+
+    monkeypatch.setattr(addon.shown, "read_planes", read_planes)
+    first, second = two_scenes
+    for scene, other in (two_scenes, two_scenes[::-1]):
+        before = shown(addon, other)
+        scene.karf.objects["pot"].swatches[1].color = (0.0, 0.6, 0.1)
+        assert (shown(addon, scene) != base()).any()
+        np.testing.assert_array_equal(shown(addon, other), before)
+    np.testing.assert_array_equal(shown(addon, first), shown(addon, second))
+
+
+def test_a_scene_read_anew_leaves_what_others_have_in_memory(addon, two_scenes):
+    first, second = two_scenes
+    kept = addon.shown.of(second).view
+    addon.shown.forget(first)
+    assert addon.shown.of(first).view is None and addon.shown.of(second).view is kept
+
+
+def test_what_a_removed_scene_has_shown_leaves_memory(bpy, addon, two_scenes):
+    first, second = two_scenes
+    uid = second.session_uid
+    assert uid in addon.shown._Registry.scenes
+    bpy.data.scenes.remove(second)
+    first.frame_set(first.frame_current)
+    assert uid not in addon.shown._Registry.scenes and first.session_uid in addon.shown._Registry.scenes

@@ -169,6 +169,6 @@ def test_each_tool_is_one_step_of_undo(bpy, addon, learned):
 def test_links_and_merges_stay_where_palettes_are_extracted_anew(addon, learned):
     addon.headless.link_swatches(("lid", 1), ("pot", 1))
     addon.headless.merge_swatch("pot", 2, 1)
-    addon.palettes.load_palettes(learned, addon.edits.learned(learned))
+    addon.palettes.load_palettes(learned, addon.colors.palettes(learned))
     assert swatch(learned, "pot", 2).merged == 1
     assert swatch(learned, "lid", 1).link == swatch(learned, "pot", 1).link > 0

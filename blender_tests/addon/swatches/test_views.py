@@ -1,4 +1,4 @@
-"""What is shown of a view: its modes, the wipe, masks over it, and how far a wished color is away."""
+"""What is shown of a view: its modes, the split view, masks over it, and how far a target color is away."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def test_original_is_the_photo_and_edited_comes_back(addon, learned, seeing):
     np.testing.assert_array_equal(shown(addon, learned), edited)
 
 
-def test_the_wipe_shows_the_photo_left_of_its_line(addon, learned, seeing):
+def test_a_split_view_shows_the_photo_left_of_its_line(addon, learned, seeing):
     photo = shown(addon, learned)
     addon.headless.set_swatch("pot", 1, "#00ff00")
     edited = shown(addon, learned)
@@ -68,7 +68,7 @@ def test_the_eye_of_a_swatch_shows_its_weights_and_goes_out_again(bpy, addon, le
 
 def test_a_difference_is_black_where_nothing_changed_and_brighter_the_larger_it_is(addon, learned, seeing):
     seeing.mode = "DIFFERENCE"
-    nothing = addon.display.heat(np.zeros(1))[0] * 255
+    nothing = addon.views.heat(np.zeros(1))[0] * 255
     assert np.abs(shown(addon, learned) - nothing).max() <= 0.5
     addon.headless.set_swatch("pot", 1, (0.6, 0.2, 0.1))
     small = shown(addon, learned).sum()
@@ -80,7 +80,7 @@ def test_large_pictures_are_compared_in_some_of_their_pixels(addon):
     first = np.zeros((601, 900, 3), np.float32)
     second = first.copy()
     second[:, 450:] = 1
-    difference = addon.display.difference(first, second)
+    difference = addon.views.difference(first, second)
     assert difference.shape == (601, 900)
     assert not difference[:, :450].any()
     np.testing.assert_allclose(difference[:, 452:], 100, atol=1e-3)
@@ -115,7 +115,7 @@ def test_what_is_unsure_of_any_object_is_orange_once_it_was_rendered(bpy, addon,
 def test_masks_of_a_prepared_view_come_from_its_planes(bpy, addon, learned, seeing, monkeypatch):
     monkeypatch.setenv("KARF_ENGINE_PYTHON", "/nowhere")
     assert bpy.ops.karf.show_masks() == {"FINISHED"}
-    masks = addon.object_masks.of(learned)
+    masks = addon.shown.of(learned).known_masks()
     assert list(masks.tints) == ["lid", "pot"]
     # both objects have half of every pixel
     expected = np.mean([addon.tints.tint_of(0), addon.tints.tint_of(1)], axis=0)
@@ -131,19 +131,19 @@ def test_masks_are_made_after_segment_and_shown_over_the_photo(bpy, addon, proje
     addon.headless.segment(tmp_path / "given")
     assert not project_scene.karf.objects  # there is no palette yet
     assert bpy.ops.karf.show_masks() == {"FINISHED"}
-    masks = addon.object_masks.of(project_scene)
+    masks = addon.shown.of(project_scene).known_masks()
     np.testing.assert_allclose(masks.fill[:, :12, :3], np.tile(addon.tints.tint_of(0), (16, 12, 1)), atol=1e-6)
     np.testing.assert_allclose(masks.fill[:, 12:, :3], np.tile(addon.tints.tint_of(1), (16, 12, 1)), atol=1e-6)
     photo = addon.images.read_picture(addon.captures.view_of(project_scene).image)
     np.testing.assert_array_equal(shown(addon, project_scene), np.rint(photo * 255).astype(int))
     # another view has none yet, segmented anew neither
     project_scene.karf.active_view = "photo_2"
-    assert addon.object_masks.of(project_scene) is None
+    assert addon.shown.of(project_scene).known_masks() is None
     bpy.ops.karf.show_masks()
-    assert addon.object_masks.of(project_scene) is not None and seeing.show_masks
+    assert addon.shown.of(project_scene).known_masks() is not None and seeing.show_masks
     addon.folders.project_of(project_scene).segmentation_report.write_text("{}")
-    addon.recolor.show_unedited(project_scene)
-    assert addon.object_masks.of(project_scene) is None
+    addon.shown.of(project_scene).show_unedited()
+    assert addon.shown.of(project_scene).known_masks() is None
 
 
 def test_an_outline_goes_between_the_pixels_of_an_object_and_all_others(addon):
@@ -160,13 +160,13 @@ def test_an_outline_goes_between_the_pixels_of_an_object_and_all_others(addon):
 
 def test_the_difference_left_follows_the_swatches_and_is_that_of_the_colors(bpy, addon, learned):
     api, item = addon.engine_api, learned.karf.objects["pot"]
-    assert addon.wishes.left(learned, item) is None  # nothing is wished for
+    assert addon.shown.of(learned).difference(item) is None  # there is no target color
     item.source, item.target = (0.8, 0.2, 0.1), (0.1, 0.3, 0.8)
     wanted = float(api.ciede2000(*(api.srgb_to_lab(np.array(color)) for color in (item.source, item.target))))
-    assert addon.wishes.left(learned, item) == pytest.approx(wanted, abs=1e-3)
+    assert addon.shown.of(learned).difference(item) == pytest.approx(wanted, abs=1e-3)
     bpy.ops.karf.becomes(object_name="pot")
-    assert addon.wishes.left(learned, item) < 1
+    assert addon.shown.of(learned).difference(item) < 1
     addon.edits.reset(learned, "pot")
-    assert addon.wishes.left(learned, item) == pytest.approx(wanted, abs=1e-3)
+    assert addon.shown.of(learned).difference(item) == pytest.approx(wanted, abs=1e-3)
     item.target = item.source
-    assert addon.wishes.left(learned, item) is None
+    assert addon.shown.of(learned).difference(item) is None

@@ -1,4 +1,4 @@
-"""The line between the original and the picture: dragged where it is, or moved by a button."""
+"""The split view: the line between the original and the picture, dragged where it is, or moved by a button."""
 
 import bpy
 
@@ -53,7 +53,7 @@ class KARF_GT_wipe(bpy.types.Gizmo):
 
     def draw(self, context):
         if self.is_highlight:
-            drawn_over.draw_wipe(context, is_bold=True)
+            drawn_over.draw_split(context, is_bold=True)
 
     def test_select(self, context, location):
         left, bottom, right, top = drawn_over.picture_in(context.region)

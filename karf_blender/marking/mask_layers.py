@@ -1,4 +1,4 @@
-"""The sheet that is being marked: all masks of one photo in memory, read from their files and written back.
+"""The mask layers of the photo that is being marked, in memory: read from their files and written back.
 
 A layer is [H, W] int8: of a mask 1 where the object is, else 0; of a correction 1 "this is it", -1 "this is not",
 0 unsaid.
@@ -33,7 +33,7 @@ class Layer:
 
 
 @dataclass
-class Sheet:
+class MaskLayers:
     """One photo's layers.
 
     Attributes:
@@ -60,9 +60,9 @@ class Sheet:
 
 
 class _Memory:
-    """The sheet of the scene that was marked last, and what it was read for."""
+    """The mask layers of the scene that was marked last, and what they were read for."""
 
-    sheet: Sheet | None = None
+    layers: MaskLayers | None = None
     key: tuple = ()
 
 
@@ -71,13 +71,13 @@ def _key(scene: bpy.types.Scene) -> tuple:
     return bpy.data.filepath, karf.capture, karf.project, karf.masks, karf.active_view
 
 
-def shown(scene: bpy.types.Scene) -> Sheet | None:
-    """The sheet of the scene's active view, where it is open; drawing asks this."""
-    return _Memory.sheet if _Memory.key == _key(scene) else None
+def shown(scene: bpy.types.Scene) -> MaskLayers | None:
+    """The mask layers of the scene's active view, where they are open; drawing asks this."""
+    return _Memory.layers if _Memory.key == _key(scene) else None
 
 
-def open_sheet(scene: bpy.types.Scene) -> Sheet:
-    """The sheet of the scene's active view, read where it is not open.
+def open_layers(scene: bpy.types.Scene) -> MaskLayers:
+    """The mask layers of the scene's active view, read where they are not open.
 
     Raises:
         KarfError: There is no such view, or a mask cannot be read.
@@ -86,13 +86,13 @@ def open_sheet(scene: bpy.types.Scene) -> Sheet:
         view = captures.view_of(scene)
         names = [item.folder for item in scene.karf.marking.objects]
         masks, corrections = objects.masks_folder(scene), objects.corrections_folder(scene)
-        _Memory.sheet = Sheet(
+        _Memory.layers = MaskLayers(
             view,
             {name: Layer(_fitted(_read_mask(file), view)) for name, file in _found(masks, names, view)},
             {name: Layer(_fitted(_read_correction(file), view)) for name, file in _found(corrections, names, view)},
         )
         _Memory.key = _key(scene)
-    return _Memory.sheet
+    return _Memory.layers
 
 
 def _found(root: Path, names: list[str], view: View) -> list[tuple[str, Path]]:
@@ -127,14 +127,14 @@ def _named(folder: Path, name: str, view: View) -> Path:
 
 
 def save(scene: bpy.types.Scene, name: str, is_correction: bool) -> None:
-    """Write an object's mask or correction of the open sheet, as a step that undo takes back.
+    """Write an object's open mask or correction, as a step that undo takes back.
 
     Raises:
         OSError: The file cannot be written.
     """
-    sheet = open_sheet(scene)
-    pixels = sheet.layer(name, is_correction).pixels
-    history.record(scene, root_of(scene, is_correction), files_of(scene, sheet.view, name, is_correction, pixels))
+    opened = open_layers(scene)
+    pixels = opened.layer(name, is_correction).pixels
+    history.record(scene, root_of(scene, is_correction), files_of(scene, opened.view, name, is_correction, pixels))
 
 
 def root_of(scene: bpy.types.Scene, is_correction: bool) -> Path:
@@ -169,17 +169,17 @@ def follow(scene: bpy.types.Scene) -> None:
 
 
 def reread(scene: bpy.types.Scene) -> None:
-    """Read the sheet again from its files, where it is open: they were changed by undo, or by another stroke."""
+    """Read the mask layers again, where they are open: undo, or another stroke, has changed their files."""
     was_open = shown(scene) is not None
     forget()
     if was_open:
         try:
-            open_sheet(scene)
+            open_layers(scene)
         except (KarfError, OSError) as error:
             print(f"KaRF: the masks of {scene.karf.active_view!r} cannot be read: {error}")
     follow(scene)
 
 
 def forget() -> None:
-    """Close the sheet."""
-    _Memory.sheet, _Memory.key = None, ()
+    """Close the mask layers."""
+    _Memory.layers, _Memory.key = None, ()

@@ -1,0 +1,308 @@
+"""What is shown of each scene, and its result image, which is kept up to date with its swatches.
+
+A scene has one `ShownScene`, which keeps what was read from disk and what was composed of it. Its picture follows swatch
+edits (property updates), undo and redo, keyframes (frame changes), drivers (dependency graph updates) and loaded files;
+while Blender renders it waits, and follows when that ends.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import bpy
+import numpy as np
+from bpy.app.handlers import persistent
+
+from ..engine_api import ColorHistogram, DataError, KarfError, read_object_colors, read_planes
+from ..host import handlers, rendering
+from ..pictures import images
+from ..project import contents, folders
+from . import colors, object_masks, views
+from .object_masks import ObjectMasks
+from .views import PictureFiles, ShownView
+
+RESULT_NAME = "KaRF"
+RETRY_SECONDS = 0.2
+
+
+@dataclass
+class ShownScene:
+    """What is shown of one scene. Drawing only asks for what is in memory.
+
+    Attributes:
+        scene: Blender's own, as `of` was last asked for it: undo replaces it.
+        view: The planes shown last.
+        camera: The planes of the camera that is followed, where it is this scene's.
+        files: How the engine sees the active view.
+        masks: The objects in the active view as they were read last, and what they were read from.
+        histograms: The colors of its objects in the photos, by file, time and object.
+        differences: Of each object with a target color what its difference depends on, and the difference.
+        values: What the picture was made from.
+        stand_in_key: What a stand-in for the picture would have been made from.
+    """
+
+    scene: bpy.types.Scene
+    view: ShownView | None = None
+    camera: ShownView | None = None
+    files: PictureFiles = field(default_factory=PictureFiles)
+    masks: tuple[tuple, ObjectMasks | None] = ((), None)
+    histograms: dict[tuple[Path, int, str], ColorHistogram] = field(default_factory=dict)
+    differences: dict[str, tuple[tuple, float]] = field(default_factory=dict)
+    values: bytes = b""
+    stand_in_key: tuple = ()
+
+    # --- the picture -----------------------------------------------------------------------------------------------
+    def refresh(self) -> None:
+        """Bring the result image up to date after a change, where there is one to show; never raises.
+
+        A view that cannot be shown recolored shows its photo instead: never another view's picture.
+        """
+        if rendering.is_running():
+            _refresh_later()
+            return
+        if _Registry.open_batches or self.scene.karf.result is None:
+            return
+        try:
+            self.recolor()
+        except KarfError:  # the panel says that the view is not prepared
+            if self.stand_in_key != views.stand_in_key(self.scene):
+                self.show_unedited()
+
+    def recolor(self) -> bpy.types.Image:
+        """Put the active view, as it is looked at, into the scene's result image, which is made if needed.
+
+        Raises:
+            KarfError: The view cannot be composited, or Blender renders.
+        """
+        rendering.refuse()
+        self.values = colors.fingerprint(self.scene)
+        return self._put(views.picture(self.scene, self.prepared_view(), self.files))
+
+    def show_unedited(self) -> bpy.types.Image:
+        """Put what there is of a view that cannot be recolored into the result image, which is made if needed.
+
+        Raises:
+            BadRequest: Blender renders.
+        """
+        rendering.refuse()
+        return self._put(views.stand_in(self.scene, self.files))
+
+    def _put(self, buffer: np.ndarray) -> bpy.types.Image:
+        """Make an RGBA buffer [H, W, 4] the result image, as the active view's picture."""
+        karf, (height, width) = self.scene.karf, buffer.shape[:2]
+        if karf.result is None:
+            karf.result = images.new_image(RESULT_NAME, width, height)
+        images.fit(karf.result, width, height)
+        images.upload(karf.result, buffer)
+        self.stand_in_key = views.stand_in_key(self.scene)
+        self.load_masks()
+        self.update_differences()
+        return karf.result
+
+    def edited(self) -> np.ndarray:
+        """The active view recolored by the swatches, however it is looked at; see `ShownView.recolored`.
+
+        Raises:
+            KarfError: The view has no planes, or they belong to other palettes.
+        """
+        return self.prepared_view().recolored(self.scene)
+
+    # --- what is read from the project -----------------------------------------------------------------------------
+    def prepared_view(self) -> ShownView:
+        """The active view with its planes, read from disk where they are not the ones in memory.
+
+        Raises:
+            KarfError: There are none, or they are older than the palettes, or damaged.
+        """
+        file = contents.planes_file(self.scene)
+        if not contents.is_prepared(self.scene):
+            raise DataError(
+                f"{file} (edit planes) is older than the palettes."
+                if file.exists()
+                else f"{file} (edit planes) does not exist.",
+                "Press Prepare in step 6.",
+            )
+        written = file.stat().st_mtime_ns if file.exists() else 0
+        if self.view is None or (self.view.file, self.view.written) != (file, written):
+            self.view = ShownView(file, written, read_planes(file))
+        return self.view
+
+    def load_masks(self) -> None:
+        """Read the masks of the active view, where they are looked at and not the ones in memory; never raises."""
+        if not bpy.context.window_manager.karf_seeing.show_masks or not self.scene.karf.project:
+            return
+        try:
+            is_prepared = contents.is_prepared(self.scene)
+            files = {"": contents.planes_file(self.scene)} if is_prepared else contents.seen_masks(self.scene)
+            key = (*self._place(), *((file, file.stat().st_mtime_ns) for file in files.values()))
+            if key != self.masks[0]:
+                own = self.prepared_view().planes if is_prepared else None
+                self.masks = key, object_masks.of_files(files) if own is None else object_masks.of_planes(own)
+        except (KarfError, OSError):
+            self.masks = (), None
+
+    def known_masks(self) -> ObjectMasks | None:
+        """The masks of the active view, as prepared for recoloring, else as segmented; None where none were read."""
+        key, masks = self.masks
+        return masks if key[:2] == self._place() else None
+
+    def _place(self) -> tuple[str, str]:
+        return self.scene.karf.project, self.scene.karf.active_view
+
+    def learned_histogram(self, name: str) -> ColorHistogram:
+        """An object's colors in the photos, read once.
+
+        Raises:
+            KarfError: There is no project, or it is damaged or has no such object.
+        """
+        project = folders.project_of(self.scene)
+        file = project.object_colors_file
+        key = file, file.stat().st_mtime_ns if file.exists() else 0, name
+        if key not in self.histograms:
+            self.histograms[key] = read_object_colors(project.checked(file), name)
+        return self.histograms[key]
+
+    def histogram(self, item: bpy.types.PropertyGroup) -> ColorHistogram:
+        """The same with weights that are spread over the sets of the object's added colors."""
+        return colors.with_added(item, self.learned_histogram(item.name))
+
+    # --- target colors ---------------------------------------------------------------------------------------------
+    def difference(self, item: bpy.types.PropertyGroup) -> float | None:
+        """CIEDE2000 of what an object's source color has become to its target color; None where there is none."""
+        known = self.differences.get(item.name)
+        return known[1] if known and known[0][:2] == colors.color_pair(item) else None
+
+    def update_differences(self) -> None:
+        """Take the differences anew where swatches or target colors have changed; never raises."""
+        for item in self.scene.karf.objects:
+            source, target = colors.color_pair(item)
+            if source == target:
+                self.differences.pop(item.name, None)
+                continue
+            palettes = colors.edited(item).tobytes(), colors.picked_with(item).tobytes()
+            key = source, target, self.scene.karf.project, *palettes
+            if item.name not in self.differences or self.differences[item.name][0] != key:
+                try:
+                    self.differences[item.name] = key, colors.difference_to_target(item, self.histogram(item))
+                except (KarfError, OSError):  # the project is gone, or has no such object yet
+                    self.differences.pop(item.name, None)
+
+
+# --- all scenes ----------------------------------------------------------------------------------------------------
+class _Registry:
+    """What is shown of each scene (by `session_uid`), and how many `batched` blocks are open."""
+
+    scenes: dict[int, ShownScene] = {}
+    open_batches: int = 0
+
+
+def of(scene: bpy.types.Scene) -> ShownScene:
+    """What is shown of a scene."""
+    known = _Registry.scenes.setdefault(scene.session_uid, ShownScene(scene))
+    known.scene = scene
+    return known
+
+
+def followed_camera() -> ShownView | None:
+    """The planes of the camera that is followed, of whichever scene."""
+    return next((known.camera for known in _Registry.scenes.values() if known.camera is not None), None)
+
+
+def follow_no_camera() -> None:
+    """No camera is followed any more; its last picture stays as it is."""
+    for known in _Registry.scenes.values():
+        known.camera = None
+
+
+def forget(scene: bpy.types.Scene) -> None:
+    """Read all of a scene anew at the next question. What its pictures show stays known."""
+    known = of(scene)
+    _Registry.scenes[scene.session_uid] = ShownScene(scene, camera=known.camera, stand_in_key=known.stand_in_key)
+
+
+def forget_all() -> None:
+    """Drop what is in memory of all scenes."""
+    _Registry.scenes.clear()
+
+
+@contextmanager
+def batched(scene: bpy.types.Scene) -> Iterator[None]:
+    """Change many swatches inside this block and get one new picture at its end."""
+    _Registry.open_batches += 1
+    try:
+        yield
+    finally:
+        _Registry.open_batches -= 1
+    of(scene).refresh()
+
+
+def _refresh_changed() -> None:
+    """Bring the pictures of all scenes up to date whose values have changed since; drop scenes that are gone."""
+    for uid in _Registry.scenes.keys() - {scene.session_uid for scene in bpy.data.scenes}:
+        del _Registry.scenes[uid]
+    for scene in bpy.data.scenes:
+        if scene.karf.result is not None and colors.fingerprint(scene) != of(scene).values:
+            of(scene).refresh()
+
+
+def _refresh_later() -> None:
+    # in background mode timers never fire; there a render's last handler follows
+    if not bpy.app.background and not bpy.app.timers.is_registered(_catch_up):
+        bpy.app.timers.register(_catch_up, first_interval=RETRY_SECONDS)
+
+
+def _catch_up() -> float | None:
+    """The timer: waits until Blender has rendered."""
+    if not rendering.is_over():
+        return RETRY_SECONDS
+    _refresh_changed()
+    return None
+
+
+# --- handlers ------------------------------------------------------------------------------------------------------
+@persistent
+def _after_undo(*_):
+    # undo takes swatches back, but neither pixels nor update callbacks
+    of(bpy.context.scene).refresh()
+
+
+@persistent
+def _after_change(*_):
+    # animated and driven swatches change without their update callback; a render job calls this on its own thread
+    if not rendering.is_running():
+        _refresh_changed()
+
+
+@persistent
+def _after_load(*_):
+    forget_all()
+    for scene in bpy.data.scenes:
+        # a picture that was saved is that of the view that was active then
+        of(scene).stand_in_key = views.stand_in_key(scene)
+        of(scene).refresh()
+
+
+HANDLERS = (
+    ("undo_post", _after_undo),
+    ("redo_post", _after_undo),
+    ("frame_change_post", _after_change),
+    ("depsgraph_update_post", _after_change),
+    # after a render without a job: in background mode, or by a script. A job's end updates the dependency graph
+    ("render_complete", _after_change),
+    ("render_cancel", _after_change),
+    ("load_post", _after_load),
+)
+
+
+def register():
+    """Called when the extension is enabled."""
+    handlers.add(HANDLERS)
+
+
+def unregister():
+    """Called when the extension is disabled."""
+    handlers.remove(HANDLERS)
+    if bpy.app.timers.is_registered(_catch_up):
+        bpy.app.timers.unregister(_catch_up)
+    forget_all()
