@@ -18,7 +18,15 @@ from ..karf_engine.capture.reprojection import (
 )
 from ..karf_engine.capture.transforms_json import camera_to_json
 from ..karf_engine.capture.undistortion import undistorted
-from ..karf_engine.errors import BadRequest, Cancelled, DataError, KarfError, MissingDependency, error_from_code
+from ..karf_engine.errors import (
+    BadRequest,
+    Cancelled,
+    DataError,
+    KarfError,
+    Message,
+    MissingDependency,
+    error_from_code,
+)
 from ..karf_engine.export.layer_names import ObjectLayers, read_layer_names
 from ..karf_engine.export.scene_points import ScenePoints, read_points, write_points
 from ..karf_engine.io.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
@@ -113,6 +121,7 @@ __all__ = [
     "EventReader",
     "Finding",
     "KarfError",
+    "Message",
     "MissingDependency",
     "ObjectLayers",
     "ObjectMatch",

@@ -3,7 +3,7 @@
 import bpy
 
 from .engine_api import Event, KarfError
-from .host.words import translate
+from .host.words import kept, translate
 
 
 def state() -> bpy.types.PropertyGroup:
@@ -30,13 +30,13 @@ def warn(sentence: str) -> None:
 def _add_warning(sentence: str) -> None:
     progress = state()
     if sentence not in progress.warnings.splitlines():
-        progress.warnings = f"{progress.warnings}\n{sentence}".strip()
+        progress.warnings = f"{progress.warnings}\n{kept(sentence)}".strip()
 
 
 def fail(error: KarfError) -> None:
     """Say why something failed, and what can be done."""
     progress = state()
-    progress.text, progress.error, progress.hint = "", error.sentence, error.hint
+    progress.text, progress.error, progress.hint = "", kept(error.sentence), kept(error.hint)
 
 
 def dismiss() -> None:

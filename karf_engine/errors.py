@@ -98,7 +98,12 @@ class KarfError(Exception):
         self.sentence, self.hint = (
             text if isinstance(text, Message) else Message(_cut(text), **values) for text in (sentence, hint)
         )
-        super().__init__(f"{self.sentence} {self.hint}".strip())
+        super().__init__(str(self.message))
+
+    @property
+    def message(self) -> Message:
+        """Sentence and hint as one."""
+        return Message("{sentence} {hint}", sentence=self.sentence, hint=self.hint) if self.hint else self.sentence
 
 
 class BadRequest(KarfError):

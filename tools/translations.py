@@ -2,18 +2,19 @@
 
 Texts are found in the sources: labels and tooltips of classes, names and descriptions of properties, enum items, texts
 of layouts, and what is marked by `host/words.py`. A text with values in it that is not put together there cannot be
-translated, and is listed too. Sentences of errors and warnings are known by what is left where {0}, {1} .. stand for
-their values; a translation of one that neither the extension nor the engine says any more is listed as well.
+translated, and is listed too. Errors and warnings are templates beside their values; a translation of one that neither
+the extension nor the engine says any more is listed as well.
 """
 
 from __future__ import annotations
 
 import ast
-import itertools
 import sys
 from collections.abc import Iterator
 from importlib import util
 from pathlib import Path
+
+from karf_engine.errors import PLACE
 
 ROOT = Path(__file__).resolve().parents[1] / "karf_blender"
 ENGINE = ROOT.with_name("karf_engine")
@@ -25,15 +26,17 @@ POSITIONS = {"poll_message_set": 0, "report": 1, "draw_text": 1, "srgb": 0, "app
 CLASS_TEXTS = ("bl_label", "bl_description")
 CONSTANTS = ("_ITEMS", "_NAMES", "_HELP")  # ends of names of module constants that are shown
 ERRORS = ("KarfError", "BadRequest", "DataError", "MissingDependency", "OutOfMemory", "Cancelled", "Diverged")
-SENTENCES_AT = {**dict.fromkeys(ERRORS, (0, 1)), "warn": (0,), "find_scene": (1,)}  # which arguments are sentences
+SENTENCES_AT = {
+    **dict.fromkeys((*ERRORS, "Message"), (0, 1)),
+    "warn": (0,),
+    "find_scene": (1,),
+}  # which arguments are sentences
 ENGLISH = ("headless", "managed")  # folders whose sentences stay English: for programmers, and of installing
 UNTRANSLATED = ("KaRF", "RGB", "RGBA", "PNG", "OpenEXR", "NeRF")
 
 
 def main() -> int:
-    faults = [
-        f"{where}: {text!r} has values: use translate() or translate_report()" for where, text in untranslatable()
-    ]
+    faults = [f"{where}: {text!r} has values: give them beside it" for where, text in untranslatable()]
     for language in languages():
         faults += [f"{language}: {text!r} is missing" for text in missing(language)]
         faults += [f"{language}: {text!r} is said nowhere" for text in stale(language)]
@@ -75,33 +78,29 @@ def texts() -> set[str]:
 
 
 def sentences(package: Path) -> set[str]:
-    """The sentences of errors and warnings in the sources of a package, with {0}, {1} .. for their values."""
-    paths = [path for path in package.rglob("*.py") if not set(ENGLISH) & set(path.parts)]
-    calls = [
-        node
-        for path in paths
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(node, ast.Call)
-    ]
-    spoken = [node.args[at] for node in calls for at in SENTENCES_AT.get(_name(node.func), ()) if at < len(node.args)]
-    found = {_template(each) for node in spoken for each in _alternatives(node)}
-    return {text for text in found if any(map(str.isalpha, text))}
+    """The keys of errors and warnings in the sources of a package."""
+    literals = (node for _, node in _sentence_nodes(package) if isinstance(node, ast.Constant))
+    keys = {PLACE.sub(r"{\1}", str(node.value)) for node in literals}
+    return {key for key in keys if any(map(str.isalpha, PLACE.sub("", key)))}
 
 
-def _template(node: ast.AST) -> str:
-    """A sentence with {0}, {1} .. for its values; empty for what is put together elsewhere."""
-    if isinstance(node, ast.Constant):
-        return str(node.value)
-    parts = node.values if isinstance(node, ast.JoinedStr) else []
-    numbers = itertools.count()
-    return "".join(part.value if isinstance(part, ast.Constant) else f"{{{next(numbers)}}}" for part in parts)
+def _sentence_nodes(package: Path) -> Iterator[tuple[str, ast.AST]]:
+    """Places and expressions of the sentences of errors and warnings."""
+    for path in sorted(package.rglob("*.py")):
+        if set(ENGLISH) & set(path.parts):
+            continue
+        calls = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
+        for call in calls:
+            spoken = [call.args[at] for at in SENTENCES_AT.get(_name(call.func), ()) if at < len(call.args)]
+            where = f"{path.relative_to(package.parent)}:{call.lineno}"
+            yield from ((where, each) for node in spoken for each in _alternatives(node))
 
 
 def untranslatable() -> list[tuple[str, str]]:
     """Places and sources of texts whose values are put in before they could be translated."""
     return [
         (where, ast.unparse(node))
-        for where, shown in _shown_nodes()
+        for where, shown in (*_shown_nodes(), *_sentence_nodes(ROOT))
         for node in _alternatives(shown)
         if isinstance(node, ast.JoinedStr) and _words(node)
     ]

@@ -91,7 +91,7 @@ def _link_layers(tree, picture, node, objects: Sequence[ObjectLayers], path: Pat
     pairs = [(COMBINED, group.BASE), *((name, name) for each in objects for name in each.weights[1:])]
     for layer, socket in pairs:
         if layer not in picture.outputs:
-            raise DataError(f"{path} has no layer {layer!r}.", "Render the layers again.")
+            raise DataError("{path} has no layer {layer!r}.", "Render the layers again.", path=path, layer=layer)
         tree.links.new(picture.outputs[layer], node.inputs[socket])
 
 

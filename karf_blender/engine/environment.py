@@ -25,8 +25,9 @@ def chosen_python(preference: str, variables: Mapping[str, str], managed: Path |
     # two slashes stand for the .blend's folder, which may be a stranger's
     if chosen and (chosen.startswith("//") or not Path(chosen).is_absolute()):
         raise MissingDependency(
-            f"The engine's Python {chosen} is not given by its whole path.",
+            "The engine's Python {python} is not given by its whole path.",
             "Set it in the KaRF preferences, in the file browser with Relative Path off.",
+            python=chosen,
         )
     if chosen:
         return Path(chosen)
@@ -46,7 +47,9 @@ def find_python(preference: str, variables: Mapping[str, str], managed: Path | N
     if python.is_file():
         return python
     if preference or variables.get(VARIABLE):
-        raise MissingDependency(f"The engine's Python {python} does not exist.", "Set it in the KaRF preferences.")
+        raise MissingDependency(
+            "The engine's Python {python} does not exist.", "Set it in the KaRF preferences.", python=python
+        )
     raise MissingDependency(
         "There is no engine yet.",
         "Press Install Engine in the KaRF preferences, or set Engine Python there to a Python that has PyTorch.",

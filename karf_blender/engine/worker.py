@@ -168,19 +168,24 @@ class Worker:
             raise MissingDependency("The engine did not answer after its start.", "Try Test Engine in the preferences.")
         if job.final is None and not job.folder.is_dir():
             raise DataError(
-                f"{job.folder} was taken away while the {stage} job ran.", "Bring the project back and try again."
+                "{folder} was taken away while the {stage} job ran.",
+                "Bring the project back and try again.",
+                folder=job.folder,
+                stage=stage,
             )
         if job.final is None and job.is_cancelled:
-            raise Cancelled(f"The {stage} job did not stop by itself and was ended ({how}).")
+            raise Cancelled("The {stage} job did not stop by itself and was ended ({how}).", stage=stage, how=how)
         if job.final is None:
             raise KarfError(
-                f"The engine crashed in the {stage} job ({how}).",
+                "The engine crashed in the {stage} job ({how}).",
                 "Most likely memory ran out: use a smaller preset, or fewer threads."
                 if how == "SIGKILL"
                 else "Its log tells more.",
+                stage=stage,
+                how=how,
             )
         if job.final.kind == "cancelled":
-            raise Cancelled(f"The {stage} job was cancelled.")
+            raise Cancelled("The {stage} job was cancelled.", stage=stage)
         if job.final.kind == "error":
             raise error_from_event(job.final)
 
@@ -255,7 +260,10 @@ class Worker:
                 )
         except OSError as error:
             raise MissingDependency(
-                f"{python} cannot be started ({error}).", "Set Engine Python in the KaRF preferences."
+                "{python} cannot be started ({error}).",
+                "Set Engine Python in the KaRF preferences.",
+                python=python,
+                error=error,
             ) from error
 
     def _send(self, line: str) -> None:

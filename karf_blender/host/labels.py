@@ -2,7 +2,8 @@
 
 import textwrap
 
-from .words import translate_sentences
+from ..engine_api import Message
+from .words import translate_message
 
 WIDE = "\u2e7f"  # letters after this one are twice as wide
 SIDEBAR = 34  # letters that fit the sidebar's usual width
@@ -11,7 +12,8 @@ SIDEBAR = 34  # letters that fit the sidebar's usual width
 def draw_text(layout, text, icon, width=SIDEBAR):
     """A text as labels, one below the other, of at most this many letters; the icon stands before the first."""
     column = layout.column(align=True)
-    text = "\n".join(translate_sentences(paragraph) for paragraph in text.splitlines())
+    paragraphs = [text] if isinstance(text, Message) else text.splitlines()
+    text = "\n".join(map(translate_message, paragraphs))
     if any(letter > WIDE for letter in text):
         width //= 2
     for paragraph in text.splitlines():

@@ -2,16 +2,17 @@
 
 Labels, names and tooltips are translated where they are shown. Sentences with values in them are put together here,
 after their translation. Sentences of errors and warnings stay English where they are raised, as in logs and reports to
-developers, and as the engine says them; `translate_sentences` knows them again where they are shown.
+developers, and as the engine says them; as messages they know their keys and values, and are translated where they are
+shown.
 `tools/translations.py` collects all of them from the sources.
 """
 
-import re
-from functools import lru_cache
-
 from bpy.app.translations import pgettext_iface, pgettext_rpt
 
-from ..translations import sentences
+from ..engine_api import KarfError, Message
+
+MOST_KEPT = 256
+_kept: dict[str, Message] = {}  # by their English texts
 
 
 def translatable(text: str) -> str:
@@ -30,34 +31,30 @@ def translate_report(text: str, **values: object) -> str:
     return pgettext_rpt(text).format(**values)
 
 
-def translate_sentences(text: str) -> str:
-    """Sentences of errors or warnings, put together in English, in the user's language.
+def kept(message: str) -> str:
+    """A message that a property is going to hold, which holds its English text alone: the rest is remembered here."""
+    if isinstance(message, Message):
+        _kept.pop(str(message), None)
+        _kept[str(message)] = message
+        while len(_kept) > MOST_KEPT:
+            del _kept[next(iter(_kept))]
+    return message
 
-    Those that are not known stay as they are. Values in them may be such sentences too; names are never translated.
+
+def translate_message(text: str) -> str:
+    """A message, or the text of one that was kept, in the user's language.
+
+    What no table has stays as it is. Values may be messages too; names are never translated.
     """
-    translated = translate(text) if text else ""
-    return translated if translated != text else _retranslated(text)
+    message = text if isinstance(text, Message) else _kept.get(text)
+    if message is None:
+        return translate(text) if text else ""
+    values = {
+        name: translate_message(each) if isinstance(each, Message) else each for name, each in message.values.items()
+    }
+    return Message(translate(message.key) if message.key else "", **values)
 
 
-def _retranslated(text: str) -> str:
-    for end in _ends(text):
-        template, values = _known(text[:end])
-        if template:
-            first = translate(template).format(*map(_retranslated, values))
-            return f"{first} {translate_sentences(text[end:].strip())}".strip()
-    return text
-
-
-def _ends(text: str) -> list[int]:
-    """Where sentences may end."""
-    return [*(found.start() + 1 for found in re.finditer(r"[.?] ", text)), len(text)]
-
-
-@lru_cache(maxsize=256)
-def _known(sentence: str) -> tuple[str, tuple[str, ...]]:
-    """A sentence as the tables have it, and the values in it; empty where they have none."""
-    for template, pattern in sentences.PATTERNS.items():
-        match = pattern.fullmatch(sentence)
-        if match:
-            return template, match.groups()
-    return "", ()
+def translate_error(error: KarfError) -> str:
+    """What went wrong and what can be done about it, in the user's language."""
+    return translate_message(error.message)

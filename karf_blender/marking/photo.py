@@ -49,7 +49,7 @@ def _load(scene: bpy.types.Scene) -> bpy.types.Image:
     rendering.refuse()
     view, marking = captures.view_of(scene), scene.karf.marking
     if view.image is None:
-        raise BadRequest(f"The view {view.name!r} has no photo.", "Choose another view.")
+        raise BadRequest("The view {name!r} has no photo.", "Choose another view.", name=view.name)
     file = photos.taken(view, folders.project_of(scene).photos_folder)
     if marking.photo is None:
         marking.photo = bpy.data.images.new(NAME, 1, 1)
@@ -58,6 +58,6 @@ def _load(scene: bpy.types.Scene) -> bpy.types.Image:
     if image.filepath != str(file):
         image.filepath = str(file)  # Blender reads it anew
     if not image.size[0]:
-        raise DataError(f"{file} cannot be read as a picture.", "Check the file.")
+        raise DataError("{path} cannot be read as a picture.", "Check the file.", path=file)
     image[VIEW] = view.name
     return image

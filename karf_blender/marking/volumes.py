@@ -45,7 +45,9 @@ def _volume(scene: bpy.types.Scene, shape: bpy.types.Object, kind: str) -> Volum
     if shape.type == "EMPTY":
         return Volume(kind, np.array(to_capture @ Matrix.Scale(shape.empty_display_size, 4)))
     if shape.type != "MESH":
-        raise BadRequest(f"{shape.name!r} is no mesh and no Empty.", "Select a mesh, or an Empty for its box.")
+        raise BadRequest(
+            "{name!r} is no mesh and no Empty.", "Select a mesh, or an Empty for its box.", name=shape.name
+        )
     evaluated = shape.evaluated_get(bpy.context.evaluated_depsgraph_get())
     mesh = evaluated.to_mesh()
     mesh.calc_loop_triangles()
@@ -53,7 +55,7 @@ def _volume(scene: bpy.types.Scene, shape: bpy.types.Object, kind: str) -> Volum
     triangles = np.array([triangle.vertices for triangle in mesh.loop_triangles])
     evaluated.to_mesh_clear()
     if len(vertices) < 4:
-        raise BadRequest(f"{shape.name!r} surrounds nothing.", "Select a mesh with a volume.")
+        raise BadRequest("{name!r} surrounds nothing.", "Select a mesh with a volume.", name=shape.name)
     return Volume(kind, None, vertices, triangles)
 
 

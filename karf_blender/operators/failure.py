@@ -47,7 +47,7 @@ class KARF_OT_open_log(FailureStep, bpy.types.Operator):
         job = Path(context.window_manager.karf_progress.job)
         tail = failures.log_tail(job)
         if not tail:
-            raise DataError(f"The log in {job} is empty, or gone.", "Run the step again.")
+            raise DataError("The log in {job} is empty, or gone.", "Run the step again.", job=job)
         text = bpy.data.texts.get(LOG_NAME) or bpy.data.texts.new(LOG_NAME)
         text.from_string(tail)
         if not bpy.app.background:

@@ -7,7 +7,7 @@ from .. import preferences
 from ..engine import failures, installing, removing
 from ..engine_api import VERSION, KarfError, MissingDependency
 from ..host import compat
-from ..host.words import translatable, translate_report, translate_sentences
+from ..host.words import translatable, translate_error, translate_report
 from ..project import disk
 from ..tasks import runner
 
@@ -27,9 +27,9 @@ def reports_errors(execute: Callable) -> Callable:
         try:
             return execute(self, context, *event)
         except KarfError as error:
-            self.report({"ERROR"}, translate_sentences(str(error)))
+            self.report({"ERROR"}, translate_error(error))
         except OSError as error:
-            self.report({"ERROR"}, translate_sentences(str(failures.disk_error(error))))
+            self.report({"ERROR"}, translate_error(failures.disk_error(error)))
         return {"CANCELLED"}
 
     return safe

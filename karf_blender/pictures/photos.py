@@ -91,9 +91,13 @@ def _read_small(view: View, camera: Camera) -> np.ndarray:
         width, height = reversed(image.size) if is_turned else image.size
         if (width, height) != (view.camera.width, view.camera.height):
             raise DataError(
-                f"{view.image} is {width}x{height} pixels where its camera has "
-                f"{view.camera.width}x{view.camera.height}.",
+                "{path} is {width}x{height} pixels where its camera has {expected_width}x{expected_height}.",
                 "Import the capture again.",
+                path=view.image,
+                width=width,
+                height=height,
+                expected_width=view.camera.width,
+                expected_height=view.camera.height,
             )
         size = (camera.height, camera.width) if is_turned else (camera.width, camera.height)
         images.fit(image, *size)
@@ -120,7 +124,9 @@ def _header(view: View):
     try:
         return find_header(view.image)
     except OSError as error:
-        raise DataError(f"{view.image} cannot be read: {error.strerror}.", "Check the file.") from error
+        raise DataError(
+            "{path} cannot be read: {reason}.", "Check the file.", path=view.image, reason=error.strerror
+        ) from error
 
 
 def _turned(picture: np.ndarray, orientation: int) -> np.ndarray:

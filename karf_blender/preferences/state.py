@@ -86,7 +86,7 @@ def _read() -> Engine:
         python = choices.chosen_python()
         choices.engine_python()
     except MissingDependency as error:
-        problem = f"{error.sentence} {error.hint}"
+        problem = error.message
     return Engine(python, problem, folder, managed)
 
 

@@ -16,7 +16,7 @@ def path_of(scene: bpy.types.Scene) -> Path:
         BadRequest: None was imported.
     """
     if not scene.karf.capture:
-        raise BadRequest(f"The scene {scene.name!r} has no capture.", "Import a capture first.")
+        raise BadRequest("The scene {name!r} has no capture.", "Import a capture first.", name=scene.name)
     return folders.absolute(scene.karf.capture)
 
 

@@ -82,7 +82,7 @@ def planes_file(scene: bpy.types.Scene) -> Path:
         BadRequest: No view of the capture is chosen.
     """
     if scene.karf.active_view not in scene.karf.views:
-        raise BadRequest(f"The scene {scene.name!r} has no active view.", "Choose one in the KaRF panel.")
+        raise BadRequest("The scene {name!r} has no active view.", "Choose one in the KaRF panel.", name=scene.name)
     return folders.project_of(scene).planes_file(scene.karf.active_view)
 
 

@@ -35,7 +35,7 @@ def project_of(scene: bpy.types.Scene) -> Project:
         BadRequest: None is chosen.
     """
     if not scene.karf.project:
-        raise BadRequest(f"The scene {scene.name!r} has no KaRF project.", "Import a capture first.")
+        raise BadRequest("The scene {name!r} has no KaRF project.", "Import a capture first.", name=scene.name)
     return Project(absolute(scene.karf.project))
 
 

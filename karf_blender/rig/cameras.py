@@ -102,7 +102,7 @@ def _set_background(data: bpy.types.Camera, photo: Path) -> None:
     try:
         image = bpy.data.images.load(str(photo), check_existing=True)
     except RuntimeError as error:
-        raise DataError(f"{photo} cannot be read as a picture.", "Check the file.") from error
+        raise DataError("{path} cannot be read as a picture.", "Check the file.", path=photo) from error
     background = data.background_images.new()
     background.image = image
     background.frame_method = "STRETCH"
@@ -120,7 +120,12 @@ def camera_of(scene: bpy.types.Scene, view: str) -> bpy.types.Object:
     for camera in rig.children if rig else ():
         if camera.karf_view == view:
             return camera
-    raise BadRequest(f"The scene {scene.name!r} has no camera of the view {view!r}.", "Import the capture again.")
+    raise BadRequest(
+        "The scene {name!r} has no camera of the view {view!r}.",
+        "Import the capture again.",
+        name=scene.name,
+        view=view,
+    )
 
 
 def set_picture(scene: bpy.types.Scene, camera: Camera) -> None:

@@ -58,7 +58,9 @@ def pinhole(scene: bpy.types.Scene, camera: bpy.types.Object) -> Camera:
         BadRequest: The camera is not a perspective camera, or it is mirrored or unevenly scaled.
     """
     if camera.type != "CAMERA" or camera.data.type != "PERSP":
-        raise BadRequest(f"{camera.name!r} is no perspective camera.", "Set the camera's type to Perspective.")
+        raise BadRequest(
+            "{name!r} is no perspective camera.", "Set the camera's type to Perspective.", name=camera.name
+        )
     render = scene.render
     scale = render.resolution_percentage / 100
     width, height = int(render.resolution_x * scale), int(render.resolution_y * scale)

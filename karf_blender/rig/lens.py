@@ -73,8 +73,9 @@ def rigid(matrix: np.ndarray, name: str) -> np.ndarray:
     axes = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
     if not np.allclose(axes.T @ axes, np.eye(3), atol=1e-3) or np.linalg.det(axes) < 0:
         raise BadRequest(
-            f"The camera {name!r} is mirrored or unevenly scaled, itself or by its parents or the rig.",
+            "The camera {name!r} is mirrored or unevenly scaled, itself or by its parents or the rig.",
             "Apply the scale, or give all three axes the same.",
+            name=name,
         )
     pose = np.eye(4)
     pose[:3, :3] = axes

@@ -52,7 +52,9 @@ def camera_of(scene: bpy.types.Scene, camera: bpy.types.Object | None) -> bpy.ty
     """
     camera = camera or scene.camera
     if camera is None:
-        raise BadRequest(f"The scene {scene.name!r} has no camera.", "Add one, or choose a camera of the capture.")
+        raise BadRequest(
+            "The scene {name!r} has no camera.", "Add one, or choose a camera of the capture.", name=scene.name
+        )
     return camera
 
 

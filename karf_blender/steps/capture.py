@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 
 from .. import progress
-from ..engine_api import Capture, DataError, KarfError, Project, Request, hold_out, open_capture
+from ..engine_api import Capture, DataError, KarfError, Message, Project, Request, hold_out, open_capture
 from ..project import captures, folders
 from ..rig import cameras
 from ..swatches import palettes, shown
@@ -129,7 +129,10 @@ def find_poses(scene: bpy.types.Scene, photos: str | Path, rig: cameras.Options 
         found = owner.find()
         if found is None:
             progress.warn(
-                f"The scene that asked for camera poses is gone or has another project: import {out} yourself."
+                Message(
+                    "The scene that asked for camera poses is gone or has another project: import {out} yourself.",
+                    out=out,
+                )
             )
         else:
             import_capture(found, out, project, rig=rig, **options)

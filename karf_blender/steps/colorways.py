@@ -6,7 +6,7 @@ from pathlib import Path
 import bpy
 
 from .. import progress
-from ..engine_api import PlannedColorway, Request, plan_colorways
+from ..engine_api import Message, PlannedColorway, Request, plan_colorways
 from ..project import folders
 from ..swatches import colors
 from ..tasks.ownership import Owner
@@ -73,4 +73,4 @@ def colorways_folder(scene: bpy.types.Scene, sheet: Path) -> Path:
 
 def _say_where(out: Path, owner: Owner, request: Request) -> None:
     del owner, request
-    progress.warn(f"Colorways, their table and a contact sheet are in {out}.")
+    progress.warn(Message("Colorways, their table and a contact sheet are in {out}.", out=out))

@@ -7,7 +7,7 @@ import bpy
 
 from .. import progress
 from ..compositor import placing
-from ..engine_api import Request, find_header, read_layer_names
+from ..engine_api import Message, Request, find_header, read_layer_names
 from ..project import captures, folders
 from ..swatches import colors
 from ..tasks.ownership import Owner
@@ -44,10 +44,10 @@ def build_compositor(
 
 def _place(path: Path, driven: bool, owner: Owner, request: Request) -> None:
     del request
-    scene = requests.find_scene(owner, f"The layers are in {path}.")
+    scene = requests.find_scene(owner, Message("The layers are in {path}.", path=path))
     if scene is not None:
         node = place_layers(scene, path, driven)
-        progress.warn(f"The compositor recolors {path} by the node {node.name}.")
+        progress.warn(Message("The compositor recolors {path} by the node {name}.", path=path, name=node.name))
 
 
 def compositor_node(scene: bpy.types.Scene, view: str = "") -> bpy.types.Node | None:
@@ -84,7 +84,17 @@ def _say_differences(scene: bpy.types.Scene, node: bpy.types.Node, size: tuple[i
     render = scene.render
     rendered = tuple(side * render.resolution_percentage // 100 for side in (render.resolution_x, render.resolution_y))
     if not placing.is_rendered(node):
-        progress.warn(f"The compositor's output has other nodes: link {node.name} where you want it.")
+        progress.warn(
+            Message("The compositor's output has other nodes: link {name} where you want it.", name=node.name)
+        )
     if size != rendered:
-        progress.warn(f"The layers have {size[0]} x {size[1]} pixels, the scene renders {rendered[0]} x {rendered[1]}.")
+        progress.warn(
+            Message(
+                "The layers have {width} x {height} pixels, the scene renders {own_width} x {own_height}.",
+                width=size[0],
+                height=size[1],
+                own_width=rendered[0],
+                own_height=rendered[1],
+            )
+        )
     sequences.say_view_transform(scene)

@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 
 from .. import progress
+from ..engine_api import Message
 from ..nodes import drivers
 from ..swatches import colors
 
@@ -48,13 +49,21 @@ def say_others(scene: bpy.types.Scene, objects: Sequence[Palettes], what: str) -
     others = [each.name for each in objects if each.name in scene.karf.objects and not _fits(scene, each)]
     if others:
         progress.warn(
-            f"The swatches of {', '.join(others)} are of other palettes than the {what}: the sockets begin as learned. "
-            "Choose the project anew in step 1 to bring its palettes, then build again."
+            Message(
+                "The swatches of {names} are of other palettes than the {what}: the sockets begin as learned. "
+                "Choose the project anew in step 1 to bring its palettes, then build again.",
+                names=", ".join(others),
+                what=what,
+            )
         )
     fewer = [each.name for each in objects if _fits(scene, each) and len(each.colors) < len(_swatches(scene, each))]
     if fewer:
         progress.warn(
-            f"Colors that were added to {', '.join(fewer)} are not in the {what}: build again to have them there."
+            Message(
+                "Colors that were added to {names} are not in the {what}: build again to have them there.",
+                names=", ".join(fewer),
+                what=what,
+            )
         )
 
 

@@ -126,7 +126,7 @@ def show_view(scene: bpy.types.Scene, view: str = "") -> Task | bpy.types.Image:
     """
     karf = scene.karf
     if view and view not in karf.views:
-        raise BadRequest(f"The capture has no view {view!r}.", "Choose one from the list.")
+        raise BadRequest("The capture has no view {view!r}.", "Choose one from the list.", view=view)
     palettes.import_learned(scene)
     if not karf.objects:
         raise BadRequest("There is no palette yet.", "Extract the palettes first.")

@@ -222,7 +222,7 @@ def _looks(scene: bpy.types.Scene) -> tuple:
 def _say(live: _Live | None, error: KarfError) -> None:
     """Say why there is no picture; it is asked for again when the camera moves."""
     if live is not None:
-        live.message, live.asked, live.sides = f"{error.sentence} {error.hint}".strip(), None, ()
+        live.message, live.asked, live.sides = error.message, None, ()
 
 
 @persistent

@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 
 from .. import progress
-from ..engine_api import BadRequest, Request, write_cameras, write_edit
+from ..engine_api import BadRequest, Message, Request, write_cameras, write_edit
 from ..pictures import images
 from ..pictures.sequences import files_in
 from ..project import folders
@@ -166,10 +166,10 @@ def _frames_task(scene: bpy.types.Scene, title: str, job: tuple[str, dict], are_
 
 def _present_frames(folder: Path, are_shown: bool, owner: Owner, request: Request) -> None:
     del request
-    scene = requests.find_scene(owner, f"The frames are in {folder}.")
+    scene = requests.find_scene(owner, Message("The frames are in {folder}.", folder=folder))
     if scene is None:
         return
-    progress.warn(f"The pictures are in {folder}.")
+    progress.warn(Message("The pictures are in {folder}.", folder=folder))
     if are_shown:
         sequences.show_frames(scene, folder, is_wanted=False)
 

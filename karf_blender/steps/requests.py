@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 
 from .. import preferences, progress
-from ..engine_api import Project, Request, read_palettes
+from ..engine_api import Message, Project, Request, read_palettes
 from ..pictures import editors
 from ..project import contents, folders
 from ..swatches import palettes, shown
@@ -30,8 +30,11 @@ def import_results(owner: Owner, request: Request) -> None:
     scenes = list(owner.scenes())
     if not scenes:
         progress.warn(
-            f"The scene that asked for this is gone or has another project. The result is in {request.project}; choose "
-            "that as the project to bring it in."
+            Message(
+                "The scene that asked for this is gone or has another project. The result is in {project}; choose "
+                "that as the project to bring it in.",
+                project=request.project,
+            )
         )
     for scene in scenes:
         if request.stage == "recoloring":
@@ -115,5 +118,5 @@ def find_scene(owner: Owner, result: str) -> bpy.types.Scene | None:
     """The scene that began a job; where it is gone, None and a warning that says where the result is."""
     scene = owner.find()
     if scene is None:
-        progress.warn(f"The scene that asked for this is gone or has another project. {result}")
+        progress.warn(Message("The scene that asked for this is gone or has another project. {result}", result=result))
     return scene

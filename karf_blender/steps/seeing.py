@@ -6,7 +6,7 @@ from typing import Any
 
 import bpy
 
-from ..engine_api import Request
+from ..engine_api import Message, Request
 from ..pictures import editors
 from ..project import contents
 from ..swatches import drawn_over, shown
@@ -47,7 +47,9 @@ def see_view(scene: bpy.types.Scene) -> Task:
 
 
 def _present(owner: Owner, request: Request) -> None:
-    scene = requests.find_scene(owner, f"How the engine sees the view is in {request.options['out']}.")
+    scene = requests.find_scene(
+        owner, Message("How the engine sees the view is in {folder}.", folder=request.options["out"])
+    )
     if scene is not None:
         _reveal(scene)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 
 from .. import progress
-from ..engine_api import BadRequest, open_capture
+from ..engine_api import BadRequest, Message, open_capture
 from ..pictures import sequences
 from ..project import folders
 
@@ -38,7 +38,11 @@ def say_view_transform(scene: bpy.types.Scene) -> None:
     """Warn of a view transform that shows other colors in the compositor and the sequencer than the files have."""
     transform = scene.view_settings.view_transform
     if transform not in STANDARD:
-        progress.warn(f"The view transform {transform} changes colors: Standard shows them as they are.")
+        progress.warn(
+            Message(
+                "The view transform {transform} changes colors: Standard shows them as they are.", transform=transform
+            )
+        )
 
 
 def frames_in(scene: bpy.types.Scene, folder: str | Path | None = None) -> list[Path]:
@@ -50,7 +54,9 @@ def frames_in(scene: bpy.types.Scene, folder: str | Path | None = None) -> list[
     names = [view.name for view in open_capture(cameras, photos=False).views] if cameras.is_file() else None
     files = sequences.files_in(folder, names)
     if not files:
-        raise BadRequest(f"There are no frames in {folder}.", "Render captured views or a camera's frames first.")
+        raise BadRequest(
+            "There are no frames in {folder}.", "Render captured views or a camera's frames first.", folder=folder
+        )
     return files
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import bpy
 
-from ..engine_api import BadRequest, Palette, Request, palettes_with, read_points
+from ..engine_api import BadRequest, Message, Palette, Request, palettes_with, read_points
 from ..project import folders
 from ..surface import export, placing
 from ..swatches import colors
@@ -40,7 +40,7 @@ def show_scene(
 
 def _place(path: Path, owner: Owner, request: Request) -> None:
     del request
-    scene = requests.find_scene(owner, f"The points are in {path}.")
+    scene = requests.find_scene(owner, Message("The points are in {path}.", path=path))
     if scene is not None:
         place_points(scene, path)
 
@@ -61,7 +61,7 @@ def place_points(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
     """
     karf = scene.karf
     if karf.rig is None:
-        raise BadRequest(f"The scene {scene.name!r} has no captured cameras.", "Import the capture first.")
+        raise BadRequest("The scene {name!r} has no captured cameras.", "Import the capture first.", name=scene.name)
     points = read_points(path)
     palettes = [Palette(name, colors) for name, colors in zip(points.objects, points.learned, strict=True)]
     palettes = [_as_long_as_swatches(scene, each) for each in palettes]

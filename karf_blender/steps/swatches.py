@@ -34,7 +34,12 @@ def link_swatches(scene: bpy.types.Scene, one: Swatch, other: Swatch) -> None:
     """
     first, second = edits.unlocked(scene, *one), edits.swatch_at(scene, *other)
     if first == second or second.merged:
-        raise BadRequest(f"Swatch {one[1]} of {one[0]!r} cannot be linked with that.", "Choose another swatch.")
+        raise BadRequest(
+            "Swatch {index} of {name!r} cannot be linked with that.",
+            "Choose another swatch.",
+            index=one[1],
+            name=one[0],
+        )
     with shown.batched(scene):
         groups.link(first, second)
 
@@ -63,11 +68,19 @@ def merge_swatch(scene: bpy.types.Scene, object_name: str, index: int, into: int
     item = edits.object_named(scene, object_name)
     others = [each for each in range(1, colors.size(item)) if each != index and not item.swatches[each].merged]
     if item.swatches[index].is_added:
-        raise BadRequest(f"Swatch {index} of {object_name!r} was added: it cannot be merged.", "Remove it in its menu.")
+        raise BadRequest(
+            "Swatch {index} of {name!r} was added: it cannot be merged.",
+            "Remove it in its menu.",
+            index=index,
+            name=object_name,
+        )
     if not others or into not in (None, *others):
         raise BadRequest(
-            f"Swatch {index} of {object_name!r} cannot be merged into {into or 'another'}.",
+            "Swatch {index} of {name!r} cannot be merged into {other}.",
             "Choose another swatch of this object that is shown.",
+            index=index,
+            name=object_name,
+            other=into or "another",
         )
     if into is None:
         lab = srgb_to_lab(colors.learned(item))
@@ -84,7 +97,12 @@ def split_swatch(scene: bpy.types.Scene, name: str, index: int) -> None:
         BadRequest: There is no such swatch, or it was added.
     """
     if edits.swatch_at(scene, name, index).is_added:
-        raise BadRequest(f"Swatch {index} of {name!r} was added: nothing is merged into it.", "Remove it in its menu.")
+        raise BadRequest(
+            "Swatch {index} of {name!r} was added: nothing is merged into it.",
+            "Remove it in its menu.",
+            index=index,
+            name=name,
+        )
     groups.split(edits.object_named(scene, name), index)
 
 
@@ -107,7 +125,9 @@ def color_at(scene: bpy.types.Scene, name: str, place: tuple[float, float]) -> n
     weights = view.palette_weights[view.objects.index(name)][: len(learned), *near].reshape(len(learned), -1)
     own = weights.sum(axis=1, dtype=np.float32)
     if not (0 <= row < height and 0 <= column < width) or own.sum() < weights.shape[1] / 2:
-        raise BadRequest(f"{name!r} is not there in {scene.karf.active_view!r}.", "Click on it in the picture.")
+        raise BadRequest(
+            "{name!r} is not there in {view!r}.", "Click on it in the picture.", name=name, view=scene.karf.active_view
+        )
     return np.clip(own / own.sum() @ learned, 0, 1)
 
 
@@ -132,7 +152,12 @@ def add_color(
     """
     item, picked = edits.object_named(scene, object_name), rgb_of(picked)
     if len(colors.added(item)) >= MOST_ADDED:
-        raise BadRequest(f"{MOST_ADDED} colors were added to {object_name!r}.", "Remove one of them in its menu.")
+        raise BadRequest(
+            "{count} colors were added to {name!r}.",
+            "Remove one of them in its menu.",
+            count=MOST_ADDED,
+            name=object_name,
+        )
     added = AddedColor(picked, reach)
     found = groups.solved_set(item, added, groups.color_shown(item, picked))
     with shown.batched(scene), groups.apart():
@@ -152,7 +177,10 @@ def remove_color(scene: bpy.types.Scene, object_name: str, index: int) -> None:
     swatch, item = edits.unlocked(scene, object_name, index), edits.object_named(scene, object_name)
     if not swatch.is_added:
         raise BadRequest(
-            f"Swatch {index} of {object_name!r} was learned: it stays.", "Merge it into another in its menu."
+            "Swatch {index} of {name!r} was learned: it stays.",
+            "Merge it into another in its menu.",
+            index=index,
+            name=object_name,
         )
     keyframes.copy_shared_action(scene)
     curves, count, learned = keyframes.of(scene), colors.size(item), rgb_to_hex(swatch.learned)

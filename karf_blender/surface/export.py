@@ -68,10 +68,14 @@ def export(scene: bpy.types.Scene, item: bpy.types.Object, path: Path, shape: st
     """
     write = WRITERS.get(path.suffix.lower())
     if write is None:
-        raise BadRequest(f"{path} has an ending that is not known.", f"Give one of {', '.join(WRITERS)}.")
+        raise BadRequest(
+            "{path} has an ending that is not known.", "Give one of {endings}.", path=path, endings=", ".join(WRITERS)
+        )
     if not _has_exporter(path):
         raise BadRequest(
-            f"This Blender has no exporter of {path.suffix} files.", "Enable it, or choose another ending."
+            "This Blender has no exporter of {suffix} files.",
+            "Enable it, or choose another ending.",
+            suffix=path.suffix,
         )
     shown = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
     data = _quads(shown) if shape == "quads" else _points(shown)

@@ -90,9 +90,15 @@ def unlocked(scene: bpy.types.Scene, name: str, index: int) -> bpy.types.Propert
     """
     swatch = swatch_at(scene, name, index)
     if swatch.merged:
-        raise BadRequest(f"Swatch {index} of {name!r} is merged into {swatch.merged}.", "Split that one in its menu.")
+        raise BadRequest(
+            "Swatch {index} of {name!r} is merged into {merged}.",
+            "Split that one in its menu.",
+            index=index,
+            name=name,
+            merged=swatch.merged,
+        )
     if swatch.locked:
-        raise BadRequest(f"Swatch {index} of {name!r} is locked.", "Unlock it in its menu.")
+        raise BadRequest("Swatch {index} of {name!r} is locked.", "Unlock it in its menu.", index=index, name=name)
     return swatch
 
 
@@ -106,7 +112,10 @@ def object_named(scene: bpy.types.Scene, name: str) -> bpy.types.PropertyGroup:
     if item is None:
         known = ", ".join(scene.karf.objects.keys())
         raise BadRequest(
-            f"The scene has no object {name!r}.", f"Objects: {known}." if known else "Extract the palettes first."
+            "The scene has no object {name!r}.",
+            "Objects: {known}." if known else "Extract the palettes first.",
+            name=name,
+            known=known,
         )
     return item
 
@@ -120,6 +129,10 @@ def swatch_at(scene: bpy.types.Scene, name: str, index: int) -> bpy.types.Proper
     found = object_named(scene, name).swatches
     if not 1 <= index < len(found):
         raise BadRequest(
-            f"Object {name!r} has no swatch {index}.", f"Swatches count from 1 to {len(found) - 1}; black is frozen."
+            "Object {name!r} has no swatch {index}.",
+            "Swatches count from 1 to {count}; black is frozen.",
+            name=name,
+            index=index,
+            count=len(found) - 1,
         )
     return found[index]

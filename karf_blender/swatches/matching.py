@@ -39,8 +39,11 @@ def chosen(scene: bpy.types.Scene) -> bpy.types.Image:
         raise BadRequest("No picture is chosen.", "Press Paint Over, or choose a picture of this view.")
     if match.view not in ("", view):
         raise BadRequest(
-            f"{match.picture.name!r} was painted over the view {match.view!r}, and {view!r} is shown.",
-            f"Show {match.view!r} in step 6, or paint over this view.",
+            "{name!r} was painted over the view {view!r}, and {shown!r} is shown.",
+            "Show {view!r} in step 6, or paint over this view.",
+            name=match.picture.name,
+            view=match.view,
+            shown=view,
         )
     return match.picture
 
@@ -48,7 +51,7 @@ def chosen(scene: bpy.types.Scene) -> bpy.types.Image:
 def pixels_of(picture: bpy.types.Image) -> np.ndarray:
     """The sRGB colors [H, W, 3] of an image, painted or not. Raises BadRequest where it has none."""
     if not picture.size[0]:
-        raise BadRequest(f"{picture.name!r} has no pixels.", "Choose another picture.")
+        raise BadRequest("{name!r} has no pixels.", "Choose another picture.", name=picture.name)
     pixels = images.colors_of(picture)
     return _display(pixels) if picture.is_float else pixels  # floats are linear light in Blender
 
@@ -94,8 +97,10 @@ def match(scene: bpy.types.Scene, name: str, picture: np.ndarray) -> tuple[Objec
     )
     if not found:
         raise BadRequest(
-            f"{name!r} shows the objects as they are in {karf.active_view!r}.",
+            "{name!r} shows the objects as they are in {view!r}.",
             "Paint on them, or choose another picture.",
+            name=name,
+            view=karf.active_view,
         )
     edits.apply_edit(
         scene, Edit({each.name: each.colors for each in found}, karf.compositing, colors.added_by_object(scene))
@@ -108,7 +113,12 @@ def _fitted(name: str, picture: np.ndarray, width: int, height: int) -> np.ndarr
     own_height, own_width = picture.shape[:2]
     if abs(own_width * height / (own_height * width) - 1) > ASPECT_TOLERANCE:
         raise BadRequest(
-            f"{name!r} has {own_width} x {own_height} pixels, the view {width} x {height}.",
+            "{name!r} has {own_width} x {own_height} pixels, the view {width} x {height}.",
             "Choose a picture of the whole view, of any size.",
+            name=name,
+            own_width=own_width,
+            own_height=own_height,
+            width=width,
+            height=height,
         )
     return images.resized(picture, width, height)

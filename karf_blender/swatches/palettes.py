@@ -16,6 +16,7 @@ from ..engine_api import (
     AddedColor,
     DataError,
     KarfError,
+    Message,
     Palette,
     hex_to_rgb,
     read_palettes,
@@ -175,12 +176,18 @@ def _keep(scene: bpy.types.Scene, lost: Sequence[str]) -> None:
         write_edit(file, edits.current_edit(scene))
     except OSError as error:
         raise DataError(
-            f"The edits could not be kept in {file} ({error}), so the palettes stay as they were.",
+            "The edits could not be kept in {file} ({error}), so the palettes stay as they were.",
             "Make room there, then choose the project again.",
+            file=file,
+            error=error,
         ) from error
     progress.warn(
-        f"Edited swatches of {', '.join(lost)} are no longer in the palettes. All edits as they were are in {file}; "
-        "keyframes wait in the scene's action."
+        Message(
+            "Edited swatches of {names} are no longer in the palettes. All edits as they were are in {file}; "
+            "keyframes wait in the scene's action.",
+            names=", ".join(lost),
+            file=file,
+        )
     )
 
 
@@ -207,9 +214,9 @@ def import_learned(scene: bpy.types.Scene) -> None:
             shown.forget(scene)
             load_palettes(scene, palettes)
     except KarfError as error:
-        progress.warn(f"{error.sentence} {error.hint}")
+        progress.warn(error.message)
     except OSError as error:
-        progress.warn(f"{project.folder} cannot be read: {error}.")
+        progress.warn(Message("{path} cannot be read: {reason}.", path=project.folder, reason=error))
 
 
 def _key(palette: Palette) -> tuple[str, bytes]:

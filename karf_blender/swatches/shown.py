@@ -118,10 +118,11 @@ class ShownScene:
         file = contents.planes_file(self.scene)
         if not contents.is_prepared(self.scene):
             raise DataError(
-                f"{file} (edit planes) is older than the palettes."
+                "{file} (edit planes) is older than the palettes."
                 if file.exists()
-                else f"{file} (edit planes) does not exist.",
+                else "{file} (edit planes) does not exist.",
                 "Press Prepare in step 6.",
+                file=file,
             )
         written = file.stat().st_mtime_ns if file.exists() else 0
         if self.view is None or (self.view.file, self.view.written) != (file, written):

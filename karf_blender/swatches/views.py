@@ -95,10 +95,13 @@ class ShownView:
         objects, learned = self.planes.objects, {palette.name: palette for palette in colors.palettes(scene)}
         if set(objects) != set(learned):
             raise DataError(
-                f"{self.file} was made for the objects {', '.join(objects)}.", "Extract the palettes again."
+                "{file} was made for the objects {objects}.",
+                "Extract the palettes again.",
+                file=self.file,
+                objects=", ".join(objects),
             )
         if max(len(palette.colors) for palette in learned.values()) != self.planes.palette_weights.shape[1]:
-            raise DataError(f"{self.file} was made for other palettes.", "Press Prepare in step 6.")
+            raise DataError("{file} was made for other palettes.", "Press Prepare in step 6.", file=self.file)
         added = colors.added_by_object(scene)
         if not added:
             return self

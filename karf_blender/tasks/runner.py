@@ -180,7 +180,7 @@ def release() -> None:
 
 def _begin(task: Task) -> _Running:
     if _running:
-        raise BadRequest(f"KaRF is busy: {_running[0].task.title}.", "Wait for it, or cancel it.")
+        raise BadRequest("KaRF is busy: {title}.", "Wait for it, or cancel it.", title=_running[0].task.title)
     running = _Running(task, preferences.engine_python(), preferences.current().threads)
     _running.append(running)
     progress.begin(task.label)
@@ -224,7 +224,9 @@ def _poll() -> float | None:
         done = rendering.is_over() and running.advance()
     except Exception as failure:
         is_ours = isinstance(failure, KarfError)
-        _finish(failure if is_ours else KarfError(f"Internal error: {failure!r}.", "The console shows where."))
+        _finish(
+            failure if is_ours else KarfError("Internal error: {error!r}.", "The console shows where.", error=failure)
+        )
         _end()
         _redraw(_draw_all)
         if not is_ours:

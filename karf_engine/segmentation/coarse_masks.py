@@ -145,10 +145,10 @@ def load_mask(mask: CoarseMask, training_image: TrainingImage) -> np.ndarray:
     found = at_working_size(read_mask(mask.path), mask, training_image.camera) >= 0.5
     if not found.any():
         raise DataError(
-            "{path} marks nothing of {object_name!r}.",
+            "{path} marks nothing of {name!r}.",
             "Paint the object white.",
             path=mask.path,
-            object_name=mask.object_name,
+            name=mask.object_name,
         )
     return found
 

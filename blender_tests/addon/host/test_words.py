@@ -1,4 +1,4 @@
-"""Sentences of errors that come put together are known again, and shown in the user's language."""
+"""Messages are put into the user's language where they are shown."""
 
 import importlib
 
@@ -12,31 +12,50 @@ def chinese(addon, monkeypatch):
     monkeypatch.setattr(addon.words, "pgettext_iface", lambda text: tables["zh_HANS"].get(text, text))
 
 
-def test_in_english_a_sentence_stays_as_it_is(addon):
-    for template in addon.words.sentences.PATTERNS:
-        sentence = template.format(*"abcde")
-        assert addon.words.translate_sentences(sentence) == sentence
-        assert addon.words.translate_sentences(f"{sentence} Try again.") == f"{sentence} Try again."
+@pytest.fixture
+def make(addon):
+    return addon.engine_api.Message
 
 
-def test_a_sentence_is_translated_round_its_values(addon, chinese):
-    translate = addon.words.translate_sentences
-    assert translate("The scene 'Shot 1' has no capture.") == "场景 'Shot 1' 没有拍摄。"
-    assert translate("mug.png marks nothing of 'mug'. Paint the object white.") == (
-        "mug.png 没有标记 'mug' 的任何部分。 请将物体涂成白色。"
-    )
+def test_a_message_is_translated_round_its_values(addon, chinese, make):
+    translate = addon.words.translate_message
+    message = make("{path} marks nothing of {name!r}.", path="mug.png", name="mug")
+    assert message == "mug.png marks nothing of 'mug'."
+    assert translate(message) == "mug.png 没有标记 'mug' 的任何部分。"
+    assert translate("Import a capture first.") == "请先导入拍摄。"
     assert translate("Nobody has translated this.") == "Nobody has translated this."
 
 
-def test_every_sentence_is_known_by_the_translation_that_is_meant(addon, chinese):
-    table = addon.words.sentences.TABLES["zh_HANS"]
-    for template, translated in table.items():
-        assert addon.words.translate_sentences(template.format(*"abcde")) == translated.format(*"abcde"), template
+def test_a_message_in_a_message_is_translated_too(addon, chinese, make):
+    inner = make("The pictures are in {folder}.", folder="/film")
+    outer = make("The scene that asked for this is gone or has another project. {result}", result=inner)
+    assert addon.words.translate_message(outer).endswith(addon.words.translate_message(inner))
+    assert addon.words.translate_message(inner) != inner
 
 
-def test_names_in_sentences_are_not_translated(addon, chinese):
+def test_an_error_is_translated_with_its_remedy(addon, chinese):
+    error = addon.engine_api.DataError(
+        "{path} marks nothing of {name!r}.", "Paint the object white.", path="mug.png", name="mug"
+    )
+    assert addon.words.translate_error(error) == "mug.png 没有标记 'mug' 的任何部分。 请将物体涂成白色。"
+
+
+def test_what_a_property_holds_as_english_text_is_translated_where_it_is_shown(addon, chinese, make):
+    addon.progress.warn(make("The pictures are in {folder}.", folder="/film"))
+    (text,) = addon.progress.state().warnings.splitlines()
+    assert text == "The pictures are in /film."
+    assert "/film" in addon.words.translate_message(text) != text
+    addon.progress.dismiss()
+
+
+def test_in_english_a_message_stays_as_it_is(addon, make):
+    for message in ("Import a capture first.", make("The pictures are in {folder}.", folder="/film {1}")):
+        assert addon.words.translate_message(message) == message
+
+
+def test_names_in_sentences_are_not_translated(addon, chinese, make):
     assert addon.words.translate("Masks") == "遮罩"
-    assert "Masks" in addon.words.translate_sentences("The scene has no object Masks.")
+    assert "Masks" in addon.words.translate_message(make("The scene has no object {name!r}.", name="Masks"))
 
 
 def test_an_operator_reports_in_the_language_of_the_interface(bpy, addon, chinese, learned):
@@ -57,5 +76,7 @@ def test_the_panel_shows_why_a_job_failed_in_the_language_of_the_interface(addon
             self.lines.append(text)
 
     column = Column()
-    addon.labels.draw_text(column, "The log in geometry is empty, or gone.\nTry again.", "ERROR", 80)
+    reason = addon.engine_api.Message("The log in {job} is empty, or gone.", job="geometry")
+    addon.labels.draw_text(column, reason, "ERROR", 80)
+    addon.labels.draw_text(column, "Try again.", "ERROR", 80)
     assert column.lines == ["geometry 中的日志为空或已不在。", "请重试。"]

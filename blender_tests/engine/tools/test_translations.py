@@ -43,9 +43,9 @@ def test_what_is_shown_is_found():
 
 def test_sentences_of_errors_are_found_with_places_for_their_values():
     assert {
-        "The scene {0} has no capture.",
+        "The scene {name} has no capture.",
         "Import a capture first.",
-        "{0} (edit planes) is older than the palettes.",
-        "The pictures are in {0}.",
+        "{file} (edit planes) is older than the palettes.",
+        "The pictures are in {folder}.",
     } <= translations.sentences(translations.ROOT)
-    assert "{0} marks nothing of {1}." in translations.sentences(translations.ENGINE)
+    assert "{path} marks nothing of {name}." in translations.sentences(translations.ENGINE)
