@@ -24,7 +24,7 @@ class Message(str):
         >>> message
         "a.png has 25% of 'pot'."
         >>> message.key, message.values
-        ("{path} has {share} of {name}.", {'path': 'a.png', 'share': '25%', 'name': "'pot'"})
+        ('{path} has {share} of {name}.', {'path': 'a.png', 'share': '25%', 'name': "'pot'"})
     """
 
     key: str

@@ -45,7 +45,7 @@ SLOW = tuple(
     f"blender_tests/engine/{name}"
     for name in (
         "faults", "readers",
-        "test_notebooks.py", "test_library.py", "command_line/test_cli.py", "command_line/test_job_runs.py",
+        "test_notebooks.py", "test_library.py", "command_line/test_cli.py", "worker/test_jobs.py",
         "fields/test_registry.py", "fields/nerf/test_fit_nerf.py", "fields/voxels/test_fit.py",
         "fields/voxels/test_fit_open.py", "poses/test_triangulation.py", "stages/test_commits.py",
         "stages/test_geometry.py", "stages/test_kills.py", "stages/test_nerf.py", "stages/test_nothing_seen.py",

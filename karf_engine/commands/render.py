@@ -13,7 +13,7 @@ already, made from the same). Writes
     OUT/recolor/<view>.png           the edited base picture; of a photo .png, .tif or .exr (with jpeg .jpg) as it came
     OUT/depth/<view>.npy             float32 along the optical axis, world units, 0 where empty
     OUT/unsure/<object>/<view>.png   8 bits, 255 where nothing is sure that is said of the object
-    OUT/layers/<view>.exr            base, coverage, weights, depth and mattes for compositors (handover.layers)
+    OUT/layers/<view>.exr            base, coverage, weights, depth and mattes for compositors (export.layers)
     OUT/planes/<view>.npz            edit planes; of captured views also in the project, where Blender finds them
     OUT/finished.jsonl               what each frame was made from
 

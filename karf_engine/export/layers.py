@@ -46,7 +46,8 @@ def write_layers(path: Path, layers: Layers) -> None:
 
     Examples:
         >>> import tempfile
-        >>> from ..edit.layers import read_layer_names
+        >>> from ..palettes.palette import Palette
+        >>> from .layer_names import read_layer_names
         >>> pot, half = Palette("pot", np.zeros((1, 3), np.float32)), np.full((1, 1, 4, 4), 0.5)
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     path = Path(folder) / "view.exr"

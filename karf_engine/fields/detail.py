@@ -31,7 +31,7 @@ def pixels_per_voxel(space: Space, voxel: float, positions: np.ndarray, camera: 
         float64 [n]; nan for places that are not in front of the camera.
 
     Example:
-        >>> from ..rendering.space import Box
+        >>> from .rendering.space import Box
         >>> camera = Camera(100, 100, 100.0, 100.0, 50.0, 50.0, np.eye(4))
         >>> pixels_per_voxel(Box(), 0.1, np.array([[0.0, 0.0, -5.0]]), camera).round(3).tolist()
         [2.0]
