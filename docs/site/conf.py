@@ -16,7 +16,7 @@ author = copyright = "KaRF for Blender contributors"
 extensions = ["myst_parser", "sphinx.ext.apidoc", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
 root_doc = "docs/index"
 # the source folder is the checkout, so that links between README.md, docs/ and demo/ lead where they do there
-include_patterns = ["*.md", "docs/*.md", "docs/api/*.rst"]
+include_patterns = ["*.md", "docs/*.md", "docs/tasks/*.md", "docs/api/*.rst"]
 exclude_patterns = [
     ".*",
     "docs/api/modules.rst",

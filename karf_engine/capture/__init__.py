@@ -59,7 +59,7 @@ def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Cap
         holdout: Hold out every Nth photo where the capture declares no test photos, see `hold_out`.
 
     Returns:
-        The capture. A remark names the formats in the same folder were not read.
+        The capture. A remark names the formats in the same folder that were not read.
 
     Raises:
         BadRequest: `holdout` is not a number of photos.

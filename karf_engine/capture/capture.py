@@ -93,7 +93,7 @@ class Capture:
         views: In file order.
         remarks: Sentences that a user should see: what was skipped, or guessed.
         points: The sparse points where the format has them; the canonical JSON leaves them out.
-        holdout: Every how many-th photo was chosen to be held out (see `hold_out`), 0 where none was; not in the JSON.
+        holdout: N where every Nth photo was chosen to be held out (see `hold_out`), 0 where none was; not in the JSON.
 
     Example:
         capture = open_capture("garden", holdout=8)

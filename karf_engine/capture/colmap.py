@@ -34,7 +34,7 @@ def is_colmap(path: Path) -> bool:
 
 
 def read_colmap(path: Path, photos: bool) -> Capture:
-    """Read a sparse model with its points; views stand in the order of their photos' names, every 8th is a test view.
+    """Read a sparse model with its points; views stand in the order of their photos' names.
 
     Of several models the one with the most photos is read. Photos that are missing, or not in the model, are left out
     with a remark.

@@ -31,7 +31,7 @@ def is_llff(path: Path) -> bool:
 
 
 def read_llff(path: Path, photos: bool) -> Capture:
-    """Read an LLFF capture; every 8th view by name is a test view, depth bounds are in world units.
+    """Read an LLFF capture; depth bounds are in world units.
 
     Photos are those of the largest `images*` folder with as many as there are poses. Without photos the views are named
     by their row.

@@ -41,7 +41,7 @@ def is_transforms(path: Path) -> bool:
 def read_nerf_synthetic(path: Path, photos: bool) -> Capture:
     """Read the splits of a NeRF-synthetic folder; without photos, one split's file is read alone.
 
-    Without transforms_test.json, every 8th training view becomes a test view.
+    Without transforms_test.json there are no test views.
 
     Args:
         path: The folder, or one of its split files.
@@ -62,8 +62,8 @@ def read_transforms(path: Path, photos: bool) -> Capture:
 
     Args:
         path: The file, or its folder.
-        photos: With photos, frames without one are skipped with a remark, sizes are those of the photos, and every 8th
-            view becomes a test view where the file declares none. Without, sizes must be in the file.
+        photos: With photos, frames without one are skipped with a remark, and sizes are those of the photos.
+            Without, sizes must be in the file.
 
     Raises:
         DataError: The file is damaged, or none of its photos is found; names the file and the frame.

@@ -101,7 +101,7 @@ def edits_table(bench: Bench) -> Table:
     return Table(
         "Edits against the true recolor",
         "The test views with the objects painted anew in the scene itself are the truth. Each edit is defined by one "
-        "color pair an object, read in one training view, and solved by `edit/becomes.py` wherever a palette is edited. "
+        "color pair an object, read in one training view, and solved by `palettes/matching/becomes.py` wherever a palette is edited. "
         "CIEDE2000: mean inside the edited objects' true masks; PSNR: whole picture; outside: MSE to the photo outside "
         "the true masks. The hue shift of the whole picture knows the first object's pair only. k-means: as many "
         "colors as ours, black among them, weights by the same star rule. One palette of whole pictures: hull of all "

@@ -17,7 +17,8 @@ class FieldTables:
         grid: The cells.
         gradients: Of densities and of features, added up since the last step.
         touched: Which rows have gradients, bits of arrays.DENSITY and arrays.FEATURES, [n] uint8.
-        n_features, n_hidden: Tuples as long as there are features and hidden units: lengths are constants to numba.
+        n_features: A tuple as long as there are features: lengths of tuples are constants to numba.
+        n_hidden: A tuple as long as there are hidden units.
     """
 
     def __init__(self, field: VoxelGrid) -> None:
