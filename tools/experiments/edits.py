@@ -176,7 +176,7 @@ def matched_table(bench: Bench) -> Table:
     return Table(
         "Match a painted picture",
         "The true recolor of one test photo is given as what the artist has painted; swatches are fitted to it "
-        "(`edit/painted.py`) and judged in the other test photos, by the mean CIEDE2000 inside the edited objects' true "
+        "(`palettes/matching/painted.py`) and judged in the other test photos, by the mean CIEDE2000 inside the edited objects' true "
         "masks; then the mean over all choices of the painted photo. *Becomes* knows one color pair an object, read in a "
         "training view. The bound is fitted to all test photos at once, inside the true masks, by least squares in sRGB.",
         (("swatches by", ""), *((f"CIEDE2000 {name}", ".2f") for name in scores), ("CIEDE2000 mean", ".2f")),
