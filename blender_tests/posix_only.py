@@ -22,14 +22,16 @@ CALLS = {  # that it lacks of others
 GUARDS = ("os.name", "sys.platform", "hasattr")
 
 
-def unguarded(package: Path) -> Iterator[str]:
+def unguarded(package: Path, without: tuple[str, ...] = ()) -> Iterator[str]:
     """A line for each use of something that Windows lacks where nothing asks for the system first.
 
     A guard is an `if` around it that asks for `os.name`, `sys.platform` or `hasattr`, a condition of the same
     expression that does, one before it that leaves the function, or a `try` that expects an ImportError. What is taken
-    by `getattr` does not help.
+    by `getattr` does not help. Folders below the package that are called as in `without` are passed over.
     """
     for path in sorted(package.rglob("*.py")):
+        if path.relative_to(package).parts[0] in without:
+            continue
         tree = ast.parse(path.read_text(encoding="utf-8"))
         for node, around in _with_surroundings(tree, ()):
             name = _posix_name(node)

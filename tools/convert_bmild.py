@@ -140,7 +140,7 @@ class _ArrayUnpickler(pickle.Unpickler):
             return _StoredType
         if (module, name) == ("_codecs", "encode"):  # how old pickles write bytes
             return lambda text, _: text.encode("latin1")
-        raise pickle.UnpicklingError(f"it asks for {module}.{name}, which is no array")
+        raise pickle.UnpicklingError(f"it asks for {module}.{name}, which is not an array")
 
 
 class _StoredType:

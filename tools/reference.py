@@ -1,4 +1,4 @@
-"""Write the reference of commands and of the library from the code itself: python -m tools.reference.
+"""Write the reference of commands and of the library from the code itself: python -m tools.reference [--check].
 
 docs/command_line.md comes from the options of the commands, docs/library.md from the docstrings of the public names.
 """
@@ -167,10 +167,13 @@ PAGES = {"command_line.md": command_line, "library.md": library}
 
 
 def main() -> int:
-    """Write the pages."""
-    for name, page in PAGES.items():
-        (DOCS / name).write_text(page(), encoding="utf-8")
-        print(DOCS / name)
+    """Write the pages; with --check only say by the exit code whether they are up to date."""
+    pages = {DOCS / name: page() for name, page in PAGES.items()}
+    if "--check" in sys.argv[1:]:
+        return int(any(path.read_text(encoding="utf-8") != text for path, text in pages.items()))
+    for path, text in pages.items():
+        path.write_text(text, encoding="utf-8")
+        print(path)
     return 0
 
 

@@ -46,7 +46,7 @@ def _volume(scene: bpy.types.Scene, shape: bpy.types.Object, kind: str) -> Volum
         return Volume(kind, np.array(to_capture @ Matrix.Scale(shape.empty_display_size, 4)))
     if shape.type != "MESH":
         raise BadRequest(
-            "{name!r} is no mesh and no Empty.", "Select a mesh, or an Empty for its box.", name=shape.name
+            "{name!r} is neither a mesh nor an Empty.", "Select a mesh, or an Empty for its box.", name=shape.name
         )
     evaluated = shape.evaluated_get(bpy.context.evaluated_depsgraph_get())
     mesh = evaluated.to_mesh()

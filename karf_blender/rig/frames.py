@@ -59,7 +59,7 @@ def pinhole(scene: bpy.types.Scene, camera: bpy.types.Object) -> Camera:
     """
     if camera.type != "CAMERA" or camera.data.type != "PERSP":
         raise BadRequest(
-            "{name!r} is no perspective camera.", "Set the camera's type to Perspective.", name=camera.name
+            "{name!r} is not a perspective camera.", "Set the camera's type to Perspective.", name=camera.name
         )
     render = scene.render
     scale = render.resolution_percentage / 100

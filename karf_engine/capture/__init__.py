@@ -75,7 +75,7 @@ def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Cap
     if not found:
         markers = ", ".join(known.marker for known in FORMATS)
         raise DataError(
-            "{path} is no capture of a known format.",
+            "{path} is not a capture of a known format.",
             "A capture has one of these: {markers}.",
             path=path,
             markers=markers,

@@ -60,4 +60,4 @@ class BinaryFile:
         try:
             return self.data[start : self.at - 1].decode("utf-8")
         except UnicodeDecodeError as error:
-            raise DataError(f"{self.path} has a name that is no UTF-8 text in {what}.", self._hint) from error
+            raise DataError(f"{self.path} has a name that is not UTF-8 text in {what}.", self._hint) from error

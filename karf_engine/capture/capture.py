@@ -223,7 +223,7 @@ def capture_from_json(content: Any, path: Path) -> Capture:
         source, known_format, remarks = Path(content["source"]), str(content["format"]), map(str, content["remarks"])
         capture = Capture(source, known_format, views, tuple(remarks))
     except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
-        raise DataError(f"{path} is no canonical capture ({error!r:.200}).", "Import the capture again.") from error
+        raise DataError(f"{path} is not a canonical capture ({error!r:.200}).", "Import the capture again.") from error
     check_names([view.name for view in views], path, "a view")
     return capture
 

@@ -160,7 +160,7 @@ def _camera(image: Image, source: Intrinsics, file: Path) -> Camera:
 def _camera_to_world(pose: np.ndarray, label: str) -> np.ndarray:
     """The inverse of (quaternion w x y z, translation), with y and z of the camera flipped."""
     if not np.abs(pose).max() <= LARGEST_POSITION or np.linalg.norm(pose[:4]) < 1e-9:
-        raise DataError(f"{label} has a pose that is no rotation and position.", "Leave this image out.")
+        raise DataError(f"{label} has a pose that is not a rotation and position.", "Leave this image out.")
     w, x, y, z = pose[:4] / np.linalg.norm(pose[:4])
     to_camera = np.array(
         [
@@ -209,7 +209,7 @@ def _relative(model: Path, name: str) -> PurePosixPath:
     path = PurePosixPath(name.replace("\\", "/"))
     if not path.name or ".." in path.parts or path.is_absolute() or path.parts[0][1:] == ":":
         raise DataError(
-            f"{model} has a photo {name!r}, which is no path below a folder of photos.",
+            f"{model} has a photo {name!r}, which is not a path below a folder of photos.",
             "Name the photos relative to their folder (COLMAP's image_path).",
         )
     return path

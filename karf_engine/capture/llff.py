@@ -62,7 +62,7 @@ def read_llff(path: Path, photos: bool) -> Capture:
         replace(view, depth_bounds=(float(row[-2]), float(row[-1])) if usable else None)
         for view, row, usable in zip(views, table, is_range, strict=True)
     ]
-    notes += ["depth bounds that are no range of positive depths were left out."] * int((~is_range).sum())
+    notes += ["depth bounds that are not a range of positive depths were left out."] * int((~is_range).sum())
     return Capture(path.absolute(), "llff", tuple(views), tuple(merge_notes(notes)))
 
 
@@ -86,7 +86,7 @@ def _load(file: Path) -> np.ndarray:
         return np.array(stored, np.float64)
     except Exception as error:  # numpy raises nearly anything on damaged headers
         raise DataError(
-            f"{file} is no complete array of numbers: {str(error).rstrip('.') or type(error).__name__}.",
+            f"{file} is not a complete array of numbers: {str(error).rstrip('.') or type(error).__name__}.",
             "Copy or export the file again.",
         ) from error
 

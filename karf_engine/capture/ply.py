@@ -88,7 +88,7 @@ def _ascii(path: Path, body: bytes, dtype: np.dtype, count: int) -> np.ndarray:
     try:
         rows = np.array(words[: count * len(dtype)], np.float64).reshape(count, len(dtype))
     except ValueError as error:
-        raise _damaged(path, "its points are no numbers") from error
+        raise _damaged(path, "its points are not numbers") from error
     table = np.empty(count, dtype)
     with np.errstate(invalid="ignore"):  # nan in place of a whole number
         for name, column in zip(dtype.names, rows.T, strict=True):

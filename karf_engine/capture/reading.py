@@ -53,7 +53,7 @@ def read_text(path: Path) -> str:
     try:
         return read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise DataError(f"{path} is no UTF-8 text: {error.reason}.", "Export or copy the file again.") from error
+        raise DataError(f"{path} is not UTF-8 text: {error.reason}.", "Export or copy the file again.") from error
 
 
 # ---------------------------------------------------------------------------------------------------------------- poses
@@ -76,7 +76,7 @@ def rigid_pose(matrix: np.ndarray, label: str, what: str) -> tuple[np.ndarray, l
     scale = float(np.linalg.norm(matrix[:3, :3], axis=0).mean())
     if not _is_rotation(matrix[:3, :3] / max(scale, 1e-12)) or np.abs(matrix[3] - [0, 0, 0, 1]).max() > POSE_TOLERANCE:
         raise DataError(
-            f"{label} has a {what} that is no rotation with a uniform scale.",
+            f"{label} has a {what} that is not a rotation with a uniform scale.",
             "Export the cameras without shear, mirroring or unequal scales.",
         )
     if abs(scale - 1.0) <= UNIT_TOLERANCE:

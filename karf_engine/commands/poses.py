@@ -30,7 +30,7 @@ from .options.capturing import PosesOptions
 
 MOST_EXHAUSTIVE = 250  # photos; all pairs of more take hours
 ENOUGH = 0.9  # share of registered photos below which a second, more sensitive try is made, and the user warned
-TOO_FEW = 0.3  # share of registered photos that is no result
+TOO_FEW = 0.3  # share of registered photos that is not a result
 # agreement of matches and poses below which the poses may be wrong; right ones keep 0.88 amid look-alikes
 MIN_AGREEMENT = 0.8
 

@@ -57,6 +57,6 @@ def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray
         read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         shape, _, dtype = read_header(stream)
         if dtype.hasobject or math.prod(shape) * dtype.itemsize != member.file_size - stream.tell():
-            raise ValueError(f"{member.filename} is no array of {shape} {dtype}")
+            raise ValueError(f"{member.filename} is not an array of {shape} {dtype}")
     with archive.open(member) as stream:
         return np.lib.format.read_array(stream, allow_pickle=False)

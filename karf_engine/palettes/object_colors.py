@@ -55,7 +55,7 @@ def read_object_colors(path: Path, name: str) -> ColorHistogram:
     if not (fits and is_sane and 0 < len(counts) <= MOST_CELLS and counts.min() >= 0 and counts.sum() > 0):
         raise DataError(
             f"{path} has colors {colors.shape}, counts {counts.shape} and weights {weights.shape} of {name!r}, "
-            "which are no histogram.",
+            "which are not a histogram.",
             AGAIN,
         )
     return ColorHistogram(colors, counts, weights)

@@ -91,7 +91,7 @@ def hex_to_rgb(text: str) -> np.ndarray:
     """
     match = re.fullmatch(r"#?([0-9a-fA-F]{6})", text.strip())
     if match is None:
-        raise DataError(f"{text!r:.200} is no color.", "Write it as #rrggbb, for example #aa2211.")
+        raise DataError(f"{text!r:.200} is not a color.", "Write it as #rrggbb, for example #aa2211.")
     return np.frombuffer(bytes.fromhex(match[1]), np.uint8).astype(np.float32) / np.float32(255)
 
 

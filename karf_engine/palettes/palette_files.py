@@ -158,7 +158,7 @@ def _write_gpl(path: Path, palettes: Mapping[str, np.ndarray]) -> None:
 def _read_gpl(path: Path, data: bytes) -> list[NamedColor]:
     lines = data.decode("utf-8-sig", errors="replace").splitlines()
     if not lines or lines[0].strip() != GPL_HEAD:
-        raise DataError(f"{path} is no GIMP palette: its first line is not {GPL_HEAD!r}.", AGAIN)
+        raise DataError(f"{path} is not a GIMP palette: its first line is not {GPL_HEAD!r}.", AGAIN)
     entries = []
     for number, line in enumerate(lines[1:], 2):
         if not line.strip() or line.startswith(("#", "Name:", "Columns:")):
@@ -167,7 +167,7 @@ def _read_gpl(path: Path, data: bytes) -> list[NamedColor]:
         values = [int(value) for value in match.groups()[:3]] if match else [256]
         if max(values) > 255:
             raise DataError(
-                f"{path} line {number} is no color: {line!r:.100}.", "Write: red green blue name, 0 to 255."
+                f"{path} line {number} is not a color: {line!r:.100}.", "Write: red green blue name, 0 to 255."
             )
         entries.append(NamedColor((match[4] or "").strip(), np.array(values, np.float32) / np.float32(255)))
     return entries
@@ -199,7 +199,7 @@ def _ase_text(text: str) -> bytes:
 
 def _read_ase(path: Path, data: bytes) -> list[NamedColor]:
     if data[:6] != ASE_HEAD[:6]:
-        raise DataError(f"{path} is no swatch exchange file: it does not begin with ASEF.", AGAIN)
+        raise DataError(f"{path} is not a swatch exchange file: it does not begin with ASEF.", AGAIN)
     try:
         return [_ase_color(path, content) for kind, content in _ase_blocks(data) if kind == ASE_COLOR]
     except struct.error as error:

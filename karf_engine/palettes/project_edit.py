@@ -82,7 +82,7 @@ class ProjectEdit(Edit):
         """
         palette, before = self._palette(name), self.added.get(name, ())
         if not 0 < reach <= MOST_REACH:
-            raise BadRequest(f"{reach!r} is no reach.", f"Give a number above 0, up to {MOST_REACH:g}.")
+            raise BadRequest(f"{reach!r} is not a reach.", f"Give a number above 0, up to {MOST_REACH:g}.")
         if len(before) == MOST_ADDED:
             raise BadRequest(f"{name!r} has {MOST_ADDED} added colors.", "Leave one of them out.")
         added = AddedColor(as_color(picked), float(reach))
@@ -161,5 +161,7 @@ def as_color(value: Color, highest: float = 1.0) -> np.ndarray:
         return hex_to_rgb(value)
     color = np.asarray(value, np.float32)
     if color.shape != (3,) or not ((color >= 0) & (color <= highest)).all():
-        raise BadRequest(f"{value!r:.200} is no color.", f"Give #rrggbb, or three sRGB numbers from 0 to {highest:g}.")
+        raise BadRequest(
+            f"{value!r:.200} is not a color.", f"Give #rrggbb, or three sRGB numbers from 0 to {highest:g}."
+        )
     return color

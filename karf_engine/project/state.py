@@ -36,7 +36,7 @@ def read_state(path: Path) -> dict[str, Any]:
     """
     if not path.exists():
         raise DataError(
-            "{folder} is no KaRF project (project.json is missing).",
+            "{folder} is not a KaRF project (project.json is missing).",
             "Give the folder that the geometry stage wrote.",
             folder=path.parent,
         )

@@ -55,7 +55,7 @@ def find_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
             `background`, or what no file can be called, or as another but for upper and lower case.
     """
     if not folder.is_dir():
-        raise DataError("{folder} is no folder of masks.", LAYOUT_HINT, folder=folder)
+        raise DataError("{folder} is not a folder of masks.", LAYOUT_HINT, folder=folder)
     masks = []
     for path in object_folders(folder):
         own = marks_of(path, capture)

@@ -57,7 +57,7 @@ class Finding:
         """The finding of a line.
 
         Raises:
-            ValueError: The line is no finding.
+            ValueError: The line is not a finding.
 
         Examples:
             >>> Finding.from_line(Finding("disk", OK, "8 GB are free.").to_line()).sentence
@@ -68,7 +68,7 @@ class Finding:
         except TypeError as error:  # no object, or other keys
             raise ValueError(str(error)) from error
         if finding.status not in STATUSES:
-            raise ValueError(f"{finding.status!r} is no status of a finding")
+            raise ValueError(f"{finding.status!r} is not a status of a finding")
         return finding
 
 

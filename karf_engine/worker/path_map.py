@@ -33,7 +33,7 @@ class PathMap:
         pairs = tuple(tuple(part.rstrip("/\\") or part for part in text.partition("=")[::2]) for text in texts)
         for text, pair in zip(texts, pairs, strict=True):
             if not all(ABSOLUTE.match(part) for part in pair):
-                raise BadRequest(f"{text!r} is no pair of folders.", "Give two whole paths: /mnt/film=/srv/film")
+                raise BadRequest(f"{text!r} is not a pair of folders.", "Give two whole paths: /mnt/film=/srv/film")
         return cls(pairs)
 
     def here(self, value: Any) -> Any:
@@ -59,7 +59,7 @@ class PathMap:
         raise BadRequest(f"{value} lies in no folder that both computers share: {known}.", "Move it there.")
 
     def shared(self, text: str) -> str | None:
-        """A caller's path as it is here; None where the text is no path in a shared folder."""
+        """A caller's path as it is here; None where the text is not a path in a shared folder."""
         for theirs, ours in self.folders:
             if re.match(_pattern(theirs), text):
                 return ours + _separated(text[len(theirs) :], ours)

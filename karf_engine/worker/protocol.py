@@ -91,7 +91,7 @@ class Request:
             protocol, stage = content["protocol"], content["stage"]
             request = cls(stage, Path(content["project"]), dict(content.get("options", {})))
         except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-            raise DataError(f"{path} is no readable request ({error!s:.200}).", "Start the job again.") from error
+            raise DataError(f"{path} is not a readable request ({error!s:.200}).", "Start the job again.") from error
         if protocol != PROTOCOL:
             raise BadRequest(
                 f"{path} speaks protocol {protocol}, this engine speaks {PROTOCOL}.", "Update the older side."
@@ -189,7 +189,7 @@ class Event:
 
     @classmethod
     def decode(cls, line: str) -> Event:
-        """Parse one line. Raises ValueError where it is no event."""
+        """Parse one line. Raises ValueError where it is not an event."""
         try:
             content = json.loads(line)
         except RecursionError as error:
@@ -248,7 +248,7 @@ class EventReader:
         self._offset = 0
 
     def poll(self) -> Iterator[Event]:
-        """Yield the events that arrived since the last call. Lines that are no event are passed over."""
+        """Yield the events that arrived since the last call. Lines that are not events are passed over."""
         if not self._path.is_file():
             return
         with self._path.open("rb") as stream:

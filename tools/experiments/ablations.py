@@ -60,7 +60,7 @@ def ablations_table(bench: Bench) -> Table:
         "Ablations (Table 4, Fig. 7 and 8)",
         "The objects as palettes and F_w mix them (W P, Eq. 9) against the photos, mean over test views and, "
         "where there are several (`--seeds`), over seeds of the palette's and F_w's training on one segmentation; ± is "
-        "the standard deviation over seeds. Frame: everything that is no object is black in both, as in the paper, which makes figures high. "
+        "the standard deviation over seeds. Frame: everything that is not an object is black in both, as in the paper, which makes figures high. "
         "Object: inside the true masks only. Equal parameters: as many as w/ All has, by the width. Seconds: the "
         "recoloring stage, which depends on the machine's load. The paper's means: w/o All 33.71, w/ Gate 34.11, "
         "w/o Res 34.40, w/ All 34.70 dB.",

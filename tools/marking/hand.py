@@ -10,7 +10,7 @@ from scipy.ndimage import distance_transform_edt, label
 from scipy.sparse.csgraph import dijkstra
 
 BRUSH, LENGTH = 0.02, 0.15  # of the picture's long side: the brush's radius, the length of a short stroke
-NARROW = 2.0  # pixels from the middle of an error to its border: less is no error that a hand would correct
+NARROW = 2.0  # pixels from the middle of an error to its border: less is not an error that a hand would correct
 Path = tuple[np.ndarray, np.ndarray]  # rows and columns of pixels
 
 

@@ -50,6 +50,6 @@ def test_a_job_there_is_a_job_as_any_other(addon, program, tmp_path, monkeypatch
         assert time.monotonic() < deadline, "the job does not end"
         time.sleep(0.02)
     assert events[0].kind == "hello", addon.failures.log_tail(worker.folder)
-    with pytest.raises(addon.engine_api.DataError, match="is no KaRF project") as caught:
+    with pytest.raises(addon.engine_api.DataError, match="is not a KaRF project") as caught:
         worker.check()
     assert str(project) in caught.value.sentence

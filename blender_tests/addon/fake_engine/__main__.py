@@ -53,7 +53,7 @@ def run(job):
     options_of_job(request.stage, request.project, request.options)  # refuses what the engine would
     emit("stage", name=request.stage)
     emit("progress", stage=request.stage, step=1, total=2, rate=10.0, eta_s=0.1, metrics={"loss": 0.5})
-    emit("warning", code="fake", sentence="This is no real engine.")
+    emit("warning", code="fake", sentence="This is not a real engine.")
     STAGES[request.stage](Project(request.project), request.options)
     print("threads:", os.environ.get("OMP_NUM_THREADS"))
     emit("done")

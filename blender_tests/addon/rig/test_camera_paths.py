@@ -110,7 +110,7 @@ def test_another_aspect_is_refused_and_leaves_nothing_behind(bpy, addon, scene, 
 def test_a_camera_without_a_pinhole_is_refused(bpy, addon, scene, film, tmp_path, kind):
     film.data.type = kind
     scene.frame_set(4)
-    with pytest.raises(RuntimeError, match="'film' is no perspective camera"):
+    with pytest.raises(RuntimeError, match="'film' is not a perspective camera"):
         bpy.ops.karf.export_cameras(filepath=str(tmp_path / "cameras.json"))
     assert not (tmp_path / "cameras.json").exists() and scene.frame_current == 4
 

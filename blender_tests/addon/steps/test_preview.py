@@ -182,7 +182,7 @@ def test_a_camera_without_a_picture_says_why_and_gets_it_when_it_can(bpy, addon,
     live.look(3)
     live.scene.camera.data.type = "ORTHO"
     addon.preview._tick()
-    assert "is no perspective camera" in addon.preview.message()
+    assert "is not a perspective camera" in addon.preview.message()
     live.scene.camera.data.type = "PERSP"
     live.look(1)
     assert addon.preview.message() == ""

@@ -31,7 +31,7 @@ def test_the_timer_runs_a_task_to_its_end_without_blocking(bpy, addon, project_s
     run_to_end(runner._poll)
     assert not progress.running and progress.text == "done" and progress.error == ""
     assert progress.fraction == 0.5
-    assert progress.warnings == "This is no real engine."
+    assert progress.warnings == "This is not a real engine."
 
 
 def test_the_timer_shows_a_failed_job_and_ends(bpy, addon, project_scene):

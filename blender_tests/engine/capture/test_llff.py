@@ -99,4 +99,4 @@ def test_impossible_depth_bounds_are_left_out_with_a_remark(tmp_path, cameras):
     np.save(tmp_path / "poses_bounds.npy", llff_table(cameras, bounds=(-1.0, 5.0)))
     capture = open_capture(tmp_path)
     assert all(view.depth_bounds is None for view in capture.views)
-    assert capture.remarks == ("9 views: depth bounds that are no range of positive depths were left out.",)
+    assert capture.remarks == ("9 views: depth bounds that are not a range of positive depths were left out.",)

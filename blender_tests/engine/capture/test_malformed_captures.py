@@ -117,7 +117,9 @@ for table in ("cameras", "images", "points3D"):
     case(f"{table}.bin is a pointer", f"{table}.bin", "Git-LFS pointer")(
         binary(**{table: b"version https://git-lfs.github.com/spec/v1\noid sha256:1ce8274457\nsize 421531\n"})
     )
-    case(f"{table}.txt is no UTF-8", f"{table}.txt", "no UTF-8 text")(text(**{table: lambda data: data + b"\xff\xfe"}))
+    case(f"{table}.txt is not UTF-8", f"{table}.txt", "not UTF-8 text")(
+        text(**{table: lambda data: data + b"\xff\xfe"})
+    )
     case(f"{table}.txt lacks columns", f"{table}.txt", "line 2 does not hold")(text(**{table: b"# list\n1 2 3\n"}))
     case(f"{table}.txt is prose", f"{table}.txt", "line 1 does not hold")(text(**{table: b"not the table you want"}))
 
@@ -166,7 +168,7 @@ case("no line for the features", "images.txt", "line 2 does not hold the feature
 case("name leaves the folder", "sparse/0", "'../000.png'")(binary(image(0, name="../000.png")))
 case("name is a foreign path", "sparse/0", "'/home/x/000.png'")(text(image(0, name="/home/x/000.png")))
 case("name is a path of Windows", "sparse/0", "no path below")(binary(image(0, name="C:\\x\\000.png")))
-case("name is no UTF-8", "images.bin", "name that is no UTF-8")(binary(image(0, name=b"\xff\xfe.png")))
+case("name is not UTF-8", "images.bin", "name that is not UTF-8")(binary(image(0, name=b"\xff\xfe.png")))
 case("no name", "sparse/0", "''")(binary(image(0, name="")))
 
 
@@ -188,7 +190,7 @@ def _(folder):
     (folder / "sparse/0/images.bin").mkdir()
 
 
-@case("a photo of the model is no picture", "000.png", "Git-LFS pointer")
+@case("a photo of the model is not a picture", "000.png", "Git-LFS pointer")
 def _(folder):
     write_colmap(folder, CAMERAS, NAMES)
     put(folder / "images/000.png", b"version https://git-lfs.github.com/spec/v1\n")
@@ -239,8 +241,8 @@ case("poses: three axes", FILE, "shape (4, 3, 5)")(poses(np.ones((4, 3, 5))))
 case("poses: one number", FILE, "shape ()")(poses(np.float64(3)))
 case("poses: no rows", FILE, "shape (0, 17)")(poses(np.ones((0, 17))))
 case("poses: nan", FILE, "row 2 has a pose that is not finite")(poses(table_with(2, 3, math.nan)))
-case("poses: no rotation", FILE, "row 1 has a pose that is no rotation")(poses(table_with(1, 0, 2.0)))
-case("poses: mirrored", FILE, "row 0 has a pose that is no rotation")(
+case("poses: no rotation", FILE, "row 1 has a pose that is not a rotation")(poses(table_with(1, 0, 2.0)))
+case("poses: mirrored", FILE, "row 0 has a pose that is not a rotation")(
     poses(llff_table(CAMERAS) * ([-1] * 4 + [1] * 13))
 )
 case("poses: zero focal length", FILE, "row 3 has the focal length")(poses(table_with(3, 14, 0)))

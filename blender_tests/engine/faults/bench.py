@@ -55,7 +55,7 @@ CHANGES = {  # what makes each stage be learned anew; segmentation is given othe
     "palette": ("palette.colors=4",),
     "recoloring": ("recoloring.iterations=20",),
 }
-PASSING = ("project.json", "preview.png", "lock", "lock.json", "commit.lock")  # files that are no result of a stage
+PASSING = ("project.json", "preview.png", "lock", "lock.json", "commit.lock")  # files that are not results of a stage
 PASSING_FOLDERS = ("earlier_masks", "planes", "photos", "jobs", "out")
 
 

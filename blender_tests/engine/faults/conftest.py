@@ -1,8 +1,11 @@
 """How many faults are thrown, and the project that they are thrown at."""
 
+import os
 import random
 
 import pytest
+
+collect_ignore_glob = ["*"] if os.name == "nt" else []  # processes are forked and limited, which Windows cannot
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 pytest.importorskip("torch")
-pytest.importorskip("resource", reason="processes are forked and limited, which Windows cannot")
 
 from blender_tests.engine.faults.bench import digest
 from blender_tests.engine.faults.engine import run

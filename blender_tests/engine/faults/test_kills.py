@@ -8,7 +8,6 @@ from functools import partial
 import pytest
 
 pytest.importorskip("torch")
-pytest.importorskip("resource", reason="processes are forked and limited, which Windows cannot")
 
 from blender_tests.engine.faults.engine import Child, run
 from blender_tests.engine.faults.traps import die_at_change

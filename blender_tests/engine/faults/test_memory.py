@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("torch")
-pytest.importorskip("resource", reason="processes are forked and limited, which Windows cannot")
 
 import resource
 

@@ -5,7 +5,6 @@ import json
 import pytest
 
 pytest.importorskip("torch")
-pytest.importorskip("resource", reason="processes are forked and limited, which Windows cannot")
 
 from blender_tests.engine.faults.bench import digest
 from blender_tests.engine.faults.checksums import renew_checksum

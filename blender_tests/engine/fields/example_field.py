@@ -75,9 +75,8 @@ class BallFit:
         bounds = torch.stack([center - half_width, center + half_width]).float().to(self.runtime.device)
         field = BallField(bounds, bounds[0] + 2 * half_width * self.runtime.rand(BALLS, 3))
         self.scene = Scene(field, None, inputs.background_kind, step=1.0)
-        self.training_state = TrainingState(
-            ITERATIONS, torch.optim.Adam(field.parameters(), 0.05), field.state_dict, self.runtime
-        )
+        adam = torch.optim.Adam(field.parameters(), 0.05)
+        self.training_state = TrainingState(ITERATIONS, adam, field.state_dict, self.runtime)
         self.iterations, self.state, self.resume = ITERATIONS, self.training_state.state, self.training_state.resume
 
     done = property(lambda self: self.training_state.done)
@@ -94,7 +93,7 @@ class BallFit:
         colors = field.color(positions, rays.viewdirs[ray_indices], field.features(positions))
         behind = trace.final_transmittance[:, None] * self.scene.behind(rays.viewdirs)
         shown = accumulate(trace.ray_weights, colors, ray_indices, len(rays)) + behind
-        loss = ((shown - self.dataset.color[index].float() / 255) ** 2).mean()
+        loss = nn.functional.mse_loss(shown, self.dataset.color[index].float() / 255)
         return loss, {"psnr": float(-10 * loss.detach().log10())}
 
 

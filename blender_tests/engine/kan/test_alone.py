@@ -11,13 +11,7 @@ torch = pytest.importorskip("torch")
 from blender_tests.engine.conftest import ROOT
 from karf_engine import kan
 
-GROUND = {
-    "karf_engine.compute.cores",
-    "karf_engine.errors",
-    "karf_engine.compute.kernels",
-    "karf_engine.project.settings",
-    "karf_engine.version",
-}
+GROUND = {f"karf_engine.{room}" for room in ("compute", "errors", "io", "project", "version")}  # none knows a scene
 
 
 def test_layers_and_block_load_no_other_room():

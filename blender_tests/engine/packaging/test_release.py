@@ -91,7 +91,7 @@ def test_a_pattern_that_is_not_known_stops_the_build(tmp_path, pattern):
         packed_files(tmp_path, [pattern])
 
 
-@pytest.mark.skipif(os.name == "nt", reason="a script is no program there")
+@pytest.mark.skipif(os.name == "nt", reason="a script is not a program there")
 @pytest.mark.parametrize("verdict", [0, 1])
 def test_a_blender_on_the_path_judges_the_package(checkout, tmp_path, verdict):
     blender = tmp_path / "blender"

@@ -76,7 +76,7 @@ def test_a_project_is_made_once_and_for_one_capture(project):
 
 
 def test_a_folder_that_is_no_project_is_said_to_be_none(tmp_path):
-    with pytest.raises(DataError, match=r"is no KaRF project \(project.json is missing\)"):
+    with pytest.raises(DataError, match=r"is not a KaRF project \(project.json is missing\)"):
         Project(tmp_path).state()
 
 

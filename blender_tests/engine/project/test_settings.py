@@ -63,7 +63,7 @@ def test_later_overrides_win_and_bare_words_are_text():
 
 def test_whole_numbers_are_fine_where_a_fraction_may_stand_but_not_the_other_way_round():
     assert with_overrides(Settings(), ["palette.tolerance=0"]).palette.tolerance == 0.0
-    assert "is no int" in refusal("geometry.long_side=64.5")[0]
+    assert "is not of type int" in refusal("geometry.long_side=64.5")[0]
 
 
 def test_levels_are_given_as_a_list():
@@ -94,13 +94,13 @@ def test_unknown_names_get_the_nearest_known_one(override, name, hint):
         ("geometry.long_side=5", "geometry.long_side = 5 is out of range"),
         ("geometry.table_rate=NaN", "is out of range"),
         ("seed=-1", "seed = -1 is out of range"),
-        ("geometry.long_side=big", "geometry.long_side = 'big' is no int"),
-        ("geometry.long_side=true", "is no int"),
-        ("palette.shared=1", "palette.shared = 1 is no bool"),
+        ("geometry.long_side=big", "geometry.long_side = 'big' is not of type int"),
+        ("geometry.long_side=true", "is not of type int"),
+        ("palette.shared=1", "palette.shared = 1 is not of type bool"),
         ("segmentation.head=forest", "segmentation.head = 'forest' is not allowed"),
-        ("geometry=5", "geometry = 5 is no group of settings"),
+        ("geometry=5", "geometry = 5 is not a group of settings"),
         ("geometry.levels=[]", "geometry.levels holds an empty or impossible level"),
-        ("geometry.levels=7", "geometry.levels = 7 is no list of levels"),
+        ("geometry.levels=7", "geometry.levels = 7 is not a list of levels"),
         ('geometry.levels=[{"voxels": 2, "iterations": 5, "step": 1}]', "impossible level"),
         ("geometry.long_side", "has no '='"),
     ],

@@ -97,7 +97,10 @@ def _watched(folder: Path) -> Iterator[list[str]]:
     _folder = os.path.realpath(folder)
     old_temporary, tempfile.tempdir = tempfile.tempdir, _folder
     old_handler = signal.signal(signal.SIGALRM, _too_slow)
-    old_bytecode, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # a late import is no writing of the reader's
+    old_bytecode, sys.dont_write_bytecode = (
+        sys.dont_write_bytecode,
+        True,
+    )  # a late import is not a writing of the reader's
     old_limit = resource.getrlimit(resource.RLIMIT_AS)
     notes: list[str] = []
     faulthandler.dump_traceback_later(PATIENCE, exit=True, file=sys.__stderr__)

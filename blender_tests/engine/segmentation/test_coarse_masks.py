@@ -80,7 +80,7 @@ def test_a_missing_folder_and_a_file_in_its_place_are_named(tmp_path, capture):
     (tmp_path / "file").write_text("")
     for name in ("nowhere", "file"):
         sentence = error_of(find_masks, tmp_path / name, capture)
-        assert sentence == f"{tmp_path / name} is no folder of masks."
+        assert sentence == f"{tmp_path / name} is not a folder of masks."
 
 
 def test_masks_of_another_size_are_named_with_both_sizes(tmp_path, capture):

@@ -79,7 +79,7 @@ def refusal(path):
 def test_a_list_of_arrays_that_would_run_code_is_refused_and_runs_nothing(tmp_path):
     trap = Trap(tmp_path / "sprung")
     write_arrays(tmp_path / "model_1.npy", [*bmild_arrays(vanilla_state(1))[:-1], trap])
-    assert "mkdir, which is no array" in refusal(tmp_path / "model_1.npy")
+    assert "mkdir, which is not an array" in refusal(tmp_path / "model_1.npy")
     assert not trap.folder.exists()
 
 

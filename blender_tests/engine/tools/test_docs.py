@@ -69,7 +69,7 @@ def defined(path: Path) -> set[str]:
 @pytest.mark.parametrize(("page", "path", "name"), MENTIONED, ids=lambda value: value)
 def test_what_a_page_names_exists(page, path, name):
     files = [place / path for place in PLACES if (place / path).exists()]
-    assert files, f"{page} names {path}, which is no file"
+    assert files, f"{page} names {path}, which is not a file"
     assert name in defined(files[0]), f"{page}: {path} defines no {name}"
 
 
@@ -118,7 +118,7 @@ def test_every_picture_is_shown_by_a_page():
 
 
 def test_the_drawing_of_the_engine_shows_its_floors_from_the_top():
-    """The packages' faces are no rooms of the drawing."""
+    """The packages' faces are not rooms of the drawing."""
     drawn = re.findall(r'font-weight="bold">(\w+)</text>', (DOCS / "images" / "architecture.svg").read_text())
     rooms = [room for floor in reversed(FLOORS) for room in floor if not room.startswith("__")]
     assert sorted(drawn[: len(rooms)]) == sorted(rooms)

@@ -1,5 +1,8 @@
 """The reference of commands and of the library is what the code says."""
 
+import subprocess
+import sys
+
 import pytest
 
 pytest.importorskip("numpy")
@@ -7,10 +10,10 @@ pytest.importorskip("numpy")
 from tools import reference
 
 
-@pytest.mark.parametrize("name", reference.PAGES)
-def test_a_page_is_what_the_code_says(name):
-    written = (reference.DOCS / name).read_text(encoding="utf-8")
-    assert written == reference.PAGES[name](), "run python -m tools.reference"
+def test_the_pages_are_what_the_code_says():
+    # in a process of its own: here other tests may have registered kinds of fields, heads and layers
+    done = subprocess.run([sys.executable, "-m", "tools.reference", "--check"], cwd=reference.DOCS.parent)
+    assert done.returncode == 0, "run python -m tools.reference"
 
 
 def test_every_command_and_option_is_on_it():

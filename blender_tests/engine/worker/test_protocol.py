@@ -22,7 +22,7 @@ def test_a_request_comes_back_as_it_was_written(tmp_path):
 )
 def test_an_unreadable_request_is_a_data_error_naming_the_file(tmp_path, content):
     (tmp_path / "request.json").write_bytes(content if isinstance(content, bytes) else content.encode())
-    with pytest.raises(DataError, match=r"request\.json is no readable request"):
+    with pytest.raises(DataError, match=r"request\.json is not a readable request"):
         Request.read(tmp_path)
 
 

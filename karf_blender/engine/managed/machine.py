@@ -83,7 +83,7 @@ def build_for(choice: str, machine: Machine) -> str:
         BadRequest: There is no such build for this system.
     """
     if choice not in BUILDS:
-        raise BadRequest(f"{choice!r} is no build of torch.", f"Choose one of {', '.join(BUILDS)}.")
+        raise BadRequest(f"{choice!r} is not a build of torch.", f"Choose one of {', '.join(BUILDS)}.")
     if choice == "auto":
         return next(iter(machine.devices), "cpu")
     system = machine.platform.partition("-")[0]

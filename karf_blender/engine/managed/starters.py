@@ -106,7 +106,7 @@ def _ask(python: str) -> dict | str:
     try:
         return json.loads(_said([python, "-I", "-c", PROBE]))
     except ValueError:
-        return "is no Python that answers" if Path(python).exists() else "does not exist"
+        return "is not a Python that answers" if Path(python).exists() else "does not exist"
 
 
 def _said(command: Sequence[str]) -> str:

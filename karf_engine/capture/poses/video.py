@@ -39,7 +39,9 @@ def _count(video: Path, should_stop: Callable[[], bool]) -> int:
     """Number of frames; headers often lie about it, so they are counted."""
     count = sum(1 for _ in _frames(video, should_stop, decode=False))
     if count == 0:
-        raise DataError("{path} is no video that can be read.", "Give a folder of photos, or an MP4 video.", path=video)
+        raise DataError(
+            "{path} is not a video that can be read.", "Give a folder of photos, or an MP4 video.", path=video
+        )
     return count
 
 

@@ -65,4 +65,4 @@ def check_pickle(file: BinaryIO, length: int, names: set[str] | None = NAMES) ->
         if opcode.name in PUTS and int(argument) > length:
             raise ValueError(f"it numbers an entry {argument} in {length} bytes")
         if names is not None and opcode.name == "GLOBAL" and argument not in names:
-            raise ValueError(f"it asks for {argument.replace(' ', '.')}, which is no number")
+            raise ValueError(f"it asks for {argument.replace(' ', '.')}, which is not a number")

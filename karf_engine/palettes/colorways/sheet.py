@@ -120,7 +120,7 @@ def _csv_rows(path: Path) -> Iterator[tuple[dict[str, Any], str]]:
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except ValueError as error:
-        raise DataError(f"{path} is no UTF-8 text.", "Export the sheet as CSV in UTF-8.") from error
+        raise DataError(f"{path} is not UTF-8 text.", "Export the sheet as CSV in UTF-8.") from error
     header = lines[0] if lines else ""
     reader = csv.DictReader(lines, delimiter=max(DELIMITERS, key=header.count))
     try:
@@ -136,7 +136,7 @@ def _json_rows(path: Path) -> Iterator[tuple[dict[str, Any], str]]:
     rows = read_json(path, "colorways")
     if not isinstance(rows, list):
         raise DataError(
-            f"{path} is no list of rows.", 'Write [{"colorway": "Mint", "object": "pot", "hex": "#80d0a0"}].'
+            f"{path} is not a list of rows.", 'Write [{"colorway": "Mint", "object": "pot", "hex": "#80d0a0"}].'
         )
     for number, row in enumerate(rows, 1):
         if not isinstance(row, dict):

@@ -23,7 +23,7 @@ def from_dict(content: dict[str, Any], kind: type = Settings, where: str = "") -
     """Rebuild settings from plain values; unknown names, wrong types and values out of range raise BadRequest."""
     if not isinstance(content, dict):
         group = where.rstrip(".") or "A group of settings"
-        raise BadRequest(f"{group} = {content!r:.200} is no group of settings.", "Give an object.")
+        raise BadRequest(f"{group} = {content!r:.200} is not a group of settings.", "Give an object.")
     known = {item.name: item for item in fields(kind)}
     values = {}
     for name, value in content.items():
@@ -84,7 +84,9 @@ def _checked(item: dataclasses.Field, value: Any, name: str) -> Any:
         return _checked_levels(value, name)
     is_whole = isinstance(default, float) and type(value) is int
     if type(value) is not type(default) and not is_whole:
-        raise BadRequest(f"{name} = {value!r:.200} is no {type(default).__name__}.", f"The default is {default!r}.")
+        raise BadRequest(
+            f"{name} = {value!r:.200} is not of type {type(default).__name__}.", f"The default is {default!r}."
+        )
     metadata = item.metadata
     if metadata and metadata["choices"] and value not in metadata["choices"]:
         raise BadRequest(f"{name} = {value!r:.200} is not allowed.", f"Use one of: {', '.join(metadata['choices'])}.")
@@ -100,7 +102,7 @@ def _checked_levels(value: Any, name: str) -> tuple[Level, ...]:
         levels = tuple(Level(int(entry["voxels"]), int(entry["iterations"]), float(entry["step"])) for entry in value)
     except (TypeError, KeyError, ValueError, OverflowError) as error:
         raise BadRequest(
-            f"{name} = {value!r:.200} is no list of levels.",
+            f"{name} = {value!r:.200} is not a list of levels.",
             'Give [{"voxels": 40, "iterations": 150, "step": 1.0}, ..].',
         ) from error
     if not 0 < len(levels) <= MOST_LEVELS or not all(

@@ -45,7 +45,7 @@ class Prompts:
             )
         except (AttributeError, TypeError, ValueError, IndexError, KeyError) as error:
             raise BadRequest(
-                f"{content!r:.200} is no box, clicks or lasso.",
+                f"{content!r:.200} is not a box, clicks or a lasso.",
                 "Give numbers: box [x0, y0, x1, y1], points [[x, y, is_object], ...], lasso [[x, y], ...].",
             ) from error
         return prompts

@@ -94,7 +94,7 @@ def test_where_nothing_can_make_an_environment_all_that_was_tried_is_listed(mana
         "own (has no venv and ensurepip)",
         "uv (not on the PATH)",
         "python3.11 (Python 3.11 of 32 bits)",
-        "python3 (is no Python that answers)",
+        "python3 (is not a Python that answers)",
         "python3-venv",
     ):
         assert part in text

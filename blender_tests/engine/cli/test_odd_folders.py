@@ -37,7 +37,7 @@ def test_every_kind_of_frame_is_written_there(project):
 
 def test_what_is_printed_of_it_survives_a_console_of_few_letters(project):
     done = run_engine("palette", project / "壺", environment=FEW_LETTERS)
-    assert done.returncode == 4 and "is no KaRF project" in done.stderr and "\\u58fa" in done.stderr
+    assert done.returncode == 4 and "is not a KaRF project" in done.stderr and "\\u58fa" in done.stderr
 
 
 def test_an_extension_installed_there_runs_a_job_as_blender_starts_it(project):

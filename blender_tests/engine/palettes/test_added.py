@@ -170,7 +170,7 @@ def test_a_palette_file_refuses_added_colors(edit, suffix, tmp_path):
         ({"added": {}}, "is not a list"),
         ({"added": ["#ff0000"]}, "has the added color '#ff0000'"),
         ({"added": [{"picked": "#ff0000", "colors": ["#000000"]}]}, "of 1 colors, its palette has 4"),
-        ({"added": [{"picked": "red", "colors": ["#000000"] * 4}]}, "is no color"),
+        ({"added": [{"picked": "red", "colors": ["#000000"] * 4}]}, "is not a color"),
         ({"added": [{"picked": "#ff0000", "reach": 0, "colors": ["#000000"] * 4}]}, "has the reach 0"),
         ({"added": [{"picked": "#ff0000"}]}, "is not a list"),
         ({"added": [{"picked": "#ff0000", "colors": ["#000000"] * 4}] * 17}, "is not a list of 1 to 16"),

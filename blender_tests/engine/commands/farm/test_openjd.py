@@ -12,8 +12,8 @@ pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
 import karf_engine as karf
+from blender_tests.engine.commands.farm.sequences import write_sequence
 from blender_tests.engine.conftest import QUICK
-from blender_tests.engine.farm.sequences import write_sequence
 from karf_engine.project import STAGE_ORDER, Project
 
 OPENJD = shutil.which("openjd", path=os.pathsep.join((str(Path(sys.executable).parent), os.environ.get("PATH", ""))))
@@ -58,7 +58,7 @@ def pictures(folder):
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
-@pytest.mark.skipif(os.name == "nt", reason="a script is no program there, and no signal kills")
+@pytest.mark.skipif(os.name == "nt", reason="a script is not a program there, and no signal kills")
 def test_frames_of_four_tasks_one_of_them_killed_and_run_again_are_those_of_a_single_run(learned, tmp_path):
     sequence = write_sequence(learned.project, tmp_path, 24)
     sequence.render(tmp_path / "single")

@@ -21,7 +21,7 @@ from karf_engine.io.color import linear_to_srgb
 # ------------------------------------------------------------------------------------------------------- training images
 
 
-def test_plates_shrink_to_the_long_side_with_their_camera(tmp_path):
+def test_training_images_shrink_to_the_long_side_with_their_camera(tmp_path):
     pixels = random_bytes(12, 18, 3)
     (training_image,) = load_views([view_of(tmp_path / "a.png", pixels)], 9)
     assert training_image.color.shape == (6, 9, 3) and training_image.color.dtype == np.float32
@@ -31,7 +31,7 @@ def test_plates_shrink_to_the_long_side_with_their_camera(tmp_path):
     assert training_image.alpha is None and training_image.valid is None
 
 
-def test_plates_are_never_enlarged_and_then_keep_every_stored_color(tmp_path):
+def test_training_images_are_never_enlarged_and_then_keep_every_stored_color(tmp_path):
     pixels = random_bytes(12, 18, 4)
     (training_image,) = load_views([view_of(tmp_path / "a.png", pixels)], 400)
     assert_array_equal(training_image.color, pixels[..., :3].astype(np.float32) / 255)

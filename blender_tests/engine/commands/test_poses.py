@@ -138,7 +138,7 @@ def test_the_sharpest_frame_of_every_stretch_is_taken_from_a_video(tmp_path, mon
 
 def test_a_video_that_shows_nothing_solid_and_a_file_that_is_none_are_refused(tmp_path):
     (tmp_path / "film.mp4").write_bytes(b"no film at all")
-    with pytest.raises(DataError, match=r"film\.mp4 is no video that can be read"):
+    with pytest.raises(DataError, match=r"film\.mp4 is not a video that can be read"):
         run(tmp_path / "film.mp4", tmp_path / "capture")
     assert [path.name for path in tmp_path.iterdir()] == ["film.mp4"]
 

@@ -179,7 +179,7 @@ def test_other_edits_of_the_object_leave_its_added_colors(model):
         assert edit.added == added.added
 
 
-@pytest.mark.parametrize(("reach", "sentence"), [(0, "is no reach"), (4.5, "is no reach")])
+@pytest.mark.parametrize(("reach", "sentence"), [(0, "is not a reach"), (4.5, "is not a reach")])
 def test_a_reach_that_cannot_be_is_refused(model, reach, sentence):
     with pytest.raises(BadRequest, match=sentence):
         model.edit().add_color("ball", "#c0221a", "#1ec040", reach)
@@ -221,7 +221,7 @@ def test_the_command_line_writes_the_size_that_is_asked_for(learned, model, gree
 @pytest.mark.parametrize("size", ["0", "-3", "huge", "2.5"])
 def test_other_sizes_are_refused(learned, tmp_path, capsys, size):
     assert render(learned, tmp_path, f"--size={size}") == BadRequest.exit_code
-    assert "is no size" in capsys.readouterr().err
+    assert "is not a size" in capsys.readouterr().err
 
 
 def test_only_settings_of_rendering_change_while_rendering(learned, tmp_path, capsys):
@@ -234,11 +234,11 @@ def test_only_settings_of_rendering_change_while_rendering(learned, tmp_path, ca
 def disputed(monkeypatch):
     """Photo and field disagree about the first object in every view."""
 
-    def disputing(looks, edges, photo, probabilities, rendered):
+    def disputing(self, edges, photo, probabilities, rendered, seed):
         first, *others = field_mattes(photo.shape[1::-1], probabilities)
         return [replace(first, disputed=True), *others]
 
-    monkeypatch.setattr("karf_engine.recolor.render_cache.Looks.mattes", disputing)
+    monkeypatch.setattr("karf_engine.recolor.render_cache.RenderCache.mattes", disputing)
 
 
 @pytest.mark.parametrize("size", ["photo", "learned"])

@@ -69,10 +69,10 @@ def test_a_preview_stops_where_another_camera_is_wanted(session, learned, model)
 @pytest.mark.parametrize(
     ("wrong", "error", "sentence"),
     [
-        ({"long_side": "96"}, BadRequest, "long_side = '96' is no int"),
+        ({"long_side": "96"}, BadRequest, "long_side = '96' is not of type int"),
         ({"long_side": 0}, BadRequest, "long_side = 0 is out of range"),
-        ({"project": None}, BadRequest, "project = None is no str"),
-        ({"camera": [1]}, BadRequest, "is no dict"),
+        ({"project": None}, BadRequest, "project = None is not of type str"),
+        ({"camera": [1]}, BadRequest, "is not of type dict"),
         ({"camera": {"w": 10}}, DataError, "the query.* declares no picture size"),
     ],
 )

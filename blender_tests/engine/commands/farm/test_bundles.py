@@ -9,8 +9,8 @@ pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
 import karf_engine as karf
+from blender_tests.engine.commands.farm.sequences import write_sequence
 from blender_tests.engine.conftest import run_engine
-from blender_tests.engine.farm.sequences import write_sequence
 from karf_engine.errors import BadRequest, DataError
 from karf_engine.io.files import read_json
 from karf_engine.palettes.edit_files import write_edit

@@ -60,7 +60,7 @@ def note_and_sleep(send, task):
 
 PARENT = """
 import sys
-from blender_tests.engine.poses.test_child import note_and_sleep
+from blender_tests.engine.capture.poses.test_child import note_and_sleep
 from karf_engine.capture.poses.child import child_messages
 if __name__ == "__main__":
     with child_messages("sleeping", note_and_sleep, sys.argv[1]) as messages:
@@ -123,7 +123,7 @@ def test_what_a_killed_process_has_left_is_removed_by_the_next(tmp_path):
 
 
 SCRIPT = """
-from blender_tests.engine.poses.test_child import count
+from blender_tests.engine.capture.poses.test_child import count
 from karf_engine.capture.poses.child import child_messages
 
 print("run")

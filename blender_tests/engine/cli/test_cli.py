@@ -124,7 +124,7 @@ def test_masks_that_do_not_fit_are_named(still_life, learned, tmp_path, capsys):
     before = Project(project).state()
     masks = tmp_path / "masks"
     command = ["segmentation", project, "--masks", masks]
-    assert "is no folder of masks" in fails(capsys, 4, *command)[0]
+    assert "is not a folder of masks" in fails(capsys, 4, *command)[0]
     masks.mkdir()
     assert "holds no masks" in fails(capsys, 4, *command)[0]
     write_png(masks / "ball" / "r_0.png", np.zeros((32, 32), bool))
@@ -135,8 +135,8 @@ def test_masks_that_do_not_fit_are_named(still_life, learned, tmp_path, capsys):
 
 
 def test_a_project_folder_that_is_none_or_of_another_capture_is_refused(still_life, learned, tmp_path, capsys):
-    assert "is no KaRF project" in fails(capsys, 4, "palette", tmp_path)[0]
-    assert "is no KaRF project" in fails(capsys, 4, "render", tmp_path, "--out", tmp_path / "out")[0]
+    assert "is not a KaRF project" in fails(capsys, 4, "palette", tmp_path)[0]
+    assert "is not a KaRF project" in fails(capsys, 4, "render", tmp_path, "--out", tmp_path / "out")[0]
     other = shutil.copytree(still_life.capture, tmp_path / "other")
     sentence, hint = fails(capsys, 2, "geometry", other, "--project", learned.project)
     assert "already holds a project of" in sentence and str(other) in hint
@@ -178,9 +178,9 @@ def test_wrong_words_for_views_objects_and_colors_are_named(learned, tmp_path, c
     colors = ["--from", "#ff0000", "--to", "#00ff00"]
     assert "no object 'vase'" in fails(capsys, 2, "match", learned.project, "--object", "vase", *colors, *out)[0]
     also = ["--object", "ball", "--also", "green", "#00ff00"]
-    assert "'green' is no color" in fails(capsys, 4, "match", learned.project, *also, *colors, *out)[0]
+    assert "'green' is not a color" in fails(capsys, 4, "match", learned.project, *also, *colors, *out)[0]
     colors = ["--from", "red", "--to", "#00ff00"]
-    assert "'red' is no color" in fails(capsys, 4, "match", learned.project, "--object", "ball", *colors, *out)[0]
+    assert "'red' is not a color" in fails(capsys, 4, "match", learned.project, "--object", "ball", *colors, *out)[0]
 
 
 def test_what_an_edit_cannot_reach_is_told_with_the_reason(learned, tmp_path, capsys):

@@ -111,8 +111,8 @@ def test_an_edit_is_a_value(model):
         ),
         (lambda edit: edit.swatch("ball", 0, "#ffffff"), "no swatch 0"),
         (lambda edit: edit.swatch("ball", 99, "#ffffff"), "no swatch 99"),
-        (lambda edit: edit.swatch("ball", 1, "blue"), "'blue' is no color"),
-        (lambda edit: edit.swatch("ball", 1, (0.1, 0.2)), "is no color"),
+        (lambda edit: edit.swatch("ball", 1, "blue"), "'blue' is not a color"),
+        (lambda edit: edit.swatch("ball", 1, (0.1, 0.2)), "is not a color"),
     ],
 )
 def test_an_impossible_edit_is_refused(model, change, words):

@@ -29,8 +29,8 @@ FEW = (
 )
 SAVING_ALWAYS = """
 import sys
-from karf_engine.fields.training import unfinished
-unfinished.INTERVAL = 0.0
+from karf_engine.fields.training import checkpoint
+checkpoint.INTERVAL = 0.0
 from karf_engine.cli import main
 sys.exit(main(sys.argv[1:]))
 """

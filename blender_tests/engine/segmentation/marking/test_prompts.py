@@ -29,7 +29,7 @@ def test_prompts_survive_json():
     ],
 )
 def test_what_is_no_prompts_is_refused(content):
-    with pytest.raises(BadRequest, match="no box, clicks or lasso"):
+    with pytest.raises(BadRequest, match="not a box, clicks or a lasso"):
         Prompts.from_json(content)
 
 

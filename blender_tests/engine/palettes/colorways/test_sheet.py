@@ -72,7 +72,7 @@ def test_names_become_names_of_folders(tmp_path):
         ("Mint,,#80d0a0,", "line 3 has no object"),
         (",pot,#80d0a0,", "line 3 has no colorway"),
         ("Mint,pot,,", "line 3 has no color"),
-        ("Mint,pot,mint,", "line 3: 'mint' is no color"),
+        ("Mint,pot,mint,", "line 3: 'mint' is not a color"),
         ("Mint,pot,,1 2", "line 3 has the lab color '1 2'"),
         ("Mint,pot,,120 0 0", "line 3 has the lab color '120 0 0'"),
         ("Mint,pot,,50 nan 0", "line 3 has the lab color '50 nan 0'"),

@@ -6,9 +6,9 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from blender_tests.engine.fields.training.waits import Waits
 from blender_tests.engine.pretend_device import pretend_device
 from blender_tests.engine.reference.still_life import camera_at
-from blender_tests.engine.training.waits import Waits
 from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.fields.nerf.field import NerfField, NerfNetwork, NerfSampling, NerfShape

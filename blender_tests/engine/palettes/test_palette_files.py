@@ -74,7 +74,7 @@ def test_null_and_missing_objects_stay_as_learned(tmp_path: Path) -> None:
     [
         ({"objects": {"jug": {"colors": ["#000000"]}}}, "unknown object 'jug'"),
         ({"objects": {"mug": {"colors": [None]}}}, "has 1 colors, its palette has 2"),
-        ({"objects": {"mug": {"colors": [None, "#12"]}}}, "'#12' is no color"),
+        ({"objects": {"mug": {"colors": [None, "#12"]}}}, "'#12' is not a color"),
         ({"objects": {"mug": {"colors": [None, [0, 0, 2.5]]}}}, "from 0 to 2"),
         ({"objects": {"mug": {"colors": [None, [0, 0]]}}}, "has the color"),
         ({"objects": {"mug": {"colors": [None, [True, 0, 0]]}}}, "has the color"),

@@ -82,8 +82,8 @@ def test_colors_of_other_names_go_by_their_order(tmp_path: Path) -> None:
         ("1 2 3 pot 1\n1 2 3 pot 9\n", "a color named 'pot 9'"),
         ("1 2 3 pot 1\n1 2 3 pot 1\n", "twice a color named 'pot 1'"),
         ("1 2 3 pot 0\n1 2 3 pot 1\n", "a color named 'pot 0'"),
-        ("1 2 256 pot 1\n", "line 2 is no color"),
-        ("red pot 1\n", "line 2 is no color"),
+        ("1 2 256 pot 1\n", "line 2 is not a color"),
+        ("red pot 1\n", "line 2 is not a color"),
     ],
 )
 def test_a_palette_that_fits_no_swatches_is_refused(tmp_path: Path, lines: str, message: str) -> None:
