@@ -127,7 +127,7 @@ def test_what_only_resembles_a_model_does_not_hide_other_cameras(tmp_path):
 
 def test_photos_alone_are_no_capture(tmp_path):
     put_photos(tmp_path / "images", NAMES)
-    with pytest.raises(DataError, match="no capture of a known format") as caught:
+    with pytest.raises(DataError, match="not a capture of a known format") as caught:
         open_capture(tmp_path)
     assert caught.value.hint == (
         "A capture has one of these: transforms_train.json, transforms.json, sparse/, poses_bounds.npy."

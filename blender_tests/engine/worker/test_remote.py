@@ -198,5 +198,5 @@ def test_a_folder_whose_name_only_begins_alike_is_another(computers):
 
 @pytest.mark.parametrize("text", ["/mnt/film", "film=/srv/film", "/mnt/film=", "=/srv"])
 def test_a_pair_that_is_none_is_refused(text):
-    with pytest.raises(BadRequest, match="no pair of folders"):
+    with pytest.raises(BadRequest, match="not a pair of folders"):
         PathMap.of([text])
