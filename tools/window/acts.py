@@ -95,10 +95,24 @@ def job_end(story: Story, expected: str = "done", seconds: float = JOB_SECONDS) 
     yield 0.5
 
 
+def job_begin(press: Wait, operator: str) -> Wait:
+    """Press what starts a job, and wait for it; one that ends between two looks has called its listeners."""
+    runner, calls = desk.module("tasks.runner"), []
+
+    def listener() -> None:
+        calls.append(True)
+
+    runner.listen(listener)
+    try:
+        yield from press
+        yield from until(lambda: bool(calls) or runner.is_running(), f"{operator}'s job", 10)
+    finally:
+        runner.forget(listener)
+
+
 def button_job(story: Story, operator: str) -> Wait:
     """Click a button that starts a job, and wait for its end."""
-    yield from hands.press_button(SIDEBAR, operator)
-    yield from until(lambda: desk.module("tasks.runner").is_running(), f"{operator}'s job", 10)
+    yield from job_begin(hands.press_button(SIDEBAR, operator), operator)
     yield from hands.move(hands.middle_of(PICTURE))  # a button under the mouse would stay greyed out after the job
     yield from job_end(story)
 
@@ -114,8 +128,8 @@ def dialog_job(story: Story, operator: str) -> Wait:
     yield from hands.press_button(SIDEBAR, operator)
     yield 0.5
     yield from story.shoot(f"dialog-{operator.rpartition('.')[2]}")
-    yield from hands.press("RET", (hands.window().width // 2, hands.window().height // 2))
-    yield from until(lambda: desk.module("tasks.runner").is_running(), f"{operator}'s job", 10)
+    take = hands.press("RET", (hands.window().width // 2, hands.window().height // 2))
+    yield from job_begin(take, operator)
     yield from job_end(story)
 
 
