@@ -130,7 +130,7 @@ def test_colors_travel_as_text_and_brighter_ones_too(bpy, addon, learned):
     addon.edits.paste(learned, "lid", None, addon.edits.copied(learned, "pot", None))
     np.testing.assert_allclose(color(learned, "lid", 2), (1.5, 0.25, 0.0), atol=1e-6)
     np.testing.assert_allclose(color(learned, "lid", 1) * 255, (204, 51, 26), atol=1e-3)
-    with pytest.raises(addon.engine_api.BadRequest, match="not a color"):
+    with pytest.raises(addon.engine_api.BadRequest, match="no color"):
         addon.edits.paste(learned, "lid", None, "no color at all")
 
 
