@@ -18,6 +18,7 @@ from ..karf_engine.capture.reprojection import (
 )
 from ..karf_engine.capture.transforms_json import camera_to_json
 from ..karf_engine.capture.undistortion import undistorted
+from ..karf_engine.commands.options import FarmOptions, PointsOptions
 from ..karf_engine.errors import (
     BadRequest,
     Cancelled,
@@ -33,6 +34,7 @@ from ..karf_engine.io.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_
 from ..karf_engine.io.files import atomic_write, checksum, read_json, write_json
 from ..karf_engine.io.image_size import find_header
 from ..karf_engine.io.names import file_name, is_file_name, same_but_for_case
+from ..karf_engine.io.options import Options, bounds_of
 from ..karf_engine.palettes.added import palettes_with, solve_set, spread, spread_objects
 from ..karf_engine.palettes.color_text import color_to_text, colors_of_text
 from ..karf_engine.palettes.colorways.planned import PlannedColorway, plan_colorways
@@ -119,15 +121,18 @@ __all__ = [
     "ErrorSummary",
     "Event",
     "EventReader",
+    "FarmOptions",
     "Finding",
     "KarfError",
     "Message",
     "MissingDependency",
     "ObjectLayers",
     "ObjectMatch",
+    "Options",
     "Palette",
     "Planes",
     "PlannedColorway",
+    "PointsOptions",
     "Project",
     "Query",
     "Request",
@@ -137,6 +142,7 @@ __all__ = [
     "View",
     "Volume",
     "atomic_write",
+    "bounds_of",
     "camera_to_json",
     "checksum",
     "ciede2000",

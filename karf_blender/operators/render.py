@@ -4,6 +4,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from .. import preferences, steps
+from ..engine_api import FarmOptions, bounds_of
 from ..host.words import translatable, translate_report
 from ..project import folders
 from ..properties.scene import FORMAT_DEPTHS
@@ -162,7 +163,9 @@ class KARF_OT_farm_bundle(CameraDialog, ProjectSwatchStep, bpy.types.Operator):
     bl_label = "Farm Job"
 
     directory: StringProperty(name="Folder", subtype="DIR_PATH", description="New or empty; default: in the output")
-    per_task: IntProperty(name="Frames a Task", default=10, min=1, description="How many frames a task renders")
+    per_task: IntProperty(
+        name="Frames a Task", description="How many frames a task renders", **bounds_of(FarmOptions, "per_task")
+    )
 
     def draw_what(self, layout, context):
         super().draw_what(layout, context)

@@ -5,6 +5,7 @@ from bpy.props import IntProperty, StringProperty
 
 from ... import __package__ as extension
 from ..engine import installing, probing, removing
+from ..engine_api import Options, bounds_of
 from . import managing, state, testing
 from .choices import chosen_python, current, engine_folder, engine_python, has_engine
 
@@ -36,7 +37,10 @@ class KARF_AP_preferences(bpy.types.AddonPreferences):
         update=_make_whole,
     )
     threads: IntProperty(
-        name="Threads", min=0, max=256, description="Threads of the engine; 0: the engine chooses. Give free cores only"
+        name="Threads",
+        min=0,
+        max=bounds_of(Options, "threads")["max"],
+        description="Threads of the engine; 0: the engine chooses. Give free cores only",
     )
     marking_model: StringProperty(
         name="Marking Model",

@@ -3,13 +3,15 @@
 import bpy
 from bpy.props import IntProperty, PointerProperty
 
+from ..engine_api import PointsOptions, bounds_of
+
 
 class KARF_PG_surface(bpy.types.PropertyGroup):
     """The object that shows the learned scene."""
 
     count: IntProperty(
         name="Points",
-        default=60_000,
+        default=bounds_of(PointsOptions, "count")["default"],
         min=1000,
         max=600_000,
         step=10_000,

@@ -142,6 +142,18 @@ def flag_of(item: dataclasses.Field) -> str | None:
     return None if flag is None else f"--{flag or item.name.replace('_', '-')}"
 
 
+def bounds_of(kind: type[Options], name: str) -> dict[str, Any]:
+    """Default, least and greatest value of a number, where it has them, by the keywords of Blender's properties.
+
+    Examples:
+        >>> bounds_of(Options, "threads")
+        {'min': 1, 'max': 256}
+    """
+    item = next(item for item in fields(kind) if item.name == name)
+    bounds = {"default": item.default, "min": item.metadata["minimum"], "max": item.metadata["maximum"]}
+    return {key: value for key, value in bounds.items() if value not in (None, MISSING)}
+
+
 def alternatives(kind: Any) -> tuple[Any, ...]:
     """The types of a union, or the one type; None is left out.
 
