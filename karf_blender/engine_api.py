@@ -5,7 +5,7 @@ from pathlib import Path
 from .. import karf_engine
 from ..karf_engine.api import render_bundle
 from ..karf_engine.capture import FORMATS, hold_out, open_capture, write_cameras
-from ..karf_engine.capture.camera import Camera
+from ..karf_engine.capture.camera import Camera, wrong_size
 from ..karf_engine.capture.capture import Capture, SparsePoints, View
 from ..karf_engine.capture.distortion import distort
 from ..karf_engine.capture.mask_names import masks_of_view
@@ -201,4 +201,5 @@ __all__ = [
     "write_json",
     "write_points",
     "write_volumes",
+    "wrong_size",
 ]

@@ -44,11 +44,11 @@ class Message(str):
         return {"key": self.key, "values": values}
 
     @classmethod
-    def from_json(cls, content: dict[str, Any]) -> Message:
+    def from_json(cls, content: Any) -> Message:
         """The message of these key and values. Raises ValueError where they are not a message's."""
-        key, values = content.get("key"), content.get("values")
+        key, values = (content.get("key"), content.get("values")) if isinstance(content, dict) else (None, None)
         if not isinstance(key, str) or not isinstance(values, dict):
-            raise ValueError(f"not a message: {content!r:.200}")
+            raise ValueError("not a message: a key and values were expected")
         return cls(
             key, **{name: cls.from_json(each) if isinstance(each, dict) else each for name, each in values.items()}
         )

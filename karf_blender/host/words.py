@@ -3,8 +3,7 @@
 Labels, names and tooltips are translated where they are shown. Sentences with values in them are put together here,
 after their translation. Sentences of errors and warnings stay English where they are raised, as in logs and reports to
 developers, and as the engine says them; as messages they know their keys and values, and are translated where they are
-shown.
-`tools/translations.py` collects all of them from the sources.
+shown. `tools/translations.py` collects all of them from the sources.
 """
 
 from bpy.app.translations import pgettext_iface, pgettext_rpt

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..engine_api import Camera, DataError, View, find_header, linear_to_srgb, undistorted
+from ..engine_api import Camera, DataError, View, find_header, linear_to_srgb, undistorted, wrong_size
 from . import images
 
 SHOWN_PIXELS = 2_000_000  # pixels of a photo behind a camera; a phone's full photo would block Blender for seconds
@@ -90,15 +90,7 @@ def _read_small(view: View, camera: Camera) -> np.ndarray:
     with images.opened(view.image) as image:
         width, height = reversed(image.size) if is_turned else image.size
         if (width, height) != (view.camera.width, view.camera.height):
-            raise DataError(
-                "{path} is {width}x{height} pixels where its camera has {expected_width}x{expected_height}.",
-                "Import the capture again.",
-                path=view.image,
-                width=width,
-                height=height,
-                expected_width=view.camera.width,
-                expected_height=view.camera.height,
-            )
+            raise wrong_size(view.image, width, height, view.camera)
         size = (camera.height, camera.width) if is_turned else (camera.width, camera.height)
         images.fit(image, *size)
         return _taken(view, images.colors_of(image))

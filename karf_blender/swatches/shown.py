@@ -200,7 +200,9 @@ class _Registry:
 
 def of(scene: bpy.types.Scene) -> ShownScene:
     """What is shown of a scene."""
-    known = _Registry.scenes.setdefault(scene.session_uid, ShownScene(scene))
+    known = _Registry.scenes.get(scene.session_uid)
+    if known is None:
+        known = _Registry.scenes[scene.session_uid] = ShownScene(scene)
     known.scene = scene
     return known
 

@@ -8,8 +8,11 @@ Pixels: (u right, v down), corners at integers, so the first pixel's center is (
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
+
+from ..errors import DataError
 
 
 @dataclass(frozen=True)
@@ -118,3 +121,16 @@ class Camera:
         """Centers of all pixels, row by row, [height * width, 2]."""
         v, u = np.mgrid[0 : self.height, 0 : self.width]
         return np.stack([u.ravel() + 0.5, v.ravel() + 0.5], -1)
+
+
+def wrong_size(photo: Path, width: int, height: int, camera: Camera) -> DataError:
+    """The error for a photo of this many pixels, which are not its camera's."""
+    return DataError(
+        "{path} is {width}x{height} pixels where its camera has {expected_width}x{expected_height}.",
+        "Import the capture again.",
+        path=photo,
+        width=width,
+        height=height,
+        expected_width=camera.width,
+        expected_height=camera.height,
+    )

@@ -16,7 +16,7 @@ from scipy.ndimage import maximum_filter
 
 from ..errors import BadRequest, DataError
 from ..io.images import over, read_photo, resize, straight
-from .camera import Camera
+from .camera import Camera, wrong_size
 from .capture import View
 from .distortion import distort
 
@@ -133,15 +133,7 @@ def photo_of(view: View) -> np.ndarray:
         if photo.shape[:2] == size:
             return photo
         found, photo = photo.shape, None  # never two of them in memory
-    raise DataError(
-        "{path} is {width}x{height} pixels where its camera has {expected_width}x{expected_height}.",
-        "Import the capture again.",
-        path=path,
-        width=found[1],
-        height=found[0],
-        expected_width=size[1],
-        expected_height=size[0],
-    )
+    raise wrong_size(path, found[1], found[0], view.camera)
 
 
 def image_of(view: View) -> Path:

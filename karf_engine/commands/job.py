@@ -54,7 +54,12 @@ class Job:
 
 @dataclass(frozen=True)
 class StageRun:
-    """A stage at work. unfinished: what its fit has learned so far. summary: its figures, noted when it is finished."""
+    """A stage at work.
+
+    Attributes:
+        checkpoint: What its fit has learned so far.
+        summary: Its figures, noted when it is finished.
+    """
 
     checkpoint: Checkpoint
     _outputs: Path

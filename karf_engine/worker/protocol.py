@@ -192,14 +192,11 @@ class Event:
         """Parse one line. Raises ValueError where it is not an event."""
         try:
             content = json.loads(line)
+            if not isinstance(content, dict) or not {"t", "n", "time"} <= content.keys():
+                raise ValueError(f"no event: {line!r}")
+            content |= _messages(content.pop("messages", {}))
         except RecursionError as error:
             raise ValueError("brackets without end") from error
-        if not isinstance(content, dict) or not {"t", "n", "time"} <= content.keys():
-            raise ValueError(f"no event: {line!r}")
-        messages = content.pop("messages", None) or {}
-        if not isinstance(messages, dict):
-            raise ValueError(f"messages that are none: {line!r}")
-        content |= {name: Message.from_json(message) for name, message in messages.items()}
         event = cls(content.pop("t"), content.pop("n"), content.pop("time"), content)
         if not event._is_whole():
             raise ValueError(f"an event of other values: {line!r}")
@@ -214,6 +211,13 @@ class Event:
         known = EVENT_VALUES.get(self.kind, {})
         has_known = all(isinstance(self.get(name), kind) for name, kind in known.items())
         return has_known and all(isinstance(value, int | float) for value in numbers)
+
+
+def _messages(content: Any) -> dict[str, Message]:
+    """An event's messages by the names of its values. Raises ValueError where they are damaged."""
+    if not isinstance(content, dict):
+        raise ValueError("messages were expected by their names")
+    return {name: Message.from_json(message) for name, message in content.items()}
 
 
 class EventWriter:

@@ -153,3 +153,18 @@ def test_a_message_keeps_its_key_and_values_on_its_way(tmp_path):
 def test_an_event_of_a_version_before_has_texts_alone():
     event = Event.decode('{"t": "warning", "n": 1, "time": 2.0, "code": "points", "sentence": "No {sparse} points."}')
     assert event["sentence"] == "No {sparse} points."
+
+
+@pytest.mark.parametrize(
+    "messages",
+    [
+        *("5", "[]", "null", '{"sentence": 5}', '{"sentence": {"key": 5, "values": {}}}'),
+        '{"sentence": {"key": "{a}", "values": {"a": {"key": 1}}}}',
+        '{"sentence": ' + '{"key": "{a}", "values": {"a": ' * 20_000,
+    ],
+    ids=range(7),
+)
+def test_an_event_whose_messages_are_damaged_is_passed_over(tmp_path, messages):
+    known = '{"t": "warning", "n": 1, "time": 2.0, "code": "a", "sentence": "b", "messages": '
+    (tmp_path / EVENTS_FILE).write_text(known + messages + "}\n", encoding="utf-8")
+    assert list(EventReader(tmp_path).poll()) == []

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...capture.camera import Camera
-from ...errors import DataError
+from ...capture.camera import Camera, wrong_size
 from ...io.color import srgb_to_linear, to_bytes
 from ...io.image_size import ImageHeader, find_header
 from ...io.images import (
@@ -82,15 +81,7 @@ class StoredPhoto:
             return self.header.orientation
         if known == self.size:
             return 1
-        raise DataError(
-            "{path} is {width}x{height} pixels where its camera has {expected_width}x{expected_height}.",
-            "Import the capture again.",
-            path=self.path,
-            width=width,
-            height=height,
-            expected_width=camera.width,
-            expected_height=camera.height,
-        )
+        raise wrong_size(self.path, width, height, camera)
 
     def colors(self, rows: slice = WHOLE, columns: slice = WHOLE) -> np.ndarray:
         """What the engine sees of some pixels: straight sRGB, float32 [h, w, 3] in [0, 1]."""
