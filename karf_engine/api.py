@@ -35,6 +35,7 @@ from .commands.options import (
     RecoloringOptions,
     RenderOptions,
     SegmentationOptions,
+    SplatsOptions,
 )
 from .compute.progress import Emit, TerminalEmit
 from .errors import missing_package
@@ -198,6 +199,16 @@ def learn_recoloring(project: PathLike, **options: Any) -> None:
         learn_recoloring("garden_karf", threads=2)
     """
     _run(RecoloringOptions, project=project, **options)
+
+
+@_takes(SplatsOptions)
+def learn_splats(project: PathLike, **options: Any) -> None:
+    """Learn the scene as Gaussians, which show it sharply from any camera. Raises KarfError where no scene is learned.
+
+    Example:
+        learn_splats("garden_karf", overrides=["splats.iterations=2000"])
+    """
+    _run(SplatsOptions, project=project, **options)
 
 
 def load(project: PathLike, device: str | None = None) -> Model:

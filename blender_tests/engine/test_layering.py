@@ -10,7 +10,7 @@ FLOORS = (
     ("project",),
     ("palettes", "kan", "metrics"),
     ("fields",),
-    ("heads",),
+    ("heads", "splats"),
     ("segmentation",),
     ("recolor",),
     ("export",),

@@ -17,7 +17,7 @@ from ..errors import Diverged
 from ..fields.training.checkpoint import Checkpoint
 from ..io.fingerprints import fingerprint
 from ..io.options import Options
-from ..project import STAGE_ORDER, Project
+from ..project import BUILT_ON, Project
 from ..project import settings as settings_module
 from ..project.contents import capture_of, settings_for
 from ..project.locking import consistent, opened, writing
@@ -85,12 +85,11 @@ def make_job(
 
 
 def stage_fingerprint(job: Job, stage: str, version: int, *inputs: Any) -> str:
-    """Fingerprint of a stage: its version, its settings, its inputs and the stage before it.
+    """Fingerprint of a stage: its version, its settings, its inputs and the stage it builds on.
 
     version: of the stage's code, raised when the same inputs give another result.
     """
-    number = STAGE_ORDER.index(stage)
-    before = job.project.require(STAGE_ORDER[number - 1])["fingerprint"] if number else ""
+    before = job.project.require(BUILT_ON[stage])["fingerprint"] if stage in BUILT_ON else ""
     own = settings_module.to_dict(getattr(job.settings, stage))
     return fingerprint(stage, version, before, job.settings.seed, own, *inputs)
 

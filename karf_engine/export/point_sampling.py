@@ -1,26 +1,16 @@
-"""A learned scene as points on its surface: what the captured cameras see of the frozen field, merged and checked.
-
-Rays of all views end somewhere. Those that end at one place, and not spread over a silhouette, are merged in cells of a
-size that gives about as many points as are wanted; points that more views look through than end at are dropped, as
-depth maps are fused in stereo (Schoenberger et al., "Pixelwise View Selection for Unstructured Multi-View Stereo").
-"""
+"""A learned scene as points on its surface, with all that recoloring them needs."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-import numpy as np
 import torch
-from scipy.spatial import cKDTree
 
-from ..capture.camera import Camera
 from ..capture.capture import View
 from ..compute.progress import Progress
-from ..errors import BadRequest, DataError
-from ..fields.protocol import Field
+from ..errors import BadRequest
 from ..fields.rendering.surface_cache import SurfaceCache
+from ..fields.scene_surface import SurfacePoints, surface_points
 from ..heads.rendering import object_samples, weigh_cache
 from ..io.color import to_bytes
 from ..recolor.model import Model
@@ -28,46 +18,7 @@ from ..segmentation.views import farthest_point_views
 from .scene_points import ScenePoints
 
 COUNT, FEWEST, MOST = 60_000, 1000, 2_000_000
-ENDS_PER_POINT = 8
-PROBE = 2000  # pixels of each view on which the share of rays that end sharply is measured
-FEWEST_SHARP = 0.05  # share of a probe's rays: with fewer sharp ones the scene is too blurred for more rays to help
 MOST_VIEWS = 64
-SAMPLES = 3  # quantiles of each ray: the middle one is where it ends, the others measure how sharply
-MIN_OPACITY = 0.9
-MOST_SPREAD = 8.0  # voxels, of a ray's end: a silhouette's is longer, that of a shiny surface nearly so
-NEIGHBORS = 12  # over which normals are smoothed
-NEAREST = 4  # whose distance is that between points
-OUTLIER_DISTANCE = 3.0  # cells to the sixth neighbor: such points float
-
-
-@dataclass(frozen=True)
-class _Ends:
-    """Where n rays end.
-
-    Attributes:
-        positions: [n, 3] grid coordinates.
-        colors: [n, 3] sRGB.
-        viewdirs: [n, 3] of unit length.
-        weights: [n], how sharply they end: of a silhouette's ray, whose color is a mixture, little.
-    """
-
-    positions: np.ndarray
-    colors: np.ndarray
-    viewdirs: np.ndarray
-    weights: np.ndarray
-
-    def part(self, chosen: np.ndarray) -> _Ends:
-        """Some of them."""
-        return _Ends(self.positions[chosen], self.colors[chosen], self.viewdirs[chosen], self.weights[chosen])
-
-
-@dataclass(frozen=True)
-class _Look:
-    """One view: its pinhole, depth [H, W] in world units (0: open), and the ends of its rays that end sharply."""
-
-    camera: Camera
-    depth: np.ndarray
-    ends: _Ends
 
 
 def scene_points(model: Model, views: Sequence[View], count: int, progress: Progress | None = None) -> ScenePoints:
@@ -86,31 +37,8 @@ def scene_points(model: Model, views: Sequence[View], count: int, progress: Prog
     model.project.require("recoloring")
     if not FEWEST <= count <= MOST:
         raise BadRequest(f"{count} points cannot be made.", f"Ask for {FEWEST} to {MOST}.")
-    chosen, looks = chosen_views(views), []
-    probes = [len(_look(model, _camera_of(view, PROBE)).ends.weights) for view in chosen[:: max(1, len(chosen) // 8)]]
-    pixels = count * ENDS_PER_POINT / len(chosen) / max(np.mean(probes) / PROBE, FEWEST_SHARP)
-    for view in chosen:
-        looks.append(_look(model, _camera_of(view, pixels)))
-        if progress is not None:
-            progress.step()
-    ends = _joined([look.ends for look in looks])
-    for wanted in (count, 1.3 * count):  # what was left out the first time is made up for
-        merged, kept = _checked(model.scene.field, ends, looks, min(wanted, len(ends.weights) / 2))
-        if kept.sum() > 0.85 * count:
-            break
-    if not kept.any():
-        raise DataError("The learned scene shows nothing solid.", "Learn it again, with other settings.")
-    return _described(model, merged.part(kept))
-
-
-def _checked(field: Field, ends: _Ends, looks: Sequence[_Look], count: float) -> tuple[_Ends, np.ndarray]:
-    """About this many points, [n], and which of them are not floaters, [n] bool."""
-    if not len(ends.weights):
-        return ends, np.zeros(0, bool)
-    merged, cell = _merged(ends, field.voxel, count)
-    world = _to_world(field, merged.positions)
-    kept = _is_seen(world, _voxels_of(field, merged.positions), looks) & ~_is_lonely(merged.positions, cell)
-    return merged, kept
+    step = (lambda: None) if progress is None else progress.step
+    return _described(model, surface_points(model.scene, chosen_views(views), count, step))
 
 
 def chosen_views(views: Sequence[View]) -> list[View]:
@@ -118,104 +46,11 @@ def chosen_views(views: Sequence[View]) -> list[View]:
     return farthest_point_views(views, [], MOST_VIEWS)
 
 
-def _camera_of(view: View, pixels: float) -> Camera:
-    """A view's pinhole with about this many pixels."""
-    camera = view.camera.without_distortion()
-    factor = math.sqrt(pixels / (camera.width * camera.height))
-    return camera.scaled(max(1, round(camera.width * factor)), max(1, round(camera.height * factor)))
-
-
-def _look(model: Model, camera: Camera) -> _Look:
-    picture = model.scene.render(camera, SAMPLES)
-    cache, field = picture.cache, model.scene.field
-    sharp = (cache.opacity > MIN_OPACITY) & (cache.spread < MOST_SPREAD * field.voxel)
-    weights = torch.exp(-cache.spread / field.voxel) + 1e-4
-    values = cache.positions[:, SAMPLES // 2], picture.color.view(-1, 3)[cache.index], cache.viewdirs, weights
-    ends = _Ends(*[each[sharp].float().cpu().numpy() for each in values])
-    depth = np.zeros(camera.width * camera.height)
-    depth[cache.index.cpu().numpy()] = camera.project(_to_world(field, values[0].cpu().numpy()))[1]
-    return _Look(camera, depth.reshape(camera.height, camera.width), ends)
-
-
-def _joined(parts: Sequence[_Ends]) -> _Ends:
-    return _Ends(
-        *[
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("positions", "colors", "viewdirs", "weights")
-        ]
-    )
-
-
-def _merged(ends: _Ends, voxel: float, count: float) -> tuple[_Ends, float]:
-    """Means of the ends in cells of one size, about `count` of them, and that size."""
-    cell = voxel
-    for _ in range(8):
-        found = len(np.unique(_cells_of(ends.positions, cell)))
-        if abs(found / count - 1) < 0.03:
-            break
-        cell *= (found / count) ** 0.5  # a surface has as many cells as one over their size squared
-    _, point = np.unique(_cells_of(ends.positions, cell), return_inverse=True)
-    point = point.ravel()
-    total = np.bincount(point, ends.weights)
-
-    def mean(values: np.ndarray) -> np.ndarray:
-        sums = [np.bincount(point, ends.weights * column) for column in values.T]
-        return (np.stack(sums, 1) / total[:, None]).astype(np.float32)
-
-    viewdirs = mean(ends.viewdirs)
-    viewdirs /= np.maximum(np.linalg.norm(viewdirs, axis=1, keepdims=True), 1e-6)
-    return _Ends(mean(ends.positions), mean(ends.colors), viewdirs, total / np.bincount(point)), cell
-
-
-def _cells_of(positions: np.ndarray, cell: float) -> np.ndarray:
-    """The number of the cell of each position, [n] int64."""
-    cells = np.floor((positions - positions.min(0)) / cell).astype(np.int64)
-    extent = cells.max(0) + 1
-    return (cells[:, 0] * extent[1] + cells[:, 1]) * extent[2] + cells[:, 2]
-
-
-def _is_seen(world: np.ndarray, voxels: np.ndarray, looks: Sequence[_Look]) -> np.ndarray:
-    """Which points [n, 3] at least two views end at, and no fewer than look through them.
-
-    voxels: [n], how large the field's voxels are there, world units.
-    """
-    ending, passing = np.zeros(len(world), np.int32), np.zeros(len(world), np.int32)
-    for look in looks:
-        height, width = look.depth.shape
-        pixels, depth = look.camera.project(world)
-        column, row = np.floor(np.where(depth[:, None] > 0, pixels, -1)).clip(-1, max(height, width)).astype(int).T
-        inside = np.flatnonzero((column >= 0) & (column < width) & (row >= 0) & (row < height))
-        seen = look.depth[row[inside], column[inside]]
-        behind = np.where(seen > 0, seen, np.inf) - depth[inside]
-        tolerance = voxels[inside] + 0.5 * depth[inside] / look.camera.fx  # half a pixel of a slope
-        ending[inside] += np.abs(behind) < tolerance
-        passing[inside] += behind > tolerance
-    return (ending >= min(2, len(looks))) & (ending >= passing)
-
-
-def _is_lonely(positions: np.ndarray, cell: float) -> np.ndarray:
-    """Which points [n, 3] have few neighbors."""
-    distances, _ = cKDTree(positions).query(positions, [7])
-    return distances[:, 0] > OUTLIER_DISTANCE * cell
-
-
-def _voxels_of(field: Field, positions: np.ndarray) -> np.ndarray:
-    """How large voxels are at grid positions [n, 3], world units."""
-    beside = np.repeat(positions[:, None], 3, 1) + field.voxel * np.eye(3, dtype=np.float32)
-    steps = _to_world(field, beside) - _to_world(field, positions)[:, None]
-    return np.linalg.norm(steps, axis=2).max(1)
-
-
-def _to_world(field: Field, positions: np.ndarray) -> np.ndarray:
-    return field.space.to_world(torch.from_numpy(positions).to(field.bounds.device)).cpu().numpy()
-
-
 @torch.no_grad()
-def _described(model: Model, merged: _Ends) -> ScenePoints:
-    """The points with normals, and the output of F_s and F_w at them, seen from their mean viewing direction."""
-    field, n = model.scene.field, len(merged.positions)
-    world = _to_world(field, merged.positions)
-    positions, viewdirs = (torch.from_numpy(each).to(model.device) for each in (merged.positions, merged.viewdirs))
+def _described(model: Model, points: SurfacePoints) -> ScenePoints:
+    """The points with the output of F_s and F_w at them, seen from their mean viewing direction."""
+    n = len(points.positions)
+    positions, viewdirs = (torch.from_numpy(each).to(model.device) for each in (points.positions, points.viewdirs))
     cache = SurfaceCache(
         positions[:, None],
         positions.new_zeros(n, 1),
@@ -223,33 +58,15 @@ def _described(model: Model, merged: _Ends) -> ScenePoints:
         positions.new_ones(n),
         torch.arange(n, device=model.device),
     )
-    samples = object_samples(model.segmentation, field, cache)
+    samples = object_samples(model.segmentation, model.scene.field, cache)
     weights = weigh_cache(model.recoloring, samples, cache)
-    distances, neighbors = cKDTree(world).query(world, min(NEIGHBORS, n))
     return ScenePoints(
         tuple(model.objects),
-        world.astype(np.float32),
-        _normals(field, merged, world, neighbors),
-        distances[:, 1 : NEAREST + 1].mean(1).astype(np.float32),
-        to_bytes(merged.colors),
+        points.world,
+        points.normals,
+        points.spacing,
+        to_bytes(points.colors),
         samples.rendered[:, 1:].half().cpu().numpy(),
         weights.half().cpu().numpy(),
         model.learned_colors,
     )
-
-
-def _normals(field: Field, merged: _Ends, world: np.ndarray, neighbors: np.ndarray) -> np.ndarray:
-    """Normals in the world's axes, [n, 3], on the side from which the points are seen, smoothed over neighbors [n, m]."""
-    positions = torch.from_numpy(merged.positions).to(field.bounds.device)
-    along = torch.cat([field.normals(some) for some in positions.split(1 << 17)]).cpu().numpy()
-    normals = _unit(_to_world(field, merged.positions + field.voxel * along) - world, -merged.viewdirs)
-    faces_away = (normals * merged.viewdirs).sum(1, keepdims=True) > 0
-    normals = np.where(faces_away, -normals, normals)
-    agree = np.einsum("nmc,nc->nm", normals[neighbors], normals) > 0  # not those of a thin thing's other side
-    return _unit(np.einsum("nmc,nm->nc", normals[neighbors], agree), normals).astype(np.float32)
-
-
-def _unit(vectors: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
-    """Vectors [n, 3] of unit length; `otherwise` where they have none."""
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.where(length > 1e-9, vectors / np.maximum(length, 1e-9), otherwise)

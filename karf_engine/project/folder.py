@@ -119,6 +119,11 @@ class Project:
         return self.folder / "recoloring.safetensors"
 
     @property
+    def splats_file(self) -> Path:
+        """The scene as Gaussians."""
+        return self.folder / "splats.safetensors"
+
+    @property
     def points_file(self) -> Path:
         """Points on the scene's surface, as the 3D View shows them."""
         return self.folder / "points.npz"

@@ -20,7 +20,8 @@ from ..errors import DataError
 from ..io.files import read_json, write_json
 
 SCHEMA = "karf-project/1"
-STAGE_ORDER = ("geometry", "segmentation", "palette", "recoloring")
+STAGE_ORDER = ("geometry", "segmentation", "palette", "recoloring", "splats")
+BUILT_ON = {"segmentation": "geometry", "palette": "segmentation", "recoloring": "palette", "splats": "geometry"}
 
 
 def new_state(capture: str) -> dict[str, Any]:
@@ -69,7 +70,10 @@ def write_state(path: Path, state: dict[str, Any]) -> None:
 
 def without_stage(state: dict[str, Any], stage: str) -> dict[str, Any]:
     """The state with this stage, and those that build on it, not finished."""
-    outdated = STAGE_ORDER[STAGE_ORDER.index(stage) :]
+    outdated = {stage}
+    for name in STAGE_ORDER:  # what a stage builds on comes before it
+        if BUILT_ON.get(name) in outdated:
+            outdated.add(name)
     return state | {"stages": {name: summary for name, summary in state["stages"].items() if name not in outdated}}
 
 

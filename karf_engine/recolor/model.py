@@ -18,6 +18,8 @@ from ..capture.camera import Camera
 from ..capture.capture import Capture, View
 from ..capture.distortion import straighten
 from ..capture.training_images import TrainingImage, load_views, load_wanted
+from ..compute.cores import take_from_torch
+from ..compute.kernels import has_kernels
 from ..compute.runtime import find_device
 from ..errors import BadRequest
 from ..fields.files import load_scene
@@ -39,10 +41,14 @@ from ..project.contents import capture_of, settings_for
 from ..project.locking import consistent, opened
 from ..project.settings import Settings
 from ..segmentation.doubts import SurfaceDoubts
+from ..splats.files import load_gaussians
+from ..splats.gaussians import Gaussians
+from ..splats.rasterizer import splatted
 from .frames import BAND_RAYS, Frame, averaged, bands_of, joined
 from .full_resolution import PhotoView, dense_weights, full_resolution_view
 from .matting.matte import Matte, dense_coverage, disputed_objects
 from .render_cache import RenderCache
+from .splat_colors import ObjectSplats, planes_of_view, recolored, shares_of_objects, splats_of_objects
 
 BASES = {"delta": "photo", "paper": "render"}  # default picture that an edit of a captured view changes
 MASK_SAMPLES, WEIGHT_SAMPLES = 3, 8  # quantile samples a ray: colors need more of them than classes
@@ -60,6 +66,8 @@ class Model:
         segmentation: F_s, or None before segmentation.
         palettes: of the objects, in their order; empty before palettes are learned.
         recoloring: F_w, or None before palettes are learned.
+        splats: the scene as Gaussians, from which any camera is rendered; None where they are not learned, the settings
+            ask for the field, or the package numba is missing.
 
     Example:
         model = Model.load("garden_karf")
@@ -88,8 +96,13 @@ class Model:
             self.palettes = read_palettes(project.checked(project.palette_file), objects=self.objects)
             path, bounds = project.checked(project.recoloring_file), self.segmentation.bounds
             self.recoloring = load_recoloring(path, bounds, n_features, self.palettes, self.device)
+        self.splats: Gaussians | None = None
+        if project.finished("splats") and self.settings.render.source == "splats" and has_kernels():
+            self.splats = load_gaussians(project.checked(project.splats_file))
+            take_from_torch()  # pictures of splats are made by kernels, whatever the field is computed by
         self._looks = RenderCache(project)
         self._looked: tuple[Any, Frame | None] = (None, None)
+        self._baked: tuple[Any, Gaussians | None] = (None, None)
 
     @classmethod
     def load(cls, folder: Path | str, device: str | None = None) -> Model:
@@ -120,20 +133,22 @@ class Model:
     # --- rendering -------------------------------------------------------------------------------------------------
     @translated()
     def render(self, camera: Camera, supersampling: int = 1) -> Frame:
-        """The scene from any camera, whose lens distortion is left out; palette weights are those of F_w.
+        """The scene from any camera, whose lens distortion is left out, as splats where they are learned.
 
-        Not differentiable. Its base is the rendering itself. No surface cache is kept of large pictures.
+        Palette weights are then those of the splats' colors, else of F_w. Not differentiable. Its base is the rendering
+        itself. No surface cache is kept of splats and of large pictures.
 
         Args:
             camera: in world units.
-            supersampling: rays a pixel along each side; their colors, opacities, probabilities and weights are
+            supersampling: rays (or pixels of splats) a pixel along each side; their colors, opacities, probabilities and weights are
                 averaged, of their depths the median counts.
 
         Raises:
             OutOfMemory: the device has too little.
         """
         bands = bands_of(camera.without_distortion(), supersampling)
-        frames = [averaged(self._render_pinhole(band), supersampling) for band in bands]
+        render = self._render_pinhole if self.splats is None else self._splat_pinhole
+        frames = [averaged(render(band), supersampling) for band in bands]
         return frames[0] if len(frames) == 1 else joined(frames)
 
     def _render_pinhole(self, camera: Camera) -> Frame:
@@ -141,9 +156,57 @@ class Model:
         picture = self.scene.render(camera, WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
         return self.frame_of(picture, picture.color.cpu().numpy(), from_field)
 
+    def _splat_pinhole(self, camera: Camera) -> Frame:
+        view = splatted(self.splats, camera)
+        is_solid = np.arange(len(self.splats)) < self.splats.n_solid
+        values = np.stack([is_solid, np.where(is_solid, view.depths, 0)], 1).astype(np.float32)
+        opacity, depth = view.blended(values)
+        depth = np.divide(depth, opacity, out=np.zeros_like(depth), where=opacity > 0)
+        color = view.image[..., :3].clip(0, 1)
+        picture = Picture(*map(torch.from_numpy, (color, opacity, depth)), None)
+        if self.recoloring is None:
+            shares = view.blended(self._splat_shares)
+            return Frame(picture, shares, None, color)
+        return Frame(picture, *planes_of_view(view, self.splats, self._splat_objects), color)
+
+    @cached_property
+    def _splat_shares(self) -> np.ndarray:
+        """Probabilities of the objects at each Gaussian, [n, K]."""
+        if self.segmentation is None:
+            return np.zeros((len(self.splats), 0), np.float32)
+        return shares_of_objects(self.splats, self.segmentation, self.scene)
+
+    @cached_property
+    def _splat_objects(self) -> tuple[ObjectSplats, ...]:
+        return splats_of_objects(self.splats, self._splat_shares, self.palettes, {})
+
+    def recolored_splats(self, edit: Edit) -> Gaussians:
+        """The splats with an edit baked into their colors; the last one is kept.
+
+        Raises:
+            BadRequest: No splats or no palettes are learned, or the edit composites as the paper does, which no change of
+                single colors can show.
+        """
+        if self.splats is None or self.recoloring is None:
+            raise BadRequest(
+                f"{self.project.folder} has no finished splats and recoloring stages.", "Run these stages first."
+            )
+        if edit.compositing != "delta":
+            raise BadRequest("An edit that replaces colors cannot be baked into splats.", "Make it one that adds.")
+        asked = repr(edit.added), {name: colors.tobytes() for name, colors in edit.colors.items()}
+        if self._baked[0] != asked:
+            shares, objects = self._splat_shares, self._splat_objects
+            if any(edit.added.values()):
+                objects = splats_of_objects(self.splats, shares, self.palettes, edit.added)
+            self._baked = asked, recolored(self.splats, objects, self.palettes, edit)
+        return self._baked[1]
+
     @torch.no_grad()
     def behind(self, camera: Camera) -> np.ndarray:
         """What a camera's pinhole sees behind all that is solid, [H, W, 3] float32 sRGB."""
+        if self.splats is not None:
+            shell = replace(self.splats, table=self.splats.table[self.splats.n_solid :])
+            return splatted(shell, camera.without_distortion()).image[..., :3].clip(0, 1)
         rays = camera_rays(camera.without_distortion(), self.device)
         colors = [self.scene.behind(some) for some in rays.viewdirs.split(BAND_RAYS)]
         return torch.cat(colors).cpu().numpy().reshape(camera.height, camera.width, 3)

@@ -32,7 +32,8 @@ REQUEST_FILE = "request.json"
 EVENTS_FILE = "events.jsonl"
 LOG_FILE = "engine.log"
 STAGES = (
-    *("geometry", "segmentation", "palette", "recoloring", "render", "match", "colorways", "points", "poses", "all"),
+    *("geometry", "segmentation", "palette", "recoloring", "splats", "render", "match", "colorways", "points"),
+    *("poses", "all"),
     "warm",
 )
 WARM = STAGES[-1]  # answers queries until none come; see `karf_engine.worker.queries`

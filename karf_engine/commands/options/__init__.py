@@ -14,7 +14,14 @@ from ...export.frame_options import RenderOptions
 from ...io.options import Options
 from .capturing import MarkOptions, PosesOptions
 from .editing import ColorwaysOptions, FarmOptions, MatchOptions, PointsOptions
-from .learning import GeometryOptions, LearnOptions, PaletteOptions, RecoloringOptions, SegmentationOptions
+from .learning import (
+    GeometryOptions,
+    LearnOptions,
+    PaletteOptions,
+    RecoloringOptions,
+    SegmentationOptions,
+    SplatsOptions,
+)
 
 # by their names, in the order of the workflow
 COMMANDS: dict[str, type[Options]] = {
@@ -27,6 +34,7 @@ COMMANDS: dict[str, type[Options]] = {
         SegmentationOptions,
         PaletteOptions,
         RecoloringOptions,
+        SplatsOptions,
         MatchOptions,
         RenderOptions,
         ColorwaysOptions,
@@ -68,5 +76,6 @@ __all__ = [
     "RecoloringOptions",
     "RenderOptions",
     "SegmentationOptions",
+    "SplatsOptions",
     "options_of_job",
 ]

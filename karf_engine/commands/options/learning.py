@@ -75,8 +75,20 @@ class RecoloringOptions(Options):
 
 
 @dataclass(frozen=True, kw_only=True)
+class SplatsOptions(Options):
+    """Learn the scene as Gaussians, which show it sharply from any camera."""
+
+    command: ClassVar[str] = "splats"
+
+    project: Path = option("project folder", positional=True, metavar="DIR")
+    overrides: tuple[str, ...] = option(
+        "change one setting of the splats; may be repeated", (), flag="set", metavar="splats.FIELD=VALUE"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class LearnOptions(GeometryOptions):
-    """Learn everything: geometry, segmentation, palette, recoloring."""
+    """Learn everything: geometry, segmentation, palette, recoloring, splats."""
 
     command: ClassVar[str] = "all"
 
@@ -90,5 +102,5 @@ class LearnOptions(GeometryOptions):
 
     def stages(self) -> tuple[Options, ...]:
         """The options of each stage, in their order."""
-        kinds = (GeometryOptions, SegmentationOptions, PaletteOptions, RecoloringOptions)
+        kinds = (GeometryOptions, SegmentationOptions, PaletteOptions, RecoloringOptions, SplatsOptions)
         return tuple(self.narrowed(kind) for kind in kinds)

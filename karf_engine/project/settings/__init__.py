@@ -19,6 +19,7 @@ from .stages import (
     RenderSettings,
     SegmentationSettings,
     Settings,
+    SplatSettings,
 )
 from .values import describe, from_dict, to_dict, with_overrides
 from .work import seconds_of_stages
@@ -38,6 +39,7 @@ __all__ = [
     "RenderSettings",
     "SegmentationSettings",
     "Settings",
+    "SplatSettings",
     "describe",
     "from_dict",
     "preset",

@@ -190,6 +190,16 @@ class RecoloringSettings(HeadSettings):
 
 
 @dataclass(frozen=True)
+class SplatSettings:
+    """The scene as Gaussians, in which it is shown away from the photos."""
+
+    iterations: int = option(900, "Training iterations, each of one photo; 0: no Gaussians", 0, 1_000_000)
+    count: int = option(40_000, "About how many Gaussians there are", 1000, 5_000_000)
+    long_side: int = option(256, "Photos are reduced to this long side, pixels", 32, 16384)
+    degree: int = option(2, "Degree of the spherical harmonics: how colors change with the direction", 0, 3)
+
+
+@dataclass(frozen=True)
 class RenderSettings:
     """What is written in the end. Nothing is learned again when these change."""
 
@@ -199,6 +209,11 @@ class RenderSettings:
         choices=("photo", "field"),
     )
     preview: int = option(1024, "Long side of captured views in Blender, pixels; the photo's at most", 64, 16384)
+    source: str = option(
+        "splats",
+        "What other cameras are rendered from; splats: Gaussians, where they are learned; field: voxels",
+        choices=("splats", "field"),
+    )
     supersampling: int = option(1, "Rays a pixel along each side, of cameras that took no photo", 1, 4)
 
 
@@ -221,4 +236,5 @@ class Settings:
     segmentation: SegmentationSettings = SegmentationSettings()
     palette: PaletteSettings = PaletteSettings()
     recoloring: RecoloringSettings = RecoloringSettings()
+    splats: SplatSettings = SplatSettings()
     render: RenderSettings = RenderSettings()

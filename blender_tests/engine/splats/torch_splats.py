@@ -1,0 +1,74 @@
+"""Splatting as the papers write it, by torch in double precision: every Gaussian in every pixel. The kernels' measure."""
+
+import torch
+
+from karf_engine.splats.kernels.arrays import DARK, LEAST_ALPHA, LEAST_BEND, LEAST_SHARE, MOST_ALPHA, SCREEN_BLUR
+
+C0, C1 = 0.28209479177387814, 0.4886025119029199
+C2 = (1.0925484305920792, -1.0925484305920792, 0.31539156525252005, -1.0925484305920792, 0.5462742152960396)
+C3 = (
+    *(-0.5900435899266435, 2.890611442640554, -0.4570457994644658, 0.3731763325901154),
+    *(-0.4570457994644658, 1.445305721320277, -0.5900435899266435),
+)
+
+
+def harmonics(ways):
+    """All sixteen harmonics of unit directions [n, 3], [n, 16]."""
+    x, y, z = ways.unbind(1)
+    xx, yy, zz = x * x, y * y, z * z
+    values = [torch.full_like(x, C0), -C1 * y, C1 * z, -C1 * x]
+    values += [C2[0] * x * y, C2[1] * y * z, C2[2] * (2 * zz - xx - yy), C2[3] * x * z, C2[4] * (xx - yy)]
+    values += [C3[0] * y * (3 * xx - yy), C3[1] * x * y * z, C3[2] * y * (4 * zz - xx - yy)]
+    values += [C3[3] * z * (2 * zz - 3 * xx - 3 * yy), C3[4] * x * (4 * zz - xx - yy), C3[5] * z * (xx - yy)]
+    return torch.stack([*values, C3[6] * x * (xx - 3 * yy)], 1)
+
+
+def rotations(quaternions):
+    """Rotations [n, 3, 3] of quaternions w x y z [n, 4] of any length."""
+    w, x, y, z = (quaternions / torch.linalg.norm(quaternions, dim=1, keepdim=True)).unbind(1)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return torch.stack([torch.stack(row, -1) for row in rows], -2)
+
+
+def splat(table, camera, background):
+    """Colors and transmittance [H, W, 4] of a table [n, 11 + 3 K], float64; `camera` is a kernels' Pinhole."""
+    turn = torch.from_numpy(camera.turn.reshape(3, 3)).double()
+    at = table[:, :3] @ turn.T + torch.from_numpy(camera.shift).double()
+    x, y, z = at.unbind(1)
+    fx, fy = float(camera.fx), float(camera.fy)
+    limit_x, limit_y = (
+        float(LEAST_BEND) * 0.5 * side / focal for side, focal in ((camera.width, fx), (camera.height, fy))
+    )
+    none = torch.zeros_like(x)
+    slope_x, slope_y = (x / z).clamp(-limit_x, limit_x), (y / z).clamp(-limit_y, limit_y)
+    jacobian = torch.stack(
+        [torch.stack([fx / z, none, -fx * slope_x / z], 1), torch.stack([none, fy / z, -fy * slope_y / z], 1)], 1
+    )
+    axes = jacobian @ turn @ rotations(table[:, 6:10]) * table[:, None, 3:6].exp()
+    sharp = axes @ axes.transpose(1, 2)
+    covariance = sharp + float(SCREEN_BLUR) * torch.eye(2, dtype=torch.float64)
+    share = (torch.linalg.det(sharp) / torch.linalg.det(covariance)).clamp_min(float(LEAST_SHARE)).sqrt()
+    opacity = torch.sigmoid(table[:, 10]) * share
+    ways = table[:, :3] - torch.from_numpy(camera.eye).double()
+    ways = ways / torch.linalg.norm(ways, dim=1, keepdim=True)
+    count = (table.shape[1] - 11) // 3
+    colors = (0.5 + torch.einsum("nk,nkc->nc", harmonics(ways)[:, :count], table[:, 11:].view(-1, count, 3))).clamp_min(
+        0
+    )
+    v, u = torch.meshgrid(torch.arange(camera.height) + 0.5, torch.arange(camera.width) + 0.5, indexing="ij")
+    center = torch.stack([fx * x / z + float(camera.cx), fy * y / z + float(camera.cy)], 1)
+    apart = torch.stack([u, v], -1).double()[:, :, None] - center  # [H, W, n, 2]
+    power = 0.5 * torch.einsum("hwni,nij,hwnj->hwn", apart, torch.linalg.inv(covariance), apart)
+    alphas = opacity * torch.exp(-power)
+    alphas = torch.where(alphas < float(LEAST_ALPHA), torch.zeros_like(alphas), alphas.clamp_max(float(MOST_ALPHA)))
+    alphas = alphas[..., (z >= float(camera.near)).nonzero()[:, 0][z[z >= float(camera.near)].argsort()]]
+    colors = colors[(z >= float(camera.near)).nonzero()[:, 0][z[z >= float(camera.near)].argsort()]]
+    light = torch.cumprod(1 - alphas, -1)
+    before = torch.cat([torch.ones_like(light[..., :1]), light[..., :-1]], -1)
+    image = (alphas * before) @ colors + light[..., -1:] * torch.tensor(background, dtype=torch.float64)
+    assert light.min() > float(DARK) or len(table) < 40  # the kernels stop there
+    return torch.cat([image, light[..., -1:]], -1)

@@ -1,0 +1,89 @@
+"""From the learned field and the photos to Gaussians (splats.safetensors), in which the scene is shown from any camera."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..capture.training_images import load_views
+from ..compute.cores import take_from_torch
+from ..compute.kernels import has_kernels
+from ..compute.progress import Emit
+from ..errors import BadRequest
+from ..fields.files import load_scene
+from ..project.settings import to_dict, with_overrides
+from ..splats.files import save_gaussians
+from ..splats.fit import Photo, SplatFit
+from ..splats.gaussians import Gaussians
+from ..splats.rasterizer import splatted
+from ..splats.start import gaussians_of, surface_views
+from .job import Job, open_job, run_stage
+from .options.learning import SplatsOptions
+
+VERSION = 1
+VALIDATION_VIEWS = 8
+
+
+def run(options: SplatsOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
+    """Learn Gaussians of a finished scene. Nothing is learned where the settings ask for none, or numba is missing."""
+    job = _with_overrides(open_job(options, emit, should_stop), options.overrides)
+    job.project.require("geometry")
+    settings = job.settings.splats
+    if settings.iterations == 0:
+        emit("stage", name="splats", text="none are asked for")
+        return
+    if not has_kernels():
+        emit(
+            "warning",
+            code="splats",
+            sentence="Without the package numba no splats can be learned: other cameras are rendered from the voxels.",
+        )
+        return
+    with run_stage(job, "splats", VERSION) as run:
+        if run is None:
+            job.project.set_settings(to_dict(job.settings))
+            return
+        capture = job.capture()
+        views, test = capture.split("train"), capture.split("test")
+        scene = load_scene(job.project.checked(job.project.geometry_file), job.runtime.device)
+        progress = job.progress("splats", len(surface_views(views)) + settings.iterations)
+        start = gaussians_of(scene, views, settings.count, settings.degree, progress.step)
+        take_from_torch()
+        fit = SplatFit(start, _photos(views, settings.long_side), settings.iterations, job.settings.seed)
+        run.checkpoint.follow(fit, progress)
+        fit.run(progress, run.checkpoint)
+        run.summary["gaussians"] = len(start)
+        held_out = _photos(test[:: max(1, len(test) // VALIDATION_VIEWS)], settings.long_side)
+        if held_out:
+            run.summary["held_out"] = [_held_out(job, each, held_out) for each in (start, fit.gaussians)]
+        save_gaussians(fit.gaussians, run.output(job.project.splats_file))
+    job.artifact("splats", job.project.splats_file)
+
+
+def _with_overrides(job: Job, overrides: Sequence[str]) -> Job:
+    """The job with other settings of its splats. Raises BadRequest where others are asked for."""
+    settings = with_overrides(job.settings, list(overrides))
+    if replace(settings, splats=job.settings.splats) != job.settings:
+        raise BadRequest("Only settings of splats can change now.", "Learn the scene again with the others.")
+    return replace(job, settings=settings)
+
+
+def _photos(views: Sequence, long_side: int) -> list[Photo]:
+    """The photos of these views; only one at a time is in memory as floats."""
+    return [Photo.of(load_views([view], long_side)[0]) for view in views]
+
+
+def _held_out(job: Job, gaussians: Gaussians, photos: Sequence[Photo]) -> list[float]:
+    """How well held-out photos are shown, mean and worst in dB."""
+    values = [_psnr(gaussians, photo) for photo in photos]
+    mean, worst = round(float(np.mean(values)), 2), round(float(np.min(values)), 2)
+    job.emit("stage", name="splats", text=f"held-out views {mean} dB, the worst {worst} dB")
+    return [mean, worst]
+
+
+def _psnr(gaussians: Gaussians, photo: Photo) -> float:
+    shown = splatted(gaussians, photo.camera).image[..., :3].clip(0, 1)
+    squares = np.square(shown - photo.over(gaussians.background))
+    return -10 * float(np.log10((squares if photo.valid is None else squares[photo.valid]).mean() + 1e-10))

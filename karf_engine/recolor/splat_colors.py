@@ -1,0 +1,139 @@
+"""Gaussians that carry objects and palette weights: a table whose colors follow an edit.
+
+A Gaussian is of an object by F_s at its center; the palette weights are those of its own color, without harmonics. The
+harmonics follow by the slope of these weights, so that shading and highlights take the new hue too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from ..fields.scene import Scene
+from ..heads.fields import SegmentationField
+from ..heads.rendering import NEGLIGIBLE
+from ..palettes.added import palettes_with, spread
+from ..palettes.extraction.barycentric_weights import star_weights
+from ..palettes.palette import AddedColor, Edit, Palette
+from ..splats.gaussians import Gaussians
+from ..splats.kernels.arrays import COLOR
+from ..splats.kernels.harmonics import C0
+from ..splats.rasterizer import SplattedView
+
+STEP = 0.01  # of color, either way, over which slopes of the weights are taken
+POINTS_PER_CHUNK = 1 << 16
+
+
+@dataclass(frozen=True)
+class ObjectSplats:
+    """The m Gaussians of one object.
+
+    Attributes:
+        rows: [m] of the table.
+        shares: [m] float32 in (0, 1], probabilities of the object.
+        weights: [m, M] float32 >= 0, over the palette with its sets of added colors; rows sum to 1.
+        slopes: [m, M, 3] float32, of the weights by the color.
+    """
+
+    rows: np.ndarray
+    shares: np.ndarray
+    weights: np.ndarray
+    slopes: np.ndarray
+
+
+@torch.no_grad()
+def shares_of_objects(gaussians: Gaussians, segmentation: SegmentationField, scene: Scene) -> np.ndarray:
+    """Probabilities of the K objects at the Gaussians' centers, by F_s, [n, K] float32; 0 of what is behind."""
+    field = scene.field
+    shares = np.zeros((len(gaussians), len(segmentation.boxes)), np.float32)
+    for first in range(0, gaussians.n_solid, POINTS_PER_CHUNK):
+        rows = slice(first, min(first + POINTS_PER_CHUNK, gaussians.n_solid))
+        world = torch.from_numpy(gaussians.table[rows, :3]).to(field.bounds.device)
+        positions = field.space.to_grid(world).float()
+        inside = segmentation.inside(positions).any(1)
+        positions = positions[inside]
+        classes = segmentation(positions, field.features(positions))[:, 1:]
+        shares[rows][inside.cpu().numpy()] = classes.cpu().numpy()
+    return shares
+
+
+def splats_of_objects(
+    gaussians: Gaussians,
+    shares: np.ndarray,
+    palettes: Sequence[Palette],
+    added: Mapping[str, Sequence[AddedColor]],
+) -> tuple[ObjectSplats, ...]:
+    """The Gaussians of each of K objects with their palette weights.
+
+    Args:
+        gaussians: As learned.
+        shares: [n, K], see `shares_of_objects`.
+        palettes: Of the objects as learned.
+        added: Added colors by the objects' names.
+    """
+    colors = np.clip(0.5 + C0 * gaussians.table[:, COLOR : COLOR + 3], 0, 1)
+    result = []
+    for own, palette in zip(shares.T, palettes, strict=True):
+        rows = np.flatnonzero(own > NEGLIGIBLE)
+
+        def weights_of(some: np.ndarray, palette: Palette = palette) -> np.ndarray:
+            weights = star_weights(some, palette.colors)
+            return spread(weights.T, palette.colors, added[palette.name]).T if added.get(palette.name) else weights
+
+        steps = STEP * np.eye(3, dtype=np.float32)
+        slopes = [(weights_of(colors[rows] + s) - weights_of(colors[rows] - s)) / (2 * STEP) for s in steps]
+        result.append(ObjectSplats(rows, own[rows], weights_of(colors[rows]), np.stack(slopes, -1)))
+    return tuple(result)
+
+
+def recolored(
+    gaussians: Gaussians, objects: Sequence[ObjectSplats], palettes: Sequence[Palette], edit: Edit
+) -> Gaussians:
+    """Gaussians with an edit baked into their colors; those that it does not reach keep their bits.
+
+    Args:
+        gaussians: As learned.
+        objects: Theirs, with the edit's added colors.
+        palettes: As learned.
+        edit: Additive (`delta`): each color moves by the weighted changes of the palette.
+    """
+    table = gaussians.table.copy()
+    for own, palette in zip(objects, palettes_with(palettes, edit.added), strict=True):
+        change = (edit.colors[palette.name] - palette.colors).astype(np.float32)
+        if not change.any():
+            continue
+        harmonics = table[own.rows, COLOR:].reshape(len(own.rows), -1, 3)
+        by_color = np.einsum("nmi,mj->nij", own.slopes, change)
+        moved = harmonics[:, 1:] @ by_color
+        moved = np.concatenate([(own.weights @ change / C0)[:, None], moved], 1)
+        table[own.rows, COLOR:] = (harmonics + own.shares[:, None, None] * moved).reshape(len(own.rows), -1)
+    return replace(gaussians, table=table)
+
+
+def planes_of_view(
+    view: SplattedView, gaussians: Gaussians, objects: Sequence[ObjectSplats]
+) -> tuple[np.ndarray, np.ndarray]:
+    """What a view shows of each object.
+
+    Args:
+        view: Of these Gaussians.
+        gaussians: As learned.
+        objects: Theirs, K.
+
+    Returns:
+        Probabilities [K, H, W] float32 in [0, 1], and palette weights [K, M, H, W] times these, M of the largest palette.
+    """
+    most = max((own.weights.shape[1] for own in objects), default=0)
+    values = np.zeros((len(gaussians), len(objects), 1 + most), np.float32)
+    constant, seen = 0.5 + C0 * gaussians.table[:, COLOR : COLOR + 3], view.colors
+    for number, own in enumerate(objects):
+        weights = own.weights + np.einsum("nmc,nc->nm", own.slopes, (seen - constant)[own.rows])
+        weights = np.maximum(weights, 0)
+        weights /= weights.sum(1, keepdims=True)
+        values[own.rows, number, 0] = own.shares
+        values[own.rows, number, 1 : 1 + weights.shape[1]] = own.shares[:, None] * weights
+    planes = view.blended(values.reshape(len(gaussians), -1)).reshape(len(objects), 1 + most, *view.image.shape[:2])
+    return planes[:, 0], planes[:, 1:]

@@ -1,0 +1,41 @@
+"""Learned Gaussians on disk: `splats.safetensors`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from ..io.checkpoints import load_tensors, restoring, save_tensors
+from .gaussians import DEGREES, Gaussians
+from .kernels.arrays import COLOR
+
+SCHEMA = "karf-splats/1"
+
+
+def save_gaussians(gaussians: Gaussians, path: Path) -> None:
+    """Write Gaussians as data: the table, and JSON values in the header."""
+    facts = {"n_behind": gaussians.n_behind, "background": list(gaussians.background), "near": gaussians.near}
+    save_tensors(path, {"table": torch.from_numpy(gaussians.table)}, SCHEMA, facts)
+
+
+def load_gaussians(path: Path) -> Gaussians:
+    """Read Gaussians.
+
+    Args:
+        path: As written by `save_gaussians`.
+
+    Raises:
+        DataError: The file is missing or damaged.
+    """
+    tensors, facts = load_tensors(path, SCHEMA)
+    with restoring(path):
+        table, n_behind, near = tensors["table"].numpy(), facts["n_behind"], float(facts["near"])
+        n_harmonics = (table.shape[1] - COLOR) / 3
+        if table.dtype != np.float32 or n_harmonics not in DEGREES:
+            raise ValueError(f"a table {table.shape} of {table.dtype}")
+        if not isinstance(n_behind, int) or not 0 <= n_behind <= len(table) or not near > 0:
+            raise ValueError(f"{n_behind} of {len(table)} behind, near {near}")
+        red, green, blue = map(float, facts["background"])
+    return Gaussians(np.ascontiguousarray(table), n_behind, (red, green, blue), near)

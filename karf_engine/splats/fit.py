@@ -1,0 +1,216 @@
+"""Refining Gaussians on the photos: Adam on the rows that a photo shows, mean squared error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ..capture.camera import Camera
+from ..capture.training_images import TrainingImage
+from ..compute.cores import share
+from ..compute.progress import Progress
+from ..errors import Diverged
+from ..fields.training.checkpoint import Checkpoint
+from ..fields.training.state import check_alike, number, whole_number
+from ..io.color import to_bytes
+from .gaussians import Gaussians
+from .kernels.adam import adam
+from .kernels.arrays import CENTER, COLOR, LOG_SCALE, LOGIT, ROTATION
+from .rasterizer import SplattedView, pinhole
+
+WINDOW = 400  # pixels: of larger photos a window of at most this side and height is learned from at a time
+LAST_RATE = 0.05  # all rates fall to this share
+LEAST_PIXELS = 0.1  # scale of a Gaussian where a photo shows it largest, pixels: nothing is finer than photos show
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Learning rates, of the centers in sizes of the Gaussian.
+
+    Four (colors, opacity) to sixteen times those of Kerbl et al. 2023: there are hundreds of steps here, not tens of
+    thousands. Chosen on the demo capture, 15 to 30 seconds of learning.
+    """
+
+    center: float = 0.2
+    scale: float = 0.08
+    rotation: float = 0.016
+    opacity: float = 0.1
+    color: float = 0.01
+    harmonics: float = 0.004
+
+
+@dataclass(frozen=True)
+class Photo:
+    """A photo to learn from.
+
+    Attributes:
+        camera: A pinhole of its size.
+        color: uint8 sRGB [H, W, 3], straight.
+        alpha: float32 [H, W]; None where the photo is opaque.
+        valid: bool [H, W], False where nothing is known; None where all is.
+    """
+
+    camera: Camera
+    color: np.ndarray
+    alpha: np.ndarray | None
+    valid: np.ndarray | None
+
+    @classmethod
+    def of(cls, image: TrainingImage) -> Photo:
+        """A training image, in a quarter of its memory."""
+        return cls(image.camera, to_bytes(image.color), image.alpha, image.valid)
+
+    def over(self, background: Sequence[float]) -> np.ndarray:
+        """The photo over an sRGB color, [H, W, 3] float32."""
+        color = np.float32(self.color) / 255
+        if self.alpha is None:
+            return color
+        return self.alpha[..., None] * color + (1 - self.alpha[..., None]) * np.float32(background)
+
+    def window(self, left: int, top: int) -> Photo:
+        """At most WINDOW x WINDOW pixels from this corner."""
+        camera, rows, columns = self.camera, slice(top, top + WINDOW), slice(left, left + WINDOW)
+        height, width = self.color[rows, columns].shape[:2]
+        alpha, valid = (None if each is None else each[rows, columns] for each in (self.alpha, self.valid))
+        moved = replace(camera, width=width, height=height, cx=camera.cx - left, cy=camera.cy - top)
+        return Photo(moved, self.color[rows, columns], alpha, valid)
+
+
+class SplatFit:
+    """Gaussians as they are learned.
+
+    Attributes:
+        iterations: Of the whole.
+        done: Of those, so far.
+    """
+
+    def __init__(
+        self,
+        gaussians: Gaussians,
+        photos: Sequence[Photo],
+        iterations: int,
+        seed: int,
+        rates: Rates = Rates(),
+    ) -> None:
+        """A fresh fit.
+
+        Args:
+            gaussians: To begin with; they are not changed.
+            photos: To learn from.
+            iterations: Photos to show, or windows of them.
+            seed: Of their order.
+            rates: How fast.
+        """
+        self.iterations, self.done = iterations, 0
+        self._start, self._photos, self._seed = gaussians, photos, seed
+        self._table = gaussians.table.copy()
+        self._gradients, self._means, self._squares = (np.zeros_like(self._table) for _ in range(3))
+        self._steps = np.zeros(len(gaussians), np.int32)
+        self._sizes = np.exp(self._table[:, LOG_SCALE : LOG_SCALE + 3].max(1))
+        self._least = np.log(LEAST_PIXELS * _pixel_sizes(gaussians, photos)).astype(np.float32)
+        self._rates = _by_column(rates, self._table.shape[1])
+
+    @property
+    def gaussians(self) -> Gaussians:
+        """What is learned so far."""
+        return replace(self._start, table=self._table.copy())
+
+    def run(self, progress: Progress, checkpoint: Checkpoint | None = None) -> None:
+        """Learn until all iterations are done.
+
+        Raises:
+            Diverged: The error is not finite.
+            Cancelled: `progress` was asked to stop.
+        """
+        while self.done < self.iterations:
+            error = self._step()
+            if not np.isfinite(error):
+                raise Diverged(
+                    "Training diverged at iteration {iteration}: loss {loss}.",
+                    "Lower the learning rate.",
+                    iteration=self.done,
+                    loss=float(error),
+                )
+            self.done += 1
+            progress.step(psnr=-10 * np.log10(error + 1e-10))
+            if checkpoint is not None:
+                checkpoint.offer()
+
+    def _step(self) -> float:
+        """Learn from one photo; its mean squared error."""
+        random = np.random.default_rng([self._seed, self.done])
+        photo = self._photo(random)
+        # what is behind a matte changes each time: only what is solid can hide it
+        background = self._start.background if photo.alpha is None else tuple(random.random(3))
+        view = SplattedView(self._table, pinhole(photo.camera, self._start.near), background)
+        difference = view.image[..., :3] - photo.over(background)
+        if photo.valid is not None:
+            difference *= photo.valid[..., None]
+        view.backward(difference * np.float32(2 / difference.size), self._gradients)
+        self._hold_behind()
+        rates = self._rates * np.float32(LAST_RATE ** (self.done / self.iterations))
+        share(
+            adam, len(self._table), self._table, self._gradients, self._means, self._squares, self._steps,
+            view.slots, rates, self._sizes, self._least,
+        )  # fmt: skip
+        return float(np.square(difference).mean())
+
+    def _photo(self, random: np.random.Generator) -> Photo:
+        """The next photo: each once in a round, in an order of its own; of a large one a window."""
+        turn, place = divmod(self.done, len(self._photos))
+        photo = self._photos[np.random.default_rng([self._seed, turn, 1]).permutation(len(self._photos))[place]]
+        height, width = photo.color.shape[:2]
+        if max(width, height) <= WINDOW:
+            return photo
+        left, top = (int(random.integers(0, max(0, side - WINDOW) + 1)) for side in (width, height))
+        return photo.window(left, top)
+
+    def _hold_behind(self) -> None:
+        """What is behind keeps its place and shape, and looks the same from everywhere."""
+        behind = self._gradients[self._start.n_solid :]
+        behind[:, :COLOR] = 0
+        behind[:, COLOR + 3 :] = 0
+
+    # --- interruptions ---------------------------------------------------------------------------------------------
+    def _learned(self) -> dict[str, np.ndarray]:
+        return {"table": self._table, "means": self._means, "squares": self._squares, "steps": self._steps}
+
+    def state(self) -> dict[str, Tensor]:
+        """All that resuming takes."""
+        return {name: torch.from_numpy(each) for name, each in self._learned().items()} | {"done": number(self.done)}
+
+    def resume(self, state: dict[str, Tensor]) -> None:
+        """Let this fresh fit resume a state; it ends bit by bit where an uninterrupted one would.
+
+        Raises:
+            DataError: The state is of another fit; nothing is changed then.
+        """
+        check_alike(state, self.state())
+        self.done = whole_number(state, "done", self.iterations)
+        for name, each in self._learned().items():
+            each[:] = state[name].numpy()
+
+
+def _by_column(rates: Rates, n_columns: int) -> np.ndarray:
+    columns = np.full(n_columns, rates.harmonics, np.float32)
+    firsts = (CENTER, LOG_SCALE, ROTATION, LOGIT, COLOR, COLOR + 3)
+    for first, last, rate in zip(firsts, firsts[1:], astuple(rates), strict=False):
+        columns[first:last] = rate
+    return columns
+
+
+def _pixel_sizes(gaussians: Gaussians, photos: Sequence[Photo]) -> np.ndarray:
+    """World units that a pixel spans at each Gaussian, [n], in the photo that shows it largest."""
+    least = np.full(len(gaussians), np.inf)
+    centers = gaussians.table[:, :3].astype(np.float64)
+    for photo in photos:
+        camera = photo.camera
+        pixels, depth = camera.project(centers)
+        with np.errstate(invalid="ignore"):
+            seen = (depth > gaussians.near) & (pixels >= 0).all(1) & (pixels <= (camera.width, camera.height)).all(1)
+        least[seen] = np.minimum(least[seen], depth[seen] / max(camera.fx, camera.fy))
+    return np.where(np.isfinite(least), least, np.exp(gaussians.table[:, LOG_SCALE : LOG_SCALE + 3].min(1)))

@@ -1,0 +1,60 @@
+"""The arrays that kernels share, and what their columns are."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+# columns of the table of Gaussians; behind COLOR three for each harmonic: red, green, blue
+CENTER, LOG_SCALE, ROTATION, LOGIT, COLOR = 0, 3, 6, 10, 11
+TILE = 16  # pixels of a tile's side
+LANES = 8  # neighboring pixels of a row that are computed at once
+BLOCKS = TILE // LANES
+ZERO, HALF, ONE = np.float32(0), np.float32(0.5), np.float32(1)
+LEAST_ALPHA, MOST_ALPHA = np.float32(1 / 255), np.float32(0.99)  # Kerbl et al.: less is left out, more cut off
+DARK = np.float32(1e-4)  # transmittance behind which nothing is seen
+LOOK_EVERY = 32  # Gaussians of a tile between two looks at whether it has become dark
+# pixels squared, added to a Gaussian on the screen: the variance of a pixel's own square. Its opacity falls by as much as
+# its area grows (Yu et al. 2024, "Mip-Splatting", Eq. 12), the least share keeping its slope finite
+SCREEN_BLUR, LEAST_SHARE = np.float32(1 / 12), np.float32(0.005)
+BORDER = 0.3  # of the picture's size, beyond which a center's Gaussian is left out
+LEAST_BEND = np.float32(1.3)  # half-pictures off the axis at which the projection's slope is held
+
+
+class Pinhole(NamedTuple):
+    """A camera as kernels read it: x right, y down, z forward; pixel corners at integers.
+
+    Attributes:
+        turn: [9], rotation from world to camera, row by row.
+        shift: [3], its translation.
+        eye: [3], the camera's place in the world.
+        fx, fy, cx, cy: Pixels.
+        width, height: Pixels.
+        near: What is nearer, along the axis, is not seen; world units.
+    """
+
+    turn: np.ndarray
+    shift: np.ndarray
+    eye: np.ndarray
+    fx: np.float32
+    fy: np.float32
+    cx: np.float32
+    cy: np.float32
+    width: int
+    height: int
+    near: np.float32
+
+
+def _record(*names: str) -> np.dtype:
+    return np.dtype((np.record, [(name, np.float32) for name in names]))
+
+
+# a Gaussian on the screen: center u v, inverse covariance [[a, b], [b, c]], opacity as blended, depth along the axis,
+# half width and height of the box beyond which its alpha is under LEAST_ALPHA; red green blue as seen from here
+SPLAT = _record("u", "v", "a", "b", "c", "opacity", "depth", "reach_x", "reach_y", "red", "green", "blue")
+# gradients of a loss to these, summed over the pixels of one tile
+SLOPES = _record("u", "v", "a", "b", "c", "opacity", "red", "green", "blue")
+TILES = np.dtype((np.record, [(name, np.int32) for name in ("left", "right", "top", "bottom")]))  # ends are exclusive
+# which Gaussian an entry of a tile is, and its row of slopes
+ENTRY = np.dtype((np.record, [("gaussian", np.int32), ("slot", np.int32)]))
