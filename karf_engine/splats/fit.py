@@ -24,7 +24,7 @@ from .kernels.arrays import CENTER, COLOR, LOG_SCALE, LOGIT, ROTATION
 from .rasterizer import SplattedView, pinhole
 
 WINDOW = 400  # pixels: of larger photos a window of at most this side and height is learned from at a time
-HALVED = 0.0  # share of the iterations, at first, that show photos at half their size
+HALVED = 0.6  # share of the iterations, at first, that show photos at half their size
 LAST_RATE = 0.05  # all rates fall to this share
 LEAST_PIXELS = 0.1  # scale of a Gaussian where a photo shows it largest, pixels: nothing is finer than photos show
 
@@ -41,8 +41,8 @@ class Rates:
     scale: float = 0.16
     rotation: float = 0.03
     opacity: float = 0.1
-    color: float = 0.04
-    harmonics: float = 0.016
+    color: float = 0.02
+    harmonics: float = 0.008
 
 
 @dataclass(frozen=True)

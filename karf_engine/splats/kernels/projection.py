@@ -41,21 +41,28 @@ def rotate(row, rotation):
 
 
 @kernel
+def place(row, camera, at):
+    """Write a center's x y z in the camera, the first of at [5]."""
+    turn, shift = camera.turn, camera.shift
+    for i in range(3):
+        at[i] = turn[3 * i] * row[0] + turn[3 * i + 1] * row[1] + turn[3 * i + 2] * row[2] + shift[i]
+
+
+@kernel
 def flatten(row, camera, at, to_screen, rotation, scale, axes):
-    """Write a Gaussian's place and its axes on the screen.
+    """Write a placed Gaussian's axes on the screen.
 
     Args:
         row: Of the table.
         camera: Pinhole.
-        at: [5], x y z in the camera, and x / z and y / z where the projection's slope is taken.
+        at: [5], x y z in the camera; becomes also x / z and y / z where the projection's slope is taken.
         to_screen: [2, 3], slope of the projection by the world's axes.
         rotation: [3, 3].
         scale: [3].
         axes: [2, 3], the Gaussian's three axes on the screen, pixels.
     """
-    turn, shift = camera.turn, camera.shift
+    turn = camera.turn
     for i in range(3):
-        at[i] = turn[3 * i] * row[0] + turn[3 * i + 1] * row[1] + turn[3 * i + 2] * row[2] + shift[i]
         scale[i] = math.exp(row[LOG_SCALE + i])
     limit_x, limit_y = bends(camera)
     at[3] = min(limit_x, max(-limit_x, at[0] / at[2]))
@@ -109,12 +116,13 @@ def project(first, last, table, camera, splats, tiles):
     for g in range(first, last):
         row, splat, box = table[g], splats[g], tiles[g]
         box.left = box.right = box.top = box.bottom = 0
-        flatten(row, camera, at, to_screen, rotation, scale, axes)
+        place(row, camera, at)
         if at[2] < camera.near:
             continue
         u, v = camera.fx * at[0] / at[2] + camera.cx, camera.fy * at[1] / at[2] + camera.cy
         if u < -border_x or u > width + border_x or v < -border_y or v > height + border_y:
             continue
+        flatten(row, camera, at, to_screen, rotation, scale, axes)
         xx = axes[0, 0] * axes[0, 0] + axes[0, 1] * axes[0, 1] + axes[0, 2] * axes[0, 2]
         xy = axes[0, 0] * axes[1, 0] + axes[0, 1] * axes[1, 1] + axes[0, 2] * axes[1, 2]
         yy = axes[1, 0] * axes[1, 0] + axes[1, 1] * axes[1, 1] + axes[1, 2] * axes[1, 2]
@@ -195,6 +203,7 @@ def project_back(first, last, table, camera, splats, slots, slopes, gradients):
             color[0] += slope.red
             color[1] += slope.green
             color[2] += slope.blue
+        place(row, camera, at)
         flatten(row, camera, at, to_screen, rotation, scale, axes)
         # the share of the opacity that the blur leaves
         xx = axes[0, 0] * axes[0, 0] + axes[0, 1] * axes[0, 1] + axes[0, 2] * axes[0, 2]
