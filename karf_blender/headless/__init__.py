@@ -70,6 +70,7 @@ import_cameras = _for_scripts(steps.import_cameras)
 import_capture = _for_scripts(steps.import_capture)
 learn_all = _for_scripts(steps.learn_all)
 learn_scene = _for_scripts(steps.learn_scene)
+learn_splats = _for_scripts(steps.learn_splats)
 link_swatches = _for_scripts(steps.link_swatches)
 merge_swatch = _for_scripts(steps.merge_swatch)
 prepare_views = _for_scripts(steps.prepare_views)
@@ -127,6 +128,7 @@ __all__ = [
     "install_engine",
     "learn_all",
     "learn_scene",
+    "learn_splats",
     "link_swatches",
     "match_picture",
     "merge_swatch",

@@ -84,6 +84,19 @@ class KARF_OT_extract_palette(PaletteMaker, EngineStep, bpy.types.Operator):
         return {"FINISHED"}
 
 
+class KARF_OT_learn_splats(EngineStep, bpy.types.Operator):
+    """Learn the scene as Gaussian splats too: cameras that took no photo then see it sharply, in a fraction of the time"""
+
+    bl_idname = "karf.learn_splats"
+    bl_label = "Learn Splats"
+    after = "geometry"
+
+    @reports_errors
+    def execute(self, context):
+        runner.launch(steps.learn_splats(context.scene))
+        return {"FINISHED"}
+
+
 class KARF_OT_show_view(ProjectSwatchStep, bpy.types.Operator):
     """Show a captured view with the swatches as they stand; the engine prepares it the first time"""
 
@@ -124,6 +137,7 @@ CLASSES = (
     KARF_OT_learn_all,
     KARF_OT_segment,
     KARF_OT_extract_palette,
+    KARF_OT_learn_splats,
     KARF_OT_show_view,
     KARF_OT_prepare_views,
 )

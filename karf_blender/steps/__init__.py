@@ -10,7 +10,7 @@ from .colorways import colorways, colorways_folder, predict_colorways
 from .compositing import build_compositor, compositor_node, place_layers
 from .edit import apply_edit, becomes, match_picture, paint_over, save_edit
 from .farm import farm_bundle
-from .learn import extract_palette, learn_all, learn_scene, prepare_views, segment, show_view
+from .learn import extract_palette, learn_all, learn_scene, learn_splats, prepare_views, segment, show_view
 from .masks import (
     add_object,
     erase_mask,
@@ -68,6 +68,7 @@ __all__ = [
     "import_capture",
     "learn_all",
     "learn_scene",
+    "learn_splats",
     "leave_view",
     "link_swatches",
     "look_through",

@@ -108,6 +108,15 @@ def _palettes(scene: bpy.types.Scene) -> tuple[tuple[str, dict], ...]:
     return ("palette", {}), ("recoloring", {}), requests.planes(scene.karf.active_view)
 
 
+def learn_splats(scene: bpy.types.Scene) -> Task:
+    """Learn the scene as Gaussians, from which cameras that took no photo are rendered sharply and quickly.
+
+    Returns:
+        The task; its result is the stage's entry in the project.
+    """
+    return requests.task(scene, "Learn Splats", ("splats", {}), result=partial(_entry, scene, "splats"))
+
+
 def prepare_views(scene: bpy.types.Scene, views: str = "all") -> Task:
     """Prepare captured views (a view's name, `train`, `test` or `all`), so that they show without the engine."""
     return requests.task(scene, "Prepare Views", requests.planes(views))

@@ -255,6 +255,10 @@ TEXTS = {
         "找出每个物体的色板，并学习每个像素从中取用多少。编辑、锁定和关键帧随其物体和颜色保留；颜色已不存在的编辑保存在项目的 "
         "edits 文件夹中"
     ),
+    "Learn Splats": "学习高斯泼溅",
+    "Learn the scene as Gaussian splats too: cameras that took no photo then see it sharply, in a fraction of the time": (
+        "同时将场景学习为高斯泼溅：未拍过照片的相机也能清晰看到场景，用时少得多"
+    ),
     "Extract anew?": "重新提取？",
     "Edits follow their object and color; those that find none are kept in the project": (
         "编辑随其物体和颜色保留；找不到对应的编辑保存在项目中"

@@ -19,9 +19,9 @@ from .kernels.harmonics import C0
 
 MOST_VIEWS = 64  # that look for the surface
 FLATNESS = 0.2  # of a disk: thickness by width
-OPACITY, OPACITY_BEHIND = 0.8, 0.999
-BEHIND, BEHIND_DISTANCE = 3000, 15.0  # Gaussians of the shell; its radius by the distance of the farthest camera
-BEHIND_SIZE = 0.7  # of the shell's Gaussians, by the distance between them
+OPACITY, OPACITY_BEHIND = 0.8, 0.9
+BEHIND, BEHIND_DISTANCE = 8000, 15.0  # Gaussians of the shell; its radius by the distance of the farthest camera
+BEHIND_SIZE = 1.0  # of its Gaussians, by the distance between them: fewer overlap in blotches
 NEAREST = 0.02  # of the distance at which a camera typically sees the surface: what is nearer is not shown
 
 

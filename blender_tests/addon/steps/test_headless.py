@@ -20,6 +20,7 @@ ARGUMENTS = {
     "import_capture": "path project holdout rig",
     "learn_all": "preset overrides",
     "learn_scene": "preset overrides nerf",
+    "learn_splats": "",
     "link_swatches": "one other",
     "match_picture": "picture view",
     "merge_swatch": "object_name index into",
