@@ -9,9 +9,11 @@
     stages       seconds and peak memory of each stage: of --project DIR, else of the demo, learned for this
     photos       seconds and peak memory of recoloring a photo of 1, 12 and 24 megapixels, of the same project
     preview      milliseconds from query to answer of a camera's preview in a worker, by size; of the same project
+    splats       milliseconds of a picture of splats, by size, beside the field's, and both in held-out photos; of the same
+                 project
     detail       pixels that a voxel spans, the PSNR that photos keep without so much detail, and what the scene reaches
 
-Without names: all but the last five. Times are those of this machine at this moment; the ratios say more than
+Without names: all but the last six. Times are those of this machine at this moment; the ratios say more than
 the seconds, and a load average near the number of cores makes both worthless. Paths are relative to the checkout.
 """
 
@@ -33,11 +35,11 @@ from tools.dev import ROOT, python_of
 from tools.speed.machine import machine
 from tools.speed.rows import Row, print_rows
 
-NAMES = ("kan", "cache", "compositing", "swatch", "geometry", "stages", "photos", "preview", "detail")
-LONG = ("geometry", "stages", "photos", "preview", "detail")
+NAMES = ("kan", "cache", "compositing", "swatch", "geometry", "stages", "photos", "preview", "splats", "detail")
+LONG = ("geometry", "stages", "photos", "preview", "splats", "detail")
 SWATCH_TARGETS_MS = {(800, 800): 16.0, (1920, 1080): 33.0}  # by size: one picture of sixty a second, or of thirty
 SWATCH_CASES = ((1, 1), (1, 5), (3, 1))  # objects, swatches of the first that differ; 5 are all but black
-STAGES = ("geometry", "segmentation", "palette", "recoloring")
+STAGES = ("geometry", "segmentation", "palette", "recoloring", "splats")
 
 
 def main() -> None:
@@ -48,7 +50,7 @@ def main() -> None:
     )
     parser.add_argument("--repeats", type=int, default=5, help="rounds of kan and cache (default: %(default)s)")
     parser.add_argument(
-        "--project", type=Path, metavar="DIR", help="a learned project, for stages, photos, preview and detail"
+        "--project", type=Path, metavar="DIR", help="a learned project, for stages, photos, preview, splats and detail"
     )
     parser.add_argument("--capture", type=Path, nargs="+", metavar="DIR", help="captures, for geometry")
     parser.add_argument("--preset", default="demo", help="settings, for geometry (default: %(default)s)")
@@ -66,6 +68,7 @@ def main() -> None:
         "stages": bench_stages,
         "photos": bench_photos,
         "preview": bench_preview,
+        "splats": bench_splats,
         "detail": bench_detail,
     }
     measured_on = machine(options.threads)
@@ -164,6 +167,17 @@ def bench_preview(options: argparse.Namespace) -> list[Row]:
     print_rows(rows)
     print(f"target: <= {preview.TARGET_MS:g} ms of the processor for the first size")
     return rows
+
+
+def bench_splats(options: argparse.Namespace) -> list[Row]:
+    """Milliseconds of pictures of splats and of the field, and how well both show held-out photos; no target."""
+    from tools.speed import splats
+
+    with learned_project(options) as project:
+        times, held_out = splats.run(project, options.threads)
+    print_rows(times)
+    print_rows(held_out)
+    return times + held_out
 
 
 def bench_detail(options: argparse.Namespace) -> list[Row]:
