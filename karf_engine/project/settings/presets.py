@@ -11,6 +11,7 @@ from .stages import (
     RecoloringSettings,
     SegmentationSettings,
     Settings,
+    SplatSettings,
 )
 
 PRESETS: dict[str, Settings] = {
@@ -90,6 +91,7 @@ PRESETS: dict[str, Settings] = {
             targets="loco",
             supervision="reference",
         ),
+        splats=SplatSettings(iterations=0),
     ),
 }
 

@@ -24,7 +24,7 @@ from .arrays import (
 )
 from .harmonics import harmonic_slopes, harmonics
 
-TWO = np.float32(2)
+TWO, LARGEST = np.float32(2), np.float32(3e38)
 
 
 @kernel
@@ -92,6 +92,8 @@ def direction(row, camera, way):
 def project(first, last, table, camera, splats, tiles):
     """Write splats [n] and their tiles [n] of the rows first to last; unseen ones get no tiles.
 
+    Nor do rows from which no finite ellipse follows: the questions are asked so that NaN is a no.
+
     Args:
         first: Row.
         last: Row.
@@ -110,10 +112,10 @@ def project(first, last, table, camera, splats, tiles):
         row, splat, box = table[g], splats[g], tiles[g]
         box.left = box.right = box.top = box.bottom = 0
         flatten(row, camera, at, to_screen, rotation, scale, axes)
-        if at[2] < camera.near:
+        if not at[2] >= camera.near:
             continue
         u, v = camera.fx * at[0] / at[2] + camera.cx, camera.fy * at[1] / at[2] + camera.cy
-        if u < -border_x or u > width + border_x or v < -border_y or v > height + border_y:
+        if not (-border_x <= u <= width + border_x and -border_y <= v <= height + border_y):
             continue
         xx = axes[0, 0] * axes[0, 0] + axes[0, 1] * axes[0, 1] + axes[0, 2] * axes[0, 2]
         xy = axes[0, 0] * axes[1, 0] + axes[0, 1] * axes[1, 1] + axes[0, 2] * axes[1, 2]
@@ -121,8 +123,10 @@ def project(first, last, table, camera, splats, tiles):
         sharp = xx * yy - xy * xy
         xx, yy = xx + SCREEN_BLUR, yy + SCREEN_BLUR
         area = xx * yy - xy * xy
+        if not ZERO < area < LARGEST:
+            continue
         opacity = math.sqrt(max(sharp / area, LEAST_SHARE)) / (ONE + math.exp(-row[LOGIT]))
-        if opacity < LEAST_ALPHA:
+        if not opacity >= LEAST_ALPHA:
             continue
         reach = TWO * math.log(opacity / LEAST_ALPHA)
         reach_x, reach_y = math.sqrt(reach * xx), math.sqrt(reach * yy)
