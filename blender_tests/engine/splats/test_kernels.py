@@ -1,5 +1,7 @@
 """Pictures of Gaussians and their gradients by the kernels are those of the formulas; the cores make no difference."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -172,6 +174,16 @@ def covered_by(row, camera):
 def test_a_gaussian_smaller_than_a_pixel_covers_as_much_as_it_is_large(size):
     coarse, fine = (pinhole(camera_ahead().scaled(40 * scale, 36 * scale), NEAR) for scale in (1, 8))
     assert covered_by(ball(size=size), coarse) == pytest.approx(covered_by(ball(size=size), fine) / 64, rel=0.1)
+
+
+def test_bands_and_windows_of_a_picture_are_parts_of_it():
+    table, camera = cloud(), camera_ahead()
+    table[:, GROUPS["scales"]] -= 0.5  # none reaches farther than the border
+    whole = SplattedView(table, pinhole(camera, NEAR), BACKGROUND).image
+    for left, top, right, bottom in ((0, 0, 40, 9), (0, 27, 40, 36), (23, 11, 39, 27)):
+        part = replace(camera, width=right - left, height=bottom - top, cx=camera.cx - left, cy=camera.cy - top)
+        image = SplattedView(table, pinhole(part, NEAR), BACKGROUND).image
+        assert_allclose(image, whole[top:bottom, left:right], atol=2e-4)
 
 
 # ---------------------------------------------------------------------------------------------------------------- cores
