@@ -37,7 +37,7 @@ NAMES = ("kan", "cache", "compositing", "swatch", "geometry", "stages", "photos"
 LONG = ("geometry", "stages", "photos", "preview", "detail")
 SWATCH_TARGETS_MS = {(800, 800): 16.0, (1920, 1080): 33.0}  # by size: one picture of sixty a second, or of thirty
 SWATCH_CASES = ((1, 1), (1, 5), (3, 1))  # objects, swatches of the first that differ; 5 are all but black
-STAGES = ("geometry", "segmentation", "palette", "recoloring")
+STAGES = ("geometry", "segmentation", "palette", "recoloring", "splats")
 
 
 def main() -> None:

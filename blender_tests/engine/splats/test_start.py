@@ -103,7 +103,7 @@ def test_a_learned_background_becomes_a_shell_of_its_colors_behind_everything(mo
     alone = replace(gaussians, table=shell)
     camera = views[0].camera
     seen = splatted(alone, camera).image
-    assert seen[..., 3].max() < 0.01, "light comes through the shell"
+    assert seen[..., 3].max() < 0.03, "light comes through the shell"
     _, directions = camera.rays(camera.pixel_centers())
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     assert_allclose(seen[..., :3].reshape(-1, 3), sky(directions), atol=0.06)
