@@ -180,6 +180,23 @@ class Model:
     def _splat_objects(self) -> tuple[ObjectSplats, ...]:
         return splats_of_objects(self.splats, self._splat_shares, self.palettes, {})
 
+    def shown(self, camera: Camera, edit: Edit) -> np.ndarray:
+        """The recolored scene from any camera, as `composite` of `render` has it, in a fraction of the time with splats.
+
+        Args:
+            camera: in world units; its lens distortion is left out.
+            edit: of this model's palettes.
+
+        Returns:
+            [H, W, 3] float32 sRGB in [0, 1].
+
+        Raises:
+            BadRequest: no palettes are learned.
+        """
+        if self.splats is None or self.recoloring is None or edit.compositing != "delta":
+            return self.composite(self.render(camera), edit)
+        return splatted(self.recolored_splats(edit), camera).image[..., :3].clip(0, 1)
+
     def recolored_splats(self, edit: Edit) -> Gaussians:
         """The splats with an edit baked into their colors; the last one is kept.
 

@@ -17,12 +17,14 @@ from ..errors import Diverged
 from ..fields.training.checkpoint import Checkpoint
 from ..fields.training.state import check_alike, number, whole_number
 from ..io.color import to_bytes
+from ..io.images import resize
 from .gaussians import Gaussians
 from .kernels.adam import adam
 from .kernels.arrays import CENTER, COLOR, LOG_SCALE, LOGIT, ROTATION
 from .rasterizer import SplattedView, pinhole
 
 WINDOW = 400  # pixels: of larger photos a window of at most this side and height is learned from at a time
+HALVED = 0.6  # share of the iterations, at first, that show photos at half their size
 LAST_RATE = 0.05  # all rates fall to this share
 LEAST_PIXELS = 0.1  # scale of a Gaussian where a photo shows it largest, pixels: nothing is finer than photos show
 
@@ -36,11 +38,11 @@ class Rates:
     """
 
     center: float = 0.2
-    scale: float = 0.08
-    rotation: float = 0.016
+    scale: float = 0.16
+    rotation: float = 0.03
     opacity: float = 0.1
-    color: float = 0.01
-    harmonics: float = 0.004
+    color: float = 0.02
+    harmonics: float = 0.008
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,14 @@ class Photo:
         if self.alpha is None:
             return color
         return self.alpha[..., None] * color + (1 - self.alpha[..., None]) * np.float32(background)
+
+    def halved(self) -> Photo:
+        """The photo at half its size."""
+        height, width = (max(1, side // 2) for side in self.color.shape[:2])
+        color = to_bytes(resize(np.float32(self.color) / 255, width, height))
+        alpha = None if self.alpha is None else resize(self.alpha, width, height)
+        valid = None if self.valid is None else resize(np.float32(self.valid), width, height) > 0.999
+        return Photo(self.camera.scaled(width, height), color, alpha, valid)
 
     def window(self, left: int, top: int) -> Photo:
         """At most WINDOW x WINDOW pixels from this corner."""
@@ -107,6 +117,7 @@ class SplatFit:
         """
         self.iterations, self.done = iterations, 0
         self._start, self._photos, self._seed = gaussians, photos, seed
+        self._halves = [photo.halved() for photo in photos]
         self._table = gaussians.table.copy()
         self._gradients, self._means, self._squares = (np.zeros_like(self._table) for _ in range(3))
         self._steps = np.zeros(len(gaussians), np.int32)
@@ -167,7 +178,8 @@ class SplatFit:
     def _photo(self, random: np.random.Generator) -> Photo:
         """The next photo: each once in a round, in an order of its own; of a large one a window."""
         turn, place = divmod(self.done, len(self._photos))
-        photo = self._photos[np.random.default_rng([self._seed, turn, 1]).permutation(len(self._photos))[place]]
+        photos = self._photos if self.done >= HALVED * self.iterations else self._halves
+        photo = photos[np.random.default_rng([self._seed, turn, 1]).permutation(len(self._photos))[place]]
         height, width = photo.color.shape[:2]
         if max(width, height) <= WINDOW:
             return photo

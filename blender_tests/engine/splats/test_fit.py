@@ -109,9 +109,29 @@ def test_every_photo_is_shown_once_before_one_is_shown_again(monkeypatch):
     choose = fit._photo
     monkeypatch.setattr(fit, "_photo", lambda random: shown.append(choose(random)) or shown[-1])
     fit.run(progress())
-    rounds = [[id(photo) for photo in shown[first : first + 6]] for first in (0, 6, 12)]
-    assert all(sorted(each) == sorted(map(id, photos)) for each in rounds)
+    places = [photo.camera.camera_to_world[:2, 3].tolist() for photo in shown]
+    rounds = [places[first : first + 6] for first in (0, 6, 12)]
+    assert all(sorted(each) == sorted(camera.camera_to_world[:2, 3].tolist() for camera in CAMERAS) for each in rounds)
     assert rounds[0] != rounds[1] or rounds[1] != rounds[2]
+
+
+def test_photos_are_shown_at_half_their_size_first(monkeypatch):
+    fit, shown = SplatFit(unlearned(), [photo_of(camera) for camera in CAMERAS], 10, 0), []
+    choose = fit._photo
+    monkeypatch.setattr(fit, "_photo", lambda random: shown.append(choose(random)) or shown[-1])
+    fit.run(progress())
+    assert [photo.color.shape[:2] for photo in shown] == [(18, 20)] * 6 + [(36, 40)] * 4
+    assert {(photo.camera.width, photo.camera.fx) for photo in shown} == {(20, 25.0), (40, 50.0)}
+
+
+def test_a_photo_of_half_the_size_is_cut_out_and_known_where_the_whole_is():
+    photo = cut_out_of(CAMERAS[0])
+    valid = np.ones((36, 40), bool)
+    valid[5, 7] = False
+    half = replace(photo, valid=valid).halved()
+    np.testing.assert_allclose(half.alpha, photo.alpha.reshape(18, 2, 20, 2).mean((1, 3)), atol=0.02)
+    assert np.argwhere(~half.valid).tolist() == [[2, 3]]
+    assert half.color.shape == (18, 20, 3) and half.color.dtype == np.uint8
 
 
 def test_pixels_of_which_nothing_is_known_teach_nothing():

@@ -28,6 +28,7 @@ PRESETS: dict[str, Settings] = {
         ),
         segmentation=SegmentationSettings(cache_long_side=200, iterations=300),
         recoloring=RecoloringSettings(iterations=1000),
+        splats=SplatSettings(iterations=900, count=60_000, long_side=400),
     ),
     # a laptop, ten minutes: as fine as 4 GB of memory hold
     "fine": Settings(
@@ -43,6 +44,7 @@ PRESETS: dict[str, Settings] = {
         ),
         segmentation=SegmentationSettings(cache_long_side=200, iterations=300),
         recoloring=RecoloringSettings(iterations=1000),
+        splats=SplatSettings(iterations=3000, count=100_000, long_side=400),
     ),
     # a graphics card, 800 pixels; heads as wide as the paper's
     "quality": Settings(
@@ -61,6 +63,7 @@ PRESETS: dict[str, Settings] = {
         ),
         segmentation=SegmentationSettings(width=256, iterations=1000, batch=4096, cache_views=48, cache_long_side=400),
         recoloring=RecoloringSettings(width=256, frequencies=8, direction_frequencies=4, iterations=5000, batch=4096),
+        splats=SplatSettings(iterations=8000, count=200_000, long_side=1600, degree=3),
     ),
     # the paper's numbers to the letter, for a graphics card: NeRF, plain Eq. 12, one palette of LoCoPalettes' size and
     # its weights in the marked views, the paper's compositing

@@ -40,8 +40,16 @@ def rotate(row, rotation):
 
 
 @kernel
+def place(row, camera, at):
+    """Write a center's x y z in the camera, at [3]."""
+    turn, shift = camera.turn, camera.shift
+    for i in range(3):
+        at[i] = turn[3 * i] * row[0] + turn[3 * i + 1] * row[1] + turn[3 * i + 2] * row[2] + shift[i]
+
+
+@kernel
 def flatten(row, camera, at, to_screen, rotation, scale, axes):
-    """Write a Gaussian's place and its axes on the screen.
+    """Write a placed Gaussian's axes on the screen.
 
     Args:
         row: Of the table.
@@ -52,9 +60,8 @@ def flatten(row, camera, at, to_screen, rotation, scale, axes):
         scale: [3].
         axes: [2, 3], the Gaussian's three axes on the screen, pixels.
     """
-    turn, shift = camera.turn, camera.shift
+    turn = camera.turn
     for i in range(3):
-        at[i] = turn[3 * i] * row[0] + turn[3 * i + 1] * row[1] + turn[3 * i + 2] * row[2] + shift[i]
         scale[i] = math.exp(row[LOG_SCALE + i])
     for j in range(3):
         to_screen[0, j] = camera.fx / at[2] * (turn[j] - at[0] / at[2] * turn[6 + j])
@@ -100,12 +107,13 @@ def project(first, last, table, camera, splats, tiles):
     for g in range(first, last):
         row, splat, box = table[g], splats[g], tiles[g]
         box.left = box.right = box.top = box.bottom = 0
-        flatten(row, camera, at, to_screen, rotation, scale, axes)
+        place(row, camera, at)
         if not at[2] >= camera.near:
             continue
         u, v = camera.fx * at[0] / at[2] + camera.cx, camera.fy * at[1] / at[2] + camera.cy
         if not (-border <= u <= width + border and -border <= v <= height + border):
             continue
+        flatten(row, camera, at, to_screen, rotation, scale, axes)
         xx = axes[0, 0] * axes[0, 0] + axes[0, 1] * axes[0, 1] + axes[0, 2] * axes[0, 2]
         xy = axes[0, 0] * axes[1, 0] + axes[0, 1] * axes[1, 1] + axes[0, 2] * axes[1, 2]
         yy = axes[1, 0] * axes[1, 0] + axes[1, 1] * axes[1, 1] + axes[1, 2] * axes[1, 2]
@@ -187,6 +195,7 @@ def project_back(first, last, table, camera, splats, slots, slopes, gradients):
             color[0] += slope.red
             color[1] += slope.green
             color[2] += slope.blue
+        place(row, camera, at)
         flatten(row, camera, at, to_screen, rotation, scale, axes)
         # the share of the opacity that the blur leaves
         xx = axes[0, 0] * axes[0, 0] + axes[0, 1] * axes[0, 1] + axes[0, 2] * axes[0, 2]
