@@ -19,8 +19,7 @@ from karf_engine.recolor.frames import with_alpha
 from karf_engine.recolor.model import Model
 from karf_engine.recolor.splat_colors import planes_of_view, recolored, splats_of_objects
 from karf_engine.splats.gaussians import Gaussians
-from karf_engine.splats.kernels.arrays import COLOR, LOG_SCALE, LOGIT, ROTATION
-from karf_engine.splats.kernels.harmonics import C0
+from karf_engine.splats.kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
 from karf_engine.splats.rasterizer import splatted
 
 RED, GREEN = "#c0221a", "#1ec040"

@@ -3,8 +3,7 @@
 import numpy as np
 
 from karf_engine.capture.camera import Camera
-from karf_engine.splats.kernels.arrays import CENTER, COLOR, LOG_SCALE, LOGIT, ROTATION
-from karf_engine.splats.kernels.harmonics import C0
+from karf_engine.splats.kernels.arrays import C0, CENTER, COLOR, LOG_SCALE, LOGIT, ROTATION
 
 GROUPS = {
     "center": slice(CENTER, LOG_SCALE),

@@ -1,4 +1,4 @@
-"""The arrays that kernels share, and what their columns are."""
+"""The arrays that kernels share, and what their columns are. Without numba."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 # columns of the table of Gaussians; behind COLOR three for each harmonic: red, green, blue
 CENTER, LOG_SCALE, ROTATION, LOGIT, COLOR = 0, 3, 6, 10, 11
+C0 = np.float32(0.28209479177387814)  # the first harmonic, the same from everywhere
 TILE = 16  # pixels of a tile's side
 LANES = 8  # neighboring pixels of a row that are computed at once
 BLOCKS = TILE // LANES
