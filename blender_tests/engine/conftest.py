@@ -30,6 +30,9 @@ QUICK = (
     "recoloring.iterations=40",
     "recoloring.batch=256",
     "recoloring.width=16",
+    "splats.iterations=40",
+    "splats.count=2000",
+    "splats.long_side=48",
 )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,12 +16,13 @@ from ..errors import BadRequest
 from ..fields.files import load_scene
 from ..project.settings import to_dict, with_overrides
 from ..splats.files import save_gaussians
-from ..splats.fit import Photo, SplatFit
 from ..splats.gaussians import Gaussians
-from ..splats.rasterizer import splatted
 from ..splats.start import gaussians_of, surface_views
 from .job import Job, open_job, run_stage
 from .options.learning import SplatsOptions
+
+if TYPE_CHECKING:
+    from ..splats.fit import Photo  # needs numba
 
 VERSION = 1
 VALIDATION_VIEWS = 8
@@ -41,6 +43,8 @@ def run(options: SplatsOptions, emit: Emit, should_stop: Callable[[], bool]) -> 
             sentence="Without the package numba no splats can be learned: other cameras are rendered from the voxels.",
         )
         return
+    from ..splats.fit import SplatFit  # needs numba
+
     with run_stage(job, "splats", VERSION) as run:
         if run is None:
             job.project.set_settings(to_dict(job.settings))
@@ -72,6 +76,8 @@ def _with_overrides(job: Job, overrides: Sequence[str]) -> Job:
 
 def _photos(views: Sequence, long_side: int) -> list[Photo]:
     """The photos of these views; only one at a time is in memory as floats."""
+    from ..splats.fit import Photo  # needs numba
+
     return [Photo.of(load_views([view], long_side)[0]) for view in views]
 
 
@@ -84,6 +90,8 @@ def _held_out(job: Job, gaussians: Gaussians, photos: Sequence[Photo]) -> list[f
 
 
 def _psnr(gaussians: Gaussians, photo: Photo) -> float:
+    from ..splats.rasterizer import splatted  # needs numba
+
     shown = splatted(gaussians, photo.camera).image[..., :3].clip(0, 1)
     squares = np.square(shown - photo.over(gaussians.background))
     return -10 * float(np.log10((squares if photo.valid is None else squares[photo.valid]).mean() + 1e-10))

@@ -16,6 +16,7 @@ A stage's outputs are gathered in a folder of their own until all are there, and
     palette.json                 palettes as extracted, then as learned
     object_colors.npz            each object's color histogram with its palette weights (see edit.object_colors)
     recoloring.safetensors       the recoloring field F_w
+    splats.safetensors           the scene as Gaussians (see splats/files.py)
     planes/<view>.npz            edit planes of a captured view (see palettes.compositing)
     looks/<scene>/<camera>.safetensors  cached renderings of captured views (see recolor/render_cache.py)
     photos/<view>-<digest>.png   photos without lens distortion, as Blender shows them behind its cameras

@@ -1,7 +1,8 @@
 """A learned model: the scene, its objects and their palettes, loaded from a project's folder and used without jobs.
 
 Where do the palette weights come from? In a captured view from the photo's own colors times the object's probability:
-they are sharp and hold the highlights. For any other camera from F_w, which is what view-consistent means.
+they are sharp and hold the highlights. For any other camera from the colors of the splats, which are the same from
+everywhere, or where none are learned from F_w: that is what view-consistent means.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -43,12 +44,14 @@ from ..project.settings import Settings
 from ..segmentation.doubts import SurfaceDoubts
 from ..splats.files import load_gaussians
 from ..splats.gaussians import Gaussians
-from ..splats.rasterizer import splatted
 from .frames import BAND_RAYS, Frame, averaged, bands_of, joined
 from .full_resolution import PhotoView, dense_weights, full_resolution_view
 from .matting.matte import Matte, dense_coverage, disputed_objects
 from .render_cache import RenderCache
 from .splat_colors import ObjectSplats, planes_of_view, recolored, shares_of_objects, splats_of_objects
+
+if TYPE_CHECKING:
+    from ..splats.rasterizer import SplattedView  # needs numba
 
 BASES = {"delta": "photo", "paper": "render"}  # default picture that an edit of a captured view changes
 MASK_SAMPLES, WEIGHT_SAMPLES = 3, 8  # quantile samples a ray: colors need more of them than classes
@@ -157,7 +160,7 @@ class Model:
         return self.frame_of(picture, picture.color.cpu().numpy(), from_field)
 
     def _splat_pinhole(self, camera: Camera) -> Frame:
-        view = splatted(self.splats, camera)
+        view = _splatted(self.splats, camera)
         is_solid = np.arange(len(self.splats)) < self.splats.n_solid
         values = np.stack([is_solid, np.where(is_solid, view.depths, 0)], 1).astype(np.float32)
         opacity, depth = view.blended(values)
@@ -195,7 +198,7 @@ class Model:
         """
         if self.splats is None or self.recoloring is None or edit.compositing != "delta":
             return self.composite(self.render(camera), edit)
-        return splatted(self.recolored_splats(edit), camera).image[..., :3].clip(0, 1)
+        return _splatted(self.recolored_splats(edit), camera).image[..., :3].clip(0, 1)
 
     def recolored_splats(self, edit: Edit) -> Gaussians:
         """The splats with an edit baked into their colors; the last one is kept.
@@ -223,7 +226,7 @@ class Model:
         """What a camera's pinhole sees behind all that is solid, [H, W, 3] float32 sRGB."""
         if self.splats is not None:
             shell = replace(self.splats, table=self.splats.table[self.splats.n_solid :])
-            return splatted(shell, camera.without_distortion()).image[..., :3].clip(0, 1)
+            return _splatted(shell, camera.without_distortion()).image[..., :3].clip(0, 1)
         rays = camera_rays(camera.without_distortion(), self.device)
         colors = [self.scene.behind(some) for some in rays.viewdirs.split(BAND_RAYS)]
         return torch.cat(colors).cpu().numpy().reshape(camera.height, camera.width, 3)
@@ -452,3 +455,9 @@ class Model:
         return delta_composite(
             frame.base, weights, stack_palettes(self.objects, {each.name: each.colors for each in learned}), edited
         )
+
+
+def _splatted(gaussians: Gaussians, camera: Camera) -> SplattedView:
+    from ..splats.rasterizer import splatted  # needs numba
+
+    return splatted(gaussians, camera)

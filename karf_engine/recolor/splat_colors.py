@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -19,9 +20,10 @@ from ..palettes.added import palettes_with, spread
 from ..palettes.extraction.barycentric_weights import star_weights
 from ..palettes.palette import AddedColor, Edit, Palette
 from ..splats.gaussians import Gaussians
-from ..splats.kernels.arrays import COLOR
-from ..splats.kernels.harmonics import C0
-from ..splats.rasterizer import SplattedView
+from ..splats.kernels.arrays import C0, COLOR
+
+if TYPE_CHECKING:
+    from ..splats.rasterizer import SplattedView  # needs numba
 
 STEP = 0.01  # of color, either way, over which slopes of the weights are taken
 POINTS_PER_CHUNK = 1 << 16

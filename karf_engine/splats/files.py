@@ -33,9 +33,11 @@ def load_gaussians(path: Path) -> Gaussians:
     with restoring(path):
         table, n_behind, near = tensors["table"].numpy(), facts["n_behind"], float(facts["near"])
         n_harmonics = (table.shape[1] - COLOR) / 3
-        if table.dtype != np.float32 or n_harmonics not in DEGREES:
+        if table.dtype != np.float32 or table.ndim != 2 or n_harmonics not in DEGREES:
             raise ValueError(f"a table {table.shape} of {table.dtype}")
-        if not isinstance(n_behind, int) or not 0 <= n_behind <= len(table) or not near > 0:
+        if not isinstance(n_behind, int) or not 0 <= n_behind <= len(table) or not 0 < near < np.inf:
             raise ValueError(f"{n_behind} of {len(table)} behind, near {near}")
         red, green, blue = map(float, facts["background"])
+        if not np.isfinite((red, green, blue)).all():
+            raise ValueError(f"a background {red} {green} {blue}")
     return Gaussians(np.ascontiguousarray(table), n_behind, (red, green, blue), near)

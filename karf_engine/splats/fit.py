@@ -139,7 +139,7 @@ class SplatFit:
         """
         while self.done < self.iterations:
             error = self._step()
-            if not np.isfinite(error):
+            if not (np.isfinite(error) and self._is_finite()):
                 raise Diverged(
                     "Training diverged at iteration {iteration}: loss {loss}.",
                     "Lower the learning rate.",
@@ -169,6 +169,11 @@ class SplatFit:
             view.slots, rates, self._sizes, self._least,
         )  # fmt: skip
         return float(np.square(difference).mean())
+
+    def _is_finite(self) -> bool:
+        """Whether all numbers are; a Gaussian that is none is not seen, so no picture tells."""
+        with np.errstate(all="ignore"):
+            return bool(np.isfinite(self._table.sum()))
 
     def _photo(self, random: np.random.Generator) -> Photo:
         """The next photo: each once in a round, in an order of its own; of a large one a window."""

@@ -14,8 +14,7 @@ from ..capture.capture import View
 from ..fields.scene import Scene
 from ..fields.scene_surface import SurfacePoints, surface_points
 from .gaussians import Gaussians
-from .kernels.arrays import CENTER, COLOR, LOG_SCALE, LOGIT, ROTATION
-from .kernels.harmonics import C0
+from .kernels.arrays import C0, CENTER, COLOR, LOG_SCALE, LOGIT, ROTATION
 
 MOST_VIEWS = 64  # that look for the surface
 FLATNESS = 0.2  # of a disk: thickness by width

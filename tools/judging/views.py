@@ -14,15 +14,18 @@ from karf_engine.capture.capture import View
 from karf_engine.capture.training_images import TrainingImage
 from karf_engine.compute.progress import Progress, TerminalEmit
 from karf_engine.io.files import write_json
-from karf_engine.project import STAGE_ORDER, Project
+from karf_engine.project import Project
 from karf_engine.project import settings as settings_module
+from karf_engine.project.state import without_stage
 from karf_engine.recolor.frames import Frame
 from karf_engine.recolor.model import Model
 
-STAGE_FILES = {  # what a later stage reads of each
+STAGE_FILES = {  # what is read of each
     "geometry": ("geometry_file", "capture_file"),
     "segmentation": ("segmentation_file", "surface_file", "segmentation_report", "masks_folder"),
     "palette": ("palette_file", "object_colors_file"),
+    "recoloring": ("recoloring_file",),
+    "splats": ("splats_file",),
 }
 
 
@@ -64,7 +67,7 @@ def learn_again(
     masks: Path | None = None,
     threads: int | None = None,
 ) -> Model:
-    """Learn these stages in another way, in a scratch project that keeps what the stages before them made.
+    """Learn these stages in another way, in a scratch project that keeps all that does not build on them.
 
     Args:
         model: what is learned already.
@@ -77,12 +80,12 @@ def learn_again(
     """
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    kept = STAGE_ORDER[: STAGE_ORDER.index(stages[0])]
     scratch = Project(folder)
+    state = model.project.state()
+    kept = tuple(name for name in without_stage(state, stages[0])["stages"] if name != stages[0])
     for name in (name for stage in kept for name in STAGE_FILES[stage]):
         source, target = getattr(model.project, name), getattr(scratch, name)
         (shutil.copytree if source.is_dir() else shutil.copy)(source, target)
-    state = model.project.state()
     changed = settings_module.with_overrides(model.settings, list(overrides))
     # without checksums: a kept palette may be as recoloring has learned it
     done = {name: {key: value for key, value in state["stages"][name].items() if key != "files"} for name in kept}
@@ -93,6 +96,7 @@ def learn_again(
         "segmentation": lambda: karf.segment(folder, masks, **run),
         "palette": lambda: karf.extract_palettes(folder, **run),
         "recoloring": lambda: karf.learn_recoloring(folder, **run),
+        "splats": lambda: karf.learn_splats(folder, **run),
     }
     for stage in stages:
         learn[stage]()

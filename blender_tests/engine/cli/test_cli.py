@@ -24,6 +24,7 @@ VERBS = [
     "segmentation",
     "palette",
     "recoloring",
+    "splats",
     "match",
     "render",
     "colorways",

@@ -104,6 +104,7 @@ def test_masks_of_an_earlier_segmentation_are_set_aside(still_life, copy, tmp_pa
         ("surface.safetensors", "segmentation"),
         ("palette.json", "palette"),
         ("recoloring.safetensors", "recoloring"),
+        ("splats.safetensors", "splats"),
     ],
 )
 def test_a_flipped_bit_is_noticed_and_a_plain_rerun_mends_it(still_life, copy, tmp_path, capsys, name, stage):

@@ -90,14 +90,14 @@ def test_a_second_run_says_already_done_and_changes_nothing(still_life, copy, ca
     assert contents(copy) == before
     assert times == {name: (copy.folder / name).stat().st_mtime_ns for name in files}
     printed = capsys.readouterr().err
-    assert [f"{stage}: already done" in printed for stage in STAGE_ORDER] == [True] * 4
+    assert [f"{stage}: already done" in printed for stage in STAGE_ORDER] == [True] * 5
 
 
 def test_a_changed_setting_runs_only_what_depends_on_it(still_life, copy, capsys):
     before = contents(copy)
     assert main(still_life.command(copy.folder, "palette.colors=2", "recoloring.iterations=3")) == 0
     printed = capsys.readouterr().err
-    assert [f"{stage}: already done" in printed for stage in STAGE_ORDER] == [True, True, False, False]
+    assert [f"{stage}: already done" in printed for stage in STAGE_ORDER] == [True, True, False, False, True]
     changed = {name.name for name, content in contents(copy).items() if before[name] != content}
     assert changed == {"project.json", "palette.json", "object_colors.npz", "recoloring.safetensors"}
     assert {len(palette.colors) for palette in read_palettes(copy.palette_file)} == {2}
@@ -109,7 +109,7 @@ def test_changed_masks_run_the_segmentation_again(still_life, copy, tmp_path, ca
     shutil.copy(still_life.masks / "block" / "r_0.png", masks / "ball" / "r_0.png")
     assert main(["segmentation", str(copy.folder), "--masks", str(masks), "--threads", "1"]) == 0
     assert "already done" not in capsys.readouterr().err
-    assert [copy.finished(stage) is not None for stage in STAGE_ORDER] == [True, True, False, False]
+    assert [copy.finished(stage) is not None for stage in STAGE_ORDER] == [True, True, False, False, True]
 
 
 def test_no_view_shows_an_object_beyond_its_volume(copy):

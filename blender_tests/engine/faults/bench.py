@@ -48,12 +48,17 @@ SETTINGS = (
     "recoloring.iterations=15",
     "recoloring.width=8",
     "recoloring.batch=128",
+    "splats.iterations=12",
+    "splats.count=1000",
+    "splats.long_side=32",
+    "splats.degree=1",
 )
 CHANGES = {  # what makes each stage be learned anew; segmentation is given other masks
     "geometry": ("seed=1", "geometry.long_side=32"),
     "segmentation": (),
     "palette": ("palette.colors=4",),
     "recoloring": ("recoloring.iterations=20",),
+    "splats": ("splats.iterations=15",),
 }
 PASSING = ("project.json", "preview.png", "lock", "lock.json", "commit.lock")  # files that are not results of a stage
 PASSING_FOLDERS = ("earlier_masks", "planes", "photos", "jobs", "out")
@@ -131,7 +136,7 @@ class Bench:
         self.edit = digest(self.look / "edit.json")
         for stage in STAGE_ORDER:
             start = complete.folder
-            if stage in ("palette", "recoloring"):  # only the settings change before
+            if stage in ("palette", "recoloring", "splats"):  # only the settings change before
                 self.restore(start)
                 self._must(self.command("geometry", True, stage))
                 start = self._snapshot(f"{stage} to be learned anew")

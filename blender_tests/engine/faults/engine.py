@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection
 from tools.dev import ONE_THREAD
 
 TIMEOUT = 120.0
-STAGES = ("geometry", "segmentation", "palette", "recoloring", "render", "match")
+STAGES = ("geometry", "segmentation", "palette", "recoloring", "splats", "render", "match")
 # encodings.utf_8_sig: where a child may not read Python's own files; torch._dynamo: what the first step of an optimizer imports
 IMPORTED = [
     "__main__",

@@ -95,7 +95,7 @@ def is_refused_or_without_consequence(bench, anew, name):
 
 def is_mended_by_learning_again(bench, name):
     """A lost project.json alone cannot be told of."""
-    for stage in ("geometry", "segmentation", "palette", "recoloring"):
+    for stage in ("geometry", "segmentation", "palette", "recoloring", "splats"):
         done = run(bench.command(stage))
         if done.code and name == "project.json" and done.flaw is None:
             return

@@ -24,6 +24,7 @@ NEEDED = {  # the least that each command takes
     "segmentation": {"project": "project"},
     "palette": {"project": "project"},
     "recoloring": {"project": "project"},
+    "splats": {"project": "project"},
     "match": {"project": "project", "object": "pot", "source": "#ff0000", "target": "#00ff00", "out": "edit.json"},
     "render": {"project": "project"},
     "colorways": {"project": "project", "sheet": "sheet.csv", "out": "out"},
@@ -32,7 +33,7 @@ NEEDED = {  # the least that each command takes
 }
 FUNCTIONS = {
     "find_poses": "poses", "mark": "mark", "learn": "all", "learn_geometry": "geometry", "segment": "segmentation",
-    "extract_palettes": "palette", "learn_recoloring": "recoloring", "render": "render", "colorways": "colorways",
+    "extract_palettes": "palette", "learn_recoloring": "recoloring", "learn_splats": "splats", "render": "render", "colorways": "colorways",
     "write_points": "points", "learning_bundle": "farm",
 }  # fmt: skip
 every_command = pytest.mark.parametrize("command", COMMANDS)

@@ -55,6 +55,6 @@ def test_every_range_has_both_ends():
 def test_what_learns_and_renders_is_imported_without_any_extra():
     extras = ("skimage", "numba", "pycolmap", "openjd")
     code = f"import sys; sys.modules.update(dict.fromkeys({extras!r})); import karf_engine.commands.dispatch; "
-    code += "from karf_engine.commands import geometry, palette, recoloring, render, segmentation"
+    code += "from karf_engine.commands import geometry, palette, recoloring, render, segmentation, splats"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

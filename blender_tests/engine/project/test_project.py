@@ -9,7 +9,7 @@ import pytest
 
 from karf_engine.errors import BadRequest, DataError
 from karf_engine.io.files import atomic_write, read_json, write_json
-from karf_engine.project import STAGE_ORDER, Project
+from karf_engine.project import BUILT_ON, STAGE_ORDER, Project
 
 
 @pytest.fixture
@@ -104,11 +104,33 @@ def test_finishing_a_stage_outdates_the_later_ones_and_keeps_the_earlier(project
     for stage in STAGE_ORDER:
         project.finish(stage, f"fingerprint of {stage}", seconds=1.5)
     project.finish("segmentation", "new")
-    assert [project.finished(stage) is not None for stage in STAGE_ORDER] == [True, True, False, False]
+    assert [project.finished(stage) is not None for stage in STAGE_ORDER] == [True, True, False, False, True]
     assert project.finished("geometry") == {"fingerprint": "fingerprint of geometry", "seconds": 1.5}
     with pytest.raises(BadRequest, match="no finished palette stage") as caught:
         project.require("palette")
     assert "palette" in caught.value.hint
+
+
+@pytest.mark.parametrize(
+    ("again", "left"),
+    [
+        ("geometry", {"geometry"}),
+        ("segmentation", {"geometry", "segmentation", "splats"}),
+        ("palette", {"geometry", "segmentation", "palette", "splats"}),
+        ("recoloring", set(STAGE_ORDER)),
+        ("splats", set(STAGE_ORDER)),
+    ],
+)
+def test_a_stage_outdates_what_is_built_on_it_and_nothing_else(project, again, left):
+    for stage in STAGE_ORDER:
+        project.finish(stage, "old")
+    project.finish(again, "new")
+    assert {stage for stage in STAGE_ORDER if project.finished(stage)} == left
+
+
+def test_every_stage_but_the_first_is_built_on_an_earlier_one():
+    assert BUILT_ON.keys() == set(STAGE_ORDER[1:])
+    assert all(STAGE_ORDER.index(BUILT_ON[stage]) < STAGE_ORDER.index(stage) for stage in BUILT_ON)
 
 
 def test_job_folders_are_new_every_time(project):
@@ -176,11 +198,11 @@ def test_a_commit_that_is_interrupted_is_completed_by_the_next_job_and_no_mixtur
         commit(project, "geometry", capture_json="new", geometry_safetensors="new")
     project.remove_leftovers()
     done = [project.finished(stage) is not None for stage in STAGE_ORDER]
-    assert done == [step < 2] * 4  # the first two moves are those of the noted states
+    assert done == [step < 2] * 5  # the first two moves are those of the noted states
     assert not done[0] or project.is_intact("geometry")
     project.recover()
     assert project.geometry_file.read_text() == ("old" if step < 2 else "new")
-    assert [project.finished(stage) is not None for stage in STAGE_ORDER] == [True] + [step < 2] * 3
+    assert [project.finished(stage) is not None for stage in STAGE_ORDER] == [True] + [step < 2] * 4
     assert project.is_intact("geometry")
 
 

@@ -226,6 +226,7 @@ def _project_readers(project: Path | None) -> list[Reader]:
         ("geometry.safetensors", mutations.changed_safetensors, learned),
         ("segmentation.safetensors", mutations.changed_safetensors, learned),
         ("recoloring.safetensors", mutations.changed_safetensors, learned),
+        ("splats.safetensors", mutations.changed_safetensors, learned),
         ("surface.safetensors", mutations.changed_safetensors, surface),
         ("object_colors.npz", mutations.changed_npz, object_colors),
         (f"planes/{samples.RENDERED}.npz", mutations.changed_npz, read_planes),

@@ -2,7 +2,7 @@
 
 import torch
 
-from karf_engine.splats.kernels.arrays import DARK, LEAST_ALPHA, LEAST_BEND, LEAST_SHARE, MOST_ALPHA, SCREEN_BLUR
+from karf_engine.splats.kernels.arrays import DARK, LEAST_ALPHA, LEAST_SHARE, MOST_ALPHA, SCREEN_BLUR
 
 C0, C1 = 0.28209479177387814, 0.4886025119029199
 C2 = (1.0925484305920792, -1.0925484305920792, 0.31539156525252005, -1.0925484305920792, 0.5462742152960396)
@@ -40,13 +40,9 @@ def splat(table, camera, background):
     at = table[:, :3] @ turn.T + torch.from_numpy(camera.shift).double()
     x, y, z = at.unbind(1)
     fx, fy = float(camera.fx), float(camera.fy)
-    limit_x, limit_y = (
-        float(LEAST_BEND) * 0.5 * side / focal for side, focal in ((camera.width, fx), (camera.height, fy))
-    )
     none = torch.zeros_like(x)
-    slope_x, slope_y = (x / z).clamp(-limit_x, limit_x), (y / z).clamp(-limit_y, limit_y)
     jacobian = torch.stack(
-        [torch.stack([fx / z, none, -fx * slope_x / z], 1), torch.stack([none, fy / z, -fy * slope_y / z], 1)], 1
+        [torch.stack([fx / z, none, -fx * x / z**2], 1), torch.stack([none, fy / z, -fy * y / z**2], 1)], 1
     )
     axes = jacobian @ turn @ rotations(table[:, 6:10]) * table[:, None, 3:6].exp()
     sharp = axes @ axes.transpose(1, 2)

@@ -26,6 +26,9 @@ SETTINGS = (
     "recoloring.iterations=10",
     "recoloring.batch=128",
     "recoloring.width=8",
+    "splats.iterations=5",
+    "splats.count=1000",
+    "splats.long_side=32",
 )
 RED, BLUE = "#b5302c", "#3059b8"  # a color that the marked ball shows, and the one it shall become
 
@@ -48,6 +51,7 @@ def stages(device: str | None = None, threads: int | None = None) -> Iterator[Fi
 def _runs(folder: Path, run: dict[str, Any]) -> Iterator[tuple[str, Callable[[], None]]]:
     """Each stage by its name, as a call of the library's function."""
     from ... import api
+    from ...compute.kernels import has_kernels
     from ...palettes.project_edit import edit_of
     from ...project import Project
     from .scene import OBJECT, write_scene
@@ -66,6 +70,8 @@ def _runs(folder: Path, run: dict[str, Any]) -> Iterator[tuple[str, Callable[[],
     yield "segmentation", lambda: api.segment(project, masks, **run)
     yield "palette", lambda: api.extract_palettes(project, **run)
     yield "recoloring", lambda: api.learn_recoloring(project, **run)
+    if has_kernels():
+        yield "splats", lambda: api.learn_splats(project, **run)
     yield "render", render
 
 

@@ -45,6 +45,7 @@ def pack_project(project: Project, target: Path, views: Sequence[View]) -> None:
         project.palette_file,
         project.object_colors_file,
         project.recoloring_file,
+        project.splats_file,
     )
     for source in learned:
         if source.exists():

@@ -72,6 +72,7 @@ def learning_job(name: str, capture: str, settings: Sequence[str], machine: Sequ
         "Segmentation": ("segmentation", project, "--masks", "{{Param.Masks}}"),
         "Palette": ("palette", project),
         "Recoloring": ("recoloring", project),
+        "Splats": ("splats", project),
     }
     steps, before = [], ""
     for title, arguments in stages.items():

@@ -1,4 +1,4 @@
-"""The arrays that kernels share, and what their columns are."""
+"""The arrays that kernels share, and what their columns are. Without numba."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 # columns of the table of Gaussians; behind COLOR three for each harmonic: red, green, blue
 CENTER, LOG_SCALE, ROTATION, LOGIT, COLOR = 0, 3, 6, 10, 11
+C0 = np.float32(0.28209479177387814)  # the first harmonic, the same from everywhere
 TILE = 16  # pixels of a tile's side
 LANES = 8  # neighboring pixels of a row that are computed at once
 BLOCKS = TILE // LANES
@@ -18,8 +19,9 @@ LOOK_EVERY = 32  # Gaussians of a tile between two looks at whether it has becom
 # pixels squared, added to a Gaussian on the screen: the variance of a pixel's own square. Its opacity falls by as much as
 # its area grows (Yu et al. 2024, "Mip-Splatting", Eq. 12), the least share keeping its slope finite
 SCREEN_BLUR, LEAST_SHARE = np.float32(1 / 12), np.float32(0.005)
-BORDER = 0.3  # of the picture's size, beyond which a center's Gaussian is left out
-LEAST_BEND = np.float32(1.3)  # half-pictures off the axis at which the projection's slope is held
+# of the picture's larger side, beyond which a center's Gaussian is left out: its shape on the screen is a linear
+# guess. Bands and windows of a picture show what it shows, so nothing else depends on where the axis is
+BORDER = 0.3
 
 
 class Pinhole(NamedTuple):

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ...compute.kernels import kernel
+from .arrays import C0
 
-C0, C1 = np.float32(0.28209479177387814), np.float32(0.4886025119029199)
+C1 = np.float32(0.4886025119029199)
 C4, C6, C8 = np.float32(1.0925484305920792), np.float32(0.31539156525252005), np.float32(0.5462742152960396)
 C9, C10, C11 = np.float32(0.5900435899266435), np.float32(2.890611442640554), np.float32(0.4570457994644658)
 C12, C14 = np.float32(0.3731763325901154), np.float32(1.445305721320277)

@@ -12,7 +12,6 @@ from .arrays import (
     COLOR,
     HALF,
     LEAST_ALPHA,
-    LEAST_BEND,
     LEAST_SHARE,
     LOG_SCALE,
     LOGIT,
@@ -24,7 +23,7 @@ from .arrays import (
 )
 from .harmonics import harmonic_slopes, harmonics
 
-TWO = np.float32(2)
+TWO, LARGEST = np.float32(2), np.float32(3e38)
 
 
 @kernel
@@ -42,7 +41,7 @@ def rotate(row, rotation):
 
 @kernel
 def place(row, camera, at):
-    """Write a center's x y z in the camera, the first of at [5]."""
+    """Write a center's x y z in the camera, at [3]."""
     turn, shift = camera.turn, camera.shift
     for i in range(3):
         at[i] = turn[3 * i] * row[0] + turn[3 * i + 1] * row[1] + turn[3 * i + 2] * row[2] + shift[i]
@@ -55,7 +54,7 @@ def flatten(row, camera, at, to_screen, rotation, scale, axes):
     Args:
         row: Of the table.
         camera: Pinhole.
-        at: [5], x y z in the camera; becomes also x / z and y / z where the projection's slope is taken.
+        at: [3], x y z in the camera.
         to_screen: [2, 3], slope of the projection by the world's axes.
         rotation: [3, 3].
         scale: [3].
@@ -64,24 +63,14 @@ def flatten(row, camera, at, to_screen, rotation, scale, axes):
     turn = camera.turn
     for i in range(3):
         scale[i] = math.exp(row[LOG_SCALE + i])
-    limit_x, limit_y = bends(camera)
-    at[3] = min(limit_x, max(-limit_x, at[0] / at[2]))
-    at[4] = min(limit_y, max(-limit_y, at[1] / at[2]))
     for j in range(3):
-        to_screen[0, j] = camera.fx / at[2] * (turn[j] - at[3] * turn[6 + j])
-        to_screen[1, j] = camera.fy / at[2] * (turn[3 + j] - at[4] * turn[6 + j])
+        to_screen[0, j] = camera.fx / at[2] * (turn[j] - at[0] / at[2] * turn[6 + j])
+        to_screen[1, j] = camera.fy / at[2] * (turn[3 + j] - at[1] / at[2] * turn[6 + j])
     rotate(row, rotation)
     for i in range(2):
         for j in range(3):
             turned = to_screen[i, 0] * rotation[0, j] + to_screen[i, 1] * rotation[1, j]
             axes[i, j] = (turned + to_screen[i, 2] * rotation[2, j]) * scale[j]
-
-
-@kernel
-def bends(camera):
-    """x / z and y / z beyond which the projection's slope no longer changes."""
-    half_x, half_y = HALF * np.float32(camera.width), HALF * np.float32(camera.height)
-    return LEAST_BEND * half_x / camera.fx, LEAST_BEND * half_y / camera.fy
 
 
 @kernel
@@ -99,6 +88,8 @@ def direction(row, camera, way):
 def project(first, last, table, camera, splats, tiles):
     """Write splats [n] and their tiles [n] of the rows first to last; unseen ones get no tiles.
 
+    Nor do rows from which no finite ellipse follows: the questions are asked so that NaN is a no.
+
     Args:
         first: Row.
         last: Row.
@@ -108,19 +99,19 @@ def project(first, last, table, camera, splats, tiles):
         tiles: [n] of TILES.
     """
     count = (table.shape[1] - COLOR) // 3
-    at, scale, way = np.empty(5, np.float32), np.empty(3, np.float32), np.empty(3, np.float32)
+    at, scale, way = np.empty(3, np.float32), np.empty(3, np.float32), np.empty(3, np.float32)
     to_screen, axes = np.empty((2, 3), np.float32), np.empty((2, 3), np.float32)
     rotation, basis = np.empty((3, 3), np.float32), np.empty(16, np.float32)
     width, height = np.float32(camera.width), np.float32(camera.height)
-    border_x, border_y = np.float32(BORDER) * width, np.float32(BORDER) * height
+    border = np.float32(BORDER) * max(width, height)
     for g in range(first, last):
         row, splat, box = table[g], splats[g], tiles[g]
         box.left = box.right = box.top = box.bottom = 0
         place(row, camera, at)
-        if at[2] < camera.near:
+        if not at[2] >= camera.near:
             continue
         u, v = camera.fx * at[0] / at[2] + camera.cx, camera.fy * at[1] / at[2] + camera.cy
-        if u < -border_x or u > width + border_x or v < -border_y or v > height + border_y:
+        if not (-border <= u <= width + border and -border <= v <= height + border):
             continue
         flatten(row, camera, at, to_screen, rotation, scale, axes)
         xx = axes[0, 0] * axes[0, 0] + axes[0, 1] * axes[0, 1] + axes[0, 2] * axes[0, 2]
@@ -129,8 +120,10 @@ def project(first, last, table, camera, splats, tiles):
         sharp = xx * yy - xy * xy
         xx, yy = xx + SCREEN_BLUR, yy + SCREEN_BLUR
         area = xx * yy - xy * xy
+        if not ZERO < area < LARGEST:
+            continue
         opacity = math.sqrt(max(sharp / area, LEAST_SHARE)) / (ONE + math.exp(-row[LOGIT]))
-        if opacity < LEAST_ALPHA:
+        if not opacity >= LEAST_ALPHA:
             continue
         reach = TWO * math.log(opacity / LEAST_ALPHA)
         reach_x, reach_y = math.sqrt(reach * xx), math.sqrt(reach * yy)
@@ -177,7 +170,7 @@ def project_back(first, last, table, camera, splats, slots, slopes, gradients):
     """
     count = (table.shape[1] - COLOR) // 3
     at, scale, way, color = (
-        np.empty(5, np.float32),
+        np.empty(3, np.float32),
         np.empty(3, np.float32),
         np.empty(3, np.float32),
         np.empty(3, np.float32),
@@ -187,7 +180,6 @@ def project_back(first, last, table, camera, splats, slots, slopes, gradients):
     rotation, by_rotation = np.empty((3, 3), np.float32), np.empty((3, 3), np.float32)
     basis, basis_slopes = np.empty(16, np.float32), np.empty((16, 3), np.float32)
     by_camera, by_way = np.empty(3, np.float32), np.empty(3, np.float32)
-    limit_x, limit_y = bends(camera)
     turn = camera.turn
     for g in range(first, last):
         if slots[g + 1] == slots[g]:
@@ -252,16 +244,11 @@ def project_back(first, last, table, camera, splats, slots, slopes, gradients):
             slope_yy += by_screen[1, j] * turn[3 + j]
             slope_yz += by_screen[1, j] * turn[6 + j]
         inverse_square = ONE / (z * z)
-        by_camera[0], by_camera[1] = camera.fx / z * by_u, camera.fy / z * by_v
+        by_camera[0] = camera.fx / z * by_u - camera.fx * inverse_square * slope_xz
+        by_camera[1] = camera.fy / z * by_v - camera.fy * inverse_square * slope_yz
         by_camera[2] = -(by_camera[0] * at[0] + by_camera[1] * at[1]) / z
         by_camera[2] -= (camera.fx * slope_xx + camera.fy * slope_yy) * inverse_square
-        by_camera[2] += (camera.fx * at[3] * slope_xz + camera.fy * at[4] * slope_yz) * inverse_square
-        if abs(at[0] / z) < limit_x:
-            by_camera[0] -= camera.fx * inverse_square * slope_xz
-            by_camera[2] += camera.fx * at[3] * inverse_square * slope_xz
-        if abs(at[1] / z) < limit_y:
-            by_camera[1] -= camera.fy * inverse_square * slope_yz
-            by_camera[2] += camera.fy * at[4] * inverse_square * slope_yz
+        by_camera[2] += (camera.fx * at[0] * slope_xz + camera.fy * at[1] * slope_yz) * inverse_square / z
         # colors, and through the direction the center again
         if splat.red <= ZERO:
             color[0] = ZERO

@@ -189,7 +189,7 @@ def test_every_stage_is_run_and_timed(monkeypatch, tmp_path):
     monkeypatch.setattr(smoke.tempfile, "tempdir", str(tmp_path))
     found = list(smoke.stages(device="cpu", threads=1))
     assert [(each.name, each.status) for each in found] == [
-        (stage, OK) for stage in ("geometry", "segmentation", "palette", "recoloring", "render")
+        (stage, OK) for stage in ("geometry", "segmentation", "palette", "recoloring", "splats", "render")
     ]
     assert all(each.seconds > 0 for each in found)
     assert list(tmp_path.glob("karf-*")) == []
