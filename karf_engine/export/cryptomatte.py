@@ -51,21 +51,25 @@ def object_id(name: str) -> int:
     return bits ^ 1 << 23 if exponent in (0, 255) else bits
 
 
-def header(objects: Sequence[str]) -> dict[str, str]:
+def header(objects: Sequence[str], name: str = NAME) -> dict[str, str]:
     """The file's metadata: whose ids its layers hold.
 
+    Args:
+        objects: Their names.
+        name: What the layers' names begin with.
+
     Examples:
-        >>> for name, value in header(["pot"]).items():
-        ...     print(name, value)
+        >>> for key, value in header(["pot"]).items():
+        ...     print(key, value)
         cryptomatte/3ae39a5/name CryptoObject
         cryptomatte/3ae39a5/hash MurmurHash3_32
         cryptomatte/3ae39a5/conversion uint32_to_float32
         cryptomatte/3ae39a5/manifest {"pot":"d4fca1b2"}
     """
-    key = f"cryptomatte/{murmur3(NAME.encode()):08x}"[:19]  # seven letters of the hash
-    manifest = {name: f"{object_id(name):08x}" for name in objects}
+    key = f"cryptomatte/{murmur3(name.encode()):08x}"[:19]  # seven letters of the hash
+    manifest = {each: f"{object_id(each):08x}" for each in objects}
     return {
-        f"{key}/name": NAME,
+        f"{key}/name": name,
         f"{key}/hash": "MurmurHash3_32",
         f"{key}/conversion": "uint32_to_float32",
         f"{key}/manifest": json.dumps(manifest, ensure_ascii=False, separators=(",", ":")),

@@ -53,7 +53,20 @@ def read_edit(path: Path, palettes: Sequence[Palette], compositing: str = "delta
         >>> edit.compositing, edit.colors["pot"].tolist()
         ('delta', [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0, 1.0, 1.0]])
     """
-    content = read_schema(path, "edit", EDIT_SCHEMA)
+    return edit_from_json(read_schema(path, "edit", EDIT_SCHEMA), path, palettes, compositing)
+
+
+def edit_from_json(
+    content: dict[str, Any], path: Path | str, palettes: Sequence[Palette], compositing: str = "delta"
+) -> Edit:
+    """The edit of what edit.json holds; the rest as `read_edit`.
+
+    Args:
+        content: The file's table, whose schema is known.
+        path: The file, or what else messages call it.
+        palettes: As learned, one an object.
+        compositing: What a table that names none means.
+    """
     compositing = content.get("compositing", compositing)
     if compositing not in COMPOSITING_MODES:
         raise DataError(f"{path} has compositing {compositing!r:.200}.", f"Use one of {', '.join(COMPOSITING_MODES)}.")
@@ -114,8 +127,13 @@ def write_edit(path: Path, edit: Edit) -> None:
         >>> again.compositing, rgb_to_hex(again.colors["pot"][1])
         ('paper', '#001aff')
     """
+    write_json(path, edit_to_json(edit))
+
+
+def edit_to_json(edit: Edit) -> dict[str, Any]:
+    """What edit.json holds of an edit."""
     objects = {name: _object(colors, edit.added.get(name, ())) for name, colors in edit.colors.items()}
-    write_json(path, {"schema": EDIT_SCHEMA, "compositing": edit.compositing, "objects": objects})
+    return {"schema": EDIT_SCHEMA, "compositing": edit.compositing, "objects": objects}
 
 
 def _object(colors: np.ndarray, added: Sequence[AddedColor]) -> dict[str, Any]:

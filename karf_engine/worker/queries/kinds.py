@@ -10,6 +10,7 @@ from .masks import masks
 from .preview import preview
 from .propose import propose
 from .session import Session
+from .show import show
 
 # kind -> function; it returns JSON values, paths as text. What needs torch or more is imported in it
 QUERIES: dict[str, Callable[[Session, dict[str, Any]], dict[str, Any]]] = {
@@ -17,4 +18,5 @@ QUERIES: dict[str, Callable[[Session, dict[str, Any]], dict[str, Any]]] = {
     "masks": masks,
     "preview": preview,
     "propose": propose,
+    "show": show,
 }

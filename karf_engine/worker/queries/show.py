@@ -1,0 +1,136 @@
+"""The recolored picture of any camera as pixels, and what a renderer gives with it: alpha, depth and mattes."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...capture.camera import Camera
+from ...capture.transforms_frames import camera_from_json
+from ...errors import BadRequest
+from ...palettes.edit_files import edit_from_json
+from .options import needed
+from .session import Session
+
+if TYPE_CHECKING:
+    from ...palettes.palette import Edit
+    from ...recolor.frames import Frame
+    from ...recolor.model import Model
+
+PASSES = ("color", "alpha", "depth", "cryptomatte")
+BAND_RAYS = 1 << 14  # of the field, between two looks at whether another picture is wanted by now: half a second
+
+
+def show(session: Session, options: dict[str, Any]) -> dict[str, Any]:
+    """Render a camera, whose lens distortion is left out, with an edit; splats where they are learned.
+
+    Options: `project`; `camera`, as a frame of a CAMERAS.json; `edit`, as edit.json, by default none; `passes`, a list of
+    `PASSES`, by default the color; `cryptomatte`, what the names of its layers begin with.
+
+    color: [H, W, 3] sRGB in [0, 1]; with alpha it is straight, without what lies behind the scene.
+    alpha: [H, W] in [0, 1], how much of each pixel the scene covers.
+    depth: [H, W] along the optical axis, world units; 0 where nothing is.
+    cryptomatte: [L, H, W, 4], layers of two pairs of id and coverage.
+
+    Returns:
+        `pixels`, a file of arrays one behind the other; the caller's to delete. `arrays`, of each its `shape`, `dtype` and
+        `offset` in bytes. `size`, width and height. `metadata`, of Cryptomatte. `seconds` that rendering took.
+
+    Raises:
+        KarfError: Nothing is learned, or an option is wrong.
+        Cancelled: Another picture is wanted by now.
+    """
+    passes = options.get("passes") or ["color"]
+    if not isinstance(passes, list) or not set(passes) <= set(PASSES):
+        raise BadRequest(f"There are no passes {passes!r:.200}.", f"Use some of: {', '.join(PASSES)}.")
+    camera = camera_from_json(needed(options, "camera", dict), "the query").without_distortion()
+    model = session.model(needed(options, "project", str))
+    edit = _edit(model, options.get("edit"))
+    begun = time.perf_counter()
+    if passes == ["color"]:
+        arrays = {"color": _color(session, model, camera, edit)}
+    else:
+        frame = _frame(session, model, camera)
+        arrays = {"color": _of_frame(model, frame, edit)} | _passes(model, camera, frame, passes)
+        if "alpha" in passes:
+            arrays["color"] = _uncovered(arrays["color"], frame, model.behind(camera))
+    answer = {"size": [camera.width, camera.height], "seconds": time.perf_counter() - begun}
+    if "cryptomatte" in passes:
+        from ...export.cryptomatte import NAME, header
+
+        answer["metadata"] = header(model.objects, options.get("cryptomatte") or NAME)
+    return answer | _written(session.file("show.pixels"), arrays)
+
+
+def _edit(model: Model, content: Any) -> Edit | None:
+    """The wanted edit, or one that changes nothing; None before palettes are learned."""
+    if model.recoloring is None:
+        return None
+    if content is not None and not isinstance(content, dict):
+        raise BadRequest(f"The option edit = {content!r:.200} is not of type dict.", "Correct the query.")
+    return edit_from_json(content or {}, "the query", model.palettes, model.edit().compositing)
+
+
+def _bands(model: Model, camera: Camera) -> list[Camera]:
+    """The camera whole where it is made of splats, else in bands of rows, between which the caller is heard."""
+    from ...recolor.frames import bands_of  # needs torch, without which some kinds can be answered
+
+    return bands_of(camera, 1, BAND_RAYS if model.splats is None else camera.width * camera.height)
+
+
+def _color(session: Session, model: Model, camera: Camera, edit: Edit | None) -> np.ndarray:
+    pictures = []
+    for band in _bands(model, camera):
+        session.check()
+        pictures.append(model.render(band).base if edit is None else model.shown(band, edit))
+    return np.concatenate(pictures)
+
+
+def _frame(session: Session, model: Model, camera: Camera) -> Frame:
+    from ...recolor.frames import joined
+
+    frames = []
+    for band in _bands(model, camera):
+        session.check()
+        frames.append(model.render(band))
+    return frames[0] if len(frames) == 1 else joined(frames)
+
+
+def _of_frame(model: Model, frame: Frame, edit: Edit | None) -> np.ndarray:
+    return frame.base if edit is None else model.composite(frame, edit)
+
+
+def _uncovered(color: np.ndarray, frame: Frame, behind: np.ndarray) -> np.ndarray:
+    from ...recolor.frames import with_alpha
+
+    return with_alpha(color, frame.opacity, behind)[..., :3]
+
+
+def _passes(model: Model, camera: Camera, frame: Frame, passes: list[str]) -> dict[str, np.ndarray]:
+    """What is asked for beside the color."""
+    found = {}
+    if "alpha" in passes:
+        found["alpha"] = frame.opacity
+    if "depth" in passes:
+        found["depth"] = frame.depth
+    if "cryptomatte" in passes:
+        from ...export.cryptomatte import channels
+
+        planes = np.stack(list(channels(model.objects, frame.probabilities).values()), -1)
+        found["cryptomatte"] = np.moveaxis(planes.reshape(camera.height, camera.width, -1, 4), 2, 0)
+    return found
+
+
+def _written(path: Path, arrays: dict[str, np.ndarray]) -> dict[str, Any]:
+    """Write arrays as float32, one behind the other, plainly: it is read at once, by a process of this computer."""
+    placed, offset = {}, 0
+    with path.open("wb") as stream:
+        for name, array in arrays.items():
+            pixels = np.ascontiguousarray(array, np.float32)
+            stream.write(pixels.data)
+            placed[name] = {"shape": list(pixels.shape), "dtype": "float32", "offset": offset}
+            offset += pixels.nbytes
+    return {"pixels": str(path), "arrays": placed}
