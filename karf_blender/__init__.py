@@ -1,6 +1,6 @@
 """The Blender side: cameras, swatches and pictures. It runs the engine in its own process and never imports torch."""
 
-from . import operators, panels, preferences, properties, translations
+from . import operators, panels, preferences, properties, render_engine, translations
 from .host import rendering
 from .marking import following, overlay, tools
 from .nodes import drivers
@@ -37,6 +37,7 @@ MODULES = (
     clicking,
     opening,
     estimates,
+    render_engine,
     operators,
     tools,
     panels,

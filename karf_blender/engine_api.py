@@ -41,7 +41,7 @@ from ..karf_engine.palettes.colorways.planned import PlannedColorway, plan_color
 from ..karf_engine.palettes.colorways.reached import reached_by, reached_color
 from ..karf_engine.palettes.colorways.reached import shown as shown_colors
 from ..karf_engine.palettes.compositing import Planes, read_planes, stack_palettes
-from ..karf_engine.palettes.edit_files import write_edit
+from ..karf_engine.palettes.edit_files import edit_to_json, write_edit
 from ..karf_engine.palettes.matching.becomes import (
     match_becomes,
     match_fewest,
@@ -149,6 +149,7 @@ __all__ = [
     "color_to_text",
     "colors_of_text",
     "distort",
+    "edit_to_json",
     "error_from_code",
     "file_name",
     "find_header",

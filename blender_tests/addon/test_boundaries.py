@@ -55,7 +55,7 @@ FLOORS = (
     ("pictures",),
     ("nodes",),
     ("compositor", "rig", "surface", "swatches", "tasks"),
-    ("marking", "workspace"),
+    ("marking", "render_engine", "workspace"),
     ("properties", "steps"),
     ("headless", "operators", "panels"),
     ("__init__",),

@@ -10,6 +10,9 @@ PATH_OPTIONS = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) 
 # points of a size have had a shader of their own since 4.5
 POINT_SHADER = "POINT_FLAT_COLOR" if bpy.app.version >= (4, 5, 0) else "FLAT_COLOR"
 
+# Blender's engine for the graphics card, which was called next from 4.2 to 4.5
+EEVEE = "BLENDER_EEVEE" if bpy.app.version >= (5, 0, 0) else "BLENDER_EEVEE_NEXT"
+
 # 4.2 writes the colors of points into glTF files as if they had an alpha, which makes the file unreadable
 HAS_GLTF_POINTS = bpy.app.version >= (4, 3, 0)
 
@@ -91,6 +94,14 @@ def color_math_sockets(node: bpy.types.Node) -> tuple[bpy.types.NodeSocket, bpy.
     """The two inputs and the result of such a node, which has sockets of other types too."""
     first, second = [socket for socket in node.inputs if socket.type == "RGBA"]
     return first, second, next(socket for socket in node.outputs if socket.type == "RGBA")
+
+
+def set_option(node: bpy.types.Node, socket: str, name: str, value: bool) -> None:
+    """Set an option of a node, which is a socket since 4.5, and before a property."""
+    if socket in node.inputs:
+        node.inputs[socket].default_value = value
+    else:
+        setattr(node, name, value)
 
 
 # --- the sequencer, whose strips are called strips since 4.4 ---------------------------------------------------------

@@ -2,9 +2,9 @@
 
 import bpy
 
-from . import marking, seeing, sidebar, status, swatching
+from . import marking, rendering, seeing, sidebar, status, swatching
 
-CLASSES = (*marking.CLASSES, *status.CLASSES, *seeing.CLASSES, *swatching.CLASSES, *sidebar.CLASSES)
+CLASSES = (*marking.CLASSES, *status.CLASSES, *seeing.CLASSES, *swatching.CLASSES, *sidebar.CLASSES, *rendering.CLASSES)
 
 
 def register():

@@ -3,16 +3,12 @@
 import bpy
 
 from ..host.labels import draw_text
-from ..project import disk
 from ..steps import preview
 from ..swatches import free_camera
 
 
 def draw_live(layout, karf):
-    """The way to sharper pictures, the switch, the picture's size, and why there is no picture."""
-    known = disk.contents_of(karf.id_data)
-    if "geometry" in known.stages and "splats" not in known.stages:
-        layout.operator("karf.learn_splats", icon="SHADERFX")
+    """The switch, the picture's size, and why there is no picture."""
     is_live = preview.is_live()
     row = layout.row(align=True)
     row.operator("karf.live_camera", icon="PAUSE" if is_live else "PLAY", depress=is_live)

@@ -1,6 +1,10 @@
 """Step 7, Render: the pictures, and below them a group that can be opened for each other kind of result."""
 
+import bpy
+
 from ..host.words import translatable
+from ..project import disk
+from ..render_engine.compatible import NAME
 from .preview import draw_live
 from .surface import draw_surface
 
@@ -19,6 +23,16 @@ def draw_render(layout, context):
         header.label(text=title)
         if body is not None:
             draw_group(body, karf)
+
+
+def draw_views(layout, karf):
+    """The scene by Blender's own ways."""
+    known = disk.contents_of(karf.id_data)
+    column = layout.column(align=True)
+    if "geometry" in known.stages and "splats" not in known.stages:
+        column.operator("karf.learn_splats", icon="SHADERFX")
+    column.operator("karf.rendered_view", icon="SHADING_RENDERED")
+    column.operator("karf.over_scene", icon="MOD_BOOLEAN")
 
 
 def draw_cameras(layout, karf):
@@ -49,6 +63,7 @@ def draw_compositor(layout, karf):
 
 # name, title, what it draws
 GROUPS = (
+    ("views", translatable("Any View"), draw_views),
     ("live", translatable("Live Camera"), draw_live),
     ("sequence", translatable("Rendered Frames"), draw_sequence),
     ("colorways", translatable("Colorways"), draw_colorways),
@@ -56,3 +71,30 @@ GROUPS = (
     ("compositor", translatable("Compositor"), draw_compositor),
     ("cameras", translatable("Camera Paths"), draw_cameras),
 )
+
+
+class KARF_PT_passes(bpy.types.Panel):
+    """What the render engine KaRF writes beside the picture."""
+
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "view_layer"
+    bl_label = "Passes"
+    COMPAT_ENGINES = {NAME}
+
+    @classmethod
+    def poll(cls, context):
+        return context.engine in cls.COMPAT_ENGINES
+
+    def draw(self, context):
+        layout, layer = self.layout, context.view_layer
+        layout.use_property_split, layout.use_property_decorate = True, False
+        layout.prop(layer, "use_pass_z", text="Depth")
+        layout.prop(layer.karf, "use_weights")
+        layout.prop(layer, "use_pass_cryptomatte_object", text="Cryptomatte")
+        column = layout.column()
+        column.active = layer.use_pass_cryptomatte_object
+        column.prop(layer, "pass_cryptomatte_depth", text="Levels")
+
+
+CLASSES = (KARF_PT_passes,)

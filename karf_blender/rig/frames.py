@@ -57,22 +57,39 @@ def pinhole(scene: bpy.types.Scene, camera: bpy.types.Object) -> Camera:
     Raises:
         BadRequest: The camera is not a perspective camera, or it is mirrored or unevenly scaled.
     """
+    # the context's graph may be another scene's
+    layer = scene.view_layers[0]
+    layer.update()
+    return pinhole_in(layer.depsgraph, scene, camera)
+
+
+def pinhole_in(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, camera: bpy.types.Object) -> Camera:
+    """The same as a dependency graph of the scene has evaluated it; for the render thread too.
+
+    Raises:
+        BadRequest: As for `pinhole`.
+    """
     if camera.type != "CAMERA" or camera.data.type != "PERSP":
         raise BadRequest(
             "{name!r} is not a perspective camera.", "Set the camera's type to Perspective.", name=camera.name
         )
     render = scene.render
-    scale = render.resolution_percentage / 100
-    width, height = int(render.resolution_x * scale), int(render.resolution_y * scale)
-    # the context's graph may be another scene's
-    layer = scene.view_layers[0]
-    layer.update()
-    depsgraph = layer.depsgraph
+    width, height = picture_size(scene)
     evaluated = camera.evaluated_get(depsgraph)
     projection = evaluated.calc_matrix_camera(
         depsgraph, x=width, y=height, scale_x=render.pixel_aspect_x, scale_y=render.pixel_aspect_y
     )
-    rig = scene.karf.rig
-    to_capture = rig.evaluated_get(depsgraph).matrix_world.inverted() if rig else Matrix.Identity(4)
-    pose = lens.rigid(np.array(to_capture @ evaluated.matrix_world), camera.name)
+    pose = lens.rigid(np.array(to_capture(depsgraph, scene) @ evaluated.matrix_world), camera.name)
     return lens.pinhole_of(np.array(projection), width, height, pose)
+
+
+def picture_size(scene: bpy.types.Scene) -> tuple[int, int]:
+    """Width and height of what the scene renders, in pixels, rounded as Blender does."""
+    render = scene.render
+    return tuple(side * render.resolution_percentage // 100 for side in (render.resolution_x, render.resolution_y))
+
+
+def to_capture(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene) -> Matrix:
+    """From Blender's world to the capture's, [4, 4]."""
+    rig = scene.karf.rig
+    return rig.evaluated_get(depsgraph).matrix_world.inverted() if rig else Matrix.Identity(4)

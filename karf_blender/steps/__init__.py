@@ -26,6 +26,7 @@ from .masks import (
 )
 from .preview import preview_camera
 from .render import camera_folder, render_captured, render_sequence, render_view, save_shown
+from .rendering import put_objects_in, use_engine
 from .seeing import see_view, show_masks
 from .sequences import add_strip, show_frames
 from .surface import export_scene, place_points, show_colors, show_scene
@@ -84,6 +85,7 @@ __all__ = [
     "predict_colorways",
     "prepare_views",
     "preview_camera",
+    "put_objects_in",
     "remove_color",
     "remove_object",
     "render_captured",
@@ -104,4 +106,5 @@ __all__ = [
     "show_view",
     "split_swatch",
     "unlink_swatch",
+    "use_engine",
 ]

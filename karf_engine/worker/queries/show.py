@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ...recolor.frames import Frame
     from ...recolor.model import Model
 
-PASSES = ("color", "alpha", "depth", "cryptomatte")
+PASSES = ("color", "alpha", "depth", "cryptomatte", "weights")
 BAND_RAYS = 1 << 14  # of the field, between two looks at whether another picture is wanted by now: half a second
 
 
@@ -34,6 +34,7 @@ def show(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     alpha: [H, W] in [0, 1], how much of each pixel the scene covers.
     depth: [H, W] along the optical axis, world units; 0 where nothing is.
     cryptomatte: [L, H, W, 4], layers of two pairs of id and coverage.
+    weights: [K, M, H, W] in [0, 1], of each object's palette entries; M is 0 before palettes are learned.
 
     Returns:
         `pixels`, a file of arrays one behind the other; the caller's to delete. `arrays`, of each its `shape`, `dtype` and
@@ -121,6 +122,9 @@ def _passes(model: Model, camera: Camera, frame: Frame, passes: list[str]) -> di
 
         planes = np.stack(list(channels(model.objects, frame.probabilities).values()), -1)
         found["cryptomatte"] = np.moveaxis(planes.reshape(camera.height, camera.width, -1, 4), 2, 0)
+    if "weights" in passes:
+        none = np.zeros((len(model.objects), 0, camera.height, camera.width))
+        found["weights"] = none if frame.palette_weights is None else frame.palette_weights
     return found
 
 

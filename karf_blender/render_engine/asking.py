@@ -1,0 +1,100 @@
+"""The worker that stills are asked of: from the render thread, which waits for each picture and hears of a cancel.
+
+It is another one than that of the interface's queries, which the timer polls on the main thread meanwhile. It is kept
+for the next frame of an animation, and ends when none comes for a while.
+"""
+
+import shutil
+import time
+from collections.abc import Callable
+from typing import Any
+
+import bpy
+
+from .. import preferences
+from ..engine.failures import disk_errors
+from ..engine.worker import Worker, error_from_event
+from ..engine_api import WARM, Cancelled, KarfError, Request
+from ..project import folders
+from ..tasks import timer
+
+POLL_SECONDS = 0.005
+IDLE_MINUTES = 1
+
+
+class _Memory:
+    """The worker, if one waits."""
+
+    worker: Worker | None = None
+
+
+def ask(scene: bpy.types.Scene, kind: str, options: dict[str, Any], is_cancelled: Callable[[], bool]) -> dict[str, Any]:
+    """Send a query, and wait for its answer.
+
+    Args:
+        scene: One with a project, which the option `project` names if it is not given.
+        kind: One of the engine's `queries.kinds.QUERIES`.
+        options: JSON values, paths absolute.
+        is_cancelled: Asked while waiting.
+
+    Returns:
+        The answer's values; files that these name are the caller's to delete.
+
+    Raises:
+        Cancelled: It was cancelled, which ends the worker: what it is at would take on.
+        KarfError: There is no answer.
+    """
+    options = {"project": str(folders.project_of(scene).folder), **options}
+    worker = _worker(scene)
+    worker.query(kind, options, kind)
+    while True:
+        for _, event in worker.replies():
+            if event.kind == "answer":
+                return {name: value for name, value in event.values.items() if name != "id"}
+            if event.kind == "refused":
+                raise error_from_event(event)
+        if worker.ended:
+            _leave(worker)
+        if is_cancelled():
+            stop()
+            raise Cancelled("The render was cancelled.")
+        time.sleep(POLL_SECONDS)
+
+
+def stop() -> None:
+    """End the worker, whose folder goes with it."""
+    worker, _Memory.worker = _Memory.worker, None
+    if worker is not None:
+        worker.end()
+        shutil.rmtree(worker.folder, ignore_errors=True)
+
+
+def _worker(scene: bpy.types.Scene) -> Worker:
+    python, threads = preferences.engine_python(), preferences.current().threads
+    worker = _Memory.worker
+    if worker is not None and (not worker.suits(python, threads) or _has_ended(worker)):
+        stop()
+    if _Memory.worker is None:
+        project = folders.project_of(scene)
+        with disk_errors():
+            folder = project.new_job(WARM)
+        options = {"idle_minutes": IDLE_MINUTES} | ({"threads": threads} if threads else {})
+        worker = Worker()
+        worker.begin(python, Request(WARM, project.folder, options), folder, threads)
+        _Memory.worker = worker
+    return _Memory.worker
+
+
+def _has_ended(worker: Worker) -> bool:
+    worker.poll()
+    return worker.ended
+
+
+def _leave(worker: Worker) -> None:
+    """Say why a worker ended before it answered; the folder of one that failed is kept for its log."""
+    _Memory.worker = None
+    worker.check()
+    raise KarfError("The engine ended before it answered.", "Try again.")
+
+
+timer.at_end(stop)

@@ -1,0 +1,41 @@
+"""What the engine is asked for one camera, and the arrays of its answer."""
+
+import math
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..engine_api import Camera, camera_to_json, edit_to_json, srgb_to_linear
+from ..swatches import edits
+
+KIND = "show"
+
+
+def options_of(scene: bpy.types.Scene, camera: Camera) -> dict[str, Any]:
+    """The query's options: this camera, with the swatches as they stand in the scene, which may be an evaluated one."""
+    edit = edit_to_json(edits.current_edit(scene)) if len(scene.karf.objects) else None
+    return {"camera": camera_to_json(camera), "edit": edit}
+
+
+def arrays_of(answer: dict[str, Any]) -> dict[str, np.ndarray]:
+    """The arrays of an answer by name, mapped from its file, which is removed; see the engine's query `show`."""
+    path = Path(answer["pixels"])
+    try:
+        data = path.read_bytes()
+    finally:
+        with suppress(OSError):
+            path.unlink()
+    return {
+        name: np.frombuffer(data, place["dtype"], math.prod(place["shape"]), place["offset"]).reshape(place["shape"])
+        for name, place in answer["arrays"].items()
+    }
+
+
+def combined(arrays: dict[str, np.ndarray]) -> np.ndarray:
+    """The picture as Blender wants it: [H, W, 4] float32, scene-linear, alpha premultiplied."""
+    color = srgb_to_linear(arrays["color"])
+    alpha = arrays.get("alpha", np.ones(color.shape[:2], np.float32))[..., None]
+    return np.concatenate([color * alpha, alpha], -1).astype(np.float32)

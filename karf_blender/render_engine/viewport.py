@@ -1,0 +1,122 @@
+"""What a rendered 3D View shows: small pictures while it moves or a swatch does, the whole one when both stand still."""
+
+import json
+import time
+from functools import partial
+from typing import Any
+
+import bpy
+import gpu
+import numpy as np
+from gpu_extras.presets import draw_texture_2d
+from mathutils import Matrix
+
+from ..engine_api import BadRequest, Camera, KarfError, camera_to_json, srgb_to_linear
+from ..host import windows
+from ..host.words import translate_error
+from ..rig import frames, lens
+from ..tasks import queries, timer
+from . import pictures
+
+MOVING_SECONDS = 0.04  # that a picture may take while something moves
+STILL_SECONDS = 0.12  # without a change, after which the whole picture is asked for
+FIRST_SIDE, LEAST_SIDE = 256, 96  # pixels of a picture while something moves
+LEVELS = 1 << 16
+LINEAR = srgb_to_linear(np.arange(LEVELS) / (LEVELS - 1)).astype(np.float32)  # of sRGB in steps that nobody sees
+
+
+class Viewport:
+    """One 3D View: what it is asked to show, what it shows, and why it may show nothing.
+
+    Attributes:
+        message: Why there is no picture; empty where there is one.
+    """
+
+    def __init__(self) -> None:
+        self.message = ""
+        self._wanted = ""
+        self._wanted_since = 0.0
+        self._asked: tuple[str, int] | None = None  # what is on its way
+        self._shown: tuple[str, int] | None = None
+        self._moving_side = FIRST_SIDE
+        self._pixels: np.ndarray | None = None
+        self._texture: gpu.types.GPUTexture | None = None
+
+    def draw(self, engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        """Draw the latest picture, and ask for the next one; Blender has bound the 3D View's frame."""
+        try:
+            self._ask(context, depsgraph)
+        except KarfError as error:
+            self._fail(error)
+        if self._pixels is not None:
+            self._texture, self._pixels = _texture(self._pixels), None
+        if self._texture is not None:
+            gpu.state.blend_set("ALPHA_PREMULT")
+            engine.bind_display_space_shader(depsgraph.scene)
+            draw_texture_2d(self._texture, (0, 0), context.region.width, context.region.height)
+            engine.unbind_display_space_shader()
+            gpu.state.blend_set("NONE")
+
+    def _ask(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        scene = depsgraph.scene
+        camera = _pinhole(context, depsgraph)
+        options = pictures.options_of(scene, camera)
+        wanted, now = json.dumps(options), time.monotonic()
+        if wanted != self._wanted:
+            self._wanted, self._wanted_since = wanted, now
+        if self._asked is not None and queries.is_waiting(pictures.KIND):
+            return  # it is let through: else nothing would be seen as long as something moves
+        full = max(camera.width, camera.height)
+        moving = min(full, self._moving_side)
+        if self._shown is None or self._shown[0] != wanted:
+            side = moving
+        elif self._shown[1] >= full:
+            return
+        elif now - self._wanted_since >= STILL_SECONDS:
+            side = full
+        else:
+            timer.start(_redraw_once_still)
+            return
+        self._asked = wanted, side
+        query = options | {"camera": camera_to_json(camera.reduced(side))}
+        queries.send(scene, pictures.KIND, query, partial(self._take, self._asked), self._fail)
+
+    def _take(self, asked: tuple[str, int], _: bpy.types.Scene, answer: dict[str, Any]) -> None:
+        self._asked, self._shown, self.message = None, asked, ""
+        self._pixels = _displayable(pictures.arrays_of(answer)["color"])
+        if asked[1] <= self._moving_side:
+            factor = (MOVING_SECONDS / max(answer["seconds"], 1e-3)) ** 0.5
+            self._moving_side = round(np.clip(self._moving_side * min(2.0, factor), LEAST_SIDE, 4096))
+        windows.redraw("VIEW_3D")
+
+    def _fail(self, error: KarfError) -> None:
+        self.message, self._asked = translate_error(error), None
+        self._shown = self._wanted, 1 << 30  # it is asked again when something changes
+        windows.redraw("VIEW_3D")
+
+
+def _pinhole(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> Camera:
+    """The pinhole, in the capture's world, through which the region is looked into."""
+    region, view = context.region, context.region_data
+    if not view.is_perspective:
+        raise BadRequest("An orthographic view cannot be rendered.", "Look in perspective: View > Perspective.")
+    to_capture = frames.to_capture(depsgraph, depsgraph.scene)
+    pose = lens.rigid(np.array(to_capture @ view.view_matrix.inverted()), "3D View")
+    return lens.pinhole_of(np.array(Matrix(view.window_matrix)), region.width, region.height, pose)
+
+
+def _displayable(color: np.ndarray) -> np.ndarray:
+    """sRGB [H, W, 3] as opaque scene-linear [H, W, 4], the lowest row first."""
+    height, width = color.shape[:2]
+    pixels = np.ones((height, width, 4), np.float32)
+    pixels[..., :3] = LINEAR[(color[::-1] * (LEVELS - 1) + 0.5).astype(np.uint16)]
+    return pixels
+
+
+def _texture(pixels: np.ndarray) -> gpu.types.GPUTexture:
+    height, width = pixels.shape[:2]
+    return gpu.types.GPUTexture((width, height), format="RGBA16F", data=gpu.types.Buffer("FLOAT", pixels.size, pixels))
+
+
+def _redraw_once_still() -> None:
+    windows.redraw("VIEW_3D")
