@@ -28,6 +28,7 @@ MODULES = {
     "rig": "camera_paths cameras frames lens looking placement points reprojection",
     "swatches": "becomes colors drawn_over edits free_camera object_masks palettes shown views",
     "marking": "asking following gestures history objects overlay mask_layers photo png proposals raster tools",
+    "render_engine": "blocking camera_pixels compatible passes still viewport",
     "steps": "masks preview",
     "tasks": "ownership queries runner task timer",
     "compositor": "group",
@@ -70,6 +71,7 @@ def addon(bpy, monkeypatch):
     assert not modules.runner.is_running()
     modules.preview.stop()
     modules.queries.stop()
+    modules.blocking.stop()
     modules.runner.release()
 
 

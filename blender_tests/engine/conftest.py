@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -183,3 +183,12 @@ def learned(still_life, tmp_path_factory) -> Learned:
     done = run_engine(*still_life.command(project))
     assert done.returncode == 0, done.stderr
     return Learned(project, done.stderr)
+
+
+def of_field(model):
+    """The same project with `render.source=field`: its voxels render any camera, not its splats."""
+    from karf_engine.project.contents import settings_for
+    from karf_engine.recolor.model import Model  # needs torch
+
+    settings = settings_for(model.project, "render")
+    return Model(model.project, "cpu", replace(settings, render=replace(settings.render, source="field")))

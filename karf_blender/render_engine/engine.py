@@ -33,7 +33,8 @@ class KarfRenderEngine(bpy.types.RenderEngine):
         except Cancelled:
             return
         except KarfError as error:
-            self.error_set(translate_error(error))
+            self.error_set(translate_error(error))  # over the picture
+            self.report({"ERROR"}, translate_error(error))  # to scripts, and at the mouse
 
     def view_update(self, context, depsgraph):
         """Something has changed: what is drawn next sees it."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..engine_api import BadRequest, Camera
 from ..rig import frames
-from . import asking, passes, pictures
+from . import blocking, camera_pixels, passes
 from .passes import Pass
 
 
@@ -25,14 +25,14 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
         )
     camera = _bordered(scene, frames.pinhole_in(depsgraph, scene, scene.camera))
     wanted = list(passes.beside_combined(scene, layer))
-    options = pictures.options_of(depsgraph.scene_eval, camera) | _asked_for(scene, layer, wanted)
+    options = camera_pixels.options_of(depsgraph.scene_eval, camera) | _asked_for(scene, layer, wanted)
     engine.update_stats("", "KaRF")
-    answer = asking.ask(scene, pictures.KIND, options, engine.test_break)
-    arrays = pictures.arrays_of(answer)
+    answer = blocking.ask(scene, camera_pixels.KIND, options, engine.test_break)
+    arrays = camera_pixels.arrays_of(answer)
     to_blender = frames.to_capture(depsgraph, scene).inverted().to_scale().x
     result = engine.begin_result(0, 0, camera.width, camera.height, layer=layer.name)
     rendered = result.layers[0].passes
-    _put(rendered[passes.COMBINED], pictures.combined(arrays))
+    _put(rendered[passes.COMBINED], camera_pixels.combined(arrays))
     for each in wanted:
         _put(rendered[each.name], passes.pixels_of(each, arrays, to_blender))
     engine.end_result(result)

@@ -15,8 +15,8 @@ from ..engine_api import BadRequest, Camera, KarfError, camera_to_json, srgb_to_
 from ..host import windows
 from ..host.words import translate_error
 from ..rig import frames, lens
-from ..tasks import queries, timer
-from . import pictures
+from ..tasks import queries, runner, timer
+from . import camera_pixels
 
 MOVING_SECONDS = 0.04  # that a picture may take while something moves
 STILL_SECONDS = 0.12  # without a change, after which the whole picture is asked for
@@ -58,13 +58,16 @@ class Viewport:
             gpu.state.blend_set("NONE")
 
     def _ask(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        if runner.is_running():
+            self._wanted, self._shown = "", None  # what a task learns changes the picture, and the cores are its own
+            return
         scene = depsgraph.scene
         camera = _pinhole(context, depsgraph)
-        options = pictures.options_of(scene, camera)
+        options = camera_pixels.options_of(scene, camera)
         wanted, now = json.dumps(options), time.monotonic()
         if wanted != self._wanted:
             self._wanted, self._wanted_since = wanted, now
-        if self._asked is not None and queries.is_waiting(pictures.KIND):
+        if self._asked is not None and queries.is_waiting(camera_pixels.KIND):
             return  # it is let through: else nothing would be seen as long as something moves
         full = max(camera.width, camera.height)
         moving = min(full, self._moving_side)
@@ -79,11 +82,11 @@ class Viewport:
             return
         self._asked = wanted, side
         query = options | {"camera": camera_to_json(camera.reduced(side))}
-        queries.send(scene, pictures.KIND, query, partial(self._take, self._asked), self._fail)
+        queries.send(scene, camera_pixels.KIND, query, partial(self._take, self._asked), self._fail)
 
     def _take(self, asked: tuple[str, int], _: bpy.types.Scene, answer: dict[str, Any]) -> None:
         self._asked, self._shown, self.message = None, asked, ""
-        self._pixels = _displayable(pictures.arrays_of(answer)["color"])
+        self._pixels = _displayable(camera_pixels.arrays_of(answer)["color"])
         if asked[1] <= self._moving_side:
             factor = (MOVING_SECONDS / max(answer["seconds"], 1e-3)) ** 0.5
             self._moving_side = round(np.clip(self._moving_side * min(2.0, factor), LEAST_SIDE, 4096))

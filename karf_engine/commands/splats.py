@@ -14,6 +14,7 @@ from ..compute.kernels import has_kernels
 from ..compute.progress import Emit
 from ..errors import BadRequest
 from ..fields.files import load_scene
+from ..fields.scene_surface import NothingSolid
 from ..project.settings import to_dict, with_overrides
 from ..splats.files import save_gaussians
 from ..splats.gaussians import Gaussians
@@ -29,11 +30,11 @@ VALIDATION_VIEWS = 8
 
 
 def run(options: SplatsOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
-    """Learn Gaussians of a finished scene. Nothing is learned where the settings ask for none, or numba is missing."""
+    """Learn Gaussians of a finished scene. Nothing is learned where the settings ask for none, or with a warning where
+    numba is missing or the scene has no surface."""
     job = _with_overrides(open_job(options, emit, should_stop), options.overrides)
     job.project.require("geometry")
-    settings = job.settings.splats
-    if settings.iterations == 0:
+    if job.settings.splats.iterations == 0:
         emit("stage", name="splats", text="none are asked for")
         return
     if not has_kernels():
@@ -43,8 +44,16 @@ def run(options: SplatsOptions, emit: Emit, should_stop: Callable[[], bool]) -> 
             sentence="Without the package numba no splats can be learned: other cameras are rendered from the voxels.",
         )
         return
+    try:
+        _learn(job)
+    except NothingSolid as error:  # photos are recolored all the same
+        emit("warning", code="splats", sentence=f"{error.sentence} There are no splats of it.")
+
+
+def _learn(job: Job) -> None:
     from ..splats.fit import SplatFit  # needs numba
 
+    settings = job.settings.splats
     with run_stage(job, "splats", VERSION) as run:
         if run is None:
             job.project.set_settings(to_dict(job.settings))

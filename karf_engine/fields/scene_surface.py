@@ -32,6 +32,10 @@ NEAREST = 4  # whose distance is that between points
 OUTLIER_DISTANCE = 3.0  # cells to the sixth neighbor: such points float
 
 
+class NothingSolid(DataError):
+    """A scene has no surface: it is fog."""
+
+
 @dataclass(frozen=True)
 class SurfacePoints:
     """N points on a scene's surface.
@@ -65,7 +69,7 @@ def surface_points(
         step: Called after each view; may raise Cancelled.
 
     Raises:
-        DataError: Nothing is solid.
+        NothingSolid: No ray ends at a surface.
     """
     probes = [len(_look(scene, _camera_of(view, PROBE)).ends.weights) for view in views[:: max(1, len(views) // 8)]]
     pixels = count * ENDS_PER_POINT / len(views) / max(np.mean(probes) / PROBE, FEWEST_SHARP)
@@ -79,7 +83,7 @@ def surface_points(
         if kept.sum() > 0.85 * count:
             break
     if not kept.any():
-        raise DataError("The learned scene shows nothing solid.", "Learn it again, with other settings.")
+        raise NothingSolid("The learned scene shows nothing solid.", "Learn it again, with other settings.")
     return _described(scene.field, merged.part(kept))
 
 

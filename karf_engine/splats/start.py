@@ -37,7 +37,7 @@ def gaussians_of(
         step: Called after each view that was rendered, `len(surface_views(views))` in all; may raise Cancelled.
 
     Raises:
-        DataError: The scene shows nothing solid.
+        NothingSolid: The scene has no surface.
     """
     points = surface_points(scene, surface_views(views), count, step)
     eyes = np.stack([view.camera.position for view in views])

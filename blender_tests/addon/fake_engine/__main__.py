@@ -70,6 +70,8 @@ def answer_queries(job, emit):
             break
         elif behave == "refuse":
             emit("refused", id=query.number, code="data", sentence="photo_7.png is missing.", hint="Find it.")
+        elif behave == "busy":
+            time.sleep(60)
         elif behave == "drop":
             emit("dropped", id=query.number)
         else:
@@ -121,6 +123,31 @@ def preview(job, options):
     planes.base[:] = min(255, round(20 * np.linalg.norm(camera.position)))
     write_planes(path, planes)
     return {"planes": str(path), "size": [camera.width, camera.height]}
+
+
+def show(job, options):
+    """The pot's first swatch as edited, darker by row; the scene fills the upper half, as far off as the camera is."""
+    camera = camera_from_json(options["camera"], "the query")
+    height, width = camera.height, camera.width
+    color = options["edit"]["objects"]["pot"]["colors"][1] if options["edit"] else (1, 1, 1)
+    upper = np.arange(height)[:, None] < height // 2
+    distance = np.linalg.norm(camera.position)
+    arrays = {
+        "color": np.linspace(1, 0.5, height)[:, None, None] * np.broadcast_to(color, (height, width, 3)),
+        "alpha": np.broadcast_to(upper, (height, width)),
+        "depth": np.where(upper, distance, 0) * np.ones((1, width)),
+        "cryptomatte": np.broadcast_to([0.5, 1.0, 0.0, 0.0], (1, height, width, 4)),
+        "weights": np.broadcast_to(np.reshape(SHARES, (1, 3, 1, 1)), (2, 3, height, width)),
+    }
+    path = job / "answers" / f"{time.monotonic_ns()}.pixels"
+    path.parent.mkdir(exist_ok=True)
+    placed = {}
+    with path.open("wb") as stream:
+        for name in options.get("passes", ["color"]):
+            placed[name] = {"shape": list(arrays[name].shape), "dtype": "float32", "offset": stream.tell()}
+            stream.write(arrays[name].astype(np.float32).tobytes())
+    metadata = {"cryptomatte/1234567/name": options.get("cryptomatte", "")}
+    return {"pixels": str(path), "arrays": placed, "size": [width, height], "metadata": metadata, "seconds": 0.01}
 
 
 def misbehave(how, emit):
@@ -290,6 +317,7 @@ QUERIES = {
     "propose": propose,
     "correct": correct,
     "masks": masks,
+    "show": show,
 }  # kind -> function of the job's folder and the options
 
 if __name__ == "__main__":

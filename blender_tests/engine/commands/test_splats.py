@@ -15,6 +15,7 @@ from blender_tests.engine.commands.farm.sequences import write_sequence
 from karf_engine.commands import splats
 from karf_engine.commands.options import SplatsOptions
 from karf_engine.errors import BadRequest, Cancelled, DataError
+from karf_engine.fields.scene_surface import NothingSolid
 from karf_engine.project import Project
 from karf_engine.project.settings import PRESETS
 from karf_engine.project.state import write_state
@@ -126,6 +127,16 @@ def test_without_numba_there_is_a_warning_and_the_field_is_shown(copy, monkeypat
     events = learn(copy, *FEW)
     assert [values["code"] for kind, values in events if kind == "warning"] == ["splats"]
     assert "numba" in events[-1][1]["sentence"] and copy.finished("splats") is None
+
+
+def test_fog_gives_a_warning_and_the_field_is_shown(copy, monkeypatch):
+    def fog(*_):
+        raise NothingSolid("The learned scene shows nothing solid.", "Learn it again, with other settings.")
+
+    monkeypatch.setattr("karf_engine.commands.splats.gaussians_of", fog)
+    events = learn(copy, *FEW)
+    assert [values["code"] for kind, values in events if kind == "warning"] == ["splats"]
+    assert copy.finished("splats") is None and karf.load(copy.folder, "cpu").splats is None
 
 
 @pytest.mark.parametrize("override", ["geometry.long_side=64", "seed=3", "render.source=field", "splats.iteration=3"])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import karf_engine as karf
-from blender_tests.engine.conftest import run_engine
+from blender_tests.engine.conftest import of_field, run_engine
 from karf_engine.capture.ply import read_points as read_ply
 from karf_engine.errors import BadRequest, DataError
 from karf_engine.export.scene_points import read_points, write_points
@@ -17,7 +17,8 @@ COUNT = 2000
 
 @pytest.fixture(scope="module")
 def model(learned):
-    return karf.load(learned.project, device="cpu")
+    """It shows the field, whose surface the points are on."""
+    return of_field(karf.load(learned.project, device="cpu"))
 
 
 @pytest.fixture(scope="module")

@@ -26,7 +26,7 @@ from karf_engine.project.locking import opened
 
 SIZE, N_PHOTOS = 36, 8
 MASKED_VIEWS = ("r_0", "r_4")
-LEVELS = '[{"voxels": 16, "iterations": 25, "step": 1.0}, {"voxels": 24, "iterations": 25, "step": 1.0}]'
+LEVELS = '[{"voxels": 16, "iterations": 60, "step": 1.0}, {"voxels": 24, "iterations": 25, "step": 1.0}]'
 SETTINGS = (
     "geometry.space=box",
     f"geometry.long_side={SIZE}",

@@ -9,11 +9,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 torch = pytest.importorskip("torch")
 pytest.importorskip("numba")
 
+from blender_tests.engine.conftest import of_field
 from karf_engine.errors import BadRequest
 from karf_engine.metrics.images import psnr
 from karf_engine.palettes.palette import AddedColor, Palette
 from karf_engine.project import Project
-from karf_engine.project.contents import settings_for
 from karf_engine.recolor import model as model_module
 from karf_engine.recolor.frames import with_alpha
 from karf_engine.recolor.model import Model
@@ -38,12 +38,6 @@ def camera(model):
 @pytest.fixture(scope="module")
 def green(model):
     return model.edit().becomes("ball", RED, GREEN)
-
-
-def of_field(model):
-    """The same project with `render.source=field`."""
-    settings = settings_for(model.project, "render")
-    return Model(model.project, "cpu", replace(settings, render=replace(settings.render, source="field")))
 
 
 # ----------------------------------------------------------------------------------------------------------- the picture

@@ -45,7 +45,15 @@ def ask(scene: bpy.types.Scene, kind: str, options: dict[str, Any], is_cancelled
         KarfError: There is no answer.
     """
     options = {"project": str(folders.project_of(scene).folder), **options}
-    worker = _worker(scene)
+    for _ in range(2):  # the worker may end for want of queries just when one comes
+        answer = _answer(_worker(scene), kind, options, is_cancelled)
+        if answer is not None:
+            return answer
+    raise KarfError("The engine ended before it answered.", "Try again.")
+
+
+def _answer(worker: Worker, kind: str, options: dict[str, Any], is_cancelled: Callable[[], bool]) -> dict | None:
+    """The answer's values; None where the worker has ended in peace before."""
     worker.query(kind, options, kind)
     while True:
         for _, event in worker.replies():
@@ -55,6 +63,7 @@ def ask(scene: bpy.types.Scene, kind: str, options: dict[str, Any], is_cancelled
                 raise error_from_event(event)
         if worker.ended:
             _leave(worker)
+            return None
         if is_cancelled():
             stop()
             raise Cancelled("The render was cancelled.")
@@ -91,10 +100,13 @@ def _has_ended(worker: Worker) -> bool:
 
 
 def _leave(worker: Worker) -> None:
-    """Say why a worker ended before it answered; the folder of one that failed is kept for its log."""
-    _Memory.worker = None
-    worker.check()
-    raise KarfError("The engine ended before it answered.", "Try again.")
+    """Take leave of a worker that has ended; the folder of one that failed is kept for its log, which the error names."""
+    try:
+        worker.check()
+    except KarfError:
+        _Memory.worker = None
+        raise
+    stop()
 
 
 timer.at_end(stop)

@@ -1,0 +1,90 @@
+"""A rendered 3D View asks for small pictures while something changes, and for the whole one when all stands still."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+WIDTH, HEIGHT = 600, 300
+
+
+@pytest.fixture
+def view(bpy, addon, learned, monkeypatch):
+    """A 3D View of the captured cameras: `draw()` is what Blender's redraw asks for, `long_sides` what was asked."""
+    clock = SimpleNamespace(now=100.0)
+    monkeypatch.setattr(addon.viewport.time, "monotonic", lambda: clock.now)
+    monkeypatch.setattr(addon.viewport.timer, "start", lambda poll: None)
+    camera = next(each for each in bpy.data.objects if each.type == "CAMERA")
+    depsgraph = bpy.context.view_layer.depsgraph
+    data = SimpleNamespace(
+        is_perspective=True,
+        view_matrix=camera.matrix_world.inverted(),
+        window_matrix=camera.calc_matrix_camera(depsgraph, x=WIDTH, y=HEIGHT),
+    )
+    context = SimpleNamespace(region=SimpleNamespace(width=WIDTH, height=HEIGHT), region_data=data)
+    shown, long_sides = addon.viewport.Viewport(), []
+    send = addon.queries.send
+
+    def sending(scene, kind, options, *rest):
+        long_sides.append(max(options["camera"]["w"], options["camera"]["h"]))
+        send(scene, kind, options, *rest)
+
+    monkeypatch.setattr(addon.viewport.queries, "send", sending)
+
+    def draw(seconds=0.0):
+        clock.now += seconds
+        shown._ask(context, depsgraph)
+        return shown
+
+    return SimpleNamespace(draw=draw, long_sides=long_sides, data=data, scene=learned, context=context)
+
+
+def color(shown):
+    """The picture's upper left corner, scene-linear."""
+    return shown._pixels[-1, 0, :3]
+
+
+def test_a_small_picture_comes_first_and_the_whole_one_when_all_stands_still(addon, view):
+    view.draw()
+    assert view.long_sides == [addon.viewport.FIRST_SIDE]
+    view.draw(0.01)
+    assert len(view.long_sides) == 1
+    shown = view.draw(1.0)
+    assert view.long_sides[1:] == [WIDTH] and shown._pixels.shape == (HEIGHT, WIDTH, 4)
+    view.draw(1.0)
+    assert len(view.long_sides) == 2
+
+
+def test_a_picture_follows_the_view_and_the_swatches(addon, view):
+    view.draw()
+    addon.headless.set_swatch("pot", 1, (0.2, 0.4, 0.8))
+    expected = addon.engine_api.srgb_to_linear([0.2, 0.4, 0.8])
+    np.testing.assert_allclose(color(view.draw(0.01)), expected, atol=2e-3)
+    view.data.view_matrix = view.data.view_matrix.copy()
+    view.data.view_matrix.translation.x += 1
+    view.draw(0.01)
+    assert len(view.long_sides) == 3
+
+
+def test_what_is_fast_is_larger_while_it_moves(addon, view):
+    view.draw()  # the fake engine says that it took 10 ms
+    view.data.view_matrix = view.data.view_matrix.copy()
+    view.data.view_matrix.translation.x += 1
+    view.draw(0.01)
+    assert view.long_sides == [addon.viewport.FIRST_SIDE, 2 * addon.viewport.FIRST_SIDE]
+
+
+def test_an_orthographic_view_is_refused(addon, view):
+    view.data.is_perspective = False
+    with pytest.raises(addon.engine_api.BadRequest, match="orthographic"):
+        view.draw()
+
+
+def test_an_error_is_shown_and_asked_again_only_when_something_changes(addon, view, monkeypatch):
+    of, behave = addon.camera_pixels.options_of, {"behave": "refuse"}
+    monkeypatch.setattr(addon.camera_pixels, "options_of", lambda *given: of(*given) | behave)
+    assert "photo_7.png is missing" in view.draw().message
+    view.draw(1.0)
+    assert len(view.long_sides) == 1
+    behave["behave"] = ""
+    assert view.draw(1.0).message == ""
