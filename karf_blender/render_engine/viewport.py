@@ -67,8 +67,8 @@ class Viewport:
         wanted, now = json.dumps(options), time.monotonic()
         if wanted != self._wanted:
             self._wanted, self._wanted_since = wanted, now
-        if self._asked is not None and queries.is_waiting(camera_pixels.KIND):
-            return  # it is let through: else nothing would be seen as long as something moves
+        if self._is_awaited(wanted):
+            return
         full = max(camera.width, camera.height)
         moving = min(full, self._moving_side)
         if self._shown is None or self._shown[0] != wanted:
@@ -83,6 +83,12 @@ class Viewport:
         self._asked = wanted, side
         query = options | {"camera": camera_to_json(camera.reduced(side))}
         queries.send(scene, camera_pixels.KIND, query, partial(self._take, self._asked), self._fail)
+
+    def _is_awaited(self, wanted: str) -> bool:
+        """Whether what is on its way is let through: what is wanted, or small; else nothing would be seen while it moves."""
+        if self._asked is None or not queries.is_waiting(camera_pixels.KIND):
+            return False
+        return self._asked[0] == wanted or self._asked[1] <= self._moving_side
 
     def _take(self, asked: tuple[str, int], _: bpy.types.Scene, answer: dict[str, Any]) -> None:
         self._asked, self._shown, self.message = None, asked, ""

@@ -18,7 +18,8 @@ from .telling import Chapter
 CHAPTER = Chapter()
 SECONDS = 5.0  # of each gesture
 EVENT_SECONDS = 0.015  # between two events of a mouse that moves
-LEAST = {"turned": 15, "dragged": 10}  # pictures a second
+# pictures a second: of a card, or where the window is drawn in software a share of what Blender draws without us
+ENOUGH, LEAST = {"turned": 15, "dragged": 10}, {"turned": 0.8, "dragged": 0.4}
 RADIUS = 40  # pixels around the middle of a picker's wheel
 
 
@@ -60,7 +61,15 @@ def gesture(story: Story, name: str, button: str, places: Iterator[Place]) -> Wa
     region = hands.region_of(VIEW)
     story.note(f"{name}: {rate:.1f} pictures a second, a 3D View of {region.width} x {region.height}")
     story.facts[f"{name} pictures a second"] = round(rate, 1)
-    check(rate >= LEAST[name], f"fewer than {LEAST[name]}")
+    least = min(ENOUGH[name], LEAST[name] * story.facts["redraws"])
+    check(rate >= least, f"fewer than {least:.1f}")
+
+
+def redraws() -> float:
+    """How often a second Blender draws its window, with the 3D View in Solid."""
+    begin = time.monotonic()
+    bpy.ops.wm.redraw_timer(type="DRAW_WIN_SWAP", iterations=10)
+    return round(10 / (time.monotonic() - begin), 1)
 
 
 def around(middle: Place, radius: int) -> Iterator[Place]:
@@ -83,13 +92,30 @@ def whole_picture(seconds: float = 60) -> Wait:
         yield 0.1
 
 
-@CHAPTER.step("rendered view", "script: Rendered View, and the 3D View looks through the camera")
+@CHAPTER.step("splats", "script: Learn Splats")
+def splats(story: Story) -> Wait:
+    with hands.inside(VIEW):
+        yield from acts.job_begin(_pressed(bpy.ops.karf.learn_splats), "karf.learn_splats")
+    yield from acts.job_end(story)
+    check("splats" in desk.module("project.disk").contents_of(desk.scene()).stages, "there are no splats")
+
+
+def _pressed(operator) -> Wait:
+    operator()
+    yield 0.1
+
+
+@CHAPTER.step("rendered view", "script: overlays off, Rendered View, and the 3D View looks through the camera")
 def rendered_view(story: Story) -> Wait:
     count_pictures()
     desk.scene().view_settings.view_transform = "Standard"
+    space = hands.area_of("VIEW_3D").spaces.active
+    space.overlay.show_overlays = space.show_gizmo = space.show_region_ui = False
     with hands.inside(VIEW):
+        story.facts["redraws"] = redraws()
+        story.note(f"Blender alone draws its window {story.facts['redraws']} times a second")
         bpy.ops.karf.rendered_view()
-        hands.area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "CAMERA"
+        space.region_3d.view_perspective = "CAMERA"
     before = _Count.pictures
     yield from until(lambda: _Count.pictures > before, "the first picture", 60)
     yield from whole_picture()
