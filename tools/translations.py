@@ -25,7 +25,16 @@ KEYWORDS = ("text", "title", "message", "heading", "name", "description")  # of 
 POSITIONS = {"poll_message_set": 0, "report": 1, "draw_text": 1, "srgb": 0, "append": None}
 CLASS_TEXTS = ("bl_label", "bl_description")
 CONSTANTS = ("_ITEMS", "_NAMES", "_HELP")  # ends of names of module constants that are shown
-ERRORS = ("KarfError", "BadRequest", "DataError", "MissingDependency", "OutOfMemory", "Cancelled", "Diverged")
+ERRORS = (
+    "KarfError",
+    "BadRequest",
+    "DataError",
+    "MissingDependency",
+    "NothingSolid",
+    "OutOfMemory",
+    "Cancelled",
+    "Diverged",
+)
 SENTENCES_AT = {
     **dict.fromkeys((*ERRORS, "Message"), (0, 1)),
     "warn": (0,),

@@ -19,7 +19,7 @@ def draw_render(layout, context):
     column.operator("karf.render_camera", text="Camera's Frames", icon="RENDER_ANIMATION")
     column.operator("karf.farm_bundle", icon="NETWORK_DRIVE")
     for name, title, draw_group in GROUPS:
-        header, body = layout.panel(f"karf_render_{name}", default_closed=True)
+        header, body = layout.panel(f"karf_render_{name}", default_closed=name != "views")
         header.label(text=title)
         if body is not None:
             draw_group(body, karf)

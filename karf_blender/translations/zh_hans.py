@@ -55,6 +55,25 @@ TEXTS = {
     "Folder of the failed job, where its log tells more of why": "失败任务的文件夹，其中的日志说明了更多原因",
     "KaRF is busy: wait for the running job, or cancel it": "KaRF 正忙：请等待正在运行的任务，或将其取消",
     "Open": "展开",
+    # --- the render engine
+    "Any View": "任意视角",
+    "Rendered View": "渲染视图",
+    "Show the recolored scene in the 3D Views from wherever one looks, and let F12 render it: render engine KaRF": (
+        "在 3D 视图中从任意位置显示重新着色的场景，并让 F12 渲染它：渲染引擎 KaRF"
+    ),
+    "Over Scene": "置于场景中",
+    "Let renders show the objects of this file within the captured scene, each hidden where the other is nearer": (
+        "让渲染把此文件的物体显示在拍摄的场景之中，较近者遮挡较远者"
+    ),
+    "The recolored scene from any camera.": "任意相机看到的重新着色的场景。",
+    "What the render engine KaRF writes beside the picture.": "渲染引擎 KaRF 在图像之外写入的内容。",
+    "Passes": "通道",
+    "Depth": "深度",
+    "Cryptomatte": "Cryptomatte",
+    "Levels": "层级",
+    "A pass for each swatch: how much of every pixel changes with it, from 0 to 1": (
+        "每个色板一个通道：每个像素随它变化的程度，从 0 到 1"
+    ),
     # --- workspace
     "KaRF Workspace": "KaRF 工作区",
     "Go to the KaRF workspace: 3D View, Image Editor and timeline, both sidebars at the KaRF tab. It is added to the "

@@ -66,6 +66,14 @@ def edit_from_json(
         path: The file, or what else messages call it.
         palettes: As learned, one an object.
         compositing: What a table that names none means.
+
+    Raises:
+        DataError: The table says what no edit of these palettes can.
+
+    Examples:
+        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.9, 0.1, 0.1]]))
+        >>> edit_from_json({"objects": {"pot": {"colors": [None, "#0000ff"]}}}, "the query", [pot]).colors["pot"].tolist()
+        [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
     """
     compositing = content.get("compositing", compositing)
     if compositing not in COMPOSITING_MODES:
@@ -131,7 +139,13 @@ def write_edit(path: Path, edit: Edit) -> None:
 
 
 def edit_to_json(edit: Edit) -> dict[str, Any]:
-    """What edit.json holds of an edit."""
+    """What edit.json holds of an edit.
+
+    Examples:
+        >>> edit = Edit({"pot": np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])}, "delta", {})
+        >>> edit_to_json(edit)["objects"]
+        {'pot': {'colors': [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]}}
+    """
     objects = {name: _object(colors, edit.added.get(name, ())) for name, colors in edit.colors.items()}
     return {"schema": EDIT_SCHEMA, "compositing": edit.compositing, "objects": objects}
 

@@ -44,6 +44,7 @@ def _planes(session: Session, project: str, camera: Camera) -> Planes:
     from ...recolor.model import MASK_SAMPLES, WEIGHT_SAMPLES
 
     model = session.model(project)
+    session.check()
     if model.splats is not None:
         return planes_of(model.render(camera), model.objects)
     samples = MASK_SAMPLES if max(camera.width, camera.height) <= COARSE_SIDE else WEIGHT_SAMPLES
