@@ -165,7 +165,7 @@ class Model:
         values = np.stack([is_solid, np.where(is_solid, view.depths, 0)], 1).astype(np.float32)
         opacity, depth = view.blended(values)
         depth = np.divide(depth, opacity, out=np.zeros_like(depth), where=opacity > 0)
-        color = view.image[..., :3].clip(0, 1)
+        color = view.picture()
         picture = Picture(*map(torch.from_numpy, (color, opacity, depth)), None)
         if self.recoloring is None:
             shares = view.blended(self._splat_shares)
@@ -198,7 +198,7 @@ class Model:
         """
         if self.splats is None or self.recoloring is None or edit.compositing != "delta":
             return self.composite(self.render(camera), edit)
-        return _splatted(self.recolored_splats(edit), camera).image[..., :3].clip(0, 1)
+        return _splatted(self.recolored_splats(edit), camera).picture()
 
     def recolored_splats(self, edit: Edit) -> Gaussians:
         """The splats with an edit baked into their colors; the last one is kept.
@@ -226,7 +226,7 @@ class Model:
         """What a camera's pinhole sees behind all that is solid, [H, W, 3] float32 sRGB."""
         if self.splats is not None:
             shell = replace(self.splats, table=self.splats.table[self.splats.n_solid :])
-            return _splatted(shell, camera.without_distortion()).image[..., :3].clip(0, 1)
+            return _splatted(shell, camera.without_distortion()).picture()
         rays = camera_rays(camera.without_distortion(), self.device)
         colors = [self.scene.behind(some) for some in rays.viewdirs.split(BAND_RAYS)]
         return torch.cat(colors).cpu().numpy().reshape(camera.height, camera.width, 3)

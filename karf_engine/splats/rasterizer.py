@@ -51,8 +51,13 @@ class SplattedView:
 
     @property
     def colors(self) -> np.ndarray:
-        """Colors of the Gaussians as seen from here, [n, 3] float32 sRGB, at least 0; of unseen ones anything."""
-        return np.stack([self._splats[name] for name in ("red", "green", "blue")], 1)
+        """Colors of the Gaussians as seen from here, [n, 3] float32 sRGB, at least 0; of unseen ones 0."""
+        is_seen = np.diff(self.slots) > 0
+        return np.stack([np.where(is_seen, self._splats[name], np.float32(0)) for name in ("red", "green", "blue")], 1)
+
+    def picture(self) -> np.ndarray:
+        """What a screen shows of the image, whose own values are clipped with it: [H, W, 3] float32 sRGB in [0, 1]."""
+        return np.clip(self.image, 0, 1, out=self.image)[..., :3]
 
     def blended(self, values: np.ndarray) -> np.ndarray:
         """Other values of the Gaussians, [n, C] float32, blended as their colors are, over 0: [C, H, W] float32."""
