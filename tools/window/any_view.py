@@ -72,12 +72,12 @@ def redraws() -> float:
     return round(10 / (time.monotonic() - begin), 1)
 
 
-def around(middle: Place, radius: int) -> Iterator[Place]:
-    """Places on a circle, for ever."""
+def around(middle: Place, radius: int, height: int) -> Iterator[Place]:
+    """Places on an ellipse, for ever."""
     number = 0
     while True:
         angle = number / 12
-        yield middle[0] + int(radius * math.cos(angle)), middle[1] + int(radius * math.sin(angle))
+        yield middle[0] + int(radius * math.cos(angle)), middle[1] + int(height * math.sin(angle))
         number += 1
 
 
@@ -124,7 +124,7 @@ def rendered_view(story: Story) -> Wait:
 
 @CHAPTER.step("turn", "mouse: the 3D View is turned with the middle button")
 def turn(story: Story) -> Wait:
-    yield from gesture(story, "turned", "MIDDLEMOUSE", around(hands.middle_of(VIEW), 120))
+    yield from gesture(story, "turned", "MIDDLEMOUSE", around(hands.middle_of(VIEW), 120, 20))
     yield from whole_picture()
     yield from story.shoot("turned-still")
 
@@ -134,7 +134,7 @@ def drag(story: Story) -> Generator[float, None, None]:
     swatches = desk.swatches()[OBJECT]
     index = max(range(1, len(swatches)), key=lambda number: max(swatches[number]) - min(swatches[number]))
     middle = yield from pickers.open_picker(OBJECT, index)
-    yield from gesture(story, "dragged", "LEFTMOUSE", around(middle, RADIUS))
+    yield from gesture(story, "dragged", "LEFTMOUSE", around(middle, RADIUS, RADIUS))
     yield from pickers.close_picker()
     yield from whole_picture()
     yield from story.shoot("dragged-still")

@@ -32,7 +32,7 @@ def show(session: Session, options: dict[str, Any]) -> dict[str, Any]:
 
     color: [H, W, 3] sRGB in [0, 1]; with alpha it is straight, without what lies behind the scene.
     alpha: [H, W] in [0, 1], how much of each pixel the scene covers.
-    depth: [H, W] along the optical axis, world units; 0 where nothing is.
+    depth: [H, W] along the optical axis, world units; 0 where the scene covers less than half of the pixel.
     cryptomatte: [L, H, W, 4], layers of two pairs of id and coverage.
     weights: [K, M, H, W] in [0, 1], of each object's palette entries; M is 0 before palettes are learned.
 
@@ -116,7 +116,7 @@ def _passes(model: Model, camera: Camera, frame: Frame, passes: list[str]) -> di
     if "alpha" in passes:
         found["alpha"] = frame.opacity
     if "depth" in passes:
-        found["depth"] = frame.depth
+        found["depth"] = np.where(frame.opacity >= 0.5, frame.depth, 0)  # what little there is floats anywhere
     if "cryptomatte" in passes:
         from ...export.cryptomatte import channels
 
