@@ -25,8 +25,8 @@ def build(scene: bpy.types.Scene, objects: bpy.types.Scene) -> bpy.types.Node:
     node.location = 300, -150
     compat.set_option(node, "Use Alpha", "use_alpha", True)
     compat.set_option(node, "Anti-Alias", "use_antialias_z", True)
-    images = [socket for socket in node.inputs if socket.name == "Image"]
-    depths = [socket for socket in node.inputs if socket.name in {"Z", "Depth"}]
+    images = [socket for socket in node.inputs if socket.type == "RGBA"]
+    depths = [socket for socket in node.inputs if socket.type == "VALUE"]
     for render, image, depth in zip((front, back), images, depths, strict=True):
         tree.links.new(render.outputs["Image"], image)
         tree.links.new(render.outputs["Depth"], depth)
