@@ -47,7 +47,7 @@ class Viewport:
         try:
             self._ask(context, depsgraph)
         except KarfError as error:
-            self._fail(error)
+            self.message, self._texture, self._pixels = translate_error(error), None, None
         if self._pixels is not None:
             self._texture, self._pixels = _texture(self._pixels), None
         if self._texture is not None:

@@ -74,10 +74,14 @@ def test_what_is_fast_is_larger_while_it_moves(addon, view):
     assert view.long_sides == [addon.viewport.FIRST_SIDE, 2 * addon.viewport.FIRST_SIDE]
 
 
-def test_an_orthographic_view_is_refused(addon, view):
+def test_an_orthographic_view_shows_nothing_and_says_why(bpy, addon, view, monkeypatch):
+    redrawn = []
+    shown = view.draw()
+    monkeypatch.setattr(addon.viewport.windows, "redraw", lambda *kinds: redrawn.append(kinds))
     view.data.is_perspective = False
-    with pytest.raises(addon.engine_api.BadRequest, match="orthographic"):
-        view.draw()
+    shown.draw(None, view.context, bpy.context.view_layer.depsgraph)
+    assert "orthographic" in shown.message and shown._pixels is None
+    assert not redrawn  # else it would be drawn for ever
 
 
 def test_an_error_is_shown_and_asked_again_only_when_something_changes(addon, view, monkeypatch):
