@@ -14,7 +14,7 @@ import karf_engine as karf
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.io.files import write_json
 
-from ..judging.recolors import contact_sheet, score_edits, score_scene
+from ..judging.recolors import contact_sheet, score_edits, score_new_cameras, score_scene
 from ..judging.scores import print_common, rounded, score_objects, stage_summary
 from ..judging.truth import DEMO, Truth
 from ..judging.views import learn_again, render_test_views, with_model
@@ -45,7 +45,7 @@ def main() -> None:
             overrides, stages = [f"segmentation.labels={labels}"], ("segmentation",)
             other = learn_again(model, scratch / name, overrides, stages, masks, options.threads)
             summary |= score_objects(with_model(test, other), true_masks, f"_{name}")
-    summary |= score_edits(truth, test, options.out / "frames")
+    summary |= score_edits(truth, test, options.out / "frames") | score_new_cameras(test, truth)
     summary["seconds_judging"] = round(time.monotonic() - start, 1)
     write_json(options.out / "summary.json", rounded(summary))
     contact_sheet(options.out / "frames", options.out / "contact_sheet.png", test, truth)
@@ -60,6 +60,7 @@ def report(out: Path, summary: dict) -> None:
     print(f"objects' palettes  {summary['psnr_object']} dB")
     print(f"CIEDE2000          ours {mean['ours']}, no edit {mean['no_edit']}, hue shift {mean['hue_shift']}, "
           f"hue shift in the true masks {mean['hue_shift_in_true_mask']}")  # fmt: skip
+    print("new cameras        " + ", ".join(f"{name} {value}" for name, value in summary["new_cameras"].items()))
     print(f"outside the edit   MSE {summary['mse_outside']}")
     print(f"unchanged palette  differs by {summary['identity_max_abs']}/255")
     print(f"\nframes     {out / 'frames'}\nBlender    {out / 'demo.blend'}\nsheet      {out / 'contact_sheet.png'}")

@@ -49,6 +49,7 @@ def main_job(karf, out: Path) -> dict[str, float]:
     timed(seconds, "palette", karf.extract_palette)
     for name, edit in TRUTH.edits.items():
         recolor(karf, name, edit, out, seconds)
+    timed(seconds, "splats", karf.learn_splats)
     view = next(v for v in capture.views if v.split == "test")
     karf.show_view(view.name)
     karf.save(out / "demo.blend")

@@ -15,7 +15,7 @@ import numpy as np
 from karf_engine.capture.training_images import TrainingImage
 from karf_engine.errors import BadRequest
 from karf_engine.io.color import to_bytes
-from karf_engine.metrics.images import mean_ciede2000
+from karf_engine.metrics.images import mean_ciede2000, psnr
 from karf_engine.metrics.scores import MIN_PIXELS, score_edit
 from karf_engine.palettes.compositing import delta_composite
 from karf_engine.palettes.palette import Edit
@@ -63,6 +63,20 @@ def score_edits(truth: Truth, test: TestViews, frames: Path) -> dict:
         scores[name] = asdict(score_edit(photos, recolored, truth.recolored(name), masks, pairs))
     mean = {key: float(np.mean([score[key] for score in scores.values()])) for key in next(iter(scores.values()))}
     return {"ciede2000": scores | {"mean": mean}, "mse_outside": mean["mse_outside"]}
+
+
+def score_new_cameras(test: TestViews, truth: Truth) -> dict:
+    """Test views as cameras that took no photo: what these show as learned, and with each edit against its recolors."""
+    model, cameras = test.model, [training_image.camera for training_image in test.training_images]
+    plain = [model.shown(camera, model.edit()) for camera in cameras]
+    values = [psnr(shown, frame.base) for shown, frame in zip(plain, test.frames, strict=True)]
+    scores = {"psnr": float(np.mean(values)), "psnr_worst": float(np.min(values))}
+    for name in truth.edits:
+        edit = edit_to_judge(model, truth, name)
+        truths = zip(cameras, truth.recolored(name), truth.inside(name), strict=True)
+        found = [mean_ciede2000(model.shown(camera, edit), true, inside) for camera, true, inside in truths]
+        scores[f"ciede2000_{name}"] = float(np.mean(found))
+    return {"new_cameras": scores}
 
 
 def recolored_frame(frames: Path, edit: str, training_image: TrainingImage) -> np.ndarray:
