@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         colorways,
         extract_palettes,
         find_poses,
+        import_splat,
         learn,
         learn_geometry,
         learn_recoloring,
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
 _DEFINES = {
     "api": (
         "find_poses",
+        "import_splat",
         "mark",
         "learn",
         "learn_geometry",

@@ -27,6 +27,7 @@ from .commands.options import (
     ColorwaysOptions,
     FarmOptions,
     GeometryOptions,
+    ImportSplatOptions,
     LearnOptions,
     MarkOptions,
     PaletteOptions,
@@ -99,6 +100,23 @@ def find_poses(photos: PathLike, out: PathLike, **options: Any) -> None:
         find_poses("photos", "garden")
     """
     _run(PosesOptions, photos=photos, out=out, **options)
+
+
+@_takes(ImportSplatOptions)
+def import_splat(splat: PathLike, out: PathLike, **options: Any) -> None:
+    """Make a capture of Gaussian splats that another program has learned; needs the extra `fast`, and `splats` for some files.
+
+    Args:
+        splat: The file.
+        out: The new capture's folder, which is learned, marked and recolored as any other; its splats stay as they are.
+
+    Raises:
+        KarfError: The file is damaged, or does not show the photos.
+
+    Example:
+        import_splat("garden.ply", "garden")
+    """
+    _run(ImportSplatOptions, splat=splat, out=out, **options)
 
 
 @_takes(MarkOptions, is_run=False)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..errors import DataError
 from .camera import Camera
-from .capture import Capture, SparsePoints, View, hold_out
+from .capture import Capture, CapturedSplats, SparsePoints, View, hold_out
 from .colmap import is_colmap, read_colmap
 from .llff import is_llff, read_llff
 from .transforms_json import is_nerf_synthetic, is_transforms, read_nerf_synthetic, read_transforms, write_cameras
@@ -21,6 +21,7 @@ __all__ = [
     "FORMATS",
     "Camera",
     "Capture",
+    "CapturedSplats",
     "Format",
     "SparsePoints",
     "View",

@@ -84,6 +84,19 @@ class SparsePoints:
 
 
 @dataclass(frozen=True)
+class CapturedSplats:
+    """Gaussians that another program has learned of the scene, in the capture's world.
+
+    Attributes:
+        path: Absolute, of their file (see `karf_engine.splats.formats`).
+        is_antialiased: Whether they were learned with a screen filter that lowers the opacity of what it widens.
+    """
+
+    path: Path
+    is_antialiased: bool = False
+
+
+@dataclass(frozen=True)
 class Capture:
     """Cameras with their photos.
 
@@ -94,6 +107,7 @@ class Capture:
         remarks: Sentences that a user should see: what was skipped, or guessed.
         points: The sparse points where the format has them; the canonical JSON leaves them out.
         holdout: N where every Nth photo was chosen to be held out (see `hold_out`), 0 where none was; not in the JSON.
+        splats: What another program has learned of it; then no splats are learned.
 
     Example:
         capture = open_capture("garden", holdout=8)
@@ -106,6 +120,7 @@ class Capture:
     remarks: tuple[str, ...] = ()
     points: SparsePoints | None = None
     holdout: int = 0
+    splats: CapturedSplats | None = None
 
     def split(self, name: str) -> tuple[View, ...]:
         """Views of one split (`train`, `val`, `test`), or all of them for `all`."""
@@ -185,13 +200,14 @@ def capture_to_json(capture: Capture, folder: Path | None = None) -> dict[str, A
         "source": str(capture.source),
         "format": capture.format,
         "remarks": list(capture.remarks),
+        **_splats_to_json(capture.splats, folder),
         "views": [
             {
                 "name": view.name,
                 "stem": view.stem,
                 "split": view.split,
                 "image": str(view.image) if view.image else None,
-                **_from_folder(view.image, folder),
+                **_from_folder("image", view.image, folder),
                 "size": [view.camera.width, view.camera.height],
                 "intrinsics": [view.camera.fx, view.camera.fy, view.camera.cx, view.camera.cy],
                 "distortion": list(view.camera.distortion),
@@ -221,7 +237,8 @@ def capture_from_json(content: Any, path: Path) -> Capture:
     try:
         views = tuple(_view_from_json(entry, f"{path}, view {n}", path) for n, entry in enumerate(content["views"]))
         source, known_format, remarks = Path(content["source"]), str(content["format"]), map(str, content["remarks"])
-        capture = Capture(source, known_format, views, tuple(remarks))
+        splats = _splats_from_json(content.get("splats"), path)
+        capture = Capture(source, known_format, views, tuple(remarks), splats=splats)
     except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
         raise DataError(f"{path} is not a canonical capture ({error!r:.200}).", "Import the capture again.") from error
     check_names([view.name for view in views], path, "a view")
@@ -241,21 +258,35 @@ def _view_from_json(entry: dict[str, Any], label: str, path: Path) -> View:
     check_camera(camera, label, "Import the capture again.")
     if not np.isfinite(camera.camera_to_world).all() or len(camera.distortion) > 8 or entry["split"] not in SPLITS:
         raise ValueError(f"{label}: its pose, lens or split")
-    image = _find_photo(path.parent, entry["image"], entry.get("image_from_here"))
+    image = _find_file(path.parent, entry["image"], entry.get("image_from_here"))
     stem = check_name(entry["stem"], path, "a photo")
     return View(entry["name"], stem, camera, image, entry["split"], _bounds_from_json(entry.get("depth_bounds")))
 
 
-def _from_folder(image: Path | None, folder: Path | None) -> dict[str, str]:
-    if image is None or folder is None:
+def _splats_to_json(splats: CapturedSplats | None, folder: Path | None) -> dict[str, Any]:
+    if splats is None:
+        return {}
+    entry = {"path": str(splats.path), **_from_folder("path", splats.path, folder)}
+    return {"splats": entry | {"is_antialiased": splats.is_antialiased}}
+
+
+def _splats_from_json(entry: Any, path: Path) -> CapturedSplats | None:
+    if entry is None:
+        return None
+    file = _find_file(path.parent, entry["path"], entry.get("path_from_here"))
+    return CapturedSplats(file, bool(entry["is_antialiased"]))
+
+
+def _from_folder(name: str, file: Path | None, folder: Path | None) -> dict[str, str]:
+    if file is None or folder is None:
         return {}
     try:
-        return {"image_from_here": Path(os.path.relpath(image, folder)).as_posix()}
+        return {f"{name}_from_here": Path(os.path.relpath(file, folder)).as_posix()}
     except ValueError:  # another drive
         return {}
 
 
-def _find_photo(folder: Path, *told: str | None) -> Path | None:
+def _find_file(folder: Path, *told: str | None) -> Path | None:
     """The first of the given paths at which there is a file, else the first; relative ones lead from the folder."""
     places = [Path(os.path.normpath(folder / text)) for text in told if text]
     for place in places:

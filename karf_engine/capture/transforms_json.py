@@ -4,12 +4,15 @@ Formats: the Blender script of NeRF (Mildenhall et al. 2020), instant-ngp's docs
 data conventions. All use OpenGL axes and pixel corners at integers, as `Camera` does; k1..k6 p1 p2 are OpenCV's, and of
 its fisheye model where `camera_model` or `is_fisheye` asks for it. nerfstudio's `applied_transform` has been applied to
 the poses and to the points of `ply_file_path` alike, so it changes nothing here; nor do fields that steer training.
+What is ours alone is `splat_file_path`: Gaussians that another program has learned of the scene, in the world of the
+poses; `splat_antialiased` says how they were learned.
 A `file_path` is relative to the JSON's folder; in the wild it also lacks its extension, is an absolute path of another
 machine, or leaves out the folder that the photos were moved to.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -17,7 +20,7 @@ from typing import Any
 from ..errors import DataError
 from ..io.files import write_json
 from .camera import Camera
-from .capture import SPLITS, Capture, SparsePoints, View
+from .capture import SPLITS, Capture, CapturedSplats, SparsePoints, View
 from .ply import read_points
 from .reading import FISHEYE_KEYS, LENS_KEYS, PHOTO_SUFFIXES, exists, make_views, merge_notes
 from .transforms_frames import Frame, camera_of, read_frames
@@ -72,6 +75,41 @@ def read_transforms(path: Path, photos: bool) -> Capture:
     return _read(path, "transforms", [(file, SYNTHETIC_FILES.get(file.name, ""))], photos)
 
 
+def write_capture(path: Path, capture: Capture, folder: Path) -> None:
+    """Write a capture's views, photos and splats as an instant-ngp style file, without its sparse points.
+
+    Args:
+        path: The file.
+        capture: With photos.
+        folder: Where the file will lie; what lies beside the file now will lie beside it there.
+    """
+
+    def from_there(file: Path) -> str:
+        if file.is_relative_to(path.parent):
+            return file.relative_to(path.parent).as_posix()
+        try:
+            return Path(os.path.relpath(file, folder)).as_posix()
+        except ValueError:  # another drive
+            return file.as_posix()
+
+    splats = {}
+    if capture.splats is not None:
+        splats = {
+            "splat_file_path": from_there(capture.splats.path),
+            "splat_antialiased": capture.splats.is_antialiased,
+        }
+    names = [from_there(view.image) for view in capture.views]
+    frames = [
+        {"file_path": name, **camera_to_json(view.camera)} for name, view in zip(names, capture.views, strict=True)
+    ]
+    splits = {
+        split: [name for name, view in zip(names, capture.views, strict=True) if view.split == split]
+        for split in SPLITS
+    }
+    declared = {f"{split}_filenames": those for split, those in splits.items()}
+    write_json(path, {"camera_model": "OPENCV", **splats, "frames": frames, **declared})
+
+
 def write_cameras(path: Path, views: Sequence[View]) -> None:
     """Write bare cameras as an instant-ngp style file; `open_capture(path, photos=False)` gives them back exactly."""
     content = {
@@ -104,6 +142,7 @@ def _read(source: Path, format_name: str, files: list[tuple[Path, str]], photos:
     if not photos:
         return Capture(source.absolute(), format_name, tuple(_views([(frame, None) for frame in frames])[0]))
     points, remarks_of_points = _points(frames[0])
+    splats = _splats(frames[0])
     images = [image for group in per_file for image in _find_photos(group)]
     found = [(frame, image) for frame, image in zip(frames, images, strict=True) if image]
     missing = [frame for frame, image in zip(frames, images, strict=True) if not image]
@@ -121,19 +160,37 @@ def _read(source: Path, format_name: str, files: list[tuple[Path, str]], photos:
     if missing:
         first = missing[0].fields["file_path"][:200]
         remarks.insert(0, f"{len(missing)} of {len(frames)} photos are missing and were skipped; the first is {first}.")
-    return Capture(source.absolute(), format_name, tuple(views), tuple(remarks + remarks_of_points), points)
+    remarks += remarks_of_points
+    return Capture(source.absolute(), format_name, tuple(views), tuple(remarks), points, splats=splats)
 
 
 def _points(frame: Frame) -> tuple[SparsePoints | None, list[str]]:
     """The points of nerfstudio's `ply_file_path`, and a remark where the file is missing."""
-    name = frame.fields.get("ply_file_path")
-    if not isinstance(name, str) or not name:
+    path = _file_beside(frame, "ply_file_path")
+    if path is None:
         return None, []
-    path = frame.file.parent.joinpath(*PurePosixPath(name.replace("\\", "/")).parts)
     if not exists(path):
+        name = frame.fields["ply_file_path"]
         return None, [f"Its sparse points {name} are missing; there are none without them."]
     points = read_points(path)
     return points if len(points) else None, []
+
+
+def _splats(frame: Frame) -> CapturedSplats | None:
+    path = _file_beside(frame, "splat_file_path")
+    if path is None:
+        return None
+    if not exists(path):
+        raise DataError(f"{frame.file} names the splats {path}, which are missing.", "Import the splats again.")
+    return CapturedSplats(path.absolute(), bool(frame.fields.get("splat_antialiased")))
+
+
+def _file_beside(frame: Frame, key: str) -> Path | None:
+    """The file that a global field names, from the JSON's folder; None where there is no such field."""
+    name = frame.fields.get(key)
+    if not isinstance(name, str) or not name:
+        return None
+    return frame.file.parent.joinpath(*PurePosixPath(name.replace("\\", "/")).parts)
 
 
 def _views(found: list[tuple[Frame, Path | None]]) -> tuple[list[View], list[str]]:

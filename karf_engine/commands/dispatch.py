@@ -26,7 +26,7 @@ def run_command(options: Options, emit: Emit, should_stop: Callable[[], bool], *
     """
     for stage in options.stages() if isinstance(options, LearnOptions) else (options,):
         try:
-            module = import_module(f".{stage.command}", __package__)
+            module = import_module(f".{stage.command.replace('-', '_')}", __package__)
         except ModuleNotFoundError as error:
             raise missing_package(error.name) from error
         module.run(stage, emit, should_stop, **in_memory)

@@ -19,6 +19,7 @@ from ..capture.capture import Capture, SparsePoints, capture_to_json, with_split
 from ..capture.poses.triangulation import triangulate
 from ..capture.training_images import TrainingImage
 from ..compute import cores
+from ..compute.kernels import has_kernels
 from ..compute.process_group import ProcessGroup, joined
 from ..compute.progress import Emit, Progress
 from ..compute.runtime import start_runtime
@@ -39,6 +40,7 @@ from ..project import Project
 from ..project import settings as settings_module
 from ..project.locking import opened
 from ..segmentation.coarse_masks import marked_views
+from ..splats.importing import captured_gaussians, points_seen
 from .job import Job, StageRun, make_job, run_stage
 from .options.learning import GeometryOptions
 
@@ -103,6 +105,8 @@ def _inputs(capture: Capture, nerf: Path | None) -> list:
     inputs = [capture_to_json(capture), [file_digest(view.image) for view in capture.views]]
     if capture.points is not None:
         inputs.append(hashlib.sha256(capture.points.positions.tobytes() + capture.points.point.tobytes()).hexdigest())
+    if capture.splats is not None:
+        inputs.append(file_digest(capture.splats.path))
     if nerf is not None:
         inputs.append(hashlib.sha256(nerf.read_bytes()).hexdigest())
     return inputs
@@ -238,6 +242,10 @@ def training_points(job: Job, capture: Capture, training_images: list[TrainingIm
     """
     if kind != "opaque" or job.settings.geometry.space == "box":
         return None
+    if capture.splats is not None and has_kernels():
+        cameras = [training_image.camera for training_image in training_images]
+        gaussians = captured_gaussians(capture.splats, cameras)
+        return points_seen(gaussians, cameras, job.progress("points", len(cameras)).step)
     if capture.points is not None and len(capture.points.view):
         return capture.points.seen_by([n for n, view in enumerate(capture.views) if view.split == "train"])
     if find_spec("pycolmap") is None:

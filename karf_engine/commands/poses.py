@@ -23,10 +23,11 @@ from ..capture.poses.video import write_sharpest_frames
 from ..capture.poses.work_folder import work_folder
 from ..capture.reading import photos_in
 from ..compute.progress import Emit, Progress
-from ..errors import BadRequest, DataError, missing_package
+from ..errors import DataError, missing_package
 from ..io.image_size import image_header
 from ..io.images import read_photo, write_png
 from .options.capturing import PosesOptions
+from .output_folder import new_folder
 
 MOST_EXHAUSTIVE = 250  # photos; all pairs of more take hours
 ENOUGH = 0.9  # share of registered photos below which a second, more sensitive try is made, and the user warned
@@ -37,11 +38,9 @@ MIN_AGREEMENT = 0.8
 
 def run(options: PosesOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Find the poses and write the capture. Raises DataError where too few photos can be placed."""
-    source, out = _checked(options)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with work_folder(out.parent, f".{out.name[:100]}-") as work:
-        capture = work / "capture"
-        (capture / "images").mkdir(parents=True)
+    source, out = _checked(options), options.out.absolute()
+    with new_folder(out) as capture, work_folder(out.parent, f".{out.name[:100]}-poses-") as work:
+        (capture / "images").mkdir()
         names = _gather(source, capture / "images", emit, should_stop)
         task = SfmTask(
             photos=capture / "images",
@@ -55,22 +54,17 @@ def run(options: PosesOptions, emit: Emit, should_stop: Callable[[], bool]) -> N
         )
         result = _reconstruct_twice(task, emit, should_stop)
         _judge(source, result, len(names), emit)
-        if out.exists():
-            out.rmdir()  # it is empty
-        capture.replace(out)
     emit("artifact", kind="capture", path=str(out))
 
 
-def _checked(options: PosesOptions) -> tuple[Path, Path]:
-    """Where the photos are and the capture goes, absolute."""
-    source, out = options.photos.absolute(), options.out.absolute()
+def _checked(options: PosesOptions) -> Path:
+    """Where the photos are, absolute."""
+    source = options.photos.absolute()
     if not source.exists():
         raise DataError("{path} does not exist.", "Give a folder of photos, or a video file.", path=source)
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise BadRequest(f"{out} already exists and is not empty.", "Give a new folder for the capture.")
     if find_spec("pycolmap") is None:
         raise missing_package("pycolmap")
-    return source, out
+    return source
 
 
 # --------------------------------------------------------------------------------------------------------------- photos

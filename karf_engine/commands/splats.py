@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..capture.capture import Capture
 from ..capture.training_images import load_views
 from ..compute.cores import take_from_torch
 from ..compute.kernels import has_kernels
@@ -15,9 +16,11 @@ from ..compute.progress import Emit
 from ..errors import BadRequest
 from ..fields.files import load_scene
 from ..fields.scene_surface import NothingSolid
+from ..io.fingerprints import file_digest
 from ..project.settings import to_dict, with_overrides
 from ..splats.files import save_gaussians
 from ..splats.gaussians import Gaussians
+from ..splats.importing import captured_gaussians
 from ..splats.start import gaussians_of, surface_views
 from .job import Job, open_job, run_stage
 from .options.learning import SplatsOptions
@@ -34,6 +37,9 @@ def run(options: SplatsOptions, emit: Emit, should_stop: Callable[[], bool]) -> 
     numba is missing or the scene has no surface."""
     job = _with_overrides(open_job(options, emit, should_stop), options.overrides)
     job.project.require("geometry")
+    if job.capture().splats is not None:
+        _take(job, job.capture())
+        return
     if job.settings.splats.iterations == 0:
         emit("stage", name="splats", text="none are asked for")
         return
@@ -48,6 +54,17 @@ def run(options: SplatsOptions, emit: Emit, should_stop: Callable[[], bool]) -> 
         _learn(job)
     except NothingSolid as error:  # photos are recolored all the same
         emit("warning", code="splats", sentence=f"{error.sentence} There are no splats of it.")
+
+
+def _take(job: Job, capture: Capture) -> None:
+    """Show the scene by what another program has learned of it."""
+    with run_stage(job, "splats", VERSION, file_digest(capture.splats.path)) as run:
+        if run is None:
+            return
+        gaussians = captured_gaussians(capture.splats, [view.camera for view in capture.views])
+        run.summary["gaussians"] = len(gaussians)
+        save_gaussians(gaussians, run.output(job.project.splats_file))
+    job.artifact("splats", job.project.splats_file)
 
 
 def _learn(job: Job) -> None:

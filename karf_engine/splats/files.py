@@ -9,14 +9,19 @@ import torch
 
 from ..io.checkpoints import load_tensors, restoring, save_tensors
 from .gaussians import DEGREES, Gaussians
-from .kernels.arrays import COLOR
+from .kernels.arrays import COLOR, PIXEL_FILTER, ScreenFilter
 
 SCHEMA = "karf-splats/1"
 
 
 def save_gaussians(gaussians: Gaussians, path: Path) -> None:
     """Write Gaussians as data: the table, and JSON values in the header."""
-    facts = {"n_behind": gaussians.n_behind, "background": list(gaussians.background), "near": gaussians.near}
+    facts = {
+        "n_behind": gaussians.n_behind,
+        "background": list(gaussians.background),
+        "near": gaussians.near,
+        "screen_filter": list(map(float, gaussians.screen_filter)),
+    }
     save_tensors(path, {"table": torch.from_numpy(gaussians.table)}, SCHEMA, facts)
 
 
@@ -40,4 +45,7 @@ def load_gaussians(path: Path) -> Gaussians:
         red, green, blue = map(float, facts["background"])
         if not np.isfinite((red, green, blue)).all():
             raise ValueError(f"a background {red} {green} {blue}")
-    return Gaussians(np.ascontiguousarray(table), n_behind, (red, green, blue), near)
+        blur, least_share = map(np.float32, facts.get("screen_filter", PIXEL_FILTER))
+        if not (0 < blur < np.inf and 0 < least_share <= 1):
+            raise ValueError(f"a screen filter {blur} {least_share}")
+    return Gaussians(np.ascontiguousarray(table), n_behind, (red, green, blue), near, ScreenFilter(blur, least_share))

@@ -157,7 +157,8 @@ class SplatFit:
         photo = self._photo(random)
         # what is behind a matte changes each time: only what is solid can hide it
         background = self._start.background if photo.alpha is None else tuple(random.random(3))
-        view = SplattedView(self._table, pinhole(photo.camera, self._start.near), background)
+        camera = pinhole(photo.camera, self._start.near, self._start.screen_filter)
+        view = SplattedView(self._table, camera, background)
         difference = view.image[..., :3] - photo.over(background)
         if photo.valid is not None:
             difference *= photo.valid[..., None]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .kernels.arrays import COLOR
+from .kernels.arrays import COLOR, PIXEL_FILTER, ScreenFilter
 
 DEGREES = {1: 0, 4: 1, 9: 2, 16: 3}  # by the number of harmonics
 
@@ -23,12 +23,14 @@ class Gaussians:
         n_behind: How many rows, at the table's end, show what is behind all that is solid.
         background: sRGB of what is behind them all.
         near: What is nearer to a camera, along its axis, is not seen; world units.
+        screen_filter: With which they were learned, and are shown.
     """
 
     table: np.ndarray
     n_behind: int
     background: tuple[float, float, float]
     near: float
+    screen_filter: ScreenFilter = PIXEL_FILTER
 
     def __len__(self) -> int:
         return len(self.table)

@@ -12,7 +12,7 @@ import numpy as np
 from ..capture.camera import Camera
 from ..compute.cores import share
 from .gaussians import Gaussians
-from .kernels.arrays import ENTRY, SLOPES, SPLAT, TILE, TILES, Pinhole
+from .kernels.arrays import ENTRY, PIXEL_FILTER, SLOPES, SPLAT, TILE, TILES, Pinhole, ScreenFilter
 from .kernels.blending import blend, blend_back, blend_values
 from .kernels.projection import project, project_back
 from .kernels.tiles import count_entries, fill_entries
@@ -82,16 +82,17 @@ def _near_to_far(depths: np.ndarray, seen: np.ndarray) -> np.ndarray:
     return seen[np.argsort(depths[seen].view(np.int32), kind="stable")].astype(np.int32)
 
 
-def pinhole(camera: Camera, near: float) -> Pinhole:
-    """A camera as kernels read it; its lens distortion is left out. near: see `Gaussians`."""
+def pinhole(camera: Camera, near: float, screen_filter: ScreenFilter = PIXEL_FILTER) -> Pinhole:
+    """A camera as kernels read it; its lens distortion is left out. near, screen_filter: see `Gaussians`."""
     world_to_camera = np.diag([1.0, -1, -1, 1]) @ np.linalg.inv(camera.camera_to_world)
     turn, shift = world_to_camera[:3, :3].ravel(), world_to_camera[:3, 3]
     numbers = map(np.float32, (camera.fx, camera.fy, camera.cx, camera.cy))
     eye = camera.camera_to_world[:3, 3]
     arrays = (np.ascontiguousarray(each, np.float32) for each in (turn, shift, eye))
-    return Pinhole(*arrays, *numbers, camera.width, camera.height, np.float32(near))
+    return Pinhole(*arrays, *numbers, camera.width, camera.height, np.float32(near), *screen_filter)
 
 
 def splatted(gaussians: Gaussians, camera: Camera) -> SplattedView:
     """Gaussians as a camera's pinhole sees them."""
-    return SplattedView(gaussians.table, pinhole(camera, gaussians.near), gaussians.background)
+    seen_by = pinhole(camera, gaussians.near, gaussians.screen_filter)
+    return SplattedView(gaussians.table, seen_by, gaussians.background)

@@ -41,13 +41,18 @@ def gaussians_of(
     """
     points = surface_points(scene, surface_views(views), count, step)
     eyes = np.stack([view.camera.position for view in views])
-    near = NEAREST * np.median(np.linalg.norm(np.median(points.world, 0) - eyes, axis=1))
+    near = nearest_shown(points.world, eyes)
     table, n_behind = _disks(points, (degree + 1) ** 2), 0
     if scene.background is not None:
         shell = _shell(scene, points.world, eyes, (degree + 1) ** 2)
         table, n_behind = np.concatenate([table, shell]), len(shell)
     behind = scene.behind(torch.tensor([[0.0, 0.0, 1.0]])) if n_behind == 0 else torch.zeros(1, 3)
-    return Gaussians(table, n_behind, tuple(behind[0].tolist()), float(near))
+    return Gaussians(table, n_behind, tuple(behind[0].tolist()), near)
+
+
+def nearest_shown(centers: np.ndarray, eyes: np.ndarray) -> float:
+    """The depth up to which nothing is shown, of a scene with these centers [n, 3] that is looked at from [m, 3]."""
+    return float(NEAREST * np.median(np.linalg.norm(np.median(centers, 0) - eyes, axis=1)))
 
 
 def surface_views(views: Sequence[View]) -> list[View]:

@@ -18,6 +18,7 @@ from karf_engine.errors import DataError
 from karf_engine.io.checkpoints import save_tensors
 from karf_engine.splats.files import SCHEMA, load_gaussians, save_gaussians
 from karf_engine.splats.gaussians import Gaussians
+from karf_engine.splats.kernels.arrays import ANTIALIASED_FILTER, PLAIN_FILTER
 
 FACTS = {"n_behind": 7, "background": list(BACKGROUND), "near": NEAR}
 
@@ -44,6 +45,12 @@ def test_what_is_written_is_read_again_bit_by_bit(path, degree):
     assert_array_equal(found.table, gaussians(degree).table)
     assert found == replace(gaussians(degree), table=found.table)
     assert (found.degree, found.n_solid, len(found)) == (degree, 23, 30)
+
+
+@pytest.mark.parametrize("screen_filter", [PLAIN_FILTER, ANTIALIASED_FILTER])
+def test_the_screen_filter_of_another_program_is_kept(path, screen_filter):
+    save_gaussians(replace(gaussians(), screen_filter=screen_filter), path)
+    assert load_gaussians(path).screen_filter == screen_filter
 
 
 def test_equal_gaussians_become_equal_bytes(path, tmp_path):
@@ -98,6 +105,9 @@ def test_tables_that_hold_no_gaussians_are_refused(path, table):
         {"near": 1e999},
         {"background": [0, 0]},
         {"background": 5},
+        {"screen_filter": [0, 1]},
+        {"screen_filter": [0.3, 2]},
+        {"screen_filter": [0.3]},
         {"background": ["nan", 0, 0]},
         {"background": [1e999, 0, 0]},
     ],

@@ -12,7 +12,14 @@ pytest.importorskip("numba")
 from blender_tests.engine.splats.clouds import BACKGROUND, GROUPS, NEAR, ball, camera_ahead, cloud
 from blender_tests.engine.splats.torch_splats import splat
 from karf_engine.compute import cores
-from karf_engine.splats.kernels.arrays import BORDER, LOGIT, ROTATION
+from karf_engine.splats.kernels.arrays import (
+    ANTIALIASED_FILTER,
+    BORDER,
+    LOGIT,
+    PIXEL_FILTER,
+    PLAIN_FILTER,
+    ROTATION,
+)
 from karf_engine.splats.rasterizer import SplattedView, pinhole
 
 CAMERA = pinhole(camera_ahead(), NEAR)
@@ -41,12 +48,15 @@ def two_cores():
 
 # ------------------------------------------------------------------------------------------------------- the formulas
 @pytest.mark.parametrize("degree", range(4))
-def test_a_picture_and_its_gradients_are_those_of_the_formulas(degree):
-    table = cloud(degree=degree)
-    truth = splat(torch.from_numpy(table).double(), CAMERA, BACKGROUND).numpy()
-    assert_allclose(shown(*table).image, truth, atol=1e-5)
+@pytest.mark.parametrize(
+    "screen_filter", [PIXEL_FILTER, PLAIN_FILTER, ANTIALIASED_FILTER], ids=["own", "plain", "anti"]
+)
+def test_a_picture_and_its_gradients_are_those_of_the_formulas(degree, screen_filter):
+    table, camera = cloud(degree=degree), pinhole(camera_ahead(), NEAR, screen_filter)
+    truth = splat(torch.from_numpy(table).double(), camera, BACKGROUND).numpy()
+    assert_allclose(shown(*table, camera=camera).image, truth, atol=1e-5)
     weights = np.random.default_rng(1).normal(size=(*truth.shape[:2], 3)).astype(np.float32)
-    by_kernels, by_torch = both_gradients(table, weights)
+    by_kernels, by_torch = both_gradients(table, weights, camera)
     for name, columns in GROUPS.items():
         own = by_torch[:, columns]
         assert own.size == 0 or abs(own).max() > 0.1, f"nothing depends on the {name}"

@@ -2,7 +2,7 @@
 
 import torch
 
-from karf_engine.splats.kernels.arrays import DARK, LEAST_ALPHA, LEAST_SHARE, MOST_ALPHA, SCREEN_BLUR
+from karf_engine.splats.kernels.arrays import DARK, LEAST_ALPHA, MOST_ALPHA
 
 C0, C1 = 0.28209479177387814, 0.4886025119029199
 C2 = (1.0925484305920792, -1.0925484305920792, 0.31539156525252005, -1.0925484305920792, 0.5462742152960396)
@@ -46,8 +46,8 @@ def splat(table, camera, background):
     )
     axes = jacobian @ turn @ rotations(table[:, 6:10]) * table[:, None, 3:6].exp()
     sharp = axes @ axes.transpose(1, 2)
-    covariance = sharp + float(SCREEN_BLUR) * torch.eye(2, dtype=torch.float64)
-    share = (torch.linalg.det(sharp) / torch.linalg.det(covariance)).clamp_min(float(LEAST_SHARE)).sqrt()
+    covariance = sharp + float(camera.blur) * torch.eye(2, dtype=torch.float64)
+    share = (torch.linalg.det(sharp) / torch.linalg.det(covariance)).clamp_min(float(camera.least_share)).sqrt()
     opacity = torch.sigmoid(table[:, 10]) * share
     ways = table[:, :3] - torch.from_numpy(camera.eye).double()
     ways = ways / torch.linalg.norm(ways, dim=1, keepdim=True)

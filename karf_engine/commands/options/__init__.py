@@ -12,7 +12,7 @@ from typing import Any
 from ...errors import BadRequest
 from ...export.frame_options import RenderOptions
 from ...io.options import Options
-from .capturing import MarkOptions, PosesOptions
+from .capturing import ImportSplatOptions, MarkOptions, PosesOptions
 from .editing import ColorwaysOptions, FarmOptions, MatchOptions, PointsOptions
 from .learning import (
     GeometryOptions,
@@ -28,6 +28,7 @@ COMMANDS: dict[str, type[Options]] = {
     kind.command: kind
     for kind in (
         PosesOptions,
+        ImportSplatOptions,
         MarkOptions,
         LearnOptions,
         GeometryOptions,
@@ -67,6 +68,7 @@ __all__ = [
     "ColorwaysOptions",
     "FarmOptions",
     "GeometryOptions",
+    "ImportSplatOptions",
     "LearnOptions",
     "MarkOptions",
     "MatchOptions",

@@ -9,6 +9,7 @@ from typing import ClassVar
 from ...io.options import Options, option
 
 MATCHING = ("auto", "exhaustive", "sequential")
+UP = ("auto", "x", "y", "z", "-x", "-y", "-z")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,6 +24,38 @@ class PosesOptions(Options):
         "which pairs of photos are compared: all, or neighbors by name (default: all of up to 250)",
         "auto",
         choices=MATCHING,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImportSplatOptions(Options):
+    """Make a capture of Gaussian splats that another program has learned, with its photos or without."""
+
+    command: ClassVar[str] = "import-splat"
+
+    splat: Path = option(
+        "file of Gaussians: .ply, .compressed.ply, .spz, .splat, .sog, .glb, .gltf, .usd",
+        positional=True,
+        metavar="SPLAT",
+    )
+    out: Path = option("the new capture's folder", metavar="DIR")
+    photos: Path | None = option(
+        "capture that it was learned from, with the same poses (default: the Gaussians are rendered from cameras around "
+        "them, or those of a cameras.json beside them)",
+        None,
+        metavar="CAPTURE",
+    )
+    cameras: Path | None = option("without photos: views of your own, as for render --cameras", None, metavar="FILE")
+    views: int = option("without photos: how many cameras are chosen", 48, metavar="N", minimum=0, maximum=1000)
+    size: int = option(
+        "without photos: longest side of their pictures, pixels", 800, metavar="N", minimum=64, maximum=4096
+    )
+    up: str = option(
+        "without photos: which axis points up (default: found by the largest flat parts)", "auto", choices=UP
+    )
+    antialiased: bool = option(
+        "they were learned with antialiasing (Mip-Splatting) and the file does not say so; photos tell by themselves",
+        False,
     )
 
 

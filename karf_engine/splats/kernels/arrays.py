@@ -16,12 +16,29 @@ ZERO, HALF, ONE = np.float32(0), np.float32(0.5), np.float32(1)
 LEAST_ALPHA, MOST_ALPHA = np.float32(1 / 255), np.float32(0.99)  # Kerbl et al.: less is left out, more cut off
 DARK = np.float32(1e-4)  # transmittance behind which nothing is seen
 LOOK_EVERY = 32  # Gaussians of a tile between two looks at whether it has become dark
-# pixels squared, added to a Gaussian on the screen: the variance of a pixel's own square. Its opacity falls by as much as
-# its area grows (Yu et al. 2024, "Mip-Splatting", Eq. 12), the least share keeping its slope finite
-SCREEN_BLUR, LEAST_SHARE = np.float32(1 / 12), np.float32(0.005)
 # of the picture's larger side, beyond which a center's Gaussian is left out: its shape on the screen is a linear
 # guess. Bands and windows of a picture show what it shows, so nothing else depends on where the axis is
 BORDER = 0.3
+
+
+class ScreenFilter(NamedTuple):
+    """What is done to Gaussians on the screen so that none is finer than a pixel.
+
+    Attributes:
+        blur: Added to their covariances, pixels squared.
+        least_share: Their opacities fall by as much as their areas grow (Yu et al. 2024, "Mip-Splatting", Eq. 12), to no
+            less than this share's square root. 1: they stay.
+    """
+
+    blur: np.float32
+    least_share: np.float32
+
+
+# our own: the variance of a pixel's square; the least share keeps the opacity's slope finite
+PIXEL_FILTER = ScreenFilter(np.float32(1 / 12), np.float32(0.005))
+# of Kerbl et al. 2023, and of what their program and gsplat learn where they are asked for antialiasing
+PLAIN_FILTER = ScreenFilter(np.float32(0.3), ONE)
+ANTIALIASED_FILTER = ScreenFilter(np.float32(0.3), np.float32(0.000025))
 
 
 class Pinhole(NamedTuple):
@@ -34,6 +51,7 @@ class Pinhole(NamedTuple):
         fx, fy, cx, cy: Pixels.
         width, height: Pixels.
         near: What is nearer, along the axis, is not seen; world units.
+        blur, least_share: Of the screen filter.
     """
 
     turn: np.ndarray
@@ -46,6 +64,8 @@ class Pinhole(NamedTuple):
     width: int
     height: int
     near: np.float32
+    blur: np.float32
+    least_share: np.float32
 
 
 def _record(*names: str) -> np.dtype:

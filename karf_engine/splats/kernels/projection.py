@@ -12,12 +12,10 @@ from .arrays import (
     COLOR,
     HALF,
     LEAST_ALPHA,
-    LEAST_SHARE,
     LOG_SCALE,
     LOGIT,
     ONE,
     ROTATION,
-    SCREEN_BLUR,
     TILE,
     ZERO,
 )
@@ -118,11 +116,11 @@ def project(first, last, table, camera, splats, tiles):
         xy = axes[0, 0] * axes[1, 0] + axes[0, 1] * axes[1, 1] + axes[0, 2] * axes[1, 2]
         yy = axes[1, 0] * axes[1, 0] + axes[1, 1] * axes[1, 1] + axes[1, 2] * axes[1, 2]
         sharp = xx * yy - xy * xy
-        xx, yy = xx + SCREEN_BLUR, yy + SCREEN_BLUR
+        xx, yy = xx + camera.blur, yy + camera.blur
         area = xx * yy - xy * xy
         if not ZERO < area < LARGEST:
             continue
-        opacity = math.sqrt(max(sharp / area, LEAST_SHARE)) / (ONE + math.exp(-row[LOGIT]))
+        opacity = math.sqrt(max(sharp / area, camera.least_share)) / (ONE + math.exp(-row[LOGIT]))
         if not opacity >= LEAST_ALPHA:
             continue
         reach = TWO * math.log(opacity / LEAST_ALPHA)
@@ -202,12 +200,12 @@ def project_back(first, last, table, camera, splats, slots, slopes, gradients):
         xy = axes[0, 0] * axes[1, 0] + axes[0, 1] * axes[1, 1] + axes[0, 2] * axes[1, 2]
         yy = axes[1, 0] * axes[1, 0] + axes[1, 1] * axes[1, 1] + axes[1, 2] * axes[1, 2]
         sharp = xx * yy - xy * xy
-        area = (xx + SCREEN_BLUR) * (yy + SCREEN_BLUR) - xy * xy
+        area = (xx + camera.blur) * (yy + camera.blur) - xy * xy
         by_xx, by_xy, by_yy = ZERO, ZERO, ZERO  # of the covariance [[xx, xy], [xy, yy]], xy taken once
-        if sharp / area > LEAST_SHARE:
+        if sharp / area > camera.least_share:
             by_ratio = HALF * by_opacity * splat.opacity  # times the logarithm's slope
-            by_xx = by_ratio * (yy / sharp - (yy + SCREEN_BLUR) / area)
-            by_yy = by_ratio * (xx / sharp - (xx + SCREEN_BLUR) / area)
+            by_xx = by_ratio * (yy / sharp - (yy + camera.blur) / area)
+            by_yy = by_ratio * (xx / sharp - (xx + camera.blur) / area)
             by_xy = -by_ratio * TWO * xy * (ONE / sharp - ONE / area)
         solid = ONE / (ONE + math.exp(-row[LOGIT]))
         out[LOGIT] = by_opacity * splat.opacity * (ONE - solid)

@@ -1,0 +1,188 @@
+"""A capture from Gaussians that another program has learned, with the photos that they were learned from or without.
+
+OUT/transforms.json holds the views and names OUT/splat.*, a hard link to the file or a copy. Without photos OUT/images/
+shows the Gaussians from cameras that are chosen around them. OUT appears only when it is complete.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..capture import open_capture
+from ..capture.camera import Camera
+from ..capture.capture import Capture, CapturedSplats, View
+from ..capture.splat_cameras import cameras_beside, read_splat_cameras
+from ..capture.training_images import load_views
+from ..capture.transforms_json import write_capture
+from ..compute.cores import take_from_torch
+from ..compute.kernels import has_kernels
+from ..compute.progress import Emit, Progress
+from ..compute.runtime import start_runtime
+from ..errors import BadRequest, DataError, missing_package
+from ..io.color import to_bytes
+from ..io.files import read_json
+from ..io.images import over, straight, write_png
+from ..splats.formats.registry import read_splats
+from ..splats.importing import gaussians_before
+from .options.capturing import ImportSplatOptions
+from .output_folder import new_folder
+
+if TYPE_CHECKING:
+    from ..splats.gaussians import Gaussians
+
+COMPARED_VIEWS, COMPARED_LONG_SIDE = 6, 400  # photos that the Gaussians must show
+ALIKE = 15.0  # dB at which they do
+THUMBNAIL = 100  # pixels of the pictures in which is looked whether anything stands behind the scene
+FEWEST_VIEWS = 3
+BARE = 0.1  # share of the pixels that show nothing, above which the views get an alpha channel
+AXES = {
+    **dict(zip(("x", "y", "z"), np.eye(3), strict=True)),
+    **dict(zip(("-x", "-y", "-z"), -np.eye(3), strict=True)),
+}
+
+
+def run(options: ImportSplatOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
+    """Write the capture. Raises DataError where the file is damaged or does not show the photos."""
+    if not has_kernels():
+        raise missing_package("numba")
+    start_runtime(0, options.threads, options.device)
+    take_from_torch()
+    out = options.out.absolute()
+    with new_folder(out) as folder:
+        emit("stage", name="import_splat", text=f"reading {options.splat.name}")
+        taken = _taken(options.splat, folder)
+        found = read_splats(taken)
+        emit("stage", name="import_splat", text=f"{len(found)} Gaussians")
+        if options.photos is not None:
+            capture = _with_photos(options.photos, taken, found.table, emit)
+        else:
+            splats = CapturedSplats(taken, options.antialiased or bool(found.is_antialiased))
+            views = _views(options, found.table, splats.is_antialiased, folder / "images", emit, should_stop)
+            capture = Capture(folder, "transforms", tuple(views), splats=splats)
+        for remark in capture.remarks:
+            emit("warning", code="capture", sentence=remark)
+        write_capture(folder / "transforms.json", capture, out)
+    emit("artifact", kind="capture", path=str(out))
+
+
+def _taken(splat: Path, folder: Path) -> Path:
+    """Link or copy the file into the folder, as splat and all its ends; returns it there."""
+    ends = "".join(splat.suffixes[-2:]) if splat.name.lower().endswith(".compressed.ply") else splat.suffix
+    taken = folder / f"splat{ends.lower()}"
+    try:
+        os.link(splat.resolve(), taken)
+    except OSError:  # missing, another disk, or a file system without links
+        shutil.copyfile(splat, taken)
+    return taken
+
+
+# ------------------------------------------------------------------------------------------------------ without photos
+def _views(
+    options: ImportSplatOptions,
+    table: np.ndarray,
+    is_antialiased: bool,
+    folder: Path,
+    emit: Emit,
+    should_stop: Callable[[], bool],
+) -> list[View]:
+    """Views of the table, whose pictures are written into the folder."""
+    anywhere = gaussians_before(table, is_antialiased, ())
+    cameras = _cameras(options, anywhere, emit, Progress(emit, should_stop, "import_splat", 1))
+    gaussians = gaussians_before(table, is_antialiased, cameras)
+    has_alpha = _is_bare(gaussians, cameras)
+    progress = Progress(emit, should_stop, "import_splat", len(cameras))
+    folder.mkdir()
+    views = []
+    for number, camera in enumerate(cameras):
+        view = View(f"view_{number:03d}", f"view_{number:03d}", camera, folder / f"view_{number:03d}.png", "train")
+        write_png(view.image, to_bytes(_picture(gaussians, camera, has_alpha)))
+        views.append(view)
+        progress.step()
+    return views
+
+
+def _cameras(options: ImportSplatOptions, gaussians: Gaussians, emit: Emit, progress: Progress) -> list[Camera]:
+    """The cameras of the user, and those that the splat was learned from or that are chosen around it."""
+    from ..splats.viewpoints import cameras_around, target_of
+
+    own = _cameras_of(options.cameras) if options.cameras else []
+    known = cameras_beside(options.splat) if options.views else None
+    if known is not None:
+        emit("stage", name="import_splat", text=f"cameras of {known}")
+        found = read_splat_cameras(known)
+        numbers = np.linspace(0, len(found) - 1, min(len(found), options.views)).round().astype(int)
+        return own + [found[number].reduced(options.size) for number in numbers]
+    if options.views == 0:
+        if len(own) < FEWEST_VIEWS:
+            raise BadRequest(f"{len(own)} views are too few to learn from.", "Give --views, or more --cameras.")
+        return own
+    emit("stage", name="import_splat", text="choosing cameras")
+    up = None if options.up == "auto" else AXES[options.up]
+    return own + cameras_around(
+        gaussians, target_of(gaussians, up), options.views, options.size, lambda: progress.step(0)
+    )
+
+
+def _cameras_of(path: Path) -> list[Camera]:
+    """Bare cameras of a file of ours, or of a cameras.json."""
+    if isinstance(read_json(path, "cameras"), list):
+        return read_splat_cameras(path)
+    return [view.camera.without_distortion() for view in open_capture(path, photos=False).views]
+
+
+def _is_bare(gaussians: Gaussians, cameras: Sequence[Camera]) -> bool:
+    """Whether much of the pictures shows nothing."""
+    from ..splats.rasterizer import splatted
+
+    small = [splatted(gaussians, camera.reduced(THUMBNAIL)) for camera in cameras]
+    return float(np.mean([(view.image[..., 3] > 0.5).mean() for view in small])) > BARE
+
+
+def _picture(gaussians: Gaussians, camera: Camera, has_alpha: bool) -> np.ndarray:
+    """What a camera sees, sRGB [H, W, 3], or [H, W, 4] with straight alpha."""
+    from ..splats.rasterizer import splatted
+
+    image = splatted(gaussians, camera).image
+    image[..., 3] = 1 - image[..., 3]
+    image = image.clip(0, 1)
+    return np.dstack([straight(image), image[..., 3]]) if has_alpha else image[..., :3]
+
+
+# --------------------------------------------------------------------------------------------------------- with photos
+def _with_photos(photos: Path, taken: Path, table: np.ndarray, emit: Emit) -> Capture:
+    """The photos' capture with the Gaussians, shown by the screen filter with which they show the photos best."""
+    capture = open_capture(photos)
+    views = capture.views[:: max(1, len(capture.views) // COMPARED_VIEWS)][:COMPARED_VIEWS]
+    cameras = [view.camera for view in capture.views]
+    shown = [_psnr(gaussians_before(table, is_antialiased, cameras), views) for is_antialiased in (False, True)]
+    best = int(np.argmax(shown))
+    if shown[best] < ALIKE:
+        raise DataError(
+            "{splat} shows the photos of {capture} at {psnr:.1f} dB only.",
+            "Give the photos that it was learned from, with the poses that it was learned with.",
+            splat=taken,
+            capture=photos,
+            psnr=shown[best],
+        )
+    text = f"shows the photos at {shown[best]:.1f} dB" + (", antialiased" if best else "")
+    emit("stage", name="import_splat", text=text)
+    return replace(capture, splats=CapturedSplats(taken, bool(best)))
+
+
+def _psnr(gaussians: Gaussians, views: Sequence[View]) -> float:
+    """How well these photos are shown, dB."""
+    from ..splats.rasterizer import splatted
+
+    errors = []
+    for image in load_views(views, COMPARED_LONG_SIDE):
+        shown = splatted(gaussians, image.camera).picture()
+        squares = np.square(shown - over(image.color, image.alpha, 0.0))
+        errors.append((squares if image.valid is None else squares[image.valid]).mean())
+    return -10 * float(np.log10(np.mean(errors) + 1e-10))

@@ -1,0 +1,29 @@
+"""Folders that commands make whole or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from ..capture.poses.work_folder import work_folder
+from ..errors import BadRequest
+
+
+@contextmanager
+def new_folder(out: Path) -> Iterator[Path]:
+    """A folder to fill beside `out`, which takes its name at the end of the block; removed where that fails.
+
+    Raises:
+        BadRequest: `out` is there already and is not empty.
+    """
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise BadRequest(f"{out} already exists and is not empty.", "Give a new folder for the capture.")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with work_folder(out.parent, f".{out.name[:100]}-") as work:
+        folder = work / "capture"
+        folder.mkdir()
+        yield folder
+        if out.exists():
+            out.rmdir()  # it is empty
+        folder.replace(out)
