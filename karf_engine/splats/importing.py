@@ -18,6 +18,7 @@ ANY_DEPTH = 1e-6
 LONG_SIDE = 400  # pixels of the pictures in which depths are looked at
 POINTS = 20_000
 OPAQUE = 0.95  # opacity of a pixel whose depth is believed
+NEAR_SHARE, AT_INFINITY = 0.1, 12.0  # this share of a view is near; so many times as far nothing moves between views
 SHARP = 0.02  # deviation of the depths that a pixel blends, by their mean
 AGREEING = 0.01  # difference of a point's depth and a view's, by the latter
 
@@ -81,7 +82,7 @@ def points_seen(
     return SparsePoints(
         positions=world,
         colors=np.round(255 * np.concatenate(colors)).astype(np.uint8),
-        errors=np.full(len(world), np.nan, np.float32),
+        errors=np.zeros(len(world), np.float32),
         view=view_numbers,
         point=points,
         pixels=pixels,
@@ -95,8 +96,12 @@ def _sure_depths(view) -> np.ndarray:
     mean, square = view.blended(np.concatenate([depths, depths**2], 1))
     opacity = 1 - view.image[..., 3]
     is_opaque = opacity > OPAQUE
+    if not is_opaque.any():
+        return np.zeros_like(mean)
     mean, square = (np.divide(each, opacity, out=np.zeros_like(each), where=is_opaque) for each in (mean, square))
-    return np.where(square - mean**2 <= (SHARP * mean) ** 2, mean, 0)
+    farthest = AT_INFINITY * np.quantile(mean[is_opaque], NEAR_SHARE)
+    is_sure = (square - mean**2 <= (SHARP * mean) ** 2) & (mean < farthest)
+    return np.where(is_sure, mean, 0)
 
 
 def _observations(

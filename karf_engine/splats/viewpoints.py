@@ -1,7 +1,8 @@
-"""Cameras for Gaussians without photos: around what is solid, or, where that surrounds them, from its middle.
+"""Cameras for Gaussians without photos: on a dome round what photos have looked at, or, where that is full, amid it.
 
-Where Gaussians lie densest photos have looked closest. Candidates on a dome round that place are looked through in small
-pictures: one that stands amid something or sees little is left out, and where most are, the dome shrinks.
+What was photographed from near has finer Gaussians than what was far away. Where sizes tell so of distances, they tell
+where the photographers stood; of a scene that lies together, cameras frame the whole. Candidates are looked through in
+small pictures: one that stands amid something or sees little is left out, and where most are, the dome shrinks.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import least_squares
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -20,10 +22,13 @@ from .kernels.arrays import LOG_SCALE, LOGIT, ROTATION
 from .rasterizer import splatted
 
 SOLID = 0.3  # opacity
-SAMPLE = 20_000  # Gaussians that say where they lie densest
+SAMPLE = 20_000  # Gaussians that say where the scene lies
 NEIGHBOR = 8  # to whose distance a Gaussian's surroundings are measured
 NEAR_MIDDLE = 4.0  # median distances from the middle; what is farther is background
+TELLING = 0.55  # of the variance of sizes that distances leave unexplained, up to which they are believed
+USUAL_ERROR = 0.3  # of a size's logarithm; larger ones count less
 ANGLE = np.radians(45)  # field of view
+STEP_BACK = 1.3  # of the distance that sizes tell: more is seen of what stands around
 FRAMING = 1.15  # picture's half width by that of what is looked at
 ELEVATIONS = np.radians((10, 60))
 SHRINKS = 0.8 ** np.arange(6)  # of the dome, where candidates stand amid something
@@ -32,24 +37,27 @@ THUMBNAIL = 48  # pixels
 BLOCKED, NEAR_SHARE = 0.05, 0.3  # share of a picture nearer than this share of the distance to the middle
 COVERED = 0.2  # share of a picture that must show something
 FREE = 0.5  # share of the candidates with which a dome is taken
-FLATTENED = 0.5  # of directions' second moments that the strongest has where a floor tells what is up
+FLATTENED = 0.55  # of directions' second moments that the strongest has where a floor tells what is up
+
+
+COLMAP_UP, BLENDER_UP = np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])  # COLMAP's: as the first photo was held
 
 
 @dataclass(frozen=True)
 class Target:
-    """What cameras look at. middle, up: [3]; up of unit length. radius: half of its width, world units."""
+    """What cameras look at. middle, up: [3]; up of unit length. distance: of the cameras from the middle, world units."""
 
     middle: np.ndarray
     up: np.ndarray
-    radius: float
+    distance: float
 
 
 def target_of(gaussians: Gaussians, up: np.ndarray | None = None) -> Target:
-    """The place where Gaussians lie densest.
+    """What the photos of Gaussians have looked at.
 
     Args:
         gaussians: As read.
-        up: [3], or None: across the largest flat parts, and there to the side where COLMAP's y or Blender's z says so.
+        up: [3], or None: across the largest flat parts, to the side of COLMAP's -y or Blender's z.
 
     Raises:
         DataError: Nothing is solid.
@@ -57,30 +65,66 @@ def target_of(gaussians: Gaussians, up: np.ndarray | None = None) -> Target:
     table = gaussians.table[gaussians.table[:, LOGIT] > np.log(SOLID / (1 - SOLID))]
     if len(table) <= NEIGHBOR:
         raise DataError("Of {count} Gaussians hardly one is solid.", "Give another file.", count=len(gaussians))
-    table = table[np.random.default_rng(0).permutation(len(table))[:SAMPLE]]
-    centers = table[:, :3].astype(np.float64)
+    table = table[np.random.default_rng(0).permutation(len(table))[:SAMPLE]].astype(np.float64)
+    table = table[_is_near(table[:, :3])]
+    middle, distance = _by_sizes(table) or _by_extent(table[:, :3])
+    return Target(middle, _up(table) if up is None else up / np.linalg.norm(up), distance)
+
+
+def _is_near(centers: np.ndarray) -> np.ndarray:
+    """Whether centers [n, 3] are of the scene, and not of what is far behind it, [n]."""
+    away = np.linalg.norm(centers - np.median(centers, 0), axis=1)
+    return away <= NEAR_MIDDLE * np.median(away)
+
+
+def _by_sizes(table: np.ndarray) -> tuple[np.ndarray, float] | None:
+    """The middle, and how far from it photos were taken, such that sizes grow with the distance from the cameras.
+
+    From cameras all round, `distance` away from the middle, something r away from it is at about the root of r^2 and
+    distance^2. None where that explains little.
+    """
+    sizes = np.sort(table[:, LOG_SCALE : LOG_SCALE + 3], 1)[:, 1:].mean(1)
+    start = np.median(table[:, :3], 0)
+    unit = np.median(np.linalg.norm(table[:, :3] - start, axis=1)) + 1e-12
+    places = (table[:, :3] - start) / unit
+
+    def errors(guess: np.ndarray) -> np.ndarray:
+        return sizes - 0.5 * np.log(((places - guess[:3]) ** 2).sum(1) + np.exp(2 * guess[3])) - guess[4]
+
+    fits = [
+        least_squares(errors, [0, 0, 0, log_distance, np.median(sizes)], loss="soft_l1", f_scale=USUAL_ERROR)
+        for log_distance in (0.0, -1.0)
+    ]
+    best = min(fits, key=lambda fit: fit.cost)
+    if errors(best.x).var() > TELLING * sizes.var() or sizes.std() < USUAL_ERROR:
+        return None
+    return start + unit * best.x[:3], float(STEP_BACK * unit * np.exp(best.x[3]))
+
+
+def _by_extent(centers: np.ndarray) -> tuple[np.ndarray, float]:
+    """The middle of where centers lie densest, and from how far a picture holds them."""
     spacing = cKDTree(centers).query(centers, NEIGHBOR + 1)[0][:, -1]
     dense = centers[spacing <= np.median(spacing)]
-    for _ in range(2):
-        distance = np.linalg.norm(dense - np.median(dense, 0), axis=1)
-        dense = dense[distance <= NEAR_MIDDLE * np.median(distance)]
+    dense = dense[_is_near(dense)]
     middle = np.percentile(dense, [2, 98], axis=0).mean(0)
     radius = np.percentile(np.linalg.norm(dense - middle, axis=1), 90)
-    near = table[np.linalg.norm(centers - middle, axis=1) <= 2 * radius]
-    return Target(middle, _up(near) if up is None else up / np.linalg.norm(up), float(radius))
+    return middle, float(FRAMING * radius / np.tan(ANGLE / 2))
 
 
 def _up(table: np.ndarray) -> np.ndarray:
     """Across most of the surface, [3]."""
-    scales = np.exp(table[:, LOG_SCALE : LOG_SCALE + 3].astype(np.float64))
+    scales = np.exp(table[:, LOG_SCALE : LOG_SCALE + 3])
     thinnest = scales.argmin(1)
     rotations = Rotation.from_quat(table[:, ROTATION:LOGIT], scalar_first=True).as_matrix()
     normals = np.take_along_axis(rotations, thinnest[:, None, None], 2)[..., 0]
     area = scales.prod(1) / scales.min(1)
     weights = np.minimum(area, 10 * np.median(area))[:, None]
     shares, axes = np.linalg.eigh((weights * normals).T @ normals / weights.sum())
-    axis = axes[:, -1] if shares[-1] > FLATTENED else np.array([0.0, -1.0, 0.0])
-    return axis * (np.sign(axis[2]) if abs(axis[2]) > abs(axis[1]) else -np.sign(axis[1]))
+    if shares[-1] < FLATTENED:  # walls are as flat as the floor
+        return COLMAP_UP
+    axis = axes[:, -1]
+    usual = BLENDER_UP if abs(axis[2]) > abs(axis[1]) else COLMAP_UP
+    return axis if axis @ usual >= 0 else -axis
 
 
 def cameras_around(
@@ -95,8 +139,7 @@ def cameras_around(
         size: Width and height of their pictures.
         step: Called after each candidate; may raise Cancelled.
     """
-    whole = FRAMING * target.radius / np.tan(ANGLE / 2)
-    for distance in whole * SHRINKS:
+    for distance in target.distance * SHRINKS:
         candidates = _dome(target, distance, CANDIDATES * count)
         is_free = np.array([_is_free(gaussians, camera, distance, step) for camera in candidates])
         if is_free.mean() >= FREE:
@@ -119,7 +162,7 @@ def _panorama(target: Target, count: int) -> list[Camera]:
     number = np.arange(count)
     turn, height = 2 * np.pi * number / count, np.sin(np.radians(20)) * np.array([0, 1, -1])[number % 3]
     out = np.stack([np.cos(turn) * np.sqrt(1 - height**2), np.sin(turn) * np.sqrt(1 - height**2), height], 1)
-    places = target.middle - 0.2 * target.radius * out @ _upright(target.up)
+    places = target.middle - 0.1 * target.distance * out @ _upright(target.up)
     return [_looking(place, way, target.up) for place, way in zip(places, out @ _upright(target.up), strict=True)]
 
 

@@ -1,0 +1,121 @@
+"""Cameras for Gaussians without photos look at what photos looked at, from where nothing is in the way."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+pytest.importorskip("numba")
+
+from blender_tests.engine.splats.clouds import GROUPS, ball
+from karf_engine.errors import Cancelled, DataError
+from karf_engine.splats.gaussians import Gaussians
+from karf_engine.splats.kernels.arrays import LOG_SCALE, LOGIT, ROTATION
+from karf_engine.splats.rasterizer import splatted
+from karf_engine.splats.viewpoints import Target, cameras_around, target_of
+
+RANDOM = np.random.default_rng(0)
+
+
+def scene(*tables):
+    return Gaussians(np.concatenate(tables), 0, (0, 0, 0), 1e-3)
+
+
+def balls(centers, size, opacity=0.9):
+    return np.stack([ball(center, size, opacity, RANDOM.random(3)) for center in centers])
+
+
+def disk(radius=1.0, height=0.0, count=1500, size=0.04):
+    """A table top across z: flat Gaussians."""
+    turn, away = RANDOM.uniform(0, 2 * np.pi, count), radius * np.sqrt(RANDOM.random(count))
+    table = balls(np.stack([away * np.cos(turn), away * np.sin(turn), np.full(count, height)], 1), size)
+    table[:, LOG_SCALE + 2] = np.log(size / 10)
+    return table
+
+
+def heap(count=500):
+    return balls(RANDOM.normal(0, 0.15, (count, 3)) + (0, 0, 0.3), 0.03)
+
+
+def sphere(radius, count=4000, size=1.0):
+    ways = RANDOM.normal(size=(count, 3))
+    return balls(radius * ways / np.linalg.norm(ways, axis=1, keepdims=True), size)
+
+
+def away_from(target, cameras):
+    return np.array([np.linalg.norm(camera.position - target.middle) for camera in cameras])
+
+
+def test_what_lies_together_is_framed_whole_from_all_sides():
+    gaussians = scene(disk(), heap())
+    target = target_of(gaussians)
+    cameras = cameras_around(gaussians, target, 12, 64)
+    assert_allclose(target.up, (0, 0, 1), atol=0.1)
+    assert np.linalg.norm(target.middle - (0, 0, 0.1)) < 0.2 and len(cameras) == 12
+    sides = np.arctan2(*np.stack([camera.position - target.middle for camera in cameras])[:, :2].T)
+    assert len(np.unique(np.round(sides / (np.pi / 2)))) >= 4
+    for camera in cameras:
+        pixels, depth = camera.project(gaussians.table[:, :3])
+        assert (depth > 0).all() and ((pixels > 0) & (pixels < 64)).all(1).mean() > 0.9
+        assert camera.position[2] > 0 and camera.camera_to_world[2, 1] > 0, "it hangs from below, or upside down"
+        assert (camera.width, camera.height) == (64, 64)
+
+
+def test_a_shell_far_behind_changes_neither_the_middle_nor_the_distance():
+    alone = target_of(scene(disk(), heap()))
+    within = target_of(scene(disk(), heap(), sphere(60, 400)))
+    assert np.linalg.norm(alone.middle - within.middle) < 0.1
+    assert within.distance == pytest.approx(alone.distance, rel=0.2)
+
+
+def test_sizes_tell_from_where_photos_looked_round_in_a_room():
+    """Of each Gaussian the size grows with the distance from cameras that stood two units around (1, 2, 0)."""
+    middle, places = np.array([1.0, 2, 0]), RANDOM.uniform(-8, 8, (6000, 3))
+    sizes = 0.02 * np.sqrt(((places - middle) ** 2).sum(1) + 2.0**2) * np.exp(RANDOM.normal(0, 0.2, 6000))
+    table = balls(places, 0.1)
+    table[:, GROUPS["scales"]] = np.log(sizes)[:, None]
+    target = target_of(scene(table))
+    assert np.linalg.norm(target.middle - middle) < 0.3 and 1.8 < target.distance < 3.2
+
+
+def test_no_camera_stands_amid_something():
+    wall = balls(RANDOM.uniform((1.2, -4, -1), (9, 4, 4), (6000, 3)), 0.15, 0.98)
+    gaussians = scene(disk(count=4000, size=0.03), heap(2000), wall)
+    target = Target(np.array([0, 0, 0.2]), np.array([0.0, 0, 1]), 3.0)
+    for camera in cameras_around(gaussians, target, 8, 64):
+        view = splatted(gaussians, camera)
+        nearest = view.blended((view.depths < 0.2 * away_from(target, [camera])[0]).astype(np.float32)[:, None])
+        assert (nearest > 0.5).mean() < 0.1
+
+
+def test_where_the_target_surrounds_them_cameras_look_around_from_its_middle():
+    hollow = scene(*(sphere(radius, 2000, 0.3) for radius in np.arange(1.2, 7, 0.4)))
+    target = Target(np.zeros(3), np.array([0.0, 0, 1]), 5.0)
+    cameras = cameras_around(hollow, target, 9, 64)
+    assert len(cameras) == 9 and away_from(target, cameras).max() < 1
+    assert np.linalg.norm(sum(camera.camera_to_world[:3, 2] for camera in cameras)) < 2, "they do not look all round"
+
+
+def test_up_may_be_given():
+    target = target_of(scene(disk(), heap()), np.array([0.0, -2, 0]))
+    assert_allclose(target.up, (0, -1, 0))
+
+
+def test_colmap_decides_where_no_floor_does():
+    table = heap(3000)
+    table[:, ROTATION:LOGIT] = RANDOM.normal(size=(3000, 4))
+    table[:, LOG_SCALE] -= 2
+    assert_allclose(target_of(scene(table)).up, (0, -1, 0))
+
+
+def test_a_file_of_haze_is_refused():
+    with pytest.raises(DataError, match="hardly one is solid"):
+        target_of(scene(balls(RANDOM.normal(size=(50, 3)), 0.1, 0.05)))
+
+
+def test_choosing_can_be_cancelled():
+    def stop():
+        raise Cancelled("stop", "")
+
+    gaussians = scene(disk(), heap())
+    with pytest.raises(Cancelled):
+        cameras_around(gaussians, target_of(gaussians), 8, 64, stop)
