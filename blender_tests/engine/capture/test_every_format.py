@@ -19,7 +19,7 @@ from blender_tests.engine.reference.capture_files import (
     write_transforms,
 )
 from karf_engine.capture import open_capture
-from karf_engine.capture.capture import Capture, View, capture_from_json, capture_to_json
+from karf_engine.capture.capture import Capture, CapturedSplats, View, capture_from_json, capture_to_json
 from karf_engine.errors import DataError
 
 NAMES = [f"{number:03d}.png" for number in range(9)]
@@ -78,6 +78,23 @@ def test_the_canonical_json_keeps_every_lens(tmp_path, lens):
         assert replace(after, camera=None) == replace(before, camera=None)
         assert_allclose(after.camera.camera_to_world, before.camera.camera_to_world, rtol=0, atol=0)
         assert replace(after.camera, camera_to_world=None) == replace(before.camera, camera_to_world=None)
+
+
+def test_the_canonical_json_finds_the_splats_of_a_folder_that_moved(tmp_path):
+    (tmp_path / "then").mkdir()
+    splats = CapturedSplats(put(tmp_path / "then" / "splat.ply", b"ply"), True)
+    capture = Capture(tmp_path / "then", "transforms", (), splats=splats)
+    content = capture_to_json(capture, tmp_path / "then" / "project")
+    assert capture_from_json(content, tmp_path / "then" / "project" / "capture.json").splats == splats
+    (tmp_path / "then").rename(tmp_path / "now")
+    found = capture_from_json(content, tmp_path / "now" / "project" / "capture.json").splats
+    assert found == CapturedSplats(tmp_path / "now" / "splat.ply", True)
+
+
+def test_splats_without_a_path_are_no_canonical_json(tmp_path):
+    content = capture_to_json(Capture(tmp_path, "transforms", ())) | {"splats": {"is_antialiased": True}}
+    with pytest.raises(DataError, match="not a canonical capture"):
+        capture_from_json(content, tmp_path / "capture.json")
 
 
 # ----------------------------------------------------------------------------------------------------------- precedence

@@ -13,7 +13,8 @@ from numpy.testing import assert_allclose
 from blender_tests.engine.reference.capture_files import jpeg_head, png_bytes, put, put_json
 from karf_engine.capture import open_capture, write_cameras
 from karf_engine.capture.camera import Camera
-from karf_engine.capture.capture import View
+from karf_engine.capture.capture import Capture, CapturedSplats, View
+from karf_engine.capture.transforms_json import write_capture
 from karf_engine.errors import BadRequest, DataError
 from karf_engine.io.image_size import image_header, image_size
 
@@ -47,6 +48,30 @@ def rig(seed: int, count: int = 5) -> list[View]:
 
 
 # ---------------------------------------------------------------------------------------------------------- round trips
+def test_a_written_capture_is_read_back_with_photos_and_splats_wherever_they_lie(tmp_path):
+    """Written beside its pictures before it moves, with a photo that stays in another folder."""
+    work, out = tmp_path / "work", tmp_path / "deep" / "out"
+    photos = [put(work / "images" / "a.png", png_bytes(8, 6)), put(tmp_path / "photos" / "b.png", png_bytes(8, 6))]
+    camera = Camera(8, 6, 7.0, 7.5, 4.0, 3.0, np.array(POSE, float), (0.1, 0, 0, 0))
+    views = tuple(View(p.stem, p.stem, camera, p, s) for p, s in zip(photos, ("train", "test"), strict=True))
+    splats = CapturedSplats(put(work / "splat.ply", b"ply"), True)
+    write_capture(work / "transforms.json", Capture(work, "transforms", views, splats=splats), out)
+    out.parent.mkdir()
+    work.rename(out)
+    found = open_capture(out)
+    assert [view.image.resolve() for view in found.views] == [out / "images" / "a.png", photos[1]]
+    assert [view.split for view in found.views] == ["train", "test"]
+    assert found.views[0].camera.distortion == camera.distortion
+    assert found.splats == CapturedSplats(out / "splat.ply", True)
+
+
+def test_missing_splats_are_an_error_that_names_them(tmp_path):
+    put(tmp_path / "a.png", png_bytes(8, 6))
+    put_json(tmp_path / "transforms.json", GOOD | {"splat_file_path": "gone.ply"})
+    with pytest.raises(DataError, match=r"gone\.ply.*missing"):
+        open_capture(tmp_path)
+
+
 @settings(derandomize=True, max_examples=25, deadline=None)
 @given(st.integers(0, 10_000))
 def test_written_cameras_are_read_back_without_loss(tmp_path_factory, seed):

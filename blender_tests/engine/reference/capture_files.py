@@ -63,10 +63,11 @@ def jpeg_head(width: int, height: int, orientation: int = 1) -> bytes:
     )
 
 
-def put(path: Path, data: bytes) -> None:
-    """Write a file and the folders above it."""
+def put(path: Path, data: bytes) -> Path:
+    """Write a file and the folders above it; returns its path."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(data)
+    return path
 
 
 def put_json(path: Path, content) -> None:

@@ -1,0 +1,152 @@
+"""A splat of another program becomes a capture: with photos, or with views of itself; it is shown as it came."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("scipy")
+pytest.importorskip("numba")
+
+import karf_engine as karf
+from karf_engine.capture import open_capture, write_cameras
+from karf_engine.errors import BadRequest, Cancelled, DataError
+from karf_engine.io.images import over, read_photo
+from karf_engine.metrics.images import psnr
+from karf_engine.project import Project
+from karf_engine.splats.files import load_gaussians
+from karf_engine.splats.formats.registry import write_splats
+from karf_engine.splats.formats.splat_file import SplatFile
+from karf_engine.splats.kernels.arrays import ANTIALIASED_FILTER, PLAIN_FILTER
+from karf_engine.splats.rasterizer import splatted
+
+SMALL = {"views": 6, "size": 64, "up": "z"}
+
+
+@pytest.fixture(scope="module")
+def table(learned):
+    """The still life's own splats."""
+    return load_gaussians(Project(learned.project).splats_file).table
+
+
+@pytest.fixture
+def splat(tmp_path, table):
+    write_splats(tmp_path / "still.ply", SplatFile(table))
+    return tmp_path / "still.ply"
+
+
+def test_without_photos_its_views_show_it_from_around(splat, table, tmp_path):
+    karf.import_splat(splat, tmp_path / "capture", **SMALL)
+    capture = open_capture(tmp_path / "capture")
+    assert len(capture.views) == 6 and capture.remarks == ()
+    assert_array_equal((tmp_path / "capture" / "splat.ply").read_bytes(), splat.read_bytes())
+    middle = np.median(table[:, :3], 0)
+    for view in capture.views:
+        assert (view.camera.width, view.camera.height) == (64, 64)
+        pixels, depth = view.camera.project(middle[None])
+        assert depth > 0 and np.abs(pixels - 32).max() < 32
+        photo = read_photo(view.image)
+        assert photo.std() > 0.02, f"{view.name} shows nothing"
+
+
+def test_what_stands_in_the_void_gets_alpha(splat, tmp_path):
+    karf.import_splat(splat, tmp_path / "capture", **SMALL)
+    photo = read_photo(open_capture(tmp_path / "capture").views[0].image)
+    assert photo.shape[2] == 4 and photo[0, 0, 3] == 0 and photo[..., 3].max() == 1
+
+
+def test_views_of_ones_own_come_first(splat, tmp_path, learned):
+    own = karf.open_capture(learned.capture).views[:2]
+    write_cameras(tmp_path / "own.json", own)
+    karf.import_splat(splat, tmp_path / "capture", **SMALL, cameras=tmp_path / "own.json")
+    views = open_capture(tmp_path / "capture").views
+    assert len(views) == 8
+    assert_allclose(views[0].camera.camera_to_world, own[0].camera.camera_to_world)
+    shown = read_photo(views[0].image)
+    assert psnr(over(shown[..., :3], shown[..., 3], 0), over(*color_and_alpha(own[0]), 0)) > 20
+
+
+def color_and_alpha(view):
+    photo = read_photo(view.image)
+    return photo[..., :3], photo[..., 3] if photo.shape[2] == 4 else None
+
+
+def test_the_cameras_that_were_written_beside_it_are_taken(splat, tmp_path):
+    entry = {"width": 128, "height": 64, "fx": 100, "fy": 100, "rotation": np.diag([1.0, -1, -1]).tolist()}
+    content = [entry | {"position": [0, 0, 4 + number / 10]} for number in range(9)]
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
+    karf.import_splat(splat, tmp_path / "capture", **SMALL)
+    cameras = [view.camera for view in open_capture(tmp_path / "capture").views]
+    assert len(cameras) == 6 and {(camera.width, camera.height) for camera in cameras} == {(64, 32)}
+    assert_allclose([cameras[0].position, cameras[-1].position], [[0, 0, 4], [0, 0, 4.8]])
+
+
+def test_with_photos_they_are_the_views(splat, tmp_path, learned):
+    karf.import_splat(splat, tmp_path / "capture", photos=learned.capture)
+    before, after = open_capture(learned.capture), open_capture(tmp_path / "capture")
+    assert [view.image.resolve() for view in after.views] == [view.image.resolve() for view in before.views]
+    assert [view.split for view in after.views] == [view.split for view in before.views]
+    assert after.splats.path == tmp_path / "capture" / "splat.ply"
+
+
+def test_photos_that_it_does_not_show_are_refused(tmp_path, learned, table):
+    elsewhere = table.copy()
+    elsewhere[:, :3] += 5
+    write_splats(tmp_path / "elsewhere.ply", SplatFile(elsewhere))
+    with pytest.raises(DataError, match="dB only") as caught:
+        karf.import_splat(tmp_path / "elsewhere.ply", tmp_path / "capture", photos=learned.capture)
+    assert "poses" in caught.value.hint and not (tmp_path / "capture").exists()
+
+
+@pytest.mark.parametrize(("antialiased", "screen_filter"), [(False, PLAIN_FILTER), (True, ANTIALIASED_FILTER)])
+def test_learned_it_is_shown_as_it_came(splat, table, tmp_path, learned, antialiased, screen_filter):
+    karf.import_splat(splat, tmp_path / "capture", **SMALL, antialiased=antialiased)
+    shutil.copytree(learned.project, tmp_path / "project", dirs_exist_ok=True)
+    shutil.rmtree(tmp_path / "project")
+    small = ["geometry.long_side=32", 'geometry.levels=[{"voxels": 24, "iterations": 20, "step": 1.0}]']
+    karf.learn_geometry(tmp_path / "capture", project=tmp_path / "project", overrides=small, threads=1)
+    karf.learn_splats(tmp_path / "project", threads=1)
+    shown = load_gaussians(Project(tmp_path / "project").splats_file)
+    assert_array_equal(shown.table, table)
+    assert shown.screen_filter == screen_filter
+    model = karf.Model.load(tmp_path / "project", "cpu")
+    camera = model.capture.views[0].camera
+    assert_array_equal(model.render(camera).base, splatted(shown, camera).picture())
+
+
+def test_another_file_makes_the_splats_outdated(splat, table, tmp_path):
+    karf.import_splat(splat, tmp_path / "capture", **SMALL)
+    small = ["geometry.long_side=32", 'geometry.levels=[{"voxels": 24, "iterations": 20, "step": 1.0}]']
+    karf.learn_geometry(tmp_path / "capture", project=tmp_path / "project", overrides=small, threads=1)
+    karf.learn_splats(tmp_path / "project", threads=1)
+    changed = table.copy()
+    changed[0, 11] += 1
+    write_splats(tmp_path / "capture" / "splat.ply", SplatFile(changed))
+    karf.learn_splats(tmp_path / "project", threads=1)
+    assert_array_equal(load_gaussians(Project(tmp_path / "project").splats_file).table, changed)
+
+
+def test_a_folder_that_holds_something_is_not_written_to(splat, tmp_path):
+    (tmp_path / "capture").mkdir()
+    (tmp_path / "capture" / "mine.txt").write_text("x")
+    with pytest.raises(BadRequest, match="not empty"):
+        karf.import_splat(splat, tmp_path / "capture", **SMALL)
+
+
+def test_no_views_at_all_are_refused(splat, tmp_path):
+    with pytest.raises(BadRequest, match="too few"):
+        karf.import_splat(splat, tmp_path / "capture", views=0)
+
+
+def test_cancelling_leaves_nothing(splat, tmp_path):
+    with pytest.raises(Cancelled):
+        karf.import_splat(splat, tmp_path / "capture", **SMALL, should_stop=lambda: True)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["still.ply"]
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(DataError, match=r"gone\.ply"):
+        karf.import_splat(tmp_path / "gone.ply", tmp_path / "capture", **SMALL)
