@@ -68,6 +68,7 @@ farm_bundle = _for_scripts(steps.farm_bundle)
 find_poses = _for_scripts(steps.find_poses)
 import_cameras = _for_scripts(steps.import_cameras)
 import_capture = _for_scripts(steps.import_capture)
+import_splat = _for_scripts(steps.import_splat)
 learn_all = _for_scripts(steps.learn_all)
 learn_scene = _for_scripts(steps.learn_scene)
 learn_splats = _for_scripts(steps.learn_splats)
@@ -125,6 +126,7 @@ __all__ = [
     "find_poses",
     "import_cameras",
     "import_capture",
+    "import_splat",
     "install_engine",
     "learn_all",
     "learn_scene",

@@ -19,6 +19,11 @@ ORIENTATION_ITEMS = [
     ("FILE", "As in File", "Keep the capture's own axes"),
     ("UPRIGHT", "Upright", "Turn what the cameras have above them upwards"),
 ]
+SPLATS = "*.ply;*.spz;*.splat;*.sog;*.glb;*.gltf;*.usd;*.usda;*.usdc;*.usdz"
+UP_ITEMS = [
+    ("AUTO", "Automatic", "Across the largest flat parts, or where COLMAP has it"),
+    *((name, name, f"The file's {name} axis points up") for name in ("X", "Y", "Z", "-X", "-Y", "-Z")),
+]
 VIDEOS = "*.mp4;*.mov;*.m4v;*.avi;*.mkv;*.webm"
 
 
@@ -154,6 +159,69 @@ class KARF_OT_find_poses(RigOptions, bpy.types.Operator):
         return {"FINISHED"}
 
 
+class KARF_OT_import_splat(RigOptions, bpy.types.Operator):
+    """Import Gaussian splats that another program has learned, to mark and recolor objects in them"""
+
+    bl_idname = "karf.import_splat"
+    bl_label = "Import Splat"
+    bl_options = {"REGISTER", "PRESET"}
+
+    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
+    filter_glob: StringProperty(default=SPLATS, options={"HIDDEN"})
+    learned_from: StringProperty(
+        name="Photos",
+        subtype="DIR_PATH",
+        description="Capture that it was learned from, with the same poses; empty: views are rendered around the splats",
+        options={"SKIP_SAVE"},
+    )
+    cameras: StringProperty(
+        name="Cameras",
+        subtype="FILE_PATH",
+        description="Without photos: a transforms.json of exported cameras, whose views come first",
+        options={"SKIP_SAVE"},
+    )
+    views: IntProperty(
+        name="Views", default=steps.SPLAT_VIEWS, min=0, soft_max=100, description="Without photos: how many are rendered"
+    )
+    up: EnumProperty(name="Up", items=UP_ITEMS, description="Without photos: which axis of the file points up")
+    antialiased: BoolProperty(
+        name="Antialiased",
+        description="They were learned with antialiasing (Mip-Splatting), and the file does not say so",
+    )
+
+    @classmethod
+    def poll(cls, context):
+        return is_free(cls)
+
+    def invoke(self, context, event):
+        if self.filepath:  # a file was dropped
+            return self.execute(context)
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def draw(self, context):
+        self.draw_options()
+        for name in ("learned_from", "cameras", "views", "up", "antialiased"):
+            self.layout.prop(self, name)
+
+    @reports_errors
+    def execute(self, context):
+        photos, cameras = (bpy.path.abspath(each) or None for each in (self.learned_from, self.cameras))
+        runner.launch(
+            steps.import_splat(
+                context.scene,
+                bpy.path.abspath(self.filepath),
+                photos,
+                cameras,
+                self.views,
+                self.up.lower(),
+                self.antialiased,
+                self.rig_options(),
+            )
+        )
+        return {"FINISHED"}
+
+
 class KARF_OT_look_through(bpy.types.Operator):
     """Look through the active view's camera, with its photo's size as the scene's until the view is left"""
 
@@ -209,4 +277,25 @@ class KARF_FH_capture(bpy.types.FileHandler):
         return context.area is not None and context.area.type == "VIEW_3D"
 
 
-CLASSES = (KARF_OT_import_capture, KARF_OT_find_poses, KARF_OT_look_through, KARF_OT_leave_view, KARF_FH_capture)
+class KARF_FH_splat(bpy.types.FileHandler):
+    """Splats may be dropped on the 3D View; a .ply that holds none is refused with a sentence when it is read."""
+
+    bl_idname = "KARF_FH_splat"
+    bl_label = "KaRF splat"
+    bl_import_operator = KARF_OT_import_splat.bl_idname
+    bl_file_extensions = ".ply;.spz;.splat;.sog"
+
+    @classmethod
+    def poll_drop(cls, context):
+        return context.area is not None and context.area.type == "VIEW_3D"
+
+
+CLASSES = (
+    KARF_OT_import_capture,
+    KARF_OT_find_poses,
+    KARF_OT_import_splat,
+    KARF_OT_look_through,
+    KARF_OT_leave_view,
+    KARF_FH_capture,
+    KARF_FH_splat,
+)

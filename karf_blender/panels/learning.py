@@ -19,6 +19,7 @@ def draw_import(layout, context):
         draw_engine(layout)
     layout.operator("karf.import_capture", icon="IMPORT")
     layout.operator("karf.find_poses", icon="CON_CAMERASOLVER")
+    layout.operator("karf.import_splat", icon="OUTLINER_OB_POINTCLOUD")
     if not karf.project:
         return
     row = layout.row(align=True)

@@ -25,11 +25,16 @@ def matrix_of(capture: Capture, orientation: str, size: float) -> np.ndarray:
         [4, 4] float64.
     """
     matrix = np.eye(4)
-    if orientation == "upright" or (orientation == "auto" and capture.format in ARBITRARY_WORLDS):
+    if orientation == "upright" or (orientation == "auto" and _is_arbitrary(capture)):
         matrix[:3, :3] = turn_to_z(up_of(capture))
     if size:
         matrix[:3, :3] *= size / extent(capture)
     return matrix
+
+
+def _is_arbitrary(capture: Capture) -> bool:
+    """Whether nothing says what is up in its world."""
+    return capture.format in ARBITRARY_WORLDS or capture.splats is not None
 
 
 def extent(capture: Capture) -> float:

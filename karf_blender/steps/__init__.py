@@ -5,7 +5,7 @@ others are done when they return. All raise KarfError for what a user can mend.
 """
 
 from .cameras import export_cameras, frame_range, import_cameras
-from .capture import find_poses, import_capture
+from .capture import SPLAT_VIEWS, find_poses, import_capture, import_splat
 from .colorways import colorways, colorways_folder, predict_colorways
 from .compositing import build_compositor, compositor_node, place_layers
 from .edit import apply_edit, becomes, match_picture, paint_over, save_edit
@@ -44,6 +44,7 @@ from .swatches import (
 from .view import leave_view, look_through, reprojection_error
 
 __all__ = [
+    "SPLAT_VIEWS",
     "Color",
     "add_color",
     "add_object",
@@ -67,6 +68,7 @@ __all__ = [
     "go_to_view",
     "import_cameras",
     "import_capture",
+    "import_splat",
     "learn_all",
     "learn_scene",
     "learn_splats",

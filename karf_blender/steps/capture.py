@@ -18,6 +18,7 @@ from ..tasks.task import Task
 from . import requests, view
 
 USUAL_RIG = cameras.Options()
+SPLAT_VIEWS = 48  # that are chosen around splats without photos
 
 
 def import_capture(
@@ -118,24 +119,76 @@ def find_poses(scene: bpy.types.Scene, photos: str | Path, rig: cameras.Options 
     Returns:
         The task; its result is the capture.
     """
-    photos, rig = Path(photos).absolute(), replace(rig, **options)
-    wanted = project = folders.default_project(photos.with_suffix("") if photos.is_file() else photos)
+    photos = Path(photos).absolute()
+    named = photos.with_suffix("") if photos.is_file() else photos
+    job = "poses", {"photos": str(photos)}
+    return _task_of_new_capture(scene, "Find Camera Poses", named, job, replace(rig, **options))
+
+
+def import_splat(
+    scene: bpy.types.Scene,
+    splat: str | Path,
+    photos: str | Path | None = None,
+    cameras_file: str | Path | None = None,
+    views: int = SPLAT_VIEWS,
+    up: str = "auto",
+    antialiased: bool = False,
+    rig: cameras.Options = USUAL_RIG,
+    **options: Any,
+) -> Task:
+    """Import Gaussian splats that another program has learned, as a capture in a new project folder.
+
+    Args:
+        scene: The scene.
+        splat: The file.
+        photos: The capture that they were learned from; None: views are rendered from cameras around them.
+        cameras_file: Without photos, views of one's own, as `export_cameras` writes them.
+        views: Without photos, how many cameras are chosen.
+        up: Without photos, which axis points up: `auto`, `x`, `y`, `z`, `-x`, `-y` or `-z`.
+        antialiased: Whether they were learned with antialiasing where neither file nor photos say so.
+        rig: How the rig is shown.
+        options: Single ones of its options.
+
+    Returns:
+        The task; its result is the capture.
+    """
+    splat = Path(splat).absolute()
+    given = {"photos": photos, "cameras": cameras_file}
+    paths = {name: str(Path(path).absolute()) for name, path in given.items() if path}
+    job = "import-splat", {"splat": str(splat), **paths, "views": views, "up": up, "antialiased": antialiased}
+    return _task_of_new_capture(scene, "Import Splat", splat.with_suffix(""), job, replace(rig, **options))
+
+
+def _task_of_new_capture(
+    scene: bpy.types.Scene, label: str, named: Path, job: tuple[str, dict[str, Any]], rig: cameras.Options
+) -> Task:
+    """The task of a job that makes a capture in a new project folder, which is then imported.
+
+    Args:
+        scene: The scene.
+        label: What the task is called.
+        named: The folder, there or not, after which the project is called.
+        job: The engine's stage and its options but the capture's folder.
+        rig: How the rig is shown.
+    """
+    wanted = project = folders.default_project(named)
     number = 2
-    while (project / "capture").exists():  # found before: what was learned of it stays
+    while (project / "capture").exists():  # made before: what was learned of it stays
         project, number = wanted.with_name(f"{wanted.name}_{number}"), number + 1
     out, owner = project / "capture", Owner.of(scene)
 
-    def import_found(request: Request) -> None:
+    def import_made(request: Request) -> None:
         found = owner.find()
         if found is None:
             progress.warn(
                 Message(
-                    "The scene that asked for camera poses is gone or has another project: import {out} yourself.",
+                    "The scene that asked for a capture is gone or has another project: import {out} yourself.",
                     out=out,
                 )
             )
         else:
-            import_capture(found, out, project, rig=rig, **options)
+            import_capture(found, out, project, rig=rig)
 
-    request = Request("poses", project, {"photos": str(photos), "out": str(out)} | requests.threads())
-    return Task("Find Camera Poses", (request,), import_found, owner, partial(captures.of, scene))
+    stage, options = job
+    request = Request(stage, project, options | {"out": str(out)} | requests.threads())
+    return Task(label, (request,), import_made, owner, partial(captures.of, scene))

@@ -13,6 +13,7 @@ STEPS = ("import", "learn", "mark", "segment", "palette", "edit", "render")
 TO_DO, DONE, STALE, RUNNING = "to do", "done", "stale", "running"
 STEP_OF_STAGE = {
     "poses": "import",
+    "import-splat": "import",
     "geometry": "learn",
     "segmentation": "segment",
     "palette": "palette",

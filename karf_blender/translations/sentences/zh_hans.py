@@ -29,7 +29,7 @@ TEXTS = {
     "Blender keeps these per scene: split the file, and import each part into a scene of its own.": (
         "Blender 按场景保存这些设置：请拆分文件，并将各部分导入各自的场景。"
     ),
-    "The scene that asked for camera poses is gone or has another project: import {out} yourself.": (
+    "The scene that asked for a capture is gone or has another project: import {out} yourself.": (
         "请求相机位姿的场景已不在或换了项目：请自行导入 {out}。"
     ),
     "The scene that asked for this is gone or has another project. {result}": "提出此请求的场景已不在或换了项目。{result}",
