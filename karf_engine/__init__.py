@@ -18,6 +18,7 @@ from .version import __version__
 if TYPE_CHECKING:
     from .api import (
         colorways,
+        export_splat,
         extract_palettes,
         find_poses,
         import_splat,
@@ -59,6 +60,7 @@ _DEFINES = {
         "render",
         "colorways",
         "write_points",
+        "export_splat",
         "render_bundle",
         "learning_bundle",
     ),

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, TypeVar
 from .commands.dispatch import run_command
 from .commands.options import (
     ColorwaysOptions,
+    ExportSplatOptions,
     FarmOptions,
     GeometryOptions,
     ImportSplatOptions,
@@ -297,6 +298,23 @@ def write_points(project: PathLike, out: PathLike, **options: Any) -> None:
         write_points("garden_karf", "garden.ply", count=200_000)
     """
     _run(PointsOptions, project=project, out=out, **options)
+
+
+@_takes(ExportSplatOptions)
+def export_splat(project: PathLike, out: PathLike, **options: Any) -> None:
+    """Write the scene as Gaussian splats for other programs, with an edit baked in; some files need the extra `splats`.
+
+    Args:
+        project: One whose splats are learned or imported; with an edit or objects, its palettes too.
+        out: The file, whose end says its kind.
+
+    Raises:
+        KarfError: No splats are there, an object is unknown, or the file cannot hold what is asked for.
+
+    Example:
+        export_splat("garden_karf", "garden_blue.ply", edit="edit.json")
+    """
+    _run(ExportSplatOptions, project=project, out=out, **options)
 
 
 # ------------------------------------------------------------------------------------------------------- other computers

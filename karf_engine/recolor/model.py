@@ -168,20 +168,21 @@ class Model:
         color = view.picture()
         picture = Picture(*map(torch.from_numpy, (color, opacity, depth)), None)
         if self.recoloring is None:
-            shares = view.blended(self._splat_shares)
+            shares = view.blended(self.splat_shares)
             return Frame(picture, shares, None, color)
-        return Frame(picture, *planes_of_view(view, self.splats, self._splat_objects), color)
+        return Frame(picture, *planes_of_view(view, self.splats, self.splat_objects), color)
 
     @cached_property
-    def _splat_shares(self) -> np.ndarray:
+    def splat_shares(self) -> np.ndarray:
         """Probabilities of the objects at each Gaussian, [n, K]."""
         if self.segmentation is None:
             return np.zeros((len(self.splats), 0), np.float32)
         return shares_of_objects(self.splats, self.segmentation, self.scene)
 
     @cached_property
-    def _splat_objects(self) -> tuple[ObjectSplats, ...]:
-        return splats_of_objects(self.splats, self._splat_shares, self.palettes, {})
+    def splat_objects(self) -> tuple[ObjectSplats, ...]:
+        """The Gaussians of each object with their palette weights."""
+        return splats_of_objects(self.splats, self.splat_shares, self.palettes, {})
 
     def shown(self, camera: Camera, edit: Edit) -> np.ndarray:
         """The recolored scene from any camera, as `composite` of `render` has it, in a fraction of the time with splats.
@@ -215,7 +216,7 @@ class Model:
             raise BadRequest("An edit that replaces colors cannot be baked into splats.", "Make it one that adds.")
         asked = repr(edit.added), {name: colors.tobytes() for name, colors in edit.colors.items()}
         if self._baked[0] != asked:
-            shares, objects = self._splat_shares, self._splat_objects
+            shares, objects = self.splat_shares, self.splat_objects
             if any(edit.added.values()):
                 objects = splats_of_objects(self.splats, shares, self.palettes, edit.added)
             self._baked = asked, recolored(self.splats, objects, self.palettes, edit)

@@ -115,6 +115,28 @@ def recolored(
     return replace(gaussians, table=table)
 
 
+def columns_of(shares: np.ndarray, objects: Sequence[ObjectSplats]) -> dict[str, np.ndarray]:
+    """What is known of each Gaussian, as columns of a file.
+
+    Args:
+        shares: [n, K], see `shares_of_objects`.
+        objects: K of them.
+
+    Returns:
+        `karf_object`, [n] uint8: 0 for none, else the number of the likeliest object from 1; `karf_probability`, [n]
+        float32, of that object; `karf_weight_0` and so on, [n] float32, its palette weights, 0 where there is none.
+    """
+    best = shares.argmax(1)
+    probability = np.take_along_axis(shares, best[:, None], 1)[:, 0]
+    is_object = probability > 0.5
+    weights = np.zeros((len(shares), max(own.weights.shape[1] for own in objects)), np.float32)
+    for number, own in enumerate(objects):
+        mine = is_object[own.rows] & (best[own.rows] == number)
+        weights[own.rows[mine], : own.weights.shape[1]] = own.weights[mine]
+    columns = {"karf_object": np.where(is_object, best + 1, 0).astype(np.uint8), "karf_probability": probability}
+    return columns | {f"karf_weight_{number}": column.copy() for number, column in enumerate(weights.T)}
+
+
 def planes_of_view(
     view: SplattedView, gaussians: Gaussians, objects: Sequence[ObjectSplats]
 ) -> tuple[np.ndarray, np.ndarray]:

@@ -33,7 +33,7 @@ EVENTS_FILE = "events.jsonl"
 LOG_FILE = "engine.log"
 STAGES = (
     *("geometry", "segmentation", "palette", "recoloring", "splats", "render", "match", "colorways", "points"),
-    *("poses", "import-splat", "all"),
+    *("poses", "import-splat", "export-splat", "all"),
     "warm",
 )
 WARM = STAGES[-1]  # answers queries until none come; see `karf_engine.worker.queries`

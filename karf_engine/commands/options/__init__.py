@@ -13,7 +13,7 @@ from ...errors import BadRequest
 from ...export.frame_options import RenderOptions
 from ...io.options import Options
 from .capturing import ImportSplatOptions, MarkOptions, PosesOptions
-from .editing import ColorwaysOptions, FarmOptions, MatchOptions, PointsOptions
+from .editing import ColorwaysOptions, ExportSplatOptions, FarmOptions, MatchOptions, PointsOptions
 from .learning import (
     GeometryOptions,
     LearnOptions,
@@ -40,6 +40,7 @@ COMMANDS: dict[str, type[Options]] = {
         RenderOptions,
         ColorwaysOptions,
         PointsOptions,
+        ExportSplatOptions,
         FarmOptions,
     )
 }
@@ -66,6 +67,7 @@ def options_of_job(command: str, project: Path, values: Mapping[str, Any]) -> Op
 __all__ = [
     "COMMANDS",
     "ColorwaysOptions",
+    "ExportSplatOptions",
     "FarmOptions",
     "GeometryOptions",
     "ImportSplatOptions",

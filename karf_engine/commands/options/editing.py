@@ -12,6 +12,9 @@ from ...io.options import Options, option
 from ...project.settings import PRESETS
 
 RULES = ("becomes", "fewest", "added")
+Matrix = tuple[
+    float, float, float, float, float, float, float, float, float, float, float, float, float, float, float, float
+]
 PAIR, PICTURE = ("object", "source", "target"), ("view", "picture")
 
 
@@ -91,6 +94,35 @@ class PointsOptions(Options):
     out: Path = option(".ply: colored points; .npz: with what recoloring them needs", metavar="FILE")
     count: int = option("about how many points", 60_000, metavar="N")
     edit: Path | None = option("EDIT.json or a palette file: a .ply gets these colors", None, metavar="FILE")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportSplatOptions(Options):
+    """Write the scene as Gaussian splats for other programs, with an edit baked in."""
+
+    command: ClassVar[str] = "export-splat"
+
+    project: Path = option("project folder", positional=True, metavar="DIR")
+    out: Path = option("the file: .ply, .compressed.ply, .spz, .glb, .gltf, .usd, .usda or .usdc", metavar="FILE")
+    edit: Path | None = option("EDIT.json or a palette file whose colors it gets", None, metavar="FILE")
+    sheet: Path | None = option(
+        "in place of an edit, a sheet as for colorways: a file for each, named FILE_<colorway>", None, metavar="FILE"
+    )
+    objects: tuple[str, ...] = option(
+        "only the Gaussians of this object, cut out; may be repeated", (), flag="object", metavar="NAME"
+    )
+    solid: bool = option("leave out the shell that shows what is behind the scene", False)
+    attributes: bool = option("add to each Gaussian its object, probability and palette weights; .ply only", False)
+    matrix: Matrix | None = option(
+        "16 numbers, row by row: a rotation, uniform scale and translation from the capture's world to the file's",
+        None,
+        metavar="M00,M01,...",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.edit and self.sheet:
+            raise BadRequest("The export was given both an edit and a sheet.", "Give one of them.")
 
 
 @dataclass(frozen=True, kw_only=True)

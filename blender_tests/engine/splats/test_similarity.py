@@ -1,0 +1,74 @@
+"""Gaussians that are moved as a whole look to a camera that moves with them as before."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.transform import Rotation
+
+pytest.importorskip("numba")
+
+from blender_tests.engine.splats.clouds import BACKGROUND, NEAR, camera_ahead, cloud
+from karf_engine.errors import BadRequest
+from karf_engine.splats.gaussians import Gaussians
+from karf_engine.splats.rasterizer import splatted
+from karf_engine.splats.similarity import moved
+
+
+def similarity(scale=1.0, turn=(0.0, 0.0, 0.0), shift=(0.0, 0.0, 0.0)):
+    matrix = np.eye(4)
+    matrix[:3, :3] = scale * Rotation.from_rotvec(turn).as_matrix()
+    matrix[:3, 3] = shift
+    return matrix
+
+
+MOVES = {
+    "turned": similarity(turn=(0.3, -1.2, 2.0)),
+    "about": similarity(turn=(0, np.pi, 0)),
+    "scaled": similarity(2.5),
+    "shifted": similarity(shift=(5, -3, 1)),
+    "all": similarity(0.2, (-2.0, 0.5, 0.1), (1, 2, 3)),
+}
+
+
+@pytest.mark.parametrize("name", MOVES)
+@pytest.mark.parametrize("degree", range(4))
+def test_a_camera_that_moves_with_them_sees_the_same(name, degree):
+    gaussians, matrix = Gaussians(cloud(degree=degree), 3, BACKGROUND, NEAR), MOVES[name]
+    camera = camera_ahead()
+    scale = np.cbrt(np.linalg.det(matrix[:3, :3]))
+    pose = matrix @ camera.camera_to_world
+    pose[:3, :3] /= scale
+    there = splatted(moved(gaussians, matrix), replace(camera, camera_to_world=pose))
+    here = splatted(gaussians, camera)
+    assert here.image[..., 3].min() < 0.5
+    assert_allclose(there.image, here.image, atol=1e-4)
+    seen = np.diff(here.slots) > 0
+    assert_allclose(there.depths[seen], scale * here.depths[seen], rtol=1e-4)
+
+
+def test_staying_keeps_every_bit():
+    gaussians = Gaussians(cloud(), 3, BACKGROUND, NEAR)
+    assert moved(gaussians, np.eye(4)) is gaussians
+
+
+def test_a_shift_keeps_the_bits_of_all_but_the_centers():
+    gaussians = Gaussians(cloud(), 3, BACKGROUND, NEAR)
+    assert_array_equal(moved(gaussians, MOVES["shifted"]).table[:, 3:], gaussians.table[:, 3:])
+
+
+@pytest.mark.parametrize(
+    "matrix",
+    [
+        np.diag([1.0, 1, -1, 1]),
+        np.diag([1.0, 1, 2, 1]),
+        np.zeros((4, 4)),
+        np.full((4, 4), np.nan),
+        np.eye(4) + 0.1 * np.eye(4, k=1),
+    ],
+    ids=["mirror", "unequal", "zero", "nan", "shear"],
+)
+def test_what_is_no_similarity_is_refused(matrix):
+    with pytest.raises(BadRequest, match="uniform scale"):
+        moved(Gaussians(cloud(), 3, BACKGROUND, NEAR), matrix)

@@ -1,0 +1,124 @@
+"""A project's Gaussian splats as other programs read them, with an edit baked into their colors, or a file a colorway.
+
+What an edit does not reach keeps its bits; of splats that came as .ply and leave as .ply, whole and in their place, all
+other bytes of the file are kept too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ..capture.capture import CapturedSplats
+from ..compute.progress import Emit
+from ..errors import BadRequest, missing_package
+from ..palettes.colorways.planned import plan_colorways
+from ..palettes.palette import Edit
+from ..palettes.palette_files import read_edit_file
+from ..project.locking import consistent, opened
+from ..recolor.model import Model
+from ..recolor.splat_colors import columns_of
+from ..splats.formats import ply
+from ..splats.formats.registry import kind_to_write, read_splats, write_splats
+from ..splats.formats.splat_file import SplatFile
+from ..splats.gaussians import Gaussians
+from ..splats.similarity import moved
+from .job import Job, open_job
+from .options.editing import ExportSplatOptions
+
+MOSTLY = 0.5  # probability of an object above which a Gaussian is cut out with it
+STAY = tuple(np.eye(4).ravel())
+
+
+def run(options: ExportSplatOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
+    """Write the splats. Raises BadRequest where none are learned, or what is asked for cannot be written so."""
+    if options.attributes and kind_to_write(options.out) != ".ply":
+        raise BadRequest(f"{options.out} holds no attributes.", "Give a .ply to write.")
+    project = opened(options.project)
+    project.require("splats")
+    if options.edit or options.sheet or options.objects or options.attributes:
+        project.require("recoloring")
+    with consistent(project):
+        job = open_job(options, emit, should_stop)
+        settings = replace(job.settings, render=replace(job.settings.render, source="splats"))
+        model = Model(project, job.runtime.device, settings)
+    if model.splats is None:
+        raise missing_package("numba")
+    work = _Work(job, model, options)
+    files = work.files()
+    progress = job.progress("export-splat", len(files))
+    for path, edit in files:
+        work.write(path, edit)
+        job.artifact("splats", path)
+        progress.step()
+
+
+class _Work:
+    """The splats of a project on their way into files."""
+
+    def __init__(self, job: Job, model: Model, options: ExportSplatOptions) -> None:
+        self._job, self._model, self._options = job, model, options
+        self._matrix = np.array(options.matrix or STAY, np.float64).reshape(4, 4)
+        self._source = job.capture().splats
+        self._rows = self._chosen_rows()
+        self._columns = self._all_columns()
+
+    def files(self) -> list[tuple[Path, Edit | None]]:
+        """Each file and the edit that it gets; of a sheet the colorways' names are added to the file's."""
+        out = self._options.out
+        if self._options.sheet is not None:
+            planned = plan_colorways(self._job.project, self._options.sheet)
+            ends = kind_to_write(out)
+            stem = out.name[: -len(ends)]
+            return [(out.with_name(f"{stem}_{plan.colorway.folder}{ends}"), plan.edit) for plan in planned]
+        if self._options.edit is None:
+            return [(out, None)]
+        return [(out, read_edit_file(self._options.edit, self._model.palettes, self._job.settings.compositing))]
+
+    def write(self, path: Path, edit: Edit | None) -> None:
+        """Write one file."""
+        gaussians = self._model.splats if edit is None else self._model.recolored_splats(edit)
+        if self._keeps_bytes(path):
+            ply.rewrite(self._source.path, path, gaussians.table, self._own_columns())
+            return
+        table = np.ascontiguousarray(moved(gaussians, self._matrix).table[self._rows])
+        write_splats(path, SplatFile(table, self._is_antialiased, self._columns))
+
+    @property
+    def _is_antialiased(self) -> bool:
+        return True if self._source is None else self._source.is_antialiased
+
+    def _keeps_bytes(self, path: Path) -> bool:
+        is_whole = self._rows.all() and np.array_equal(self._matrix, np.eye(4))
+        return is_whole and kind_to_write(path) == ".ply" and _is_plain(self._source)
+
+    def _chosen_rows(self) -> np.ndarray:
+        """Which Gaussians are written, bool [n]."""
+        splats: Gaussians = self._model.splats
+        if not self._options.objects:
+            return np.arange(len(splats)) < (splats.n_solid if self._options.solid else len(splats))
+        unknown = sorted(set(self._options.objects) - set(self._model.objects))
+        if unknown:
+            raise BadRequest(
+                f"There is no object {unknown[0]!r:.200}.", f"Objects are: {', '.join(self._model.objects)}."
+            )
+        numbers = [self._model.objects.index(name) for name in self._options.objects]
+        return (self._model.splat_shares[:, numbers] > MOSTLY).any(1)
+
+    def _all_columns(self) -> dict[str, np.ndarray]:
+        """Those of the file that the splats came with, and our own, of the chosen rows."""
+        foreign = {} if self._source is None else read_splats(self._source.path).columns
+        return {name: column[self._rows] for name, column in {**foreign, **self._own_columns()}.items()}
+
+    def _own_columns(self) -> dict[str, np.ndarray]:
+        if not self._options.attributes:
+            return {}
+        return columns_of(self._model.splat_shares, self._model.splat_objects)
+
+
+def _is_plain(source: CapturedSplats | None) -> bool:
+    """Whether splats came as a .ply that is not compressed."""
+    return source is not None and kind_to_write(source.path) == ".ply"
