@@ -63,6 +63,7 @@ build_compositor = _for_scripts(steps.build_compositor)
 colorways = _for_scripts(steps.colorways)
 export_cameras = _for_scripts(steps.export_cameras)
 export_scene = _for_scripts(steps.export_scene)
+export_splat = _for_scripts(steps.export_splat)
 extract_palette = _for_scripts(steps.extract_palette)
 farm_bundle = _for_scripts(steps.farm_bundle)
 find_poses = _for_scripts(steps.find_poses)
@@ -121,6 +122,7 @@ __all__ = [
     "examine_engine",
     "export_cameras",
     "export_scene",
+    "export_splat",
     "extract_palette",
     "farm_bundle",
     "find_poses",

@@ -181,7 +181,11 @@ class KARF_OT_import_splat(RigOptions, bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
     views: IntProperty(
-        name="Views", default=steps.SPLAT_VIEWS, min=0, soft_max=100, description="Without photos: how many are rendered"
+        name="Views",
+        default=steps.SPLAT_VIEWS,
+        min=0,
+        soft_max=100,
+        description="Without photos: how many are rendered",
     )
     up: EnumProperty(name="Up", items=UP_ITEMS, description="Without photos: which axis of the file points up")
     antialiased: BoolProperty(

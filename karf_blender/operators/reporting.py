@@ -15,6 +15,7 @@ MISSING = {
     "geometry": translatable("Learn the scene first"),
     "segmentation": translatable("Segment the objects first"),
     "recoloring": translatable("Extract the palettes first"),
+    "splats": translatable("Learn splats first"),
 }
 
 

@@ -2,7 +2,7 @@
 
 import bpy
 
-from . import marking, rendering, seeing, sidebar, status, swatching
+from . import marking, menus, rendering, seeing, sidebar, status, swatching
 
 CLASSES = (*marking.CLASSES, *status.CLASSES, *seeing.CLASSES, *swatching.CLASSES, *sidebar.CLASSES, *rendering.CLASSES)
 
@@ -13,11 +13,13 @@ def register():
         bpy.utils.register_class(each)
     bpy.types.UI_MT_button_context_menu.append(swatching.draw_context_menu)
     bpy.types.TOPBAR_MT_window.append(sidebar.draw_in_window_menu)
+    menus.register()
     seeing.register_keys()
 
 
 def unregister():
     """Called when the extension is disabled."""
+    menus.unregister()
     bpy.types.TOPBAR_MT_window.remove(sidebar.draw_in_window_menu)
     bpy.types.UI_MT_button_context_menu.remove(swatching.draw_context_menu)
     seeing.unregister_keys()

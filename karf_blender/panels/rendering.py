@@ -33,6 +33,7 @@ def draw_views(layout, karf):
         column.operator("karf.learn_splats", icon="SHADERFX")
     column.operator("karf.rendered_view", icon="SHADING_RENDERED")
     column.operator("karf.over_scene", icon="MOD_BOOLEAN")
+    column.operator("karf.export_splat", icon="EXPORT")
 
 
 def draw_cameras(layout, karf):

@@ -29,6 +29,7 @@ from .render import camera_folder, render_captured, render_sequence, render_view
 from .rendering import put_objects_in, use_engine
 from .seeing import see_view, show_masks
 from .sequences import add_strip, show_frames
+from .splats import export_splat
 from .surface import export_scene, place_points, show_colors, show_scene
 from .swatches import (
     Color,
@@ -60,6 +61,7 @@ __all__ = [
     "erase_mask",
     "export_cameras",
     "export_scene",
+    "export_splat",
     "extract_palette",
     "farm_bundle",
     "find_poses",

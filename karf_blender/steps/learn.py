@@ -32,8 +32,8 @@ def learn_scene(
     """
     if nerf is not None:
         scene.karf.nerf = folders.stored(Path(nerf).absolute())
-    job = _geometry(scene, preset, overrides)
-    return requests.task(scene, "Learn Scene", job, result=partial(_entry, scene, "geometry"))
+    jobs = _geometry(scene, preset, overrides), *_imported_splats(scene)
+    return requests.task(scene, "Learn Scene", *jobs, result=partial(_entry, scene, "geometry"))
 
 
 def _entry(scene: bpy.types.Scene, stage: str) -> dict[str, Any]:
@@ -54,7 +54,8 @@ def learn_all(scene: bpy.types.Scene, preset: str = "", overrides: Sequence[str]
     Raises:
         BadRequest: No masks are chosen.
     """
-    jobs = (_geometry(scene, preset, overrides), _segmentation(scene, None), *_palettes(scene))
+    jobs = _geometry(scene, preset, overrides), _segmentation(scene, None), *_palettes(scene)
+    jobs = *jobs, *_imported_splats(scene)
     return requests.task(scene, "Learn All", *jobs, result=partial(colors.palettes, scene))
 
 
@@ -68,6 +69,11 @@ def _geometry(scene: bpy.types.Scene, preset: str, overrides: Sequence[str]) -> 
         "holdout": scene.karf.holdout if scene.karf.holdout >= 0 else None,
         "masks": str(folders.absolute(scene.karf.masks)) if scene.karf.masks else None,
     }
+
+
+def _imported_splats(scene: bpy.types.Scene) -> tuple[tuple[str, dict], ...]:
+    """The job that takes the splats that the capture came with, in a moment; none where they would have to be learned."""
+    return (("splats", {}),) if captures.of(scene).splats else ()
 
 
 def segment(scene: bpy.types.Scene, masks: str | Path | None = None) -> Task:

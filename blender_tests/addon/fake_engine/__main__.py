@@ -19,8 +19,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
 from karf_engine.capture import open_capture, write_cameras
 from karf_engine.capture.camera import Camera
-from karf_engine.capture.capture import View, capture_from_json, capture_to_json
+from karf_engine.capture.capture import Capture, CapturedSplats, View, capture_from_json, capture_to_json
 from karf_engine.capture.transforms_frames import camera_from_json
+from karf_engine.capture.transforms_json import write_capture
 from karf_engine.cli import main as engine_main
 from karf_engine.commands.options import options_of_job
 from karf_engine.io.files import read_json, write_json
@@ -184,6 +185,29 @@ def poses(project, options):
     write_cameras(out / "transforms.json", views)
 
 
+def import_splat(project, options):
+    """Two views of the splats, gray, and a link to them."""
+    out, views = Path(options["out"]), []
+    for number in range(2):
+        pose = np.diag([1.0, -1, -1, 1])  # the capture's y points down
+        pose[0, 3] = number
+        path = out / "images" / f"view_00{number}.png"
+        write_png(path, np.full((16, 24, 3), 0.5))
+        views.append(View(path.stem, path.stem, Camera(24, 16, 30.0, 30.0, 12.0, 8.0, pose), path, "train"))
+    splats = CapturedSplats(Path(shutil.copy(options["splat"], out)))
+    write_capture(out / "transforms.json", Capture(out, "transforms", tuple(views), splats=splats), out)
+
+
+def export_splat(project, options):
+    """What was asked for, in place of splats."""
+    Path(options["out"]).write_text(json.dumps(options))
+
+
+def splats(project, options):
+    project.splats_file.touch()
+    project.finish("splats", "fake", gaussians=3)
+
+
 def geometry(project, options):
     project.create(options["capture"])
     write_json(project.capture_file, capture_to_json(open_capture(options["capture"])))
@@ -309,7 +333,11 @@ def write_png(path, picture):
 
 
 STAGES = {
-    stage.__name__: stage for stage in (poses, geometry, segmentation, palette, recoloring, render, points, colorways)
+    stage.__name__.replace("_", "-"): stage
+    for stage in (
+        *(poses, import_splat, geometry, segmentation, palette, recoloring, splats, render, points, colorways),
+        export_splat,
+    )
 }
 QUERIES = {
     "echo": echo,

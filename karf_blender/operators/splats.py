@@ -1,0 +1,57 @@
+"""Step 7: the scene as Gaussian splats in files of other programs."""
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, StringProperty
+
+from .. import steps
+from ..tasks import runner
+from .reporting import EngineStep, reports_errors
+
+AXES_ITEMS = [
+    ("auto", "Automatic", "As splats were imported; of a scene that was learned here, as Blender shows it"),
+    ("capture", "As Imported", "The capture's own world"),
+    ("blender", "Z Up", "Where and as large as Blender shows it; kinds of files that say what is up get it"),
+    ("viewers", "Y Down", "As Blender shows it, turned as most viewers of splats expect a .ply"),
+]
+
+
+class KARF_OT_export_splat(EngineStep, bpy.types.Operator):
+    """Write the scene as Gaussian splats with the swatches as they stand: PLY, SPZ, glTF or USD, by the file's ending"""
+
+    bl_idname = "karf.export_splat"
+    bl_label = "Export Splat"
+    bl_options = {"REGISTER", "PRESET"}
+    after = "splats"
+
+    filepath: StringProperty(subtype="FILE_PATH", default="scene.ply", options={"SKIP_SAVE"})
+    filter_glob: StringProperty(default="*.ply;*.spz;*.glb;*.gltf;*.usd;*.usda;*.usdc", options={"HIDDEN"})
+    check_existing: BoolProperty(default=True, options={"HIDDEN"})
+    axes: EnumProperty(name="Axes", items=AXES_ITEMS)
+    object_name: StringProperty(name="Object", description="Cut out this object; empty: the whole scene")
+    solid: BoolProperty(
+        name="Without Background", description="Leave out the shell that shows what is behind the scene"
+    )
+    attributes: BoolProperty(
+        name="Attributes", description="Add each Gaussian's object, probability and palette weights to a .ply"
+    )
+
+    def invoke(self, context, event):
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def draw(self, context):
+        self.layout.use_property_split = True
+        self.layout.prop(self, "axes")
+        self.layout.prop_search(self, "object_name", context.scene.karf, "objects")
+        self.layout.prop(self, "solid")
+        self.layout.prop(self, "attributes")
+
+    @reports_errors
+    def execute(self, context):
+        objects = (self.object_name,) if self.object_name else ()
+        path = bpy.path.abspath(self.filepath)
+        runner.launch(steps.export_splat(context.scene, path, self.axes, objects, self.solid, self.attributes))
+        return {"FINISHED"}
+
+
+CLASSES = (KARF_OT_export_splat,)
