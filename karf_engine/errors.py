@@ -173,3 +173,14 @@ def missing_package(name: str) -> MissingDependency:
         name=name,
         package=INSTALL_NAMES.get(name, name),
     )
+
+
+def missing_extra(name: str, extra: str) -> MissingDependency:
+    """The error for a package (by its import name) that this Python lacks, of one of pyproject.toml's extras."""
+    return MissingDependency(
+        "The engine's Python ({executable}) has no package {name!r}.",
+        'Install the extra there: {executable} -m pip install "karf[{extra}]"',
+        executable=sys.executable,
+        name=name,
+        extra=extra,
+    )

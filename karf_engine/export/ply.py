@@ -8,11 +8,11 @@ import numpy as np
 
 from ..io.color import to_bytes
 from ..io.files import atomic_write
+from ..io.ply import vertex_file
 
 VERTEX = np.dtype(
     [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")] + [(c, "u1") for c in ("red", "green", "blue")]
 )
-WORDS = {"<f4": "float", "|u1": "uchar"}
 
 
 def write_ply(path: Path, positions: np.ndarray, normals: np.ndarray, colors: np.ndarray) -> None:
@@ -38,6 +38,4 @@ def write_ply(path: Path, positions: np.ndarray, normals: np.ndarray, colors: np
     for names, values in (("x y z", positions), ("nx ny nz", normals), ("red green blue", to_bytes(colors))):
         for name, column in zip(names.split(), values.T, strict=True):
             table[name] = column
-    properties = [f"property {WORDS[VERTEX[name].str]} {name}" for name in VERTEX.names]
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(table)}", *properties, "end_header", ""]
-    atomic_write(path, lambda temporary: temporary.write_bytes("\n".join(header).encode() + table.tobytes()))
+    atomic_write(path, lambda temporary: temporary.write_bytes(vertex_file(table)))

@@ -93,6 +93,18 @@ def image_header(path: Path) -> ImageHeader:
     return header
 
 
+def webp_size(data: bytes) -> tuple[int, int]:
+    """Width and height of a WebP picture in memory.
+
+    Raises:
+        ValueError: It is none.
+    """
+    header = _webp_header(data[:32]) if data[:4] == b"RIFF" and data[8:12] == b"WEBP" and len(data) >= 32 else None
+    if header is None:
+        raise ValueError("it has a picture that is no WebP")
+    return header.stored
+
+
 def check_pixels(path: Path, width: int, height: int, of_small: int = MOST_PIXELS_OF_SMALL) -> None:
     """Refuse a picture file that claims more pixels than are read of a file of its length.
 

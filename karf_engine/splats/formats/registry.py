@@ -2,16 +2,77 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
+from ...errors import BadRequest
+from ...io.inputs import check_file
+from . import compressed_ply, gltf, ply, sog, splat, spz, usd
 from .splat_file import SplatFile
+
+HEAD = 1 << 14  # bytes by which a kind is known
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of files.
+
+    Attributes:
+        ends: Of the names.
+        read: Of a path.
+        write: To a path; None where it is only read.
+    """
+
+    ends: tuple[str, ...]
+    read: Callable[[Path], SplatFile]
+    write: Callable[[Path, SplatFile], None] | None = None
+
+
+KINDS = (
+    Kind((".compressed.ply",), compressed_ply.read, compressed_ply.write),  # before the shorter end
+    Kind((".ply",), ply.read, ply.write),
+    Kind((".spz",), spz.read, spz.write),
+    Kind((".glb", ".gltf"), gltf.read, gltf.write),
+    Kind((".usda", ".usdc", ".usd"), usd.read, usd.write),
+    Kind((".usdz",), usd.read),
+    Kind((".sog",), sog.read),
+    Kind((".splat",), splat.read),
+)
 
 
 def read_splats(path: Path) -> SplatFile:
-    """Read Gaussians of another program, of the kind that the content, else the name, tells."""
-    raise NotImplementedError
+    """Read Gaussians of another program, of the kind that the name's end tells; whether PLY is packed, the content.
+
+    Raises:
+        BadRequest: No kind has this end.
+        DataError: The file is missing or damaged, or a row cannot be a Gaussian.
+        MissingDependency: A package that this kind needs is not installed.
+    """
+    kind = _kind(path, KINDS)
+    if kind.read in (ply.read, compressed_ply.read):
+        check_file(path)
+        with path.open("rb") as stream:
+            return compressed_ply.read(path) if compressed_ply.is_compressed(stream.read(HEAD)) else ply.read(path)
+    return kind.read(path)
 
 
 def write_splats(path: Path, splats: SplatFile) -> None:
-    """Write Gaussians atomically, as the kind that the name's end tells."""
-    raise NotImplementedError
+    """Write Gaussians atomically, as the kind that the name's end tells; columns only as .ply.
+
+    Raises:
+        BadRequest: No kind that is written has this end.
+        MissingDependency: A package that this kind needs is not installed.
+        OSError: The disk takes no more, or the folder cannot be written.
+    """
+    kind = _kind(path, tuple(kind for kind in KINDS if kind.write))
+    kind.write(path, splats)
+
+
+def _kind(path: Path, kinds: tuple[Kind, ...]) -> Kind:
+    name = path.name.lower()
+    for kind in kinds:
+        if name.endswith(kind.ends):
+            return kind
+    ends = ", ".join(end for kind in kinds for end in kind.ends)
+    raise BadRequest(f"{path} has none of the ends {ends}.", "Give the file a name with one of them.")

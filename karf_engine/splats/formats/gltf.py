@@ -1,0 +1,164 @@
+"""Gaussians in glTF files, .glb and .gltf, as points with Khronos' ratified extension KHR_gaussian_splatting.
+
+Format: glTF 2.0 and the extension's page in KhronosGroup/glTF: centers; rotations x y z w of length 1; scales, not their
+logarithms; opacities; for each harmonic red green blue, in the order and signs of Kerbl et al. Colors are display-referred
+sRGB (`srgb_rec709_display`); linear ones are refused, since harmonics of one are not harmonics of the other.
+
+glTF is y up. Written is the table as it is in a PLY file, below a node that turns it by half a turn round x (see
+`turning`), so that no digit is lost and other programs see it upright; read is whatever nodes turn, move and scale.
+
+Precision: float32 on both sides: centers and harmonics to the bit, opacity to 6e-8, the logarithm of a scale to 1e-5,
+rotations to 1e-6 after they were made of length 1.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import DataError
+from ...io.files import atomic_write
+from ...version import __version__
+from ..gaussians import DEGREES
+from ..kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
+from .checking import check_count, checked, damaged, log_scales, logits, opacities, telling
+from .gltf_document import (
+    BINARY_CHUNK,
+    CHUNK_HEADER,
+    FILE_HEADER,
+    FLOAT,
+    JSON_CHUNK,
+    MAGIC,
+    UNSIGNED_BYTE,
+    WIDTHS,
+    Document,
+)
+from .splat_file import SplatFile
+from .turning import UPRIGHT, turned
+
+EXTENSION = "KHR_gaussian_splatting"
+KERNEL, SRGB = "ellipse", "srgb_rec709_display"
+POINTS, VERTICES = 0, 34962  # glTF's numbers of a mode and a use
+HALF_TURN = [1.0, 0.0, 0.0, 0.0]  # round x, as quaternion x y z w
+
+
+def read(path: Path) -> SplatFile:
+    """Read the Gaussians of all nodes of a glTF file's scene, moved as the nodes say, into a PLY file's axes.
+
+    Raises:
+        DataError: The file or one it needs is missing, damaged or outside its folder, has no Gaussians or some of another
+            kernel or color, or a row cannot be a Gaussian.
+    """
+    with telling(path):
+        document = Document(path)
+        placed = [pair for pair in document.placed_primitives() if EXTENSION in pair[0].get("extensions", {})]
+        if not placed:
+            raise damaged(path, f"it has no points with {EXTENSION}")
+        tables: list[np.ndarray] = []
+        for primitive, matrix in placed:
+            tables.append(turned(_table(document, primitive), UPRIGHT @ matrix))
+            check_count(path, sum(map(len, tables)), document.size)  # one mesh may be in any number of nodes
+        return SplatFile(checked(path, np.concatenate(tables)))
+
+
+def write(path: Path, splats: SplatFile) -> None:
+    """Write Gaussians as .glb, or as .gltf with its numbers in a .bin beside it; columns have no place in it.
+
+    Raises:
+        OSError: The disk takes no more, or the folder cannot be written.
+    """
+    attributes = _attributes(splats.table)
+    binary = b"".join(values.tobytes() for values in attributes.values())
+    buffer: dict[str, Any] = {"byteLength": len(binary)}
+    if path.suffix.lower() == ".gltf":
+        numbers = path.with_suffix(".bin")
+        atomic_write(numbers, lambda temporary: temporary.write_bytes(binary))
+        content = json.dumps(_json(attributes, buffer | {"uri": numbers.name}), indent=1).encode()
+    else:
+        text = json.dumps(_json(attributes, buffer), separators=(",", ":")).encode()
+        text += b" " * (-len(text) % 4)
+        content = CHUNK_HEADER.pack(len(text), JSON_CHUNK) + text
+        content += CHUNK_HEADER.pack(len(binary), BINARY_CHUNK) + binary
+        content = FILE_HEADER.pack(MAGIC, 2, FILE_HEADER.size + len(content)) + content
+    atomic_write(path, lambda temporary: temporary.write_bytes(content))
+
+
+# --------------------------------------------------------------------------------------------------------------- reading
+def _table(document: Document, primitive: dict[str, Any]) -> np.ndarray:
+    """[n, 11 + 3 K] float64 of a primitive."""
+    splatting, attributes = primitive["extensions"][EXTENSION], primitive["attributes"]
+    if splatting["kernel"] != KERNEL or splatting["colorSpace"] != SRGB or splatting.get("extensions"):
+        raise DataError(
+            f"{document.path} has Gaussians of another kernel than {KERNEL}, in other colors than {SRGB}, or packed.",
+            f"Export them as plain {EXTENSION}, in sRGB.",
+        )
+    n_harmonics = max((count for count in DEGREES if _harmonic_names(count)[-1] in attributes), default=1)
+    values = {name: document.accessor(attributes[name]) for name in _names(n_harmonics)}
+    centers, rotations, scales, opaque, *harmonics = values.values()
+    parts = (centers, log_scales(scales), np.roll(rotations, 1, 1), logits(opaque), *harmonics)
+    if [part.shape[1] for part in parts] != [3, 3, 4, 1, *[3] * n_harmonics]:
+        raise damaged(document.path, "its attributes have other widths than Gaussians")
+    return np.concatenate(parts, 1)
+
+
+def _names(n_harmonics: int) -> list[str]:
+    return ["POSITION", *(f"{EXTENSION}:{name}" for name in ("ROTATION", "SCALE", "OPACITY")),
+            *_harmonic_names(n_harmonics)]  # fmt: skip
+
+
+def _harmonic_names(count: int) -> list[str]:
+    degrees = range(DEGREES[count] + 1)
+    return [f"{EXTENSION}:SH_DEGREE_{degree}_COEF_{number}" for degree in degrees for number in range(2 * degree + 1)]
+
+
+# --------------------------------------------------------------------------------------------------------------- writing
+def _attributes(table: np.ndarray) -> dict[str, np.ndarray]:
+    """Arrays by their attribute's name, among them the colors of simple points for programs without Gaussians."""
+    rotations = table[:, ROTATION:LOGIT].astype(np.float64)
+    rotations /= np.linalg.norm(rotations, axis=1, keepdims=True)
+    scales = np.exp(table[:, LOG_SCALE:ROTATION].astype(np.float64))
+    opaque, harmonics = opacities(table[:, LOGIT:COLOR]), table[:, COLOR:].reshape(len(table), -1, 3)
+    arrays = (table[:, :LOG_SCALE], np.roll(rotations, -1, 1), scales, opaque, *harmonics.swapaxes(0, 1))
+    found = {
+        name: np.ascontiguousarray(values, "<f4")
+        for name, values in zip(_names(harmonics.shape[1]), arrays, strict=True)
+    }
+    colors = np.concatenate([0.5 + C0 * harmonics[:, 0], opaque], 1)
+    return found | {"COLOR_0": np.round(np.clip(colors, 0, 1) * 255).astype(np.uint8)}
+
+
+def _json(attributes: dict[str, np.ndarray], buffer: dict[str, Any]) -> dict[str, Any]:
+    splatting = {"kernel": KERNEL, "colorSpace": SRGB, "sortingMethod": "cameraDistance", "projection": "perspective"}
+    primitive = {
+        "attributes": {name: number for number, name in enumerate(attributes)},
+        "mode": POINTS,
+        "extensions": {EXTENSION: splatting},
+    }
+    views, start = [], 0
+    for values in attributes.values():
+        views.append({"buffer": 0, "byteOffset": start, "byteLength": values.nbytes, "target": VERTICES})
+        start += values.nbytes
+    return {
+        "asset": {"version": "2.0", "generator": f"KaRF {__version__}"},
+        "extensionsUsed": [EXTENSION],
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "rotation": HALF_TURN}],
+        "meshes": [{"primitives": [primitive]}],
+        "buffers": [buffer],
+        "bufferViews": views,
+        "accessors": [_accessor(number, values) for number, values in enumerate(attributes.values())],
+    }
+
+
+def _accessor(number: int, values: np.ndarray) -> dict[str, Any]:
+    """What an array is, with its bounds: glTF wants those of the positions."""
+    kind = next(name for name, width in WIDTHS.items() if width == values.shape[1])
+    accessor = {"bufferView": number, "count": len(values), "type": kind,
+                "min": values.min(0).tolist(), "max": values.max(0).tolist()}  # fmt: skip
+    if values.dtype == np.uint8:
+        return accessor | {"componentType": UNSIGNED_BYTE, "normalized": True}
+    return accessor | {"componentType": FLOAT}

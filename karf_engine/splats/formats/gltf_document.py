@@ -1,0 +1,157 @@
+"""A glTF 2.0 file as its readers need it: nodes, accessors and buffers, of which nothing is believed."""
+
+from __future__ import annotations
+
+import base64
+import json
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...capture.reading import read_bytes
+from ...io.inputs import MOST_JSON
+from ...io.names import is_file_name
+from .checking import damaged
+
+MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", b"JSON", b"BIN\0"
+FILE_HEADER, CHUNK_HEADER = struct.Struct("<4sII"), struct.Struct("<I4s")
+FLOAT, UNSIGNED_BYTE = 5126, 5121  # glTF's numbers of types
+COMPONENTS = {5120: "<i1", UNSIGNED_BYTE: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", FLOAT: "<f4"}
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+DEEPEST = 100  # nodes below each other
+MOST_NODES = 10_000
+
+
+class Document:
+    """A .glb or .gltf file.
+
+    Args:
+        path: The file; .gltf may name further ones beside it.
+
+    Attributes:
+        json: What it says.
+        size: Bytes, with those of the buffers that have been read.
+
+    Raises:
+        DataError: The file is missing, or is no glTF.
+        ValueError: Its JSON is broken; as KeyError, IndexError and TypeError, which methods raise of damaged files too.
+    """
+
+    def __init__(self, path: Path) -> None:
+        data = read_bytes(path)
+        text, self._binary = _chunks(path, data) if data.startswith(MAGIC) else (data, None)
+        if len(text) > MOST_JSON:
+            raise damaged(path, f"its JSON has {len(text):,} bytes, where at most {MOST_JSON:,} are read")
+        self.path = path
+        self.size = len(data)
+        self.json = json.loads(text)
+        self._buffers: dict[int, bytes] = {}
+
+    def placed_primitives(self) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
+        """Each primitive of the scene's meshes, and the matrix [4, 4] that moves it into the scene; as often as it is there."""
+        waiting = [(number, np.eye(4), 1) for number in self._roots()]
+        for n_seen, (number, above, depth) in enumerate(waiting):  # which grows
+            if depth > DEEPEST or n_seen > MOST_NODES:
+                raise damaged(self.path, "its nodes are nested without end")
+            node = item(self.json["nodes"], number)
+            matrix = above @ _matrix(node)
+            waiting += [(child, matrix, depth + 1) for child in node.get("children", ())]
+            mesh = item(self.json["meshes"], node["mesh"]) if "mesh" in node else {"primitives": ()}
+            yield from ((primitive, matrix) for primitive in mesh["primitives"])
+
+    def _roots(self) -> list[int]:
+        if "scenes" in self.json:
+            return item(self.json["scenes"], self.json.get("scene", 0))["nodes"]
+        below = {child for node in self.json["nodes"] for child in node.get("children", ())}
+        return [number for number in range(len(self.json["nodes"])) if number not in below]
+
+    def accessor(self, number: int) -> np.ndarray:
+        """An accessor's numbers: [count, width] float64, normalized integers in [-1, 1]."""
+        accessor = item(self.json["accessors"], number)
+        if "sparse" in accessor or "bufferView" not in accessor:
+            raise ValueError("it has an accessor without a whole buffer view")
+        view = item(self.json["bufferViews"], accessor["bufferView"])
+        kind = np.dtype((COMPONENTS[accessor["componentType"]], WIDTHS[accessor["type"]]))
+        stored = self._strided(view, _whole(accessor.get("byteOffset", 0)), _whole(accessor["count"]), kind)
+        values = stored.astype(np.float64)
+        if accessor.get("normalized"):
+            values = np.maximum(values / np.iinfo(stored.dtype).max, -1)
+        return values
+
+    def _strided(self, view: dict[str, Any], start: int, count: int, kind: np.dtype) -> np.ndarray:
+        """[count, width] of a buffer view."""
+        buffer = self._buffer(_whole(view["buffer"]))
+        offset, length = _whole(view.get("byteOffset", 0)), _whole(view["byteLength"])
+        stride = _whole(view.get("byteStride", kind.itemsize))
+        end = start + stride * (count - 1) + kind.itemsize
+        if offset + length > len(buffer) or count < 1 or end > length or stride < kind.itemsize:
+            raise ValueError("it has an accessor outside its buffer")
+        component = kind.base
+        strides = (stride, component.itemsize)
+        return np.ndarray((count, *kind.shape), component, buffer, offset + start, strides)
+
+    def _buffer(self, number: int) -> bytes:
+        if number not in self._buffers:
+            uri = item(self.json["buffers"], number).get("uri")
+            self._buffers[number] = self._binary if uri is None and number == 0 and self._binary else self._fetched(uri)
+            self.size += len(self._buffers[number])
+        return self._buffers[number]
+
+    def _fetched(self, uri: Any) -> bytes:
+        """The bytes of a URI: data in it, or a file in the same folder."""
+        if not isinstance(uri, str):
+            raise ValueError("it has a buffer without bytes")
+        if uri.startswith("data:"):
+            return base64.b64decode(uri.partition(";base64,")[2], validate=True)
+        if not is_file_name(uri):
+            raise damaged(self.path, f"it wants {uri[:100]!r}, which is no file beside it")
+        return read_bytes(self.path.with_name(uri))
+
+
+def item(values: Any, number: Any) -> dict[str, Any]:
+    """An object of a list that another one names by its number."""
+    found = values[_whole(number)]
+    if not isinstance(found, dict):
+        raise TypeError("it has something else where an object is wanted")
+    return found
+
+
+def _whole(value: Any) -> int:
+    if type(value) is not int or value < 0:
+        raise ValueError(f"{str(value)[:40]!r} is no whole number of 0 or more")
+    return value
+
+
+def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:
+    """JSON and binary chunk of a .glb file."""
+    _, version, _ = FILE_HEADER.unpack_from(data)
+    if version != 2:
+        raise damaged(path, f"it is glTF of version {version}; 2 is read")
+    found, start = {}, FILE_HEADER.size
+    while start < len(data) and len(found) < 2:
+        length, kind = CHUNK_HEADER.unpack_from(data, start)
+        start += CHUNK_HEADER.size
+        if start + length > len(data):
+            raise damaged(path, "it is cut off")
+        found.setdefault(kind, data[start : start + length])
+        start += length
+    return found[JSON_CHUNK], found.get(BINARY_CHUNK)
+
+
+def _matrix(node: dict[str, Any]) -> np.ndarray:
+    """[4, 4], which moves what is in a node into the one above."""
+    if "matrix" in node:
+        return np.array(node["matrix"], np.float64).reshape(4, 4).T
+    x, y, z, w = (float(part) for part in node.get("rotation", (0, 0, 0, 1)))
+    matrix = np.eye(4)
+    matrix[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    matrix[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), np.float64)
+    matrix[:3, 3] = node.get("translation", (0, 0, 0))
+    return matrix

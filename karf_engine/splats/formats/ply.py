@@ -1,0 +1,176 @@
+"""Gaussians in PLY files as Kerbl et al. 2023 write them, the kind that nearly every program reads.
+
+Layout: graphdeco-inria/gaussian-splatting, scene/gaussian_model.py: one `vertex` each, with x y z, f_dc_0..2,
+f_rest_0..44 (channel by channel: all of red, then green, then blue), opacity (logit), scale_0..2 (logarithm), rot_0..3
+(w x y z). Fewer bands have fewer f_rest: 0, 9, 24 or 45. nx ny nz may be there and mean nothing. Read in any order of
+the properties and any of PLY's types, as text or binary; what else a vertex has is kept. Whether a screen filter was
+used is a comment: Brush's `SplatRenderMode: mip`, Postshot's `antialiased 1`.
+
+Numbers are float32 on both sides: what is written is read again to the bit.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ...capture.reading import read_bytes
+from ...errors import DataError
+from ...io.files import atomic_write
+from ...io.ply import Header, locate, properties, read_header, read_rows, vertex_file
+from ..gaussians import DEGREES
+from ..kernels.arrays import COLOR
+from .checking import checked, damaged, telling
+from .splat_file import SplatFile
+
+GEOMETRY = ("x", "y", "z", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3", "opacity")
+NORMALS = ("nx", "ny", "nz")
+FILTERED = re.compile(r"(SplatRenderMode: mip|antialiased 1)\s*$", re.IGNORECASE)
+UNFILTERED = re.compile(r"(SplatRenderMode: default|antialiased 0)\s*$", re.IGNORECASE)
+
+
+def read(path: Path) -> SplatFile:
+    """Read Gaussians of a PLY file; foreign properties become `columns`, in the file's types.
+
+    Raises:
+        DataError: The file is missing, damaged, cut off or no such PLY, or a row cannot be a Gaussian.
+    """
+    header, rows = _vertices(path, read_bytes(path))
+    names = _names_in(path, rows)
+    foreign = [name for name in rows.dtype.names or () if name not in {*names, *NORMALS}]
+    columns = {name: rows[name].astype(rows.dtype[name].newbyteorder("=")) for name in foreign}
+    return SplatFile(_table(path, rows, names), _filter_of(header), columns)
+
+
+def write(path: Path, splats: SplatFile) -> None:
+    """Write Gaussians and their columns as binary PLY, in the order of Kerbl et al., normals of 0 included.
+
+    Raises:
+        ValueError: A column has the name of one of the layout's properties, or a type that PLY has not.
+        OSError: The disk takes no more, or the folder cannot be written.
+    """
+    names = property_names(splats.table.shape[1])
+    ordered = [*names[:3], *NORMALS, *names[COLOR : COLOR + 3], *_rest(names), *GEOMETRY[10:], *GEOMETRY[3:10]]
+    more = [(name, column.dtype.newbyteorder("<")) for name, column in splats.columns.items()]
+    rows = np.zeros(len(splats), [(name, "<f4") for name in ordered] + more)
+    for name, column in zip(names, splats.table.T, strict=True):
+        rows[name] = column
+    for name, column in splats.columns.items():
+        rows[name] = column
+    mode = {None: (), True: ("SplatRenderMode: mip",), False: ("SplatRenderMode: default",)}[splats.is_antialiased]
+    atomic_write(path, lambda temporary: temporary.write_bytes(vertex_file(rows, mode)))
+
+
+def rewrite(source: Path, out: Path, table: np.ndarray, columns: Mapping[str, np.ndarray] | None = None) -> None:
+    """Write a PLY file again with other values; every byte that does not hold one of them stays.
+
+    Args:
+        source: A binary PLY file that `read` reads.
+        out: The file to write, which may be `source`.
+        table: [n, 11 + 3 K] float32, as `read` gives it but for what is to change.
+        columns: Values of each Gaussian, [n] by name: those of a property that the file has replace it, in its type;
+            others become new properties behind a vertex's last.
+
+    Raises:
+        DataError: The source is no such file, or is text.
+        ValueError: Table or columns are not of the file's shape, or a column has a type that PLY has not.
+    """
+    data = read_bytes(source)
+    header, rows = _vertices(source, data)
+    if header.encoding == "ascii":
+        raise DataError(f"{source} is a PLY file of text, which is not changed in place.", "Save it as binary PLY.")
+    names, columns = _names_in(source, rows), columns or {}
+    changed = _changed(rows, _table(source, rows, names), table, names)
+    new = {name: column for name, column in columns.items() if name not in rows.dtype.names}
+    written = _widened(changed, {name: column.dtype for name, column in new.items()}, header)
+    for name, column in columns.items():
+        written[name] = column
+    vertex, start = locate(header, "vertex")
+    end = header.size + start + rows.nbytes
+    head = _with_properties(data[: header.size], vertex.end, properties(written.dtype)[len(rows.dtype) :])
+    content = b"".join((head, data[header.size : header.size + start], written.tobytes(), data[end:]))
+    atomic_write(out, lambda temporary: temporary.write_bytes(content))
+
+
+def property_names(width: int) -> list[str]:
+    """The layout's names for a table's columns.
+
+    Args:
+        width: 11 + 3 K, of K = 1, 4, 9 or 16 harmonics.
+
+    Examples:
+        >>> property_names(14)[10:]
+        ['opacity', 'f_dc_0', 'f_dc_1', 'f_dc_2']
+        >>> property_names(23)[14:]
+        ['f_rest_0', 'f_rest_3', 'f_rest_6', 'f_rest_1', 'f_rest_4', 'f_rest_7', 'f_rest_2', 'f_rest_5', 'f_rest_8']
+    """
+    n_rest = (width - COLOR) // 3 - 1
+    rest = [f"f_rest_{channel * n_rest + number}" for number in range(n_rest) for channel in range(3)]
+    return [*GEOMETRY, "f_dc_0", "f_dc_1", "f_dc_2", *rest]
+
+
+def _rest(names: list[str]) -> list[str]:
+    return [f"f_rest_{number}" for number in range(len(names) - COLOR - 3)]
+
+
+def _vertices(path: Path, data: bytes) -> tuple[Header, np.ndarray]:
+    with telling(path):
+        header = read_header(data)
+        return header, read_rows(data, header, "vertex")
+
+
+def _names_in(path: Path, rows: np.ndarray) -> list[str]:
+    """The layout's names for the columns of a table, as many as the file has bands."""
+    have = set(rows.dtype.names or ())
+    n_rest = sum(name.startswith("f_rest_") for name in have)
+    if n_rest % 3 or n_rest // 3 + 1 not in DEGREES:
+        raise damaged(path, f"it has {n_rest} properties f_rest, where 0, 9, 24 or 45 are known")
+    names = property_names(COLOR + 3 + n_rest)
+    lacking = [name for name in names if name not in have]
+    if lacking:
+        raise damaged(path, f"its vertices have no {' '.join(lacking)}")
+    return names
+
+
+def _table(path: Path, rows: np.ndarray, names: list[str]) -> np.ndarray:
+    table = np.empty((len(rows), len(names)), np.float32)
+    with np.errstate(over="ignore"):
+        for number, name in enumerate(names):
+            table[:, number] = rows[name]
+    return checked(path, table)
+
+
+def _filter_of(header: Header) -> bool | None:
+    if any(map(FILTERED.match, header.comments)):
+        return True
+    return False if any(map(UNFILTERED.match, header.comments)) else None
+
+
+def _changed(rows: np.ndarray, old: np.ndarray, new: np.ndarray, names: list[str]) -> np.ndarray:
+    """The file's rows with what differs between two tables; others keep digits that float32 has not."""
+    if new.shape != old.shape:
+        raise ValueError(f"a table of {new.shape} for a file of {old.shape}")
+    changed = rows.copy()
+    for name, before, after in zip(names, old.T, new.T, strict=True):
+        differs = before != after
+        changed[name][differs] = after[differs]
+    return changed
+
+
+def _widened(rows: np.ndarray, new: Mapping[str, np.dtype], header: Header) -> np.ndarray:
+    """The rows with further fields, in the file's order of bytes."""
+    order = ">" if header.encoding == "binary_big_endian" else "<"
+    fields = [(name, rows.dtype[name]) for name in rows.dtype.names or ()]
+    wide = np.zeros(len(rows), fields + [(name, dtype.newbyteorder(order)) for name, dtype in new.items()])
+    for name, _ in fields:
+        wide[name] = rows[name]
+    return wide
+
+
+def _with_properties(header: bytes, end: int, lines: list[str]) -> bytes:
+    """A header with further lines behind a place, in its kind of line ends."""
+    line_end = "\r\n" if header[:end].endswith(b"\r\n") else "\n"
+    return header[:end] + "".join(line + line_end for line in lines).encode() + header[end:]

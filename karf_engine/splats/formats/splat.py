@@ -1,0 +1,40 @@
+"""Gaussians in antimatter15's .splat files: 32 bytes each, without header and without harmonics beyond the first.
+
+Format: github.com/antimatter15/splat, main.js: float32 center and scales (not logarithms), bytes red green blue opacity,
+bytes of the quaternion w x y z as 128 + 128 q. The axes are those of the PLY. Only read: it is what old viewers have.
+
+Precision: centers and scales as float32, opacity and color 1/510, quaternion 1/256.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ...capture.reading import read_bytes
+from ..kernels.arrays import C0
+from .checking import checked, damaged, log_scales, logits
+from .splat_file import SplatFile
+
+ROW = np.dtype(
+    [("center", "<f4", 3), ("scales", "<f4", 3), ("color", "u1", 3), ("opacity", "u1"), ("rotation", "u1", 4)]
+)
+HALF_BYTE = 128
+
+
+def read(path: Path) -> SplatFile:
+    """Read Gaussians of a .splat file; quaternions of four equal middle bytes mean no rotation.
+
+    Raises:
+        DataError: The file is missing, is no whole number of Gaussians, or a row cannot be a Gaussian.
+    """
+    data = read_bytes(path)
+    if len(data) % ROW.itemsize:
+        raise damaged(path, f"it has {len(data):,} bytes, which is no multiple of {ROW.itemsize}")
+    rows = np.frombuffer(data, ROW)
+    rotations = rows["rotation"].astype(np.float64) - HALF_BYTE
+    rotations[~rotations.any(1), 0] = 1
+    colors = (rows["color"] / 255 - 0.5) / C0
+    parts = (rows["center"], log_scales(rows["scales"]), rotations / HALF_BYTE, logits(rows["opacity"] / 255)[:, None])
+    return SplatFile(checked(path, np.concatenate([*parts, colors], 1)))

@@ -1,0 +1,141 @@
+"""Gaussians in Niantic's SPZ files, about a tenth of a PLY file.
+
+Format: github.com/nianticlabs/spz, versions 2 to 4; version 3 is written. Packed and unpacked by gsply, which knows no
+axes: SPZ stores right, up, back (RUB), so centers, rotations and harmonics are turned here (see `turning`), as the
+reference does between PLY and SPZ. Programs that turn nothing, among them splat-transform and gsply, write files that
+others show upside down; nothing in a file tells them apart.
+
+Precision: centers to half of 2^-bits, with as many bits as the farthest coordinate leaves of 23 (at least to 1.2e-7 of
+it); logarithms of scales 1/32, from -10 to 5.9; 1/510 of the opacity; 0.0014 of a unit quaternion's parts; colors of the
+first harmonic 1/76, of the further ones 1/256, which end at -1 and 1.
+"""
+
+from __future__ import annotations
+
+import gzip
+import struct
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...capture.reading import read_bytes
+from ...io.files import atomic_write
+from .checking import check_count, checked, damaged, telling
+from .packed import from_package, to_package
+from .splat_file import SplatFile
+from .turning import upright
+
+MAGIC = b"NGSP"
+GZIP = b"\x1f\x8b"
+HEADER = struct.Struct("<4sIIBBBB")  # magic, version, count, degree, bits of a fraction, flags, number of streams
+STREAM = struct.Struct("<QQ")  # bytes packed, unpacked
+STREAMS_AT = 16  # where version 4 says where its table of streams is
+STREAMED = 4  # the version whose streams are packed one by one
+VERSIONS = (2, 3, STREAMED)
+BYTES = {0: 20, 1: 29, 2: 44, 3: 65}  # of a Gaussian by the degree; version 2 has one less
+FLAGS_AT = 14  # bytes from the start
+ANTIALIASED = 1
+POSITION_BITS, MOST_BITS = 23, 24
+BLOCK = 1 << 20  # bytes
+
+
+@dataclass(frozen=True)
+class _Header:
+    version: int
+    count: int
+    degree: int
+    flags: int
+    n_streams: int
+
+    @property
+    def n_bytes(self) -> int:
+        """Of all Gaussians, unpacked."""
+        return self.count * (BYTES[self.degree] - (self.version == VERSIONS[0]))
+
+
+def read(path: Path) -> SplatFile:
+    """Read Gaussians of an SPZ file.
+
+    Raises:
+        DataError: The file is missing, damaged or cut off, of an unknown version, or a row cannot be a Gaussian.
+        MissingDependency: gsply, or for version 4 zstandard, is not installed.
+    """
+    data = read_bytes(path)
+    with telling(path):
+        header = _checked_header(path, data)
+        from gsply import read_spz
+
+        table = upright(from_package(read_spz(path)))
+    return SplatFile(checked(path, table), bool(header.flags & ANTIALIASED))
+
+
+def write(path: Path, splats: SplatFile) -> None:
+    """Write Gaussians as SPZ of version 3; columns have no place in it.
+
+    Raises:
+        MissingDependency: gsply is not installed.
+        OSError: The disk takes no more, or the folder cannot be written.
+    """
+    farthest = max(float(np.abs(splats.table[:, :3]).max()), 2.0 ** (POSITION_BITS - MOST_BITS))
+    bits = int(np.clip(np.floor(np.log2((2**POSITION_BITS - 1) / farthest)), 1, MOST_BITS))
+
+    def write_packed(temporary: Path) -> None:
+        with telling(path):
+            from gsply import write_spz
+
+            write_spz(temporary, to_package(upright(splats.table)), version=3, fractional_bits=bits)
+        if splats.is_antialiased:
+            _flag_antialiased(temporary)
+
+    atomic_write(path, write_packed)
+
+
+def _flag_antialiased(path: Path) -> None:
+    data = bytearray(gzip.decompress(path.read_bytes()))
+    data[FLAGS_AT] |= ANTIALIASED
+    path.write_bytes(gzip.compress(data, mtime=0))
+
+
+def _checked_header(path: Path, data: bytes) -> _Header:
+    """The header, once its count has been found possible and the packed bytes to be as many as it says."""
+    is_packed = data.startswith(GZIP)
+    head = zlib.decompressobj(wbits=31).decompress(data, HEADER.size) if is_packed else data[: HEADER.size]
+    magic, version, count, degree, _, flags, n_streams = HEADER.unpack(head)
+    header = _Header(version, count, degree, flags, n_streams)
+    if magic != MAGIC or version not in VERSIONS or is_packed != (version < STREAMED):
+        raise damaged(path, f"it is no SPZ file of version 2, 3 or 4 (magic {magic!r}, version {version})")
+    if degree not in BYTES:
+        raise damaged(path, f"its harmonics are of degree {degree}; 0 to 3 are read")
+    check_count(path, count, len(data))
+    if is_packed:
+        _check_unpacked(path, data, header)
+    else:
+        _check_streams(path, data, header)
+    return header
+
+
+def _check_unpacked(path: Path, data: bytes, header: _Header) -> None:
+    """Unpack in blocks that are thrown away, until it is more than there can be."""
+    unpacker, rest, found = zlib.decompressobj(wbits=31), data, 0
+    most = header.n_bytes + BLOCK  # extensions may follow
+    while rest and not unpacker.eof and found <= most:
+        found += len(unpacker.decompress(rest, BLOCK))
+        rest = unpacker.unconsumed_tail
+    if not unpacker.eof or unpacker.unused_data or not HEADER.size + header.n_bytes <= found <= most:
+        raise damaged(path, f"its packed bytes are not those of {header.count:,} Gaussians")
+
+
+def _check_streams(path: Path, data: bytes, header: _Header) -> None:
+    import zstandard
+
+    (at,) = struct.unpack_from("<I", data, STREAMS_AT)
+    sizes = [STREAM.unpack_from(data, at + STREAM.size * number) for number in range(header.n_streams)]
+    start = at + STREAM.size * header.n_streams
+    if sum(unpacked for _, unpacked in sizes) != header.n_bytes:
+        raise damaged(path, f"its streams are not those of {header.count:,} Gaussians")
+    for packed, unpacked in sizes:
+        if zstandard.frame_content_size(data[start : start + packed]) not in (unpacked, -1):
+            raise damaged(path, "a stream has another length than the table of streams says")
+        start += packed

@@ -1,0 +1,160 @@
+"""Gaussians in USD files, .usd .usda .usdc and, read only, .usdz: the prim ParticleField3DGaussianSplat of UsdVol.
+
+Format: openusd.org, UsdVol's user guide: positions, scales (not their logarithms), orientations, opacities, and
+radiance:sphericalHarmonicsCoefficients, K for each particle in the order of Kerbl et al. Each may be of half precision
+instead. Colors are taken to be display-referred sRGB, as trainers learn them; the schema names no color space.
+
+Written is the table as it is in a PLY file, below an operation that turns it by half a turn round x (see `turning`), on
+a stage that is y up with lengths in meters, since a PLY file has no unit. Read is whatever prims turn, move and scale,
+z up or y up; the unit is not used. A file that refers to other files is refused: what they say could be anything.
+
+Precision: as glTF: float32 on both sides, opacity to 6e-8, the logarithm of a scale to 1e-5, rotations to 1e-6.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import DataError
+from ...io.files import atomic_write
+from ...io.inputs import check_file
+from ..gaussians import DEGREES
+from ..kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
+from .checking import check_count, checked, damaged, log_scales, logits, opacities, telling
+from .splat_file import SplatFile
+from .turning import UPRIGHT, turned
+
+if TYPE_CHECKING:
+    from pxr import Usd
+
+NAME = "/Gaussians"
+SIGMAS = 3  # as far as a Gaussian counts for the bounds
+Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # into y up
+
+
+def read(path: Path) -> SplatFile:
+    """Read the Gaussians of all prims of a USD file, moved as the prims say, into a PLY file's axes.
+
+    Raises:
+        DataError: The file is missing or damaged, refers to other files, has no Gaussians, or a row cannot be one.
+        MissingDependency: usd-core is not installed.
+    """
+    size = check_file(path)
+    with telling(path):
+        from pxr import Usd, UsdGeom
+
+        stage = _stage(path)
+        axes = UPRIGHT @ (Z_UP if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else np.eye(4))
+        tables: list[np.ndarray] = []
+        for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
+            if prim.GetTypeName() == "ParticleField3DGaussianSplat":
+                matrix = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default())).T
+                tables.append(turned(_table(path, prim), axes @ matrix))
+                check_count(path, sum(map(len, tables)), size)  # one prim may be in any number of places
+        if not tables:
+            raise damaged(path, "it has no ParticleField3DGaussianSplat")
+        return SplatFile(checked(path, np.concatenate(tables)))
+
+
+def write(path: Path, splats: SplatFile) -> None:
+    """Write Gaussians as text (.usda) or binary (.usdc, .usd); columns have no place in it.
+
+    Raises:
+        MissingDependency: usd-core is not installed.
+        OSError: The disk takes no more, or the folder cannot be written.
+    """
+
+    def write_stage(temporary: Path) -> None:
+        with telling(path):
+            stage = _new_stage(splats.table)
+        if not stage.GetRootLayer().Export(str(temporary)):
+            raise OSError(f"{temporary} cannot be written")
+
+    atomic_write(path, write_stage)
+
+
+# --------------------------------------------------------------------------------------------------------------- reading
+def _stage(path: Path) -> Usd.Stage:
+    """The stage of one file without any other."""
+    from pxr import Sdf, Tf, Usd
+
+    try:
+        layer = Sdf.Layer.OpenAsAnonymous(str(path))
+        others = layer.GetCompositionAssetDependencies() if layer else []
+    except Tf.ErrorException as error:
+        raise damaged(path, f"it is no USD file ({str(error).splitlines()[-1].strip()})") from error
+    if layer is None:
+        raise damaged(path, "it is no USD file")
+    if others:
+        raise DataError(f"{path} refers to other files, such as {others[0]}.", "Flatten it: usdcat --flatten.")
+    return Usd.Stage.Open(layer, Usd.Stage.LoadNone)
+
+
+def _table(path: Path, prim: Usd.Prim) -> np.ndarray:
+    """[n, 11 + 3 K] float64 of a prim."""
+    degree = prim.GetAttribute("radiance:sphericalHarmonicsDegree").Get()
+    if degree not in DEGREES.values():
+        raise damaged(path, f"its harmonics are of degree {degree}; 0 to 3 are read")
+    centers = _values(prim, "positions")
+    n_harmonics = (degree + 1) ** 2
+    harmonics = _values(prim, "radiance:sphericalHarmonicsCoefficients")[: len(centers) * n_harmonics]
+    parts = (
+        centers,
+        log_scales(_values(prim, "scales")),
+        np.roll(_values(prim, "orientations"), 1, 1),  # usd-core's arrays have the real part last
+        logits(_values(prim, "opacities").reshape(-1, 1)),
+        harmonics.reshape(-1, 3 * n_harmonics),
+    )
+    if any(len(part) < len(centers) for part in parts):
+        raise damaged(path, f"{prim.GetPath()} has fewer values than its {len(centers):,} positions")
+    return np.concatenate([part[: len(centers)] for part in parts], 1)
+
+
+def _values(prim: Usd.Prim, name: str) -> np.ndarray:
+    """An attribute's array as float64, of single precision where it is there, else of half."""
+    for name in (name, f"{name}h"):
+        value = prim.GetAttribute(name).Get()
+        if value is not None and len(value):
+            return np.array(value, np.float64)
+    raise ValueError(f"{prim.GetPath()} has no {name[:-1]}")
+
+
+# --------------------------------------------------------------------------------------------------------------- writing
+def _new_stage(table: np.ndarray) -> Usd.Stage:
+    from pxr import Usd, UsdGeom, UsdVol, Vt
+
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    UsdGeom.SetStageMetersPerUnit(stage, 1)
+    field = UsdVol.ParticleField3DGaussianSplat.Define(stage, NAME)
+    stage.SetDefaultPrim(field.GetPrim())
+    field.AddRotateXOp().Set(180.0)
+    single = {name: np.ascontiguousarray(values, np.float32) for name, values in _arrays(table).items()}
+    field.CreatePositionsAttr(Vt.Vec3fArray.FromNumpy(single["positions"]))
+    field.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(single["scales"]))
+    field.CreateOrientationsAttr(Vt.QuatfArray.FromNumpy(single["orientations"]))
+    field.CreateOpacitiesAttr(Vt.FloatArray.FromNumpy(single["opacities"]))
+    field.CreateRadianceSphericalHarmonicsDegreeAttr(DEGREES[(table.shape[1] - COLOR) // 3])
+    field.CreateRadianceSphericalHarmonicsCoefficientsAttr(Vt.Vec3fArray.FromNumpy(single["harmonics"]))
+    field.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(single["extent"]))
+    field.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex).Set(Vt.Vec3fArray.FromNumpy(single["colors"]))
+    return stage
+
+
+def _arrays(table: np.ndarray) -> dict[str, Any]:
+    centers, harmonics = table[:, :LOG_SCALE], table[:, COLOR:].reshape(-1, 3)
+    scales = np.exp(table[:, LOG_SCALE:ROTATION].astype(np.float64))
+    rotations = table[:, ROTATION:LOGIT].astype(np.float64)
+    reach = SIGMAS * scales.max(1, keepdims=True)
+    return {
+        "positions": centers,
+        "scales": scales,
+        "orientations": np.roll(rotations / np.linalg.norm(rotations, axis=1, keepdims=True), -1, 1),
+        "opacities": opacities(table[:, LOGIT]),
+        "harmonics": harmonics,
+        "extent": np.stack([(centers - reach).min(0), (centers + reach).max(0)]),
+        "colors": np.clip(0.5 + C0 * table[:, COLOR : COLOR + 3], 0, 1),
+    }
