@@ -22,7 +22,7 @@ from ..project.locking import consistent, opened
 from ..recolor.model import Model
 from ..recolor.splat_colors import columns_of
 from ..splats.formats import ply
-from ..splats.formats.registry import kind_to_write, read_splats, write_splats
+from ..splats.formats.registry import end_of, read_splats, write_splats
 from ..splats.formats.splat_file import SplatFile
 from ..splats.gaussians import Gaussians
 from ..splats.similarity import moved
@@ -35,7 +35,7 @@ STAY = tuple(np.eye(4).ravel())
 
 def run(options: ExportSplatOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Write the splats. Raises BadRequest where none are learned, or what is asked for cannot be written so."""
-    if options.attributes and kind_to_write(options.out) != ".ply":
+    if options.attributes and end_of(options.out) != ".ply":
         raise BadRequest(f"{options.out} holds no attributes.", "Give a .ply to write.")
     project = opened(options.project)
     project.require("splats")
@@ -71,7 +71,7 @@ class _Work:
         out = self._options.out
         if self._options.sheet is not None:
             planned = plan_colorways(self._job.project, self._options.sheet)
-            ends = kind_to_write(out)
+            ends = end_of(out)
             stem = out.name[: -len(ends)]
             return [(out.with_name(f"{stem}_{plan.colorway.folder}{ends}"), plan.edit) for plan in planned]
         if self._options.edit is None:
@@ -93,7 +93,7 @@ class _Work:
 
     def _keeps_bytes(self, path: Path) -> bool:
         is_whole = self._rows.all() and np.array_equal(self._matrix, np.eye(4))
-        return is_whole and kind_to_write(path) == ".ply" and _is_plain(self._source)
+        return is_whole and end_of(path) == ".ply" and _is_plain(self._source)
 
     def _chosen_rows(self) -> np.ndarray:
         """Which Gaussians are written, bool [n]."""
@@ -121,4 +121,4 @@ class _Work:
 
 def _is_plain(source: CapturedSplats | None) -> bool:
     """Whether splats came as a .ply that is not compressed."""
-    return source is not None and kind_to_write(source.path) == ".ply"
+    return source is not None and end_of(source.path) == ".ply"

@@ -1,7 +1,6 @@
 """A splat of another program becomes a capture: with photos, or with views of itself; it is shown as it came."""
 
 import json
-import shutil
 
 import numpy as np
 import pytest
@@ -58,8 +57,8 @@ def test_what_stands_in_the_void_gets_alpha(splat, tmp_path):
     assert photo.shape[2] == 4 and photo[0, 0, 3] == 0 and photo[..., 3].max() == 1
 
 
-def test_views_of_ones_own_come_first(splat, tmp_path, learned):
-    own = karf.open_capture(learned.capture).views[:2]
+def test_views_of_ones_own_come_first(splat, tmp_path, still_life):
+    own = karf.open_capture(still_life.capture).views[:2]
     write_cameras(tmp_path / "own.json", own)
     karf.import_splat(splat, tmp_path / "capture", **SMALL, cameras=tmp_path / "own.json")
     views = open_capture(tmp_path / "capture").views
@@ -84,28 +83,26 @@ def test_the_cameras_that_were_written_beside_it_are_taken(splat, tmp_path):
     assert_allclose([cameras[0].position, cameras[-1].position], [[0, 0, 4], [0, 0, 4.8]])
 
 
-def test_with_photos_they_are_the_views(splat, tmp_path, learned):
-    karf.import_splat(splat, tmp_path / "capture", photos=learned.capture)
-    before, after = open_capture(learned.capture), open_capture(tmp_path / "capture")
+def test_with_photos_they_are_the_views(splat, tmp_path, still_life):
+    karf.import_splat(splat, tmp_path / "capture", photos=still_life.capture)
+    before, after = open_capture(still_life.capture), open_capture(tmp_path / "capture")
     assert [view.image.resolve() for view in after.views] == [view.image.resolve() for view in before.views]
     assert [view.split for view in after.views] == [view.split for view in before.views]
     assert after.splats.path == tmp_path / "capture" / "splat.ply"
 
 
-def test_photos_that_it_does_not_show_are_refused(tmp_path, learned, table):
+def test_photos_that_it_does_not_show_are_refused(tmp_path, still_life, table):
     elsewhere = table.copy()
     elsewhere[:, :3] += 5
     write_splats(tmp_path / "elsewhere.ply", SplatFile(elsewhere))
     with pytest.raises(DataError, match="dB only") as caught:
-        karf.import_splat(tmp_path / "elsewhere.ply", tmp_path / "capture", photos=learned.capture)
+        karf.import_splat(tmp_path / "elsewhere.ply", tmp_path / "capture", photos=still_life.capture)
     assert "poses" in caught.value.hint and not (tmp_path / "capture").exists()
 
 
 @pytest.mark.parametrize(("antialiased", "screen_filter"), [(False, PLAIN_FILTER), (True, ANTIALIASED_FILTER)])
-def test_learned_it_is_shown_as_it_came(splat, table, tmp_path, learned, antialiased, screen_filter):
+def test_learned_it_is_shown_as_it_came(splat, table, tmp_path, antialiased, screen_filter):
     karf.import_splat(splat, tmp_path / "capture", **SMALL, antialiased=antialiased)
-    shutil.copytree(learned.project, tmp_path / "project", dirs_exist_ok=True)
-    shutil.rmtree(tmp_path / "project")
     small = ["geometry.long_side=32", 'geometry.levels=[{"voxels": 24, "iterations": 20, "step": 1.0}]']
     karf.learn_geometry(tmp_path / "capture", project=tmp_path / "project", overrides=small, threads=1)
     karf.learn_splats(tmp_path / "project", threads=1)

@@ -39,6 +39,7 @@ KINDS = (
     Kind((".sog",), sog.read),
     Kind((".splat",), splat.read),
 )
+WRITTEN = tuple(kind for kind in KINDS if kind.write)
 
 
 def read_splats(path: Path) -> SplatFile:
@@ -65,8 +66,18 @@ def write_splats(path: Path, splats: SplatFile) -> None:
         MissingDependency: A package that this kind needs is not installed.
         OSError: The disk takes no more, or the folder cannot be written.
     """
-    kind = _kind(path, tuple(kind for kind in KINDS if kind.write))
+    kind = _kind(path, WRITTEN)
     kind.write(path, splats)
+
+
+def end_of(path: Path) -> str:
+    """The end of the name that says its kind of file, such as `.compressed.ply`.
+
+    Raises:
+        BadRequest: No kind that is written has it.
+    """
+    name = path.name.lower()
+    return next(end for end in _kind(path, WRITTEN).ends if name.endswith(end))
 
 
 def _kind(path: Path, kinds: tuple[Kind, ...]) -> Kind:
