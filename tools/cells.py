@@ -87,7 +87,9 @@ class Unresolvable(Exception):
 
 def all_cells() -> list[Cell]:
     """Blender's cells, then the engine's: the lowest versions of its ranges, then the newest on each Python."""
-    extras = [wanted for extra in ("photos", "fast", "metrics", "test") for wanted in EXTRAS[extra]]
+    extras = [
+        wanted for extra in ("photos", "fast", "splats", "metrics", "test", "readers") for wanted in EXTRAS[extra]
+    ]
     engine = (*PROJECT["dependencies"], *extras, *WHEEL_TEST)
     blender = [
         Cell(name, python, (*wanted, *PICTURES, *EXTRAS["test"]), "highest", "blender_tests/addon")

@@ -162,11 +162,18 @@ def _text_rows(words: list[bytes], element: Element, start: int) -> np.ndarray:
 def properties(dtype: np.dtype) -> list[str]:
     """The header's lines of these fields.
 
+    Raises:
+        ValueError: PLY has no such type.
+
     Examples:
         >>> properties(np.dtype([("x", "<f4"), ("red", "u1")]))
         ['property float x', 'property uchar red']
     """
-    return [f"property {WORDS[dtype[name].str[1:]]} {name}" for name in dtype.names or ()]
+    kinds = {name: dtype[name].str[1:] for name in dtype.names or ()}
+    unknown = sorted(set(kinds.values()) - set(WORDS))
+    if unknown:
+        raise ValueError(f"PLY has no type {' '.join(unknown)}")
+    return [f"property {WORDS[kind]} {name}" for name, kind in kinds.items()]
 
 
 def vertex_file(table: np.ndarray, comments: tuple[str, ...] = ()) -> bytes:

@@ -17,9 +17,11 @@ ENVIRONMENTS = {
         *PROJECT["dependencies"],
         *EXTRAS["photos"],
         *EXTRAS["fast"],
+        *EXTRAS["splats"],
         *EXTRAS["metrics"],
         *EXTRAS["farm"],
         *EXTRAS["test"],
+        *EXTRAS["readers"],
         *EXTRAS["lint"],
     ],
     "blender": [*EXTRAS["blender"], *EXTRAS["test"]],
@@ -53,7 +55,7 @@ def test_every_range_has_both_ends():
 
 
 def test_what_learns_and_renders_is_imported_without_any_extra():
-    extras = ("skimage", "numba", "pycolmap", "openjd")
+    extras = ("skimage", "numba", "pycolmap", "openjd", "gsply", "pxr")
     code = f"import sys; sys.modules.update(dict.fromkeys({extras!r})); import karf_engine.commands.dispatch; "
     code += "from karf_engine.commands import geometry, palette, recoloring, render, segmentation, splats"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)

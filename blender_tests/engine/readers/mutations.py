@@ -6,6 +6,7 @@ Each takes the bytes of a valid file and generates those of a changed one.
 from __future__ import annotations
 
 import copy
+import gzip
 import io
 import json
 import math
@@ -159,8 +160,7 @@ def changed_npz(draw: Draw, data: bytes) -> bytes:
     """Change one array of an npz and pack it again, checksum and all; sometimes bytes of the whole."""
     if happens(draw, 30):
         return draw(changed_bytes(data))
-    with zipfile.ZipFile(io.BytesIO(data)) as stored:
-        members = {name: stored.read(name) for name in stored.namelist()}
+    members = _members(data)
     name = draw(st.sampled_from(sorted(members)))
     content = members.pop(name)
     way = draw(st.sampled_from(("rename", "remove", *["change"] * 8)))
@@ -168,8 +168,17 @@ def changed_npz(draw: Draw, data: bytes) -> bytes:
         members[draw(names) + ".npy"] = content
     elif way == "change":
         members[name] = draw(changed_npy(content))
+    return _packed(members, zipfile.ZIP_DEFLATED)
+
+
+def _members(data: bytes) -> dict[str, bytes]:
+    with zipfile.ZipFile(io.BytesIO(data)) as stored:
+        return {name: stored.read(name) for name in stored.namelist()}
+
+
+def _packed(members: dict[str, bytes], method: int) -> bytes:
     packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as file:
+    with zipfile.ZipFile(packed, "w", method) as file:
         for member, content in members.items():
             file.writestr(member.replace("\0", "").encode("utf-8", "replace").decode() or "x", content)
     return packed.getvalue()
@@ -217,3 +226,36 @@ def with_header(data: bytes, change: Callable[[dict[str, Any]], Any]) -> bytes:
     text = json_bytes(change(json.loads(data[8:end])))
     text += b" " * (-len(text) % 8)
     return len(text).to_bytes(8, "little") + text + data[end:]
+
+
+@st.composite
+def changed_sog(draw: Draw, data: bytes) -> bytes:
+    """Change one member of an archive of Gaussians, the list of what they mean as JSON; sometimes bytes of the whole."""
+    if happens(draw, 20):
+        return draw(changed_bytes(data))
+    members = _members(data)
+    name = draw(st.sampled_from(["meta.json"] * 6 + sorted(members)))
+    members[name] = draw((changed_json if name == "meta.json" else changed_bytes)(members[name]))
+    return _packed(members, zipfile.ZIP_STORED)
+
+
+@st.composite
+def changed_gzip(draw: Draw, data: bytes) -> bytes:
+    """Change what is packed and pack it again, checksum and all; mostly its first bytes; sometimes bytes of the whole."""
+    if happens(draw, 20) or not data.startswith(b"\x1f\x8b"):
+        return draw(changed_bytes(data))
+    content = gzip.decompress(data)
+    head = len(content) if happens(draw, 30) else 16
+    return gzip.compress(draw(changed_bytes(content[:head])) + content[head:], mtime=0)
+
+
+@st.composite
+def changed_glb(draw: Draw, data: bytes) -> bytes:
+    """Change the JSON of a .glb and make its lengths good; sometimes bytes of the whole."""
+    if happens(draw, 30):
+        return draw(changed_bytes(data))
+    end = 20 + int.from_bytes(data[12:16], "little")
+    text = json_bytes(draw(changed_value(json.loads(data[20:end]))))
+    text += b" " * (-len(text) % 4)
+    body = struct.pack("<I4s", len(text), b"JSON") + text + data[end:]
+    return data[:8] + struct.pack("<I", 12 + len(body)) + body

@@ -33,6 +33,7 @@ from karf_engine.palettes.project_edit import edit_of
 from karf_engine.project import STAGE_ORDER
 from karf_engine.project.contents import capture_of, settings_for
 from karf_engine.project.locking import opened
+from karf_engine.splats.formats.registry import read_splats
 from karf_engine.worker.protocol import EventReader, Request
 from tools.convert_bmild import read_bmild
 
@@ -191,6 +192,22 @@ def readers(project: Path | None) -> list[Reader]:
         Reader("LLFF, poses_bounds.npy", samples.llff(17), ("poses_bounds.npy",), mutations.changed_npy, capture),
         Reader("NeX, hwf_cxcy.npy", samples.llff(14), ("hwf_cxcy.npy",), mutations.changed_npy, capture),
         Reader("PLY", samples.ply, ("text.ply", "binary.ply"), mutations.changed_text, read_points),
+        *(
+            Reader(f"splats, {name}", samples.splats, (name,), mutation, read_splats)
+            for name, mutation in (
+                ("cloud.ply", mutations.changed_text),
+                ("cloud.compressed.ply", mutations.changed_text),
+                ("cloud.spz", mutations.changed_gzip),
+                ("streams.spz", mutations.changed_bytes),
+                ("cloud.sog", mutations.changed_sog),
+                ("cloud.splat", mutations.changed_bytes),
+                ("cloud.glb", mutations.changed_glb),
+                ("cloud.gltf", mutations.changed_json),
+                ("cloud.usda", mutations.changed_text),
+                ("cloud.usdc", mutations.changed_bytes),
+                ("cloud.usdz", mutations.changed_bytes),
+            )
+        ),
         Reader("PNG", samples.png, ("plain.png", "alpha.png", "palette.png", "deep.png", "deep_gray.png"),
                mutations.changed_bytes, photo),
         Reader("JPEG", samples.jpeg, ("plain.jpg", "print.jpg"), mutations.changed_bytes, photo),

@@ -33,6 +33,19 @@ def damaged(path: Path, reason: str) -> DataError:
 
 
 @contextmanager
+def needing_packages() -> Iterator[None]:
+    """Name the extra where a package of it is not installed.
+
+    Raises:
+        MissingDependency: It is not.
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise missing_extra(error.name or "gsply", EXTRA) from error
+
+
+@contextmanager
 def telling(path: Path) -> Iterator[None]:
     """Turn whatever a parser or a package raises about a file's content into a sentence.
 
@@ -41,11 +54,10 @@ def telling(path: Path) -> Iterator[None]:
         DataError: The file is damaged.
     """
     try:
-        yield
+        with needing_packages():
+            yield
     except KarfError:
         raise
-    except ImportError as error:
-        raise missing_extra(error.name or "gsply", EXTRA) from error
     except Exception as error:  # packages raise anything
         raise damaged(path, _words(error)) from error
 
@@ -90,7 +102,7 @@ def checked(path: Path, table: np.ndarray) -> np.ndarray:
     _refuse(path, "a center that is not finite", (np.abs(centers) <= LARGEST_POSITION).all(1))
     _refuse(path, "a scale that is not finite", (scales <= LOG_SCALES[1]).all(1))
     _refuse(path, "a rotation that is no quaternion", (lengths >= LENGTHS[0]) & (lengths <= LENGTHS[1]))
-    _refuse(path, "an opacity that is no number", ~np.isnan(table[:, LOGIT]))
+    _refuse(path, "an opacity that is none", ~np.isnan(table[:, LOGIT]))
     _refuse(path, "a color that is not finite", (np.abs(table[:, COLOR:]) <= LARGEST_HARMONIC).all(1))
     np.clip(scales, *LOG_SCALES, out=scales)
     np.clip(table[:, LOGIT], *LOGITS, out=table[:, LOGIT])

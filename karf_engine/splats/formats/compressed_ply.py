@@ -17,7 +17,7 @@ import numpy as np
 from ...capture.reading import read_bytes
 from ...io.files import atomic_write
 from ...io.ply import Element, Header, properties, read_header
-from .checking import check_count, checked, damaged, telling
+from .checking import check_count, checked, damaged, needing_packages, telling
 from .packed import from_package, to_package
 from .splat_file import SplatFile
 
@@ -64,7 +64,7 @@ def write(path: Path, splats: SplatFile) -> None:
         MissingDependency: gsply is not installed.
         OSError: The disk takes no more, or the folder cannot be written.
     """
-    with telling(path):
+    with needing_packages():
         from gsply import compress_to_bytes
 
         data = compress_to_bytes(to_package(splats.table[morton_order(splats.table)]))

@@ -46,6 +46,7 @@ def read(path: Path) -> SplatFile:
         members = _members(path, data)
         meta = json.loads(members[META])
         _check(path, meta, members, len(data))
+        import imagecodecs  # noqa: F401  with which gsply reads the pictures
         from gsply import sogread
 
         archive = io.BytesIO()

@@ -7,7 +7,7 @@ others show upside down; nothing in a file tells them apart.
 
 Precision: centers to half of 2^-bits, with as many bits as the farthest coordinate leaves of 23 (at least to 1.2e-7 of
 it); logarithms of scales 1/32, from -10 to 5.9; 1/510 of the opacity; 0.0014 of a unit quaternion's parts; colors of the
-first harmonic 1/76, of the further ones 1/256, which end at -1 and 1.
+first harmonic 1/76, of the further ones 1/256, which end at -0.99 and 0.99.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 
 from ...capture.reading import read_bytes
 from ...io.files import atomic_write
-from .checking import check_count, checked, damaged, telling
+from .checking import check_count, checked, damaged, needing_packages, telling
 from .packed import from_package, to_package
 from .splat_file import SplatFile
 from .turning import upright
@@ -82,7 +82,7 @@ def write(path: Path, splats: SplatFile) -> None:
     bits = int(np.clip(np.floor(np.log2((2**POSITION_BITS - 1) / farthest)), 1, MOST_BITS))
 
     def write_packed(temporary: Path) -> None:
-        with telling(path):
+        with needing_packages():
             from gsply import write_spz
 
             write_spz(temporary, to_package(upright(splats.table)), version=3, fractional_bits=bits)

@@ -23,7 +23,7 @@ from ...io.files import atomic_write
 from ...io.inputs import check_file
 from ..gaussians import DEGREES
 from ..kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
-from .checking import check_count, checked, damaged, log_scales, logits, opacities, telling
+from .checking import check_count, checked, damaged, log_scales, logits, needing_packages, opacities, telling
 from .splat_file import SplatFile
 from .turning import UPRIGHT, turned
 
@@ -68,7 +68,7 @@ def write(path: Path, splats: SplatFile) -> None:
     """
 
     def write_stage(temporary: Path) -> None:
-        with telling(path):
+        with needing_packages():
             stage = _new_stage(splats.table)
         if not stage.GetRootLayer().Export(str(temporary)):
             raise OSError(f"{temporary} cannot be written")
@@ -115,11 +115,11 @@ def _table(path: Path, prim: Usd.Prim) -> np.ndarray:
 
 def _values(prim: Usd.Prim, name: str) -> np.ndarray:
     """An attribute's array as float64, of single precision where it is there, else of half."""
-    for name in (name, f"{name}h"):
-        value = prim.GetAttribute(name).Get()
+    for each in (name, f"{name}h"):
+        value = prim.GetAttribute(each).Get()
         if value is not None and len(value):
             return np.array(value, np.float64)
-    raise ValueError(f"{prim.GetPath()} has no {name[:-1]}")
+    raise ValueError(f"{prim.GetPath()} has no {name}")
 
 
 # --------------------------------------------------------------------------------------------------------------- writing

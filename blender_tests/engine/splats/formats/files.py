@@ -1,0 +1,115 @@
+"""Files of Gaussians that the engine only reads, and how far two tables are from each other."""
+
+import json
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from blender_tests.engine.splats.clouds import GROUPS, cloud
+from karf_engine.splats.kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
+
+ENDS = (".ply", ".compressed.ply", ".spz", ".glb", ".gltf", ".usda", ".usdc", ".usd")  # that are written
+CODES = 256
+
+
+def unit_cloud(count: int = 300, degree: int = 3, seed: int = 0) -> np.ndarray:
+    """A cloud whose quaternions are of length 1, and w positive: what packed kinds give back."""
+    table = cloud(count, degree, seed)
+    rotations = table[:, GROUPS["rotation"]]
+    rotations /= np.linalg.norm(rotations, axis=1, keepdims=True)
+    rotations *= np.where(rotations[:, :1] < 0, -1, 1)
+    return table
+
+
+def distances(found: np.ndarray, wanted: np.ndarray) -> dict[str, float]:
+    """The largest difference in each group of columns; opacities instead of logits, rotations up to their sign."""
+    found, wanted = found.astype(np.float64), wanted.astype(np.float64)
+    for table in (found, wanted):
+        table[:, LOGIT] = 1 / (1 + np.exp(-table[:, LOGIT]))
+    rotations = GROUPS["rotation"]
+    found[:, rotations] *= np.sign((found[:, rotations] * wanted[:, rotations]).sum(1, keepdims=True))
+    return {name: float(np.abs(found[:, group] - wanted[:, group]).max(initial=0)) for name, group in GROUPS.items()}
+
+
+def write_splat(path: Path, table: np.ndarray) -> None:
+    """A .splat file, as antimatter15's convert.py makes it, in the table's order."""
+    rows = np.zeros(len(table), [("floats", "<f4", 6), ("bytes", "u1", 8)])
+    rows["floats"] = np.concatenate([table[:, :LOG_SCALE], np.exp(table[:, LOG_SCALE:ROTATION])], 1)
+    colors = np.concatenate([0.5 + C0 * table[:, COLOR : COLOR + 3], 1 / (1 + np.exp(-table[:, LOGIT:COLOR]))], 1)
+    rows["bytes"][:, :4] = np.round(np.clip(colors, 0, 1) * 255)
+    rows["bytes"][:, 4:] = np.clip(table[:, ROTATION:LOGIT] * 128 + 128, 0, 255)
+    path.write_bytes(rows.tobytes())
+
+
+def write_sog(path: Path, table: np.ndarray) -> None:
+    """A .sog archive of version 2, each Gaussian its own entry of the palette of harmonics."""
+    from imagecodecs import webp_encode
+
+    count, centers = len(table), table[:, :LOG_SCALE].astype(np.float64)
+    centers = np.sign(centers) * np.log1p(np.abs(centers))
+    low, high = centers.min(0), centers.max(0)
+    places = np.round((centers - low) / (high - low) * 65535).astype(np.uint16)
+    scales, scale_codes = _coded(table[:, LOG_SCALE:ROTATION])
+    colors, color_codes = _coded(table[:, COLOR : COLOR + 3])
+    opacities = np.round(255 / (1 + np.exp(-table[:, LOGIT:COLOR])))
+    full = np.full((count, 1), 255)
+    pixels = {
+        "means_l": np.concatenate([places & 255, full], 1),
+        "means_u": np.concatenate([places >> 8, full], 1),
+        "quats": _smallest_three(table[:, ROTATION:LOGIT]),
+        "scales": np.concatenate([scales, full], 1),
+        "sh0": np.concatenate([colors, opacities], 1),
+    }
+    meta = {
+        "version": 2,
+        "count": count,
+        "antialias": False,
+        "means": {"mins": low.tolist(), "maxs": high.tolist(), "files": ["means_l.webp", "means_u.webp"]},
+        "quats": {"files": ["quats.webp"]},
+        "scales": {"codebook": scale_codes, "files": ["scales.webp"]},
+        "sh0": {"codebook": color_codes, "files": ["sh0.webp"]},
+    }
+    pictures = {name: _square(values) for name, values in pixels.items()}
+    rest = table[:, COLOR + 3 :].reshape(count, -1, 3)
+    if rest.shape[1]:
+        coded, codes = _coded(rest)
+        palette = np.zeros((-(-count // 64) * 64, rest.shape[1], 3))
+        palette[:count] = coded
+        numbers = np.arange(count)[:, None]
+        pictures["shN_centroids"] = _opaque(palette.reshape(-1, 64 * rest.shape[1], 3))
+        pictures["shN_labels"] = _square(np.concatenate([numbers & 255, numbers >> 8, numbers * 0, full], 1))
+        names = ["shN_centroids.webp", "shN_labels.webp"]
+        bands = {3: 1, 8: 2, 15: 3}[rest.shape[1]]
+        meta["shN"] = {"count": count, "bands": bands, "codebook": codes, "files": names}
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("meta.json", json.dumps(meta))
+        for name, picture in pictures.items():
+            file.writestr(f"{name}.webp", webp_encode(np.ascontiguousarray(picture, np.uint8), lossless=True))
+
+
+def _coded(values: np.ndarray) -> tuple[np.ndarray, list[float]]:
+    low, high = values.min(), values.max()
+    codes = np.linspace(low, high, CODES)
+    return np.round((values - low) / (high - low) * (CODES - 1)), codes.tolist()
+
+
+def _smallest_three(rotations: np.ndarray) -> np.ndarray:
+    """Three parts as bytes, and which one is left out, being the largest."""
+    rotations = rotations / np.linalg.norm(rotations, axis=1, keepdims=True)
+    largest = np.abs(rotations).argmax(1)
+    rotations = rotations * np.sign(np.take_along_axis(rotations, largest[:, None], 1))
+    rest = np.array([np.delete(row, at) for row, at in zip(rotations, largest, strict=True)])
+    return np.concatenate([np.round((rest * np.sqrt(2) + 1) / 2 * 255), 252 + largest[:, None]], 1)
+
+
+def _square(values: np.ndarray) -> np.ndarray:
+    """Rows of four bytes as a picture, with as many more as it takes."""
+    side = int(np.ceil(np.sqrt(len(values)) / 4) * 4)
+    picture = np.zeros((side * side, 4))
+    picture[: len(values)] = values
+    return picture.reshape(side, side, 4)
+
+
+def _opaque(picture: np.ndarray) -> np.ndarray:
+    return np.concatenate([picture, np.full((*picture.shape[:2], 1), 255)], 2)

@@ -1,0 +1,134 @@
+"""What is written is read by programs that are not ours, and follows the rules of its format."""
+
+import json
+import struct
+
+import numpy as np
+import pytest
+
+gsply = pytest.importorskip("gsply")
+pxr = pytest.importorskip("pxr")
+plyfile = pytest.importorskip("plyfile")
+
+from blender_tests.engine.splats.formats.files import unit_cloud
+from karf_engine.splats.formats import compressed_ply
+from karf_engine.splats.formats.registry import write_splats
+from karf_engine.splats.formats.splat_file import SplatFile
+
+TABLE = unit_cloud(50)
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(name, columns=None):
+        write_splats(tmp_path / name, SplatFile(TABLE, True, columns or {}))
+        return tmp_path / name
+
+    return write
+
+
+def gsply_table(data):
+    rest = data.shN.reshape(len(data.means), -1)
+    return np.concatenate([data.means, data.scales, data.quats, data.opacities.reshape(-1, 1), data.sh0, rest], 1)
+
+
+def test_ply_by_gsply(written):
+    assert np.array_equal(gsply_table(gsply.plyread(written("cloud.ply"))), TABLE)
+
+
+def test_ply_by_plyfile(written):
+    found = plyfile.PlyData.read(written("cloud.ply", {"label": np.arange(50, dtype=np.int16)}))
+    vertices = found["vertex"]
+    assert found.comments == ["SplatRenderMode: mip"] and vertices.count == 50
+    names = [each.name for each in vertices.properties]
+    rest = [f"f_rest_{number}" for number in range(45)]
+    assert names == [*"xyz", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", *rest, "opacity", "scale_0", "scale_1",
+                     "scale_2", "rot_0", "rot_1", "rot_2", "rot_3", "label"]  # fmt: skip
+    # channel by channel: red's third further harmonic, blue's last
+    assert np.array_equal(vertices["f_rest_2"], TABLE[:, 11 + 3 * 3])
+    assert np.array_equal(vertices["f_rest_44"], TABLE[:, 11 + 3 * 15 + 2])
+    assert np.array_equal(vertices["label"], np.arange(50))
+
+
+def test_compressed_ply_by_plyfile(written):
+    found = plyfile.PlyData.read(written("cloud.compressed.ply"))
+    order = compressed_ply.morton_order(TABLE)
+    low, high = found["chunk"]["min_x"][0], found["chunk"]["max_x"][0]
+    x = low + (high - low) * (found["vertex"]["packed_position"] >> 21) / 2047
+    np.testing.assert_allclose(x, TABLE[order, 0], atol=1e-3)
+    assert found["sh"].count == 50 and len(found["sh"].properties) == 45
+
+
+def test_spz_is_right_up_back(written):
+    """Bytes by the format's own page, not by a library: centers of 24 bits, with y and z turned."""
+    import gzip
+
+    data = gzip.decompress(written("cloud.spz").read_bytes())
+    magic, version, count, degree, bits, flags, _ = struct.unpack_from("<4sIIBBBB", data)
+    assert (magic, version, count, degree, flags) == (b"NGSP", 3, 50, 3, 1)
+    parts = np.frombuffer(data, np.uint8, 9 * 50, 16).reshape(50, 3, 3).astype(np.int32)
+    numbers = parts[..., 0] | parts[..., 1] << 8 | parts[..., 2] << 16
+    centers = np.where(numbers >= 1 << 23, numbers - (1 << 24), numbers) / 2**bits
+    np.testing.assert_allclose(centers, TABLE[:, :3] * [1, -1, -1], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["cloud.glb", "cloud.gltf"])
+def test_gltf_follows_the_rules(written, name):
+    """Those of glTF 2.0 and KHR_gaussian_splatting that a validator checks."""
+    path = written(name)
+    text, binary = (
+        glb_chunks(path) if name == "cloud.glb" else (path.read_bytes(), (path.with_suffix(".bin")).read_bytes())
+    )
+    content = json.loads(text)
+    assert content["asset"]["version"] == "2.0" and content["extensionsUsed"] == ["KHR_gaussian_splatting"]
+    assert content["buffers"] == [{"byteLength": len(binary)} | ({} if name == "cloud.glb" else {"uri": "cloud.bin"})]
+    primitive = content["meshes"][0]["primitives"][0]
+    extension = primitive["extensions"]["KHR_gaussian_splatting"]
+    assert primitive["mode"] == 0 and extension["kernel"] == "ellipse"
+    assert extension["colorSpace"] == "srgb_rec709_display"
+    values = {}
+    for semantic, number in primitive["attributes"].items():
+        accessor = content["accessors"][number]
+        view = content["bufferViews"][accessor["bufferView"]]
+        assert view["byteOffset"] % 4 == 0 and view["target"] == 34962 and accessor["count"] == 50
+        kind, width = {5126: "<f4", 5121: "u1"}[accessor["componentType"]], {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
+        assert view["byteLength"] == 50 * width[accessor["type"]] * np.dtype(kind).itemsize
+        values[semantic] = np.frombuffer(binary, kind, 50 * width[accessor["type"]], view["byteOffset"]).reshape(50, -1)
+        assert (
+            values[semantic].min(0).tolist() == accessor["min"] and values[semantic].max(0).tolist() == accessor["max"]
+        )
+    degrees = {f"KHR_gaussian_splatting:SH_DEGREE_{d}_COEF_{n}" for d in range(4) for n in range(2 * d + 1)}
+    needed = {f"KHR_gaussian_splatting:{name}" for name in ("ROTATION", "SCALE", "OPACITY")}
+    assert set(values) == {"POSITION", "COLOR_0"} | needed | degrees
+    np.testing.assert_allclose(np.linalg.norm(values["KHR_gaussian_splatting:ROTATION"], axis=1), 1, atol=1e-6)
+    np.testing.assert_allclose(values["KHR_gaussian_splatting:ROTATION"], np.roll(TABLE[:, 6:10], -1, 1), atol=1e-6)
+    np.testing.assert_allclose(values["KHR_gaussian_splatting:SCALE"], np.exp(TABLE[:, 3:6]), rtol=1e-6)
+    assert values["KHR_gaussian_splatting:OPACITY"].min() >= 0 and values["KHR_gaussian_splatting:OPACITY"].max() <= 1
+    assert content["nodes"] == [{"mesh": 0, "rotation": [1.0, 0.0, 0.0, 0.0]}]  # upright
+
+
+def glb_chunks(path):
+    data = path.read_bytes()
+    magic, version, length = struct.unpack_from("<4sII", data)
+    assert (magic, version, length) == (b"glTF", 2, len(data))
+    size, kind = struct.unpack_from("<I4s", data, 12)
+    more, second = struct.unpack_from("<I4s", data, 20 + size)
+    assert (kind, second) == (b"JSON", b"BIN\0") and size % 4 == more % 4 == 0 and 28 + size + more == len(data)
+    return data[20 : 20 + size], data[28 + size :]
+
+
+@pytest.mark.parametrize("name", ["cloud.usda", "cloud.usdc", "cloud.usd"])
+def test_usd_passes_the_validators(written, name):
+    from pxr import Usd, UsdGeom, UsdValidation, UsdVol
+
+    stage = Usd.Stage.Open(str(written(name)))
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    assert [error.GetMessage() for error in UsdValidation.ValidationContext(validators).Validate(stage)] == []
+    field = UsdVol.ParticleField3DGaussianSplat(stage.GetDefaultPrim())
+    first = field.GetOrientationsAttr().Get()[0]
+    np.testing.assert_allclose([first.GetReal(), *first.GetImaginary()], TABLE[0, 6:10], atol=1e-6)
+    assert UsdGeom.GetStageUpAxis(stage) == "Y" and field.GetRadianceSphericalHarmonicsDegreeAttr().Get() == 3
+    coefficients = np.array(field.GetRadianceSphericalHarmonicsCoefficientsAttr().Get())
+    assert np.array_equal(coefficients, TABLE[:, 11:].reshape(-1, 3))
+    up = np.array(field.ComputeLocalToWorldTransform(Usd.TimeCode.Default())).T[:3, :3] @ [0, -1, 0]
+    np.testing.assert_allclose(up, [0, 1, 0], atol=1e-12)  # up in the scene is up on the stage
