@@ -186,7 +186,7 @@ def _fitted(kind: Any, value: Any) -> Any:
     if kind is Path:
         return Path(value) if isinstance(value, str | os.PathLike) and str(value) else MISSING
     if kind is float:
-        return float(value) if type(value) in (int, float) else MISSING
+        return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else MISSING
     return value if type(value) is kind else MISSING
 
 
