@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ..errors import BadRequest
-from .gaussians import DEGREES, Gaussians
-from .kernels.arrays import CENTER, COLOR, LOG_SCALE, LOGIT, ROTATION
+from .gaussians import Gaussians
+from .kernels.arrays import COLOR, LOG_SCALE, LOGIT, ROTATION
 
-TOLERANCE = 1e-4  # of a rotation's entries
-DIRECTIONS = 32  # in which harmonics are compared; the largest degree has seven
+TOLERANCE = 1e-5  # deviation from a rotation with a uniform scale that single precision explains
+ROUNDED = 6  # digits: harmonics are computed in single precision, and flips of axes must be exact
+N_DIRECTIONS = 64
 
 
 def moved(gaussians: Gaussians, matrix: np.ndarray) -> Gaussians:
@@ -20,70 +20,87 @@ def moved(gaussians: Gaussians, matrix: np.ndarray) -> Gaussians:
 
     Args:
         gaussians: As learned.
-        matrix: [4, 4], from their world to the other: a rotation, a uniform scale and a translation.
+        matrix: [4, 4] float64, from their world to the other: a rotation, a uniform scale and a translation.
 
     Raises:
         BadRequest: The matrix shears, mirrors, scales unequally or is not finite.
     """
-    matrix = np.asarray(matrix, np.float64)
-    if np.array_equal(matrix, np.eye(4)):
-        return gaussians
-    scale, rotation = _parts(matrix)
-    before, table = gaussians.table, gaussians.table.copy()
-    centers = before[:, CENTER:LOG_SCALE].astype(np.float64)
-    table[:, CENTER:LOG_SCALE] = centers @ matrix[:3, :3].T + matrix[:3, 3]
-    table[:, LOG_SCALE:ROTATION] = before[:, LOG_SCALE:ROTATION] + np.log(scale)
-    if not np.array_equal(rotation, np.eye(3)):
-        own = Rotation.from_quat(before[:, ROTATION:LOGIT], scalar_first=True)
-        table[:, ROTATION:LOGIT] = (Rotation.from_matrix(rotation) * own).as_quat(scalar_first=True)
-        table[:, COLOR:] = turned_harmonics(before[:, COLOR:], rotation)
-    return replace(gaussians, table=table, near=gaussians.near * scale)
-
-
-def turned_harmonics(harmonics: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """Coefficients of what is turned: of each degree a linear map of its own (Ivanic and Ruedenberg 1996, here by
-    least squares over directions).
-
-    Args:
-        harmonics: [n, 3 K] float32, K of red, green and blue each.
-        rotation: [3, 3].
-    """
-    degree = DEGREES[harmonics.shape[1] // 3]
-    ways = np.random.default_rng(0).normal(size=(DIRECTIONS, 3))
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    there, here = _basis(ways), _basis(ways @ rotation)  # what is seen from v was seen from R^T v
-    result = harmonics.reshape(len(harmonics), -1, 3).copy()
-    for own in range(1, degree + 1):
-        columns = slice(own * own, (own + 1) ** 2)
-        turn = np.linalg.lstsq(there[:, columns], here[:, columns], rcond=None)[0]
-        result[:, columns] = np.einsum("ij,njc->nic", turn, harmonics.reshape(result.shape)[:, columns])
-    return result.reshape(harmonics.shape)
-
-
-def _basis(ways: np.ndarray) -> np.ndarray:
-    """All sixteen harmonics of unit directions [d, 3], [d, 16] float64."""
-    from .kernels.harmonics import harmonics  # needs numba
-
-    values = np.empty((len(ways), 16))
-    for row, (x, y, z) in zip(values, ways, strict=True):
-        harmonics(x, y, z, 16, row)
-    return values
-
-
-def _parts(matrix: np.ndarray) -> tuple[float, np.ndarray]:
-    """The scale and the rotation [3, 3] of a similarity."""
-    with np.errstate(all="ignore"):
-        scale = float(np.cbrt(np.linalg.det(matrix[:3, :3])))
-        rotation = matrix[:3, :3] / scale
-        is_similarity = (
-            np.isfinite(matrix).all()
-            and scale > 0
-            and np.abs(rotation @ rotation.T - np.eye(3)).max() < TOLERANCE
-            and np.array_equal(matrix[3], (0, 0, 0, 1))
-        )
-    if not is_similarity:
+    try:
+        table = turned(gaussians.table, matrix)
+    except ValueError as error:
         raise BadRequest(
             f"The matrix {matrix.tolist()} is not a rotation with a uniform scale and a translation.",
             "Give one without shear, mirroring or unequal scales.",
-        )
+        ) from error
+    if table is gaussians.table:
+        return gaussians
+    scale = float(np.cbrt(np.linalg.det(matrix[:3, :3])))
+    return replace(gaussians, table=table.astype(np.float32), near=gaussians.near * scale)
+
+
+def turned(table: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Gaussians moved by a rotation, a uniform scale and a translation; their colors turn with them.
+
+    Args:
+        table: [n, 11 + 3 K] as in `gaussians.Gaussians.table`.
+        matrix: [4, 4] float64, which moves columns (x, y, z, 1).
+
+    Returns:
+        [n, 11 + 3 K] float64; the same numbers where the matrix is the identity.
+
+    Raises:
+        ValueError: The matrix shears, mirrors, or scales unequally.
+    """
+    if np.allclose(matrix, np.eye(4), rtol=0, atol=TOLERANCE * TOLERANCE):
+        return table
+    scale, rotation = _parts(matrix)
+    moved = table.astype(np.float64)
+    moved[:, :LOG_SCALE] = moved[:, :LOG_SCALE] @ matrix[:3, :3].T + matrix[:3, 3]
+    moved[:, LOG_SCALE:ROTATION] += np.log(scale)
+    moved[:, ROTATION:LOGIT] = moved[:, ROTATION:LOGIT] @ _quaternion_product(rotation).T
+    harmonics = moved[:, COLOR:].reshape(len(moved), -1, 3)
+    if harmonics.shape[1] > 1:
+        harmonics[:] = np.einsum("ij,njc->nic", _harmonics_turn(rotation, harmonics.shape[1]), harmonics)
+    return moved
+
+
+def _parts(matrix: np.ndarray) -> tuple[float, np.ndarray]:
+    """The uniform scale and the rotation of a matrix."""
+    linear = matrix[:3, :3]
+    determinant = float(np.linalg.det(linear)) if np.isfinite(matrix).all() else 0.0
+    if determinant <= 0 or np.abs(matrix[3] - [0, 0, 0, 1]).max() > TOLERANCE:
+        raise ValueError("it is moved by a matrix that is no rotation with a uniform scale")
+    scale = float(np.cbrt(determinant))
+    rotation = linear / scale
+    if np.abs(rotation.T @ rotation - np.eye(3)).max() > TOLERANCE:
+        raise ValueError("it is moved by a matrix that shears or scales unequally")
     return scale, rotation
+
+
+def _quaternion_product(rotation: np.ndarray) -> np.ndarray:
+    """[4, 4], which multiplies quaternions w x y z from the left by a rotation's."""
+    symmetric = np.empty((4, 4))  # its greatest eigenvector is the quaternion (Bar-Itzhack 2000)
+    symmetric[0, 0] = np.trace(rotation)
+    symmetric[0, 1:] = symmetric[1:, 0] = [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0],
+                                           rotation[1, 0] - rotation[0, 1]]  # fmt: skip
+    symmetric[1:, 1:] = rotation + rotation.T - np.trace(rotation) * np.eye(3)
+    w, x, y, z = np.round(np.linalg.eigh(symmetric)[1][:, -1], 12)
+    return np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
+
+
+def _harmonics_turn(rotation: np.ndarray, count: int) -> np.ndarray:
+    """[count, count], which turns the harmonics of one color: what is seen from d is then seen from R d."""
+    directions = np.random.default_rng(0).normal(size=(N_DIRECTIONS, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    before, after = _harmonics(directions, count), _harmonics(directions @ rotation.T, count)
+    return np.round(np.linalg.lstsq(after, before, rcond=None)[0], ROUNDED)
+
+
+def _harmonics(directions: np.ndarray, count: int) -> np.ndarray:
+    """The first harmonics [n, count] of unit directions [n, 3]."""
+    from .kernels.harmonics import harmonics  # compiled by numba, which other kinds of files do not need
+
+    values = np.empty((len(directions), count), np.float64)
+    for (x, y, z), row in zip(directions, values, strict=True):
+        harmonics(x, y, z, count, row)
+    return values

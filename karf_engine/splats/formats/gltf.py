@@ -24,6 +24,7 @@ from ...io.files import atomic_write
 from ...version import __version__
 from ..gaussians import DEGREES
 from ..kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
+from ..similarity import turned
 from .checking import check_count, checked, damaged, log_scales, logits, opacities, telling
 from .gltf_document import (
     BINARY_CHUNK,
@@ -37,7 +38,7 @@ from .gltf_document import (
     Document,
 )
 from .splat_file import SplatFile
-from .turning import UPRIGHT, turned
+from .turning import UPRIGHT
 
 EXTENSION = "KHR_gaussian_splatting"
 KERNEL, SRGB = "ellipse", "srgb_rec709_display"

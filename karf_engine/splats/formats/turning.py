@@ -9,82 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels.arrays import COLOR, LOG_SCALE, LOGIT, ROTATION
+from ..similarity import turned
 
 UPRIGHT = np.diag([1.0, -1.0, -1.0, 1.0])  # half a turn round x, its own inverse
-TOLERANCE = 1e-5  # deviation from a rotation with a uniform scale that single precision explains
-ROUNDED = 6  # digits: harmonics are computed in single precision, and flips of axes must be exact
-N_DIRECTIONS = 64
-
-
-def turned(table: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Gaussians moved by a rotation, a uniform scale and a translation; their colors turn with them.
-
-    Args:
-        table: [n, 11 + 3 K] as in `gaussians.Gaussians.table`.
-        matrix: [4, 4] float64, which moves columns (x, y, z, 1).
-
-    Returns:
-        [n, 11 + 3 K] float64; the same numbers where the matrix is the identity.
-
-    Raises:
-        ValueError: The matrix shears, mirrors, or scales unequally.
-    """
-    if np.allclose(matrix, np.eye(4), rtol=0, atol=TOLERANCE * TOLERANCE):
-        return table
-    scale, rotation = _parts(matrix)
-    moved = table.astype(np.float64)
-    moved[:, :LOG_SCALE] = moved[:, :LOG_SCALE] @ matrix[:3, :3].T + matrix[:3, 3]
-    moved[:, LOG_SCALE:ROTATION] += np.log(scale)
-    moved[:, ROTATION:LOGIT] = moved[:, ROTATION:LOGIT] @ _quaternion_product(rotation).T
-    harmonics = moved[:, COLOR:].reshape(len(moved), -1, 3)
-    if harmonics.shape[1] > 1:
-        harmonics[:] = np.einsum("ij,njc->nic", _harmonics_turn(rotation, harmonics.shape[1]), harmonics)
-    return moved
 
 
 def upright(table: np.ndarray) -> np.ndarray:
     """Gaussians turned by half a turn round x, there or back: [n, 11 + 3 K] float64; exact."""
     return turned(table, UPRIGHT)
-
-
-def _parts(matrix: np.ndarray) -> tuple[float, np.ndarray]:
-    """The uniform scale and the rotation of a matrix."""
-    linear = matrix[:3, :3]
-    determinant = float(np.linalg.det(linear)) if np.isfinite(matrix).all() else 0.0
-    if determinant <= 0 or np.abs(matrix[3] - [0, 0, 0, 1]).max() > TOLERANCE:
-        raise ValueError("it is moved by a matrix that is no rotation with a uniform scale")
-    scale = float(np.cbrt(determinant))
-    rotation = linear / scale
-    if np.abs(rotation.T @ rotation - np.eye(3)).max() > TOLERANCE:
-        raise ValueError("it is moved by a matrix that shears or scales unequally")
-    return scale, rotation
-
-
-def _quaternion_product(rotation: np.ndarray) -> np.ndarray:
-    """[4, 4], which multiplies quaternions w x y z from the left by a rotation's."""
-    symmetric = np.empty((4, 4))  # its greatest eigenvector is the quaternion (Bar-Itzhack 2000)
-    symmetric[0, 0] = np.trace(rotation)
-    symmetric[0, 1:] = symmetric[1:, 0] = [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0],
-                                           rotation[1, 0] - rotation[0, 1]]  # fmt: skip
-    symmetric[1:, 1:] = rotation + rotation.T - np.trace(rotation) * np.eye(3)
-    w, x, y, z = np.round(np.linalg.eigh(symmetric)[1][:, -1], 12)
-    return np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
-
-
-def _harmonics_turn(rotation: np.ndarray, count: int) -> np.ndarray:
-    """[count, count], which turns the harmonics of one color: what is seen from d is then seen from R d."""
-    directions = np.random.default_rng(0).normal(size=(N_DIRECTIONS, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    before, after = _harmonics(directions, count), _harmonics(directions @ rotation.T, count)
-    return np.round(np.linalg.lstsq(after, before, rcond=None)[0], ROUNDED)
-
-
-def _harmonics(directions: np.ndarray, count: int) -> np.ndarray:
-    """The first harmonics [n, count] of unit directions [n, 3]."""
-    from ..kernels.harmonics import harmonics  # compiled by numba, which other kinds of files do not need
-
-    values = np.empty((len(directions), count), np.float64)
-    for (x, y, z), row in zip(directions, values, strict=True):
-        harmonics(x, y, z, count, row)
-    return values

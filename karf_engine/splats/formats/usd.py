@@ -23,9 +23,10 @@ from ...io.files import atomic_write
 from ...io.inputs import check_file
 from ..gaussians import DEGREES
 from ..kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
+from ..similarity import turned
 from .checking import check_count, checked, damaged, log_scales, logits, needing_packages, opacities, telling
 from .splat_file import SplatFile
-from .turning import UPRIGHT, turned
+from .turning import UPRIGHT
 
 if TYPE_CHECKING:
     from pxr import Usd

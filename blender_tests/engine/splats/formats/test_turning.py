@@ -6,8 +6,9 @@ import pytest
 pytest.importorskip("numba")
 
 from blender_tests.engine.splats.formats.files import unit_cloud
-from karf_engine.splats.formats import turning
-from karf_engine.splats.formats.turning import turned, upright
+from karf_engine.splats import similarity
+from karf_engine.splats.formats.turning import upright
+from karf_engine.splats.similarity import turned
 
 
 def random_rotation(seed):
@@ -39,8 +40,8 @@ def test_all_that_is_seen_turns(seed):
     directions = np.random.default_rng(1).normal(size=(40, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     for before, after in zip(table[:, 11:].reshape(40, 16, 3), found[:, 11:].reshape(40, 16, 3), strict=True):
-        seen = turning._harmonics(directions, 16) @ before
-        np.testing.assert_allclose(turning._harmonics(directions @ rotation.T, 16) @ after, seen, atol=3e-5)
+        seen = similarity._harmonics(directions, 16) @ before
+        np.testing.assert_allclose(similarity._harmonics(directions @ rotation.T, 16) @ after, seen, atol=3e-5)
 
 
 def test_half_a_turn_is_exact():
