@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ..capture.capture import CapturedSplats
 from ..compute.progress import Emit
 from ..errors import BadRequest, missing_package
 from ..palettes.colorways.planned import plan_colorways
@@ -92,8 +91,10 @@ class _Work:
         return True if self._source is None else self._source.is_antialiased
 
     def _keeps_bytes(self, path: Path) -> bool:
+        if self._source is None or self._source.path.suffix.lower() != ".ply" or end_of(path) != ".ply":
+            return False
         is_whole = self._rows.all() and np.array_equal(self._matrix, np.eye(4))
-        return is_whole and end_of(path) == ".ply" and _is_plain(self._source)
+        return is_whole and ply.can_rewrite(self._source.path)
 
     def _chosen_rows(self) -> np.ndarray:
         """Which Gaussians are written, bool [n]."""
@@ -117,8 +118,3 @@ class _Work:
         if not self._options.attributes:
             return {}
         return columns_of(self._model.splat_shares, self._model.splat_objects)
-
-
-def _is_plain(source: CapturedSplats | None) -> bool:
-    """Whether splats came as a .ply that is not compressed."""
-    return source is not None and end_of(source.path) == ".ply"

@@ -1,5 +1,6 @@
 """Splats go out with an edit baked in: what it does not reach keeps its bits, whatever the kind of file."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -156,6 +157,26 @@ def test_recolored_it_keeps_every_byte_of_the_other_rows_and_columns(foreign, tm
     for name, column in before.columns.items():
         assert_array_equal(after.columns[name], column)
         assert after.columns[name].dtype == column.dtype
+
+
+def test_a_file_of_text_comes_back_as_numbers(foreign, own, tmp_path):
+    shutil.copytree(foreign, tmp_path / "foreign")
+    source = tmp_path / "foreign" / "capture" / "splat.ply"
+    assert ply.can_rewrite(source)
+    names = ply.property_names(own.table.shape[1])
+    lines = [" ".join(map(repr, map(float, row))) for row in own.table]
+    head = [
+        "ply",
+        "format ascii 1.0",
+        f"element vertex {len(own)}",
+        *(f"property float {n}" for n in names),
+        "end_header",
+    ]
+    source.write_text("\n".join([*head, *lines, ""]))
+    assert not ply.can_rewrite(source)
+    karf.learn_splats(tmp_path / "foreign" / "project", threads=1)
+    karf.export_splat(tmp_path / "foreign" / "project", tmp_path / "back.ply")
+    assert_array_equal(read_splats(tmp_path / "back.ply").table, own.table)
 
 
 def test_a_cut_out_of_it_keeps_its_columns_too(foreign, tmp_path):

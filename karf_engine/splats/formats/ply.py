@@ -20,7 +20,7 @@ import numpy as np
 from ...capture.reading import read_bytes
 from ...errors import DataError
 from ...io.files import atomic_write
-from ...io.ply import Header, locate, properties, read_header, read_rows, vertex_file
+from ...io.ply import MOST_HEADER, Header, locate, properties, read_header, read_rows, vertex_file
 from ..gaussians import DEGREES
 from ..kernels.arrays import COLOR
 from .checking import checked, damaged, telling
@@ -93,6 +93,15 @@ def rewrite(source: Path, out: Path, table: np.ndarray, columns: Mapping[str, np
     head = _with_properties(data[: header.size], vertex.end, properties(written.dtype)[len(rows.dtype) :])
     content = b"".join((head, data[header.size : header.size + start], written.tobytes(), data[end:]))
     atomic_write(out, lambda temporary: temporary.write_bytes(content))
+
+
+def can_rewrite(path: Path) -> bool:
+    """Whether this is a binary PLY file of Gaussians that are not compressed. Raises DataError where it is no PLY file."""
+    with telling(path), path.open("rb") as stream:
+        header = read_header(stream.read(MOST_HEADER))
+    vertex = header.element("vertex")
+    is_plain = vertex is not None and vertex.dtype is not None and "f_dc_0" in vertex.dtype.names
+    return is_plain and header.encoding != "ascii"
 
 
 def property_names(width: int) -> list[str]:

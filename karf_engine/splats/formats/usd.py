@@ -13,11 +13,13 @@ Precision: as glTF: float32 on both sides, opacity to 6e-8, the logarithm of a s
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...capture.reading import read_bytes
 from ...errors import DataError
 from ...io.files import atomic_write
 from ...io.inputs import check_file
@@ -27,6 +29,7 @@ from ..similarity import turned
 from .checking import check_count, checked, damaged, log_scales, logits, needing_packages, opacities, telling
 from .splat_file import SplatFile
 from .turning import UPRIGHT
+from .usd_crate import check_counts
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -82,13 +85,13 @@ def _stage(path: Path) -> Usd.Stage:
     """The stage of one file without any other."""
     from pxr import Sdf, Tf, Usd
 
-    try:
+    check_counts(read_bytes(path))
+    layer = None
+    with suppress(Tf.ErrorException):  # whose words may be of damaged letters
         layer = Sdf.Layer.OpenAsAnonymous(str(path))
-        others = layer.GetCompositionAssetDependencies() if layer else []
-    except Tf.ErrorException as error:
-        raise damaged(path, f"it is no USD file ({str(error).splitlines()[-1].strip()})") from error
     if layer is None:
-        raise damaged(path, "it is no USD file")
+        raise damaged(path, "usd-core finds no USD in it")
+    others = layer.GetCompositionAssetDependencies()
     if others:
         raise DataError(f"{path} refers to other files, such as {others[0]}.", "Flatten it: usdcat --flatten.")
     return Usd.Stage.Open(layer, Usd.Stage.LoadNone)

@@ -262,7 +262,7 @@ def test_what_is_no_gltf(data, words, tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("#usda 1.0", "nothing", "it is no USD file"),
+        ("#usda 1.0", "nothing", "finds no USD in it"),
         ("sphericalHarmonicsDegree = 1", "sphericalHarmonicsDegree = 4", "its harmonics are of degree 4"),
         ("def ParticleField3DGaussianSplat", "def Xform", "it has no ParticleField3DGaussianSplat"),
         ("(\n    defaultPrim", "(\n    subLayers = [@/etc/passwd@]\n    defaultPrim", "refers to other files"),
