@@ -151,7 +151,10 @@ def _text_rows(words: list[bytes], element: Element, start: int) -> np.ndarray:
     width = len(element.dtype)
     if len(words) < start + element.count * width:
         raise ValueError(f"it is cut off: {element.count} rows do not fit into its {len(words)} numbers")
-    numbers = np.array(words[start : start + element.count * width], np.float64).reshape(element.count, width)
+    try:
+        numbers = np.array(words[start : start + element.count * width], np.float64).reshape(element.count, width)
+    except ValueError as error:
+        raise ValueError("its rows are not numbers") from error
     table = np.empty(element.count, element.dtype)
     with np.errstate(invalid="ignore", over="ignore"):  # nan in place of a whole number
         for name, column in zip(element.dtype.names or (), numbers.T, strict=True):

@@ -32,7 +32,7 @@ from .turning import UPRIGHT
 from .usd_crate import check_counts
 
 if TYPE_CHECKING:
-    from pxr import Usd
+    from pxr import Sdf, Usd
 
 NAME = "/Gaussians"
 SIGMAS = 3  # as far as a Gaussian counts for the bounds
@@ -91,10 +91,24 @@ def _stage(path: Path) -> Usd.Stage:
         layer = Sdf.Layer.OpenAsAnonymous(str(path))
     if layer is None:
         raise damaged(path, "usd-core finds no USD in it")
-    others = layer.GetCompositionAssetDependencies()
+    others = _other_files(layer)
     if others:
         raise DataError(f"{path} refers to other files, such as {others[0]}.", "Flatten it: usdcat --flatten.")
     return Usd.Stage.Open(layer, Usd.Stage.LoadNone)
+
+
+def _other_files(layer: Sdf.Layer) -> list[str]:
+    """What a layer is composed of besides itself. usd-core's own function ends the process where a spec is missing."""
+    from pxr import Sdf
+
+    paths: list[Sdf.Path] = []
+    layer.Traverse(Sdf.Path.absoluteRootPath, paths.append)
+    specs = [layer.GetObjectAtPath(path) for path in paths]
+    if not all(specs):
+        raise ValueError("it names prims that are not in it")
+    prims = [spec for spec in specs if isinstance(spec, Sdf.PrimSpec)]
+    lists = [arcs.GetAddedOrExplicitItems() for prim in prims for arcs in (prim.referenceList, prim.payloadList)]
+    return [*layer.subLayerPaths, *(arc.assetPath for arcs in lists for arc in arcs if arc.assetPath)]
 
 
 def _table(path: Path, prim: Usd.Prim) -> np.ndarray:
