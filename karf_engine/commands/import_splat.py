@@ -141,8 +141,8 @@ def _is_bare(gaussians: Gaussians, cameras: Sequence[Camera]) -> bool:
     """Whether much of the pictures shows nothing."""
     from ..splats.rasterizer import splatted
 
-    small = [splatted(gaussians, camera.reduced(THUMBNAIL)) for camera in cameras]
-    return float(np.mean([(view.image[..., 3] > 0.5).mean() for view in small])) > BARE
+    small = (camera.reduced(THUMBNAIL) for camera in cameras)
+    return float(np.mean([(splatted(gaussians, camera).image[..., 3] > 0.5).mean() for camera in small])) > BARE
 
 
 def _picture(gaussians: Gaussians, camera: Camera, has_alpha: bool) -> np.ndarray:

@@ -33,7 +33,7 @@ FRAMING = 1.15  # picture's half width by that of what is looked at
 ELEVATIONS = np.radians((10, 60))
 SHRINKS = 0.8 ** np.arange(6)  # of the dome, where candidates stand amid something
 CANDIDATES = 3  # a wanted camera
-THUMBNAIL = 48  # pixels
+THUMBNAIL, FEW = 48, 100_000  # pixels; Gaussians that small pictures are made of
 BLOCKED, NEAR_SHARE = 0.05, 0.3  # share of a picture nearer than this share of the distance to the middle
 COVERED = 0.2  # share of a picture that must show something
 FREE = 0.5  # share of the candidates with which a dome is taken
@@ -139,13 +139,23 @@ def cameras_around(
         size: Width and height of their pictures.
         step: Called after each candidate; may raise Cancelled.
     """
+    thinned = _thinned(gaussians)
     for distance in target.distance * SHRINKS:
         candidates = _dome(target, distance, CANDIDATES * count)
-        is_free = np.array([_is_free(gaussians, camera, distance, step) for camera in candidates])
+        is_free = np.array([_is_free(thinned, camera, distance, step) for camera in candidates])
         if is_free.mean() >= FREE:
             free = [camera for camera, good in zip(candidates, is_free, strict=True) if good]
             return [free[number].scaled(size, size) for number in _evenly(len(free), count)]
     return [camera.scaled(size, size) for camera in _panorama(target, count)]
+
+
+def _thinned(gaussians: Gaussians) -> Gaussians:
+    """As many Gaussians as small pictures need, each as much wider as there are fewer."""
+    if len(gaussians) <= FEW:
+        return gaussians
+    table = gaussians.table[np.random.default_rng(0).choice(len(gaussians), FEW, replace=False)]
+    table[:, LOG_SCALE : LOG_SCALE + 3] += 0.5 * np.log(len(gaussians) / FEW)
+    return replace(gaussians, table=table, n_behind=0)
 
 
 def _dome(target: Target, distance: float, count: int) -> list[Camera]:
