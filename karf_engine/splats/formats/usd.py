@@ -102,10 +102,9 @@ def _other_files(layer: Sdf.Layer) -> list[str]:
 
     paths: list[Sdf.Path] = []
     layer.Traverse(Sdf.Path.absoluteRootPath, paths.append)
-    specs = [layer.GetObjectAtPath(path) for path in paths]
-    if not all(specs):
+    if not all(layer.GetObjectAtPath(path) for path in paths):
         raise ValueError("it names prims that are not in it")
-    prims = [spec for spec in specs if isinstance(spec, Sdf.PrimSpec)]
+    prims = [layer.GetPrimAtPath(path) for path in paths if path.IsPrimPath() or path.IsPrimVariantSelectionPath()]
     lists = [arcs.GetAddedOrExplicitItems() for prim in prims for arcs in (prim.referenceList, prim.payloadList)]
     return [*layer.subLayerPaths, *(arc.assetPath for arcs in lists for arc in arcs if arc.assetPath)]
 
