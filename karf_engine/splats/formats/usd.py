@@ -105,8 +105,11 @@ def _other_files(layer: Sdf.Layer) -> list[str]:
     if not all(layer.GetObjectAtPath(path) for path in paths):
         raise ValueError("it names prims that are not in it")
     prims = [layer.GetPrimAtPath(path) for path in paths if path.IsPrimPath() or path.IsPrimVariantSelectionPath()]
-    lists = [arcs.GetAddedOrExplicitItems() for prim in prims for arcs in (prim.referenceList, prim.payloadList)]
-    return [*layer.subLayerPaths, *(arc.assetPath for arcs in lists for arc in arcs if arc.assetPath)]
+    composing = [arcs for prim in filter(None, prims) for arcs in (prim.referenceList, prim.payloadList)]
+    return [
+        *layer.subLayerPaths,
+        *(arc.assetPath for arcs in composing for arc in arcs.GetAddedOrExplicitItems() if arc.assetPath),
+    ]
 
 
 def _table(path: Path, prim: Usd.Prim) -> np.ndarray:
