@@ -113,7 +113,7 @@ def _other_files(layer: Sdf.Layer) -> list[str]:
 
 
 def _table(path: Path, prim: Usd.Prim) -> np.ndarray:
-    """[n, 11 + 3 K] float64 of a prim."""
+    """[n, 11 + 3 K] float32 of a prim."""
     degree = prim.GetAttribute("radiance:sphericalHarmonicsDegree").Get()
     if degree not in DEGREES.values():
         raise damaged(path, f"its harmonics are of degree {degree}; 0 to 3 are read")
@@ -129,15 +129,15 @@ def _table(path: Path, prim: Usd.Prim) -> np.ndarray:
     )
     if any(len(part) < len(centers) for part in parts):
         raise damaged(path, f"{prim.GetPath()} has fewer values than its {len(centers):,} positions")
-    return np.concatenate([part[: len(centers)] for part in parts], 1)
+    return np.concatenate([part[: len(centers)] for part in parts], 1, dtype=np.float32)
 
 
 def _values(prim: Usd.Prim, name: str) -> np.ndarray:
-    """An attribute's array as float64, of single precision where it is there, else of half."""
+    """An attribute's array as float32, of single precision where it is there, else of half."""
     for each in (name, f"{name}h"):
         value = prim.GetAttribute(each).Get()
         if value is not None and len(value):
-            return np.array(value, np.float64)
+            return np.array(value, np.float32)
     raise ValueError(f"{prim.GetPath()} has no {name}")
 
 
