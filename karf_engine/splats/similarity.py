@@ -35,18 +35,18 @@ def moved(gaussians: Gaussians, matrix: np.ndarray) -> Gaussians:
     if table is gaussians.table:
         return gaussians
     scale = float(np.cbrt(np.linalg.det(matrix[:3, :3])))
-    return replace(gaussians, table=table.astype(np.float32), near=gaussians.near * scale)
+    return replace(gaussians, table=table, near=gaussians.near * scale)
 
 
 def turned(table: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Gaussians moved by a rotation, a uniform scale and a translation; their colors turn with them.
 
     Args:
-        table: [n, 11 + 3 K] as in `gaussians.Gaussians.table`.
+        table: [n, 11 + 3 K] as in `gaussians.Gaussians.table`, of any floating type.
         matrix: [4, 4] float64, which moves columns (x, y, z, 1).
 
     Returns:
-        [n, 11 + 3 K] float64; the same numbers where the matrix is the identity.
+        [n, 11 + 3 K] of the same type; the table itself where the matrix is the identity.
 
     Raises:
         ValueError: The matrix shears, mirrors, or scales unequally.
@@ -54,13 +54,14 @@ def turned(table: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     if np.allclose(matrix, np.eye(4), rtol=0, atol=TOLERANCE * TOLERANCE):
         return table
     scale, rotation = _parts(matrix)
-    moved = table.astype(np.float64)
-    moved[:, :LOG_SCALE] = moved[:, :LOG_SCALE] @ matrix[:3, :3].T + matrix[:3, 3]
+    moved = table.copy()
+    moved[:, :LOG_SCALE] = table[:, :LOG_SCALE] @ matrix[:3, :3].T + matrix[:3, 3]
     moved[:, LOG_SCALE:ROTATION] += np.log(scale)
-    moved[:, ROTATION:LOGIT] = moved[:, ROTATION:LOGIT] @ _quaternion_product(rotation).T
-    harmonics = moved[:, COLOR:].reshape(len(moved), -1, 3)
+    moved[:, ROTATION:LOGIT] = table[:, ROTATION:LOGIT] @ _quaternion_product(rotation).T
+    harmonics = table[:, COLOR:].reshape(len(table), -1, 3)
     if harmonics.shape[1] > 1:
-        harmonics[:] = np.einsum("ij,njc->nic", _harmonics_turn(rotation, harmonics.shape[1]), harmonics)
+        turn = _harmonics_turn(rotation, harmonics.shape[1]).astype(table.dtype)
+        moved[:, COLOR:] = (turn @ harmonics).reshape(len(table), -1)
     return moved
 
 

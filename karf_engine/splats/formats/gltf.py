@@ -89,7 +89,7 @@ def write(path: Path, splats: SplatFile) -> None:
 
 # --------------------------------------------------------------------------------------------------------------- reading
 def _table(document: Document, primitive: dict[str, Any]) -> np.ndarray:
-    """[n, 11 + 3 K] float64 of a primitive."""
+    """[n, 11 + 3 K] float32 of a primitive."""
     splatting, attributes = primitive["extensions"][EXTENSION], primitive["attributes"]
     if splatting["kernel"] != KERNEL or splatting["colorSpace"] != SRGB or splatting.get("extensions"):
         raise DataError(
@@ -102,7 +102,7 @@ def _table(document: Document, primitive: dict[str, Any]) -> np.ndarray:
     parts = (centers, log_scales(scales), np.roll(rotations, 1, 1), logits(opaque), *harmonics)
     if [part.shape[1] for part in parts] != [3, 3, 4, 1, *[3] * n_harmonics]:
         raise damaged(document.path, "its attributes have other widths than Gaussians")
-    return np.concatenate(parts, 1)
+    return np.concatenate(parts, 1, dtype=np.float32)
 
 
 def _names(n_harmonics: int) -> list[str]:

@@ -69,14 +69,14 @@ class Document:
         return [number for number in range(len(self.json["nodes"])) if number not in below]
 
     def accessor(self, number: int) -> np.ndarray:
-        """An accessor's numbers: [count, width] float64, normalized integers in [-1, 1]."""
+        """An accessor's numbers: [count, width] float32, normalized integers in [-1, 1]."""
         accessor = item(self.json["accessors"], number)
         if "sparse" in accessor or "bufferView" not in accessor:
             raise ValueError("it has an accessor without a whole buffer view")
         view = item(self.json["bufferViews"], accessor["bufferView"])
         kind = np.dtype((COMPONENTS[accessor["componentType"]], WIDTHS[accessor["type"]]))
         stored = self._strided(view, _whole(accessor.get("byteOffset", 0)), _whole(accessor["count"]), kind)
-        values = stored.astype(np.float64)
+        values = stored.astype(np.float32)
         if accessor.get("normalized"):
             values = np.maximum(values / np.iinfo(stored.dtype).max, -1)
         return values

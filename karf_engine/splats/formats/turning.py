@@ -15,5 +15,5 @@ UPRIGHT = np.diag([1.0, -1.0, -1.0, 1.0])  # half a turn round x, its own invers
 
 
 def upright(table: np.ndarray) -> np.ndarray:
-    """Gaussians turned by half a turn round x, there or back: [n, 11 + 3 K] float64; exact."""
+    """Gaussians turned by half a turn round x, there or back, exactly: [n, 11 + 3 K]."""
     return turned(table, UPRIGHT)

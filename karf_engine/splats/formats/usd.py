@@ -103,16 +103,18 @@ def _other_files(layer: Sdf.Layer) -> list[str]:
 
     paths: list[Sdf.Path] = []
     layer.Traverse(Sdf.Path.absoluteRootPath, paths.append)
-    specs = [layer.GetObjectAtPath(path) for path in paths]
-    if not all(specs):
+    if not all(layer.GetObjectAtPath(path) for path in paths):
         raise ValueError("it names prims that are not in it")
-    prims = [spec for spec in specs if isinstance(spec, Sdf.PrimSpec)]
-    lists = [arcs.GetAddedOrExplicitItems() for prim in prims for arcs in (prim.referenceList, prim.payloadList)]
-    return [*layer.subLayerPaths, *(arc.assetPath for arcs in lists for arc in arcs if arc.assetPath)]
+    prims = [layer.GetPrimAtPath(path) for path in paths if path.IsPrimPath() or path.IsPrimVariantSelectionPath()]
+    composing = [arcs for prim in filter(None, prims) for arcs in (prim.referenceList, prim.payloadList)]
+    return [
+        *layer.subLayerPaths,
+        *(arc.assetPath for arcs in composing for arc in arcs.GetAddedOrExplicitItems() if arc.assetPath),
+    ]
 
 
 def _table(path: Path, prim: Usd.Prim) -> np.ndarray:
-    """[n, 11 + 3 K] float64 of a prim."""
+    """[n, 11 + 3 K] float32 of a prim."""
     degree = prim.GetAttribute("radiance:sphericalHarmonicsDegree").Get()
     if degree not in DEGREES.values():
         raise damaged(path, f"its harmonics are of degree {degree}; 0 to 3 are read")
@@ -128,15 +130,15 @@ def _table(path: Path, prim: Usd.Prim) -> np.ndarray:
     )
     if any(len(part) < len(centers) for part in parts):
         raise damaged(path, f"{prim.GetPath()} has fewer values than its {len(centers):,} positions")
-    return np.concatenate([part[: len(centers)] for part in parts], 1)
+    return np.concatenate([part[: len(centers)] for part in parts], 1, dtype=np.float32)
 
 
 def _values(prim: Usd.Prim, name: str) -> np.ndarray:
-    """An attribute's array as float64, of single precision where it is there, else of half."""
+    """An attribute's array as float32, of single precision where it is there, else of half."""
     for each in (name, f"{name}h"):
         value = prim.GetAttribute(each).Get()
         if value is not None and len(value):
-            return np.array(value, np.float64)
+            return np.array(value, np.float32)
     raise ValueError(f"{prim.GetPath()} has no {name}")
 
 

@@ -278,6 +278,19 @@ def test_broken_usd(old, new, words, tmp_path):
     refused(path, words)
 
 
+@pytest.mark.parametrize("arc", ["references", "payload"])
+def test_usd_that_refers_to_other_files(arc, tmp_path):
+    path = written(tmp_path, ".usda")
+    text = path.read_text()
+    more = f'def "More" ({arc} = @/etc/passwd@)\n{{\n}}\n'
+    path.write_text(text + more)
+    refused(path, "refers to other files, such as /etc/passwd")
+    path.write_text(text + f'def "A" (variantSets = "v")\n{{\nvariantSet "v" = {{\n"x" {{\n{more}}}\n}}\n}}\n')
+    refused(path, "refers to other files, such as /etc/passwd")
+    path.write_text(text + 'def "More" (references = </Gaussians>) {}\n')
+    assert len(read_splats(path)) == 2 * len(TABLE)
+
+
 def test_z_up_is_turned(tmp_path):
     path = written(tmp_path, ".usda")
     path.write_text(path.read_text().replace('upAxis = "Y"', 'upAxis = "Z"').replace("rotateX = 180", "rotateX = 0"))
