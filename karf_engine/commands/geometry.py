@@ -40,7 +40,8 @@ from ..project import Project
 from ..project import settings as settings_module
 from ..project.locking import opened
 from ..segmentation.coarse_masks import marked_views
-from ..splats.importing import captured_gaussians, points_seen
+from ..splats.depths import points_seen
+from ..splats.importing import captured_gaussians
 from .job import Job, StageRun, make_job, run_stage
 from .options.learning import GeometryOptions
 

@@ -2,7 +2,8 @@
 
 What was photographed from near has finer Gaussians than what was far away. Where sizes tell so of distances, they tell
 where the photographers stood; of a scene that lies together, cameras frame the whole. Candidates are looked through in
-small pictures: one that stands amid something or sees little is left out, and where most are, the dome shrinks.
+small pictures: one that stands amid something or sees little is left out, and where most are, the dome shrinks. Of the
+others those stay that see surfaces: from where no photo was taken, Gaussians are a haze.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from ..capture.camera import Camera
 from ..errors import DataError
+from .depths import sure_depths
 from .gaussians import Gaussians
 from .kernels.arrays import LOG_SCALE, LOGIT, ROTATION
 from .rasterizer import splatted
@@ -32,10 +34,11 @@ STEP_BACK = 1.3  # of the distance that sizes tell: more is seen of what stands 
 FRAMING = 1.15  # picture's half width by that of what is looked at
 ELEVATIONS = np.radians((10, 60))
 SHRINKS = 0.8 ** np.arange(6)  # of the dome, where candidates stand amid something
-CANDIDATES = 3  # a wanted camera
-THUMBNAIL, FEW = 48, 100_000  # pixels; Gaussians that small pictures are made of
+CANDIDATES = 4  # a wanted camera
+THUMBNAIL, FEW = 64, 100_000  # pixels; Gaussians that small pictures are made of
 BLOCKED, NEAR_SHARE = 0.05, 0.3  # share of a picture nearer than this share of the distance to the middle
 COVERED = 0.2  # share of a picture that must show something
+SURE = 0.5  # of the share that shows surfaces in the best views: less is not taken
 FREE = 0.5  # share of the candidates with which a dome is taken
 FLATTENED = 0.55  # of directions' second moments that the strongest has where a floor tells what is up
 
@@ -142,10 +145,10 @@ def cameras_around(
     thinned = _thinned(gaussians)
     for distance in target.distance * SHRINKS:
         candidates = _dome(target, distance, CANDIDATES * count)
-        is_free = np.array([_is_free(thinned, camera, distance, step) for camera in candidates])
-        if is_free.mean() >= FREE:
-            free = [camera for camera, good in zip(candidates, is_free, strict=True) if good]
-            return [free[number].scaled(size, size) for number in _evenly(len(free), count)]
+        sure = np.array([_sure_share(thinned, camera, distance, step) for camera in candidates])
+        if (sure >= 0).mean() >= FREE:
+            good = np.flatnonzero(sure >= max(0, SURE * np.quantile(sure, 0.9)))
+            return [candidates[good[number]].scaled(size, size) for number in _evenly(len(good), count)]
     return [camera.scaled(size, size) for camera in _panorama(target, count)]
 
 
@@ -192,13 +195,15 @@ def _looking(place: np.ndarray, way: np.ndarray, up: np.ndarray) -> Camera:
     return Camera(THUMBNAIL, THUMBNAIL, focal, focal, THUMBNAIL / 2, THUMBNAIL / 2, pose)
 
 
-def _is_free(gaussians: Gaussians, camera: Camera, distance: float, step: Callable[[], None]) -> bool:
-    """Whether a camera sees something, and next to nothing close before it."""
+def _sure_share(gaussians: Gaussians, camera: Camera, distance: float, step: Callable[[], None]) -> float:
+    """The share of a camera's picture that shows one surface; -1 where the camera sees little, or something too close."""
     view = splatted(replace(gaussians, near=1e-3 * distance), camera)
     step()
     covered = 1 - view.image[..., 3]
     close = view.blended((view.depths < NEAR_SHARE * distance).astype(np.float32)[:, None])[0]
-    return bool((close > 0.5).mean() <= BLOCKED and (covered > 0.5).mean() >= COVERED)
+    if (close > 0.5).mean() > BLOCKED or (covered > 0.5).mean() < COVERED:
+        return -1.0
+    return float((sure_depths(view) > 0).mean())
 
 
 def _evenly(total: int, count: int) -> np.ndarray:

@@ -8,7 +8,8 @@ pytest.importorskip("numba")
 
 from blender_tests.engine.splats.clouds import ball, camera_ahead
 from karf_engine.errors import Cancelled
-from karf_engine.splats.importing import AT_INFINITY, gaussians_before, points_seen
+from karf_engine.splats.depths import AT_INFINITY, points_seen
+from karf_engine.splats.importing import gaussians_before
 from karf_engine.splats.kernels.arrays import ANTIALIASED_FILTER, LOG_SCALE, PLAIN_FILTER
 
 CAMERAS = [camera_ahead(80, 60, 80.0), camera_ahead(40, 30, 40.0)]
