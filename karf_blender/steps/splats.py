@@ -47,7 +47,7 @@ def export_splat(
     if karf.rig is None:
         raise BadRequest("The scene {name!r} has no captured cameras.", "Import the capture first.", name=scene.name)
     if axes not in AXES:
-        raise BadRequest(f"There are no axes {axes!r:.200}.", f"Use one of: {', '.join(AXES)}.")
+        raise BadRequest("There are no axes {axes}.", "Use one of: {known}.", axes=axes, known=", ".join(AXES))
     options = {"out": str(path), "objects": list(objects), "solid": solid, "attributes": attributes}
     if axes == "auto":
         axes = "blender" if captures.of(scene).splats is None else "capture"

@@ -738,4 +738,55 @@ TEXTS = {
     "The object is not in it": "该物体不在其中",
     "Take all volumes of the object away": "移除该物体的所有体积",
     "Volumes of {name}: {count}. Segment heeds them": "{name} 的体积：{count}。分割时会遵守",
+    # --- splats of other programs
+    "Across the largest flat parts, or where COLMAP has it": "垂直于最大的平坦部分，或按 COLMAP 的方向",
+    "Add each Gaussian's object, probability and palette weights to a .ply": (
+        "在 .ply 中加入每个高斯的物体、概率和调色板权重"
+    ),
+    "Antialiased": "抗锯齿",
+    "As Blender shows it, turned as most viewers of splats expect a .ply": (
+        "与 Blender 中显示的一致，并转为多数泼溅查看器对 .ply 的朝向"
+    ),
+    "As Imported": "与导入时相同",
+    "As splats were imported; of a scene that was learned here, as Blender shows it": (
+        "与导入的泼溅相同；在此学习的场景则与 Blender 中显示的一致"
+    ),
+    "Attributes": "属性",
+    "Axes": "坐标轴",
+    "Cameras": "相机",
+    "Capture that it was learned from, with the same poses; empty: views are rendered around the splats": (
+        "学习它所用的拍摄，位姿相同；留空：在泼溅四周渲染视图"
+    ),
+    "Cut out this object; empty: the whole scene": "只取出此物体；留空：整个场景",
+    "Export Splat": "导出泼溅",
+    "Gaussian Splat (KaRF)": "高斯泼溅 (KaRF)",
+    "Import Gaussian splats that another program has learned, to mark and recolor objects in them": (
+        "导入其他程序学习的高斯泼溅，以便在其中标记物体并重新着色"
+    ),
+    "Import Splat": "导入泼溅",
+    "KaRF splat": "KaRF 泼溅",
+    "Learn splats first": "请先学习泼溅",
+    "Leave out the shell that shows what is behind the scene": "不包含显示场景背后内容的外壳",
+    "Splats may be dropped on the 3D View; a .ply that holds none is refused with a sentence when it is read.": (
+        "泼溅可以拖放到 3D 视图上；不含泼溅的 .ply 会在读取时被拒绝并说明原因。"
+    ),
+    "The capture's own world": "拍摄自身的世界坐标",
+    "They were learned with antialiasing (Mip-Splatting), and the file does not say so": (
+        "学习时使用了抗锯齿 (Mip-Splatting)，而文件没有说明"
+    ),
+    "Up": "上方",
+    "Where and as large as Blender shows it; kinds of files that say what is up get it": (
+        "位置和大小与 Blender 中显示的一致；规定了上方的文件类型按其规定"
+    ),
+    "Without Background": "不含背景",
+    "Without photos: a transforms.json of exported cameras, whose views come first": (
+        "没有照片时：已导出相机的 transforms.json，其视图排在最前"
+    ),
+    "Without photos: how many are rendered": "没有照片时：渲染多少个视图",
+    "Without photos: which axis of the file points up": "没有照片时：文件的哪个轴指向上方",
+    "Write the scene as Gaussian splats with the swatches as they stand: PLY, SPZ, glTF or USD, by the file's ending": (
+        "按当前色板将场景写成高斯泼溅：按文件扩展名为 PLY、SPZ、glTF 或 USD"
+    ),
+    "Y Down": "Y 轴向下",
+    "Z Up": "Z 轴向上",
 }
