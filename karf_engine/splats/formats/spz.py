@@ -2,8 +2,8 @@
 
 Format: github.com/nianticlabs/spz, versions 2 to 4; version 3 is written. Packed and unpacked by gsply, which knows no
 axes: SPZ stores right, up, back (RUB), so centers, rotations and harmonics are turned here (see `turning`), as the
-reference does between PLY and SPZ. Programs that turn nothing, among them splat-transform and gsply, write files that
-others show upside down; nothing in a file tells them apart.
+reference does between PLY and SPZ. Programs that turn nothing, among them gsply by itself, write files that others show
+upside down; nothing in a file tells them apart.
 
 Precision: centers to half of 2^-bits, with as many bits as the farthest coordinate leaves of 23 (at least to 1.2e-7 of
 it); logarithms of scales 1/32, from -10 to 5.9; 1/510 of the opacity; 0.0014 of a unit quaternion's parts; colors of the
