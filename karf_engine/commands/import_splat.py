@@ -29,7 +29,9 @@ from ..errors import BadRequest, DataError, missing_package
 from ..io.color import to_bytes
 from ..io.files import read_json
 from ..io.images import over, straight, write_png
+from ..splats.formats import ply
 from ..splats.formats.registry import read_splats
+from ..splats.formats.splat_file import SplatFile
 from ..splats.importing import gaussians_before
 from .options.capturing import ImportSplatOptions
 from .output_folder import new_folder
@@ -57,13 +59,12 @@ def run(options: ImportSplatOptions, emit: Emit, should_stop: Callable[[], bool]
     out = options.out.absolute()
     with new_folder(out) as folder:
         emit("stage", name="import_splat", text=f"reading {options.splat.name}")
-        taken = _taken(options.splat, folder)
-        found = read_splats(taken)
+        found = read_splats(options.splat)
         emit("stage", name="import_splat", text=f"{len(found)} Gaussians")
+        splats = CapturedSplats(_taken(options.splat, found, folder), options.antialiased or bool(found.is_antialiased))
         if options.photos is not None:
-            capture = _with_photos(options.photos, taken, found.table, emit)
+            capture = _with_photos(options, found.table, splats, emit)
         else:
-            splats = CapturedSplats(taken, options.antialiased or bool(found.is_antialiased))
             views = _views(options, found.table, splats.is_antialiased, folder / "images", emit, should_stop)
             capture = Capture(folder, "transforms", tuple(views), splats=splats)
         for remark in capture.remarks:
@@ -72,13 +73,16 @@ def run(options: ImportSplatOptions, emit: Emit, should_stop: Callable[[], bool]
     emit("artifact", kind="capture", path=str(out))
 
 
-def _taken(splat: Path, folder: Path) -> Path:
-    """Link or copy the file into the folder, as splat and all its ends; returns it there."""
-    ends = "".join(splat.suffixes[-2:]) if splat.name.lower().endswith(".compressed.ply") else splat.suffix
-    taken = folder / f"splat{ends.lower()}"
+def _taken(splat: Path, found: SplatFile, folder: Path) -> Path:
+    """Link or copy the file into the folder, or write what it holds where it refers to other files; returns it there."""
+    if splat.suffix.lower() == ".gltf":
+        ply.write(folder / "splat.ply", found)
+        return folder / "splat.ply"
+    is_compressed = splat.name.lower().endswith(".compressed.ply")
+    taken = folder / f"splat{'.compressed' if is_compressed else ''}{splat.suffix.lower()}"
     try:
         os.link(splat.resolve(), taken)
-    except OSError:  # missing, another disk, or a file system without links
+    except OSError:  # another disk, or a file system without links
         shutil.copyfile(splat, taken)
     return taken
 
@@ -156,9 +160,9 @@ def _picture(gaussians: Gaussians, camera: Camera, has_alpha: bool) -> np.ndarra
 
 
 # --------------------------------------------------------------------------------------------------------- with photos
-def _with_photos(photos: Path, taken: Path, table: np.ndarray, emit: Emit) -> Capture:
+def _with_photos(options: ImportSplatOptions, table: np.ndarray, splats: CapturedSplats, emit: Emit) -> Capture:
     """The photos' capture with the Gaussians, shown by the screen filter with which they show the photos best."""
-    capture = open_capture(photos)
+    capture = open_capture(options.photos)
     views = capture.views[:: max(1, len(capture.views) // COMPARED_VIEWS)][:COMPARED_VIEWS]
     cameras = [view.camera for view in capture.views]
     shown = [_psnr(gaussians_before(table, is_antialiased, cameras), views) for is_antialiased in (False, True)]
@@ -167,13 +171,13 @@ def _with_photos(photos: Path, taken: Path, table: np.ndarray, emit: Emit) -> Ca
         raise DataError(
             "{splat} shows the photos of {capture} at {psnr:.1f} dB only.",
             "Give the photos that it was learned from, with the poses that it was learned with.",
-            splat=taken,
-            capture=photos,
+            splat=options.splat,
+            capture=options.photos,
             psnr=shown[best],
         )
     text = f"shows the photos at {shown[best]:.1f} dB" + (", antialiased" if best else "")
     emit("stage", name="import_splat", text=text)
-    return replace(capture, splats=CapturedSplats(taken, bool(best)))
+    return replace(capture, splats=replace(splats, is_antialiased=bool(best)))
 
 
 def _psnr(gaussians: Gaussians, views: Sequence[View]) -> float:

@@ -1,6 +1,7 @@
 """A splat of another program becomes a capture: with photos, or with views of itself; it is shown as it came."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from karf_engine.io.images import over, read_photo
 from karf_engine.metrics.images import psnr
 from karf_engine.project import Project
 from karf_engine.splats.files import load_gaussians
-from karf_engine.splats.formats.registry import write_splats
+from karf_engine.splats.formats.registry import read_splats, write_splats
 from karf_engine.splats.formats.splat_file import SplatFile
 from karf_engine.splats.kernels.arrays import ANTIALIASED_FILTER, PLAIN_FILTER
 from karf_engine.splats.rasterizer import splatted
@@ -49,6 +50,15 @@ def test_without_photos_its_views_show_it_from_around(splat, table, tmp_path):
         assert depth > 0 and np.abs(pixels - 32).max() < 32
         photo = read_photo(view.image)
         assert photo.std() > 0.02, f"{view.name} shows nothing"
+
+
+@pytest.mark.parametrize("name", ["still.gltf", "still.glb", "still.spz", "still.compressed.ply"])
+def test_other_kinds_of_files_are_imported_whole(table, tmp_path, name):
+    """A .gltf lies in two files, of which the capture keeps what they hold."""
+    write_splats(tmp_path / "theirs" / name, SplatFile(table))
+    karf.import_splat(tmp_path / "theirs" / name, tmp_path / "capture", **SMALL)
+    shutil.rmtree(tmp_path / "theirs")
+    assert len(read_splats(open_capture(tmp_path / "capture").splats.path)) == len(table)
 
 
 def test_what_stands_in_the_void_gets_alpha(splat, tmp_path):
