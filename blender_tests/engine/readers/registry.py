@@ -14,6 +14,7 @@ from blender_tests.engine.readers import mutations, samples
 from karf_engine.capture import open_capture
 from karf_engine.capture.capture import capture_to_json
 from karf_engine.capture.ply import read_points
+from karf_engine.capture.splat_cameras import read_splat_cameras
 from karf_engine.commands.job import open_job
 from karf_engine.commands.options import RenderOptions
 from karf_engine.commands.recoloring import rays_of
@@ -184,6 +185,8 @@ def readers(project: Path | None) -> list[Reader]:
                mutations.changed_json, capture),
         Reader("transforms.json", samples.transforms, ("transforms.json",), mutations.changed_json, capture),
         Reader("camera file", samples.camera_file, ("cameras.json",), mutations.changed_json, new_cameras),
+        Reader("cameras of a splat", samples.splat_cameras, ("cameras.json",), mutations.changed_json,
+               read_splat_cameras),
         *(
             Reader(f"COLMAP, {table}{suffix}", samples.colmap(suffix), (f"{model}{table}{suffix}",), mutation, capture)
             for suffix, mutation in ((".bin", mutations.changed_bytes), (".txt", mutations.changed_text))

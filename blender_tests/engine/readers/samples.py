@@ -59,6 +59,22 @@ def transforms(folder: Path) -> None:
     (folder / "points.ply").write_bytes(ply_text())
 
 
+def splat_cameras(folder: Path) -> None:
+    """The cameras that lie beside a splat."""
+    content = [
+        {
+            "width": camera.width,
+            "height": camera.height,
+            "fx": camera.fx,
+            "fy": camera.fy,
+            "position": camera.position.tolist(),
+            "rotation": camera.camera_to_world[:3, :3].tolist(),
+        }
+        for camera in cameras(2, 8)
+    ]
+    (folder / "cameras.json").write_text(json.dumps(content))
+
+
 def camera_file(folder: Path) -> None:
     """New cameras for a render."""
     frames = [
