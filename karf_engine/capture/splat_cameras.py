@@ -6,6 +6,7 @@ down, z forward) to the world, row by row.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +49,8 @@ def _camera(entry: Any, label: str) -> Camera:
         pose = np.eye(4)
         pose[:3, :3] = np.array(entry["rotation"], np.float64).reshape(3, 3) @ np.diag([1.0, -1, -1])
         pose[:3, 3] = np.array(entry["position"], np.float64).reshape(3)
+        camera = Camera(width, height, fx, fy, width / 2, height / 2, pose)
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise DataError(f"{label} is no camera ({error!r:.200}).", "Write the cameras again.") from error
     pose, _ = rigid_pose(pose, label, "rotation")
-    return check_camera(Camera(width, height, fx, fy, width / 2, height / 2, pose), label, "Write the cameras again.")
+    return check_camera(replace(camera, camera_to_world=pose), label, "Write the cameras again.")
