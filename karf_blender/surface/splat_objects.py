@@ -37,11 +37,10 @@ def find(scene: bpy.types.Scene) -> bpy.types.Object | None:
 def points_of(item: bpy.types.Object) -> dict[str, Any]:
     """The points of a splat object, as JSON values: their number `count`, `rows` of a few, and `positions` of these,
     [m][3] in the object's own space."""
-    attributes = item.data.attributes
-    count = attributes.domain_size("POINT")
+    points = _points(item)
+    count = len(points)
     rows = np.linspace(0, count - 1, min(count, MOST_SAMPLES)).astype(int).tolist()
-    places = attributes["position"].data
-    return {"count": count, "rows": rows, "positions": [list(places[row].vector) for row in rows]}
+    return {"count": count, "rows": rows, "positions": [list(points[row].co) for row in rows]}
 
 
 def write(item: bpy.types.Object, harmonics: np.ndarray) -> None:
@@ -55,8 +54,7 @@ def write(item: bpy.types.Object, harmonics: np.ndarray) -> None:
     Raises:
         BadRequest: The object has another number of points.
     """
-    attributes = item.data.attributes
-    count = attributes.domain_size("POINT")
+    count = len(_points(item))
     if count != len(harmonics):
         raise BadRequest(
             "{name} has {count} points where {n} splats have colors.",
@@ -66,8 +64,12 @@ def write(item: bpy.types.Object, harmonics: np.ndarray) -> None:
             n=len(harmonics),
         )
     write_kind = _write_blenders if item.type == "POINTCLOUD" else _write_kiris
-    write_kind(attributes, harmonics.reshape(count, -1, 3))
+    write_kind(item.data.attributes, harmonics.reshape(count, -1, 3))
     item.data.update_tag()
+
+
+def _points(item: bpy.types.Object):
+    return item.data.points if item.type == "POINTCLOUD" else item.data.vertices
 
 
 def _write_blenders(attributes, harmonics: np.ndarray) -> None:
