@@ -39,8 +39,6 @@ class _Memory:
 
 
 # --- files ---------------------------------------------------------------------------------------------------------
-
-
 def export_splat(
     scene: bpy.types.Scene,
     path: str | Path,
