@@ -7,7 +7,7 @@ from .nodes import drivers
 from .pictures import chips
 from .project import disk, saving
 from .rig import reprojection
-from .steps import preview
+from .steps import preview, splats
 from .swatches import drawn_over, groups, shown
 from .tasks import ownership, runner, timer
 from .workspace import clicking, estimates, folding, opening, statusbar
@@ -32,6 +32,7 @@ MODULES = (
     timer,
     runner,
     preview,
+    splats,
     folding,
     statusbar,
     clicking,

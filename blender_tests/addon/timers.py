@@ -1,6 +1,7 @@
 """Timers without Blender's window loop: the tests are the loop."""
 
 import time
+from types import SimpleNamespace
 
 
 def run_to_end(tick, seconds=20):
@@ -9,3 +10,11 @@ def run_to_end(tick, seconds=20):
     while tick() is not None:
         assert time.monotonic() < deadline, "the timer does not end"
         time.sleep(0.02)
+
+
+def pretend_window(bpy, monkeypatch, *modules):
+    """Let modules take Blender for one with an interface; what they give its timers is called by nobody."""
+    timers = SimpleNamespace(is_registered=lambda tick: True, register=None, unregister=lambda tick: None)
+    pretended = SimpleNamespace(app=SimpleNamespace(background=False, timers=timers), data=bpy.data, types=bpy.types)
+    for module in modules:
+        monkeypatch.setattr(module, "bpy", pretended)

@@ -67,6 +67,7 @@ export_splat = _for_scripts(steps.export_splat)
 extract_palette = _for_scripts(steps.extract_palette)
 farm_bundle = _for_scripts(steps.farm_bundle)
 find_poses = _for_scripts(steps.find_poses)
+follow_splat = _for_scripts(steps.follow_splat)
 import_cameras = _for_scripts(steps.import_cameras)
 import_capture = _for_scripts(steps.import_capture)
 import_splat = _for_scripts(steps.import_splat)
@@ -126,6 +127,7 @@ __all__ = [
     "extract_palette",
     "farm_bundle",
     "find_poses",
+    "follow_splat",
     "import_cameras",
     "import_capture",
     "import_splat",

@@ -1,11 +1,12 @@
-"""Step 7: the scene as Gaussian splats in files of other programs."""
+"""Step 7: the scene as Gaussian splats in files of other programs, and in objects that these have imported."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from .. import steps
+from ..surface import splat_objects
 from ..tasks import runner
-from .reporting import EngineStep, reports_errors
+from .reporting import EngineStep, has_palette, has_project, has_stage, reports_errors
 
 AXES_ITEMS = [
     ("auto", "Automatic", "As splats were imported; of a scene that was learned here, as Blender shows it"),
@@ -54,4 +55,37 @@ class KARF_OT_export_splat(EngineStep, bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (KARF_OT_export_splat,)
+class KARF_OT_follow_splat(bpy.types.Operator):
+    """Give the active object, Gaussian splats that Blender or 3DGS Render has imported, the colors of the swatches, now and whenever they change. Pressed again, it keeps those that it has"""
+
+    bl_idname = "karf.follow_splat"
+    bl_label = "Splat Follows Swatches"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        if _newly_chosen(context) is not None:
+            is_known = has_project(cls, context) and has_stage(cls, context, "splats")
+            return is_known and has_palette(cls, context)
+        if splat_objects.find(context.scene) is None:
+            cls.poll_message_set("Choose an object of splats that Blender or 3DGS Render has imported")
+            return False
+        return True
+
+    @reports_errors
+    def execute(self, context):
+        item = _newly_chosen(context)
+        if item is None:
+            steps.unfollow_splat(context.scene)
+        else:
+            steps.follow_splat(context.scene, item)
+        return {"FINISHED"}
+
+
+def _newly_chosen(context) -> bpy.types.Object | None:
+    """The active object, where it is splats that do not follow the swatches yet."""
+    item = context.object
+    return item if splat_objects.is_splat(item) and item != splat_objects.find(context.scene) else None
+
+
+CLASSES = (KARF_OT_export_splat, KARF_OT_follow_splat)

@@ -5,6 +5,7 @@ import bpy
 from ..host.words import translatable
 from ..project import disk
 from ..render_engine.compatible import NAME
+from ..surface import splat_objects
 from .preview import draw_live
 from .surface import draw_surface
 
@@ -34,6 +35,9 @@ def draw_views(layout, karf):
     column.operator("karf.rendered_view", icon="SHADING_RENDERED")
     column.operator("karf.over_scene", icon="MOD_BOOLEAN")
     column.operator("karf.export_splat", icon="EXPORT")
+    is_followed = splat_objects.find(karf.id_data) is not None
+    if is_followed or splat_objects.is_splat(bpy.context.object):
+        column.operator("karf.follow_splat", icon="POINTCLOUD_DATA", depress=is_followed)
 
 
 def draw_cameras(layout, karf):

@@ -1,4 +1,4 @@
-"""The learned scene in the 3D View."""
+"""The learned scene in the 3D View, by an object of ours and by one of other programs."""
 
 import bpy
 from bpy.props import IntProperty, PointerProperty
@@ -7,7 +7,7 @@ from ..engine_api import PointsOptions, bounds_of
 
 
 class KARF_PG_surface(bpy.types.PropertyGroup):
-    """The object that shows the learned scene."""
+    """The objects that show the learned scene."""
 
     count: IntProperty(
         name="Points",
@@ -18,6 +18,9 @@ class KARF_PG_surface(bpy.types.PropertyGroup):
         description="About how many; ten times as many show finer things, and follow swatches more slowly",
     )
     item: PointerProperty(name="Object", type=bpy.types.Object, description="What shows the learned scene")
+    splat: PointerProperty(
+        name="Splat", type=bpy.types.Object, description="The object of splats that has the colors of the swatches"
+    )
 
 
 CLASSES = (KARF_PG_surface,)

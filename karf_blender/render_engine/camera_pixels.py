@@ -1,4 +1,4 @@
-"""What the engine is asked for one camera, and the arrays of its answer."""
+"""What the engine is asked for one camera, and the arrays of answers."""
 
 import math
 from contextlib import suppress
@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..engine_api import Camera, camera_to_json, edit_to_json, srgb_to_linear
+from ..engine_api import Camera, camera_to_json, srgb_to_linear
 from ..swatches import edits
 
 KIND = "show"
@@ -16,12 +16,12 @@ KIND = "show"
 
 def options_of(scene: bpy.types.Scene, camera: Camera) -> dict[str, Any]:
     """The query's options: this camera, with the swatches as they stand in the scene, which may be an evaluated one."""
-    edit = edit_to_json(edits.current_edit(scene)) if len(scene.karf.objects) else None
-    return {"camera": camera_to_json(camera), "edit": edit}
+    return {"camera": camera_to_json(camera), "edit": edits.edit_option(scene)}
 
 
 def arrays_of(answer: dict[str, Any]) -> dict[str, np.ndarray]:
-    """The arrays of an answer by name, mapped from its file, which is removed; see the engine's query `show`."""
+    """The arrays of an answer by name, read from its file, which is removed; see the engine's queries `show` and
+    `harmonics`."""
     path = Path(answer["pixels"])
     try:
         data = path.read_bytes()

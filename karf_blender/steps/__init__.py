@@ -29,7 +29,7 @@ from .render import camera_folder, render_captured, render_sequence, render_view
 from .rendering import put_objects_in, use_engine
 from .seeing import see_view, show_masks
 from .sequences import add_strip, show_frames
-from .splats import export_splat
+from .splats import export_splat, follow_splat, unfollow_splat
 from .surface import export_scene, place_points, show_colors, show_scene
 from .swatches import (
     Color,
@@ -65,6 +65,7 @@ __all__ = [
     "extract_palette",
     "farm_bundle",
     "find_poses",
+    "follow_splat",
     "frame_range",
     "go_to_suggested",
     "go_to_view",
@@ -109,6 +110,7 @@ __all__ = [
     "show_scene",
     "show_view",
     "split_swatch",
+    "unfollow_splat",
     "unlink_swatch",
     "use_engine",
 ]

@@ -1,12 +1,25 @@
-"""Step 7: the scene as Gaussian splats in files of other programs."""
+"""Step 7: the scene as Gaussian splats in files of other programs, and in objects that these have imported.
 
+An object follows the swatches: one timer looks at them, so that anything that changes them counts, and asks the engine for
+colors, the next ones when the last have come.
+"""
+
+import json
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
+from bpy.app.handlers import persistent
 
-from ..engine_api import BadRequest, Message
+from .. import progress
+from ..engine_api import BadRequest, KarfError, Message
+from ..host import handlers, rendering, windows
 from ..project import captures, folders
+from ..render_engine import camera_pixels
+from ..surface import splat_objects
+from ..swatches import edits
+from ..tasks import queries, runner, timer
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
 from . import requests
@@ -15,8 +28,17 @@ from .edit import save_edit
 # from Blender's axes to those of a PLY file by COLMAP: x right, y down, z forward
 FROM_BLENDER = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 AXES = ("auto", "capture", "blender", "viewers")
+KIND = "harmonics"
+LOOK_SECONDS = 0.05
 
 
+class _Memory:
+    """What the object of each scene (by `session_uid`) has, or was asked for: see `_wanted`."""
+
+    asked: dict[int, str] = {}
+
+
+# --- files ---------------------------------------------------------------------------------------------------------
 def export_splat(
     scene: bpy.types.Scene,
     path: str | Path,
@@ -69,3 +91,118 @@ def _matrix_of(rig: bpy.types.Object, path: Path, axes: str) -> np.ndarray:
     """From the capture's world to that of a file, [4, 4] float64."""
     matrix = np.array(rig.matrix_world, np.float64)
     return matrix if path.suffix.lower() == ".ply" and axes == "blender" else FROM_BLENDER @ matrix
+
+
+# --- objects -------------------------------------------------------------------------------------------------------
+def follow_splat(scene: bpy.types.Scene, item: bpy.types.Object) -> None:
+    """Give an object of splats the swatches' colors, now and whenever they change; what followed before keeps its own.
+
+    In background mode nothing follows: call this again after a change.
+
+    Args:
+        scene: The scene, whose splats are learned or imported.
+        item: A point cloud of Blender, or a mesh of KIRI's add-on, that was imported from a file of these splats, all of
+            them or all but what is behind the scene.
+
+    Raises:
+        BadRequest: It is no such object, or in Edit Mode.
+        KarfError: The worker cannot be started; in background mode also: there is no answer.
+    """
+    if not splat_objects.is_splat(item):
+        raise BadRequest(
+            "{name} is no object of splats.",
+            "Choose one that Blender or 3DGS Render has imported from a .ply.",
+            name=item.name,
+        )
+    if item.mode == "EDIT":
+        raise BadRequest("{name} is in Edit Mode.", "Leave it first.", name=item.name)
+    scene.karf.surface.splat = item
+    _ask(scene)
+    _start()
+
+
+def unfollow_splat(scene: bpy.types.Scene) -> None:
+    """Let the object that follows the swatches keep the colors that it has."""
+    scene.karf.surface.splat = None
+
+
+def _start() -> None:
+    if not bpy.app.background:
+        timer.start(_look)
+
+
+def _look() -> float | None:
+    """Called by the timer as long as an object follows."""
+    followed = [scene for scene in bpy.data.scenes if scene.karf.surface.splat is not None]
+    if runner.is_running():
+        _Memory.asked.clear()  # what a task learns changes the splats, and meanwhile the cores are its own
+    elif rendering.is_over() and not queries.is_waiting(KIND):
+        changed = next((scene for scene in followed if _has_changed(scene)), None)
+        if changed is not None:
+            _ask_or_say(changed)
+    return LOOK_SECONDS if followed else None
+
+
+def _has_changed(scene: bpy.types.Scene) -> bool:
+    item = splat_objects.find(scene)
+    is_ready = item is not None and item.mode != "EDIT" and scene.karf.project
+    return bool(is_ready) and _wanted(scene) != _Memory.asked.get(scene.session_uid)
+
+
+def _wanted(scene: bpy.types.Scene) -> str:
+    """What the colors depend on, as a comparable text."""
+    karf = scene.karf
+    return json.dumps([karf.project, karf.surface.splat.session_uid, edits.edit_option(scene)])
+
+
+def _ask(scene: bpy.types.Scene) -> None:
+    _Memory.asked[scene.session_uid] = _wanted(scene)
+    points = splat_objects.points_of(scene.karf.surface.splat)
+    queries.send(scene, KIND, {"edit": edits.edit_option(scene), "points": points}, _take)
+
+
+def _ask_or_say(scene: bpy.types.Scene) -> None:
+    try:
+        _ask(scene)
+    except KarfError as error:
+        progress.fail(error)
+
+
+def _take(scene: bpy.types.Scene, answer: dict[str, Any]) -> None:
+    """Show an answer, unless the object cannot show it by now."""
+    harmonics = camera_pixels.arrays_of(answer)["harmonics"]
+    item = splat_objects.find(scene)
+    if item is None or item.mode == "EDIT":
+        _Memory.asked.pop(scene.session_uid, None)
+        return
+    splat_objects.write(item, harmonics)
+    windows.redraw("VIEW_3D")
+
+
+@persistent
+def _after_undo(*_):
+    # undo may take colors back that came after a swatch had changed
+    _Memory.asked.clear()
+    _start()
+
+
+@persistent
+def _after_load(*_):
+    # an object that was saved has the colors of the swatches that were saved: the engine starts when one changes
+    followed = [scene for scene in bpy.data.scenes if scene.karf.surface.splat is not None]
+    _Memory.asked = {scene.session_uid: _wanted(scene) for scene in followed}
+    _start()
+
+
+HANDLERS = (("undo_post", _after_undo), ("redo_post", _after_undo), ("load_post", _after_load))
+
+
+def register():
+    """Called when the extension is enabled."""
+    handlers.add(HANDLERS)
+
+
+def unregister():
+    """Called when the extension is disabled."""
+    handlers.remove(HANDLERS)
+    _Memory.asked.clear()

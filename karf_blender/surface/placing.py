@@ -15,7 +15,12 @@ NAME = "KaRF scene"
 def find(scene: bpy.types.Scene) -> bpy.types.Object | None:
     """The object that shows the learned scene, if there is one."""
     item = scene.karf.surface.item
-    return item if item is not None and scene.objects.get(item.name) == item else None
+    return item if is_in(scene, item) else None
+
+
+def is_in(scene: bpy.types.Scene, item: bpy.types.Object | None) -> bool:
+    """Whether an object that a property names is in the scene: one that was deleted lives on in the property."""
+    return item is not None and scene.objects.get(item.name) == item
 
 
 def build(

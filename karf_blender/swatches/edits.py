@@ -5,11 +5,12 @@ a swatch never touched equals its learned color exactly.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import bpy
 import numpy as np
 
-from ..engine_api import BadRequest, Edit, color_to_text, colors_of_text
+from ..engine_api import BadRequest, Edit, color_to_text, colors_of_text, edit_to_json
 from . import colors, groups
 from .shown import batched
 
@@ -18,6 +19,11 @@ def current_edit(scene: bpy.types.Scene) -> Edit:
     """The palettes as the swatches stand now."""
     edited = {item.name: colors.edited(item) for item in scene.karf.objects}
     return Edit(edited, scene.karf.compositing, colors.added_by_object(scene))
+
+
+def edit_option(scene: bpy.types.Scene) -> dict[str, Any] | None:
+    """The same for a query, as edit.json; None before there are palettes."""
+    return edit_to_json(current_edit(scene)) if len(scene.karf.objects) else None
 
 
 def apply_edit(scene: bpy.types.Scene, edit: Edit) -> None:

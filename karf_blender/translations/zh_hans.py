@@ -405,6 +405,15 @@ TEXTS = {
     "Let the 3D Views show colors as they are: Solid mode, flat light, color attributes": (
         "让 3D 视图如实显示颜色：实体模式、平面光照、颜色属性"
     ),
+    "Splat": "泼溅",
+    "Splat Follows Swatches": "泼溅跟随色板",
+    "The object of splats that has the colors of the swatches": "具有色板颜色的高斯泼溅物体",
+    "Give the active object, Gaussian splats that Blender or 3DGS Render has imported, the colors of the swatches, now and "
+    "whenever they change. Pressed again, it keeps those that it has": (
+        "让活动物体（由 Blender 或 3DGS Render 导入的高斯泼溅）现在并随时具有色板的颜色。再按一次则保留现有颜色"
+    ),
+    "Choose an object of splats that Blender or 3DGS Render has imported": "请选择由 Blender 或 3DGS Render 导入的高斯泼溅物体",
+    "Learn splats first": "请先学习高斯泼溅",
     "Export Scene": "导出场景",
     "Write the scene in 3D with its colors as they are now: PLY, glTF (.glb, .gltf) or USD, by the file's ending": (
         "按当前颜色写出 3D 场景：PLY、glTF（.glb、.gltf）或 USD，由文件后缀决定"
@@ -765,7 +774,6 @@ TEXTS = {
     ),
     "Import Splat": "导入泼溅",
     "KaRF splat": "KaRF 泼溅",
-    "Learn splats first": "请先学习泼溅",
     "Leave out the shell that shows what is behind the scene": "不包含显示场景背后内容的外壳",
     "Splats may be dropped on the 3D View; a .ply that holds none is refused with a sentence when it is read.": (
         "泼溅可以拖放到 3D 视图上；不含泼溅的 .ply 会在读取时被拒绝并说明原因。"

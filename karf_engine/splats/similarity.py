@@ -11,6 +11,7 @@ from .gaussians import Gaussians
 from .kernels.arrays import COLOR, LOG_SCALE, LOGIT, ROTATION
 
 TOLERANCE = 1e-5  # deviation from a rotation with a uniform scale that single precision explains
+MOVED_OTHERWISE = 0.01  # of what is left to explain: more than files that pack positions lose
 ROUNDED = 6  # digits: harmonics are computed in single precision, and flips of axes must be exact
 N_DIRECTIONS = 64
 
@@ -58,11 +59,50 @@ def turned(table: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     moved[:, :LOG_SCALE] = table[:, :LOG_SCALE] @ matrix[:3, :3].T + matrix[:3, 3]
     moved[:, LOG_SCALE:ROTATION] += np.log(scale)
     moved[:, ROTATION:LOGIT] = table[:, ROTATION:LOGIT] @ _quaternion_product(rotation).T
-    harmonics = table[:, COLOR:].reshape(len(table), -1, 3)
-    if harmonics.shape[1] > 1:
-        turn = _harmonics_turn(rotation, harmonics.shape[1]).astype(table.dtype)
-        moved[:, COLOR:] = (turn @ harmonics).reshape(len(table), -1)
+    moved[:, COLOR:] = turned_harmonics(table[:, COLOR:], rotation)
     return moved
+
+
+def turned_harmonics(harmonics: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """Colors of Gaussians that are turned: what was seen from d is then seen from R d.
+
+    Args:
+        harmonics: [n, 3 K], of each harmonic red, green and blue.
+        rotation: [3, 3] float64.
+
+    Returns:
+        [n, 3 K] of the same type; the same numbers where nothing turns.
+    """
+    count = harmonics.shape[1] // 3
+    if count == 1 or np.array_equal(rotation, np.eye(3)):
+        return harmonics
+    turn = _harmonics_turn(rotation, count).astype(harmonics.dtype)
+    return harmonics @ np.kron(turn, np.eye(3, dtype=turn.dtype)).T
+
+
+def turn_between(here: np.ndarray, there: np.ndarray) -> np.ndarray:
+    """The rotation with which points were moved, beside a uniform scale and a translation (Umeyama 1991).
+
+    Args:
+        here: [m, 3], m >= 1, any unit.
+        there: [m, 3], the same points where they are now.
+
+    Returns:
+        [3, 3] float64; the identity where they were turned by no more than rounding.
+
+    Raises:
+        ValueError: They are not as many, or were moved otherwise.
+    """
+    before, after = (
+        points - points.mean(0) for points in (np.asarray(here, np.float64), np.asarray(there, np.float64))
+    )
+    left, sizes, right = np.linalg.svd(after.T @ before)
+    signs = np.array([1, 1, np.sign(np.linalg.det(left @ right))])
+    rotation = (left * signs) @ right
+    scale = (sizes * signs).sum() / max((before**2).sum(), np.finfo(np.float64).tiny)
+    if not np.linalg.norm(after - scale * before @ rotation.T) <= MOVED_OTHERWISE * np.linalg.norm(after):
+        raise ValueError("the points were moved one by one")
+    return np.eye(3) if np.allclose(rotation, np.eye(3), rtol=0, atol=TOLERANCE) else rotation
 
 
 def _parts(matrix: np.ndarray) -> tuple[float, np.ndarray]:

@@ -140,15 +140,29 @@ def show(job, options):
         "cryptomatte": np.broadcast_to([0.5, 1.0, 0.0, 0.0], (1, height, width, 4)),
         "weights": np.broadcast_to(np.reshape(SHARES, (1, 3, 1, 1)), (2, 3, height, width)),
     }
+    metadata = {"cryptomatte/1234567/name": options.get("cryptomatte", "")}
+    asked = {name: arrays[name] for name in options.get("passes", ["color"])}
+    return write_arrays(job, asked) | {"size": [width, height], "metadata": metadata, "seconds": 0.01}
+
+
+def write_arrays(job, arrays):
     path = job / "answers" / f"{time.monotonic_ns()}.pixels"
     path.parent.mkdir(exist_ok=True)
     placed = {}
     with path.open("wb") as stream:
-        for name in options.get("passes", ["color"]):
-            placed[name] = {"shape": list(arrays[name].shape), "dtype": "float32", "offset": stream.tell()}
-            stream.write(arrays[name].astype(np.float32).tobytes())
-    metadata = {"cryptomatte/1234567/name": options.get("cryptomatte", "")}
-    return {"pixels": str(path), "arrays": placed, "size": [width, height], "metadata": metadata, "seconds": 0.01}
+        for name, array in arrays.items():
+            placed[name] = {"shape": list(array.shape), "dtype": "float32", "offset": stream.tell()}
+            stream.write(array.astype(np.float32).tobytes())
+    return {"pixels": str(path), "arrays": placed}
+
+
+def harmonics(job, options):
+    """Of as many splats as there are points: the pot's first swatch as edited, and three more that count the points."""
+    count = options["points"]["count"]
+    colors = np.empty((count, 4, 3))
+    colors[:, 0] = options["edit"]["objects"]["pot"]["colors"][1]
+    colors[:, 1:] = np.arange(count)[:, None, None] + [[[0.1], [0.2], [0.3]]]
+    return write_arrays(job, {"harmonics": colors.reshape(count, -1)}) | {"n_solid": count, "seconds": 0.01}
 
 
 def misbehave(how, emit):
@@ -346,6 +360,7 @@ QUERIES = {
     "correct": correct,
     "masks": masks,
     "show": show,
+    "harmonics": harmonics,
 }  # kind -> function of the job's folder and the options
 
 if __name__ == "__main__":

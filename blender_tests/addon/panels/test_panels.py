@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ..layout import Layout
+from ..surface.splat_objects import make
 
 
 @pytest.fixture
@@ -65,6 +66,18 @@ def test_the_view_to_mark_next_and_what_is_unsure_are_in_the_panel(addon, learne
     shown = draw()
     assert "Mark next: photo_2" in shown
     assert "pot: 25 % unsure, where no mark shows it" in " ".join(shown)  # in lines of the panel's width
+
+
+def test_the_button_of_splat_objects_is_there_where_one_is_active_or_follows(bpy, addon, learned, draw):
+    assert "karf.follow_splat" not in draw()
+    item = make(bpy, "kiri", 1)
+    assert draw().count("karf.follow_splat") == 1
+    bpy.context.view_layer.objects.active = None
+    assert "karf.follow_splat" not in draw()
+    learned.karf.surface.splat = item
+    assert draw().count("karf.follow_splat") == 1
+    bpy.context.scene.collection.objects.unlink(item)
+    assert "karf.follow_splat" not in draw()
 
 
 def test_a_merged_swatch_is_not_shown_but_its_learned_color_is(addon, learned, draw):

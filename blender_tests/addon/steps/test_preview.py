@@ -7,6 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from ..timers import pretend_window
+
 LONG_SIDE = 200
 
 
@@ -16,10 +18,7 @@ def live(bpy, addon, learned, monkeypatch):
     learned.render.resolution_x, learned.render.resolution_y = 300, 150
     learned.camera = next(each for each in bpy.data.objects if each.type == "CAMERA")
     bpy.context.window_manager.karf_preview.long_side = LONG_SIDE
-    timers = SimpleNamespace(is_registered=lambda tick: True, register=None, unregister=lambda tick: None)
-    pretended = SimpleNamespace(app=SimpleNamespace(background=False, timers=timers), data=bpy.data, types=bpy.types)
-    for module in (addon.preview, addon.queries, addon.timer):
-        monkeypatch.setattr(module, "bpy", pretended)
+    pretend_window(bpy, monkeypatch, addon.preview, addon.queries, addon.timer)
     sides = []
     take = addon.preview._take
 

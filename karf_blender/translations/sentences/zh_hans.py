@@ -35,6 +35,28 @@ TEXTS = {
     "The scene that asked for this is gone or has another project. {result}": "提出此请求的场景已不在或换了项目。{result}",
     "The scene that asked for this is gone or has another project. The result is in {project}; choose that as the "
     "project to bring it in.": ("提出此请求的场景已不在或换了项目。结果在 {project} 中；将其选为项目即可引入。"),
+    # --- objects of splats
+    "{name} is no object of splats.": "{name} 不是高斯泼溅物体。",
+    "Choose one that Blender or 3DGS Render has imported from a .ply.": (
+        "请选择由 Blender 或 3DGS Render 从 .ply 导入的物体。"
+    ),
+    "{name} is in Edit Mode.": "{name} 处于编辑模式。",
+    "Leave it first.": "请先退出该模式。",
+    "{name} has {count} points where {n} splats have colors.": "{name} 有 {count} 个点，而有颜色的高斯为 {n} 个。",
+    "The object has {count} points, and the scene {n} splats, {n_solid} of them without the background.": (
+        "该物体有 {count} 个点，而场景有 {n} 个高斯，其中不含背景的有 {n_solid} 个。"
+    ),
+    "The object's points are not where the scene's splats are.": "该物体的点不在场景高斯的位置上。",
+    "Choose an object that was imported from this scene's splats.": "请选择从本场景的泼溅导入的物体。",
+    "Choose an object that was imported from this scene's splats, and whose points were not moved.": (
+        "请选择从本场景的泼溅导入、且各点未被移动的物体。"
+    ),
+    "{folder} shows no splats.": "{folder} 不显示高斯泼溅。",
+    "Learn splats first; they need the package numba and render.source=splats.": (
+        "请先学习高斯泼溅；需要软件包 numba 和 render.source=splats。"
+    ),
+    "An edit that replaces colors cannot be baked into splats.": "替换颜色的编辑无法烘焙到高斯泼溅中。",
+    "Make it one that adds.": "请改为叠加颜色的编辑。",
     # --- files and pictures
     "{path} cannot be read as a picture.": "无法将 {path} 作为图片读取。",
     "{path} cannot be read: {reason}.": "无法读取 {path}：{reason}。",

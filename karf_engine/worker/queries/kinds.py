@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from .correct import correct
+from .harmonics import harmonics
 from .masks import masks
 from .preview import preview
 from .propose import propose
@@ -15,6 +16,7 @@ from .show import show
 # kind -> function; it returns JSON values, paths as text. What needs torch or more is imported in it
 QUERIES: dict[str, Callable[[Session, dict[str, Any]], dict[str, Any]]] = {
     "correct": correct,
+    "harmonics": harmonics,
     "masks": masks,
     "preview": preview,
     "propose": propose,

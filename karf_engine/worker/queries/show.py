@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,8 +10,8 @@ import numpy as np
 from ...capture.camera import Camera
 from ...capture.transforms_frames import camera_from_json
 from ...errors import BadRequest
-from ...palettes.edit_files import edit_from_json
-from .options import needed
+from .arrays import write_arrays
+from .options import edit_of, needed
 from .session import Session
 
 if TYPE_CHECKING:
@@ -49,7 +48,7 @@ def show(session: Session, options: dict[str, Any]) -> dict[str, Any]:
         raise BadRequest(f"There are no passes {passes!r:.200}.", f"Use some of: {', '.join(PASSES)}.")
     camera = camera_from_json(needed(options, "camera", dict), "the query").without_distortion()
     model = session.model(needed(options, "project", str))
-    edit = _edit(model, options.get("edit"))
+    edit = edit_of(model, options.get("edit"))
     begun = time.perf_counter()
     if passes == ["color"]:
         arrays = {"color": _color(session, model, camera, edit)}
@@ -63,16 +62,7 @@ def show(session: Session, options: dict[str, Any]) -> dict[str, Any]:
         from ...export.cryptomatte import NAME, header
 
         answer["metadata"] = header(model.objects, options.get("cryptomatte") or NAME)
-    return answer | _written(session.file("show.pixels"), arrays)
-
-
-def _edit(model: Model, content: Any) -> Edit | None:
-    """The wanted edit, or one that changes nothing; None before palettes are learned."""
-    if model.recoloring is None:
-        return None
-    if content is not None and not isinstance(content, dict):
-        raise BadRequest(f"The option edit = {content!r:.200} is not of type dict.", "Correct the query.")
-    return edit_from_json(content or {}, "the query", model.palettes, model.edit().compositing)
+    return answer | write_arrays(session.file("show.pixels"), arrays)
 
 
 def _bands(model: Model, camera: Camera) -> list[Camera]:
@@ -126,15 +116,3 @@ def _passes(model: Model, camera: Camera, frame: Frame, passes: list[str]) -> di
         none = np.zeros((len(model.objects), 0, camera.height, camera.width))
         found["weights"] = none if frame.palette_weights is None else frame.palette_weights
     return found
-
-
-def _written(path: Path, arrays: dict[str, np.ndarray]) -> dict[str, Any]:
-    """Write arrays as float32, one behind the other, plainly: it is read at once, by a process of this computer."""
-    placed, offset = {}, 0
-    with path.open("wb") as stream:
-        for name, array in arrays.items():
-            pixels = np.ascontiguousarray(array, np.float32)
-            stream.write(pixels.data)
-            placed[name] = {"shape": list(pixels.shape), "dtype": "float32", "offset": offset}
-            offset += pixels.nbytes
-    return {"pixels": str(path), "arrays": placed}

@@ -1,0 +1,87 @@
+"""The colors of the recolored scene's Gaussians, for programs that show the Gaussians themselves."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import BadRequest
+from .arrays import write_arrays
+from .options import edit_of, needed
+from .session import Session
+
+if TYPE_CHECKING:
+    from ...recolor.model import Model
+    from ...splats.gaussians import Gaussians
+
+
+def harmonics(session: Session, options: dict[str, Any]) -> dict[str, Any]:
+    """The spherical harmonics of the scene's splats with an edit.
+
+    Options: `project`; `edit`, as edit.json, by default none: as learned; `points`, those of an object of another program
+    that shows the splats: their number `count`, and of a few of them, `rows`, their `positions`, [m][3]. The harmonics are
+    then as many as the points, and turned as these are.
+
+    harmonics: [n, 3 K] float32, of each Gaussian, in the order of the splats' own table, red, green and blue of each
+    harmonic.
+
+    Returns:
+        `pixels` and `arrays`, as of `show`. `n_solid`: how many of the scene's Gaussians, the first ones, are not what is
+        behind it. `seconds` that it took.
+
+    Raises:
+        KarfError: There are no splats, an option is wrong, or the points are not the splats'.
+        Cancelled: Another edit is wanted by now.
+    """
+    model = session.model(needed(options, "project", str))
+    session.check()
+    begun = time.perf_counter()
+    gaussians = _splats(model, options.get("edit"))
+    colors = (
+        _colors(gaussians) if options.get("points") is None else _placed(gaussians, needed(options, "points", dict))
+    )
+    answer = {"n_solid": gaussians.n_solid, "seconds": time.perf_counter() - begun}
+    return answer | write_arrays(session.file("harmonics.pixels"), {"harmonics": colors})
+
+
+def _splats(model: Model, edit: Any) -> Gaussians:
+    if model.splats is None:
+        raise BadRequest(
+            "{folder} shows no splats.",
+            "Learn splats first; they need the package numba and render.source=splats.",
+            folder=model.project.folder,
+        )
+    wanted = None if edit is None else edit_of(model, edit)
+    return model.splats if wanted is None else model.recolored_splats(wanted)
+
+
+def _colors(gaussians: Gaussians) -> np.ndarray:
+    from ...splats.kernels.arrays import COLOR
+
+    return gaussians.table[:, COLOR:]
+
+
+def _placed(gaussians: Gaussians, points: dict[str, Any]) -> np.ndarray:
+    """The harmonics as an object's points have them, which another program may have turned."""
+    from ...splats.similarity import turn_between, turned_harmonics
+
+    count = needed(points, "count", int)
+    if count not in (len(gaussians), gaussians.n_solid):
+        raise BadRequest(
+            "The object has {count} points, and the scene {n} splats, {n_solid} of them without the background.",
+            "Choose an object that was imported from this scene's splats.",
+            count=count,
+            n=len(gaussians),
+            n_solid=gaussians.n_solid,
+        )
+    try:
+        rows, positions = np.array(points["rows"], np.intp), np.array(points["positions"], np.float64)
+        turn = turn_between(gaussians.table[rows, :3], positions)
+    except (KeyError, TypeError, IndexError, ValueError) as error:
+        raise BadRequest(
+            "The object's points are not where the scene's splats are.",
+            "Choose an object that was imported from this scene's splats, and whose points were not moved.",
+        ) from error
+    return turned_harmonics(_colors(gaussians)[:count], turn)
