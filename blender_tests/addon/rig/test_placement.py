@@ -18,9 +18,10 @@ def looking(position, target, up):
     return pose
 
 
-def capture_of(poses, format_name="colmap"):
+def capture_of(poses, format_name="colmap", splats=None):
     cameras = (SimpleNamespace(camera_to_world=pose, position=pose[:3, 3]) for pose in poses)
-    return SimpleNamespace(format=format_name, views=[SimpleNamespace(camera=camera) for camera in cameras])
+    views = [SimpleNamespace(camera=camera) for camera in cameras]
+    return SimpleNamespace(format=format_name, views=views, splats=splats)
 
 
 def arc(degrees, world):
@@ -57,6 +58,8 @@ def test_automatic_is_upright_only_where_the_files_axes_say_nothing(addon):
         assert not np.allclose(addon.placement.matrix_of(capture_of(poses, name), "auto", 0.0), np.eye(4))
     for name in ("transforms", "nerf-synthetic"):
         np.testing.assert_array_equal(addon.placement.matrix_of(capture_of(poses, name), "auto", 0.0), np.eye(4))
+    imported = capture_of(poses, "transforms", splats="garden.ply")  # whose world is that of another program
+    assert not np.allclose(addon.placement.matrix_of(imported, "auto", 0.0), np.eye(4))
     np.testing.assert_array_equal(addon.placement.matrix_of(capture_of(poses), "file", 0.0), np.eye(4))
 
 

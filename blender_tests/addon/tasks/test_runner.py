@@ -16,7 +16,7 @@ def test_in_background_mode_an_operator_blocks_and_raises_the_engines_sentence(b
     project = addon.folders.project_of(project_scene)
     assert project.geometry_file.exists()
     project.capture_file.unlink()
-    project_scene.karf.capture = "/nowhere"
+    (addon.captures.path_of(project_scene) / "transforms.json").unlink()  # which Blender has read before
     with pytest.raises(RuntimeError, match="crashed"):
         bpy.ops.karf.learn_scene()
     assert bpy.context.window_manager.karf_progress.error.startswith("The engine crashed")
