@@ -1,5 +1,6 @@
 """Step 1: a capture becomes cameras."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -11,6 +12,7 @@ from ..host.words import translate_report
 from ..rig.cameras import Options
 from ..steps import masks
 from ..tasks import runner
+from ..tasks.task import Task
 from ..workspace import estimates, opening
 from .reporting import has_project, is_free, reports_errors
 
@@ -36,6 +38,17 @@ def view_from_camera(area, colored_points: bool = False) -> None:
         view.overlay.show_relationship_lines = False
         if colored_points:
             view.shading.color_type = "VERTEX"
+
+
+def _then_marked(task: Task) -> Task:
+    """A task that imports a capture, after which its first photo is there to be marked."""
+
+    def after(request) -> None:
+        task.after(request)
+        estimates.measure_once()
+        opening.set_up(masks.begin_marking, masks.fit_photo)
+
+    return replace(task, after=after)
 
 
 class RigOptions:
@@ -155,7 +168,7 @@ class KARF_OT_find_poses(RigOptions, bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         path = Path(bpy.path.abspath(self.filepath))
-        runner.launch(steps.find_poses(context.scene, path, self.rig_options()))
+        runner.launch(_then_marked(steps.find_poses(context.scene, path, self.rig_options())))
         return {"FINISHED"}
 
 
@@ -211,18 +224,17 @@ class KARF_OT_import_splat(RigOptions, bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         photos, cameras = (bpy.path.abspath(each) or None for each in (self.learned_from, self.cameras))
-        runner.launch(
-            steps.import_splat(
-                context.scene,
-                bpy.path.abspath(self.filepath),
-                photos,
-                cameras,
-                self.views,
-                self.up.lower(),
-                self.antialiased,
-                self.rig_options(),
-            )
+        task = steps.import_splat(
+            context.scene,
+            bpy.path.abspath(self.filepath),
+            photos,
+            cameras,
+            self.views,
+            self.up.lower(),
+            self.antialiased,
+            self.rig_options(),
         )
+        runner.launch(_then_marked(task))
         return {"FINISHED"}
 
 

@@ -4,12 +4,12 @@ A step is a generator: it yields the seconds to wait until Blender resumes it. I
 and keys are events in the window; what no event can reach in a sensible time is done by script.
 """
 
-from . import any_view, editing, first_color, keeping, learning, pictures
+from . import any_view, editing, first_color, keeping, learning, pictures, splats
 from .telling import Chapter, Step
 
 CHAPTERS = {
     "afternoon": (learning, editing, pictures, keeping),
-    "first-color": (first_color, any_view),
+    "first-color": (first_color, any_view, splats),
 }
 
 
