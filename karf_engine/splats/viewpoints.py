@@ -40,15 +40,20 @@ BLOCKED, NEAR_SHARE = 0.05, 0.3  # share of a picture nearer than this share of 
 COVERED = 0.2  # share of a picture that must show something
 SURE = 0.5  # of the share that shows surfaces in the best views: less is not taken
 FREE = 0.5  # share of the candidates with which a dome is taken
+BESIDE = 0.1  # of the distance that cameras stand beside the middle where they look around from there
 FLATTENED = 0.55  # of directions' second moments that the strongest has where a floor tells what is up
-
-
 COLMAP_UP, BLENDER_UP = np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])  # COLMAP's: as the first photo was held
 
 
 @dataclass(frozen=True)
 class Target:
-    """What cameras look at. middle, up: [3]; up of unit length. distance: of the cameras from the middle, world units."""
+    """What cameras look at.
+
+    Attributes:
+        middle: [3], world.
+        up: [3], of unit length.
+        distance: Of the cameras from the middle, world units.
+    """
 
     middle: np.ndarray
     up: np.ndarray
@@ -166,24 +171,26 @@ def _dome(target: Target, distance: float, count: int) -> list[Camera]:
     low, high = np.sin(ELEVATIONS)
     number = np.arange(count) + 0.5
     height, turn = low + (high - low) * number / count, np.pi * (1 + 5**0.5) * number
-    out = np.stack([np.cos(turn) * np.sqrt(1 - height**2), np.sin(turn) * np.sqrt(1 - height**2), height], 1)
-    return [_looking(target.middle + distance * way, -way, target.up) for way in out @ _upright(target.up)]
+    ways = _ways(turn, height, target.up)
+    return [_looking(target.middle + distance * way, -way, target.up) for way in ways]
 
 
 def _panorama(target: Target, count: int) -> list[Camera]:
     """Cameras at the target's middle and a little beside it, which look around, somewhat up and down."""
     number = np.arange(count)
     turn, height = 2 * np.pi * number / count, np.sin(np.radians(20)) * np.array([0, 1, -1])[number % 3]
-    out = np.stack([np.cos(turn) * np.sqrt(1 - height**2), np.sin(turn) * np.sqrt(1 - height**2), height], 1)
-    places = target.middle - 0.1 * target.distance * out @ _upright(target.up)
-    return [_looking(place, way, target.up) for place, way in zip(places, out @ _upright(target.up), strict=True)]
+    ways = _ways(turn, height, target.up)
+    return [_looking(target.middle - BESIDE * target.distance * way, way, target.up) for way in ways]
 
 
-def _upright(up: np.ndarray) -> np.ndarray:
-    """Two directions across and up, [3, 3] rows."""
+def _ways(turn: np.ndarray, height: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Unit directions [n, 3] that are turned around what is up by angles [n], and reach up by sines of elevations [n]."""
     right = np.cross(np.eye(3)[np.abs(up).argmin()], up)
     right /= np.linalg.norm(right)
-    return np.stack([right, np.cross(up, right), up])
+    level = np.sqrt(1 - height**2)
+    return np.stack([np.cos(turn) * level, np.sin(turn) * level, height], 1) @ np.stack(
+        [right, np.cross(up, right), up]
+    )
 
 
 def _looking(place: np.ndarray, way: np.ndarray, up: np.ndarray) -> Camera:
