@@ -31,7 +31,7 @@ def import_capture(
 ) -> Capture:
     """Build the rig of a capture and make it the scene's.
 
-    Palettes of another capture leave the scene; their edits are kept in the project that they were made in.
+    Palettes and masks of another capture leave the scene; they are kept in the project that they were made in.
 
     Args:
         scene: The scene.
@@ -63,6 +63,8 @@ def import_capture(
     with shown.batched(scene):
         if not is_known:
             palettes.load_palettes(scene, ())
+            if karf.capture:  # the masks are of that one's photos
+                karf.masks = ""
         karf.capture = folders.stored(path)
         karf.project = folders.stored(project)
         karf.holdout = capture.holdout

@@ -6,6 +6,7 @@ from __future__ import annotations
 import importlib
 from pathlib import Path
 
+import bpy
 import numpy as np
 
 from . import acts, desk, hands, pickers
@@ -25,9 +26,16 @@ def table_of(path: Path) -> np.ndarray:
     return importlib.import_module(f"{desk.PACKAGE}.karf_engine.splats.formats.ply").read(path).table
 
 
+def unfold(step: str) -> Wait:
+    """Open one step of the panel alone, so that all of it is in sight."""
+    for name in desk.module("workspace.states").STEPS:
+        setattr(bpy.data.window_managers[0].karf_folding, f"show_{name}", False)
+    yield from acts.open_step(step)
+
+
 def export(story: Story, name: str) -> Wait:
     """Export Splat to a file on the desk; returns when it is written."""
-    yield from acts.open_step("render")
+    yield from unfold("render")
     yield from hands.press_button(SIDEBAR, r"karf\.export_splat")
     yield from acts.job_begin(acts.file_browser(story.desk, name), "karf.export_splat")
     yield from acts.job_end(story)
@@ -38,6 +46,7 @@ def export(story: Story, name: str) -> Wait:
     "splat out", "mouse: Export Splat; path by script, button clicked. Script: the marked view's camera as a file"
 )
 def leave(story: Story) -> Wait:
+    yield from acts.set_up_screen()  # the sidebars may have been put away
     yield from export(story, OUT)
     story.note(f"{len(table_of(story.desk / OUT))} Gaussians")
     scene = desk.scene()
@@ -47,7 +56,7 @@ def leave(story: Story) -> Wait:
 
 @CHAPTER.step("splat in", "mouse: Import Splat; paths by script, button clicked")
 def come(story: Story) -> Wait:
-    yield from acts.open_step("import")
+    yield from unfold("import")
     yield from hands.press_button(SIDEBAR, r"karf\.import_splat")
     yield from until(lambda: acts.editors("FILE_BROWSER") > 0, "the file browser", 10)
     yield 0.5
@@ -75,7 +84,7 @@ def mark(story: Story) -> Wait:
 
 @CHAPTER.step("splat learn", "mouse: Learn All")
 def learn(story: Story) -> Wait:
-    yield from acts.open_step("learn")
+    yield from unfold("learn")
     yield from acts.button_job(story, r"karf\.learn_all")
     stages = desk.module("project.disk").contents_of(desk.scene()).stages
     check("splats" in stages, "the imported splats are not shown")
@@ -86,7 +95,7 @@ def learn(story: Story) -> Wait:
 def color(story: Story) -> Wait:
     swatches, before = desk.swatches()[OBJECT], desk.picture()
     index = max(range(1, len(swatches)), key=lambda number: max(swatches[number]) - min(swatches[number]))
-    yield from acts.open_step("edit")
+    yield from unfold("edit")
     yield from pickers.drag_swatch(story, OBJECT, index, 10, TO_BLUE)
     check(desk.picture() != before, "the picture did not change")
     yield from story.shoot("splat-recolored")

@@ -204,6 +204,14 @@ def test_a_photo_that_cannot_be_opened_leaves_the_cameras_standing(bpy, addon, s
     assert shown == {"photo_0": True, "photo_1": False, "photo_2": True}
 
 
+def test_masks_of_another_capture_leave_the_scene(addon, imported, capture_folder, two_splits, tmp_path):
+    imported.karf.masks = str(tmp_path / "masks")
+    addon.headless.import_capture(capture_folder)
+    assert imported.karf.masks, "imported again, it lost its own"
+    addon.headless.import_capture(two_splits)
+    assert not imported.karf.masks
+
+
 # --------------------------------------------------------------------------------------------------------- held-out photos
 def test_all_photos_are_learned_from_unless_some_are_held_out(bpy, imported, capture_folder):
     assert [view.split for view in imported.karf.views] == ["train"] * 3 and imported.karf.holdout == 0
