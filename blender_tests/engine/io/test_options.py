@@ -18,6 +18,7 @@ from karf_engine.io.options import Options
 
 NEEDED = {  # the least that each command takes
     "poses": {"photos": "photos", "out": "out"},
+    "import-splat": {"splat": "scene.ply", "out": "out"},
     "mark": {"capture": "capture", "view": "a", "object_name": "pot", "masks": "masks"},
     "all": {"capture": "capture", "project": "project", "masks": "masks"},
     "geometry": {"capture": "capture", "project": "project"},
@@ -29,12 +30,13 @@ NEEDED = {  # the least that each command takes
     "render": {"project": "project"},
     "colorways": {"project": "project", "sheet": "sheet.csv", "out": "out"},
     "points": {"project": "project", "out": "points.ply"},
+    "export-splat": {"project": "project", "out": "scene.ply"},
     "farm": {"source": "project", "out": "out"},
 }
 FUNCTIONS = {
-    "find_poses": "poses", "mark": "mark", "learn": "all", "learn_geometry": "geometry", "segment": "segmentation",
+    "find_poses": "poses", "import_splat": "import-splat", "mark": "mark", "learn": "all", "learn_geometry": "geometry", "segment": "segmentation",
     "extract_palettes": "palette", "learn_recoloring": "recoloring", "learn_splats": "splats", "render": "render", "colorways": "colorways",
-    "write_points": "points", "learning_bundle": "farm",
+    "write_points": "points", "export_splat": "export-splat", "learning_bundle": "farm",
 }  # fmt: skip
 every_command = pytest.mark.parametrize("command", COMMANDS)
 

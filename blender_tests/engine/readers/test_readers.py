@@ -37,8 +37,13 @@ def reader(request, project):
 
 @pytest.fixture
 def folder(reader, tmp_path):
-    """The reader's valid files; the one that broke it is left here."""
+    """The reader's valid files; the one that broke it is left here.
+
+    What renders has done so once before it is watched: numba unpickles the compiled kernels that it keeps.
+    """
     reader.make(tmp_path)
+    if reader.is_slow:
+        reader.read(tmp_path / reader.files[0])
     return tmp_path
 
 
