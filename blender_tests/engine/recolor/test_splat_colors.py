@@ -102,7 +102,7 @@ def test_an_edit_in_the_colors_is_what_the_planes_composite(model, camera, green
 
 def test_only_the_edited_object_changes(model, green):
     changed = (model.recolored_splats(green).table != model.splats.table).any(1)
-    shares = model._splat_shares
+    shares = model.splat_shares
     assert changed.any() and (shares[changed, model.objects.index("ball")] > 0).all()
     assert not changed[model.splats.n_solid :].any()
     assert_array_equal(model.recolored_splats(green).table[:, :COLOR], model.splats.table[:, :COLOR])
@@ -121,7 +121,7 @@ def test_shares_are_those_of_f_s_and_nothing_outside_its_boxes(model):
     centers = model.scene.field.space.to_grid(torch.from_numpy(table[:, :3]))
     inside = model.segmentation.inside(centers).any(1).numpy()
     assert inside.any() and not inside[::3].any()
-    assert_allclose(shares[inside], model._splat_shares[inside], atol=1e-5)
+    assert_allclose(shares[inside], model.splat_shares[inside], atol=1e-5)
     assert (shares[~inside] == 0).all() and (shares >= 0).all() and (shares.sum(1) <= 1 + 1e-5).all()
 
 
