@@ -7,7 +7,7 @@ sRGB (`srgb_rec709_display`); linear ones are refused, since harmonics of one ar
 glTF is y up. Written is the table as it is in a PLY file, below a node that turns it by half a turn round x (see
 `turning`), so that no digit is lost and other programs see it upright; read is whatever nodes turn, move and scale.
 
-Precision: float32 on both sides: centers and harmonics to the bit, opacity to 6e-8, the logarithm of a scale to 1e-5,
+Precision: float32 on both sides: centers and harmonics to the bit, opacity to 2e-7, the logarithm of a scale to 1e-5,
 rotations to 1e-6 after they were made of length 1.
 """
 

@@ -8,7 +8,7 @@ Written is the table as it is in a PLY file, below an operation that turns it by
 a stage that is y up with lengths in meters, since a PLY file has no unit. Read is whatever prims turn, move and scale,
 z up or y up; the unit is not used. A file that refers to other files is refused: what they say could be anything.
 
-Precision: as glTF: float32 on both sides, opacity to 6e-8, the logarithm of a scale to 1e-5, rotations to 1e-6.
+Precision: as glTF: float32 on both sides, opacity to 2e-7, the logarithm of a scale to 1e-5, rotations to 1e-6.
 """
 
 from __future__ import annotations
