@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from scipy.spatial import cKDTree
 
 from ..capture.camera import Camera
 from ..capture.capture import View
+from ..compute.neighbors import tree_of
 from ..errors import DataError
 from .protocol import Field
 from .scene import Scene
@@ -89,7 +89,7 @@ def surface_points(
 
 def _described(field: Field, ends: _Ends) -> SurfacePoints:
     world = _to_world(field, ends.positions)
-    distances, neighbors = cKDTree(world).query(world, min(NEIGHBORS, len(world)))
+    distances, neighbors = tree_of(world).query(world, min(NEIGHBORS, len(world)))
     spacing = distances[:, 1 : NEAREST + 1].mean(1).astype(np.float32)
     normals = _normals(field, ends, world, neighbors)
     return SurfacePoints(ends.positions, world.astype(np.float32), normals, spacing, ends.colors, ends.viewdirs)
@@ -212,7 +212,7 @@ def _is_seen(world: np.ndarray, voxels: np.ndarray, looks: Sequence[_Look]) -> n
 
 def _is_lonely(positions: np.ndarray, cell: float) -> np.ndarray:
     """Which points [n, 3] have few neighbors."""
-    distances, _ = cKDTree(positions).query(positions, [7])
+    distances, _ = tree_of(positions).query(positions, [7])
     return distances[:, 0] > OUTLIER_DISTANCE * cell
 
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from scipy.spatial import cKDTree
 
 from ..capture.camera import Camera
 from ..capture.capture import View
+from ..compute.neighbors import tree_of
 from ..fields.protocol import Field
 from ..fields.rendering.rays import camera_rays
 from ..fields.rendering.surface_cache import SurfaceCache, cache_surface
@@ -71,7 +71,7 @@ class SeenPoints:
     def __init__(self, scene_field: Field, points: SurfacePoints, long_side: int) -> None:
         """scene_field: frozen. long_side: the working size, pixels."""
         self._field, self._points, self._long_side = scene_field, points, long_side
-        self._tree = cKDTree(points.positions, balanced_tree=False, compact_nodes=False)
+        self._tree = tree_of(points.positions, balanced_tree=False, compact_nodes=False)
         self._looks: dict[str, Look] = {}
 
     def camera(self, view: View) -> Camera:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import cKDTree
 
+from ..compute.neighbors import tree_of
 from ..errors import DataError
 from ..io.files import atomic_write
 from ..io.npz import read_arrays
@@ -76,7 +76,7 @@ class SurfaceDoubts:
 
     def at(self, positions: np.ndarray) -> np.ndarray:
         """Doubt of the nearest points, [n, K] in [0, 1]. positions: [n, 3] of the capture's world."""
-        tree = cKDTree(self.positions, balanced_tree=False, compact_nodes=False)
+        tree = tree_of(self.positions, balanced_tree=False, compact_nodes=False)
         return self.doubts[tree.query(positions)[1]] / np.float32(255)
 
     def write(self, path: Path) -> None:

@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 import torch
 from scipy.sparse import csr_matrix
-from scipy.spatial import cKDTree
 
 from ..compute.convergence import convergence_as_event
+from ..compute.neighbors import tree_of
 from ..compute.progress import Emit
 from ..errors import DataError
 from ..fields.protocol import Field
@@ -63,7 +63,7 @@ class LabelledSurface:
     def near_objects(self, reach: float) -> np.ndarray:
         """True for points within about `reach` (grid coordinates) of an object's point, [p]."""
         objects = self.points.positions[self.labels.classes > 0]
-        tree = cKDTree(objects, balanced_tree=False, compact_nodes=False)
+        tree = tree_of(objects, balanced_tree=False, compact_nodes=False)
         return np.isfinite(tree.query(self.points.positions, distance_upper_bound=reach)[0])
 
 

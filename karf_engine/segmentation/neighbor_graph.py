@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
-from scipy.spatial import cKDTree
 
 from ..compute.convergence import warn_not_converged
+from ..compute.neighbors import tree_of
 
 TOLERANCE, MOST_STEPS = 1e-4, 150  # of the linear solver; the tolerance is relative to the right-hand side
 
@@ -55,7 +55,7 @@ def neighbor_graph(positions: np.ndarray, lab: np.ndarray, normals: np.ndarray, 
         Symmetric [p, p], weights in [0, 1 + 1e-6].
     """
     # the balanced build has crashed together with torch on real data; this one has not
-    tree = cKDTree(positions, balanced_tree=False, compact_nodes=False)
+    tree = tree_of(positions, balanced_tree=False, compact_nodes=False)
     distances, neighbors = tree.query(positions, k=range(1, min(PARAMETERS.neighbors + 1, len(positions)) + 1))
     distances, neighbors = distances[:, 1:], neighbors[:, 1:]
     color = ((lab[neighbors] - lab[:, None]) ** 2).sum(2) / (2 * PARAMETERS.color_deviation**2)

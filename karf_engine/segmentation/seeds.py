@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from ..compute.neighbors import tree_of
+
 
 def has_seeds(seed_targets: np.ndarray, seed_confidence: np.ndarray) -> np.ndarray:
     """Whether each object has a confident seed, [K] bool; arguments as for `label_propagation.propagate_labels`."""
@@ -27,6 +29,6 @@ def seed_regions(
     trees, radii = [], []
     for k in range(1, seed_targets.shape[1]):
         seeds = positions[seeds_of(k, seed_targets, seed_confidence)]
-        trees.append(cKDTree(seeds, balanced_tree=False, compact_nodes=False))
+        trees.append(tree_of(seeds, balanced_tree=False, compact_nodes=False))
         radii.append(np.sqrt(((seeds - seeds.mean(0)) ** 2).sum(1).mean()) if len(seeds) else 0)
     return trees, np.maximum(radii, spacing)

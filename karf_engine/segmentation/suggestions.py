@@ -12,8 +12,8 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
+from ..compute.neighbors import tree_of
 from .doubts import DOUBTED
 from .point_labels import Labels
 from .surface_points import CELL_IN_SPACINGS, SurfacePoints
@@ -54,7 +54,7 @@ def _patches(points: SurfacePoints, kind: np.ndarray) -> np.ndarray:
     """Number of the patch of each point, [p], 0 where there is none. kind: [p], alike in a patch; 0 is in none."""
     patch, chosen = np.zeros(len(kind), int), np.flatnonzero(kind)
     if len(chosen):
-        tree = cKDTree(points.positions[chosen], balanced_tree=False, compact_nodes=False)
+        tree = tree_of(points.positions[chosen], balanced_tree=False, compact_nodes=False)
         first, second = tree.query_pairs(JOINED * CELL_IN_SPACINGS * points.spacing, output_type="ndarray").T
         same = kind[chosen[first]] == kind[chosen[second]]
         tied = coo_matrix((same, (first, second)), (len(chosen), len(chosen)))

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from ..capture.camera import Camera
+from ..compute.neighbors import tree_of
 from ..errors import DataError
 from .depths import sure_depths
 from .gaussians import Gaussians
@@ -111,7 +111,7 @@ def _by_sizes(table: np.ndarray) -> tuple[np.ndarray, float] | None:
 
 def _by_extent(centers: np.ndarray) -> tuple[np.ndarray, float]:
     """The middle of where centers lie densest, and from how far a picture holds them."""
-    spacing = cKDTree(centers).query(centers, NEIGHBOR + 1)[0][:, -1]
+    spacing = tree_of(centers).query(centers, NEIGHBOR + 1)[0][:, -1]
     dense = centers[spacing <= np.median(spacing)]
     dense = dense[_is_near(dense)]
     middle = np.percentile(dense, [2, 98], axis=0).mean(0)
