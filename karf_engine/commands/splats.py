@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..capture.capture import Capture
+from ..capture.capture import Capture, View
 from ..capture.training_images import load_views
 from ..compute.cores import take_from_torch
 from ..compute.kernels import has_kernels
@@ -18,6 +18,7 @@ from ..fields.files import load_scene
 from ..fields.scene_surface import NothingSolid
 from ..io.fingerprints import file_digest
 from ..project.settings import to_dict, with_overrides
+from ..splats.exposures import between
 from ..splats.files import save_gaussians
 from ..splats.gaussians import Gaussians
 from ..splats.importing import captured_gaussians
@@ -28,8 +29,8 @@ from .options.learning import SplatsOptions
 if TYPE_CHECKING:
     from ..splats.fit import Photo  # needs numba
 
-VERSION = 1
-VALIDATION_VIEWS = 8
+VERSION = 2
+VALIDATION_VIEWS = 32
 
 
 def run(options: SplatsOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
@@ -85,9 +86,10 @@ def _learn(job: Job) -> None:
         run.checkpoint.follow(fit, progress)
         fit.run(progress, run.checkpoint)
         run.summary["gaussians"] = len(start)
-        held_out = _photos(test[:: max(1, len(test) // VALIDATION_VIEWS)], settings.long_side)
-        if held_out:
-            run.summary["held_out"] = [_held_out(job, each, held_out) for each in (start, fit.gaussians)]
+        judged = test[:: max(1, len(test) // VALIDATION_VIEWS)]
+        if judged:
+            held_out, gains = _photos(judged, settings.long_side), _gains_of(judged, capture, fit.gains)
+            run.summary["held_out"] = [_held_out(job, each, held_out, gains) for each in (start, fit.gaussians)]
         save_gaussians(fit.gaussians, run.output(job.project.splats_file))
     job.artifact("splats", job.project.splats_file)
 
@@ -107,17 +109,26 @@ def _photos(views: Sequence, long_side: int) -> list[Photo]:
     return [Photo.of(load_views([view], long_side)[0]) for view in views]
 
 
-def _held_out(job: Job, gaussians: Gaussians, photos: Sequence[Photo]) -> list[float]:
-    """How well held-out photos are shown, mean and worst in dB."""
-    values = [_psnr(gaussians, photo) for photo in photos]
-    mean, worst = round(float(np.mean(values)), 2), round(float(np.min(values)), 2)
-    job.emit("stage", name="splats", text=f"held-out views {mean} dB, the worst {worst} dB")
-    return [mean, worst]
+def _gains_of(held_out: Sequence[View], capture: Capture, gains: np.ndarray) -> list[np.ndarray]:
+    """How held-out photos are exposed, [3] each, from what was learned [n, 3] of those taken before and after them."""
+    place = {view.name: number for number, view in enumerate(capture.views)}
+    learned = [place[view.name] for view in capture.split("train")]
+    return [between(gains, learned, place[view.name]) for view in held_out]
 
 
-def _psnr(gaussians: Gaussians, photo: Photo) -> float:
+def _held_out(job: Job, gaussians: Gaussians, photos: Sequence[Photo], gains: Sequence[np.ndarray]) -> list[float]:
+    """How well held-out photos are shown, mean and worst in dB, and both where they are shown as exposed as they may be."""
+    alike = [_psnr(gaussians, photo) for photo in photos]
+    exposed = [_psnr(gaussians, photo, gain) for photo, gain in zip(photos, gains, strict=True)]
+    mean, worst, *others = (round(float(of(values)), 2) for values in (alike, exposed) for of in (np.mean, np.min))
+    text = f"held-out views {mean} dB, the worst {worst} dB; exposed as their neighbors {others[0]} and {others[1]} dB"
+    job.emit("stage", name="splats", text=text)
+    return [mean, worst, *others]
+
+
+def _psnr(gaussians: Gaussians, photo: Photo, gains: np.ndarray | float = 1.0) -> float:
     from ..splats.rasterizer import splatted  # needs numba
 
-    shown = splatted(gaussians, photo.camera).image[..., :3].clip(0, 1)
+    shown = (np.float32(gains) * splatted(gaussians, photo.camera).image[..., :3]).clip(0, 1)
     squares = np.square(shown - photo.over(gaussians.background))
     return -10 * float(np.log10((squares if photo.valid is None else squares[photo.valid]).mean() + 1e-10))

@@ -1,4 +1,4 @@
-"""Refining Gaussians on the photos: Adam on the rows that a photo shows, mean squared error."""
+"""Refining Gaussians on the photos: Adam on the rows that a photo shows, mean squared error, each photo as exposed."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from ..fields.training.checkpoint import Checkpoint
 from ..fields.training.state import check_alike, number, whole_number
 from ..io.color import to_bytes
 from ..io.images import resize
+from .exposures import Exposures
 from .gaussians import Gaussians
 from .kernels.adam import adam
 from .kernels.arrays import CENTER, COLOR, LOG_SCALE, LOGIT, ROTATION
@@ -117,6 +118,7 @@ class SplatFit:
         """
         self.iterations, self.done = iterations, 0
         self._start, self._photos, self._seed = gaussians, photos, seed
+        self._exposures = Exposures(len(photos))
         self._halves = [photo.halved() for photo in photos]
         self._table = gaussians.table.copy()
         self._gradients, self._means, self._squares = (np.zeros_like(self._table) for _ in range(3))
@@ -129,6 +131,11 @@ class SplatFit:
     def gaussians(self) -> Gaussians:
         """What is learned so far."""
         return replace(self._start, table=self._table.copy())
+
+    @property
+    def gains(self) -> np.ndarray:
+        """How each photo is exposed beside the others, [n, 3] float32: gains of red, green and blue."""
+        return self._exposures.gains
 
     def run(self, progress: Progress, checkpoint: Checkpoint | None = None) -> None:
         """Learn until all iterations are done.
@@ -159,10 +166,12 @@ class SplatFit:
         background = self._start.background if photo.alpha is None else tuple(random.random(3))
         camera = pinhole(photo.camera, self._start.near, self._start.screen_filter)
         view = SplattedView(self._table, camera, background)
-        difference = view.image[..., :3] - photo.over(background)
+        shown, wanted = view.image[..., :3], photo.over(background)
+        gains = self._gains(photo, shown, wanted)
+        difference = gains * shown - wanted
         if photo.valid is not None:
             difference *= photo.valid[..., None]
-        view.backward(difference * np.float32(2 / difference.size), self._gradients)
+        view.backward(gains * difference * np.float32(2 / difference.size), self._gradients)
         self._hold_behind()
         rates = self._rates * np.float32(LAST_RATE ** (self.done / self.iterations))
         share(
@@ -171,16 +180,31 @@ class SplatFit:
         )  # fmt: skip
         return float(np.square(difference).mean())
 
+    def _gains(self, photo: Photo, shown: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+        """How the photo of this iteration is exposed, [3], once the Gaussians have seen all; what has a matte counts as alike."""
+        turn, place = divmod(self.done, len(self._photos))
+        number = self._order(turn)[place]
+        if turn > 0 and photo.alpha is None:
+            if place == 0:
+                self._exposures.balance()
+            known = slice(None) if photo.valid is None else photo.valid.ravel()
+            self._exposures.look(number, shown.reshape(-1, 3)[known], wanted.reshape(-1, 3)[known])
+        return self._exposures.gains[number]
+
+    def _order(self, turn: int) -> np.ndarray:
+        """In which order a round shows the photos: each once."""
+        return np.random.default_rng([self._seed, turn, 1]).permutation(len(self._photos))
+
     def _is_finite(self) -> bool:
         """Whether all numbers are; a Gaussian that is none is not seen, so no picture tells."""
         with np.errstate(all="ignore"):
             return bool(np.isfinite(self._table.sum()))
 
     def _photo(self, random: np.random.Generator) -> Photo:
-        """The next photo: each once in a round, in an order of its own; of a large one a window."""
+        """The next photo, of a large one a window."""
         turn, place = divmod(self.done, len(self._photos))
         photos = self._photos if self.done >= HALVED * self.iterations else self._halves
-        photo = photos[np.random.default_rng([self._seed, turn, 1]).permutation(len(self._photos))[place]]
+        photo = photos[self._order(turn)[place]]
         height, width = photo.color.shape[:2]
         if max(width, height) <= WINDOW:
             return photo
@@ -195,7 +219,8 @@ class SplatFit:
 
     # --- interruptions ---------------------------------------------------------------------------------------------
     def _learned(self) -> dict[str, np.ndarray]:
-        return {"table": self._table, "means": self._means, "squares": self._squares, "steps": self._steps}
+        learned = {"table": self._table, "means": self._means, "squares": self._squares, "steps": self._steps}
+        return learned | {"gains": self._exposures.gains}
 
     def state(self) -> dict[str, Tensor]:
         """All that resuming takes."""

@@ -4,8 +4,8 @@
 
 MASKS/<object>/<split>/<photo stem>.png (or without the split) are the true masks. One of each object is drawn over as
 a hasty hand would, and is all that the engine sees; the ceiling is the same field trained on the true masks of all training views. Another
-seed draws other masks: in the same OUT only what depends on them is learned again. Without MASKS only the geometry is
-learned and judged.
+seed draws other masks: in the same OUT only what depends on them is learned again. Without MASKS only geometry and splats
+are learned and judged, the splats also as exposed as the photos before and after each held-out one.
 """
 
 from __future__ import annotations
@@ -66,11 +66,15 @@ def main() -> None:
 
 
 def judge_geometry(options: argparse.Namespace) -> None:
-    """Learn the geometry alone, and judge how it shows the held-out photos."""
+    """Learn the geometry and splats of it, and judge how they show the held-out photos."""
     karf.learn_geometry(options.capture, **settings_of(options))
+    karf.learn_splats(options.out / "project", threads=options.threads, emit=TerminalEmit())
     model = karf.load(options.out / "project")
     test = render_test_views(model)
     summary = rounded({"capture": str(options.capture)} | stage_summary(model.project) | score_renders(test))
+    names = ("psnr", "psnr_worst", "psnr_exposed", "psnr_exposed_worst")
+    _, learned = (model.project.finished("splats") or {}).get("held_out", ((), ()))
+    summary["splats"] = dict(zip(names, learned, strict=False))
     write_json(options.out / "summary.json", summary)
     numbers = sheet_numbers(len(test.frames))
     rows = [[test.frames[n].base, test.frames[n].color] for n in numbers]

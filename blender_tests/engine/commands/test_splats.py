@@ -59,8 +59,9 @@ def test_the_stage_is_noted_with_what_it_learned_and_how_well(learned):
     done = project.finished("splats")
     assert done["files"].keys() == {"splats.safetensors"} and done["seconds"] > 0
     assert done["gaussians"] == len(load_gaussians(project.splats_file))
-    (mean_before, worst_before), (mean, worst) = done["held_out"]
+    (mean_before, worst_before, *_), (mean, worst, mean_exposed, worst_exposed) = done["held_out"]
     assert mean > mean_before > 15 and worst <= mean and worst_before <= mean_before
+    assert worst_exposed <= mean_exposed and abs(mean_exposed - mean) < 1, "photos that are exposed alike"
     assert "splats: held-out views" in learned.output and "splats" in STAGES
 
 

@@ -1,0 +1,62 @@
+"""How each photo is exposed beside the others: gains of red, green and blue, learned beside the Gaussians.
+
+Without them a photo that is brighter than its neighbors is explained by colors that change with the direction, and by
+haze. A gain in sRGB is close to one in linear light but for dark tones, and takes other white balances too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+DARKEST, BRIGHTEST = 0.02, 0.98  # sRGB; what is clipped tells no gain
+HOLD = 0.0025  # squared sRGB that speaks for a gain of 1, beside the mean square of the picture
+SHARE = 0.5  # of a look at a photo that counts beside all before
+
+
+class Exposures:
+    """Gains of n photos, whose geometric mean is 1: the scene has the exposure that its photos have in the mean.
+
+    Attributes:
+        gains: [n, 3] float32, what a photo shows by what the scene shows.
+    """
+
+    def __init__(self, n_photos: int) -> None:
+        self.gains = np.ones((n_photos, 3), np.float32)
+
+    def look(self, number: int, shown: np.ndarray, photo: np.ndarray) -> None:
+        """Take in a photo.
+
+        Args:
+            number: Of the photo.
+            shown: [m, 3] sRGB, what the Gaussians show of its pixels.
+            photo: [m, 3] sRGB in [0, 1].
+        """
+        told = (photo > DARKEST) & (photo < BRIGHTEST)
+        of_shown = np.where(told, shown, 0)
+        count = np.maximum(told.sum(0), 1)
+        gain = ((of_shown * photo).sum(0) / count + HOLD) / ((of_shown * of_shown).sum(0) / count + HOLD)
+        self.gains[number] += SHARE * (gain - self.gains[number])
+
+    def balance(self) -> None:
+        """Let the geometric mean of the gains be 1."""
+        self.gains /= np.exp(np.log(self.gains).mean(0))
+
+
+def between(gains: np.ndarray, places: Sequence[int], place: int) -> np.ndarray:
+    """The gains of a photo that was not learned from, as photos taken before and after it have them.
+
+    Args:
+        gains: [n, 3].
+        places: Of these n photos in the order of the capture, rising.
+        place: Of the photo in question.
+
+    Returns:
+        [3] float32.
+
+    Examples:
+        >>> between(np.array([[1.0, 1.0, 1.0], [1.2, 1.0, 0.8]]), [0, 2], 1)
+        array([1.1, 1. , 0.9], dtype=float32)
+    """
+    return np.array([np.interp(place, places, channel) for channel in gains.T], np.float32)
