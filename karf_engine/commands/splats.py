@@ -110,10 +110,11 @@ def _photos(views: Sequence, long_side: int) -> list[Photo]:
 
 
 def _gains_of(held_out: Sequence[View], capture: Capture, gains: np.ndarray) -> list[np.ndarray]:
-    """How held-out photos are exposed, [3] each, from what was learned [n, 3] of those taken before and after them."""
-    place = {view.name: number for number, view in enumerate(capture.views)}
+    """How held-out photos are exposed, [3] each, from what was learned [n, 3] of those beside them by name."""
+    place = {name: number for number, name in enumerate(sorted(view.name for view in capture.views))}
     learned = [place[view.name] for view in capture.split("train")]
-    return [between(gains, learned, place[view.name]) for view in held_out]
+    order = np.argsort(learned)
+    return [between(gains[order], np.sort(learned), place[view.name]) for view in held_out]
 
 
 def _held_out(job: Job, gaussians: Gaussians, photos: Sequence[Photo], gains: Sequence[np.ndarray]) -> list[float]:

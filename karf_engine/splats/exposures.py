@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 DARKEST, BRIGHTEST = 0.02, 0.98  # sRGB; what is clipped tells no gain
-HOLD = 0.0025  # squared sRGB that speaks for a gain of 1, beside the mean square of the picture
+HOLD = 0.0125  # squared sRGB that speaks for a gain of 1, beside the mean square of the picture
 SHARE = 0.5  # of a look at a photo that counts beside all before
 
 
@@ -45,11 +45,11 @@ class Exposures:
 
 
 def between(gains: np.ndarray, places: Sequence[int], place: int) -> np.ndarray:
-    """The gains of a photo that was not learned from, as photos taken before and after it have them.
+    """The gains of a photo that was not learned from, as photos before and after it have them.
 
     Args:
         gains: [n, 3].
-        places: Of these n photos in the order of the capture, rising.
+        places: Of these n photos in the order in which they were taken, rising.
         place: Of the photo in question.
 
     Returns:

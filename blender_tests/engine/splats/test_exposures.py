@@ -31,7 +31,7 @@ def test_the_gains_are_found_and_the_scene_has_the_mean_exposure():
     photos = [photo_of(camera) for camera in CAMERAS]
     fit = fitted([exposed(photo, gains) for photo, gains in zip(photos, GAINS, strict=True)])
     mean = np.exp(np.log(GAINS).mean(0))
-    assert_allclose(fit.gains, GAINS / mean, atol=0.03)
+    assert_allclose(fit.gains, GAINS / mean, atol=0.04)
     among_alike = fitted(photos).gaussians
     in_mean = [exposed(photo, mean) for photo in photos]
     assert error_of(fit.gaussians, in_mean) < 3 * error_of(among_alike, photos)

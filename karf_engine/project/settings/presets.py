@@ -28,7 +28,7 @@ PRESETS: dict[str, Settings] = {
         ),
         segmentation=SegmentationSettings(cache_long_side=200, iterations=300),
         recoloring=RecoloringSettings(iterations=1000),
-        splats=SplatSettings(iterations=900, count=60_000, long_side=400),
+        splats=SplatSettings(iterations=1200, count=80_000, long_side=400),
     ),
     # a laptop, ten minutes: as fine as 4 GB of memory hold
     "fine": Settings(
