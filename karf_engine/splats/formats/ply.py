@@ -23,7 +23,7 @@ from ...io.files import atomic_write
 from ...io.ply import MOST_HEADER, Header, locate, properties, read_header, read_rows, vertex_file
 from ..gaussians import DEGREES
 from ..kernels.arrays import COLOR
-from .checking import checked, damaged, telling
+from .checking import checked, damaged, explaining
 from .splat_file import SplatFile
 
 GEOMETRY = ("x", "y", "z", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3", "opacity")
@@ -97,7 +97,7 @@ def rewrite(source: Path, out: Path, table: np.ndarray, columns: Mapping[str, np
 
 def can_rewrite(path: Path) -> bool:
     """Whether this is a binary PLY file of Gaussians that are not compressed. Raises DataError where it is no PLY file."""
-    with telling(path), path.open("rb") as stream:
+    with explaining(path), path.open("rb") as stream:
         header = read_header(stream.read(MOST_HEADER))
     vertex = header.element("vertex")
     is_plain = vertex is not None and vertex.dtype is not None and "f_dc_0" in vertex.dtype.names
@@ -126,7 +126,7 @@ def _rest(names: list[str]) -> list[str]:
 
 
 def _vertices(path: Path, data: bytes) -> tuple[Header, np.ndarray]:
-    with telling(path):
+    with explaining(path):
         header = read_header(data)
         return header, read_rows(data, header, "vertex")
 
