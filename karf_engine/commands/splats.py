@@ -109,15 +109,9 @@ def _photos(views: Sequence, long_side: int) -> list[Photo]:
 
 def _held_out(job: Job, gaussians: Gaussians, photos: Sequence[Photo]) -> list[float]:
     """How well held-out photos are shown, mean and worst in dB."""
-    values = [_psnr(gaussians, photo) for photo in photos]
+    from ..splats.quality import psnr  # needs numba
+
+    values = [psnr(gaussians, [photo]) for photo in photos]
     mean, worst = round(float(np.mean(values)), 2), round(float(np.min(values)), 2)
     job.emit("stage", name="splats", text=f"held-out views {mean} dB, the worst {worst} dB")
     return [mean, worst]
-
-
-def _psnr(gaussians: Gaussians, photo: Photo) -> float:
-    from ..splats.rasterizer import splatted  # needs numba
-
-    shown = splatted(gaussians, photo.camera).image[..., :3].clip(0, 1)
-    squares = np.square(shown - photo.over(gaussians.background))
-    return -10 * float(np.log10((squares if photo.valid is None else squares[photo.valid]).mean() + 1e-10))

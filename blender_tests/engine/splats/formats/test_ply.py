@@ -38,11 +38,11 @@ def test_other_programs_files_are_read_and_rewritten(order, line_end, kind, tmp_
     found = ply.read(path)
     assert np.array_equal(found.table, table) and found.is_antialiased is True
     assert [*found.columns] == ["segment"] and np.array_equal(found.columns["segment"], np.arange(20))
-    ply.rewrite(path, out, found.table)
+    ply.rewrite(ply.open_original(path), out, found.table)
     assert out.read_bytes() == path.read_bytes()
     changed = table.copy()
     changed[3, 11:] += 0.5
-    ply.rewrite(path, out, changed, {"segment": np.full(20, 9), "label": COLUMNS["label"]})
+    ply.rewrite(ply.open_original(path), out, changed, {"segment": np.full(20, 9), "label": COLUMNS["label"]})
     found = ply.read(out)
     assert np.array_equal(found.table, changed)
     assert [*found.columns] == ["segment", "label"] and set(found.columns["segment"]) == {9}
@@ -57,7 +57,7 @@ def test_only_what_changes_is_written(tmp_path):
     table = foreign(path, kind="f8")
     before = np.frombuffer(path.read_bytes(), np.uint8).copy()
     table[7, 11] += 1
-    ply.rewrite(path, path, table)
+    ply.rewrite(ply.open_original(path), path, table)
     assert 0 < np.count_nonzero(before != np.frombuffer(path.read_bytes(), np.uint8)) <= 8
 
 
@@ -69,7 +69,7 @@ def test_text_is_read_but_not_rewritten(tmp_path):
     path.write_text(f"ply\nformat ascii 1.0\nelement vertex 2\n{names}end_header\n{rows}")
     assert np.array_equal(ply.read(path).table, table)
     with pytest.raises(DataError, match=r"cloud\.ply is a PLY file of text"):
-        ply.rewrite(path, path, table)
+        ply.rewrite(ply.open_original(path), path, table)
 
 
 def test_columns_are_kept_in_their_types(tmp_path):
@@ -82,7 +82,7 @@ def test_columns_are_kept_in_their_types(tmp_path):
 def test_a_table_of_another_shape_is_refused(tmp_path):
     foreign(tmp_path / "cloud.ply")
     with pytest.raises(ValueError, match=r"\(20, 14\) for a file of \(20, 23\)"):
-        ply.rewrite(tmp_path / "cloud.ply", tmp_path / "out.ply", unit_cloud(20, 0))
+        ply.rewrite(ply.open_original(tmp_path / "cloud.ply"), tmp_path / "out.ply", unit_cloud(20, 0))
 
 
 def test_a_type_that_ply_has_not_is_refused(tmp_path):
