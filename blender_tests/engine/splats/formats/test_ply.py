@@ -1,5 +1,7 @@
 """Plain PLY files as many programs write them, and rewritten without a foreign byte changed."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -70,6 +72,31 @@ def test_text_is_read_but_not_rewritten(tmp_path):
     assert np.array_equal(ply.read(path).table, table)
     with pytest.raises(DataError, match=r"cloud\.ply is a PLY file of text"):
         ply.rewrite(ply.open_original(path), path, table)
+
+
+def test_a_text_takes_the_room_of_its_numbers_and_not_of_its_words(tmp_path):
+    path, count = tmp_path / "cloud.ply", 40_000
+    names = "".join(f"property float {name}\n" for name in ply.property_names(14))
+    row = " ".join(["1.5"] * 14)
+    path.write_text(
+        f"ply\nformat ascii 1.0\nelement camera 1\nproperty float id\nelement vertex {count}\n{names}end_header\n7\n"
+        + f"{row}\n" * count
+    )
+    tracemalloc.start()
+    table = ply.read(path).table
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert table.shape == (count, 14) and (table == 1.5).all()
+    assert peak < path.stat().st_size + 30 * table.size, "as words they would take forty bytes a number more"
+
+
+def test_a_text_that_is_cut_off_or_has_words_is_refused(tmp_path):
+    path = tmp_path / "cloud.ply"
+    names = "".join(f"property float {name}\n" for name in ply.property_names(14))
+    for row, words in (("1 " * 13, "2 rows do not fit into its 13 numbers"), ("x " * 28, "its rows are not numbers")):
+        path.write_text(f"ply\nformat ascii 1.0\nelement vertex 2\n{names}end_header\n{row}")
+        with pytest.raises(DataError, match=words):
+            ply.read(path)
 
 
 def test_columns_are_kept_in_their_types(tmp_path):
