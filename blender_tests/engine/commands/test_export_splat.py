@@ -12,6 +12,7 @@ pytest.importorskip("scipy")
 pytest.importorskip("numba")
 
 import karf_engine as karf
+from blender_tests.engine.splats.formats.files import write_text
 from karf_engine.cli import main
 from karf_engine.commands import export_splat
 from karf_engine.errors import BadRequest, DataError
@@ -171,16 +172,7 @@ def changeable(foreign, tmp_path):
 
 def test_a_file_of_text_comes_back_as_numbers(changeable, own, tmp_path):
     source = changeable / "capture" / "splat.ply"
-    names = ply.property_names(own.table.shape[1])
-    lines = [" ".join(map(repr, map(float, row))) for row in own.table]
-    head = [
-        "ply",
-        "format ascii 1.0",
-        f"element vertex {len(own)}",
-        *(f"property float {n}" for n in names),
-        "end_header",
-    ]
-    source.write_text("\n".join([*head, *lines, ""]))
+    write_text(source, own.table)
     karf.learn_splats(changeable / "project", threads=1)
     karf.export_splat(changeable / "project", tmp_path / "back.ply")
     assert b"format binary" in (tmp_path / "back.ply").read_bytes()[:100]

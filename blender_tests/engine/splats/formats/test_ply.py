@@ -5,7 +5,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from blender_tests.engine.splats.formats.files import unit_cloud
+from blender_tests.engine.splats.formats.files import unit_cloud, write_text
 from karf_engine.errors import DataError
 from karf_engine.splats.formats import ply
 from karf_engine.splats.formats.splat_file import SplatFile
@@ -66,9 +66,7 @@ def test_only_what_changes_is_written(tmp_path):
 def test_text_is_read_but_not_rewritten(tmp_path):
     path = tmp_path / "cloud.ply"
     table = unit_cloud(2, 0)
-    names = "".join(f"property float {name}\n" for name in ply.property_names(14))
-    rows = "".join(" ".join(map(repr, row)) + "\n" for row in table.astype(float).tolist())
-    path.write_text(f"ply\nformat ascii 1.0\nelement vertex 2\n{names}end_header\n{rows}")
+    write_text(path, table)
     assert np.array_equal(ply.read(path).table, table)
     with pytest.raises(DataError, match=r"cloud\.ply is a PLY file of text"):
         ply.rewrite(ply.open_original(path), path, table)
