@@ -391,6 +391,21 @@ def test_a_packed_array_of_usd_that_claims_a_billion_numbers(tmp_path):
     refused(path, "it says that it has 1,000,000,000 numbers")
 
 
+def test_a_packed_array_of_usd_with_indices_outside_its_table(tmp_path):
+    """usd-core would read beside the table."""
+    table = unit_cloud(700, 0)
+    table[:, GROUPS["opacity"]] = np.linspace(-3, 3, 7)[np.arange(700) % 7, None]
+    path = written(tmp_path, ".usdc", table)
+    assert len(read_splats(path)) == 700
+    data, head = path.read_bytes(), struct.pack("<QcI", 700, b"t", 7)
+    first, rest = data.split(head)
+    one_less = struct.pack("<QcI", 700, b"t", 6) + rest[4 : 4 * 7]
+    (size,) = struct.unpack_from("<Q", rest, 4 * 7)
+    indices = rest[4 * 7 : 4 * 7 + 8 + size]
+    path.write_bytes(first + one_less + indices + bytes(4) + rest[4 * 7 + 8 + size :])
+    refused(path, "packed numbers that are not in their table")
+
+
 def test_many_values_of_usd_are_unpacked_as_they_were_packed(tmp_path):
     path = written(tmp_path, ".usdc")
     from pxr import Usd, UsdGeom
