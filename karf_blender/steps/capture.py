@@ -157,7 +157,8 @@ def import_splat(
     splat = Path(splat).absolute()
     given = {"photos": photos, "cameras": cameras_file}
     paths = {name: str(Path(path).absolute()) for name, path in given.items() if path}
-    job = "import-splat", {"splat": str(splat), **paths, "views": views, "up": up, "antialiased": antialiased}
+    chosen = {} if photos else {"views": views, "up": up}
+    job = "import-splat", {"splat": str(splat), **paths, **chosen, "antialiased": antialiased}
     return _task_of_new_capture(scene, "Import Splat", splat.with_suffix(""), job, replace(rig, **options))
 
 

@@ -21,6 +21,7 @@ from .camera import Camera
 from .limits import LARGEST_POSITION, check_camera
 
 SCHEMA = "karf-capture/1"
+WITH_SPLATS = "karf-capture/2"  # which readers of the first would pass over, and learn splats of their own
 SPLITS = ("train", "val", "test")
 
 
@@ -196,7 +197,7 @@ def capture_to_json(capture: Capture, folder: Path | None = None) -> dict[str, A
         folder: Where the JSON will lie; None: photos are named by their absolute paths alone.
     """
     return {
-        "schema": SCHEMA,
+        "schema": SCHEMA if capture.splats is None else WITH_SPLATS,
         "source": str(capture.source),
         "format": capture.format,
         "remarks": list(capture.remarks),
@@ -232,8 +233,8 @@ def capture_from_json(content: Any, path: Path) -> Capture:
             impossible.
     """
     schema = content.get("schema") if isinstance(content, dict) else None
-    if schema != SCHEMA:
-        raise DataError(f"{path} has schema {schema!r}, not {SCHEMA}.", "Import the capture again.")
+    if schema not in (SCHEMA, WITH_SPLATS):
+        raise DataError(f"{path} has schema {schema!r}, not {WITH_SPLATS}.", "Import the capture again.")
     try:
         views = tuple(_view_from_json(entry, f"{path}, view {n}", path) for n, entry in enumerate(content["views"]))
         source, known_format, remarks = Path(content["source"]), str(content["format"]), map(str, content["remarks"])
@@ -286,9 +287,9 @@ def _from_folder(name: str, file: Path | None, folder: Path | None) -> dict[str,
         return {}
 
 
-def _find_file(folder: Path, *told: str | None) -> Path | None:
+def _find_file(folder: Path, *paths: str | None) -> Path | None:
     """The first of the given paths at which there is a file, else the first; relative ones lead from the folder."""
-    places = [Path(os.path.normpath(folder / text)) for text in told if text]
+    places = [Path(os.path.normpath(folder / text)) for text in paths if text]
     for place in places:
         with suppress(OSError):  # a name that no file system holds
             if place.is_file():

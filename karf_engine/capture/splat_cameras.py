@@ -19,15 +19,19 @@ from .limits import check_camera
 from .reading import rigid_pose
 
 NAME = "cameras.json"
-LEVELS = (
-    3  # folders above the splat in which it may lie: point_cloud/iteration_30000 is what the authors' program makes
-)
+# folders in which what belongs to a splat may lie, its own the first: below the model the authors' program makes
+# point_cloud/iteration_30000
+LEVELS = 3
 
 
-def cameras_beside(splat: Path) -> Path | None:
-    """The cameras.json of a splat's file, in its folder or one above; None where there is none."""
-    places = (folder / NAME for folder in splat.absolute().parents[:LEVELS])
-    return next((place for place in places if place.is_file()), None)
+def folders_around(splat: Path) -> list[Path]:
+    """The folder of a splat's file and those above in which its cameras or photos may lie, the nearest first."""
+    return list(splat.absolute().parents[:LEVELS])
+
+
+def cameras_beside(splat: Path) -> list[Path]:
+    """The files cameras.json in these folders, the nearest first; any of them may be of something else."""
+    return [place for place in (folder / NAME for folder in folders_around(splat)) if place.is_file()]
 
 
 def read_splat_cameras(path: Path) -> list[Camera]:

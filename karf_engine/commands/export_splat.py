@@ -13,15 +13,15 @@ from pathlib import Path
 import numpy as np
 
 from ..compute.progress import Emit
-from ..errors import BadRequest, missing_package
+from ..errors import BadRequest, DataError, missing_package
 from ..palettes.colorways.planned import plan_colorways
 from ..palettes.palette import Edit
 from ..palettes.palette_files import read_edit_file
 from ..project.locking import consistent, opened
 from ..recolor.model import Model
-from ..recolor.splat_colors import columns_of
+from ..recolor.splat_colors import WEIGHT, columns_of
 from ..splats.formats import ply
-from ..splats.formats.registry import end_of, read_splats, write_splats
+from ..splats.formats.registry import end_of, is_plain_ply, write_splats
 from ..splats.formats.splat_file import SplatFile
 from ..splats.gaussians import Gaussians
 from ..splats.similarity import moved
@@ -63,7 +63,8 @@ class _Work:
         self._matrix = np.array(options.matrix or STAY, np.float64).reshape(4, 4)
         self._source = job.capture().splats
         self._rows = self._chosen_rows()
-        self._columns = self._all_columns()
+        self._original = self._original_file()
+        self._own_columns = self._made_columns()
 
     def files(self) -> list[tuple[Path, Edit | None]]:
         """Each file and the edit that it gets; of a sheet the colorways' names are added to the file's."""
@@ -80,21 +81,44 @@ class _Work:
     def write(self, path: Path, edit: Edit | None) -> None:
         """Write one file."""
         gaussians = self._model.splats if edit is None else self._model.recolored_splats(edit)
-        if self._keeps_bytes(path):
-            ply.rewrite(self._source.path, path, gaussians.table, self._own_columns())
+        if self._keeps_bytes:
+            ply.rewrite(self._original, path, gaussians.table, self._own_columns)
             return
         table = np.ascontiguousarray(moved(gaussians, self._matrix).table[self._rows])
-        write_splats(path, SplatFile(table, self._is_antialiased, self._columns))
+        columns = (self._original.splats.columns if self._original else {}) | self._own_columns
+        chosen = {name: column[self._rows] for name, column in columns.items()}
+        write_splats(path, SplatFile(table, self._is_antialiased, chosen))
 
     @property
     def _is_antialiased(self) -> bool:
         return True if self._source is None else self._source.is_antialiased
 
-    def _keeps_bytes(self, path: Path) -> bool:
-        if self._source is None or self._source.path.suffix.lower() != ".ply" or end_of(path) != ".ply":
-            return False
+    @property
+    def _keeps_bytes(self) -> bool:
         is_whole = self._rows.all() and np.array_equal(self._matrix, np.eye(4))
-        return is_whole and ply.can_rewrite(self._source.path)
+        return is_whole and self._original is not None and not self._original.is_text
+
+    def _original_file(self) -> ply.Original | None:
+        """The .ply file that the splats came with, where more of it than Gaussians can be kept."""
+        if self._source is None or end_of(self._options.out) != ".ply":
+            return None
+        path = self._source.path
+        if not path.is_file():
+            raise DataError(
+                "{path}, from which the splats come, is missing.",
+                "Put it back, or write another kind of file than .ply.",
+                path=path,
+            )
+        if not is_plain_ply(path):
+            return None
+        original = ply.open_original(path)
+        if not np.array_equal(original.splats.table, self._model.splats.table):
+            raise DataError(
+                "{path} has been changed since the splats were learned from it.",
+                "Learn the splats again, or put the file back.",
+                path=path,
+            )
+        return original
 
     def _chosen_rows(self) -> np.ndarray:
         """Which Gaussians are written, bool [n]."""
@@ -107,14 +131,19 @@ class _Work:
                 f"There is no object {unknown[0]!r:.200}.", f"Objects are: {', '.join(self._model.objects)}."
             )
         numbers = [self._model.objects.index(name) for name in self._options.objects]
-        return (self._model.splat_shares[:, numbers] > MOSTLY).any(1)
+        are_of = self._model.splat_shares[:, numbers] > MOSTLY
+        empty = [name for name, rows in zip(self._options.objects, are_of.T, strict=True) if not rows.any()]
+        if empty:
+            raise BadRequest(
+                f"No Gaussian is of {empty[0]!r:.200}.", "Mark it in more views and learn again, or leave it out."
+            )
+        return are_of.any(1)
 
-    def _all_columns(self) -> dict[str, np.ndarray]:
-        """Those of the file that the splats came with, and our own, of the chosen rows."""
-        foreign = {} if self._source is None else read_splats(self._source.path).columns
-        return {name: column[self._rows] for name, column in {**foreign, **self._own_columns()}.items()}
-
-    def _own_columns(self) -> dict[str, np.ndarray]:
+    def _made_columns(self) -> dict[str, np.ndarray]:
+        """Those that are asked for, of all rows; what an earlier export with more colors has left becomes 0."""
         if not self._options.attributes:
             return {}
-        return columns_of(self._model.splat_shares, self._model.splat_objects)
+        own = columns_of(self._model.splat_shares, self._model.splat_objects)
+        foreign = self._original.splats.columns if self._original else {}
+        stale = [name for name in foreign if name.startswith(WEIGHT) and name not in own]
+        return own | {name: np.zeros_like(foreign[name]) for name in stale}

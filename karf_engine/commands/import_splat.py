@@ -15,20 +15,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..capture import open_capture
+from ..capture import FORMATS, open_capture
 from ..capture.camera import Camera
 from ..capture.capture import Capture, CapturedSplats, View
-from ..capture.splat_cameras import cameras_beside, read_splat_cameras
+from ..capture.splat_cameras import cameras_beside, folders_around, read_splat_cameras
 from ..capture.training_images import load_views
 from ..capture.transforms_json import write_capture
 from ..compute.cores import take_from_torch
 from ..compute.kernels import has_kernels
 from ..compute.progress import Emit, Progress
 from ..compute.runtime import start_runtime
-from ..errors import BadRequest, DataError, missing_package
+from ..errors import BadRequest, DataError, Message, missing_package
 from ..io.color import to_bytes
 from ..io.files import read_json
-from ..io.images import over, straight, write_png
+from ..io.images import straight, write_png
 from ..splats.formats import ply
 from ..splats.formats.registry import read_splats
 from ..splats.formats.splat_file import SplatFile
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
 COMPARED_VIEWS, COMPARED_LONG_SIDE = 6, 400  # photos that the Gaussians must show
 ALIKE = 15.0  # dB at which they do
+CLEARLY = 0.5  # dB by which one screen filter must show them better than the other, for photos to tell which it was
 THUMBNAIL = 100  # pixels of the pictures in which is looked whether anything stands behind the scene
 FEWEST_VIEWS = 3
 BARE = 0.1  # share of the pixels that show nothing, above which the views get an alpha channel
@@ -61,10 +62,12 @@ def run(options: ImportSplatOptions, emit: Emit, should_stop: Callable[[], bool]
         emit("stage", name="import_splat", text=f"reading {options.splat.name}")
         found = read_splats(options.splat)
         emit("stage", name="import_splat", text=f"{len(found)} Gaussians")
-        splats = CapturedSplats(_taken(options.splat, found, folder), options.antialiased or bool(found.is_antialiased))
+        path = _linked(options.splat, found, folder)
+        splats = CapturedSplats(path, options.antialiased or bool(found.is_antialiased))
         if options.photos is not None:
             capture = _with_photos(options, found.table, splats, emit)
         else:
+            _tell_of_photos(options.splat, emit)
             views = _views(options, found.table, splats.is_antialiased, folder / "images", emit, should_stop)
             capture = Capture(folder, "transforms", tuple(views), splats=splats)
         for remark in capture.remarks:
@@ -73,21 +76,45 @@ def run(options: ImportSplatOptions, emit: Emit, should_stop: Callable[[], bool]
     emit("artifact", kind="capture", path=str(out))
 
 
-def _taken(splat: Path, found: SplatFile, folder: Path) -> Path:
+def _linked(splat: Path, found: SplatFile, folder: Path) -> Path:
     """Link or copy the file into the folder, or write what it holds where it refers to other files; returns it there."""
     if splat.suffix.lower() == ".gltf":
         ply.write(folder / "splat.ply", found)
         return folder / "splat.ply"
     is_compressed = splat.name.lower().endswith(".compressed.ply")
-    taken = folder / f"splat{'.compressed' if is_compressed else ''}{splat.suffix.lower()}"
+    linked = folder / f"splat{'.compressed' if is_compressed else ''}{splat.suffix.lower()}"
     try:
-        os.link(splat.resolve(), taken)
+        os.link(splat.resolve(), linked)
     except OSError:  # another disk, or a file system without links
-        shutil.copyfile(splat, taken)
-    return taken
+        shutil.copyfile(splat, linked)
+    return linked
 
 
 # ------------------------------------------------------------------------------------------------------ without photos
+def _tell_of_photos(splat: Path, emit: Emit) -> None:
+    """Say where photos with poses lie around the file; whether it was learned from them, only the user knows."""
+    for folder in folders_around(splat):
+        if _has_photos(folder):
+            sentence = Message(
+                "{folder} has photos with their poses. If {name} was learned from them, import it with them (--photos): "
+                "then they are recolored too.",
+                folder=folder,
+                name=splat.name,
+            )
+            emit("warning", code="photos", sentence=sentence)
+            return
+
+
+def _has_photos(folder: Path) -> bool:
+    """Whether this is a capture whose photos are there, and not one that was made of Gaussians."""
+    if not any(known.recognizes(folder) for known in FORMATS):
+        return False
+    try:
+        return open_capture(folder).splats is None
+    except DataError:
+        return False
+
+
 def _views(
     options: ImportSplatOptions,
     table: np.ndarray,
@@ -97,8 +124,8 @@ def _views(
     should_stop: Callable[[], bool],
 ) -> list[View]:
     """Views of the table, whose pictures are written into the folder."""
-    anywhere = gaussians_before(table, is_antialiased, ())
-    cameras = _cameras(options, anywhere, emit, Progress(emit, should_stop, "import_splat", 1))
+    everything = gaussians_before(table, is_antialiased, ())
+    cameras = _cameras(options, everything, emit, Progress(emit, should_stop, "import_splat", 1))
     gaussians = gaussians_before(table, is_antialiased, cameras)
     has_alpha = _is_bare(gaussians, cameras)
     progress = Progress(emit, should_stop, "import_splat", len(cameras))
@@ -114,24 +141,34 @@ def _views(
 
 def _cameras(options: ImportSplatOptions, gaussians: Gaussians, emit: Emit, progress: Progress) -> list[Camera]:
     """The cameras of the user, and those that the splat was learned from or that are chosen around it."""
+    cameras = _cameras_of(options.cameras) if options.cameras else []
+    if options.views:
+        cameras += _known_cameras(options, emit) or _chosen_cameras(options, gaussians, emit, progress)
+    if len(cameras) < FEWEST_VIEWS:
+        raise BadRequest(f"{len(cameras)} views are too few to learn from.", "Give more --views, or more --cameras.")
+    return cameras
+
+
+def _known_cameras(options: ImportSplatOptions, emit: Emit) -> list[Camera]:
+    """As many as are asked for of those that the splat was learned from, if they lie beside it."""
+    for path in cameras_beside(options.splat):
+        try:
+            found = read_splat_cameras(path)
+        except DataError as error:  # of another program, or another scene
+            emit("warning", code="cameras", sentence=error.sentence)
+            continue
+        emit("stage", name="import_splat", text=f"cameras of {path}")
+        numbers = np.linspace(0, len(found) - 1, min(len(found), options.views)).round().astype(int)
+        return [found[number].reduced(options.size) for number in numbers]
+    return []
+
+
+def _chosen_cameras(options: ImportSplatOptions, gaussians: Gaussians, emit: Emit, progress: Progress) -> list[Camera]:
     from ..splats.viewpoints import cameras_around, target_of
 
-    own = _cameras_of(options.cameras) if options.cameras else []
-    known = cameras_beside(options.splat) if options.views else None
-    if known is not None:
-        emit("stage", name="import_splat", text=f"cameras of {known}")
-        found = read_splat_cameras(known)
-        numbers = np.linspace(0, len(found) - 1, min(len(found), options.views)).round().astype(int)
-        return own + [found[number].reduced(options.size) for number in numbers]
-    if options.views == 0:
-        if len(own) < FEWEST_VIEWS:
-            raise BadRequest(f"{len(own)} views are too few to learn from.", "Give --views, or more --cameras.")
-        return own
     emit("stage", name="import_splat", text="choosing cameras")
     up = None if options.up == "auto" else AXES[options.up]
-    return own + cameras_around(
-        gaussians, target_of(gaussians, up), options.views, options.size, lambda: progress.step(0)
-    )
+    return cameras_around(gaussians, target_of(gaussians, up), options.views, options.size, lambda: progress.step(0))
 
 
 def _cameras_of(path: Path) -> list[Camera]:
@@ -161,12 +198,16 @@ def _picture(gaussians: Gaussians, camera: Camera, has_alpha: bool) -> np.ndarra
 
 # --------------------------------------------------------------------------------------------------------- with photos
 def _with_photos(options: ImportSplatOptions, table: np.ndarray, splats: CapturedSplats, emit: Emit) -> Capture:
-    """The photos' capture with the Gaussians, shown by the screen filter with which they show the photos best."""
+    """The photos' capture with the Gaussians, shown by the screen filter with which they show the photos clearly better."""
+    from ..splats.fit import Photo  # needs numba
+    from ..splats.quality import psnr
+
     capture = open_capture(options.photos)
     views = capture.views[:: max(1, len(capture.views) // COMPARED_VIEWS)][:COMPARED_VIEWS]
     cameras = [view.camera for view in capture.views]
-    shown = [_psnr(gaussians_before(table, is_antialiased, cameras), views) for is_antialiased in (False, True)]
-    best = int(np.argmax(shown))
+    photos = [Photo.of(image) for image in load_views(views, COMPARED_LONG_SIDE)]
+    shown = [psnr(gaussians_before(table, is_antialiased, cameras), photos) for is_antialiased in (False, True)]
+    best = int(np.argmax(shown)) if abs(shown[1] - shown[0]) > CLEARLY else int(splats.is_antialiased)
     if shown[best] < ALIKE:
         raise DataError(
             "{splat} shows the photos of {capture} at {psnr:.1f} dB only.",
@@ -178,15 +219,3 @@ def _with_photos(options: ImportSplatOptions, table: np.ndarray, splats: Capture
     text = f"shows the photos at {shown[best]:.1f} dB" + (", antialiased" if best else "")
     emit("stage", name="import_splat", text=text)
     return replace(capture, splats=replace(splats, is_antialiased=bool(best)))
-
-
-def _psnr(gaussians: Gaussians, views: Sequence[View]) -> float:
-    """How well these photos are shown, dB."""
-    from ..splats.rasterizer import splatted
-
-    errors = []
-    for image in load_views(views, COMPARED_LONG_SIDE):
-        shown = splatted(gaussians, image.camera).picture()
-        squares = np.square(shown - over(image.color, image.alpha, 0.0))
-        errors.append((squares if image.valid is None else squares[image.valid]).mean())
-    return -10 * float(np.log10(np.mean(errors) + 1e-10))

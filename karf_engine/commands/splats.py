@@ -119,17 +119,11 @@ def _gains_of(held_out: Sequence[View], capture: Capture, gains: np.ndarray) -> 
 
 def _held_out(job: Job, gaussians: Gaussians, photos: Sequence[Photo], gains: Sequence[np.ndarray]) -> list[float]:
     """How well held-out photos are shown, mean and worst in dB, and both where they are shown as exposed as they may be."""
-    alike = [_psnr(gaussians, photo) for photo in photos]
-    exposed = [_psnr(gaussians, photo, gain) for photo, gain in zip(photos, gains, strict=True)]
+    from ..splats.quality import psnr  # needs numba
+
+    alike = [psnr(gaussians, [photo]) for photo in photos]
+    exposed = [psnr(gaussians, [photo], gain) for photo, gain in zip(photos, gains, strict=True)]
     mean, worst, *others = (round(float(of(values)), 2) for values in (alike, exposed) for of in (np.mean, np.min))
     text = f"held-out views {mean} dB, the worst {worst} dB; exposed as their neighbors {others[0]} and {others[1]} dB"
     job.emit("stage", name="splats", text=text)
     return [mean, worst, *others]
-
-
-def _psnr(gaussians: Gaussians, photo: Photo, gains: np.ndarray | float = 1.0) -> float:
-    from ..splats.rasterizer import splatted  # needs numba
-
-    shown = (np.float32(gains) * splatted(gaussians, photo.camera).image[..., :3]).clip(0, 1)
-    squares = np.square(shown - photo.over(gaussians.background))
-    return -10 * float(np.log10((squares if photo.valid is None else squares[photo.valid]).mean() + 1e-10))

@@ -38,9 +38,14 @@ def save_tensors(path: Path, tensors: dict[str, Tensor], schema: str, metadata: 
 
 
 def load_tensors(
-    path: Path, schema: str, device: torch.device | str = "cpu"
+    path: Path, schema: str | tuple[str, ...], device: torch.device | str = "cpu"
 ) -> tuple[dict[str, Tensor], dict[str, Any]]:
     """Read tensors and metadata.
+
+    Args:
+        path: Of the file.
+        schema: Which one it may have, or which ones.
+        device: Where the tensors are to be.
 
     Raises:
         DataError: The file is missing, damaged, of another schema, or holds numbers that are not finite.
@@ -49,8 +54,9 @@ def load_tensors(
         with safe_open(path, "pt") as stored:
             header = _header(stored.metadata() or {})
             found = header.get("schema")
-            if found != schema:
-                raise DataError(f"{path} holds {found!r:.200}, not {schema!r}.", AGAIN)
+            known = (schema,) if isinstance(schema, str) else schema
+            if found not in known:
+                raise DataError(f"{path} holds {found!r:.200}, not {known[-1]!r}.", AGAIN)
             # copies: as long as the file itself is mapped, Windows does not let it be replaced
             tensors = {name: stored.get_tensor(name).clone() for name in stored.keys()}
             metadata = header["facts"]

@@ -6,6 +6,7 @@ Own code, since Blender's Python reads these too, with numpy alone, and since a 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,8 @@ WORDS = {kind: word for word, kind in reversed(TYPES.items())}  # the older word
 ORDERS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
 END = re.compile(rb"^end_header[ \t]*\r?\n", re.MULTILINE)
 MOST_HEADER = 1 << 20  # bytes
+SPACE = re.compile(rb"\s")
+BLOCK = 1 << 16  # bytes of text that are taken apart at a time: its words take ten times the room
 
 
 @dataclass(frozen=True)
@@ -124,7 +127,7 @@ def read_rows(data: bytes, header: Header, name: str) -> np.ndarray:
     """
     element, start = locate(header, name)
     if header.encoding == "ascii":
-        return _text_rows(data[header.size :].split(), element, start)
+        return _text_rows(data, header.size, element, start)
     body = len(data) - header.size
     if body < start + element.count * element.dtype.itemsize:
         raise ValueError(f"it is cut off: {element.count} rows do not fit into its {body} bytes")
@@ -147,19 +150,39 @@ def locate(header: Header, name: str) -> tuple[Element, int]:
     raise ValueError(f"it has no element {name} without lists")
 
 
-def _text_rows(words: list[bytes], element: Element, start: int) -> np.ndarray:
+def _text_rows(data: bytes, at: int, element: Element, start: int) -> np.ndarray:
+    """The rows of a table that starts behind `start` numbers, in text that starts at a byte."""
     width = len(element.dtype)
-    if len(words) < start + element.count * width:
-        raise ValueError(f"it is cut off: {element.count} rows do not fit into its {len(words)} numbers")
-    try:
-        numbers = np.array(words[start : start + element.count * width], np.float64).reshape(element.count, width)
-    except ValueError as error:
-        raise ValueError("its rows are not numbers") from error
+    end, found, parts = start + element.count * width, 0, []
+    for words in _words(data, at):
+        if found >= end:
+            break
+        parts.append(_numbers(words[max(0, start - found) : end - found]))
+        found += len(words)
+    if found < end:
+        raise ValueError(f"it is cut off: {element.count} rows do not fit into its {found} numbers")
+    numbers = np.concatenate([*parts, np.empty(0)]).reshape(element.count, width)
     table = np.empty(element.count, element.dtype)
     with np.errstate(invalid="ignore", over="ignore"):  # nan in place of a whole number
         for name, column in zip(element.dtype.names or (), numbers.T, strict=True):
             table[name] = column
     return table
+
+
+def _words(data: bytes, at: int) -> Iterator[list[bytes]]:
+    """The words of a text from a byte on, some at a time."""
+    while at < len(data):
+        space = SPACE.search(data, at + BLOCK)
+        end = space.start() if space else len(data)
+        yield data[at:end].split()
+        at = end
+
+
+def _numbers(words: list[bytes]) -> np.ndarray:
+    try:
+        return np.array(words, np.float64)
+    except ValueError as error:
+        raise ValueError("its rows are not numbers") from error
 
 
 def properties(dtype: np.dtype) -> list[str]:

@@ -25,6 +25,7 @@ from ..splats.kernels.arrays import C0, COLOR
 if TYPE_CHECKING:
     from ..splats.rasterizer import SplattedView  # needs numba
 
+WEIGHT = "karf_weight_"  # of columns in files, before the number of the palette's color
 STEP = 0.01  # of color, either way, over which slopes of the weights are taken
 POINTS_PER_CHUNK = 1 << 16
 
@@ -109,9 +110,8 @@ def recolored(
             continue
         harmonics = table[own.rows, COLOR:].reshape(len(own.rows), -1, 3)
         by_color = np.einsum("nmi,mj->nij", own.slopes, change)
-        moved = harmonics[:, 1:] @ by_color
-        moved = np.concatenate([(own.weights @ change / C0)[:, None], moved], 1)
-        table[own.rows, COLOR:] = (harmonics + own.shares[:, None, None] * moved).reshape(len(own.rows), -1)
+        changes = np.concatenate([(own.weights @ change / C0)[:, None], harmonics[:, 1:] @ by_color], 1)
+        table[own.rows, COLOR:] = (harmonics + own.shares[:, None, None] * changes).reshape(len(own.rows), -1)
     return replace(gaussians, table=table)
 
 
@@ -134,7 +134,7 @@ def columns_of(shares: np.ndarray, objects: Sequence[ObjectSplats]) -> dict[str,
         mine = is_object[own.rows] & (best[own.rows] == number)
         weights[own.rows[mine], : own.weights.shape[1]] = own.weights[mine]
     columns = {"karf_object": np.where(is_object, best + 1, 0).astype(np.uint8), "karf_probability": probability}
-    return columns | {f"karf_weight_{number}": column.copy() for number, column in enumerate(weights.T)}
+    return columns | {f"{WEIGHT}{number}": column.copy() for number, column in enumerate(weights.T)}
 
 
 def planes_of_view(

@@ -12,17 +12,16 @@ from .gaussians import DEGREES, Gaussians
 from .kernels.arrays import COLOR, PIXEL_FILTER, ScreenFilter
 
 SCHEMA = "karf-splats/1"
+FILTERED = "karf-splats/2"  # with a screen filter that is not our own, which readers of the first would take for ours
 
 
 def save_gaussians(gaussians: Gaussians, path: Path) -> None:
     """Write Gaussians as data: the table, and JSON values in the header."""
-    facts = {
-        "n_behind": gaussians.n_behind,
-        "background": list(gaussians.background),
-        "near": gaussians.near,
-        "screen_filter": list(map(float, gaussians.screen_filter)),
-    }
-    save_tensors(path, {"table": torch.from_numpy(gaussians.table)}, SCHEMA, facts)
+    facts = {"n_behind": gaussians.n_behind, "background": list(gaussians.background), "near": gaussians.near}
+    schema = SCHEMA
+    if gaussians.screen_filter != PIXEL_FILTER:
+        schema, facts["screen_filter"] = FILTERED, list(map(float, gaussians.screen_filter))
+    save_tensors(path, {"table": torch.from_numpy(gaussians.table)}, schema, facts)
 
 
 def load_gaussians(path: Path) -> Gaussians:
@@ -34,7 +33,7 @@ def load_gaussians(path: Path) -> Gaussians:
     Raises:
         DataError: The file is missing or damaged.
     """
-    tensors, facts = load_tensors(path, SCHEMA)
+    tensors, facts = load_tensors(path, (SCHEMA, FILTERED))
     with restoring(path):
         table, n_behind, near = tensors["table"].numpy(), facts["n_behind"], float(facts["near"])
         n_harmonics = (table.shape[1] - COLOR) / 3

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..capture.camera import Camera
 from ..compute.cores import share
+from ..errors import OutOfMemory
 from .gaussians import Gaussians
 from .kernels.arrays import ENTRY, PIXEL_FILTER, SLOPES, SPLAT, TILE, TILES, Pinhole, ScreenFilter
 from .kernels.blending import blend, blend_back, blend_values
@@ -30,14 +31,24 @@ class SplattedView:
     """
 
     def __init__(self, table: np.ndarray, camera: Pinhole, background: Background) -> None:
-        """Splat a table [n, 11 + 3 K] float32 (see `gaussians.Gaussians`)."""
+        """Splat a table [n, 11 + 3 K] float32 (see `gaussians.Gaussians`).
+
+        Raises OutOfMemory where too many Gaussians cover too much of the picture.
+        """
         n, tiles_x = len(table), -(-camera.width // TILE)
         n_tiles = tiles_x * -(-camera.height // TILE)
         self._table, self._camera = table, camera
         self._splats, tiles = np.empty(n, SPLAT), np.empty(n, TILES)
         share(project, n, table, camera, self._splats, tiles)
         self.slots, self._starts = np.empty(n + 1, np.int32), np.zeros(n_tiles + 1, np.int32)
-        count_entries(tiles, tiles_x, self.slots, self._starts)
+        if not count_entries(tiles, tiles_x, self.slots, self._starts):
+            raise OutOfMemory(
+                "Too many of {count} Gaussians cover too much of a picture of {width}x{height} pixels.",
+                "Render smaller pictures, or remove the largest Gaussians in the program that wrote them.",
+                count=n,
+                width=camera.width,
+                height=camera.height,
+            )
         order = _near_to_far(self._splats["depth"], np.flatnonzero(np.diff(self.slots)))
         self._entries = np.empty(self.slots[-1], ENTRY)
         fill_entries(order, tiles, tiles_x, self.slots, self._starts[:-1].copy(), self._entries)

@@ -55,12 +55,12 @@ def turned(table: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     if np.allclose(matrix, np.eye(4), rtol=0, atol=TOLERANCE * TOLERANCE):
         return table
     scale, rotation = _parts(matrix)
-    moved = table.copy()
-    moved[:, :LOG_SCALE] = table[:, :LOG_SCALE] @ matrix[:3, :3].T + matrix[:3, 3]
-    moved[:, LOG_SCALE:ROTATION] += np.log(scale)
-    moved[:, ROTATION:LOGIT] = table[:, ROTATION:LOGIT] @ _quaternion_product(rotation).T
-    moved[:, COLOR:] = turned_harmonics(table[:, COLOR:], rotation)
-    return moved
+    result = table.copy()
+    result[:, :LOG_SCALE] = table[:, :LOG_SCALE] @ matrix[:3, :3].T + matrix[:3, 3]
+    result[:, LOG_SCALE:ROTATION] += np.log(scale)
+    result[:, ROTATION:LOGIT] = table[:, ROTATION:LOGIT] @ _quaternion_product(rotation).T
+    result[:, COLOR:] = turned_harmonics(table[:, COLOR:], rotation)
+    return result
 
 
 def turned_harmonics(harmonics: np.ndarray, rotation: np.ndarray) -> np.ndarray:

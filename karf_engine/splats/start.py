@@ -78,13 +78,14 @@ def _shell(scene: Scene, world: np.ndarray, eyes: np.ndarray, n_harmonics: int) 
     middle, number = np.median(world, 0), np.arange(BEHIND) + 0.5
     radius = BEHIND_DISTANCE * np.linalg.norm(eyes - middle, axis=1).max()
     z, turn = 1 - 2 * number / BEHIND, np.pi * (1 + 5**0.5) * number
-    ways = np.stack([np.cos(turn) * np.sqrt(1 - z * z), np.sin(turn) * np.sqrt(1 - z * z), z], 1).astype(np.float32)
+    level = np.sqrt(1 - z * z)
+    directions = np.stack([np.cos(turn) * level, np.sin(turn) * level, z], 1).astype(np.float32)
     table = np.zeros((BEHIND, COLOR + 3 * n_harmonics), np.float32)
-    table[:, CENTER : CENTER + 3] = middle + radius * ways
+    table[:, CENTER : CENTER + 3] = middle + radius * directions
     table[:, LOG_SCALE : LOG_SCALE + 3] = np.log(BEHIND_SIZE * radius * np.sqrt(4 * np.pi / BEHIND))
     table[:, ROTATION] = 1
     table[:, LOGIT] = _logit(OPACITY_BEHIND)
-    colors = scene.behind(torch.from_numpy(ways).to(scene.field.bounds.device)).cpu().numpy()
+    colors = scene.behind(torch.from_numpy(directions).to(scene.field.bounds.device)).cpu().numpy()
     table[:, COLOR : COLOR + 3] = (colors - 0.5) / C0
     return table
 

@@ -25,9 +25,10 @@ from .rasterizer import splatted
 
 SOLID = 0.3  # opacity
 SAMPLE = 20_000  # Gaussians that say where the scene lies
+ONE_PLACE = 1e-6  # of the largest coordinate: what single precision cannot tell apart
 NEIGHBOR = 8  # to whose distance a Gaussian's surroundings are measured
 NEAR_MIDDLE = 4.0  # median distances from the middle; what is farther is background
-TELLING = 0.55  # of the variance of sizes that distances leave unexplained, up to which they are believed
+UNEXPLAINED = 0.55  # of the variance of sizes that distances leave unexplained, up to which they are believed
 USUAL_ERROR = 0.3  # of a size's logarithm; larger ones count less
 ANGLE = np.radians(45)  # field of view
 STEP_BACK = 1.3  # of the distance that sizes tell: more is seen of what stands around
@@ -68,13 +69,15 @@ def target_of(gaussians: Gaussians, up: np.ndarray | None = None) -> Target:
         up: [3], or None: across the largest flat parts, to the side of COLMAP's -y or Blender's z.
 
     Raises:
-        DataError: Nothing is solid.
+        DataError: Nothing is solid, or all of it lies in one place.
     """
     table = gaussians.table[gaussians.table[:, LOGIT] > np.log(SOLID / (1 - SOLID))]
     if len(table) <= NEIGHBOR:
-        raise DataError("Of {count} Gaussians hardly one is solid.", "Give another file.", count=len(gaussians))
+        raise DataError("Of {count} Gaussians almost all are transparent.", "Give another file.", count=len(gaussians))
     table = table[np.random.default_rng(0).permutation(len(table))[:SAMPLE]].astype(np.float64)
     table = table[_is_near(table[:, :3])]
+    if np.ptp(table[:, :3], axis=0).max() <= ONE_PLACE * np.abs(table[:, :3]).max():
+        raise DataError("Of {count} Gaussians almost all lie in one place.", "Give another file.", count=len(gaussians))
     middle, distance = _by_sizes(table) or _by_extent(table[:, :3])
     return Target(middle, _up(table) if up is None else up / np.linalg.norm(up), distance)
 
@@ -104,7 +107,7 @@ def _by_sizes(table: np.ndarray) -> tuple[np.ndarray, float] | None:
         for log_distance in (0.0, -1.0)
     ]
     best = min(fits, key=lambda fit: fit.cost)
-    if errors(best.x).var() > TELLING * sizes.var() or sizes.std() < USUAL_ERROR:
+    if errors(best.x).var() > UNEXPLAINED * sizes.var() or sizes.std() < USUAL_ERROR:
         return None
     return start + unit * best.x[:3], float(STEP_BACK * unit * np.exp(best.x[3]))
 
@@ -171,19 +174,19 @@ def _dome(target: Target, distance: float, count: int) -> list[Camera]:
     low, high = np.sin(ELEVATIONS)
     number = np.arange(count) + 0.5
     height, turn = low + (high - low) * number / count, np.pi * (1 + 5**0.5) * number
-    ways = _ways(turn, height, target.up)
-    return [_looking(target.middle + distance * way, -way, target.up) for way in ways]
+    directions = _directions(turn, height, target.up)
+    return [_looking(target.middle + distance * each, -each, target.up) for each in directions]
 
 
 def _panorama(target: Target, count: int) -> list[Camera]:
     """Cameras at the target's middle and a little beside it, which look around, somewhat up and down."""
     number = np.arange(count)
     turn, height = 2 * np.pi * number / count, np.sin(np.radians(20)) * np.array([0, 1, -1])[number % 3]
-    ways = _ways(turn, height, target.up)
-    return [_looking(target.middle - BESIDE * target.distance * way, way, target.up) for way in ways]
+    directions = _directions(turn, height, target.up)
+    return [_looking(target.middle - BESIDE * target.distance * each, each, target.up) for each in directions]
 
 
-def _ways(turn: np.ndarray, height: np.ndarray, up: np.ndarray) -> np.ndarray:
+def _directions(turn: np.ndarray, height: np.ndarray, up: np.ndarray) -> np.ndarray:
     """Unit directions [n, 3] that are turned around what is up by angles [n], and reach up by sines of elevations [n]."""
     right = np.cross(np.eye(3)[np.abs(up).argmin()], up)
     right /= np.linalg.norm(right)
@@ -193,11 +196,11 @@ def _ways(turn: np.ndarray, height: np.ndarray, up: np.ndarray) -> np.ndarray:
     )
 
 
-def _looking(place: np.ndarray, way: np.ndarray, up: np.ndarray) -> Camera:
-    right = np.cross(way, up)
+def _looking(place: np.ndarray, direction: np.ndarray, up: np.ndarray) -> Camera:
+    right = np.cross(direction, up)
     right /= np.linalg.norm(right)
     pose = np.eye(4)
-    pose[:3] = np.stack([right, np.cross(right, way), -way, place], 1)
+    pose[:3] = np.stack([right, np.cross(right, direction), -direction, place], 1)
     focal = THUMBNAIL / 2 / np.tan(ANGLE / 2)
     return Camera(THUMBNAIL, THUMBNAIL, focal, focal, THUMBNAIL / 2, THUMBNAIL / 2, pose)
 

@@ -42,15 +42,24 @@ def test_it_stands_upright_whatever_its_file_says(imported):
 
 
 def test_what_is_chosen_reaches_the_engine(addon, scene, splat, tmp_path):
-    task = addon.steps.import_splat(
-        scene, splat, tmp_path / "photos", tmp_path / "cameras.json", views=7, up="-y", antialiased=True
-    )
+    task = addon.steps.import_splat(scene, splat, None, tmp_path / "cameras.json", views=7, up="-y", antialiased=True)
     (request,) = task.requests
     assert request.stage == "import-splat"
-    known = {"photos": str(tmp_path / "photos"), "cameras": str(tmp_path / "cameras.json"), "splat": str(splat)}
-    assert known | {"views": 7, "up": "-y", "antialiased": True} == {
-        name: request.options[name] for name in (*known, "views", "up", "antialiased")
+    known = {
+        "cameras": str(tmp_path / "cameras.json"),
+        "splat": str(splat),
+        "views": 7,
+        "up": "-y",
+        "antialiased": True,
     }
+    assert known == {name: request.options[name] for name in known}
+
+
+def test_with_photos_the_engine_is_not_asked_for_views(addon, scene, splat, tmp_path):
+    """It refuses both; the dialog remembers what was chosen for another file."""
+    (request,) = addon.steps.import_splat(scene, splat, tmp_path / "photos", views=7, up="-y").requests
+    assert request.options["photos"] == str(tmp_path / "photos")
+    assert not {"views", "up"} & set(request.options)
 
 
 def test_learned_it_is_shown_by_its_own_splats_at_once(addon, imported):

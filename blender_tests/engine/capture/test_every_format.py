@@ -91,6 +91,16 @@ def test_the_canonical_json_finds_the_splats_of_a_folder_that_moved(tmp_path):
     assert found == CapturedSplats(tmp_path / "now" / "splat.ply", True)
 
 
+def test_older_engines_refuse_a_capture_with_splats_and_know_one_without(tmp_path):
+    """They would pass over the splats, and learn others."""
+    bare = Capture(tmp_path, "transforms", ())
+    assert capture_to_json(bare)["schema"] == "karf-capture/1"
+    with_splats = capture_to_json(replace(bare, splats=CapturedSplats(tmp_path / "splat.ply")))
+    assert with_splats["schema"] == "karf-capture/2"
+    early = capture_from_json(with_splats | {"schema": "karf-capture/1"}, tmp_path / "capture.json")
+    assert early.splats is not None, "files that were written in between are read"
+
+
 def test_splats_without_a_path_are_no_canonical_json(tmp_path):
     content = capture_to_json(Capture(tmp_path, "transforms", ())) | {"splats": {"is_antialiased": True}}
     with pytest.raises(DataError, match="not a canonical capture"):

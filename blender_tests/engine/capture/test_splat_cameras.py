@@ -34,8 +34,16 @@ def test_a_camera_looks_along_the_third_column_with_y_down(path):
 def test_it_is_found_beside_the_splat_or_above(tmp_path, path, folder):
     path.write_text("[]")
     (tmp_path / folder).mkdir(parents=True, exist_ok=True)
-    assert cameras_beside(tmp_path / folder / "point_cloud.ply") == path
-    assert cameras_beside(tmp_path.parent / "x.ply") is None
+    assert cameras_beside(tmp_path / folder / "point_cloud.ply") == [path]
+    assert cameras_beside(tmp_path.parent / "x.ply") == []
+
+
+def test_the_nearest_is_the_first(tmp_path, path):
+    near = tmp_path / "point_cloud" / "cameras.json"
+    near.parent.mkdir()
+    for place in (path, near):
+        place.write_text("[]")
+    assert cameras_beside(near.with_name("point_cloud.ply")) == [near, path]
 
 
 @pytest.mark.parametrize(

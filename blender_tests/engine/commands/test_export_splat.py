@@ -12,8 +12,10 @@ pytest.importorskip("scipy")
 pytest.importorskip("numba")
 
 import karf_engine as karf
+from blender_tests.engine.splats.formats.files import write_text
 from karf_engine.cli import main
-from karf_engine.errors import BadRequest
+from karf_engine.commands import export_splat
+from karf_engine.errors import BadRequest, DataError
 from karf_engine.project import Project
 from karf_engine.splats.files import load_gaussians
 from karf_engine.splats.formats import ply
@@ -159,23 +161,21 @@ def test_recolored_it_keeps_every_byte_of_the_other_rows_and_columns(foreign, tm
         assert after.columns[name].dtype == column.dtype
 
 
-def test_a_file_of_text_comes_back_as_numbers(foreign, own, tmp_path):
+@pytest.fixture
+def changeable(foreign, tmp_path):
+    """That project in another folder, with nothing where it was: its files may be changed."""
     shutil.copytree(foreign, tmp_path / "foreign")
-    source = tmp_path / "foreign" / "capture" / "splat.ply"
-    assert ply.can_rewrite(source)
-    names = ply.property_names(own.table.shape[1])
-    lines = [" ".join(map(repr, map(float, row))) for row in own.table]
-    head = [
-        "ply",
-        "format ascii 1.0",
-        f"element vertex {len(own)}",
-        *(f"property float {n}" for n in names),
-        "end_header",
-    ]
-    source.write_text("\n".join([*head, *lines, ""]))
-    assert not ply.can_rewrite(source)
-    karf.learn_splats(tmp_path / "foreign" / "project", threads=1)
-    karf.export_splat(tmp_path / "foreign" / "project", tmp_path / "back.ply")
+    aside = foreign.rename(foreign.with_name("aside"))
+    yield tmp_path / "foreign"
+    aside.rename(foreign)
+
+
+def test_a_file_of_text_comes_back_as_numbers(changeable, own, tmp_path):
+    source = changeable / "capture" / "splat.ply"
+    write_text(source, own.table)
+    karf.learn_splats(changeable / "project", threads=1)
+    karf.export_splat(changeable / "project", tmp_path / "back.ply")
+    assert b"format binary" in (tmp_path / "back.ply").read_bytes()[:100]
     assert_array_equal(read_splats(tmp_path / "back.ply").table, own.table)
 
 
@@ -186,7 +186,56 @@ def test_a_cut_out_of_it_keeps_its_columns_too(foreign, tmp_path):
     assert (columns["flags"] == columns["confidence"] % 7).all()
 
 
+@pytest.mark.parametrize(
+    "changed",
+    [lambda found: found.table[::-1], lambda found: found.table[:-5]],
+    ids=["another order", "fewer"],
+)
+def test_a_file_that_has_changed_since_gives_its_columns_to_no_row(changeable, own, tmp_path, changed):
+    source = changeable / "capture" / "splat.ply"
+    found = ply.read(source)
+    table = changed(found)
+    columns = {name: column[: len(table)] for name, column in found.columns.items()}
+    ply.write(source, SplatFile(np.ascontiguousarray(table), None, columns))
+    for options in ({}, {"objects": ["ball"]}):
+        with pytest.raises(DataError, match=r"splat\.ply has been changed since") as caught:
+            karf.export_splat(changeable / "project", tmp_path / "back.ply", **options)
+        assert "again" in caught.value.hint and not (tmp_path / "back.ply").exists()
+    karf.export_splat(changeable / "project", tmp_path / "back.glb")
+    assert_array_equal(read_splats(tmp_path / "back.glb").table[:, :3], own.table[:, :3])
+    karf.learn_splats(changeable / "project", threads=1)
+    karf.export_splat(changeable / "project", tmp_path / "back.ply")
+    assert (tmp_path / "back.ply").read_bytes() == source.read_bytes()
+
+
+def test_where_the_file_is_missing_other_kinds_are_written(changeable, own, tmp_path):
+    (changeable / "capture" / "splat.ply").unlink()
+    with pytest.raises(DataError, match=r"splat\.ply, from which the splats come, is missing"):
+        karf.export_splat(changeable / "project", tmp_path / "back.ply")
+    karf.export_splat(changeable / "project", tmp_path / "back.glb")
+    assert len(read_splats(tmp_path / "back.glb")) == len(own)
+
+
+@pytest.mark.parametrize("options", [{}, {"objects": ["ball"]}], ids=["whole", "cut out"])
+def test_weights_of_an_earlier_export_with_more_colors_do_not_stay(changeable, tmp_path, options):
+    source = changeable / "capture" / "splat.ply"
+    found = ply.read(source)
+    earlier = {"karf_weight_99": np.ones(len(found), np.float32)}
+    ply.write(source, SplatFile(found.table, None, {**found.columns, **earlier}))
+    karf.export_splat(changeable / "project", tmp_path / "back.ply", attributes=True, **options)
+    columns = read_splats(tmp_path / "back.ply").columns
+    assert not columns["karf_weight_99"].any() and columns["karf_weight_0"].any() + columns["karf_weight_1"].any()
+    assert "confidence" in columns
+
+
 # ------------------------------------------------------------------------------------------------------- what is refused
+def test_an_object_of_which_there_is_no_gaussian_is_named(learned, tmp_path, monkeypatch):
+    monkeypatch.setattr(export_splat, "MOSTLY", 1.1)
+    with pytest.raises(BadRequest, match="No Gaussian is of 'ball'"):
+        karf.export_splat(learned.project, tmp_path / "ball.compressed.ply", objects=["ball"])
+    assert not (tmp_path / "ball.compressed.ply").exists()
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [

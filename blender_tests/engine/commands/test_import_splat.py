@@ -17,6 +17,7 @@ from karf_engine.errors import BadRequest, Cancelled, DataError
 from karf_engine.io.images import over, read_photo
 from karf_engine.metrics.images import psnr
 from karf_engine.project import Project
+from karf_engine.splats import quality
 from karf_engine.splats.files import load_gaussians
 from karf_engine.splats.formats.registry import read_splats, write_splats
 from karf_engine.splats.formats.splat_file import SplatFile
@@ -93,6 +94,42 @@ def test_the_cameras_that_were_written_beside_it_are_taken(splat, tmp_path):
     assert_allclose([cameras[0].position, cameras[-1].position], [[0, 0, 4], [0, 0, 4.8]])
 
 
+def warnings_of(splat, out, **options):
+    """What an import warns of, by its code."""
+    found = {}
+
+    def emit(event_kind, **event):
+        if event_kind == "warning":
+            found[event["code"]] = event["sentence"]
+
+    karf.import_splat(splat, out, **options, emit=emit)
+    return found
+
+
+@pytest.mark.parametrize("content", ['{"frames": []}', "[]", "[1]", "{"])
+def test_a_cameras_json_of_something_else_is_told_of_and_passed_over(splat, tmp_path, content):
+    (tmp_path / "cameras.json").write_text(content)
+    warnings = warnings_of(splat, tmp_path / "capture", **SMALL)
+    assert "cameras.json" in warnings["cameras"]
+    assert len(open_capture(tmp_path / "capture").views) == 6
+
+
+def test_photos_that_lie_around_it_are_told_of(tmp_path, table, still_life):
+    folder = tmp_path / "scene"
+    shutil.copytree(still_life.capture, folder)
+    (folder / "splats").mkdir()
+    write_splats(folder / "splats" / "still.ply", SplatFile(table))
+    warnings = warnings_of(folder / "splats" / "still.ply", tmp_path / "capture", **SMALL)
+    assert str(folder) in warnings["photos"] and "--photos" in warnings["photos"]
+    with_photos = warnings_of(folder / "splats" / "still.ply", tmp_path / "with_photos", photos=folder)
+    assert "photos" not in with_photos
+
+
+def test_views_that_were_made_of_it_are_not_taken_for_photos(splat, tmp_path):
+    karf.import_splat(splat, tmp_path / "capture", **SMALL)
+    assert warnings_of(tmp_path / "capture" / "splat.ply", tmp_path / "again", **SMALL) == {}
+
+
 def test_with_photos_they_are_the_views(splat, tmp_path, still_life):
     karf.import_splat(splat, tmp_path / "capture", photos=still_life.capture)
     before, after = open_capture(still_life.capture), open_capture(tmp_path / "capture")
@@ -108,6 +145,28 @@ def test_photos_that_it_does_not_show_are_refused(tmp_path, still_life, table):
     with pytest.raises(DataError, match="dB only") as caught:
         karf.import_splat(tmp_path / "elsewhere.ply", tmp_path / "capture", photos=still_life.capture)
     assert "poses" in caught.value.hint and not (tmp_path / "capture").exists()
+
+
+@pytest.mark.parametrize(
+    "option", [{"views": 5}, {"size": 100}, {"up": "y"}, {"cameras": "own.json"}], ids=lambda option: next(iter(option))
+)
+def test_options_that_mean_nothing_beside_photos_are_refused(splat, tmp_path, still_life, option):
+    with pytest.raises(BadRequest, match=f"With photos.*'{next(iter(option))}'"):
+        karf.import_splat(splat, tmp_path / "capture", photos=still_life.capture, **option)
+
+
+@pytest.mark.parametrize("is_antialiased", [True, False])
+@pytest.mark.parametrize(("better", "told"), [(0.3, None), (-0.3, None), (2.0, True), (-2.0, False)])
+def test_photos_tell_the_screen_filter_only_where_they_clearly_do(
+    table, tmp_path, still_life, monkeypatch, is_antialiased, better, told
+):
+    """better: how many dB better the antialiased filter shows the photos."""
+    write_splats(tmp_path / "still.ply", SplatFile(table, is_antialiased))
+    monkeypatch.setattr(
+        quality, "psnr", lambda gaussians, photos: 30 + better * (gaussians.screen_filter == ANTIALIASED_FILTER)
+    )
+    karf.import_splat(tmp_path / "still.ply", tmp_path / "capture", photos=still_life.capture)
+    assert open_capture(tmp_path / "capture").splats.is_antialiased is (is_antialiased if told is None else told)
 
 
 @pytest.mark.parametrize(("antialiased", "screen_filter"), [(False, PLAIN_FILTER), (True, ANTIALIASED_FILTER)])
@@ -143,9 +202,11 @@ def test_a_folder_that_holds_something_is_not_written_to(splat, tmp_path):
         karf.import_splat(splat, tmp_path / "capture", **SMALL)
 
 
-def test_no_views_at_all_are_refused(splat, tmp_path):
-    with pytest.raises(BadRequest, match="too few"):
-        karf.import_splat(splat, tmp_path / "capture", views=0)
+@pytest.mark.parametrize("views", range(3))
+def test_too_few_views_are_refused(splat, tmp_path, views):
+    with pytest.raises(BadRequest, match="views are too few") as caught:
+        karf.import_splat(splat, tmp_path / "capture", **SMALL | {"views": views})
+    assert caught.value.hint and not (tmp_path / "capture").exists()
 
 
 def test_cancelling_leaves_nothing(splat, tmp_path):

@@ -199,6 +199,7 @@ def readers(project: Path | None) -> list[Reader]:
             Reader(f"splats, {name}", samples.splats, (name,), mutation, read_splats)
             for name, mutation in (
                 ("cloud.ply", mutations.changed_text),
+                ("text.ply", mutations.changed_text),
                 ("cloud.compressed.ply", mutations.changed_text),
                 ("cloud.spz", mutations.changed_gzip),
                 ("streams.spz", mutations.changed_bytes),
@@ -208,6 +209,7 @@ def readers(project: Path | None) -> list[Reader]:
                 ("cloud.gltf", mutations.changed_json),
                 ("cloud.usda", mutations.changed_text),
                 ("cloud.usdc", mutations.changed_bytes),
+                ("packed.usdc", mutations.changed_bytes),
                 ("cloud.usdz", mutations.changed_bytes),
             )
         ),

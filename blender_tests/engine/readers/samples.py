@@ -19,7 +19,7 @@ import karf_engine as karf
 from blender_tests.engine.faults.bench import MASKED_VIEWS, N_PHOTOS, SETTINGS, SIZE
 from blender_tests.engine.reference import capture_files, checkpoints
 from blender_tests.engine.reference.still_life import cameras, write_capture, write_masks
-from blender_tests.engine.splats.formats.files import ENDS, unit_cloud, write_sog, write_splat
+from blender_tests.engine.splats.formats.files import ENDS, unit_cloud, write_sog, write_splat, write_text
 from karf_engine.export.layers import write_layers
 from karf_engine.fields.nerf.field import NerfNetwork, NerfShape
 from karf_engine.palettes.palette import Edit, Palette
@@ -28,6 +28,7 @@ from karf_engine.recolor.layers import Layers
 from karf_engine.splats.formats.packed import to_package
 from karf_engine.splats.formats.registry import read_splats, write_splats
 from karf_engine.splats.formats.splat_file import SplatFile
+from karf_engine.splats.kernels.arrays import LOGIT
 from karf_engine.worker.protocol import Event, Request
 
 RENDERED = "test_r_0"  # the view of a learned project that has planes
@@ -181,14 +182,18 @@ def nerfs(folder: Path) -> None:
 
 # ---------------------------------------------------------------------------------------------------------------- splats
 def splats(folder: Path) -> None:
-    """Twelve Gaussians of the first degree in every kind of file; read once, so that packages have compiled what they do."""
+    """Some Gaussians in every kind of file; read once, so that packages have compiled what they do."""
     gsply, usd_utils = pytest.importorskip("gsply"), pytest.importorskip("pxr.UsdUtils")
     table = unit_cloud(12, 1)
     for end in ENDS:
         write_splats(folder / f"cloud{end}", SplatFile(table, True, {"label": np.arange(12, dtype=np.int32)}))
     write_sog(folder / "cloud.sog", table)
     write_splat(folder / "cloud.splat", table)
+    write_text(folder / "text.ply", table)
     gsply.write_spz(folder / "streams.spz", to_package(table), version=4)
+    alike = unit_cloud(20, 0)
+    alike[:, LOGIT] = 16  # usd-core packs equal numbers, from sixteen on
+    write_splats(folder / "packed.usdc", SplatFile(alike))
     usd_utils.CreateNewUsdzPackage(str(folder / "cloud.usdc"), str(folder / "cloud.usdz"))
     for path in folder.iterdir():
         if path.suffix != ".bin":

@@ -10,6 +10,7 @@ from numpy.testing import assert_array_equal
 torch = pytest.importorskip("torch")
 pytest.importorskip("numba")
 
+from safetensors import safe_open
 from safetensors.torch import save_file
 
 from blender_tests.engine.reference.memory import little_memory
@@ -51,6 +52,18 @@ def test_what_is_written_is_read_again_bit_by_bit(path, degree):
 def test_the_screen_filter_of_another_program_is_kept(path, screen_filter):
     save_gaussians(replace(gaussians(), screen_filter=screen_filter), path)
     assert load_gaussians(path).screen_filter == screen_filter
+    assert schema_of(path) == "karf-splats/2", "older engines would take the filter for their own"
+
+
+def test_where_nothing_is_new_the_file_is_as_older_engines_know_it(path):
+    save_gaussians(gaussians(), path)
+    with safe_open(path, "pt") as stored:
+        assert json.loads(stored.metadata()["karf"]) == {"schema": "karf-splats/1", "facts": FACTS}
+
+
+def schema_of(path):
+    with safe_open(path, "pt") as stored:
+        return json.loads(stored.metadata()["karf"])["schema"]
 
 
 def test_equal_gaussians_become_equal_bytes(path, tmp_path):

@@ -12,6 +12,7 @@ pytest.importorskip("numba")
 from blender_tests.engine.splats.clouds import BACKGROUND, GROUPS, NEAR, ball, camera_ahead, cloud
 from blender_tests.engine.splats.torch_splats import splat
 from karf_engine.compute import cores
+from karf_engine.errors import OutOfMemory
 from karf_engine.splats.kernels.arrays import (
     ANTIALIASED_FILTER,
     BORDER,
@@ -44,6 +45,14 @@ def two_cores():
     before = cores.count()
     yield
     cores.use(before)
+
+
+def test_gaussians_that_all_cover_a_large_picture_are_refused_before_they_are_dealt_out():
+    """Their tiles would be more than 32 bits count, and entries be written beside their array."""
+    camera = camera_ahead().scaled(4096, 4096)
+    wide = np.repeat(ball((0, 0, 0), 50.0, 0.9, (1, 1, 1))[None], 40_000, 0)
+    with pytest.raises(OutOfMemory, match="40000 Gaussians cover too much of a picture of 4096x4096 pixels"):
+        SplattedView(wide, pinhole(camera, NEAR), BACKGROUND)
 
 
 # ------------------------------------------------------------------------------------------------------- the formulas

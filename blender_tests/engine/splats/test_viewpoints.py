@@ -13,32 +13,32 @@ from karf_engine.splats.kernels.arrays import LOG_SCALE, LOGIT, ROTATION
 from karf_engine.splats.rasterizer import splatted
 from karf_engine.splats.viewpoints import Target, cameras_around, target_of
 
-RANDOM = np.random.default_rng(0)
-
 
 def scene(*tables):
     return Gaussians(np.concatenate(tables), 0, (0, 0, 0), 1e-3)
 
 
 def balls(centers, size, opacity=0.9):
-    return np.stack([ball(center, size, opacity, RANDOM.random(3)) for center in centers])
+    colors = np.random.default_rng(0).random((len(centers), 3))
+    return np.stack([ball(center, size, opacity, color) for center, color in zip(centers, colors, strict=True)])
 
 
 def disk(radius=1.0, height=0.0, count=1500, size=0.04):
     """A table top across z: flat Gaussians."""
-    turn, away = RANDOM.uniform(0, 2 * np.pi, count), radius * np.sqrt(RANDOM.random(count))
+    random = np.random.default_rng(1)
+    turn, away = random.uniform(0, 2 * np.pi, count), radius * np.sqrt(random.random(count))
     table = balls(np.stack([away * np.cos(turn), away * np.sin(turn), np.full(count, height)], 1), size)
     table[:, LOG_SCALE + 2] = np.log(size / 10)
     return table
 
 
 def heap(count=500):
-    return balls(RANDOM.normal(0, 0.15, (count, 3)) + (0, 0, 0.3), 0.03)
+    return balls(np.random.default_rng(2).normal(0, 0.15, (count, 3)) + (0, 0, 0.3), 0.03)
 
 
 def sphere(radius, count=4000, size=1.0):
-    ways = RANDOM.normal(size=(count, 3))
-    return balls(radius * ways / np.linalg.norm(ways, axis=1, keepdims=True), size)
+    directions = np.random.default_rng(3).normal(size=(count, 3))
+    return balls(radius * directions / np.linalg.norm(directions, axis=1, keepdims=True), size)
 
 
 def away_from(target, cameras):
@@ -69,8 +69,9 @@ def test_a_shell_far_behind_changes_neither_the_middle_nor_the_distance():
 
 def test_sizes_tell_from_where_photos_looked_round_in_a_room():
     """Of each Gaussian the size grows with the distance from cameras that stood two units around (1, 2, 0)."""
-    middle, places = np.array([1.0, 2, 0]), RANDOM.uniform(-8, 8, (6000, 3))
-    sizes = 0.02 * np.sqrt(((places - middle) ** 2).sum(1) + 2.0**2) * np.exp(RANDOM.normal(0, 0.2, 6000))
+    random = np.random.default_rng(4)
+    middle, places = np.array([1.0, 2, 0]), random.uniform(-8, 8, (6000, 3))
+    sizes = 0.02 * np.sqrt(((places - middle) ** 2).sum(1) + 2.0**2) * np.exp(random.normal(0, 0.2, 6000))
     table = balls(places, 0.1)
     table[:, GROUPS["scales"]] = np.log(sizes)[:, None]
     target = target_of(scene(table))
@@ -78,7 +79,7 @@ def test_sizes_tell_from_where_photos_looked_round_in_a_room():
 
 
 def test_no_camera_stands_amid_something():
-    wall = balls(RANDOM.uniform((1.2, -4, -1), (9, 4, 4), (6000, 3)), 0.15, 0.98)
+    wall = balls(np.random.default_rng(5).uniform((1.2, -4, -1), (9, 4, 4), (6000, 3)), 0.15, 0.98)
     gaussians = scene(disk(count=4000, size=0.03), heap(2000), wall)
     target = Target(np.array([0, 0, 0.2]), np.array([0.0, 0, 1]), 3.0)
     for camera in cameras_around(gaussians, target, 8, 64):
@@ -102,14 +103,19 @@ def test_up_may_be_given():
 
 def test_colmap_decides_where_no_floor_does():
     table = heap(3000)
-    table[:, ROTATION:LOGIT] = RANDOM.normal(size=(3000, 4))
+    table[:, ROTATION:LOGIT] = np.random.default_rng(6).normal(size=(3000, 4))
     table[:, LOG_SCALE] -= 2
     assert_allclose(target_of(scene(table)).up, (0, -1, 0))
 
 
 def test_a_file_of_haze_is_refused():
-    with pytest.raises(DataError, match="hardly one is solid"):
-        target_of(scene(balls(RANDOM.normal(size=(50, 3)), 0.1, 0.05)))
+    with pytest.raises(DataError, match="almost all are transparent"):
+        target_of(scene(balls(np.random.default_rng(7).normal(size=(50, 3)), 0.1, 0.05)))
+
+
+def test_a_file_whose_gaussians_all_lie_in_one_place_is_refused():
+    with pytest.raises(DataError, match="almost all lie in one place"):
+        target_of(scene(balls(np.full((200, 3), 1.0), 0.1)))
 
 
 def test_choosing_can_be_cancelled():

@@ -12,9 +12,9 @@ C3 = (
 )
 
 
-def harmonics(ways):
+def harmonics(directions):
     """All sixteen harmonics of unit directions [n, 3], [n, 16]."""
-    x, y, z = ways.unbind(1)
+    x, y, z = directions.unbind(1)
     xx, yy, zz = x * x, y * y, z * z
     values = [torch.full_like(x, C0), -C1 * y, C1 * z, -C1 * x]
     values += [C2[0] * x * y, C2[1] * y * z, C2[2] * (2 * zz - xx - yy), C2[3] * x * z, C2[4] * (xx - yy)]
@@ -49,12 +49,12 @@ def splat(table, camera, background):
     covariance = sharp + float(camera.blur) * torch.eye(2, dtype=torch.float64)
     share = (torch.linalg.det(sharp) / torch.linalg.det(covariance)).clamp_min(float(camera.least_share)).sqrt()
     opacity = torch.sigmoid(table[:, 10]) * share
-    ways = table[:, :3] - torch.from_numpy(camera.eye).double()
-    ways = ways / torch.linalg.norm(ways, dim=1, keepdim=True)
+    directions = table[:, :3] - torch.from_numpy(camera.eye).double()
+    directions = directions / torch.linalg.norm(directions, dim=1, keepdim=True)
     count = (table.shape[1] - 11) // 3
-    colors = (0.5 + torch.einsum("nk,nkc->nc", harmonics(ways)[:, :count], table[:, 11:].view(-1, count, 3))).clamp_min(
-        0
-    )
+    colors = (
+        0.5 + torch.einsum("nk,nkc->nc", harmonics(directions)[:, :count], table[:, 11:].view(-1, count, 3))
+    ).clamp_min(0)
     v, u = torch.meshgrid(torch.arange(camera.height) + 0.5, torch.arange(camera.width) + 0.5, indexing="ij")
     center = torch.stack([fx * x / z + float(camera.cx), fy * y / z + float(camera.cy)], 1)
     apart = torch.stack([u, v], -1).double()[:, :, None] - center  # [H, W, n, 2]

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
+from ...errors import BadRequest
 from ...io.options import Options, option
 
 MATCHING = ("auto", "exhaustive", "sequential")
 UP = ("auto", "x", "y", "z", "-x", "-y", "-z")
+WITHOUT_PHOTOS = ("cameras", "views", "size", "up")  # options of importing splats
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,9 +56,18 @@ class ImportSplatOptions(Options):
         "without photos: which axis points up (default: found by the largest flat parts)", "auto", choices=UP
     )
     antialiased: bool = option(
-        "they were learned with antialiasing (Mip-Splatting) and the file does not say so; photos tell by themselves",
+        "they were learned with antialiasing (Mip-Splatting) and the file does not say so; photos mostly tell by themselves",
         False,
     )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        changed = [name for name in WITHOUT_PHOTOS if getattr(self, name) != getattr(type(self), name)]
+        if self.photos and changed:
+            raise BadRequest(
+                f"With photos, which are the views, the option {changed[0]!r} has no meaning.",
+                "Leave out one of the two.",
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

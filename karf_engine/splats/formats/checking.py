@@ -10,6 +10,7 @@ import numpy as np
 
 from ...capture.limits import LARGEST_POSITION
 from ...errors import DataError, KarfError, missing_extra
+from ...io.inputs import MOST_BYTES
 from ..kernels.arrays import COLOR, LOG_SCALE, LOGIT, ROTATION
 
 EXTRA = "splats"  # of pyproject.toml: the packages of the kinds that need one
@@ -17,9 +18,9 @@ LOGITS = (-87.0, 16.0)  # beyond them float32 cannot tell the opacity from 0 and
 LOG_SCALES = (-87.0, 87.0)  # beyond them float32 cannot hold the scale; a smaller one is flat, a larger one damage
 LENGTHS = (1e-12, 1e12)  # of a quaternion: beyond them its square is 0 or infinite
 LARGEST_HARMONIC = 1e6
-MOST_ROWS_PER_BYTE = (
-    16  # the best packing of real Gaussians takes several bytes for one; a small file may claim any number
-)
+# bytes of a table for one of its file: about one Gaussian without further harmonics. Real packing of any degree stays
+# below 30; a small file may claim any number
+MOST_GROWTH = 64
 
 
 def damaged(path: Path, reason: str) -> DataError:
@@ -46,7 +47,7 @@ def needing_packages() -> Iterator[None]:
 
 
 @contextmanager
-def telling(path: Path) -> Iterator[None]:
+def explaining(path: Path) -> Iterator[None]:
     """Turn whatever a parser or a package raises about a file's content into a sentence.
 
     Raises:
@@ -68,13 +69,20 @@ def _words(error: Exception) -> str:
     return " ".join(str(error).split()).rstrip(".") or type(error).__name__
 
 
-def check_count(path: Path, count: int, size: int) -> None:
-    """Refuse to make room for Gaussians that cannot be in a file of this many bytes.
+def check_count(path: Path, count: int, n_harmonics: int, size: int) -> None:
+    """Refuse to make room for Gaussians that cannot be in a file; called before their arrays are made.
+
+    Args:
+        path: The file, for messages.
+        count: How many Gaussians it says that it has.
+        n_harmonics: K of each, 1 to 16.
+        size: Bytes of the file, packed as it is, with those that it refers to.
 
     Raises:
-        DataError: There are none, or more than any file so small holds.
+        DataError: There are none, or more than any file so small holds, or than are read of any file.
     """
-    if not 0 < count <= MOST_ROWS_PER_BYTE * size:
+    table = 4 * count * (COLOR + 3 * n_harmonics)  # bytes
+    if not 0 < table <= min(MOST_GROWTH * size, MOST_BYTES):
         raise damaged(path, f"it says that it has {count:,} Gaussians, in {size:,} bytes")
 
 
@@ -102,7 +110,7 @@ def checked(path: Path, table: np.ndarray) -> np.ndarray:
     _refuse(path, "a center that is not finite", (np.abs(centers) <= LARGEST_POSITION).all(1))
     _refuse(path, "a scale that is not finite", (scales <= LOG_SCALES[1]).all(1))
     _refuse(path, "a rotation that is no quaternion", (lengths >= LENGTHS[0]) & (lengths <= LENGTHS[1]))
-    _refuse(path, "an opacity that is none", ~np.isnan(table[:, LOGIT]))
+    _refuse(path, "an opacity that is not a number", ~np.isnan(table[:, LOGIT]))
     _refuse(path, "a color that is not finite", (np.abs(table[:, COLOR:]) <= LARGEST_HARMONIC).all(1))
     np.clip(scales, *LOG_SCALES, out=scales)
     np.clip(table[:, LOGIT], *LOGITS, out=table[:, LOGIT])

@@ -17,7 +17,7 @@ import numpy as np
 from ...capture.reading import read_bytes
 from ...io.files import atomic_write
 from ...io.ply import Element, Header, properties, read_header
-from .checking import check_count, checked, damaged, needing_packages, telling
+from .checking import check_count, checked, damaged, explaining, needing_packages
 from .packed import from_package, to_package
 from .splat_file import SplatFile
 
@@ -47,7 +47,7 @@ def read(path: Path) -> SplatFile:
         MissingDependency: gsply is not installed.
     """
     data = read_bytes(path)
-    with telling(path):
+    with explaining(path):
         header = read_header(data)
         _check(path, header, len(data))
         from gsply import decompress_from_bytes
@@ -97,7 +97,8 @@ def _check(path: Path, header: Header, size: int) -> None:
     if header.encoding != "binary_little_endian" or found[: len(expected)] != expected:
         raise damaged(path, "its elements are not those of compressed Gaussians (chunk, vertex, sh)")
     chunk, vertex, *rest = header.elements[: len(expected)]
-    check_count(path, vertex.count, size)
+    n_rest = len(rest[0].dtype) if rest else 0
+    check_count(path, vertex.count, 1 + n_rest // 3, size)
     if chunk.count != -(-vertex.count // CHUNK) or any(element.count != vertex.count for element in rest):
         raise damaged(path, f"its numbers of chunks and harmonics do not fit its {vertex.count:,} Gaussians")
     if size - header.size < sum(element.count * element.dtype.itemsize for element in (chunk, vertex, *rest)):

@@ -13,19 +13,23 @@ rotations to 1e-6 after they were made of length 1.
 
 from __future__ import annotations
 
+import hashlib
 import json
+import re
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 
 from ...errors import DataError
 from ...io.files import atomic_write
+from ...io.names import file_name
 from ...version import __version__
 from ..gaussians import DEGREES
 from ..kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
 from ..similarity import turned
-from .checking import check_count, checked, damaged, log_scales, logits, opacities, telling
+from .checking import check_count, checked, damaged, explaining, log_scales, logits, opacities
 from .gltf_document import (
     BINARY_CHUNK,
     CHUNK_HEADER,
@@ -43,6 +47,7 @@ from .turning import UPRIGHT
 EXTENSION = "KHR_gaussian_splatting"
 KERNEL, SRGB = "ellipse", "srgb_rec709_display"
 POINTS, VERTICES = 0, 34962  # glTF's numbers of a mode and a use
+MARK = 16  # letters of a checksum in the name of a .bin
 HALF_TURN = [1.0, 0.0, 0.0, 0.0]  # round x, as quaternion x y z w
 
 
@@ -53,20 +58,24 @@ def read(path: Path) -> SplatFile:
         DataError: The file or one it needs is missing, damaged or outside its folder, has no Gaussians or some of another
             kernel or color, or a row cannot be a Gaussian.
     """
-    with telling(path):
+    with explaining(path):
         document = Document(path)
         placed = [pair for pair in document.placed_primitives() if EXTENSION in pair[0].get("extensions", {})]
         if not placed:
             raise damaged(path, f"it has no points with {EXTENSION}")
-        tables: list[np.ndarray] = []
+        tables, count = [], 0
         for primitive, matrix in placed:
-            tables.append(turned(_table(document, primitive), UPRIGHT @ matrix))
-            check_count(path, sum(map(len, tables)), document.size)  # one mesh may be in any number of nodes
+            table = _table(document, primitive, count)
+            count += len(table)
+            tables.append(turned(table, UPRIGHT @ matrix))
         return SplatFile(checked(path, np.concatenate(tables)))
 
 
 def write(path: Path, splats: SplatFile) -> None:
     """Write Gaussians as .glb, or as .gltf with its numbers in a .bin beside it; columns have no place in it.
+
+    The .bin is named after the .gltf and its own content, so that no file of others is overwritten, and the pair that is
+    there stays whole until the new one is; then its .bin is removed.
 
     Raises:
         OSError: The disk takes no more, or the folder cannot be written.
@@ -75,21 +84,32 @@ def write(path: Path, splats: SplatFile) -> None:
     binary = b"".join(values.tobytes() for values in attributes.values())
     buffer: dict[str, Any] = {"byteLength": len(binary)}
     if path.suffix.lower() == ".gltf":
-        numbers = path.with_suffix(".bin")
+        numbers = path.with_name(f"{file_name(path.stem)}.{hashlib.sha256(binary).hexdigest()[:MARK]}.bin")
         atomic_write(numbers, lambda temporary: temporary.write_bytes(binary))
-        content = json.dumps(_json(attributes, buffer | {"uri": numbers.name}), indent=1).encode()
+        content = json.dumps(_json(attributes, buffer | {"uri": quote(numbers.name)}), indent=1).encode()
+        atomic_write(path, lambda temporary: temporary.write_bytes(content))
+        _remove_earlier(numbers)
     else:
         text = json.dumps(_json(attributes, buffer), separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)
         content = CHUNK_HEADER.pack(len(text), JSON_CHUNK) + text
         content += CHUNK_HEADER.pack(len(binary), BINARY_CHUNK) + binary
         content = FILE_HEADER.pack(MAGIC, 2, FILE_HEADER.size + len(content)) + content
-    atomic_write(path, lambda temporary: temporary.write_bytes(content))
+        atomic_write(path, lambda temporary: temporary.write_bytes(content))
+
+
+def _remove_earlier(numbers: Path) -> None:
+    """Remove what earlier writings of the same .gltf have left beside these numbers."""
+    stem = numbers.name[: -len(".bin") - MARK]
+    earlier = re.compile(re.escape(stem) + rf"[0-9a-f]{{{MARK}}}\.bin")
+    for path in numbers.parent.iterdir():
+        if earlier.fullmatch(path.name) and path.name != numbers.name:
+            path.unlink(missing_ok=True)
 
 
 # --------------------------------------------------------------------------------------------------------------- reading
-def _table(document: Document, primitive: dict[str, Any]) -> np.ndarray:
-    """[n, 11 + 3 K] float32 of a primitive."""
+def _table(document: Document, primitive: dict[str, Any], n_before: int) -> np.ndarray:
+    """[n, 11 + 3 K] float32 of a primitive; n_before: Gaussians of the file that are read already."""
     splatting, attributes = primitive["extensions"][EXTENSION], primitive["attributes"]
     if splatting["kernel"] != KERNEL or splatting["colorSpace"] != SRGB or splatting.get("extensions"):
         raise DataError(
@@ -97,9 +117,11 @@ def _table(document: Document, primitive: dict[str, Any]) -> np.ndarray:
             f"Export them as plain {EXTENSION}, in sRGB.",
         )
     n_harmonics = max((count for count in DEGREES if _harmonic_names(count)[-1] in attributes), default=1)
-    values = {name: document.accessor(attributes[name]) for name in _names(n_harmonics)}
-    centers, rotations, scales, opaque, *harmonics = values.values()
-    parts = (centers, log_scales(scales), np.roll(rotations, 1, 1), logits(opaque), *harmonics)
+    first, *names = _names(n_harmonics)
+    centers = document.accessor(attributes[first])
+    check_count(document.path, n_before + len(centers), n_harmonics, document.size)
+    rotations, scales, alphas, *harmonics = (document.accessor(attributes[name]) for name in names)
+    parts = (centers, log_scales(scales), np.roll(rotations, 1, 1), logits(alphas), *harmonics)
     if [part.shape[1] for part in parts] != [3, 3, 4, 1, *[3] * n_harmonics]:
         raise damaged(document.path, "its attributes have other widths than Gaussians")
     return np.concatenate(parts, 1, dtype=np.float32)
@@ -121,13 +143,13 @@ def _attributes(table: np.ndarray) -> dict[str, np.ndarray]:
     rotations = table[:, ROTATION:LOGIT].astype(np.float64)
     rotations /= np.linalg.norm(rotations, axis=1, keepdims=True)
     scales = np.exp(table[:, LOG_SCALE:ROTATION].astype(np.float64))
-    opaque, harmonics = opacities(table[:, LOGIT:COLOR]), table[:, COLOR:].reshape(len(table), -1, 3)
-    arrays = (table[:, :LOG_SCALE], np.roll(rotations, -1, 1), scales, opaque, *harmonics.swapaxes(0, 1))
+    alphas, harmonics = opacities(table[:, LOGIT:COLOR]), table[:, COLOR:].reshape(len(table), -1, 3)
+    arrays = (table[:, :LOG_SCALE], np.roll(rotations, -1, 1), scales, alphas, *harmonics.swapaxes(0, 1))
     found = {
         name: np.ascontiguousarray(values, "<f4")
         for name, values in zip(_names(harmonics.shape[1]), arrays, strict=True)
     }
-    colors = np.concatenate([0.5 + C0 * harmonics[:, 0], opaque], 1)
+    colors = np.concatenate([0.5 + C0 * harmonics[:, 0], alphas], 1)
     return found | {"COLOR_0": np.round(np.clip(colors, 0, 1) * 255).astype(np.uint8)}
 
 

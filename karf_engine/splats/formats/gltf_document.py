@@ -8,8 +8,10 @@ import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ...capture.reading import read_bytes
 from ...io.inputs import MOST_JSON
@@ -22,7 +24,7 @@ FLOAT, UNSIGNED_BYTE = 5126, 5121  # glTF's numbers of types
 COMPONENTS = {5120: "<i1", UNSIGNED_BYTE: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", FLOAT: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 DEEPEST = 100  # nodes below each other
-MOST_NODES = 10_000
+MOST_PLACED = 10_000  # nodes, and primitives of meshes in them: a small file may place one any number of times
 
 
 class Document:
@@ -52,15 +54,23 @@ class Document:
 
     def placed_primitives(self) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
         """Each primitive of the scene's meshes, and the matrix [4, 4] that moves it into the scene; as often as it is there."""
-        waiting = [(number, np.eye(4), 1) for number in self._roots()]
-        for n_seen, (number, above, depth) in enumerate(waiting):  # which grows
-            if depth > DEEPEST or n_seen > MOST_NODES:
-                raise damaged(self.path, "its nodes are nested without end")
+        roots = self._roots()
+        n_placed = self._checked_number(len(roots))
+        waiting = [(number, np.eye(4), 1) for number in roots]
+        for number, above, depth in waiting:  # which grows
             node = item(self.json["nodes"], number)
-            matrix = above @ _matrix(node)
-            waiting += [(child, matrix, depth + 1) for child in node.get("children", ())]
-            mesh = item(self.json["meshes"], node["mesh"]) if "mesh" in node else {"primitives": ()}
-            yield from ((primitive, matrix) for primitive in mesh["primitives"])
+            children, matrix = node.get("children", ()), above @ _matrix(node)
+            primitives = item(self.json["meshes"], node["mesh"])["primitives"] if "mesh" in node else ()
+            n_placed = self._checked_number(n_placed + len(children) + len(primitives))
+            if depth == DEEPEST and children:
+                raise damaged(self.path, "its nodes are nested without end")
+            waiting += [(child, matrix, depth + 1) for child in children]
+            yield from ((primitive, matrix) for primitive in primitives)
+
+    def _checked_number(self, n_placed: int) -> int:
+        if n_placed > MOST_PLACED:
+            raise damaged(self.path, f"it places more than {MOST_PLACED:,} nodes and meshes in its scene")
+        return n_placed
 
     def _roots(self) -> list[int]:
         if "scenes" in self.json:
@@ -101,14 +111,15 @@ class Document:
         return self._buffers[number]
 
     def _fetched(self, uri: Any) -> bytes:
-        """The bytes of a URI: data in it, or a file in the same folder."""
+        """The bytes of a URI (RFC 3986: with escapes such as %20): data in it, or a file in the same folder."""
         if not isinstance(uri, str):
             raise ValueError("it has a buffer without bytes")
         if uri.startswith("data:"):
             return base64.b64decode(uri.partition(";base64,")[2], validate=True)
-        if not is_file_name(uri):
+        name = unquote(uri)
+        if not is_file_name(name):
             raise damaged(self.path, f"it wants {uri[:100]!r}, which is no file beside it")
-        return read_bytes(self.path.with_name(uri))
+        return read_bytes(self.path.with_name(name))
 
 
 def item(values: Any, number: Any) -> dict[str, Any]:
@@ -145,13 +156,8 @@ def _matrix(node: dict[str, Any]) -> np.ndarray:
     """[4, 4], which moves what is in a node into the one above."""
     if "matrix" in node:
         return np.array(node["matrix"], np.float64).reshape(4, 4).T
-    x, y, z, w = (float(part) for part in node.get("rotation", (0, 0, 0, 1)))
+    rotation = Rotation.from_quat(np.array(node.get("rotation", (0, 0, 0, 1)), np.float64).reshape(4))
     matrix = np.eye(4)
-    matrix[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    matrix[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), np.float64)
+    matrix[:3, :3] = rotation.as_matrix() * np.array(node.get("scale", (1, 1, 1)), np.float64)
     matrix[:3, 3] = node.get("translation", (0, 0, 0))
     return matrix

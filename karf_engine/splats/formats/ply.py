@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,10 +21,10 @@ import numpy as np
 from ...capture.reading import read_bytes
 from ...errors import DataError
 from ...io.files import atomic_write
-from ...io.ply import MOST_HEADER, Header, locate, properties, read_header, read_rows, vertex_file
+from ...io.ply import Header, locate, properties, read_header, read_rows, vertex_file
 from ..gaussians import DEGREES
 from ..kernels.arrays import COLOR
-from .checking import checked, damaged, telling
+from .checking import checked, damaged, explaining
 from .splat_file import SplatFile
 
 GEOMETRY = ("x", "y", "z", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3", "opacity")
@@ -38,11 +39,40 @@ def read(path: Path) -> SplatFile:
     Raises:
         DataError: The file is missing, damaged, cut off or no such PLY, or a row cannot be a Gaussian.
     """
-    header, rows = _vertices(path, read_bytes(path))
+    return open_original(path).splats
+
+
+@dataclass(frozen=True)
+class Original:
+    """A PLY file of Gaussians with all its bytes.
+
+    Attributes:
+        path: Of the file.
+        splats: What `read` gives of it.
+    """
+
+    path: Path
+    splats: SplatFile
+    _data: bytes
+    _header: Header
+    _rows: np.ndarray
+
+    @property
+    def is_text(self) -> bool:
+        """Whether its numbers are text, and cannot be changed in their places."""
+        return self._header.encoding == "ascii"
+
+
+def open_original(path: Path) -> Original:
+    """Read a PLY file of Gaussians and keep its bytes, to `rewrite` it. Raises as `read`."""
+    data = read_bytes(path)
+    with explaining(path):
+        header = read_header(data)
+        rows = read_rows(data, header, "vertex")
     names = _names_in(path, rows)
     foreign = [name for name in rows.dtype.names or () if name not in {*names, *NORMALS}]
     columns = {name: rows[name].astype(rows.dtype[name].newbyteorder("=")) for name in foreign}
-    return SplatFile(_table(path, rows, names), _filter_of(header), columns)
+    return Original(path, SplatFile(_table(path, rows, names), _filter_of(header), columns), data, header, rows)
 
 
 def write(path: Path, splats: SplatFile) -> None:
@@ -64,26 +94,27 @@ def write(path: Path, splats: SplatFile) -> None:
     atomic_write(path, lambda temporary: temporary.write_bytes(vertex_file(rows, mode)))
 
 
-def rewrite(source: Path, out: Path, table: np.ndarray, columns: Mapping[str, np.ndarray] | None = None) -> None:
+def rewrite(original: Original, out: Path, table: np.ndarray, columns: Mapping[str, np.ndarray] | None = None) -> None:
     """Write a PLY file again with other values; every byte that does not hold one of them stays.
 
     Args:
-        source: A binary PLY file that `read` reads.
-        out: The file to write, which may be `source`.
-        table: [n, 11 + 3 K] float32, as `read` gives it but for what is to change.
+        original: The file, binary.
+        out: The file to write, which may be the same.
+        table: [n, 11 + 3 K] float32, as the file has it but for what is to change.
         columns: Values of each Gaussian, [n] by name: those of a property that the file has replace it, in its type;
             others become new properties behind a vertex's last.
 
     Raises:
-        DataError: The source is no such file, or is text.
+        DataError: The file is text.
         ValueError: Table or columns are not of the file's shape, or a column has a type that PLY has not.
     """
-    data = read_bytes(source)
-    header, rows = _vertices(source, data)
-    if header.encoding == "ascii":
-        raise DataError(f"{source} is a PLY file of text, which is not changed in place.", "Save it as binary PLY.")
-    names, columns = _names_in(source, rows), columns or {}
-    changed = _changed(rows, _table(source, rows, names), table, names)
+    data, header, rows = original._data, original._header, original._rows
+    if original.is_text:
+        raise DataError(
+            f"{original.path} is a PLY file of text, which is not changed in place.", "Save it as binary PLY."
+        )
+    columns = columns or {}
+    changed = _changed(rows, original.splats.table, table)
     new = {name: column for name, column in columns.items() if name not in rows.dtype.names}
     written = _widened(changed, {name: column.dtype for name, column in new.items()}, header)
     for name, column in columns.items():
@@ -93,15 +124,6 @@ def rewrite(source: Path, out: Path, table: np.ndarray, columns: Mapping[str, np
     head = _with_properties(data[: header.size], vertex.end, properties(written.dtype)[len(rows.dtype) :])
     content = b"".join((head, data[header.size : header.size + start], written.tobytes(), data[end:]))
     atomic_write(out, lambda temporary: temporary.write_bytes(content))
-
-
-def can_rewrite(path: Path) -> bool:
-    """Whether this is a binary PLY file of Gaussians that are not compressed. Raises DataError where it is no PLY file."""
-    with telling(path), path.open("rb") as stream:
-        header = read_header(stream.read(MOST_HEADER))
-    vertex = header.element("vertex")
-    is_plain = vertex is not None and vertex.dtype is not None and "f_dc_0" in vertex.dtype.names
-    return is_plain and header.encoding != "ascii"
 
 
 def property_names(width: int) -> list[str]:
@@ -123,12 +145,6 @@ def property_names(width: int) -> list[str]:
 
 def _rest(names: list[str]) -> list[str]:
     return [f"f_rest_{number}" for number in range(len(names) - COLOR - 3)]
-
-
-def _vertices(path: Path, data: bytes) -> tuple[Header, np.ndarray]:
-    with telling(path):
-        header = read_header(data)
-        return header, read_rows(data, header, "vertex")
 
 
 def _names_in(path: Path, rows: np.ndarray) -> list[str]:
@@ -158,12 +174,12 @@ def _filter_of(header: Header) -> bool | None:
     return False if any(map(UNFILTERED.match, header.comments)) else None
 
 
-def _changed(rows: np.ndarray, old: np.ndarray, new: np.ndarray, names: list[str]) -> np.ndarray:
+def _changed(rows: np.ndarray, old: np.ndarray, new: np.ndarray) -> np.ndarray:
     """The file's rows with what differs between two tables; others keep digits that float32 has not."""
     if new.shape != old.shape:
         raise ValueError(f"a table of {new.shape} for a file of {old.shape}")
     changed = rows.copy()
-    for name, before, after in zip(names, old.T, new.T, strict=True):
+    for name, before, after in zip(property_names(old.shape[1]), old.T, new.T, strict=True):
         differs = before != after
         changed[name][differs] = after[differs]
     return changed

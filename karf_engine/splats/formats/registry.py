@@ -8,10 +8,9 @@ from pathlib import Path
 
 from ...errors import BadRequest
 from ...io.inputs import check_file
+from ...io.ply import MOST_HEADER
 from . import compressed_ply, gltf, ply, sog, splat, spz, usd
 from .splat_file import SplatFile
-
-HEAD = 1 << 14  # bytes by which a kind is known
 
 
 @dataclass(frozen=True)
@@ -52,17 +51,28 @@ def read_splats(path: Path) -> SplatFile:
     """
     kind = _kind(path, KINDS)
     if kind.read in (ply.read, compressed_ply.read):
-        check_file(path)
-        with path.open("rb") as stream:
-            return compressed_ply.read(path) if compressed_ply.is_compressed(stream.read(HEAD)) else ply.read(path)
+        return ply.read(path) if is_plain_ply(path) else compressed_ply.read(path)
     return kind.read(path)
+
+
+def is_plain_ply(path: Path) -> bool:
+    """Whether this is a PLY file by the name's end, and not a compressed one by the content.
+
+    Raises:
+        DataError: It has this end and is missing, or no file.
+    """
+    if path.suffix.lower() != ".ply":
+        return False
+    check_file(path)
+    with path.open("rb") as stream:
+        return not compressed_ply.is_compressed(stream.read(MOST_HEADER))
 
 
 def write_splats(path: Path, splats: SplatFile) -> None:
     """Write Gaussians atomically, as the kind that the name's end tells; columns only as .ply.
 
     Raises:
-        BadRequest: No kind that is written has this end.
+        BadRequest: No kind that is written has this end, or this kind cannot hold centers that are so far.
         MissingDependency: A package that this kind needs is not installed.
         OSError: The disk takes no more, or the folder cannot be written.
     """

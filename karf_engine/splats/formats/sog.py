@@ -21,7 +21,7 @@ import numpy as np
 from ...capture.reading import read_bytes
 from ...io.image_size import webp_size
 from ...io.inputs import MOST_JSON
-from .checking import check_count, checked, damaged, telling
+from .checking import check_count, checked, damaged, explaining
 from .packed import from_package
 from .splat_file import SplatFile
 
@@ -30,7 +30,7 @@ META = "meta.json"
 CODES = 256
 PALETTE_WIDTH = 64  # entries in a row of the picture of harmonics
 PALETTE = 1 << 16  # entries, at most
-N_HARMONICS = {1: 3, 2: 8, 3: 15}  # by the degree
+N_HARMONICS = {1: 3, 2: 8, 3: 15}  # beyond the first, by the degree
 SPARE = 4096  # pixels by which a picture may be larger than its Gaussians need, and half as large again
 
 
@@ -42,7 +42,7 @@ def read(path: Path) -> SplatFile:
         MissingDependency: gsply or imagecodecs is not installed.
     """
     data = read_bytes(path)
-    with telling(path):
+    with explaining(path):
         members = _members(path, data)
         meta = json.loads(members[META])
         _check(path, meta, members, len(data))
@@ -76,7 +76,8 @@ def _check(path: Path, meta: dict[str, Any], members: dict[str, bytes], size: in
     if meta.get("version") != VERSION:
         raise damaged(path, f"it is of version {meta.get('version', 1)!r}, where {VERSION} is read")
     count = _whole(meta["count"])
-    check_count(path, count, size)
+    n_harmonics = 1 + N_HARMONICS[_whole(meta["shN"]["bands"])] if "shN" in meta else 1
+    check_count(path, count, n_harmonics, size)
     _numbers(meta["means"]["mins"], 3), _numbers(meta["means"]["maxs"], 3)
     _numbers(meta["scales"]["codebook"], CODES), _numbers(meta["sh0"]["codebook"], CODES)
     for part, n_pictures in (("means", 2), ("quats", 1), ("scales", 1), ("sh0", 1)):
@@ -86,7 +87,7 @@ def _check(path: Path, meta: dict[str, Any], members: dict[str, bytes], size: in
         return
     harmonics = meta["shN"]
     _numbers(harmonics["codebook"], CODES)
-    entries, width = _whole(harmonics["count"]), PALETTE_WIDTH * N_HARMONICS[_whole(harmonics["bands"])]
+    entries, width = _whole(harmonics["count"]), PALETTE_WIDTH * (n_harmonics - 1)
     centroids, labels = _names(harmonics["files"], 2)
     _check_picture(path, labels, members[labels], count)
     found = webp_size(members[centroids])

@@ -21,8 +21,9 @@ from pathlib import Path
 import numpy as np
 
 from ...capture.reading import read_bytes
+from ...errors import BadRequest
 from ...io.files import atomic_write
-from .checking import check_count, checked, damaged, needing_packages, telling
+from .checking import check_count, checked, damaged, explaining, needing_packages
 from .packed import from_package, to_package
 from .splat_file import SplatFile
 from .turning import upright
@@ -37,7 +38,7 @@ VERSIONS = (2, 3, STREAMED)
 BYTES = {0: 20, 1: 29, 2: 44, 3: 65}  # of a Gaussian by the degree; version 2 has one less
 FLAGS_AT = 14  # bytes from the start
 ANTIALIASED = 1
-POSITION_BITS, MOST_BITS = 23, 24
+POSITION_BITS, LEAST_BITS, MOST_BITS = 23, 1, 24  # of a coordinate without its sign; of these behind the point
 BLOCK = 1 << 20  # bytes
 
 
@@ -63,7 +64,7 @@ def read(path: Path) -> SplatFile:
         MissingDependency: gsply, or for version 4 zstandard, is not installed.
     """
     data = read_bytes(path)
-    with telling(path):
+    with explaining(path):
         header = _checked_header(path, data)
         from gsply import read_spz
 
@@ -75,11 +76,11 @@ def write(path: Path, splats: SplatFile) -> None:
     """Write Gaussians as SPZ of version 3; columns have no place in it.
 
     Raises:
+        BadRequest: A center is farther than its fixed point holds.
         MissingDependency: gsply is not installed.
         OSError: The disk takes no more, or the folder cannot be written.
     """
-    farthest = max(float(np.abs(splats.table[:, :3]).max()), 2.0 ** (POSITION_BITS - MOST_BITS))
-    bits = int(np.clip(np.floor(np.log2((2**POSITION_BITS - 1) / farthest)), 1, MOST_BITS))
+    bits = _fraction_bits(path, float(np.abs(splats.table[:, :3]).max()))
 
     def write_packed(temporary: Path) -> None:
         with needing_packages():
@@ -90,6 +91,20 @@ def write(path: Path, splats: SplatFile) -> None:
             _flag_antialiased(temporary)
 
     atomic_write(path, write_packed)
+
+
+def _fraction_bits(path: Path, farthest: float) -> int:
+    """How many bits behind the point are left by the farthest coordinate."""
+    most = 2**POSITION_BITS - 1
+    if farthest * 2**LEAST_BITS > most:
+        raise BadRequest(
+            "{path} cannot hold a center that is {farthest:.3g} away: SPZ ends at {most:.3g}.",
+            "Write another kind of file, such as .ply, or make the scene smaller.",
+            path=path,
+            farthest=farthest,
+            most=most / 2**LEAST_BITS,
+        )
+    return int(np.floor(np.log2(most / max(farthest, 2.0 ** (POSITION_BITS - MOST_BITS)))))
 
 
 def _flag_antialiased(path: Path) -> None:
@@ -108,7 +123,7 @@ def _checked_header(path: Path, data: bytes) -> _Header:
         raise damaged(path, f"it is no SPZ file of version 2, 3 or 4 (magic {magic!r}, version {version})")
     if degree not in BYTES:
         raise damaged(path, f"its harmonics are of degree {degree}; 0 to 3 are read")
-    check_count(path, count, len(data))
+    check_count(path, count, (degree + 1) ** 2, len(data))
     if is_packed:
         _check_unpacked(path, data, header)
     else:

@@ -26,13 +26,14 @@ from ...io.inputs import check_file
 from ..gaussians import DEGREES
 from ..kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
 from ..similarity import turned
-from .checking import check_count, checked, damaged, log_scales, logits, needing_packages, opacities, telling
+from .checking import check_count, checked, damaged, explaining, log_scales, logits, needing_packages, opacities
 from .splat_file import SplatFile
 from .turning import UPRIGHT
 from .usd_crate import check_counts
+from .usd_layer import check_size, other_files
 
 if TYPE_CHECKING:
-    from pxr import Sdf, Usd
+    from pxr import Usd
 
 NAME = "/Gaussians"
 SIGMAS = 3  # as far as a Gaussian counts for the bounds
@@ -47,17 +48,18 @@ def read(path: Path) -> SplatFile:
         MissingDependency: usd-core is not installed.
     """
     size = check_file(path)
-    with telling(path):
+    with explaining(path):
         from pxr import Usd, UsdGeom
 
         stage = _stage(path)
         axes = UPRIGHT @ (Z_UP if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else np.eye(4))
-        tables: list[np.ndarray] = []
+        tables, count = [], 0
         for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
             if prim.GetTypeName() == "ParticleField3DGaussianSplat":
                 matrix = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default())).T
-                tables.append(turned(_table(path, prim), axes @ matrix))
-                check_count(path, sum(map(len, tables)), size)  # one prim may be in any number of places
+                table = _table(path, prim, count, size)
+                count += len(table)
+                tables.append(turned(table, axes @ matrix))
         if not tables:
             raise damaged(path, "it has no ParticleField3DGaussianSplat")
         return SplatFile(checked(path, np.concatenate(tables)))
@@ -91,35 +93,21 @@ def _stage(path: Path) -> Usd.Stage:
         layer = Sdf.Layer.OpenAsAnonymous(str(path))
     if layer is None:
         raise damaged(path, "usd-core finds no USD in it")
-    others = _other_files(layer)
+    others = other_files(layer)
     if others:
         raise DataError(f"{path} refers to other files, such as {others[0]}.", "Flatten it: usdcat --flatten.")
+    check_size(layer)
     return Usd.Stage.Open(layer, Usd.Stage.LoadNone)
 
 
-def _other_files(layer: Sdf.Layer) -> list[str]:
-    """What a layer is composed of besides itself. usd-core's own function ends the process where a spec is missing."""
-    from pxr import Sdf
-
-    paths: list[Sdf.Path] = []
-    layer.Traverse(Sdf.Path.absoluteRootPath, paths.append)
-    if not all(layer.GetObjectAtPath(path) for path in paths):
-        raise ValueError("it names prims that are not in it")
-    prims = [layer.GetPrimAtPath(path) for path in paths if path.IsPrimPath() or path.IsPrimVariantSelectionPath()]
-    composing = [arcs for prim in filter(None, prims) for arcs in (prim.referenceList, prim.payloadList)]
-    return [
-        *layer.subLayerPaths,
-        *(arc.assetPath for arcs in composing for arc in arcs.GetAddedOrExplicitItems() if arc.assetPath),
-    ]
-
-
-def _table(path: Path, prim: Usd.Prim) -> np.ndarray:
-    """[n, 11 + 3 K] float32 of a prim."""
+def _table(path: Path, prim: Usd.Prim, n_before: int, size: int) -> np.ndarray:
+    """[n, 11 + 3 K] float32 of a prim; n_before: Gaussians of the file that are read already, size: its bytes."""
     degree = prim.GetAttribute("radiance:sphericalHarmonicsDegree").Get()
     if degree not in DEGREES.values():
         raise damaged(path, f"its harmonics are of degree {degree}; 0 to 3 are read")
     centers = _values(prim, "positions")
     n_harmonics = (degree + 1) ** 2
+    check_count(path, n_before + len(centers), n_harmonics, size)  # one prim may be in any number of places
     harmonics = _values(prim, "radiance:sphericalHarmonicsCoefficients")[: len(centers) * n_harmonics]
     parts = (
         centers,

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from ...compute.kernels import kernel
 
+MOST_ENTRIES = 1 << 30  # 8 GiB of them; slots and starts hold twice as many
+
 
 @kernel
 def count_entries(tiles, tiles_x, slots, starts):
-    """Count entries.
+    """Count entries; returns whether they are at most MOST_ENTRIES, else nothing is counted.
 
     Args:
         tiles: [n] of TILES.
@@ -15,15 +17,22 @@ def count_entries(tiles, tiles_x, slots, starts):
         slots: [n + 1]: becomes the first slot of each Gaussian, which has one for each of its tiles.
         starts: [T + 1], zeros: becomes the first entry of each tile.
     """
+    total = 0  # of 64 bits
     slots[0] = 0
     for g in range(len(tiles)):
         box = tiles[g]
-        slots[g + 1] = slots[g] + (box.right - box.left) * (box.bottom - box.top)
+        total += (box.right - box.left) * (box.bottom - box.top)
+        if total > MOST_ENTRIES:
+            return False
+        slots[g + 1] = total
+    for g in range(len(tiles)):
+        box = tiles[g]
         for y in range(box.top, box.bottom):
             for x in range(box.left, box.right):
                 starts[y * tiles_x + x + 1] += 1
     for tile in range(len(starts) - 1):
         starts[tile + 1] += starts[tile]
+    return True
 
 
 @kernel

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from blender_tests.engine.splats.clouds import GROUPS, cloud
+from karf_engine.splats.formats.ply import property_names
 from karf_engine.splats.kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
 
 ENDS = (".ply", ".compressed.ply", ".spz", ".glb", ".gltf", ".usda", ".usdc", ".usd")  # that are written
@@ -30,6 +31,13 @@ def distances(found: np.ndarray, wanted: np.ndarray) -> dict[str, float]:
     rotations = GROUPS["rotation"]
     found[:, rotations] *= np.sign((found[:, rotations] * wanted[:, rotations]).sum(1, keepdims=True))
     return {name: float(np.abs(found[:, group] - wanted[:, group]).max(initial=0)) for name, group in GROUPS.items()}
+
+
+def write_text(path: Path, table: np.ndarray) -> None:
+    """A PLY file of text."""
+    names = "".join(f"property float {name}\n" for name in property_names(table.shape[1]))
+    rows = "".join(" ".join(map(repr, row)) + "\n" for row in table.astype(float).tolist())
+    path.write_text(f"ply\nformat ascii 1.0\nelement vertex {len(table)}\n{names}end_header\n{rows}")
 
 
 def write_splat(path: Path, table: np.ndarray) -> None:

@@ -1,9 +1,11 @@
 """Plain PLY files as many programs write them, and rewritten without a foreign byte changed."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
-from blender_tests.engine.splats.formats.files import unit_cloud
+from blender_tests.engine.splats.formats.files import unit_cloud, write_text
 from karf_engine.errors import DataError
 from karf_engine.splats.formats import ply
 from karf_engine.splats.formats.splat_file import SplatFile
@@ -38,11 +40,11 @@ def test_other_programs_files_are_read_and_rewritten(order, line_end, kind, tmp_
     found = ply.read(path)
     assert np.array_equal(found.table, table) and found.is_antialiased is True
     assert [*found.columns] == ["segment"] and np.array_equal(found.columns["segment"], np.arange(20))
-    ply.rewrite(path, out, found.table)
+    ply.rewrite(ply.open_original(path), out, found.table)
     assert out.read_bytes() == path.read_bytes()
     changed = table.copy()
     changed[3, 11:] += 0.5
-    ply.rewrite(path, out, changed, {"segment": np.full(20, 9), "label": COLUMNS["label"]})
+    ply.rewrite(ply.open_original(path), out, changed, {"segment": np.full(20, 9), "label": COLUMNS["label"]})
     found = ply.read(out)
     assert np.array_equal(found.table, changed)
     assert [*found.columns] == ["segment", "label"] and set(found.columns["segment"]) == {9}
@@ -57,19 +59,42 @@ def test_only_what_changes_is_written(tmp_path):
     table = foreign(path, kind="f8")
     before = np.frombuffer(path.read_bytes(), np.uint8).copy()
     table[7, 11] += 1
-    ply.rewrite(path, path, table)
+    ply.rewrite(ply.open_original(path), path, table)
     assert 0 < np.count_nonzero(before != np.frombuffer(path.read_bytes(), np.uint8)) <= 8
 
 
 def test_text_is_read_but_not_rewritten(tmp_path):
     path = tmp_path / "cloud.ply"
     table = unit_cloud(2, 0)
-    names = "".join(f"property float {name}\n" for name in ply.property_names(14))
-    rows = "".join(" ".join(map(repr, row)) + "\n" for row in table.astype(float).tolist())
-    path.write_text(f"ply\nformat ascii 1.0\nelement vertex 2\n{names}end_header\n{rows}")
+    write_text(path, table)
     assert np.array_equal(ply.read(path).table, table)
     with pytest.raises(DataError, match=r"cloud\.ply is a PLY file of text"):
-        ply.rewrite(path, path, table)
+        ply.rewrite(ply.open_original(path), path, table)
+
+
+def test_a_text_takes_the_room_of_its_numbers_and_not_of_its_words(tmp_path):
+    path, count = tmp_path / "cloud.ply", 40_000
+    names = "".join(f"property float {name}\n" for name in ply.property_names(14))
+    row = " ".join(["1.5"] * 14)
+    path.write_text(
+        f"ply\nformat ascii 1.0\nelement camera 1\nproperty float id\nelement vertex {count}\n{names}end_header\n7\n"
+        + f"{row}\n" * count
+    )
+    tracemalloc.start()
+    table = ply.read(path).table
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert table.shape == (count, 14) and (table == 1.5).all()
+    assert peak < path.stat().st_size + 30 * table.size, "as words they would take forty bytes a number more"
+
+
+def test_a_text_that_is_cut_off_or_has_words_is_refused(tmp_path):
+    path = tmp_path / "cloud.ply"
+    names = "".join(f"property float {name}\n" for name in ply.property_names(14))
+    for row, words in (("1 " * 13, "2 rows do not fit into its 13 numbers"), ("x " * 28, "its rows are not numbers")):
+        path.write_text(f"ply\nformat ascii 1.0\nelement vertex 2\n{names}end_header\n{row}")
+        with pytest.raises(DataError, match=words):
+            ply.read(path)
 
 
 def test_columns_are_kept_in_their_types(tmp_path):
@@ -82,7 +107,7 @@ def test_columns_are_kept_in_their_types(tmp_path):
 def test_a_table_of_another_shape_is_refused(tmp_path):
     foreign(tmp_path / "cloud.ply")
     with pytest.raises(ValueError, match=r"\(20, 14\) for a file of \(20, 23\)"):
-        ply.rewrite(tmp_path / "cloud.ply", tmp_path / "out.ply", unit_cloud(20, 0))
+        ply.rewrite(ply.open_original(tmp_path / "cloud.ply"), tmp_path / "out.ply", unit_cloud(20, 0))
 
 
 def test_a_type_that_ply_has_not_is_refused(tmp_path):

@@ -5,7 +5,9 @@ import json
 import re
 import struct
 import sys
+import tracemalloc
 import zipfile
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -50,7 +52,7 @@ def written(folder, end, table=TABLE):
         ("scales", np.inf, "a scale that is not finite"),
         ("harmonics", -np.inf, "a color that is not finite"),
         ("rotation", 0, "a rotation that is no quaternion"),
-        ("opacity", np.nan, "an opacity that is none"),
+        ("opacity", np.nan, "an opacity that is not a number"),
     ],
 )
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
@@ -113,7 +115,22 @@ def test_compressed_ply_with_other_counts(tmp_path):
     refused(path, "it is cut off")
 
 
+def test_a_long_header_does_not_hide_that_a_ply_is_compressed(tmp_path):
+    path = written(tmp_path, ".compressed.ply")
+    start, rest = path.read_bytes().split(b"element", 1)
+    path.write_bytes(start + b"comment " + b"x" * 50_000 + b"\nelement" + rest)
+    assert len(read_splats(path)) == len(TABLE)
+
+
 # ------------------------------------------------------------------------------------------------------------------ packed
+def test_more_gaussians_than_a_file_can_hold_are_refused_before_it_is_unpacked(tmp_path):
+    """A million equal ones would be there: they pack to nothing, as no scene does."""
+    pytest.importorskip("gsply")
+    path = tmp_path / "cloud.spz"
+    path.write_bytes(gzip.compress(struct.pack("<4sIIBBBB", b"NGSP", 3, 10**6, 3, 12, 0, 0) + bytes(65 * 10**6)))
+    refused(path, "1,000,000 Gaussians, in")
+
+
 def test_a_gzip_bomb_is_not_unpacked(tmp_path):
     pytest.importorskip("gsply")
     path = tmp_path / "cloud.spz"
@@ -237,9 +254,50 @@ def test_broken_gltf(change, words, tmp_path):
 def test_one_mesh_in_any_number_of_nodes(tmp_path):
     path = written(tmp_path, ".gltf", unit_cloud(60, 0))
     content = json.loads(path.read_text())
-    content["nodes"] = [*({"children": [number + 1] * 2} for number in range(12)), {"mesh": 0}]  # doubled twelve times
+    content["nodes"] = [*({"children": [number + 1] * 2} for number in range(11)), {"mesh": 0}]  # doubled eleven times
     path.write_text(json.dumps(content))
     refused(path, "Gaussians, in")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda content: content.update(nodes=[{"children": [0] * 20_000}]),
+        lambda content: content.update(scenes=[{"nodes": [0] * 20_000}]),
+        lambda content: content["meshes"][0].update(primitives=content["meshes"][0]["primitives"] * 20_000),
+    ],
+    ids=["children", "roots", "primitives"],
+)
+def test_more_nodes_than_any_scene_has_are_refused_before_they_are_gathered(change, tmp_path):
+    path = written(tmp_path, ".gltf", unit_cloud(1, 0))
+    content = json.loads(path.read_text())
+    change(content)
+    path.write_text(json.dumps(content))
+    tracemalloc.start()
+    refused(path, "places more than 10,000 nodes and meshes")
+    assert tracemalloc.get_traced_memory()[1] < 100e6
+    tracemalloc.stop()
+
+
+def test_many_primitives_take_time_as_their_number_and_no_more(tmp_path):
+    path = written(tmp_path, ".gltf", unit_cloud(1, 0))
+    content = json.loads(path.read_text())
+    content["meshes"][0]["primitives"] *= 9_000
+    content["extras"] = "x" * 20_000  # a file large enough for so many
+    path.write_text(json.dumps(content))
+    assert len(read_splats(path)) == 9_000
+
+
+def test_names_beside_a_gltf_may_be_escaped(tmp_path):
+    path = written(tmp_path, ".gltf")
+    next(tmp_path.glob("*.bin")).rename(tmp_path / "my garden #1%41.bin")
+    content = json.loads(path.read_text())
+    content["buffers"][0]["uri"] = "my%20garden%20%231%2541.bin"
+    path.write_text(json.dumps(content))
+    assert len(read_splats(path)) == len(TABLE)
+    content["buffers"][0]["uri"] = "..%2Fcloud.bin"
+    path.write_text(json.dumps(content))
+    refused(path, "which is no file beside it")
 
 
 def test_nodes_move_what_is_in_them(tmp_path):
@@ -289,6 +347,74 @@ def test_usd_that_refers_to_other_files(arc, tmp_path):
     refused(path, "refers to other files, such as /etc/passwd")
     path.write_text(text + 'def "More" (references = </Gaussians>) {}\n')
     assert len(read_splats(path)) == 2 * len(TABLE)
+
+
+def test_usd_with_values_in_other_files(tmp_path):
+    path = written(tmp_path, ".usda")
+    clips = 'clips = { dictionary default = { asset[] assetPaths = [@./other.usda@]\nstring primPath = "/Gaussians" } }'
+    old = 'ParticleField3DGaussianSplat "Gaussians"'
+    path.write_text(path.read_text().replace(old, f"{old} (\n{clips}\n)"))
+    refused(path, "refers to other files, such as the value clips of /Gaussians")
+
+
+@pytest.mark.parametrize("arc", ["references", "inherits", "instanceable = true\nreferences"])
+def test_usd_references_that_double_are_not_followed(arc, tmp_path):
+    path = written(tmp_path, ".usda")
+    last = 'def Xform "A0" {}\n'
+    doubling = (
+        f'def Xform "A{n}" {{\ndef "l" ({arc} = </A{n - 1}>) {{}}\ndef "r" ({arc} = </A{n - 1}>) {{}}\n}}\n'
+        for n in range(1, 40)
+    )
+    path.write_text(path.read_text() + last + "".join(doubling))
+    refused(path, "more than 10,000 prims")
+
+
+def test_usd_that_refers_to_what_it_has_not(tmp_path):
+    path = written(tmp_path, ".usda")
+    path.write_text(path.read_text() + 'def "More" (references = </Nothing>) {}\n')
+    refused(path, "/More refers to /Nothing, which is not in it")
+
+
+def test_a_packed_array_of_usd_that_claims_a_billion_numbers(tmp_path):
+    """usd-core would make room for them all before it unpacks the first."""
+    table = unit_cloud(700, 0)
+    table[:, GROUPS["opacity"]] = 16  # equal opacities are packed
+    path = written(tmp_path, ".usdc", table)
+    data, count = path.read_bytes(), struct.pack("<Q", 700)
+    places = [match.start() for match in re.finditer(re.escape(count), data)]
+    claiming = [data[:place] + struct.pack("<Q", 10**9) + data[place + 8 :] for place in places]
+    for changed in claiming:
+        path.write_bytes(changed)
+        with suppress(DataError):
+            read_splats(path)
+    path.write_bytes(claiming[0])
+    refused(path, "it says that it has 1,000,000,000 numbers")
+
+
+def test_a_packed_array_of_usd_with_indices_outside_its_table(tmp_path):
+    """usd-core would read beside the table."""
+    table = unit_cloud(700, 0)
+    table[:, GROUPS["opacity"]] = np.linspace(-3, 3, 7)[np.arange(700) % 7, None]
+    path = written(tmp_path, ".usdc", table)
+    assert len(read_splats(path)) == 700
+    data, head = path.read_bytes(), struct.pack("<QcI", 700, b"t", 7)
+    first, rest = data.split(head)
+    one_less = struct.pack("<QcI", 700, b"t", 6) + rest[4 : 4 * 7]
+    (size,) = struct.unpack_from("<Q", rest, 4 * 7)
+    indices = rest[4 * 7 : 4 * 7 + 8 + size]
+    path.write_bytes(first + one_less + indices + bytes(4) + rest[4 * 7 + 8 + size :])
+    refused(path, "packed numbers that are not in their table")
+
+
+def test_many_values_of_usd_are_unpacked_as_they_were_packed(tmp_path):
+    path = written(tmp_path, ".usdc")
+    from pxr import Usd, UsdGeom
+
+    stage = Usd.Stage.Open(str(path))
+    for number in range(3_000):
+        UsdGeom.Xform.Define(stage, f"/more{number}").AddTranslateOp().Set((number * 1.7, number % 7, 1))
+    stage.Export(str(path))
+    assert len(read_splats(path)) == len(TABLE)
 
 
 def test_z_up_is_turned(tmp_path):

@@ -8,7 +8,7 @@ pytest.importorskip("pxr")
 
 from blender_tests.engine.splats.formats.files import ENDS, distances, unit_cloud, write_sog, write_splat
 from karf_engine.errors import BadRequest
-from karf_engine.splats.formats import compressed_ply
+from karf_engine.splats.formats import compressed_ply, gltf
 from karf_engine.splats.formats.registry import read_splats, write_splats
 from karf_engine.splats.formats.splat_file import SplatFile
 
@@ -93,6 +93,47 @@ def test_far_centers_of_spz_are_not_cut_off(tmp_path):
     table[0, 0] = 1e5
     write_splats(tmp_path / "cloud.spz", SplatFile(table))
     np.testing.assert_allclose(read_splats(tmp_path / "cloud.spz").table[:, :3], table[:, :3], atol=1e5 * 1.2e-7)
+
+
+def test_centers_beyond_what_spz_holds_are_refused(tmp_path):
+    table = unit_cloud(3, 0)
+    table[0, 0] = 2**22 - 1
+    write_splats(tmp_path / "cloud.spz", SplatFile(table))
+    assert read_splats(tmp_path / "cloud.spz").table[0, 0] == 2**22 - 1
+    table[0, 0] = 2**22
+    with pytest.raises(BadRequest, match=r"cannot hold a center that is 4\.19e\+06 away") as caught:
+        write_splats(tmp_path / "far.spz", SplatFile(table))
+    assert ".ply" in caught.value.hint and not (tmp_path / "far.spz").exists()
+
+
+def test_a_gltf_takes_no_name_of_others(tmp_path):
+    (tmp_path / "cloud.bin").write_bytes(b"precious")
+    first, second = SplatFile(unit_cloud(3, 0, 1)), SplatFile(unit_cloud(3, 0, 2))
+    path = tmp_path / "cloud #1.gltf"
+    write_splats(path, first)
+    before = path.read_bytes()
+    write_splats(path, second)
+    assert np.array_equal(read_splats(path).table[:, :3], second.table[:, :3])
+    assert len(list(tmp_path.glob("cloud #1.*.bin"))) == 1
+    write_splats(path, first)
+    assert path.read_bytes() == before
+    assert (tmp_path / "cloud.bin").read_bytes() == b"precious"
+
+
+def test_a_gltf_whose_writing_ends_before_its_time_is_the_old_one(tmp_path, monkeypatch):
+    path, first = tmp_path / "cloud.gltf", SplatFile(unit_cloud(3, 0, 1))
+    write_splats(path, first)
+    written = gltf.atomic_write
+
+    def ends_before(target, write):
+        if target.suffix == ".gltf":
+            raise KeyboardInterrupt
+        written(target, write)
+
+    monkeypatch.setattr(gltf, "atomic_write", ends_before)
+    with pytest.raises(KeyboardInterrupt):
+        write_splats(path, SplatFile(unit_cloud(3, 0, 2)))
+    assert np.array_equal(read_splats(path).table[:, :3], first.table[:, :3])
 
 
 def test_kinds_that_are_only_read_are_not_written(tmp_path):

@@ -1,0 +1,28 @@
+"""How well Gaussians show photos."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .fit import Photo
+from .gaussians import Gaussians
+from .rasterizer import splatted
+
+
+def psnr(gaussians: Gaussians, photos: Sequence[Photo], gains: np.ndarray | float = 1.0) -> float:
+    """Peak signal-to-noise ratio in dB for peak 1, of the mean over photos; at most 100.
+
+    Args:
+        gaussians: As learned or read.
+        photos: Of their cameras.
+        gains: How the photos are exposed beside the scene, [3] sRGB, see `exposures`.
+    """
+    return -10 * float(np.log10(np.mean([_squared_error(gaussians, photo, gains) for photo in photos]) + 1e-10))
+
+
+def _squared_error(gaussians: Gaussians, photo: Photo, gains: np.ndarray | float) -> float:
+    shown = (np.float32(gains) * splatted(gaussians, photo.camera).image[..., :3]).clip(0, 1)
+    squares = np.square(shown - photo.over(gaussians.background))
+    return float((squares if photo.valid is None else squares[photo.valid]).mean())
