@@ -10,7 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..errors import DataError
+from ..errors import BadRequest, DataError
+from ..io.arguments import checked
 from .camera import Camera
 from .capture import Capture, CapturedSplats, SparsePoints, View, hold_out
 from .colmap import is_colmap, read_colmap
@@ -51,6 +52,7 @@ class Format:
     read: Callable[[Path, bool], Capture]
 
 
+@checked
 def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Capture:
     """Read a capture of any known format.
 
@@ -89,6 +91,7 @@ def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Cap
     return replace(capture, remarks=(*capture.remarks, f"{best.marker} was read, not {left}: {best.reason}."))
 
 
+@checked
 def register_format(added: Format) -> None:
     """Let `open_capture` read another format; it is asked before all that are known so far.
 
@@ -96,11 +99,14 @@ def register_format(added: Format) -> None:
         added: The format. Its `recognizes` must not be true of captures that it cannot read.
 
     Raises:
-        ValueError: There is a format of this name.
+        TypeError: It is no format.
+        BadRequest: Another format has this name.
     """
-    if added.name in {known.name for known in FORMATS}:
-        raise ValueError(f"there is a capture format {added.name!r} already")
-    FORMATS.insert(0, added)
+    known = {each.name: each for each in FORMATS}
+    if known.get(added.name, added) != added:
+        raise BadRequest(f"There is another capture format {added.name!r}.", "Choose another name.")
+    if added.name not in known:
+        FORMATS.insert(0, added)
 
 
 # the first that recognizes a path reads it

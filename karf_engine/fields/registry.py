@@ -11,6 +11,7 @@ from torch import Tensor
 
 from ..compute.progress import Emit
 from ..errors import BadRequest
+from ..io.arguments import checked
 from ..project.settings import FIELD_KINDS, GeometrySettings
 from .fit import Fit, FitInputs
 from .nerf.field import NerfField
@@ -43,14 +44,16 @@ class FieldKind:
 _KINDS: dict[str, FieldKind] = {}
 
 
+@checked
 def register_field(kind: FieldKind) -> None:
     """Make a kind of field known: to the setting `geometry.field` and to `load_scene`.
 
     Raises:
-        ValueError: Another kind has this name.
+        TypeError: It is no kind of field.
+        BadRequest: Another kind has this name.
     """
     if _KINDS.setdefault(kind.name, kind) != kind:
-        raise ValueError(f"There is another kind of field {kind.name!r}.")
+        raise BadRequest(f"There is another kind of field {kind.name!r}.", "Choose another name.")
     if kind.name not in FIELD_KINDS:
         FIELD_KINDS.append(kind.name)
 

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from ..errors import BadRequest
+from ..io.arguments import checked
 from ..kan.gated_block import GatedBlock, count_parameters
 from ..kan.mlp import MLPHead
 from ..project.settings import HEAD_KINDS, HeadSettings
@@ -59,6 +60,7 @@ HeadBuilder = Callable[[HeadSizes, HeadSettings], Head]
 HEADS: dict[str, HeadBuilder] = {}
 
 
+@checked
 def register_head(name: str, build: HeadBuilder) -> None:
     """Make a kind of head known: to the settings `segmentation.head` and `recoloring.head`, and to `build_head`.
 
@@ -67,10 +69,11 @@ def register_head(name: str, build: HeadBuilder) -> None:
         build: a fresh head of these sizes; it reads of the settings what concerns it, `width` above all.
 
     Raises:
-        ValueError: another kind has this name.
+        TypeError: an argument is of another type.
+        BadRequest: another kind has this name.
     """
     if HEADS.setdefault(name, build) is not build:
-        raise ValueError(f"There is another kind of head {name!r}.")
+        raise BadRequest(f"There is another kind of head {name!r}.", "Choose another name.")
     if name not in HEAD_KINDS:
         HEAD_KINDS.append(name)
 
