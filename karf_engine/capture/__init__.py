@@ -1,7 +1,7 @@
 """Captures of any known format: `open_capture` finds out which one it is; `write_cameras` writes bare cameras.
 
 A folder may hold several formats, some of them made from others. The first of `FORMATS` that recognizes it reads it;
-`register_format` adds one.
+`register_format` adds one, and so does an entry point `karf.formats` of an installed package that is a `Format`.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ..errors import BadRequest, DataError
 from ..io.arguments import checked
+from ..io.plugins import load_plugin, plugin_names
 from .camera import Camera
 from .capture import Capture, CapturedSplats, SparsePoints, View, hold_out
 from .colmap import is_colmap, read_colmap
@@ -67,6 +68,7 @@ def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Cap
     Raises:
         BadRequest: `holdout` is not a number of photos.
         DataError: The path does not exist, is of no known format, or is damaged.
+        MissingDependency: An installed package brings a format, and cannot be loaded.
 
     Example:
         capture = open_capture("garden", holdout=8)
@@ -74,6 +76,8 @@ def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Cap
     path = Path(path)
     if not path.exists():
         raise DataError("{path} does not exist.", "Give the capture's folder or its camera file.", path=path)
+    for name in plugin_names("karf.formats"):
+        register_format(load_plugin("karf.formats", name))
     found = [known for known in FORMATS if known.recognizes(path)]
     if not found:
         markers = ", ".join(known.marker for known in FORMATS)

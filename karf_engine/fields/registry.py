@@ -1,4 +1,5 @@
-"""The kinds of radiance fields. A new one is one file: a `Field`, a `Fit` of it, and a call of `register_field`."""
+"""The kinds of radiance fields. A new one is one file: a `Field`, a `Fit` of it, and a call of `register_field`, or an
+entry point `karf.fields` that is a `FieldKind`."""
 
 from __future__ import annotations
 
@@ -12,6 +13,7 @@ from torch import Tensor
 from ..compute.progress import Emit
 from ..errors import BadRequest
 from ..io.arguments import checked
+from ..io.plugins import load_plugin, plugin_names
 from ..project.settings import FIELD_KINDS, GeometrySettings
 from .fit import Fit, FitInputs
 from .nerf.field import NerfField
@@ -41,6 +43,7 @@ class FieldKind:
     prepare: Callable[[GeometrySettings, torch.device], Wait] = lambda settings, device: lambda emit, should_stop: None
 
 
+PLUGINS = "karf.fields"
 _KINDS: dict[str, FieldKind] = {}
 
 
@@ -58,19 +61,22 @@ def register_field(kind: FieldKind) -> None:
         FIELD_KINDS.append(kind.name)
 
 
-def field_kinds() -> dict[str, FieldKind]:
-    """All registered kinds by name."""
-    return dict(_KINDS)
+def field_kinds() -> list[str]:
+    """Names of all kinds, those that installed packages bring among them."""
+    return list(dict.fromkeys([*_KINDS, *plugin_names(PLUGINS)]))
 
 
 def field_kind(name: str) -> FieldKind:
-    """The kind that `geometry.field` names.
+    """The kind that `geometry.field` and files name.
 
     Raises:
         BadRequest: It is not registered; the hint lists those that are.
+        MissingDependency: An installed package brings it, and cannot be loaded.
     """
+    if name not in _KINDS and name in plugin_names(PLUGINS):
+        register_field(load_plugin(PLUGINS, name))
     if name not in _KINDS:
-        raise BadRequest(f"geometry.field = {name!r:.200} is not allowed.", f"Use one of: {', '.join(_KINDS)}.")
+        raise BadRequest(f"geometry.field = {name!r:.200} is not allowed.", f"Use one of: {', '.join(field_kinds())}.")
     return _KINDS[name]
 
 

@@ -1,6 +1,6 @@
 """The kinds of heads: networks from encoded positions, prior features and directions to the logits of F_s or F_w.
 
-A new one is one file: a `Head` and a call of `register_head`.
+A new one is one file: a `Head`, and a call of `register_head` or an entry point `karf.heads` that is its builder.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from torch import Tensor, nn
 
 from ..errors import BadRequest
 from ..io.arguments import checked
+from ..io.plugins import load_plugin, plugin_names
 from ..kan.gated_block import GatedBlock, count_parameters
 from ..kan.mlp import MLPHead
 from ..project.settings import HEAD_KINDS, HeadSettings
@@ -57,6 +58,7 @@ class HeadSizes:
 
 HeadBuilder = Callable[[HeadSizes, HeadSettings], Head]
 
+PLUGINS = "karf.heads"
 HEADS: dict[str, HeadBuilder] = {}
 
 
@@ -102,6 +104,8 @@ def build_head(settings: HeadSettings, n_position: int, n_direction: int, n_feat
 
 
 def _build(settings: HeadSettings, sizes: HeadSizes) -> Head:
+    if settings.head not in HEADS and settings.head in plugin_names(PLUGINS):
+        register_head(settings.head, load_plugin(PLUGINS, settings.head))
     if settings.head not in HEADS:
         raise BadRequest(f"The head '{settings.head}' is unknown.", f"Use one of {', '.join(HEADS)}.")
     return HEADS[settings.head](sizes, settings)

@@ -1,4 +1,5 @@
-"""The kinds of layers by name. A new one is a module from [..., n_in] to [..., n_out] and a call of `register_layer`."""
+"""The kinds of layers by name. A new one is a module from [..., n_in] to [..., n_out] and a call of `register_layer`,
+or an entry point `karf.layers` that is its builder."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,6 +8,7 @@ from torch import nn
 
 from ..errors import BadRequest
 from ..io.arguments import check_choice, check_fields, check_number, checked
+from ..io.plugins import load_plugin, plugin_names
 from ..project.settings import LAYER_KINDS
 from .bspline import BSplineLayer
 from .grbf import MAX_CENTERS, GRBFLayer, resolve_bandwidth
@@ -41,6 +43,7 @@ class LayerOptions:
 
 LayerBuilder = Callable[[int, int, LayerOptions], nn.Module]  # of n_in, n_out and options
 
+PLUGINS = "karf.layers"
 LAYERS: dict[str, LayerBuilder] = {}
 
 
@@ -82,6 +85,8 @@ def build_layer(kind: str, n_in: int, n_out: int, options: LayerOptions | None =
         >>> build_layer("mlp", 3, 2, LayerOptions(is_output=True)).linear
         Linear(in_features=3, out_features=2, bias=True)
     """
+    if kind not in LAYERS and kind in plugin_names(PLUGINS):
+        register_layer(kind, load_plugin(PLUGINS, kind))
     check_choice("layer", kind, tuple(LAYERS))
     return LAYERS[kind](n_in, n_out, options or LayerOptions())
 

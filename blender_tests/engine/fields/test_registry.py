@@ -124,4 +124,4 @@ def test_a_name_belongs_to_one_kind():
     register_field(field_kind("voxels"))  # again, as a module that is imported twice does
     with pytest.raises(BadRequest, match="'voxels'"):
         register_field(FieldKind("voxels", example_field.BallFit, example_field.BallField.restore))
-    assert list(field_kinds())[:2] == ["voxels", "nerf"]
+    assert field_kinds()[:2] == ["voxels", "nerf"]

@@ -7,10 +7,13 @@ from typing import Any
 
 from ...errors import BadRequest
 from ...io.arguments import check_fields
+from ...io.plugins import plugin_names
 
-FIELD_KINDS = ["voxels", "nerf"]  # fields.registry.register_field adds to it
-HEAD_KINDS = ["kan", "mlp"]  # heads.registry.register_head adds to it
-LAYER_KINDS = ["grbf", "bspline", "mlp"]  # kan.layers.register_layer adds to it
+# to each, a function that registers another kind adds its name
+FIELD_KINDS = ["voxels", "nerf", *plugin_names("karf.fields")]
+HEAD_KINDS = ["kan", "mlp", *plugin_names("karf.heads")]
+LAYER_KINDS = ["grbf", "bspline", "mlp", *plugin_names("karf.layers")]
+LABEL_KINDS = ["surface", "masks", "votes", *plugin_names("karf.labels")]
 
 
 def option(default: Any, help: str, minimum: float | None = None, maximum: float | None = None, choices=()) -> Any:
@@ -159,7 +162,7 @@ class SegmentationSettings(HeadSettings):
     labels: str = option(
         "surface",
         "surface: clean the masks on the surface; masks: plain Eq. 12; votes: take them as exact",
-        choices=("surface", "masks", "votes"),
+        choices=LABEL_KINDS,
     )
     frequencies: int = option(5, "Octaves of the positional encoding", 0, 16)
     iterations: int = option(150, "Training iterations", 1, 1_000_000)
