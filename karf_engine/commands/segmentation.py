@@ -25,8 +25,8 @@ from ..segmentation.corrections import find_corrections
 from ..segmentation.doubts import SurfaceDoubts
 from ..segmentation.field_fit import fit_to_labels, fit_to_masks
 from ..segmentation.interior import object_surface
-from ..segmentation.label_solvers import LabelProblem, solve_labels
-from ..segmentation.labels import LabelledSurface
+from ..segmentation.label_solvers import solve_labels
+from ..segmentation.labels import LabelledSurface, LabelProblem
 from ..segmentation.report import report_of
 from ..segmentation.surface_points import surface_points
 from ..segmentation.views import CachedViews, cache_views, load_masked_views

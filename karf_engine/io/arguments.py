@@ -1,4 +1,5 @@
-"""What a caller of the library gives, checked by the types that the signature names. The standard library and numpy alone.
+"""What a caller of the library gives, checked by the types that the signature names. The standard library alone is needed,
+but for arrays.
 
 A wrong argument is a TypeError whose sentence names it; what is of the right type and yet impossible, a KarfError.
 """
@@ -15,16 +16,17 @@ from functools import cache, wraps
 from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
-from typing import Any, TypeVar, Union
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, TypeVar, Union
 
 from ..errors import BadRequest
 
+if TYPE_CHECKING:
+    import numpy as np
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 NAMES = {
-    str: "a text", int: "a whole number", float: "a number", bool: "True or False", Path: "a path",
-    np.ndarray: "an array", type(None): "None",
+    "str": "a text", "int": "a whole number", "float": "a number", "bool": "True or False", "Path": "a path",
+    "ndarray": "an array", "NoneType": "None",
 }  # fmt: skip
 LONGEST = 80  # characters of a wrong value that a message quotes
 
@@ -99,7 +101,7 @@ def check_number(name: str, value: float, lowest: float, highest: float | None =
         Traceback (most recent call last):
         karf_engine.errors.BadRequest: size = 0 is out of range. Allowed: from 1.
     """
-    if lowest <= value <= (np.finfo(np.float64).max if highest is None else highest):
+    if lowest <= value <= (sys.float_info.max if highest is None else highest):
         return
     allowed = f"from {lowest}" if highest is None else f"{lowest} to {highest}"
     raise BadRequest(f"{name} = {value!r} is out of range.", f"Allowed: {allowed}.")
@@ -118,10 +120,13 @@ def check_array(name: str, array: np.ndarray, shape: tuple[int | str, ...]) -> N
         BadRequest: It is of another shape, or holds no numbers.
 
     Examples:
+        >>> import numpy as np
         >>> check_array("points", np.zeros((2, 2)), ("n", 3))
         Traceback (most recent call last):
         karf_engine.errors.BadRequest: points is an array of shape (2, 2). Give numbers [n, 3].
     """
+    import numpy as np  # all else here is asked where there may be none
+
     check_type("This", name, array, np.ndarray)
     fits = len(array.shape) == len(shape) and all(
         isinstance(wanted, str) or size == wanted for size, wanted in zip(array.shape, shape, strict=True)
@@ -140,10 +145,11 @@ def quoted(value: Any) -> str:
     """A value as a message quotes it: short, and without what it holds where it is an array.
 
     Examples:
+        >>> import numpy as np
         >>> quoted(np.zeros((2, 3))), quoted("r_003")
         ('an array of shape (2, 3)', "'r_003'")
     """
-    if isinstance(value, np.ndarray):
+    if type(value).__name__ == "ndarray":
         return f"an array of shape {value.shape}"
     text = repr(value)
     return text if len(text) <= LONGEST else f"an object of type {type(value).__name__}"
@@ -166,7 +172,7 @@ def _fits(value: Any, kind: Any) -> bool:
     if origin in (Union, types.UnionType):
         return any(_fits(value, part) for part in parts)
     if kind in (int, float):
-        return isinstance(value, Integral if kind is int else Real) and not isinstance(value, bool | np.bool_)
+        return isinstance(value, Integral if kind is int else Real) and not isinstance(value, bool)
     if kind is Path:
         return isinstance(value, PathLike)
     if origin is None:
@@ -188,7 +194,7 @@ def _name_of(kind: Any) -> str:
     if origin in (Union, types.UnionType):
         return " or ".join(dict.fromkeys(_name_of(part) for part in parts))
     if origin is None:
-        return NAMES.get(kind) or ("an " if kind.__name__[0] in "AEIOU" else "a ") + kind.__name__
+        return NAMES.get(kind.__name__) or ("an " if kind.__name__[0] in "AEIOU" else "a ") + kind.__name__
     if origin is tuple and Ellipsis not in parts:
         return f"a tuple of {len(parts)}"
     return {dict: "a dictionary", tuple: "a tuple", Callable: "a function"}.get(origin, "a list")

@@ -28,8 +28,8 @@ VARIANTS = ("all", "no_residual", "gate", "none")
 class GatedBlock(nn.Module):
     """The gated block: encodings and prior features to logits.
 
-    Differentiable to its inputs and parameters. The full block of `grbf` layers for 7 outputs (P 63, D 27, F 256) has 2,089,147 parameters and 4 bandwidths, one a
-    layer. Parts that `variant` switches off hold no parameters.
+    Differentiable to its inputs and parameters. The full block of `grbf` layers for 7 outputs (P 63, D 27, F 256) has
+    2,089,147 parameters and 4 bandwidths, one a layer. Parts that `variant` switches off hold no parameters.
 
     Args:
         n_position: P, width of the encoded positions.

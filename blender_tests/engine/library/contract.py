@@ -156,7 +156,7 @@ KINDS = {
     "capture": kind(lambda b: b.folder / "capture", wrong_type=PATH_TYPES, empty=["", "\0"], missing=TYPO),
     "masks": kind(lambda b: b.folder / "masks", wrong_type=PATH_TYPES, empty=["", "\0"], missing=TYPO),
     "own masks": kind(lambda b: b.folder / "masks", wrong_type=PATH_TYPES[1:], empty=["", "\0"], missing=TYPO),
-    "project": kind(lambda b: b.project, wrong_type=PATH_TYPES, empty=["", "\0"], missing=TYPO),
+    "project": kind(lambda b: b.project, wrong_type=PATH_TYPES, empty=["", "\0"], missing=TYPO, no_project=[lambda b: b.folder / "capture", lambda b: b.folder / "edit.json"]),
     "new folder": kind(lambda b: b.folder / "new", wrong_type=PATH_TYPES, empty=["", "\0"]),
     "new masks": kind(lambda b: b.folder / "new masks", wrong_type=PATH_TYPES, empty=["", "\0"]),
     "new mask": kind("pot", wrong_type=[None, 3, b"x"], empty=[""], path=["../pot", "a/b"]),
@@ -514,7 +514,8 @@ def _saying_nan(call: Callable[[Bench], Any]) -> Callable[[Bench], Any]:
             [result.base, result.probabilities, result.palette_weights] if isinstance(result, karf.Frame) else result
         )
         parts = frame if isinstance(frame, list | tuple) else [frame]
-        assert any(np.isnan(torch.as_tensor(part).detach().numpy()).any() for part in parts), "a finite answer"
+        arrays = [np.asarray(part.detach() if isinstance(part, torch.Tensor) else part) for part in parts]
+        assert any(np.isnan(array).any() for array in arrays), "a finite answer"
         return result
 
     return calling
