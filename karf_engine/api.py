@@ -41,6 +41,7 @@ from .commands.options import (
 )
 from .compute.progress import Emit, TerminalEmit
 from .errors import missing_package
+from .io.arguments import check_type, checked
 from .io.failures import translated
 from .io.options import Options, listed
 
@@ -121,11 +122,11 @@ def import_splat(splat: PathLike, out: PathLike, **options: Any) -> None:
 
 
 @_takes(MarkOptions, is_run=False)
-def mark(capture: PathLike, view: str, object_name: str, masks: PathLike, **options: Any) -> Path:
+def mark(capture: Capture | PathLike, view: str, object_name: str, masks: PathLike, **options: Any) -> Path:
     """Write the mask of an object in one photo as MASKS/<object>/<view>.png, from a box, clicks or a lasso.
 
     Args:
-        capture: The path of a capture of any known format.
+        capture: What `open_capture` gave, or the path of a capture of any known format.
         view: Its name.
         object_name: What the object is called.
         masks: The folder of masks.
@@ -139,7 +140,7 @@ def mark(capture: PathLike, view: str, object_name: str, masks: PathLike, **opti
     Example:
         mark("garden", "r_003", "pot", "masks", box=(120, 80, 310, 260))
     """
-    given = MarkOptions.of(capture=capture, view=view, object_name=object_name, masks=masks, **options)
+    given = MarkOptions.of(capture=_path_of(capture), view=view, object_name=object_name, masks=masks, **options)
     try:
         from .commands.mark import write
     except ModuleNotFoundError as error:
@@ -230,6 +231,7 @@ def learn_splats(project: PathLike, **options: Any) -> None:
     _run(SplatsOptions, project=project, **options)
 
 
+@checked
 def load(project: PathLike, device: str | None = None) -> Model:
     """The model in a project's folder, see `Model.load`.
 
@@ -341,11 +343,11 @@ def render_bundle(project: PathLike, out: PathLike, **options: Any) -> Path:
 
 
 @_takes(FarmOptions, hidden=("source",), is_run=False)
-def learning_bundle(capture: PathLike, masks: PathLike, out: PathLike, **options: Any) -> Path:
+def learning_bundle(capture: Capture | PathLike, masks: PathLike, out: PathLike, **options: Any) -> Path:
     """Write a job bundle that learns a capture, a step for every stage, and then renders frames of it.
 
     Args:
-        capture: A capture whose photos lie below its folder.
+        capture: A capture, or its path, whose photos lie below its folder.
         masks: A folder of rough masks.
         out: The bundle's folder, new or empty.
 
@@ -360,7 +362,7 @@ def learning_bundle(capture: PathLike, masks: PathLike, out: PathLike, **options
     """
     from .commands.farm.bundle import write_bundle  # needs numpy
 
-    return write_bundle(FarmOptions.of(source=capture, masks=masks, out=out, **options))
+    return write_bundle(FarmOptions.of(source=_path_of(capture), masks=masks, out=out, **options))
 
 
 # -------------------------------------------------------------------------------------------------------------- running
@@ -368,12 +370,25 @@ def _run(kind: type[Options], **given: Any) -> None:
     """Run a command with these options, or with the listeners of `Run` among them."""
     run: Run = {name: given.pop(name) for name in Run.__annotations__ if name in given}
     in_memory = {}
-    if not isinstance(given.get("capture", ""), PathLike):  # an opened one
+    for name, listener in run.items():
+        check_type(kind.command, name, listener, Callable | None)
+    if _is_opened(given.get("capture")):
         in_memory["capture"] = given["capture"]
-        given["capture"] = given["capture"].source
+        given["capture"] = _path_of(given["capture"])
     emit = run.get("emit") or _events_to(run.get("progress"))
     with translated():
         run_command(kind.of(**given), emit, run.get("should_stop") or (lambda: False), **in_memory)
+
+
+def _is_opened(capture: Any) -> bool:
+    from .capture.capture import Capture  # needs numpy
+
+    return isinstance(capture, Capture)
+
+
+def _path_of(capture: Any) -> Any:
+    """The path of an opened capture, or what else was given."""
+    return capture.source if _is_opened(capture) else capture
 
 
 class _Lines:

@@ -95,6 +95,9 @@ class KarfError(Exception):
     exit_code = 70
 
     def __init__(self, sentence: str, hint: str = "", /, **values: Any) -> None:
+        for name, text in (("sentence", sentence), ("hint", hint)):
+            if not isinstance(text, str):
+                raise TypeError(f"{type(self).__name__} takes a text as {name}, not {text!r:.80}.")
         self.sentence, self.hint = (
             text if isinstance(text, Message) else Message(_cut(text), **values) for text in (sentence, hint)
         )

@@ -15,6 +15,7 @@ import pytest
 
 import karf_engine as karf
 from blender_tests.engine.conftest import QUICK, ROOT
+from karf_engine.cli import main
 from karf_engine.errors import BadRequest, Cancelled, DataError, OutOfMemory
 
 pytest.importorskip("torch")
@@ -138,6 +139,7 @@ def test_rendering_reads_nothing_of_the_project_again(learned, tmp_path):
     shutil.rmtree(copy)
     assert model.recolor(view, edit).shape == (view.camera.height, view.camera.width, 3)
     assert model.capture.split("test")[0] is view
+    assert not copy.exists()
 
 
 def test_a_capture_that_was_changed_in_memory_is_learned_as_changed(still_life, tmp_path):
@@ -173,6 +175,31 @@ def test_what_the_system_refuses_is_a_sentence_too(monkeypatch, tmp_path, raised
 def test_nothing_learned_is_a_sentence(tmp_path):
     with pytest.raises(karf.KarfError, match=r"project\.json is missing"):
         karf.load(tmp_path)
+
+
+@pytest.mark.parametrize("place", ["typo", "capture"])
+def test_loading_what_is_no_project_makes_nothing(still_life, tmp_path, place):
+    shutil.copytree(still_life.capture, tmp_path / "capture")
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(karf.KarfError):
+        karf.load(tmp_path / place)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_masks_that_fit_no_photo_are_said_before_anything_is_learned(still_life, tmp_path):
+    (tmp_path / "masks" / "pot").mkdir(parents=True)
+    shutil.copy(next((still_life.masks / "ball").iterdir()), tmp_path / "masks" / "pot" / "no_such_photo.png")
+    for masks in (tmp_path / "masks", tmp_path / "typo"):
+        with pytest.raises(karf.KarfError):
+            karf.learn(still_life.capture, masks, project=tmp_path / "project", overrides=QUICK)
+        assert main(replace(still_life, masks=masks).command(tmp_path / "project")) == DataError.exit_code
+        assert not (tmp_path / "project").exists()
+
+
+def test_what_is_shown_of_a_value_is_short(model):
+    view = model.capture.views[0]
+    for value in (model, model.capture, view, model.edit(), model.palettes[0], model.render(view.camera.reduced(8))):
+        assert len(repr(value)) < 300, type(value)
 
 
 def library_block() -> str:

@@ -1,7 +1,7 @@
 """Captures of any known format: `open_capture` finds out which one it is; `write_cameras` writes bare cameras.
 
 A folder may hold several formats, some of them made from others. The first of `FORMATS` that recognizes it reads it;
-`register_format` adds one.
+`register_format` adds one, and so does an entry point `karf.formats` of an installed package that is a `Format`.
 """
 
 from __future__ import annotations
@@ -10,7 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..errors import DataError
+from ..errors import BadRequest, DataError
+from ..io.arguments import checked
+from ..io.plugins import load_plugin, plugin_names
 from .camera import Camera
 from .capture import Capture, CapturedSplats, SparsePoints, View, hold_out
 from .colmap import is_colmap, read_colmap
@@ -51,6 +53,7 @@ class Format:
     read: Callable[[Path, bool], Capture]
 
 
+@checked
 def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Capture:
     """Read a capture of any known format.
 
@@ -65,6 +68,7 @@ def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Cap
     Raises:
         BadRequest: `holdout` is not a number of photos.
         DataError: The path does not exist, is of no known format, or is damaged.
+        MissingDependency: An installed package brings a format, and cannot be loaded.
 
     Example:
         capture = open_capture("garden", holdout=8)
@@ -72,6 +76,8 @@ def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Cap
     path = Path(path)
     if not path.exists():
         raise DataError("{path} does not exist.", "Give the capture's folder or its camera file.", path=path)
+    for name in plugin_names("karf.formats"):
+        register_format(load_plugin("karf.formats", name))
     found = [known for known in FORMATS if known.recognizes(path)]
     if not found:
         markers = ", ".join(known.marker for known in FORMATS)
@@ -89,6 +95,7 @@ def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Cap
     return replace(capture, remarks=(*capture.remarks, f"{best.marker} was read, not {left}: {best.reason}."))
 
 
+@checked
 def register_format(added: Format) -> None:
     """Let `open_capture` read another format; it is asked before all that are known so far.
 
@@ -96,11 +103,14 @@ def register_format(added: Format) -> None:
         added: The format. Its `recognizes` must not be true of captures that it cannot read.
 
     Raises:
-        ValueError: There is a format of this name.
+        TypeError: It is no format.
+        BadRequest: Another format has this name.
     """
-    if added.name in {known.name for known in FORMATS}:
-        raise ValueError(f"there is a capture format {added.name!r} already")
-    FORMATS.insert(0, added)
+    known = {each.name: each for each in FORMATS}
+    if known.get(added.name, added) != added:
+        raise BadRequest(f"There is another capture format {added.name!r}.", "Choose another name.")
+    if added.name not in known:
+        FORMATS.insert(0, added)
 
 
 # the first that recognizes a path reads it

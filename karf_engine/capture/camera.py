@@ -7,17 +7,50 @@ Pixels: (u right, v down), corners at integers, so the first pixel's center is (
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import DataError
+from ..errors import BadRequest, DataError
+from ..io.arguments import check_array, check_fields, check_number, checked
+
+POSE_TOLERANCE = 1e-3  # how far a rotation's matrix may be from orthonormal
 
 
-@dataclass(frozen=True)
+class Limits(NamedTuple):
+    """Limits of a camera.
+
+    Attributes:
+        side: Most pixels of a side.
+        pixels: Most pixels in all.
+        focal: Least and greatest focal length, in longer sides.
+        center: Greatest coordinate of the principal point, in longer sides.
+        coefficient: Greatest one of a lens polynomial.
+        position: Greatest coordinate.
+        skew: How far a pose's matrix may be from that of a rotation.
+    """
+
+    side: float
+    pixels: float
+    focal: tuple[float, float]
+    center: float
+    coefficient: float
+    position: float
+    skew: float
+
+
+LARGEST = np.finfo(np.float64).max
+FINITE = Limits(2**53, math.inf, (np.finfo(np.float64).tiny, LARGEST), LARGEST, LARGEST, LARGEST, math.inf)
+
+
+@dataclass(frozen=True, eq=False)
 class Camera:
     """One photo's camera: size and intrinsics in pixels, pose, and the lens distortion of the photo as stored.
+
+    Two are equal where all their numbers are.
 
     Attributes:
         width: Of the picture, pixels.
@@ -30,6 +63,11 @@ class Camera:
         distortion: OpenCV's (k1, k2, p1, p2[, k3[, k4, k5, k6]]), or (k1, k2, k3, k4) of its fisheye model; empty for a
             plain pinhole. The formulas are those of `distortion`.
         fisheye: Whether the lens is of OpenCV's fisheye model.
+
+    Raises:
+        TypeError: A field is of another type.
+        BadRequest: A number is not finite, a size is below 1, a focal length is not above 0, or the pose is of another
+            shape or mirrored. What its numbers may be where it is used: `limits.check_camera`.
 
     Examples:
         A point straight ahead lies at the principal point:
@@ -50,6 +88,24 @@ class Camera:
     distortion: tuple[float, ...] = ()
     fisheye: bool = False
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+        check_array("camera_to_world", self.camera_to_world, (4, 4))
+        wrong = impossible(self, FINITE)
+        if wrong:
+            raise BadRequest("The camera has {wrong}, which cannot be.", "Correct it.", wrong=wrong)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Camera) and self._numbers == other._numbers
+
+    def __hash__(self) -> int:
+        return hash(self._numbers)
+
+    @property
+    def _numbers(self) -> tuple[object, ...]:
+        values = [getattr(self, item.name) for item in fields(self)]
+        return tuple(value.tobytes() if isinstance(value, np.ndarray) else value for value in values)
+
     @property
     def is_pinhole(self) -> bool:
         """Whether the photo shows what a plain pinhole would."""
@@ -69,15 +125,21 @@ class Camera:
         """The pinhole with this camera's size, focal lengths, principal point and pose."""
         return replace(self, distortion=(), fisheye=False)
 
+    @checked
     def scaled(self, width: int, height: int) -> Camera:
-        """The same view at another picture size: intrinsics follow the size, each axis by its own factor."""
+        """The same view at another picture size: intrinsics follow the size, each axis by its own factor. Raises
+        BadRequest for a size below 1."""
+        check_number("width", width, 1)
+        check_number("height", height, 1)
         sx, sy = width / self.width, height / self.height
         return replace(
             self, width=width, height=height, fx=self.fx * sx, fy=self.fy * sy, cx=self.cx * sx, cy=self.cy * sy
         )
 
+    @checked
     def reduced(self, long_side: int) -> Camera:
-        """The same view with no side longer than this many pixels; never enlarged."""
+        """The same view with no side longer than this many pixels; never enlarged. Raises BadRequest for one below 1."""
+        check_number("long_side", long_side, 1)
         factor = min(1.0, long_side / max(self.width, self.height))
         return self.scaled(max(1, round(self.width * factor)), max(1, round(self.height * factor)))
 
@@ -89,7 +151,11 @@ class Camera:
 
         Returns:
             Pixels [n, 2], and depth [n] in world units, negative behind the camera.
+
+        Raises:
+            BadRequest: The points are of another shape.
         """
+        check_array("points", points, ("n", 3))
         world_to_camera = self.world_to_camera
         local = points @ world_to_camera[:3, :3].T + world_to_camera[:3, 3]
         depth = -local[:, 2]
@@ -105,7 +171,11 @@ class Camera:
         Returns:
             Origins [n, 3], and directions [n, 3] of unit depth, float64, world: a point at `depth` d lies at
             origin + d * direction. Divide by the norm for `viewdirs`.
+
+        Raises:
+            BadRequest: The pixels are of another shape.
         """
+        check_array("pixels", pixels, ("n", 2))
         local = np.stack(
             [
                 (pixels[:, 0] - self.cx) / self.fx,
@@ -121,6 +191,42 @@ class Camera:
         """Centers of all pixels, row by row, [height * width, 2]."""
         v, u = np.mgrid[0 : self.height, 0 : self.width]
         return np.stack([u.ravel() + 0.5, v.ravel() + 0.5], -1)
+
+
+def impossible(camera: Camera, limits: Limits) -> str:
+    """Which number is impossible, with its value; empty where all are possible. Not-a-number fails every comparison."""
+    width, height, side = camera.width, camera.height, max(camera.width, camera.height)
+    size = f"{width}x{height} pixels"
+    if not (1 <= width <= limits.side and 1 <= height <= limits.side):
+        return f"a picture of {size}"
+    if width * height > limits.pixels:
+        return f"a picture of {size}, more than {limits.pixels // 10**6} million"
+    for name in ("fx", "fy"):
+        if not limits.focal[0] <= getattr(camera, name) / side <= limits.focal[1]:
+            return f"the focal length {name} {getattr(camera, name):g} at {size}"
+    for name in ("cx", "cy"):
+        if not abs(getattr(camera, name)) / side <= limits.center:
+            return f"the principal point {name} {getattr(camera, name):g} at {size}"
+    for value in camera.distortion:
+        if not abs(value) <= limits.coefficient:
+            return f"the distortion coefficient {value:g}"
+    if not np.abs(camera.position).max() <= limits.position:
+        return f"the position {', '.join(f'{value:g}' for value in camera.position)}"
+    is_pose = is_rigid(camera.camera_to_world, limits.skew)
+    return "" if is_pose else "a pose that is not a rotation and a position"
+
+
+def is_rigid(pose: np.ndarray, tolerance: float = POSE_TOLERANCE) -> bool:
+    """Whether a matrix [4, 4] is a rotation and a position, without scale, shear or mirroring.
+
+    Examples:
+        >>> is_rigid(np.eye(4)), is_rigid(np.diag([2.0, 2.0, 2.0, 1.0]))
+        (True, False)
+    """
+    rotation = pose[:3, :3]
+    if not np.abs(rotation.T @ rotation - np.eye(3)).max() <= tolerance:
+        return False
+    return bool(np.linalg.det(rotation) > 0 and np.abs(pose[3] - [0, 0, 0, 1]).max() <= tolerance)
 
 
 def wrong_size(photo: Path, width: int, height: int, camera: Camera) -> DataError:

@@ -6,6 +6,7 @@ and from the folder that the JSON lies in, so that a project that moves with its
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Collection, Sequence
 from contextlib import suppress
@@ -16,9 +17,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import BadRequest, DataError
+from ..io.arguments import check_choice, check_fields, checked
 from ..io.names import check_name, check_names
 from .camera import Camera
-from .limits import LARGEST_POSITION, check_camera
+from .limits import LARGEST_POSITION, check_camera, read_camera
 
 SCHEMA = "karf-capture/1"
 WITH_SPLATS = "karf-capture/2"  # which readers of the first would pass over, and learn splats of their own
@@ -47,6 +49,20 @@ class View:
     image: Path | None
     split: str
     depth_bounds: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        check_choice("split", self.split, SPLITS)
+        check_camera(self.camera, f"The view {self.name:.200}", "Correct it.")
+        if not (self.name and self.stem):
+            raise BadRequest("A view's name or stem is empty.", "Name it.")
+        if self.depth_bounds is not None and not 0 < self.depth_bounds[0] < self.depth_bounds[1] < math.inf:
+            raise BadRequest(
+                f"depth_bounds = {self.depth_bounds} is no range.", "Give the nearest and the farthest depth."
+            )
+
+    def __repr__(self) -> str:
+        return f"View({self.name}, {self.camera.width}x{self.camera.height}, {self.split})"
 
 
 @dataclass(frozen=True)
@@ -123,10 +139,21 @@ class Capture:
     holdout: int = 0
     splats: CapturedSplats | None = None
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+        check_holdout(self.holdout)
+
+    def __repr__(self) -> str:
+        counts = [f"{len(self.split(name))} {name}" for name in SPLITS if self.split(name)]
+        return f"Capture({self.source}, {self.format}: {', '.join(counts) or 'no views'})"
+
+    @checked
     def split(self, name: str) -> tuple[View, ...]:
-        """Views of one split (`train`, `val`, `test`), or all of them for `all`."""
+        """Views of one split (`train`, `val`, `test`), or all of them for `all`. Raises BadRequest for others."""
+        check_choice("split", name, ("all", *SPLITS))
         return self.views if name == "all" else tuple(view for view in self.views if view.split == name)
 
+    @checked
     def view(self, name: str) -> View:
         """The view with this name.
 
@@ -136,7 +163,8 @@ class Capture:
         for view in self.views:
             if view.name == name:
                 return view
-        raise DataError(f"{self.source} has no view {name!r}.", f"Its first view is {self.views[0].name!r}.")
+        first = f"Its first view is {self.views[0].name!r}." if self.views else "It has none."
+        raise DataError(f"{self.source} has no view {name!r:.200}.", first)
 
 
 def hold_out(capture: Capture, every: int) -> Capture:
@@ -151,12 +179,19 @@ def hold_out(capture: Capture, every: int) -> Capture:
     Raises:
         BadRequest: `every` is 1, which leaves nothing to learn from, or below 0.
     """
-    if every < 0 or every == 1:
-        raise BadRequest(f"Every {every}th photo cannot be held out.", "Give 0 for none, or a number from 2.")
+    check_holdout(every)
     names = sorted(view.name for view in capture.split("train"))
     if not every or capture.split("test") or len(names) < every:
         return capture
     return replace(with_split(capture, names[::every], "test"), holdout=every)
+
+
+def check_holdout(every: int) -> None:
+    """Refuse to hold out every photo, or a negative number. Raises BadRequest."""
+    if every < 0 or every == 1:
+        raise BadRequest(
+            f"holdout = {every}: every {every}th photo cannot be held out.", "Give 0 for none, or a number from 2."
+        )
 
 
 def with_split(capture: Capture, names: Collection[str], split: str) -> Capture:
@@ -248,20 +283,25 @@ def capture_from_json(content: Any, path: Path) -> Capture:
 
 def _view_from_json(entry: dict[str, Any], label: str, path: Path) -> View:
     width, height = entry["size"]
-    camera = Camera(
-        int(width),
-        int(height),
-        *map(float, entry["intrinsics"]),
-        np.array(entry["camera_to_world"], np.float64).reshape(4, 4),
-        tuple(map(float, entry["distortion"])),
-        bool(entry.get("fisheye", False)),
+    fx, fy, cx, cy = map(float, entry["intrinsics"])
+    camera = read_camera(
+        label,
+        "Import the capture again.",
+        width=int(width),
+        height=int(height),
+        fx=fx,
+        fy=fy,
+        cx=cx,
+        cy=cy,
+        camera_to_world=np.array(entry["camera_to_world"], np.float64).reshape(4, 4),
+        distortion=tuple(map(float, entry["distortion"])),
+        fisheye=bool(entry.get("fisheye", False)),
     )
-    check_camera(camera, label, "Import the capture again.")
-    if not np.isfinite(camera.camera_to_world).all() or len(camera.distortion) > 8 or entry["split"] not in SPLITS:
+    if len(camera.distortion) > 8 or entry["split"] not in SPLITS:
         raise ValueError(f"{label}: its pose, lens or split")
     image = _find_file(path.parent, entry["image"], entry.get("image_from_here"))
-    stem = check_name(entry["stem"], path, "a photo")
-    return View(entry["name"], stem, camera, image, entry["split"], _bounds_from_json(entry.get("depth_bounds")))
+    stem, name = check_name(entry["stem"], path, "a photo"), check_name(entry["name"], path, "a view")
+    return View(name, stem, camera, image, entry["split"], _bounds_from_json(entry.get("depth_bounds")))
 
 
 def _splats_to_json(splats: CapturedSplats | None, folder: Path | None) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from ..errors import DataError
 from .camera import Camera
 from .capture import Capture, SparsePoints
 from .colmap_model import Image, Intrinsics, Points, count_images, read_cameras, read_images, read_points
-from .limits import LARGEST_POSITION, check_camera
+from .limits import LARGEST_POSITION, read_camera
 from .reading import PHOTO_SUFFIXES, at_size, exists, make_views, merge_notes, opencv_distortion, photo_size, photos_in
 
 MODEL_FOLDERS = ("sparse", "colmap/sparse", "dense/sparse", ".", "colmap", "dense")
@@ -143,7 +143,9 @@ def _camera(image: Image, source: Intrinsics, file: Path) -> Camera:
     values = source.parameters
     fx, fy = values.get("fx", values.get("f")), values.get("fy", values.get("f"))
     fisheye = source.model in FISHEYES
-    camera = Camera(
+    return read_camera(
+        label,
+        "Export the model again, or leave this image out.",
         width=source.width,
         height=source.height,
         fx=fx,
@@ -154,7 +156,6 @@ def _camera(image: Image, source: Intrinsics, file: Path) -> Camera:
         distortion=opencv_distortion(values, fisheye),
         fisheye=fisheye,
     )
-    return check_camera(camera, label, "Export the model again, or leave this image out.")
 
 
 def _camera_to_world(pose: np.ndarray, label: str) -> np.ndarray:

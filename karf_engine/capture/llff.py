@@ -18,7 +18,7 @@ from ..errors import DataError
 from ..io.image_size import image_size
 from .camera import Camera
 from .capture import Capture
-from .limits import LARGEST_POSITION, check_camera
+from .limits import LARGEST_POSITION, read_camera
 from .reading import at_size, make_views, merge_notes, photo_size, photos_in, read_bytes, rigid_pose
 
 POSES = "poses_bounds.npy"
@@ -123,7 +123,8 @@ def _camera(row: np.ndarray, shared: np.ndarray | None, label: str) -> tuple[Cam
     height, width, fx, fy, cx, cy = map(float, shared)
     if not (math.isfinite(width) and math.isfinite(height)):
         raise DataError(f"{label} has a picture of {width:g}x{height:g} pixels, which cannot be.", "Export them again.")
-    return check_camera(Camera(round(width), round(height), fx, fy, cx, cy, pose), label), notes
+    numbers = {"fx": fx, "fy": fy, "cx": cx, "cy": cy, "camera_to_world": pose}
+    return read_camera(label, width=round(width), height=round(height), **numbers), notes
 
 
 def _photos(file: Path, count: int) -> list[Path]:

@@ -12,14 +12,13 @@ from ..errors import DataError
 from ..io.image_size import LFS_POINTER, image_header
 from ..io.inputs import check_file
 from ..io.names import file_name
-from .camera import Camera
+from .camera import Camera, is_rigid
 from .capture import View, unique_names
 from .limits import LARGEST_POSITION
 
 PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".JPG", ".PNG", ".JPEG", ".webp", ".tif", ".tiff", ".bmp", ".exr")
 LENS_KEYS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 FISHEYE_KEYS = ("k1", "k2", "k3", "k4")
-POSE_TOLERANCE = 1e-3
 UNIT_TOLERANCE = 1e-5  # deviation from orthonormal that single precision explains
 
 
@@ -74,20 +73,16 @@ def rigid_pose(matrix: np.ndarray, label: str, what: str) -> tuple[np.ndarray, l
     if not np.abs(matrix).max() <= LARGEST_POSITION:
         raise DataError(f"{label} has a {what} that is not finite.", "Leave this photo out.")
     scale = float(np.linalg.norm(matrix[:3, :3], axis=0).mean())
-    if not _is_rotation(matrix[:3, :3] / max(scale, 1e-12)) or np.abs(matrix[3] - [0, 0, 0, 1]).max() > POSE_TOLERANCE:
+    unscaled = matrix.copy()
+    unscaled[:3, :3] /= max(scale, 1e-12)
+    if not is_rigid(unscaled):
         raise DataError(
             f"{label} has a {what} that is not a rotation with a uniform scale.",
             "Export the cameras without shear, mirroring or unequal scales.",
         )
     if abs(scale - 1.0) <= UNIT_TOLERANCE:
         return matrix, []
-    matrix = matrix.copy()
-    matrix[:3, :3] /= scale
-    return matrix, [f"the rotation had a scale of {scale:.6g}, which was removed."]
-
-
-def _is_rotation(matrix: np.ndarray) -> bool:
-    return bool(np.abs(matrix.T @ matrix - np.eye(3)).max() <= POSE_TOLERANCE and np.linalg.det(matrix) > 0)
+    return unscaled, [f"the rotation had a scale of {scale:.6g}, which was removed."]
 
 
 def opencv_distortion(coefficients: Mapping[str, float], fisheye: bool) -> tuple[float, ...]:

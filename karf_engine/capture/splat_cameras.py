@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import DataError
+from ..errors import BadRequest, DataError
 from ..io.files import read_json
 from .camera import Camera
 from .limits import check_camera
@@ -54,7 +54,7 @@ def _camera(entry: Any, label: str) -> Camera:
         pose[:3, :3] = np.array(entry["rotation"], np.float64).reshape(3, 3) @ np.diag([1.0, -1, -1])
         pose[:3, 3] = np.array(entry["position"], np.float64).reshape(3)
         camera = Camera(width, height, fx, fy, width / 2, height / 2, pose)
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError, BadRequest) as error:
         raise DataError(f"{label} is no camera ({error!r:.200}).", "Write the cameras again.") from error
     pose, _ = rigid_pose(pose, label, "rotation")
     return check_camera(replace(camera, camera_to_world=pose), label, "Write the cameras again.")

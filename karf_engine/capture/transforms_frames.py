@@ -15,7 +15,7 @@ from ..errors import DataError
 from ..io.files import read_json
 from .camera import Camera
 from .capture import SPLITS
-from .limits import LARGEST_SIDE, check_camera
+from .limits import LARGEST_SIDE, check_camera, read_camera
 from .reading import LENS_KEYS, at_size, opencv_distortion, photo_size, rigid_pose
 
 PERSPECTIVE = ("PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV")
@@ -100,7 +100,9 @@ def camera_of(frame: Frame, image: Path | None) -> tuple[Camera, list[str]]:
     width, height = declared or size
     fx, fy = _focal_lengths(frame, width, height)
     camera_to_world, pose_notes = _pose(frame)
-    camera = Camera(
+    camera = read_camera(
+        frame.label,
+        "Correct it in the file.",
         width=width,
         height=height,
         fx=fx,

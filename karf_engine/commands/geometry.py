@@ -39,7 +39,7 @@ from ..io.images import over, write_png
 from ..project import Project
 from ..project import settings as settings_module
 from ..project.locking import opened
-from ..segmentation.coarse_masks import marked_views
+from ..segmentation.coarse_masks import find_masks, marked_views
 from ..splats.depths import points_seen
 from ..splats.importing import captured_gaussians
 from .job import Job, StageRun, make_job, run_stage
@@ -65,6 +65,8 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
     capture = capture or open_capture(options.capture)
     for remark in capture.remarks:
         emit("warning", code="capture", sentence=remark)
+    if options.masks is not None:
+        find_masks(options.masks, capture)  # what no photo fits is said before anything is learned
     project = opened(options.project)
     project.create(str(options.capture.absolute()))
     capture = hold_out(capture, project.holdout() if options.holdout is None else options.holdout)

@@ -25,7 +25,8 @@ from ..segmentation.corrections import find_corrections
 from ..segmentation.doubts import SurfaceDoubts
 from ..segmentation.field_fit import fit_to_labels, fit_to_masks
 from ..segmentation.interior import object_surface
-from ..segmentation.labels import LabelledSurface, label_surface, vote_on_surface
+from ..segmentation.label_solvers import solve_labels
+from ..segmentation.labels import LabelledSurface, LabelProblem
 from ..segmentation.report import report_of
 from ..segmentation.surface_points import surface_points
 from ..segmentation.views import CachedViews, cache_views, load_masked_views
@@ -85,11 +86,9 @@ def _label(
     points, objects = surface_points(cached, field.voxel), cached.views.objects
     seen = SeenPoints(field, points, job.settings.geometry.long_side)
     constraints = seen.constraints(corrections, objects)
-    if job.settings.segmentation.labels != "surface":
-        return vote_on_surface(objects, points, votes, constraints, job.emit)
-    random = np.random.default_rng(job.settings.seed)
-    rounds = job.settings.segmentation.rounds
-    return label_surface(field, objects, points, votes, constraints, volumes, rounds, random, job.emit)
+    settings, random = job.settings.segmentation, np.random.default_rng(job.settings.seed)
+    problem = LabelProblem(field, objects, points, votes, constraints, volumes, settings.rounds, random, job.emit)
+    return solve_labels(settings.labels, problem)
 
 
 def _fit(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -59,4 +60,8 @@ def _compiled(function: Kernel, math: set[str] | bool, makes_arrays: bool) -> Ke
     import numba
 
     numba.config.CACHE_DIR = str(cache_folder())
-    return numba.njit(function, fastmath=math, error_model="numpy", nogil=True, cache=True, _nrt=makes_arrays)
+    compiled = partial(numba.njit, function, fastmath=math, error_model="numpy", nogil=True, _nrt=makes_arrays)
+    try:
+        return compiled(cache=True)
+    except RuntimeError:  # there is no folder that could be written: each process compiles for itself
+        return compiled(cache=False)

@@ -10,7 +10,7 @@ from torch import Tensor
 from ..errors import DataError
 from ..io.checkpoints import load_tensors, restoring, save_tensors
 from .background import Background
-from .registry import field_kinds
+from .registry import field_kind, field_kinds
 from .scene import Scene
 
 SCHEMA = "karf-geometry/1"
@@ -39,13 +39,13 @@ def load_scene(path: Path, device: torch.device | str = "cpu") -> Scene:
     """
     tensors, config = load_tensors(path, SCHEMA, device)
     with restoring(path):
-        kind = field_kinds().get(config.get("kind", "voxels"))
-        if kind is None:
+        kind = config.get("kind", "voxels")
+        if kind not in field_kinds():
             raise DataError(
-                f"{path} holds a field of the unknown kind {config['kind']!r:.200}.",
-                f"Known are {', '.join(field_kinds())}; import the module that registers this one.",
+                f"{path} holds a field of the unknown kind {kind!r:.200}.",
+                f"Known are {', '.join(field_kinds())}; install the package that brings this one, or import its module.",
             )
-        field = kind.restore(config, _part(tensors, "field."), device)
+        field = field_kind(kind).restore(config, _part(tensors, "field."), device)
         background = None
         if learned := _part(tensors, "background."):
             background = Background().to(device)

@@ -1,4 +1,5 @@
-"""The kinds of radiance fields. A new one is one file: a `Field`, a `Fit` of it, and a call of `register_field`."""
+"""The kinds of radiance fields. A new one is one file: a `Field`, a `Fit` of it, and a call of `register_field`, or an
+entry point `karf.fields` that is a `FieldKind`."""
 
 from __future__ import annotations
 
@@ -11,6 +12,8 @@ from torch import Tensor
 
 from ..compute.progress import Emit
 from ..errors import BadRequest
+from ..io.arguments import checked
+from ..io.plugins import load_plugin, plugin_names
 from ..project.settings import FIELD_KINDS, GeometrySettings
 from .fit import Fit, FitInputs
 from .nerf.field import NerfField
@@ -40,34 +43,40 @@ class FieldKind:
     prepare: Callable[[GeometrySettings, torch.device], Wait] = lambda settings, device: lambda emit, should_stop: None
 
 
+PLUGINS = "karf.fields"
 _KINDS: dict[str, FieldKind] = {}
 
 
+@checked
 def register_field(kind: FieldKind) -> None:
     """Make a kind of field known: to the setting `geometry.field` and to `load_scene`.
 
     Raises:
-        ValueError: Another kind has this name.
+        TypeError: It is no kind of field.
+        BadRequest: Another kind has this name.
     """
     if _KINDS.setdefault(kind.name, kind) != kind:
-        raise ValueError(f"There is another kind of field {kind.name!r}.")
+        raise BadRequest(f"There is another kind of field {kind.name!r}.", "Choose another name.")
     if kind.name not in FIELD_KINDS:
         FIELD_KINDS.append(kind.name)
 
 
-def field_kinds() -> dict[str, FieldKind]:
-    """All registered kinds by name."""
-    return dict(_KINDS)
+def field_kinds() -> list[str]:
+    """Names of all kinds, those that installed packages bring among them."""
+    return list(dict.fromkeys([*_KINDS, *plugin_names(PLUGINS)]))
 
 
 def field_kind(name: str) -> FieldKind:
-    """The kind that `geometry.field` names.
+    """The kind that `geometry.field` and files name.
 
     Raises:
         BadRequest: It is not registered; the hint lists those that are.
+        MissingDependency: An installed package brings it, and cannot be loaded.
     """
+    if name not in _KINDS and name in plugin_names(PLUGINS):
+        register_field(load_plugin(PLUGINS, name))
     if name not in _KINDS:
-        raise BadRequest(f"geometry.field = {name!r:.200} is not allowed.", f"Use one of: {', '.join(_KINDS)}.")
+        raise BadRequest(f"geometry.field = {name!r:.200} is not allowed.", f"Use one of: {', '.join(field_kinds())}.")
     return _KINDS[name]
 
 

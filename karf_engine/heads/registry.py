@@ -1,6 +1,6 @@
 """The kinds of heads: networks from encoded positions, prior features and directions to the logits of F_s or F_w.
 
-A new one is one file: a `Head` and a call of `register_head`.
+A new one is one file: a `Head`, and a call of `register_head` or an entry point `karf.heads` that is its builder.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ import torch
 from torch import Tensor, nn
 
 from ..errors import BadRequest
+from ..io.arguments import checked
+from ..io.plugins import load_plugin, plugin_names
 from ..kan.gated_block import GatedBlock, count_parameters
 from ..kan.mlp import MLPHead
 from ..project.settings import HEAD_KINDS, HeadSettings
@@ -56,9 +58,11 @@ class HeadSizes:
 
 HeadBuilder = Callable[[HeadSizes, HeadSettings], Head]
 
+PLUGINS = "karf.heads"
 HEADS: dict[str, HeadBuilder] = {}
 
 
+@checked
 def register_head(name: str, build: HeadBuilder) -> None:
     """Make a kind of head known: to the settings `segmentation.head` and `recoloring.head`, and to `build_head`.
 
@@ -67,10 +71,11 @@ def register_head(name: str, build: HeadBuilder) -> None:
         build: a fresh head of these sizes; it reads of the settings what concerns it, `width` above all.
 
     Raises:
-        ValueError: another kind has this name.
+        TypeError: an argument is of another type.
+        BadRequest: another kind has this name.
     """
     if HEADS.setdefault(name, build) is not build:
-        raise ValueError(f"There is another kind of head {name!r}.")
+        raise BadRequest(f"There is another kind of head {name!r}.", "Choose another name.")
     if name not in HEAD_KINDS:
         HEAD_KINDS.append(name)
 
@@ -99,6 +104,8 @@ def build_head(settings: HeadSettings, n_position: int, n_direction: int, n_feat
 
 
 def _build(settings: HeadSettings, sizes: HeadSizes) -> Head:
+    if settings.head not in HEADS and settings.head in plugin_names(PLUGINS):
+        register_head(settings.head, load_plugin(PLUGINS, settings.head))
     if settings.head not in HEADS:
         raise BadRequest(f"The head '{settings.head}' is unknown.", f"Use one of {', '.join(HEADS)}.")
     return HEADS[settings.head](sizes, settings)

@@ -1,6 +1,6 @@
 """Kolmogorov-Arnold networks: Gaussian, B-spline and plain layers, and the paper's gated block made of them.
 
-Each layer is a `torch.nn.Module` from [n, n_in] to [n, n_out] and can be used alone:
+Each layer is a `torch.nn.Module` from [..., n_in] to [..., n_out] and can be used alone:
 
 >>> import torch
 >>> from karf_engine.kan import GatedBlock, GRBFLayer
@@ -30,7 +30,7 @@ The gated block (Eq. 6) reads encoded positions, prior features and, where they 
 >>> block(positional_encoding(positions, 5), features).shape
 torch.Size([5, 4])
 
-This package needs torch, and of this project only errors and the settings' list of known layers.
+This package needs torch, and of this project only errors, checks of arguments and the settings' list of known layers.
 """
 
 from .bspline import BSplineLayer, bspline_bases

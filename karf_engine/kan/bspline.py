@@ -12,39 +12,58 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from ..io.arguments import check_number, checked
+from .checks import check_rows, check_vectors, check_widths
+
 GRID_LIMIT = 2.0
 INITIAL_SPLINE_STD = 0.02
 
 
+@checked
 def bspline_bases(u: Tensor, grid: int, order: int) -> Tensor:
     """Return the values of the B-splines, by the Cox-de Boor recursion.
 
     Differentiable to u, but for `order=0`, whose splines are steps.
 
     Args:
-        u: [n, n_in]; only values within [-2, 2] lie under all their splines.
+        u: [..., n_in]; only values within [-2, 2] lie under all their splines.
         grid: number of intervals on [-2, 2].
         order: p.
 
     Returns:
-        [n, grid + order, n_in] in [0, 1]; they sum to 1 over the splines where u is within [-2, 2).
+        [..., grid + order, n_in] in [0, 1]; they sum to 1 over the splines where u is within [-2, 2).
+
+    Raises:
+        TypeError: an argument is of another type.
+        BadRequest: a number is out of range.
 
     Example:
         >>> bspline_bases(torch.tensor([[-2.0], [0.0]]), grid=2, order=1)[..., 0]
         tensor([[1., 0., 0.],
                 [0., 1., 0.]])
     """
-    t = (u[:, None, :] + GRID_LIMIT) * (grid / (2 * GRID_LIMIT))
+    check_vectors("u", u)
+    _check_sizes(grid, order)
+    return _bases(u, grid, order)
+
+
+def _bases(u: Tensor, grid: int, order: int) -> Tensor:
+    t = (u[..., None, :] + GRID_LIMIT) * (grid / (2 * GRID_LIMIT))
     starts = torch.arange(-order, grid + order, dtype=u.dtype, device=u.device)[:, None]
-    bases = ((t >= starts) & (t < starts + 1)).to(u.dtype)  # [n, grid + 2 * order, n_in]
+    bases = ((t >= starts) & (t < starts + 1)).to(u.dtype)  # [.., grid + 2 * order, n_in]
     for p in range(1, order + 1):
         left = starts[:-p]
-        bases = ((t - left) * bases[:, :-1] + (left + p + 1 - t) * bases[:, 1:]) / p
+        bases = ((t - left) * bases[..., :-1, :] + (left + p + 1 - t) * bases[..., 1:, :]) / p
     return bases
 
 
+def _check_sizes(grid: int, order: int) -> None:
+    check_number("grid", grid, 1)
+    check_number("order", order, 0)
+
+
 class BSplineLayer(nn.Module):
-    """Map [n, n_in] to [n, n_out]: a B-spline and a SiLU on every edge, without bias (Liu et al. 2024).
+    """Map [..., n_in] to [..., n_out]: a B-spline and a SiLU on every edge, without bias (Liu et al. 2024).
 
     Every edge owns grid + order spline weights, one spline scale and one base weight.
 
@@ -56,13 +75,20 @@ class BSplineLayer(nn.Module):
         layer_norm: normalize the splines' inputs first, with 2 * n_in parameters. Without it, inputs outside [-2, 2]
             reach only the base branch.
 
+    Raises:
+        TypeError: an argument is of another type.
+        BadRequest: a number is out of range.
+
     Example:
         >>> BSplineLayer(3, 2)(torch.zeros(5, 3)).shape
         torch.Size([5, 2])
     """
 
+    @checked
     def __init__(self, n_in: int, n_out: int, grid: int = 5, order: int = 3, layer_norm: bool = True):
         super().__init__()
+        check_widths(n_in=n_in, n_out=n_out)
+        _check_sizes(grid, order)
         self.grid = grid
         self.order = order
         self.norm = nn.LayerNorm(n_in) if layer_norm else nn.Identity()
@@ -72,7 +98,8 @@ class BSplineLayer(nn.Module):
         nn.init.trunc_normal_(self.spline_weight, std=INITIAL_SPLINE_STD)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return [n, n_out] for x [n, n_in]."""
-        bases = bspline_bases(self.norm(x), self.grid, self.order)
+        """Return [..., n_out] for x [..., n_in]. Raises TypeError or BadRequest for what is none."""
+        check_rows("x", x, self.base.in_features, self.base.weight)
+        bases = _bases(self.norm(x), self.grid, self.order)
         weight = self.spline_weight * self.spline_scale
-        return self.base(F.silu(x)) + F.linear(bases.flatten(1), weight.flatten(1))
+        return self.base(F.silu(x)) + F.linear(bases.flatten(-2), weight.flatten(1))

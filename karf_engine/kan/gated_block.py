@@ -17,7 +17,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from ..errors import BadRequest
+from ..io.arguments import check_choice, checked
+from .checks import check_encodings, head_widths
 from .encoding import join_inputs
 from .layers import LayerOptions, build_layer
 
@@ -27,8 +28,8 @@ VARIANTS = ("all", "no_residual", "gate", "none")
 class GatedBlock(nn.Module):
     """The gated block: encodings and prior features to logits.
 
-    Differentiable to its inputs and parameters; with `grbf` once, not twice. The full block of `grbf` layers for 7 outputs (P 63, D 27, F 256) has 2,089,147 parameters and 4 bandwidths, one a
-    layer. Parts that `variant` switches off hold no parameters.
+    Differentiable to its inputs and parameters. The full block of `grbf` layers for 7 outputs (P 63, D 27, F 256) has
+    2,089,147 parameters and 4 bandwidths, one a layer. Parts that `variant` switches off hold no parameters.
 
     Args:
         n_position: P, width of the encoded positions.
@@ -44,7 +45,8 @@ class GatedBlock(nn.Module):
         learn_bandwidth: whether h is trained, one a layer; of `grbf`.
 
     Raises:
-        BadRequest: the layer or the variant is unknown, or the layer refuses its options.
+        TypeError: an argument is of another type.
+        BadRequest: a width is out of range, the layer or the variant is unknown, or the layer refuses its options.
 
     Example:
         >>> block = GatedBlock(n_position=9, n_direction=3, n_features=4, n_out=2, width=8)
@@ -52,6 +54,7 @@ class GatedBlock(nn.Module):
         torch.Size([5, 2])
     """
 
+    @checked
     def __init__(
         self,
         n_position: int,
@@ -66,8 +69,8 @@ class GatedBlock(nn.Module):
         learn_bandwidth: bool = True,
     ):
         super().__init__()
-        if variant not in VARIANTS:
-            raise BadRequest(f"The variant '{variant}' is unknown.", f"Use one of {', '.join(VARIANTS)}.")
+        check_choice("variant", variant, VARIANTS)
+        self._widths = head_widths(n_position, n_direction, n_features, n_out, width)
         n_in = n_position + n_direction + n_features
         options = LayerOptions(n_centers, bandwidth, learn_bandwidth)
         self.variant = variant
@@ -87,19 +90,24 @@ class GatedBlock(nn.Module):
         """Return logits.
 
         Args:
-            position_encoding: gamma(x), [n, P].
-            features: [n, F], standardized (see `Standardizer`).
-            direction_encoding: gamma(d), [n, D]; None if D = 0.
+            position_encoding: gamma(x), [..., P].
+            features: [..., F], standardized (see `Standardizer`).
+            direction_encoding: gamma(d), [..., D]; None if D = 0.
 
         Returns:
-            [n, n_out].
+            [..., n_out].
+
+        Raises:
+            TypeError: one is no tensor.
+            BadRequest: its shape, numbers or device are others.
         """
+        check_encodings(position_encoding, features, direction_encoding, self._widths, next(self.parameters()))
         z = join_inputs(position_encoding, features, direction_encoding)
         hidden = self._gated(z, self.backbone(z))
         return self.head(torch.cat([hidden, position_encoding], dim=-1))
 
     def _gated(self, z: Tensor, hidden: Tensor) -> Tensor:
-        """Return f'_h [n, width] from f_h, as the variant says."""
+        """Return f'_h [..., width] from f_h, as the variant says."""
         if self.variant == "none":
             return hidden
         shallow = self.gate_linear(z)
@@ -112,8 +120,9 @@ class GatedBlock(nn.Module):
         return torch.sigmoid(self.alpha) * shallow + adapted
 
 
+@checked
 def count_parameters(module: nn.Module) -> int:
-    """Number of trainable numbers in a module.
+    """Number of trainable numbers in a module. Raises TypeError for what is none.
 
     Example:
         >>> count_parameters(nn.Linear(3, 2))

@@ -13,7 +13,7 @@ kappa = (spacing / h)^2 and j = k - m, neighbors differ by a factor that is itse
     B_m = exp(-kappa w^2 / 2),    B_{j+1} / B_j = exp(kappa (w - 1/2)) exp(-kappa)^j.
 
 So two exponentials, and multiplications outward from the anchor, give all N Gaussians. On processors with numba, kernels
-(`fused.py`) do this and its backward pass.
+(`fused.py`) do this and its backward pass. Derivatives of that one, and `torch.func`, take the plain formula.
 """
 
 import math
@@ -24,11 +24,12 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
-from torch.autograd.function import once_differentiable
 
 from ..compute.cores import share
 from ..compute.kernels import has_kernels
 from ..errors import BadRequest
+from ..io.arguments import check_number, checked
+from .checks import check_alike, check_rows, check_widths
 
 GRID_LIMIT = 2.0
 BANDWIDTH_LIMITS = (0.35, 2.0)  # in spacings
@@ -46,19 +47,29 @@ _ACCELERATOR_ROWS_PER_CHUNK = 8192
 _MOST_SUMS = 4
 
 
+@checked
 def grid_spacing(n_centers: int) -> float:
     """Return the distance between neighboring centers on [-2, 2].
 
     Args:
         n_centers: N, at least 2.
 
+    Raises:
+        BadRequest: n_centers is out of range.
+
     Example:
         >>> grid_spacing(5)
         1.0
     """
+    check_number("n_centers", n_centers, 2)
+    return _spacing(n_centers)
+
+
+def _spacing(n_centers: int) -> float:
     return 2 * GRID_LIMIT / (n_centers - 1)
 
 
+@checked
 def resolve_bandwidth(bandwidth: str | float, n_centers: int) -> float:
     """Return h of Eq. 5 in units of the normalized input.
 
@@ -67,7 +78,7 @@ def resolve_bandwidth(bandwidth: str | float, n_centers: int) -> float:
         n_centers: N, at least 2.
 
     Raises:
-        BadRequest: the name is unknown, or h is outside 0.35 to 2 spacings.
+        BadRequest: the name is unknown, h is outside 0.35 to 2 spacings, or n_centers is out of range.
 
     Example:
         >>> resolve_bandwidth("eq5", 5), resolve_bandwidth(0.5, 5)
@@ -86,10 +97,14 @@ def resolve_bandwidth(bandwidth: str | float, n_centers: int) -> float:
     return h
 
 
+@checked
 def grbf_reference(x: Tensor, u: Tensor, weight: Tensor, bias: Tensor, bandwidth: Tensor, n_centers: int) -> Tensor:
     """Return what `grbf` returns, plainly: every basis stored, every gradient by autograd, of any order.
 
     Args and the result are those of `grbf`.
+
+    Raises:
+        BadRequest: a shape, a type of numbers or a device is another, or n_centers is out of range.
 
     Example:
         >>> x = torch.tensor([[0.5, -1.0]])
@@ -98,36 +113,49 @@ def grbf_reference(x: Tensor, u: Tensor, weight: Tensor, bias: Tensor, bandwidth
         >>> torch.allclose(plain, grbf(x, x, weight, bias, torch.tensor(2.0), n_centers=2))
         True
     """
+    check_number("n_centers", n_centers, 2)
+    check_rows("weight", weight, (n_centers + 1) * x.shape[-1] if x.ndim else 0, x)
+    check_rows("u", u, x.shape[-1], x)
+    check_alike("u", u, x)
+    check_rows("bias", bias, len(weight), x)
+    check_rows("bandwidth", bandwidth.reshape(1, -1), 1, x)
+    return _plain(x, u, weight, bias, bandwidth, n_centers)
+
+
+def _plain(x: Tensor, u: Tensor, weight: Tensor, bias: Tensor, bandwidth: Tensor, n_centers: int) -> Tensor:
     centers = torch.linspace(-GRID_LIMIT, GRID_LIMIT, n_centers, dtype=u.dtype, device=u.device)
-    distances = u[:, None, :] - centers[:, None]  # [n, N, n_in]
+    distances = u[..., None, :] - centers[:, None]  # [.., N, n_in]
     bases = torch.exp(-(distances**2) / (2 * bandwidth**2))
-    blocks = torch.cat([bases, F.silu(x)[:, None, :]], dim=1)  # [n, N + 1, n_in]
-    return F.linear(blocks.flatten(1), weight, bias)
+    blocks = torch.cat([bases, F.silu(x)[..., None, :]], dim=-2)  # [.., N + 1, n_in]
+    return F.linear(blocks.flatten(-2), weight, bias)
 
 
 def grbf(x: Tensor, u: Tensor, weight: Tensor, bias: Tensor, bandwidth: Tensor, n_centers: int) -> Tensor:
     """Return the layer's output, keeping only x and u for the backward pass.
 
-    Differentiable once, to its five tensors; not twice. Its Gaussians equal Eq. 5 to 2e-8 for any u. It waits
-    for no accelerator.
+    Differentiable to its five tensors, any number of times; from the second time on, and under `torch.func`, as
+    `grbf_reference`, in its memory. Its Gaussians equal Eq. 5 to 2e-8 for any u. It waits for no accelerator.
 
     Args:
-        x: [n, n_in] inputs.
-        u: [n, n_in] normalized inputs.
+        x: [..., n_in] inputs.
+        u: [..., n_in] normalized inputs.
         weight: [n_out, (n_centers + 1) * n_in], spline blocks, then the base block.
         bias: [n_out].
         bandwidth: h, 0-d, within 0.35 to 2 spacings.
         n_centers: N, 2 to 8.
 
     Returns:
-        [n, n_out].
+        [..., n_out].
 
     Example:
         >>> x = torch.zeros(4, 3)
         >>> grbf(x, x, torch.ones(2, 9 * 3), torch.zeros(2), torch.tensor(grid_spacing(8)), n_centers=8).shape
         torch.Size([4, 2])
     """
-    return _GRBF.apply(x, u, weight, bias, bandwidth, n_centers)
+    if torch._C._are_functorch_transforms_active():  # their tensors have no memory that kernels could read
+        return _plain(x, u, weight, bias, bandwidth, n_centers)
+    rows = _GRBF.apply(x.reshape(-1, x.shape[-1]), u.reshape(-1, x.shape[-1]), weight, bias, bandwidth, n_centers)
+    return rows.reshape(*x.shape[:-1], len(weight))
 
 
 class _Recurrence:
@@ -140,7 +168,7 @@ class _Recurrence:
         self.kernels = _kernels_for(bandwidth)
         self.n_centers = n_centers
         self.anchor = n_centers // 2
-        self.spacing = grid_spacing(n_centers)
+        self.spacing = _spacing(n_centers)
         h = bandwidth.detach().double()
         kappa = (self.spacing / h) ** 2
         margin = _CLAMP_BANDWIDTHS * h / self.spacing
@@ -209,10 +237,18 @@ class _GRBF(torch.autograd.Function):
         return output
 
     @staticmethod
-    @once_differentiable
     def backward(ctx, grad_output):
-        x, u, weight, bandwidth = ctx.saved_tensors
-        recurrence = ctx.recurrence
+        *others, grad_bandwidth = _Gradients.apply(grad_output, *ctx.saved_tensors, ctx.recurrence)
+        return *others, grad_output.sum(0), grad_bandwidth, None
+
+
+class _Gradients(torch.autograd.Function):
+    """The layer's gradients by x, u, weight and bandwidth. Their own gradients are those of the plain formula."""
+
+    @staticmethod
+    def forward(ctx, grad_output, x, u, weight, bandwidth, recurrence):
+        ctx.save_for_backward(grad_output, x, u, weight, bandwidth)
+        ctx.n_centers = recurrence.n_centers
         n, kappa, scale = recurrence.n_centers, recurrence.kappa, recurrence.scale
         grad_x, grad_u = torch.empty_like(x), torch.empty_like(u)
         n_sums = max(1, min(_MOST_SUMS, len(_chunks(u)))) if u.device.type == "cpu" else 1
@@ -224,7 +260,20 @@ class _GRBF(torch.autograd.Function):
         per_center = (grad_weight * weight).unflatten(1, (n + 1, -1))[:, :n].sum(dim=(0, 2))
         steps = torch.arange(n, dtype=u.dtype, device=u.device) - recurrence.anchor
         grad_kappa = -0.5 * (scale * quadratic + steps.square() @ per_center)
-        return grad_x, grad_u, grad_weight, grad_output.sum(0), grad_kappa * (-2 * kappa / bandwidth), None
+        return grad_x, grad_u, grad_weight, grad_kappa * (-2 * kappa / bandwidth)
+
+    @staticmethod
+    def backward(ctx, *weights):
+        with torch.enable_grad():
+            own = [each.view_as(each) for each in ctx.saved_tensors]  # u depends on x: each counts by itself
+            grad_output, x, u, weight, bandwidth = own
+            output = _plain(x, u, weight, weight.new_zeros(len(weight)), bandwidth, ctx.n_centers)
+            asked = [pair for pair in zip(own[1:], weights, strict=True) if pair[0].requires_grad]
+            firsts = torch.autograd.grad(output, [each for each, _ in asked], grad_output, create_graph=True)
+            total = sum((first * weight).sum() for first, (_, weight) in zip(firsts, asked, strict=True))
+            wanted = [each for each in own if each.requires_grad]
+            found = iter(torch.autograd.grad(total, wanted, create_graph=True, allow_unused=True))
+        return *(next(found) if each.requires_grad else None for each in own), None
 
 
 def _fill_outputs(first, last, x, u, scaled, bias, recurrence, output):
@@ -309,9 +358,9 @@ def _chunk_buffer(u: Tensor, n_blocks: int) -> Tensor:
 
 
 class GRBFLayer(nn.Module):
-    """Map [n, n_in] to [n, n_out]: Gaussians of the normalized input, plus a SiLU base branch (paper, Eq. 4 and 5).
+    """Map [..., n_in] to [..., n_out]: Gaussians of the normalized input, plus a SiLU base branch (paper, Eq. 4 and 5).
 
-    Differentiable once, not twice. It has n_in * n_out * (n_centers + 1) + n_out + 2 * n_in parameters, plus 1 if the
+    Differentiable any number of times, see `grbf`. It has n_in * n_out * (n_centers + 1) + n_out + 2 * n_in parameters, plus 1 if the
     bandwidth is learned.
 
     Args:
@@ -323,7 +372,8 @@ class GRBFLayer(nn.Module):
             limit its gradient is zero. Otherwise it is a buffer.
 
     Raises:
-        BadRequest: n_centers is out of range, or `resolve_bandwidth` refuses the bandwidth.
+        TypeError: an argument is of another type.
+        BadRequest: a width or n_centers is out of range, or `resolve_bandwidth` refuses the bandwidth.
 
     Example:
         >>> layer = GRBFLayer(3, 2, n_centers=5, learn_bandwidth=False)
@@ -331,6 +381,7 @@ class GRBFLayer(nn.Module):
         (torch.Size([4, 2]), tensor(1.))
     """
 
+    @checked
     def __init__(
         self,
         n_in: int,
@@ -340,8 +391,8 @@ class GRBFLayer(nn.Module):
         learn_bandwidth: bool = True,
     ):
         super().__init__()
-        if not 2 <= n_centers <= MAX_CENTERS:
-            raise BadRequest(f"{n_centers} Gaussian centers were asked for.", f"Use 2 to {MAX_CENTERS}.")
+        check_widths(n_in=n_in, n_out=n_out)
+        check_number("n_centers", n_centers, 2, MAX_CENTERS)
         self.n_centers = n_centers
         self.norm = nn.LayerNorm(n_in)
         base = nn.Linear(n_in, n_out)
@@ -357,9 +408,10 @@ class GRBFLayer(nn.Module):
 
     def bandwidth(self) -> Tensor:
         """Return h, a 0-d tensor within 0.35 to 2 spacings."""
-        low, high = (math.log(limit * grid_spacing(self.n_centers)) for limit in BANDWIDTH_LIMITS)
+        low, high = (math.log(limit * _spacing(self.n_centers)) for limit in BANDWIDTH_LIMITS)
         return self.log_bandwidth.clamp(low, high).exp()
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return [n, n_out] for x [n, n_in]."""
+        """Return [..., n_out] for x [..., n_in]. Raises TypeError or BadRequest for what is none."""
+        check_rows("x", x, self.norm.normalized_shape[0], self.weight)
         return grbf(x, self.norm(x), self.weight, self.bias, self.bandwidth(), self.n_centers)

@@ -1,4 +1,5 @@
-"""The kinds of layers by name. A new one is a module from [n, n_in] to [n, n_out] and a call of `register_layer`."""
+"""The kinds of layers by name. A new one is a module from [..., n_in] to [..., n_out] and a call of `register_layer`,
+or an entry point `karf.layers` that is its builder."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,9 +7,11 @@ from dataclasses import dataclass
 from torch import nn
 
 from ..errors import BadRequest
+from ..io.arguments import check_choice, check_fields, check_number, checked
+from ..io.plugins import load_plugin, plugin_names
 from ..project.settings import LAYER_KINDS
 from .bspline import BSplineLayer
-from .grbf import GRBFLayer
+from .grbf import MAX_CENTERS, GRBFLayer, resolve_bandwidth
 from .mlp import MLPLayer
 
 
@@ -21,6 +24,10 @@ class LayerOptions:
         bandwidth: h of Eq. 5 at the start, see `resolve_bandwidth`; of `grbf`.
         learn_bandwidth: whether h is trained; of `grbf`.
         is_output: whether it is a network's last layer, whose outputs may have any sign; of `mlp`.
+
+    Raises:
+        TypeError: an option is of another type.
+        BadRequest: n_centers is out of range, or `resolve_bandwidth` refuses the bandwidth.
     """
 
     n_centers: int = 8
@@ -28,12 +35,19 @@ class LayerOptions:
     learn_bandwidth: bool = True
     is_output: bool = False
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+        check_number("n_centers", self.n_centers, 2, MAX_CENTERS)
+        resolve_bandwidth(self.bandwidth, self.n_centers)
+
 
 LayerBuilder = Callable[[int, int, LayerOptions], nn.Module]  # of n_in, n_out and options
 
+PLUGINS = "karf.layers"
 LAYERS: dict[str, LayerBuilder] = {}
 
 
+@checked
 def register_layer(name: str, build: LayerBuilder) -> None:
     """Make a kind of layer known: to `GatedBlock`, and to the settings `segmentation.layer` and `recoloring.layer`.
 
@@ -42,14 +56,15 @@ def register_layer(name: str, build: LayerBuilder) -> None:
         build: returns the layer for n_in, n_out and options.
 
     Raises:
-        ValueError: another kind has this name.
+        TypeError: an argument is of another type.
+        BadRequest: another kind has this name.
 
     Example:
         >>> register_layer("linear", lambda n_in, n_out, options: nn.Linear(n_in, n_out))  # doctest: +SKIP
         >>> block = GatedBlock(33, 0, 12, n_out=4, layer="linear")  # doctest: +SKIP
     """
-    if LAYERS.setdefault(name, build) is not build:
-        raise ValueError(f"There is another kind of layer {name!r}.")
+    if not name or LAYERS.setdefault(name, build) is not build:
+        raise BadRequest(f"There is another kind of layer {name!r}.", "Choose another name.")
     if name not in LAYER_KINDS:
         LAYER_KINDS.append(name)
 
@@ -70,8 +85,9 @@ def build_layer(kind: str, n_in: int, n_out: int, options: LayerOptions | None =
         >>> build_layer("mlp", 3, 2, LayerOptions(is_output=True)).linear
         Linear(in_features=3, out_features=2, bias=True)
     """
-    if kind not in LAYERS:
-        raise BadRequest(f"The layer '{kind}' is unknown.", f"Use one of {', '.join(LAYERS)}.")
+    if kind not in LAYERS and kind in plugin_names(PLUGINS):
+        register_layer(kind, load_plugin(PLUGINS, kind))
+    check_choice("layer", kind, tuple(LAYERS))
     return LAYERS[kind](n_in, n_out, options or LayerOptions())
 
 

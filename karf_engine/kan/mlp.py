@@ -2,16 +2,22 @@
 
 from torch import Tensor, nn
 
+from ..io.arguments import checked
+from .checks import check_encodings, check_rows, check_widths, head_widths
 from .encoding import join_inputs
 
 
 class MLPLayer(nn.Module):
-    """Map [n, n_in] to [n, n_out] by a linear layer and, unless it is an output layer, a ReLU.
+    """Map [..., n_in] to [..., n_out] by a linear layer and, unless it is an output layer, a ReLU.
 
     Args:
         n_in: width of the inputs.
         n_out: width of the outputs.
         is_output: whether the ReLU is left out.
+
+    Raises:
+        TypeError: an argument is of another type.
+        BadRequest: a width is below 1.
 
     Example:
         >>> import torch
@@ -19,13 +25,16 @@ class MLPLayer(nn.Module):
         True
     """
 
+    @checked
     def __init__(self, n_in: int, n_out: int, is_output: bool = False):
         super().__init__()
+        check_widths(n_in=n_in, n_out=n_out)
         self.linear = nn.Linear(n_in, n_out)
         self.activation = nn.Identity() if is_output else nn.ReLU()
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return [n, n_out] for x [n, n_in]."""
+        """Return [..., n_out] for x [..., n_in]. Raises TypeError or BadRequest for what is none."""
+        check_rows("x", x, self.linear.in_features, self.linear.weight)
         return self.activation(self.linear(x))
 
 
@@ -39,14 +48,20 @@ class MLPHead(nn.Module):
         n_out: number of logits.
         width: of the hidden layers.
 
+    Raises:
+        TypeError: an argument is of another type.
+        BadRequest: a width is out of range.
+
     Example:
         >>> import torch
         >>> MLPHead(9, 0, 4, n_out=2)(torch.zeros(5, 9), torch.zeros(5, 4)).shape
         torch.Size([5, 2])
     """
 
+    @checked
     def __init__(self, n_position: int, n_direction: int, n_features: int, n_out: int, width: int = 64):
         super().__init__()
+        self._widths = head_widths(n_position, n_direction, n_features, n_out, width)
         self.layers = nn.Sequential(
             MLPLayer(n_position + n_direction + n_features, width),
             MLPLayer(width, width),
@@ -54,5 +69,7 @@ class MLPHead(nn.Module):
         )
 
     def forward(self, position_encoding: Tensor, features: Tensor, direction_encoding: Tensor | None = None) -> Tensor:
-        """Return logits [n, n_out] for encodings [n, P], [n, D] (None if D = 0) and prior features [n, F]."""
+        """Return logits [..., n_out] for encodings [..., P], [..., D] (None if D = 0) and prior features [..., F]. Raises
+        TypeError or BadRequest for what is none."""
+        check_encodings(position_encoding, features, direction_encoding, self._widths, self.layers[0].linear.weight)
         return self.layers(join_inputs(position_encoding, features, direction_encoding))

@@ -3,20 +3,26 @@
 import torch
 from torch import Tensor, nn
 
-from ..errors import DataError
+from ..errors import BadRequest, DataError
+from ..io.arguments import check_number, checked
+from .checks import check_rows
 
 # A channel that varies by less than float32 can tell apart from its mean is constant: it becomes zero, not noise.
 _CONSTANT_CHANNEL = 1e-6
 
 
 class Standardizer(nn.Module):
-    """Map features [n, F] to zero mean and unit standard deviation per channel, as measured once by `fit`.
+    """Map features [..., F] to zero mean and unit standard deviation per channel, as measured once by `fit`.
 
     `mean` and `std` [F] are buffers: never trained, saved with the head. Before `fit` it is the identity.
     Differentiable to the features.
 
     Args:
         n_features: F.
+
+    Raises:
+        TypeError: n_features is of another type.
+        BadRequest: it is below 0.
 
     Example:
         >>> standardizer = Standardizer(1)
@@ -25,8 +31,10 @@ class Standardizer(nn.Module):
         tensor([[3.]])
     """
 
+    @checked
     def __init__(self, n_features: int):
         super().__init__()
+        check_number("n_features", n_features, 0)
         self.register_buffer("mean", torch.zeros(n_features))
         self.register_buffer("std", torch.ones(n_features))
 
@@ -35,12 +43,17 @@ class Standardizer(nn.Module):
         """Measure `mean` and `std`.
 
         Args:
-            features: [n, F], n >= 1.
+            features: [..., F], at least one of them.
 
         Raises:
+            TypeError: they are no tensor.
+            BadRequest: they are of another width, not of floating numbers, on another device, or none.
             DataError: a value is not finite.
         """
-        std, mean = torch.std_mean(features.double(), dim=0, correction=0)
+        check_rows("features", features, len(self.mean), self.mean)
+        if not features.numel():
+            raise BadRequest("features are none.", "Give at least one.")
+        std, mean = torch.std_mean(features.double().flatten(0, -2), dim=0, correction=0)
         if not torch.isfinite(std).all():
             raise DataError("The prior features hold values that are not finite.", "Train the geometry stage again.")
         constant = std <= _CONSTANT_CHANNEL * mean.abs()
@@ -48,5 +61,6 @@ class Standardizer(nn.Module):
         self.std.copy_(torch.where(constant, 1.0, std))
 
     def forward(self, features: Tensor) -> Tensor:
-        """Return the standardized features [n, F]."""
+        """Return the standardized features [..., F]. Raises TypeError or BadRequest for what is none."""
+        check_rows("features", features, len(self.mean), self.mean)
         return (features - self.mean) / self.std

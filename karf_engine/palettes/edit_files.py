@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import DataError
+from ..io.arguments import check_choice, checked
 from ..io.files import write_json
 from .palette import (
     BRIGHTEST,
@@ -30,7 +31,8 @@ from .palette import (
 EDIT_SCHEMA = "karf-edit/1"
 
 
-def read_edit(path: Path, palettes: Sequence[Palette], compositing: str = "delta") -> Edit:
+@checked
+def read_edit(path: Path | str, palettes: Sequence[Palette], compositing: str = "delta") -> Edit:
     """Read edit.json over the learned palettes: null entries and objects left out stay as learned.
 
     Args:
@@ -53,7 +55,8 @@ def read_edit(path: Path, palettes: Sequence[Palette], compositing: str = "delta
         >>> edit.compositing, edit.colors["pot"].tolist()
         ('delta', [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0, 1.0, 1.0]])
     """
-    return edit_from_json(read_schema(path, "edit", EDIT_SCHEMA), path, palettes, compositing)
+    check_choice("compositing", compositing, COMPOSITING_MODES)
+    return edit_from_json(read_schema(Path(path), "edit", EDIT_SCHEMA), path, palettes, compositing)
 
 
 def edit_from_json(
@@ -122,8 +125,9 @@ def _added(entry: Any, where: str, size: int) -> tuple[AddedColor, np.ndarray]:
     return AddedColor(picked, float(reach)), np.stack([color_of(value, where, BRIGHTEST) for value in colors])
 
 
-def write_edit(path: Path, edit: Edit) -> None:
-    """Write edit.json atomically, colors as sRGB triples (hex would round them).
+@checked
+def write_edit(path: Path | str, edit: Edit) -> None:
+    """Write edit.json atomically, colors as sRGB triples (hex would round them). Raises BadRequest for another ending.
 
     Examples:
         >>> import tempfile
@@ -135,7 +139,8 @@ def write_edit(path: Path, edit: Edit) -> None:
         >>> again.compositing, rgb_to_hex(again.colors["pot"][1])
         ('paper', '#001aff')
     """
-    write_json(path, edit_to_json(edit))
+    check_choice("The suffix of path", Path(path).suffix.lower(), (".json",))
+    write_json(Path(path), edit_to_json(edit))
 
 
 def edit_to_json(edit: Edit) -> dict[str, Any]:

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import DataError
+from ..errors import BadRequest, DataError
+from ..io.arguments import check_array, check_choice, check_fields
 from ..io.color import to_bytes
 from ..io.files import read_json, write_json
 from ..io.names import check_name, check_names
@@ -35,6 +36,10 @@ class Palette:
         name: The object's.
         colors: [M, 3] float32 sRGB in [0, 1]; entry 0 is black and frozen.
 
+    Raises:
+        TypeError: A field is of another type.
+        BadRequest: The colors are of another shape, not finite, or out of range, or the name is empty.
+
     Examples:
         >>> pot = Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0]], np.float32))
         >>> [rgb_to_hex(color) for color in pot.colors]
@@ -43,6 +48,15 @@ class Palette:
 
     name: str
     colors: np.ndarray
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if not self.name:
+            raise BadRequest("A palette's name is empty.", "Name its object.")
+        _check_colors(self.name, self.colors, 1)
+
+    def __repr__(self) -> str:
+        return f"Palette({_brief(self.name, self.colors)})"
 
 
 @dataclass(frozen=True)
@@ -68,6 +82,10 @@ class Edit:
         compositing: How planes become the picture, `delta` or `paper` (see `palettes.compositing`).
         added: The added colors of objects that have some, by name.
 
+    Raises:
+        TypeError: A field is of another type.
+        BadRequest: Colors are of another shape, not finite, or out of range, or there is no such compositing.
+
     Examples:
         >>> edit = Edit({"pot": np.stack([hex_to_rgb("#000000"), hex_to_rgb("#3059b8")])})
         >>> edit.compositing, rgb_to_hex(edit.colors["pot"][1])
@@ -77,6 +95,58 @@ class Edit:
     colors: dict[str, np.ndarray]
     compositing: str = "delta"
     added: dict[str, tuple[AddedColor, ...]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        check_choice("compositing", self.compositing, COMPOSITING_MODES)
+        for name, colors in self.colors.items():
+            _check_colors(name, colors, BRIGHTEST)
+
+    def __repr__(self) -> str:
+        objects = ", ".join(_brief(name, colors) for name, colors in self.colors.items())
+        return f"{type(self).__name__}({self.compositing}: {objects})"
+
+
+def check_edit(edit: Edit, palettes: Sequence[Palette]) -> None:
+    """Refuse an edit that is not of these palettes.
+
+    Args:
+        edit: The edit.
+        palettes: As learned, one an object.
+
+    Raises:
+        BadRequest: It lacks an object, has another one, or another number of colors.
+
+    Examples:
+        >>> check_edit(Edit({}), [Palette("pot", np.zeros((2, 3)))])
+        Traceback (most recent call last):
+        karf_engine.errors.BadRequest: The edit is of no object, the palettes are of pot. Make it by model.edit().
+    """
+    names = [palette.name for palette in palettes]
+    if set(edit.colors) != set(names) or not set(edit.added) <= set(names):
+        other = ", ".join(dict.fromkeys([*edit.colors, *edit.added])) or "no object"
+        raise BadRequest(
+            f"The edit is of {other:.200}, the palettes are of {', '.join(names):.200}.", "Make it by model.edit()."
+        )
+    for palette in palettes:
+        size, given = len(palette.colors), len(edit.colors[palette.name])
+        wanted = size * (1 + len(edit.added.get(palette.name, ())))
+        if given != wanted:
+            raise BadRequest(
+                f"The edit has {given} colors of {palette.name!r}, its palette {wanted}.", "Make it by model.edit()."
+            )
+
+
+def _brief(name: str, colors: np.ndarray) -> str:
+    return f"{name} {' '.join(map(rgb_to_hex, colors))}"
+
+
+def _check_colors(name: str, colors: np.ndarray, highest: float) -> None:
+    check_array(f"colors of {name!r}", colors, ("M", 3))
+    if not len(colors) or not ((colors >= 0) & (colors <= highest)).all():
+        raise BadRequest(
+            f"colors of {name!r} are none, not finite, or not within 0 and {highest:g}.", "Give sRGB numbers, [M, 3]."
+        )
 
 
 def hex_to_rgb(text: str) -> np.ndarray:

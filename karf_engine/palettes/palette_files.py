@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import BadRequest, DataError
+from ..io.arguments import check_choice
 from ..io.color import to_bytes
 from ..io.files import atomic_write
 from ..io.inputs import check_file
@@ -39,12 +40,12 @@ class NamedColor(NamedTuple):
 
 
 def write_edit_file(path: Path, edit: Edit) -> None:
-    """Write the colors of an edit, atomically: as a palette for `.gpl` and `.ase`, else as edit.json.
+    """Write the colors of an edit, atomically: as a palette for `.gpl` and `.ase`, for `.json` as edit.json.
 
     Colors brighter than white are clipped in palettes, and kept in JSON.
 
     Raises:
-        BadRequest: The edit has added colors, and the file is a palette.
+        BadRequest: The file is of another kind, or is a palette and the edit has added colors.
 
     Examples:
         >>> import tempfile
@@ -57,6 +58,7 @@ def write_edit_file(path: Path, edit: Edit) -> None:
         #
         255  51   0	pot 1
     """
+    check_choice("The suffix", path.suffix.lower(), SUFFIXES)
     write = {".gpl": _write_gpl, ".ase": _write_ase}.get(path.suffix.lower())
     if write is None:
         write_edit(path, edit)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import BadRequest
+from ..io.arguments import checked
 from ..project.folder import Project
 from ..project.settings import from_dict
 from .added import solve_set
@@ -21,7 +22,7 @@ RULES = ("becomes", "fewest")
 Color = str | Sequence[float] | np.ndarray  # #rrggbb, or three sRGB numbers from 0 to 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ProjectEdit(Edit):
     """An edit that knows the project it is for. Each method gives a new edit; nothing is changed in place.
 
@@ -37,6 +38,7 @@ class ProjectEdit(Edit):
     project: Project = field(kw_only=True, repr=False, compare=False)
     palettes: tuple[Palette, ...] = field(kw_only=True, repr=False, compare=False)
 
+    @checked
     def becomes(
         self,
         name: str,
@@ -65,6 +67,7 @@ class ProjectEdit(Edit):
         sets = self.colors[name][len(colors) :]
         return replace(self, colors=self.colors | {name: np.concatenate([colors, sets])})
 
+    @checked
     def add_color(self, name: str, picked: Color, wanted: Color, reach: float = REACH) -> ProjectEdit:
         """Let one pigment of an object have a color of its own, and leave it out of what the swatches change.
 
@@ -94,6 +97,7 @@ class ProjectEdit(Edit):
             added=self.added | {name: (*before, added)},
         )
 
+    @checked
     def swatch(self, name: str, index: int, color: Color) -> ProjectEdit:
         """Set one swatch of an object.
 
@@ -112,6 +116,7 @@ class ProjectEdit(Edit):
         colors[index] = as_color(color, BRIGHTEST)
         return replace(self, colors=self.colors | {name: colors})
 
+    @checked
     def save(self, path: Path | str) -> None:
         """Write the edit, atomically: as JSON, or as the palette file of its suffix (`palettes.palette_files`)."""
         write_edit_file(Path(path), self)

@@ -10,6 +10,7 @@ import torch
 
 from ..capture.camera import Camera
 from ..fields.scene import Picture
+from ..io.arguments import check_array, check_fields
 from ..io.color import to_bytes
 from ..palettes.compositing import Planes, hard_masks
 
@@ -27,6 +28,10 @@ class Frame:
         base: [H, W, 3] float32 sRGB in [0, 1], the picture that an edit changes: the photo, or the rendering.
         disputed: objects about which photo and field disagree, so that their edges are the field's.
 
+    Raises:
+        TypeError: a field is of another type.
+        BadRequest: an array is of another shape. It is not searched for NaN, which stays what it is.
+
     Example:
         frame = model.render(model.capture.views[0].camera)
         pot = frame.probabilities[model.objects.index("pot")]  # [H, W] in [0, 1]
@@ -37,6 +42,18 @@ class Frame:
     palette_weights: np.ndarray | None
     base: np.ndarray
     disputed: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        check_array("base", self.base, ("H", "W", 3))
+        shape = self.base.shape[:2]
+        check_array("probabilities", self.probabilities, ("K", *shape))
+        if self.palette_weights is not None:
+            check_array("palette_weights", self.palette_weights, (len(self.probabilities), "M", *shape))
+
+    def __repr__(self) -> str:
+        height, width = self.base.shape[:2]
+        return f"Frame({width}x{height}, {len(self.probabilities)} objects)"
 
     @property
     def color(self) -> np.ndarray:

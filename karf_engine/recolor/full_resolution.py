@@ -15,12 +15,13 @@ import numpy as np
 from ..capture.capture import View
 from ..capture.training_images import image_of
 from ..errors import BadRequest
+from ..io.arguments import check_array, check_fields, check_number, checked
 from ..io.color import to_bytes
 from ..io.images import BACK, oriented, over, turned
 from ..palettes.added import palettes_with, spread, with_sets
 from ..palettes.compositing import hard_masks
 from ..palettes.extraction.barycentric_weights import palette_weights_of_image, star_weights
-from ..palettes.palette import AddedColor, Edit, Palette
+from ..palettes.palette import AddedColor, Edit, Palette, check_edit
 from .frames import Frame
 from .layers import Layers
 from .matting.matte import NEGLIGIBLE, Matte, disputed_objects
@@ -50,14 +51,26 @@ class PhotoView:
     mattes: Sequence[Matte]
     palettes: Sequence[Palette]
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+        check_number("orientation", self.orientation, 1, 8)
+
+    def __repr__(self) -> str:
+        width, height = self.photo.size
+        return f"PhotoView({width}x{height}: {', '.join(self.objects)})"
+
+    @checked
     def recolored(self, edit: Edit) -> StoredPhoto:
         """The photo with an edit. Raises BadRequest before palettes are learned."""
         return next(self.recolored_by([edit]))
 
+    @checked
     def recolored_by(self, edits: Sequence[Edit]) -> Iterator[StoredPhoto]:
         """The photo with each of some edits, a few at a time. Raises BadRequest before palettes are learned."""
         if not self.palettes:
             raise BadRequest("There is no finished recoloring stage.", "Run the recoloring stage first.")
+        for edit in edits:
+            check_edit(edit, self.palettes)
         at_once = max(1, COPIES_BYTES // self.photo.pixels.nbytes)
         for first in range(0, len(edits), at_once):
             some = edits[first : first + at_once]
@@ -80,16 +93,20 @@ class PhotoView:
             result[:, rows, columns] = hard_masks(self._coverages(rows, columns))
         return result
 
+    @checked
     def shown(self, photo: StoredPhoto) -> np.ndarray:
         """An edited copy as its camera sees it, on white where it is transparent: float32 sRGB [H, W, 3]."""
         return oriented(over(photo.colors(), photo.alpha()), self.orientation)
 
+    @checked
     def layers(self, depth: np.ndarray, added: Mapping[str, Sequence[AddedColor]] | None = None) -> Layers:
         """The photo in layers, as its camera sees it, on white where it is transparent.
 
         depth: [h, w] along the optical axis in the camera's grid, of any size; each pixel takes the nearest one, as
         what lies between two surfaces is on neither. added: colors that have layers of their own, by object.
         """
+        check_array("depth", depth, ("h", "w"))
+        check_number("depth.size", depth.size, 1)
         is_deep = self.photo.pixels.dtype != np.uint8
         base = self.shown(self.photo) if is_deep else turned(self.photo.shown(), self.orientation)
         height, width = base.shape[:2]

@@ -18,6 +18,7 @@ import torch
 from ..capture.camera import Camera
 from ..capture.capture import Capture, View
 from ..capture.distortion import straighten
+from ..capture.limits import check_camera
 from ..capture.training_images import TrainingImage, load_views, load_wanted
 from ..compute.cores import take_from_torch
 from ..compute.kernels import has_kernels
@@ -29,13 +30,14 @@ from ..fields.scene import Picture
 from ..heads.fields import RecoloringField, SegmentationField
 from ..heads.files import load_recoloring, load_segmentation
 from ..heads.rendering import ObjectSamples, object_samples, segment_cache, weigh_cache
+from ..io.arguments import check_array, check_choice, check_number, checked
 from ..io.color import to_bytes
 from ..io.failures import translated
 from ..io.images import over
 from ..palettes.added import palettes_with, spread_objects
 from ..palettes.compositing import delta_composite, paper_composite, stack_palettes
 from ..palettes.matching.painted import ObjectMatch, match_picture
-from ..palettes.palette import Edit, Palette, read_palettes
+from ..palettes.palette import Edit, Palette, check_edit, read_palettes
 from ..palettes.project_edit import ProjectEdit, edit_of
 from ..project import Project
 from ..project.contents import capture_of, settings_for
@@ -54,6 +56,7 @@ if TYPE_CHECKING:
     from ..splats.rasterizer import SplattedView  # needs numba
 
 BASES = {"delta": "photo", "paper": "render"}  # default picture that an edit of a captured view changes
+MOST_SUPERSAMPLING = 64
 MASK_SAMPLES, WEIGHT_SAMPLES = 3, 8  # quantile samples a ray: colors need more of them than classes
 
 
@@ -78,13 +81,14 @@ class Model:
         picture = model.recolor(model.capture.view("r_003"), edit)
     """
 
+    @checked
     def __init__(self, project: Project, device: torch.device | str = "cpu", settings: Settings | None = None) -> None:
         """Load what is finished of a project, by default with its own settings.
 
-        Raises BadRequest where nothing is finished, DataError where a file is damaged.
+        Raises BadRequest where nothing is finished or there is no such device, DataError where a file is damaged.
         """
         project.require("geometry")
-        self.project, self.device = project, torch.device(device)
+        self.project, self.device = project, find_device(device) if isinstance(device, str) else device
         self.settings = settings or settings_for(project, "render")
         self.scene = load_scene(project.checked(project.geometry_file), self.device)
         self.objects: list[str] = []
@@ -108,6 +112,7 @@ class Model:
         self._baked: tuple[Any, Gaussians | None] = (None, None)
 
     @classmethod
+    @checked
     def load(cls, folder: Path | str, device: str | None = None) -> Model:
         """What is learned in a project's folder.
 
@@ -120,6 +125,7 @@ class Model:
             DataError: it is not a project, or a file is damaged.
         """
         project = opened(folder)
+        project.require("geometry")  # before a lock is made: no folder is, and no other one is touched
         with consistent(project):
             return cls(project, find_device(device))
 
@@ -128,12 +134,16 @@ class Model:
         """The photos and cameras that the model was learned from. Raises DataError where their file is damaged."""
         return capture_of(self.project)
 
+    def __repr__(self) -> str:
+        return f"Model({self.project.folder}: {', '.join(self.objects) or 'no objects yet'})"
+
     @property
     def learned_colors(self) -> np.ndarray:
         """Palettes as learned, [K, M, 3] float32 sRGB; missing entries of smaller palettes are 0."""
         return stack_palettes(self.objects, {palette.name: palette.colors for palette in self.palettes})
 
     # --- rendering -------------------------------------------------------------------------------------------------
+    @checked
     @translated()
     def render(self, camera: Camera, supersampling: int = 1) -> Frame:
         """The scene from any camera, whose lens distortion is left out, as splats where they are learned.
@@ -147,8 +157,12 @@ class Model:
                 averaged, of their depths the median counts.
 
         Raises:
+            BadRequest: `supersampling` is out of range.
+            DataError: the camera cannot be, see `capture.limits.check_camera`.
             OutOfMemory: the device has too little.
         """
+        check_number("supersampling", supersampling, 1, MOST_SUPERSAMPLING)
+        check_camera(camera, "The camera", "Correct it.")
         bands = bands_of(camera.without_distortion(), supersampling)
         render = self._render_pinhole if self.splats is None else self._splat_pinhole
         frames = [averaged(render(band), supersampling) for band in bands]
@@ -184,6 +198,7 @@ class Model:
         """The Gaussians of each object with their palette weights."""
         return splats_of_objects(self.splats, self.splat_shares, self.palettes, {})
 
+    @checked
     def shown(self, camera: Camera, edit: Edit) -> np.ndarray:
         """The recolored scene from any camera, as `composite` of `render` has it, in a fraction of the time with splats.
 
@@ -195,12 +210,16 @@ class Model:
             [H, W, 3] float32 sRGB in [0, 1].
 
         Raises:
-            BadRequest: no palettes are learned.
+            BadRequest: no palettes are learned, or the edit is not of them.
+            DataError: the camera cannot be.
         """
+        self._check_edit(edit)
+        check_camera(camera, "The camera", "Correct it.")
         if self.splats is None or self.recoloring is None or edit.compositing != "delta":
             return self.composite(self.render(camera), edit)
         return _splatted(self.recolored_splats(edit), camera).picture()
 
+    @checked
     def recolored_splats(self, edit: Edit) -> Gaussians:
         """The splats with an edit baked into their colors; the last one is kept.
 
@@ -214,6 +233,7 @@ class Model:
             )
         if edit.compositing != "delta":
             raise BadRequest("An edit that replaces colors cannot be baked into splats.", "Make it one that adds.")
+        self._check_edit(edit)
         asked = repr(edit.added), {name: colors.tobytes() for name, colors in edit.colors.items()}
         if self._baked[0] != asked:
             shares, objects = self.splat_shares, self.splat_objects
@@ -222,9 +242,11 @@ class Model:
             self._baked = asked, recolored(self.splats, objects, self.palettes, edit)
         return self._baked[1]
 
+    @checked
     @torch.no_grad()
     def behind(self, camera: Camera) -> np.ndarray:
-        """What a camera's pinhole sees behind all that is solid, [H, W, 3] float32 sRGB."""
+        """What a camera's pinhole sees behind all that is solid, [H, W, 3] float32 sRGB. Raises DataError where the camera cannot be."""
+        check_camera(camera, "The camera", "Correct it.")
         if self.splats is not None:
             shell = replace(self.splats, table=self.splats.table[self.splats.n_solid :])
             return _splatted(shell, camera.without_distortion()).picture()
@@ -232,6 +254,7 @@ class Model:
         colors = [self.scene.behind(some) for some in rays.viewdirs.split(BAND_RAYS)]
         return torch.cat(colors).cpu().numpy().reshape(camera.height, camera.width, 3)
 
+    @checked
     def render_view(self, view: View, base: str | None = None) -> Frame:
         """A captured view as its pinhole shows it, at the working size (`settings.geometry.long_side`).
 
@@ -242,34 +265,41 @@ class Model:
             base: `photo` or `render`; by default the photo, or with the paper's compositing the rendering, as there.
 
         Raises:
+            BadRequest: there is no such base.
             DataError: the photo is missing or damaged.
         """
         if self.base_of(base) == "photo":
             return self.render_training_image(self.training_image(view))
         return self.render(self.working_camera(view))
 
+    @checked
     def base_of(self, base: str | None) -> str:
-        """What an edit of a captured view changes, `photo` or `render`, where `base` was asked for."""
+        """What an edit of a captured view changes, `photo` or `render`, where `base` was asked for. Raises BadRequest for others."""
+        if base is not None:
+            check_choice("base", base, tuple(BASES.values()))
         return base or BASES[self.settings.compositing]
 
+    @checked
     def working_camera(self, view: View) -> Camera:
         """The camera of a captured view at the working size, with its lens."""
         return view.camera.reduced(self.settings.geometry.long_side)
 
+    @checked
     @translated()
     def look(self, camera: Camera) -> Frame:
         """What the field alone renders, in the grid of a camera with its lens: no palette weights, itself as base.
 
-        It is kept in the project, and the last one in memory. Raises OutOfMemory where the device has too little.
+        It is kept in the project, and the last one in memory. Raises DataError where the camera cannot be, OutOfMemory
+        where the device has too little.
         """
+        check_camera(camera, "The camera", "Correct it.")
         known, frame = self._looked
-        asked = (replace(camera, camera_to_world=None), camera.camera_to_world.tobytes())
-        if known != asked:
+        if known != camera:
             frame = self._looks.find(camera, len(self.objects), self.device)
             if frame is None:
                 frame = self._look(camera)
                 self._looks.keep(camera, frame)
-            self._looked = asked, frame
+            self._looked = camera, frame
         return frame
 
     def _look(self, camera: Camera) -> Frame:
@@ -280,6 +310,7 @@ class Model:
             frame.probabilities[:, beyond] = 0
         return frame
 
+    @checked
     def unsure(self, pinhole: Camera, frame: Frame) -> np.ndarray:
         """How unsure it is what a frame shows of each object, [K, H, W] float32 in [0, 1].
 
@@ -288,8 +319,12 @@ class Model:
             frame: only its depth and opacity count.
 
         Raises:
+            BadRequest: the frame has another size, or is of another model.
             DataError: the segmentation kept no doubts, or they are damaged.
         """
+        check_camera(pinhole, "The camera", "Correct it.")
+        self._check_frame(frame)
+        check_array("frame.depth", frame.depth, (pinhole.height, pinhole.width))
         origins, directions = pinhole.rays(pinhole.pixel_centers())
         doubts = self._doubts.at(origins + frame.depth.reshape(-1, 1) * directions)
         return np.ascontiguousarray(doubts.T).reshape(-1, *frame.depth.shape) * frame.opacity
@@ -298,6 +333,7 @@ class Model:
     def _doubts(self) -> SurfaceDoubts:
         return SurfaceDoubts.read(self.project.checked(self.project.doubts_file))
 
+    @checked
     def preview(self, view: View, long_side: int | None = None) -> Frame:
         """A captured view as its pinhole shows it, at a size to look at and to recolor quickly.
 
@@ -309,8 +345,11 @@ class Model:
             long_side: pixels, at most the photo's; by default `settings.render.preview`.
 
         Raises:
+            BadRequest: the size is below 1.
             DataError: the photo is missing or damaged.
         """
+        if long_side is not None:
+            check_number("long_side", long_side, 1)
         training_image = load_views([view], long_side or self.settings.render.preview)[0]
         seen, base = (
             self.look(self.working_camera(view).without_distortion()),
@@ -323,6 +362,7 @@ class Model:
             weights = dense_weights([matte.own_picture(to_bytes(base)) for matte in mattes], self.palettes, coverages)
         return Frame(seen.picture, coverages, weights, base, disputed_objects(self.objects, mattes))
 
+    @checked
     def photo_view(self, view: View, size: str | int = "photo") -> PhotoView:
         """A captured view in its photo's own pixels, to be recolored any number of times.
 
@@ -331,29 +371,37 @@ class Model:
             size: `photo`, or a long side in pixels to which the photo is reduced.
 
         Raises:
+            BadRequest: the size is neither `photo` nor a number from 1.
             DataError: the photo is missing, damaged or of another size than its camera.
         """
+        _check_size(size, ("photo",))
         seen = self.look(self.working_camera(view))
         return full_resolution_view(view, size, seen, self._mattes_of, self.objects, self.palettes)
 
     def _mattes_of(self, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray) -> list[Matte]:
         return self._looks.mattes(self.settings.render.edges, photo, probabilities, rendered, self.settings.seed)
 
+    @checked
     @translated()
     def render_training_image(self, training_image: TrainingImage, weights_from: str = "photo") -> Frame:
         """A loaded photo's view, with the photo as base. weights_from: palette weights of its colors (`photo`), or of
-        F_w (`field`)."""
+        F_w (`field`). Raises BadRequest for others."""
+        check_choice("weights_from", weights_from, ("photo", "field"))
         from_field = self.recoloring is not None and weights_from == "field"
         picture = self.scene.render(training_image.camera, WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
         return self.frame_of(
             picture, over(training_image.color, training_image.alpha), from_field
         )  # on the same ground as a rendering
 
+    @checked
     def frame_of(self, picture: Picture, base: np.ndarray, from_field: bool) -> Frame:
         """The frame of a picture that this scene has rendered: what F_s and the palettes add to it.
 
-        from_field: palette weights of F_w, else of the colors of the base [H, W, 3].
+        from_field: palette weights of F_w, else of the colors of the base [H, W, 3], which has the picture's size.
+        Raises BadRequest for a base of another size, and for a picture whose surface samples were not kept.
         """
+        _check_cache(picture)
+        check_array("base", base, (*picture.opacity.shape, 3))
         samples = None
         if self.recoloring is not None and from_field:
             samples = object_samples(self.segmentation, self.scene.field, picture.cache)
@@ -364,6 +412,7 @@ class Model:
             weights = self.weights_of_field(picture, samples) if known else self.weights_of_colors(base, probabilities)
         return Frame(picture, probabilities, weights, base)
 
+    @checked
     def training_image(self, view: View) -> TrainingImage:
         """The photo of a view at the working size. Raises DataError where it is missing or damaged."""
         return load_views([view], self.settings.geometry.long_side)[0]
@@ -377,12 +426,21 @@ class Model:
             result[:, picture.cache.index.cpu().numpy()] = classes[:, 1:].T.cpu().numpy()
         return result.reshape(-1, height, width)
 
+    @checked
     def weights_of_colors(self, base: np.ndarray, probabilities: np.ndarray) -> np.ndarray:
-        """Palette weights [K, M, H, W] of the colors of a picture [H, W, 3] and probabilities [K, H, W]."""
+        """Palette weights [K, M, H, W] of the colors of a picture [H, W, 3] and probabilities [K, H, W]. Raises
+        BadRequest for other shapes, and for numbers that are not finite."""
+        check_array("base", base, ("H", "W", 3))
+        if not (np.isfinite(base).all() and np.isfinite(probabilities).all()):
+            raise BadRequest("base or probabilities are not finite.", "Give numbers from 0 to 1.")
+        check_array("probabilities", probabilities, (len(self.objects), *base.shape[:2]))
         return dense_weights([to_bytes(base)] * len(self.objects), self.palettes, probabilities)
 
+    @checked
     def weights_of_field(self, picture: Picture, samples: ObjectSamples | None = None) -> np.ndarray:
-        """Palette weights [K, M, H, W] of F_w (Eq. 9 on top of Eq. 8). samples: the picture's, where they are known."""
+        """Palette weights [K, M, H, W] of F_w (Eq. 9 on top of Eq. 8). samples: the picture's, where they are known.
+        Raises BadRequest for a picture whose surface samples were not kept."""
+        _check_cache(picture)
         height, width = picture.opacity.shape
         cache = picture.cache
         samples = object_samples(self.segmentation, self.scene.field, cache) if samples is None else samples
@@ -392,11 +450,13 @@ class Model:
         return weights.reshape(*planes.shape[1:], height, width)
 
     # --- editing ---------------------------------------------------------------------------------------------------
+    @checked
     def edit(self, path: Path | str | None = None) -> ProjectEdit:
         """An edit that changes nothing yet, or that of a file. Raises BadRequest before palettes are learned."""
         return edit_of(self.project, path)
 
-    def match(self, view: View, picture: Path, edit: Edit) -> tuple[ObjectMatch, ...]:
+    @checked
+    def match(self, view: View, picture: Path | str, edit: Edit) -> tuple[ObjectMatch, ...]:
         """The palettes with which a captured view comes closest to a painted or graded picture of it.
 
         Args:
@@ -411,13 +471,15 @@ class Model:
             BadRequest: the picture has another shape than the view.
             DataError: picture or photo is missing or damaged.
         """
-        wanted = load_wanted(view, picture, self.settings.render.preview)
+        self._check_edit(edit)
+        wanted = load_wanted(view, Path(picture), self.settings.render.preview)
         frame = self.preview(view)
         weights = spread_objects(frame.palette_weights, self.palettes, edit.added)
         palettes = palettes_with(self.palettes, edit.added)
         sets = {each.name: range(len(each.colors), len(edit.colors[each.name])) for each in self.palettes}
         return match_picture(weights, frame.probabilities, frame.base, wanted, palettes, edit.colors, sets)
 
+    @checked
     def recolor(self, view: View, edit: Edit, size: str | int = "photo") -> np.ndarray:
         """A captured view with an edit.
 
@@ -432,9 +494,11 @@ class Model:
             [H, W, 3] float32 sRGB in [0, 1], as its camera is turned. `photo_view` writes what the photo's file held.
 
         Raises:
-            BadRequest: no palettes are learned.
+            BadRequest: no palettes are learned, the edit is not of them, or there is no such size.
             DataError: the photo is missing or damaged.
         """
+        _check_size(size, ("photo", "learned"))
+        self._check_edit(edit)
         if self.base_of(None) == "render":
             return self.composite(self.render_view(view), edit)
         if size == "learned":
@@ -442,12 +506,14 @@ class Model:
         finished = self.photo_view(view, size)
         return finished.shown(finished.recolored(edit))
 
+    @checked
     def composite(self, frame: Frame, edit: Edit) -> np.ndarray:
-        """The base of a frame with an edit, [H, W, 3] float32 sRGB. Raises BadRequest before palettes are learned."""
-        if self.recoloring is None:
-            raise BadRequest(
-                f"{self.project.folder} has no finished recoloring stage.", "Run the recoloring stage first."
-            )
+        """The base of a frame with an edit, [H, W, 3] float32 sRGB. Raises BadRequest before palettes are learned, for an
+        edit that is not of them, and for a frame of another model or without palette weights, as those of `look`."""
+        self._check_edit(edit)
+        self._check_frame(frame)
+        if frame.palette_weights is None:
+            raise BadRequest("The frame has no palette weights.", "Take one of render, render_view or preview.")
         edited = stack_palettes(self.objects, edit.colors)
         weights = spread_objects(frame.palette_weights, self.palettes, edit.added)
         if edit.compositing == "paper":
@@ -456,6 +522,32 @@ class Model:
         return delta_composite(
             frame.base, weights, stack_palettes(self.objects, {each.name: each.colors for each in learned}), edited
         )
+
+    def _check_frame(self, frame: Frame) -> None:
+        if len(frame.probabilities) != len(self.objects):
+            count = len(frame.probabilities)
+            raise BadRequest(
+                f"The frame is of {count} objects, the model of {len(self.objects)}.", "Render it by this model."
+            )
+
+    def _check_edit(self, edit: Edit) -> None:
+        if self.recoloring is None:
+            raise BadRequest(
+                f"{self.project.folder} has no finished recoloring stage.", "Run the recoloring stage first."
+            )
+        check_edit(edit, self.palettes)
+
+
+def _check_cache(picture: Picture) -> None:
+    if picture.cache is None:
+        raise BadRequest("The picture has no surface samples.", "Render it by scene.render.")
+
+
+def _check_size(size: str | int, names: tuple[str, ...]) -> None:
+    if isinstance(size, str):
+        check_choice("size", size, names)
+    else:
+        check_number("size", size, 1)
 
 
 def _splatted(gaussians: Gaussians, camera: Camera) -> SplattedView:

@@ -41,6 +41,7 @@ class RenderCache:
     def __init__(self, project: Project) -> None:
         learned = [project.finished(stage) or {} for stage in ("geometry", "segmentation")]
         scene = [[facts.get("fingerprint"), facts.get("files")] for facts in learned]
+        self._project = project
         self._all = project.looks_folder
         self._folder = self._all / _mark(SCHEMA, scene)
 
@@ -80,6 +81,8 @@ class RenderCache:
 
     def _keep(self, path: Path, tensors: dict[str, torch.Tensor], schema: str, facts: dict[str, Any]) -> None:
         """Write a file where there is room; those of what was learned before go."""
+        if not self._project.state_file.exists():  # deleted meanwhile
+            return
         with suppress(OSError, SafetensorError):
             self._forget_others()
             new = sum(tensor.nbytes for tensor in tensors.values())

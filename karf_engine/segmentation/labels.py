@@ -154,57 +154,64 @@ class Labelling:
         return self._within_volumes(spread(labels, self.graph, constraints))
 
 
-def label_surface(
-    scene_field: Field,
-    objects: list[str],
-    points: SurfacePoints,
-    votes: RayVotes,
-    constraints: Constraints,
-    volumes: Mapping[str, Sequence[Volume]],
-    rounds: int,
-    random: np.random.Generator,
-    emit: Emit,
-) -> LabelledSurface:
-    """Clean labels by label propagation; warns of objects that get none, or whose masks contradict their colors.
+@dataclass(frozen=True)
+class LabelProblem:
+    """What labels are found from.
 
-    Args:
+    Attributes:
         scene_field: the frozen radiance field.
         objects: names of the K objects.
         points: on the surface.
         votes: of the rays that the points were merged from.
         constraints: those of the points by corrections.
         volumes: that objects must be inside or outside of, by their names.
-        rounds: of the label propagation, at least 1.
-        random: of the label propagation.
-        emit: reports the number of points, objects without any, and low precision.
+        rounds: of an iterative solver, at least 1.
+        random: the only source of random numbers.
+        emit: receives events.
+    """
+
+    scene_field: Field
+    objects: list[str]
+    points: SurfacePoints
+    votes: RayVotes
+    constraints: Constraints
+    volumes: Mapping[str, Sequence[Volume]]
+    rounds: int
+    random: np.random.Generator
+    emit: Emit
+
+
+def label_surface(problem: LabelProblem) -> LabelledSurface:
+    """Clean labels by label propagation; warns of objects that get none, or whose masks contradict their colors.
 
     Raises:
         DataError: no point stands for any of the objects.
     """
-    labelling = Labelling.of(scene_field, points, votes, objects, volumes)
+    objects, points, emit = problem.objects, problem.points, problem.emit
+    labelling = Labelling.of(problem.scene_field, points, problem.votes, objects, problem.volumes)
     emit("stage", name="labels", text=f"{len(points)} surface points")
     with convergence_as_event(emit):
-        labels = labelling.corrected(labelling.solve(objects, constraints, rounds, random), constraints)
-    surface = _labelled(objects, points, labels, constraints.fixed, emit)
+        solved = labelling.solve(objects, problem.constraints, problem.rounds, problem.random)
+        labels = labelling.corrected(solved, problem.constraints)
+    surface = _labelled(objects, points, labels, problem.constraints.fixed, emit)
     _warn_of_low_precision(surface, emit)
     return surface
 
 
-def vote_on_surface(
-    objects: list[str], points: SurfacePoints, votes: RayVotes, constraints: Constraints, emit: Emit
-) -> LabelledSurface:
+def vote_on_surface(problem: LabelProblem) -> LabelledSurface:
     """The masks' votes as they are, but where corrections contradict them: the ceiling of what labels can be, where the masks are exact.
 
-    Points without a vote are background. Arguments as for `label_surface`.
+    Points without a vote are background.
 
     Raises:
         DataError: no point belongs to any of the objects.
     """
+    objects, points, votes, fixed = problem.objects, problem.points, problem.votes, problem.constraints.fixed
     weight = (votes.confidence > 0) * votes.opacity
     targets, confidence = vote_on_points(points.point_of_sample, votes.targets, weight, len(points))
     targets[confidence == 0] = np.eye(votes.targets.shape[1])[0]
-    targets[constraints.fixed] = constraints.targets[constraints.fixed]
-    return _labelled(objects, points, Labels(targets, np.ones(len(objects)), targets), constraints.fixed, emit)
+    targets[fixed] = problem.constraints.targets[fixed]
+    return _labelled(objects, points, Labels(targets, np.ones(len(objects)), targets), fixed, problem.emit)
 
 
 def _labelled(

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from karf_engine.capture import Camera, Capture, Format
-from karf_engine.capture.limits import check_camera
+from karf_engine.capture.limits import read_camera
 from karf_engine.capture.reading import at_size, make_views, merge_notes, photo_size, read_text, rigid_pose
 from karf_engine.errors import DataError
 
@@ -42,7 +42,8 @@ def _camera(row: dict[str, str], image: Path | None, label: str) -> tuple[Camera
     except (KeyError, TypeError, ValueError) as error:
         raise DataError(f"{label} cannot be read: {error}.", "Correct it in the file.") from error
     pose, notes = rigid_pose(matrix, label, "camera_to_world")
-    camera = check_camera(Camera(width, height, focal, focal, width / 2, height / 2, pose), label)
+    lens = {"fx": focal, "fy": focal, "cx": width / 2, "cy": height / 2}
+    camera = read_camera(label, width=width, height=height, camera_to_world=pose, **lens)
     if image is None:
         return camera, notes
     camera, resized = at_size(camera, photo_size(image, (width, height)))

@@ -1,6 +1,7 @@
 """A format that is not the engine's own: registered once, it is opened like any other."""
 
 import csv
+from dataclasses import replace
 
 import pytest
 from numpy.testing import assert_allclose
@@ -9,7 +10,7 @@ from blender_tests.engine.capture.example_format import CSV
 from blender_tests.engine.reference.capture_files import centered, put_photos, random_rig, write_llff
 from karf_engine import capture as captures
 from karf_engine.capture import open_capture, register_format
-from karf_engine.errors import DataError
+from karf_engine.errors import BadRequest, DataError
 
 NAMES = [f"{number:03d}.png" for number in range(9)]
 
@@ -84,5 +85,7 @@ def test_what_is_wrong_in_its_file_is_named(tmp_path, rig, changes, words):
 
 
 def test_a_name_is_registered_once():
-    with pytest.raises(ValueError, match="'csv' already"):
-        register_format(CSV)
+    register_format(CSV)  # again, as a module that is imported twice does
+    with pytest.raises(BadRequest, match="another capture format 'csv'"):
+        register_format(replace(CSV, marker="other.csv"))
+    assert [known.name for known in captures.FORMATS].count("csv") == 1

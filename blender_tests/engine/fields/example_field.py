@@ -97,4 +97,4 @@ class BallFit:
         return loss, {"psnr": float(-10 * loss.detach().log10())}
 
 
-register_field(FieldKind(BallField.kind, BallFit, BallField.restore))
+register_field(BALLS_KIND := FieldKind(BallField.kind, BallFit, BallField.restore))

@@ -122,6 +122,6 @@ def test_an_unknown_field_is_refused_with_the_known_ones_before_photos_are_read(
 
 def test_a_name_belongs_to_one_kind():
     register_field(field_kind("voxels"))  # again, as a module that is imported twice does
-    with pytest.raises(ValueError, match="'voxels'"):
+    with pytest.raises(BadRequest, match="'voxels'"):
         register_field(FieldKind("voxels", example_field.BallFit, example_field.BallField.restore))
-    assert list(field_kinds())[:2] == ["voxels", "nerf"]
+    assert field_kinds()[:2] == ["voxels", "nerf"]

@@ -113,9 +113,9 @@ def test_an_unknown_head_is_refused_where_no_settings_were_read():
 
 
 def test_a_name_stands_for_one_kind():
-    with pytest.raises(ValueError, match="kan"):
+    with pytest.raises(BadRequest, match="kan"):
         register_head("kan", lambda sizes, settings: torch.nn.Identity())
-    with pytest.raises(ValueError, match="grbf"):
+    with pytest.raises(BadRequest, match="grbf"):
         register_layer("grbf", lambda n_in, n_out, options: torch.nn.Linear(n_in, n_out))
 
 

@@ -7,6 +7,7 @@ import torch
 
 from karf_engine.compute import cores
 from karf_engine.errors import BadRequest
+from karf_engine.kan import BSplineLayer, MLPLayer
 from karf_engine.kan import grbf as grbf_module
 from karf_engine.kan.grbf import GRBFLayer, grbf, grbf_reference, grid_spacing, resolve_bandwidth
 
@@ -101,6 +102,52 @@ def test_kernels_and_torch_give_the_same_values_and_gradients(n_centers, spacing
     monkeypatch.setenv("KARF_KERNELS", "off")
     for ours, of_torch in zip(in_kernels, value_and_gradients(grbf, inputs, n_centers), strict=True):
         torch.testing.assert_close(ours, of_torch, rtol=1e-5, atol=1e-5 * float(of_torch.detach().abs().max()))
+
+
+def derivatives_of_gradients(layer, function, x):
+    """Derivatives of |dy/dx|^2 by x and the layer's parameters, and those of their squares: of second and third order."""
+    x = x.clone().requires_grad_()
+    wanted = [x, *layer.parameters()]
+    (slope,) = torch.autograd.grad(function(x).square().sum(), x, create_graph=True)
+    second = torch.autograd.grad(slope.square().sum(), wanted, create_graph=True)
+    third = torch.autograd.grad(sum(each.square().sum() for each in second), wanted)
+    return second + third
+
+
+@pytest.mark.parametrize("kernels", ["on", "off"])
+def test_derivatives_of_gradients_are_those_of_the_plain_formula(kernels, monkeypatch):
+    monkeypatch.setenv("KARF_KERNELS", kernels)
+    torch.manual_seed(0)
+    layer, x = GRBFLayer(3, 2), torch.randn(5, 3)
+
+    def plain(x):
+        return grbf_reference(x, layer.norm(x), layer.weight, layer.bias, layer.bandwidth(), 8)
+
+    for ours, expected in zip(
+        derivatives_of_gradients(layer, layer, x), derivatives_of_gradients(layer, plain, x), strict=True
+    ):
+        torch.testing.assert_close(ours, expected, rtol=1e-4, atol=1e-5 * float(expected.abs().max()))
+
+
+def test_second_derivatives_match_finite_differences():
+    layer = GRBFLayer(3, 2, n_centers=4).double()
+    x = torch.randn(4, 3, dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradgradcheck(layer, x)
+
+
+def test_a_jacobian_is_that_of_single_gradients():
+    layer, x = GRBFLayer(3, 2), torch.randn(3)
+    jacobian = torch.func.jacrev(layer)(x)
+    single = [torch.autograd.functional.jacobian(lambda x, k=k: layer(x)[k], x) for k in range(2)]
+    torch.testing.assert_close(jacobian, torch.stack(single), rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("make", [GRBFLayer, BSplineLayer, MLPLayer])
+def test_a_layer_takes_any_axes_before_its_inputs(make):
+    layer, x = make(3, 2), torch.randn(4, 5, 3)
+    torch.testing.assert_close(layer(x), layer(x.flatten(0, 1)).unflatten(0, (4, 5)))
+    torch.testing.assert_close(layer(x[0, 0]), layer(x[0])[0])
+    assert layer(x[:0]).shape == (0, 5, 2)
 
 
 def test_what_is_not_a_number_stays_so_in_kernels():

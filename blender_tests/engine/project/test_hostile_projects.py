@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -44,7 +45,7 @@ POSE = np.eye(4)
 
 def capture():
     view = View("a", "a", Camera(8, 6, 7.0, 7.0, 4.0, 3.0, POSE), None, "train", (1.0, 5.0))
-    return capture_to_json(Capture(os.curdir, "test", (view,)))
+    return capture_to_json(Capture(Path(os.curdir), "test", (view,)))
 
 
 def refusal(read, *arguments):

@@ -8,6 +8,7 @@ from .presets import PRESETS, preset
 from .stages import (
     FIELD_KINDS,
     HEAD_KINDS,
+    LABEL_KINDS,
     LAYER_KINDS,
     GeometrySettings,
     HeadSettings,
@@ -27,6 +28,7 @@ from .work import seconds_of_stages
 __all__ = [
     "FIELD_KINDS",
     "HEAD_KINDS",
+    "LABEL_KINDS",
     "LAYER_KINDS",
     "PRESETS",
     "GeometrySettings",

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import Field, dataclass, field, fields, is_dataclass
 from typing import Any
 
-FIELD_KINDS = ["voxels", "nerf"]  # fields.registry.register_field adds to it
-HEAD_KINDS = ["kan", "mlp"]  # heads.registry.register_head adds to it
-LAYER_KINDS = ["grbf", "bspline", "mlp"]  # kan.layers.register_layer adds to it
+from ...errors import BadRequest
+from ...io.arguments import check_fields
+from ...io.plugins import plugin_names
+
+# to each, a function that registers another kind adds its name
+FIELD_KINDS = ["voxels", "nerf", *plugin_names("karf.fields")]
+HEAD_KINDS = ["kan", "mlp", *plugin_names("karf.heads")]
+LAYER_KINDS = ["grbf", "bspline", "mlp", *plugin_names("karf.layers")]
+LABEL_KINDS = ["surface", "masks", "votes", *plugin_names("karf.labels")]
 
 
 def option(default: Any, help: str, minimum: float | None = None, maximum: float | None = None, choices=()) -> Any:
@@ -15,8 +21,24 @@ def option(default: Any, help: str, minimum: float | None = None, maximum: float
     return field(default=default, metadata={"help": help, "minimum": minimum, "maximum": maximum, "choices": choices})
 
 
+def check_option(item: Field, value: Any, name: str) -> None:
+    """Refuse a value that is none of a field's choices, or out of its range. Raises BadRequest, which has the name."""
+    choices, least, most = (item.metadata.get(each) for each in ("choices", "minimum", "maximum"))
+    if choices and value not in choices:
+        raise BadRequest(f"{name} = {value!r:.200} is not allowed.", f"Use one of: {', '.join(choices)}.")
+    if least is not None and not least <= value <= most:
+        raise BadRequest(f"{name} = {value!r:.200} is out of range.", f"Allowed: {least} to {most}.")
+
+
+class Typed:
+    """Settings whose fields are of the types that they declare, else a TypeError names the field; `Settings` asks for ranges."""
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
 @dataclass(frozen=True)
-class Level:
+class Level(Typed):
     """One resolution of the coarse-to-fine geometry: cells along the longest side, iterations, step in voxels."""
 
     voxels: int
@@ -25,7 +47,7 @@ class Level:
 
 
 @dataclass(frozen=True)
-class OpenSettings:
+class OpenSettings(Typed):
     """How open space is learned: scenes that extend behind the object and the cameras (contraction or frustum)."""
 
     levels: tuple[Level, ...] = option(
@@ -55,7 +77,7 @@ class OpenSettings:
 
 
 @dataclass(frozen=True)
-class NerfSettings:
+class NerfSettings(Typed):
     """The paper's radiance field, a vanilla NeRF: networks, samples and training."""
 
     depth: int = option(8, "Layers before density and features", 2, 32)
@@ -78,7 +100,7 @@ class NerfSettings:
 
 
 @dataclass(frozen=True)
-class GeometrySettings:
+class GeometrySettings(Typed):
     """The radiance field: density and prior features. What is not under `open` or `nerf` is for voxels in a box."""
 
     field: str = option("voxels", "voxels: a sparse grid; nerf: the paper's", choices=FIELD_KINDS)
@@ -109,7 +131,7 @@ class GeometrySettings:
 
 
 @dataclass(frozen=True)
-class HeadSettings:
+class HeadSettings(Typed):
     """The network on top of the frozen scene: of both fields alike."""
 
     head: str = option("kan", "kan: gated KAN block (Eq. 6); mlp: two hidden layers", choices=HEAD_KINDS)
@@ -140,7 +162,7 @@ class SegmentationSettings(HeadSettings):
     labels: str = option(
         "surface",
         "surface: clean the masks on the surface; masks: plain Eq. 12; votes: take them as exact",
-        choices=("surface", "masks", "votes"),
+        choices=LABEL_KINDS,
     )
     frequencies: int = option(5, "Octaves of the positional encoding", 0, 16)
     iterations: int = option(150, "Training iterations", 1, 1_000_000)
@@ -153,7 +175,7 @@ class SegmentationSettings(HeadSettings):
 
 
 @dataclass(frozen=True)
-class PaletteSettings:
+class PaletteSettings(Typed):
     """Palettes from the colors of the segmented objects."""
 
     start: str = option(
@@ -190,7 +212,7 @@ class RecoloringSettings(HeadSettings):
 
 
 @dataclass(frozen=True)
-class SplatSettings:
+class SplatSettings(Typed):
     """The scene as Gaussians, in which it is shown away from the photos."""
 
     iterations: int = option(900, "Training iterations, each of one photo; 0: no Gaussians", 0, 1_000_000)
@@ -200,7 +222,7 @@ class SplatSettings:
 
 
 @dataclass(frozen=True)
-class RenderSettings:
+class RenderSettings(Typed):
     """What is written in the end. Nothing is learned again when these change."""
 
     edges: str = option(
@@ -218,8 +240,12 @@ class RenderSettings:
 
 
 @dataclass(frozen=True)
-class Settings:
+class Settings(Typed):
     """All stages, the seed, and the name of the preset they came from.
+
+    Raises:
+        TypeError: A field is of another type.
+        BadRequest: A value, also within a stage, is out of its range, or none of its choices.
 
     Example:
         settings = with_overrides(PRESETS["demo"], ["geometry.rays=4096"])
@@ -238,3 +264,15 @@ class Settings:
     recoloring: RecoloringSettings = RecoloringSettings()
     splats: SplatSettings = SplatSettings()
     render: RenderSettings = RenderSettings()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_options(self, "")
+
+
+def _check_options(settings: Any, where: str) -> None:
+    for item in fields(settings):
+        value = getattr(settings, item.name)
+        check_option(item, value, f"{where}{item.name}")
+        if is_dataclass(value):
+            _check_options(value, f"{where}{item.name}.")

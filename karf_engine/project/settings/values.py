@@ -9,7 +9,7 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 from ...errors import BadRequest
-from .stages import Level, Settings
+from .stages import Level, Settings, check_option
 
 MOST_LEVELS, MOST_VOXELS, MOST_ITERATIONS = 16, 2048, 10**7
 
@@ -87,13 +87,7 @@ def _checked(item: dataclasses.Field, value: Any, name: str) -> Any:
         raise BadRequest(
             f"{name} = {value!r:.200} is not of type {type(default).__name__}.", f"The default is {default!r}."
         )
-    metadata = item.metadata
-    if metadata and metadata["choices"] and value not in metadata["choices"]:
-        raise BadRequest(f"{name} = {value!r:.200} is not allowed.", f"Use one of: {', '.join(metadata['choices'])}.")
-    if metadata and metadata["minimum"] is not None and not metadata["minimum"] <= value <= metadata["maximum"]:
-        raise BadRequest(
-            f"{name} = {value!r:.200} is out of range.", f"Allowed: {metadata['minimum']} to {metadata['maximum']}."
-        )
+    check_option(item, value, name)
     return float(value) if is_whole else value  # whole numbers may be too large for it before the range is known
 
 

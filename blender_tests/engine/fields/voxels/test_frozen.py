@@ -106,6 +106,15 @@ def test_a_picture_depends_neither_on_its_chunks_nor_on_threads(space, monkeypat
         cores.use(1)
 
 
+@pytest.mark.parametrize("wrong", [torch.nan, torch.inf])
+def test_a_ray_that_is_not_finite_ends_and_says_so(wrong):
+    field, rays = frozen_field("box"), random_batch("box").rays
+    rays.origins[3] = wrong
+    trace = field.trace(rays, 0.7)
+    assert trace.final_transmittance[3].isnan() and trace.final_transmittance[:3].isfinite().all()
+    assert not (trace.samples.ray_indices == 3).any()
+
+
 def test_samples_that_need_more_room_get_it():
     field = frozen_field("box")
     field.raw_density.fill_(-20.0)  # clear: no ray ends before the grid does

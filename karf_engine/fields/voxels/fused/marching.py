@@ -29,6 +29,7 @@ from .arrays import (
 
 CHUNK = 32  # rays whose samples lie in one piece of memory
 DARK = np.float32(renderer.DARK)
+MOST_STEPS = np.float32(1 << 20)  # of a ray: the finest grid's diagonal has a third of that
 VISIBLE = np.float32(VISIBLE_WEIGHT)  # without Russian roulette, samples of less weight have no color
 ZERO, HALF, ONE, TWO = np.float32(0), np.float32(0.5), np.float32(1), np.float32(2)
 THIRD = np.float32(1 / 3)
@@ -142,7 +143,7 @@ def march(first_chunk, last_chunk, grid: Grid, rays: RayArrays, samples: Samples
 
 @kernel
 def march_ray(ray, count, end, starts, directions, grid, rays, samples, limits):
-    """Samples of one ray from place `count` on; returns the place after the last one."""
+    """Samples of one ray from place `count` on; returns the place after the last one. A ray that is not finite has none."""
     path, jitter, reach, sums = rays.paths[ray], rays.jitter[ray], rays.reach[ray], rays.sums[ray]
     cells, blocks = grid.cells, grid.blocks
     step = limits.step * grid.voxel
@@ -153,6 +154,9 @@ def march_ray(ray, count, end, starts, directions, grid, rays, samples, limits):
     light, depth = ONE, ZERO
     weight_sum, distance_sum, square_sum, pairs, before, up_to, alpha_sum = ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
     coarse_piece, piece, block = 0, 0, -1
+    if not length < MOST_STEPS * step:  # not finite: such a ray would never end
+        sums[FINAL_TRANSMITTANCE] = math.nan
+        return count
     while light > DARK:
         block += 1
         distance = (np.float32(block) + HALF) * stride

@@ -1,0 +1,200 @@
+"""What a caller of the library gives, checked by the types that the signature names. The standard library alone is needed,
+but for arrays.
+
+A wrong argument is a TypeError whose sentence names it; what is of the right type and yet impossible, a KarfError.
+"""
+
+from __future__ import annotations
+
+import inspect
+import sys
+import types
+import typing
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
+from functools import cache, wraps
+from numbers import Integral, Real
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar, Union
+
+from ..errors import BadRequest
+
+if TYPE_CHECKING:
+    import numpy as np
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+NAMES = {
+    "str": "a text", "int": "a whole number", "float": "a number", "bool": "True or False", "Path": "a path",
+    "ndarray": "an array", "NoneType": "None",
+}  # fmt: skip
+LONGEST = 80  # characters of a wrong value that a message quotes
+
+
+def checked(function: Function) -> Function:
+    """Let a function refuse arguments of types that its annotations do not name.
+
+    Raises:
+        TypeError: When the function is called with such an argument. Its sentence names function, argument and value.
+
+    Examples:
+        >>> @checked
+        ... def double(number: int) -> int:
+        ...     return 2 * number
+        >>> double("2")
+        Traceback (most recent call last):
+        TypeError: double takes a whole number as number, not '2'.
+    """
+    signature = inspect.signature(function)
+
+    @wraps(function)
+    def calling(*given: Any, **named: Any) -> Any:
+        bound, kinds = signature.bind(*given, **named), _types_of(function)
+        for name, value in bound.arguments.items():
+            if name in kinds and signature.parameters[name].kind is not inspect.Parameter.VAR_KEYWORD:
+                check_type(function.__qualname__.removesuffix(".__init__"), name, value, kinds[name])
+        return function(*given, **named)
+
+    return calling
+
+
+def check_fields(record: Any) -> None:
+    """Refuse a dataclass instance with a field of another type than it declares, by a TypeError that names the field."""
+    kinds = _types_of(type(record))
+    for item in fields(record):
+        check_type(type(record).__name__, item.name, getattr(record, item.name), kinds[item.name])
+
+
+def check_type(what: str, name: str, value: Any, kind: Any) -> None:
+    """Refuse a value that is not of a type.
+
+    Args:
+        what: Whose argument it is, for the message.
+        name: The argument's name.
+        value: What was given.
+        kind: The annotation.
+
+    Raises:
+        TypeError: The value is of another type.
+        BadRequest: It is a path that is empty or holds a zero character.
+    """
+    if not _fits(value, kind):
+        raise TypeError(f"{what} takes {_name_of(kind)} as {name}, not {quoted(value)}.")
+    if isinstance(value, str) and Path in typing.get_args(kind) and (not value or "\0" in value):
+        raise BadRequest(f"{name} = {value!r:.200} is no path.", "Give the path of a file or folder.")
+
+
+def check_number(name: str, value: float, lowest: float, highest: float | None = None) -> None:
+    """Refuse a number that is out of range or not finite.
+
+    Args:
+        name: The argument's name, for the message.
+        value: What was given.
+        lowest: The least number that is allowed.
+        highest: The greatest; None for no limit.
+
+    Raises:
+        BadRequest: The number is not allowed.
+
+    Examples:
+        >>> check_number("size", 0, 1)
+        Traceback (most recent call last):
+        karf_engine.errors.BadRequest: size = 0 is out of range. Allowed: from 1.
+    """
+    if lowest <= value <= (sys.float_info.max if highest is None else highest):
+        return
+    allowed = f"from {lowest}" if highest is None else f"{lowest} to {highest}"
+    raise BadRequest(f"{name} = {value!r} is out of range.", f"Allowed: {allowed}.")
+
+
+def check_array(name: str, array: np.ndarray, shape: tuple[int | str, ...]) -> None:
+    """Refuse an array of another shape, or of anything but numbers.
+
+    Args:
+        name: The argument's name, for the message.
+        array: What was given.
+        shape: Its axes; a text stands for an axis of any length.
+
+    Raises:
+        TypeError: It is no array.
+        BadRequest: It is of another shape, or holds no numbers.
+
+    Examples:
+        >>> import numpy as np
+        >>> check_array("points", np.zeros((2, 2)), ("n", 3))
+        Traceback (most recent call last):
+        karf_engine.errors.BadRequest: points is an array of shape (2, 2). Give numbers [n, 3].
+    """
+    import numpy as np  # all else here is asked where there may be none
+
+    check_type("This", name, array, np.ndarray)
+    fits = len(array.shape) == len(shape) and all(
+        isinstance(wanted, str) or size == wanted for size, wanted in zip(array.shape, shape, strict=True)
+    )
+    if not fits or array.dtype.kind not in "biuf":
+        raise BadRequest(f"{name} is {quoted(array)}.", f"Give numbers [{', '.join(map(str, shape))}].")
+
+
+def check_choice(name: str, value: str, choices: Sequence[str]) -> None:
+    """Refuse a text that is none of a few. Raises BadRequest, which names the argument and the choices."""
+    if value not in choices:
+        raise BadRequest(f"{name} = {quoted(value)} is unknown.", f"Use one of: {', '.join(choices)}.")
+
+
+def quoted(value: Any) -> str:
+    """A value as a message quotes it: short, and without what it holds where it is an array.
+
+    Examples:
+        >>> import numpy as np
+        >>> quoted(np.zeros((2, 3))), quoted("r_003")
+        ('an array of shape (2, 3)', "'r_003'")
+    """
+    if type(value).__name__ == "ndarray":
+        return f"an array of shape {value.shape}"
+    text = repr(value)
+    return text if len(text) <= LONGEST else f"an object of type {type(value).__name__}"
+
+
+@cache
+def _types_of(owner: Any) -> dict[str, Any]:
+    """Annotations by name, resolved when they are first needed, for modules may name types of each other."""
+    if isinstance(owner, type):
+        return typing.get_type_hints(owner)
+    # what a function returns may be imported for type checkers alone
+    given = {name: kind for name, kind in owner.__annotations__.items() if name != "return"}
+    return typing.get_type_hints(types.SimpleNamespace(__annotations__=given), vars(sys.modules[owner.__module__]))
+
+
+def _fits(value: Any, kind: Any) -> bool:
+    origin, parts = typing.get_origin(kind), typing.get_args(kind)
+    if kind is Any:
+        return True
+    if origin in (Union, types.UnionType):
+        return any(_fits(value, part) for part in parts)
+    if kind in (int, float):
+        return isinstance(value, Integral if kind is int else Real) and not isinstance(value, bool)
+    if kind is Path:
+        return isinstance(value, PathLike)
+    if origin is None:
+        return isinstance(value, kind)
+    return isinstance(value, origin) and not isinstance(value, str) and _holds(value, origin, parts)
+
+
+def _holds(value: Any, origin: type, parts: tuple[Any, ...]) -> bool:
+    """Whether what a container holds is of the types that its annotation names."""
+    if issubclass(origin, Mapping):
+        return all(_fits(key, parts[0]) and _fits(each, parts[1]) for key, each in value.items())
+    if origin is tuple and parts[-1] is not Ellipsis:
+        return len(value) == len(parts) and all(map(_fits, value, parts))
+    return not issubclass(origin, Sequence) or all(_fits(each, parts[0]) for each in value)
+
+
+def _name_of(kind: Any) -> str:
+    origin, parts = typing.get_origin(kind), typing.get_args(kind)
+    if origin in (Union, types.UnionType):
+        return " or ".join(dict.fromkeys(_name_of(part) for part in parts))
+    if origin is None:
+        return NAMES.get(kind.__name__) or ("an " if kind.__name__[0] in "AEIOU" else "a ") + kind.__name__
+    if origin is tuple and Ellipsis not in parts:
+        return f"a tuple of {len(parts)}"
+    return {dict: "a dictionary", tuple: "a tuple", Callable: "a function"}.get(origin, "a list")
