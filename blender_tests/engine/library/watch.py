@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import faulthandler
+import os
 import signal
 from collections.abc import Callable
 from contextlib import contextmanager
@@ -59,6 +60,9 @@ def _alarm():
     def ring(*_):
         raise TooSlow
 
+    if os.name == "nt":  # it has no such timer
+        yield
+        return
     before = signal.signal(signal.SIGALRM, ring)
     signal.alarm(SECONDS)
     faulthandler.dump_traceback_later(PATIENCE, exit=True)
