@@ -220,7 +220,7 @@ class SplatFit:
     # --- interruptions ---------------------------------------------------------------------------------------------
     def _learned(self) -> dict[str, np.ndarray]:
         learned = {"table": self._table, "means": self._means, "squares": self._squares, "steps": self._steps}
-        return learned | {"gains": self._exposures.gains}
+        return learned | {"gains": self._exposures.gains, "gains_seen": self._exposures.seen}
 
     def state(self) -> dict[str, Tensor]:
         """All that resuming takes."""

@@ -52,10 +52,24 @@ def test_clipped_pixels_tell_nothing():
     exposures, without = Exposures(1), Exposures(1)
     exposures.look(0, shown, photo)
     without.look(0, shown[:1], photo[:1])
-    assert_array_equal(exposures.gains, without.gains)
+    assert_array_equal(exposures.seen, without.seen)
+    assert (exposures.seen > 1.1).all()
     black = Exposures(1)
     black.look(0, shown, np.zeros((2, 3), np.float32))
-    assert_allclose(black.gains, 1)
+    assert_allclose(black.seen, 1)
+
+
+def test_gains_are_believed_as_far_as_photos_differ_more_than_they_would_by_chance():
+    shown = np.full((10, 3), 0.5, np.float32)
+    believed = {}
+    for spread in (0.002, 0.2):
+        exposures = Exposures(2)
+        for _ in range(20):
+            exposures.look(0, shown, shown * (1 + spread))
+            exposures.look(1, shown, shown / (1 + spread))
+        exposures.balance()
+        believed[spread] = np.log(exposures.gains[0]) / np.log(exposures.seen[0])
+    assert (believed[0.002] < 0.1).all() and (believed[0.2] > 0.9).all()
 
 
 def test_a_held_out_photo_is_exposed_as_its_neighbors():
