@@ -182,18 +182,18 @@ class SplatFit:
 
     def _gains(self, photo: Photo, shown: np.ndarray, wanted: np.ndarray) -> np.ndarray:
         """How the photo of this iteration is exposed, [3], once the Gaussians have seen all; what has a matte counts as alike."""
-        turn, place = divmod(self.done, len(self._photos))
-        number = self._order(turn)[place]
-        if turn > 0 and photo.alpha is None:
-            if place == 0:
+        number = self._number()
+        if self.done >= len(self._photos) and photo.alpha is None:
+            if self.done % len(self._photos) == 0:
                 self._exposures.balance()
             known = slice(None) if photo.valid is None else photo.valid.ravel()
             self._exposures.look(number, shown.reshape(-1, 3)[known], wanted.reshape(-1, 3)[known])
         return self._exposures.gains[number]
 
-    def _order(self, turn: int) -> np.ndarray:
-        """In which order a round shows the photos: each once."""
-        return np.random.default_rng([self._seed, turn, 1]).permutation(len(self._photos))
+    def _number(self) -> int:
+        """Of the photo of this iteration: each once in a round, in an order of its own."""
+        turn, place = divmod(self.done, len(self._photos))
+        return int(np.random.default_rng([self._seed, turn, 1]).permutation(len(self._photos))[place])
 
     def _is_finite(self) -> bool:
         """Whether all numbers are; a Gaussian that is none is not seen, so no picture tells."""
@@ -202,9 +202,8 @@ class SplatFit:
 
     def _photo(self, random: np.random.Generator) -> Photo:
         """The next photo, of a large one a window."""
-        turn, place = divmod(self.done, len(self._photos))
         photos = self._photos if self.done >= HALVED * self.iterations else self._halves
-        photo = photos[self._order(turn)[place]]
+        photo = photos[self._number()]
         height, width = photo.color.shape[:2]
         if max(width, height) <= WINDOW:
             return photo

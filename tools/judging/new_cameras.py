@@ -60,11 +60,13 @@ def judge(model: Model, truth: Truth) -> dict[str, float]:
     cameras = [image.camera for image in images]
     frames = [model.render(camera) for camera in cameras]
     values = [psnr(frame.base, over(image.color, image.alpha)) for frame, image in zip(frames, images, strict=True)]
+    true_masks = truth.masks("test")
     masks = [
-        iou(np.stack([frame.masks[number] for frame in frames]), np.stack(truth.masks("test")[name]))
+        iou(np.stack([frame.masks[number] for frame in frames]), np.stack(true_masks[name]))
         for number, name in enumerate(model.objects)
     ]
-    edits = [_of_edit(model, truth, name, cameras) for name in truth.edits]
+    plain = [model.shown(camera, model.edit()) for camera in cameras]
+    edits = [_of_edit(model, truth, name, cameras, plain) for name in truth.edits]
     difference, outside = np.mean(edits, axis=0)
     return {
         "psnr": float(np.mean(values)),
@@ -75,12 +77,15 @@ def judge(model: Model, truth: Truth) -> dict[str, float]:
     }
 
 
-def _of_edit(model: Model, truth: Truth, name: str, cameras: list[Camera]) -> tuple[float, float]:
-    """CIEDE2000 inside the edited objects and MSE outside of them, means over the views."""
+def _of_edit(
+    model: Model, truth: Truth, name: str, cameras: list[Camera], plain: list[np.ndarray]
+) -> tuple[float, float]:
+    """CIEDE2000 inside the edited objects and MSE outside of them, beside the plain pictures; means over the views."""
     edit, found = edit_to_judge(model, truth, name), []
-    for camera, true, inside in zip(cameras, truth.recolored(name), truth.inside(name), strict=True):
-        plain, shown = model.shown(camera, model.edit()), model.shown(camera, edit)
-        found.append((mean_ciede2000(shown, true, inside), mse_outside(shown, plain, inside)))
+    views = zip(cameras, plain, truth.recolored(name), truth.inside(name), strict=True)
+    for camera, unedited, true, inside in views:
+        shown = model.shown(camera, edit)
+        found.append((mean_ciede2000(shown, true, inside), mse_outside(shown, unedited, inside)))
     difference, outside = np.nanmean(found, axis=0)  # of a view that shows no edited object there is no difference
     return float(difference), float(outside)
 

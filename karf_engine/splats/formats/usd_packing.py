@@ -18,10 +18,8 @@ FEWEST = 16  # numbers; fewer are not packed
 INTS, LONG_INTS = (3, 4), (5, 6)  # crateDataTypes.h: signed and unsigned
 FLOATS = {7: 2, 8: 4, 9: 8}  # their bytes
 WHOLE, TABLE = b"i", b"t"
-WIDTHS, LONG_WIDTHS = (
-    (0, 1, 2, 4),
-    (0, 2, 4, 8),
-)  # bytes of a difference by its two bits; the last, of the commonest one
+WIDTHS = 0, 1, 2, 4  # bytes of a difference by its two bits; the last, of the commonest one
+LONG_WIDTHS = 0, 2, 4, 8
 INDEX = (1 << 32) - 1  # of a table: without a sign
 CHUNK = 1 << 20  # numbers that are looked at together, a multiple of 4
 
