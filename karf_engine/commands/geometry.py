@@ -45,7 +45,6 @@ from ..splats.importing import captured_gaussians
 from .job import Job, StageRun, make_job, run_stage
 from .options.learning import GeometryOptions
 
-VERSION = 2
 VALIDATION_VIEWS = 8
 COMPARED_VIEWS, COMPARED_LONG_SIDE = 3, 200  # photos that a foreign NeRF must show
 DETAIL_PHOTOS = 8  # that are asked how much they lose with detail
@@ -71,7 +70,7 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
     project.create(str(options.capture.absolute()))
     capture = hold_out(capture, project.holdout() if options.holdout is None else options.holdout)
     job = make_job(project, options, settings, emit, should_stop)
-    with run_stage(job, "geometry", VERSION, *_inputs(capture, nerf)) as run:
+    with run_stage(job, "geometry", *_inputs(capture, nerf)) as run:
         if run is None:
             project.set_settings(settings_module.to_dict(settings))
             return

@@ -17,7 +17,7 @@ from ..errors import Diverged
 from ..fields.training.checkpoint import Checkpoint
 from ..io.fingerprints import fingerprint
 from ..io.options import Options
-from ..project import BUILT_ON, Project
+from ..project import BUILT_ON, STAGE_VERSIONS, Project
 from ..project import settings as settings_module
 from ..project.contents import capture_of, settings_for
 from ..project.locking import consistent, opened, writing
@@ -84,18 +84,15 @@ def make_job(
     return Job(project, settings, runtime, emit, should_stop)
 
 
-def stage_fingerprint(job: Job, stage: str, version: int, *inputs: Any) -> str:
-    """Fingerprint of a stage: its version, its settings, its inputs and the stage it builds on.
-
-    version: of the stage's code, raised when the same inputs give another result.
-    """
+def stage_fingerprint(job: Job, stage: str, *inputs: Any) -> str:
+    """Fingerprint of a stage: its version, its settings, its inputs and the stage it builds on."""
     before = job.project.require(BUILT_ON[stage])["fingerprint"] if stage in BUILT_ON else ""
     own = settings_module.to_dict(getattr(job.settings, stage))
-    return fingerprint(stage, version, before, job.settings.seed, own, *inputs)
+    return fingerprint(stage, STAGE_VERSIONS[stage], before, job.settings.seed, own, *inputs)
 
 
 @contextmanager
-def run_stage(job: Job, stage: str, version: int, *inputs: Any) -> Iterator[StageRun | None]:
+def run_stage(job: Job, stage: str, *inputs: Any) -> Iterator[StageRun | None]:
     """Run the body unless the stage is done with the same fingerprint, and put its outputs in their places afterwards.
 
     Yields None where there is nothing to do. inputs: JSON values, see `stage_fingerprint`. Raises BadRequest where
@@ -103,7 +100,7 @@ def run_stage(job: Job, stage: str, version: int, *inputs: Any) -> Iterator[Stag
     """
     project = job.project
     with writing(project):
-        own = stage_fingerprint(job, stage, version, *inputs)
+        own = stage_fingerprint(job, stage, *inputs)
         done = project.finished(stage)
         if done is not None and done["fingerprint"] == own and project.is_intact(stage):
             job.emit("stage", name=stage, text="already done")

@@ -13,13 +13,11 @@ from ..palettes.palette import write_palettes
 from .job import open_job, run_stage
 from .options.learning import PaletteOptions
 
-VERSION = 1
-
 
 def run(options: PaletteOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Extract a palette for every segmented object, or one for all of them."""
     job = open_job(options, emit, should_stop)
-    with run_stage(job, "palette", VERSION) as run:
+    with run_stage(job, "palette") as run:
         if run is None:
             return
         surface, objects = load_surface(job.project.checked(job.project.surface_file))

@@ -6,32 +6,35 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from ..capture.camera import Camera
 from ..compute.progress import Emit
 from ..errors import DataError
 from ..fields.files import load_scene
 from ..fields.protocol import Field
-from ..heads.fields import RecoloringField
+from ..heads.fields import RecoloringField, SegmentationField
 from ..heads.files import load_segmentation, load_surface, save_recoloring
 from ..heads.fit import ObjectRays, fit_recoloring
 from ..heads.object_surface import ObjectSurface, object_pixels
+from ..heads.rendering import segment_cache
 from ..heads.training_rays import palettes_of_objects, training_rays
 from ..palettes.compositing import stack_palettes
 from ..palettes.extraction.extraction import color_histograms
 from ..palettes.object_colors import write_object_colors
 from ..palettes.palette import Palette, read_palettes, write_palettes
+from ..segmentation.coarse_masks import find_masks
+from ..segmentation.interior import whole_surface
 from ..segmentation.report import SegmentationReport
+from ..segmentation.views import CachedViews, cache_views, load_masked_views
 from .job import Job, StageRun, open_job, run_stage
 from .options.learning import RecoloringOptions
-
-VERSION = 1
 
 
 def run(options: RecoloringOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Learn view-consistent palette weights, and adapt the palettes."""
     job = open_job(options, emit, should_stop)
-    with run_stage(job, "recoloring", VERSION) as run:
+    with run_stage(job, "recoloring") as run:
         if run is None:
             return
         project, device, settings = job.project, job.runtime.device, job.settings.recoloring
@@ -42,7 +45,11 @@ def run(options: RecoloringOptions, emit: Emit, should_stop: Callable[[], bool])
         sizes = [len(palette.colors) for palette in blocks]
         karf = RecoloringField(segmentation.bounds, field.n_features, sizes, settings).to(device)
         surface, _ = load_surface(project.checked(project.surface_file), device)
-        rays = rays_of(job, field, surface, blocks)
+        if settings.background == "black":
+            everything, opacity = whole_scene(job, field, segmentation)
+            rays = rays_of(job, field, everything, blocks, opacity)
+        else:
+            rays = rays_of(job, field, surface, blocks)
         stacked = torch.from_numpy(stack_palettes([p.name for p in blocks], {p.name: p.colors for p in blocks}))
         progress = job.progress("recoloring", settings.iterations)
         learned = fit_recoloring(karf, field, rays, stacked.to(device), settings, job.runtime, progress, run.checkpoint)
@@ -66,8 +73,30 @@ def _write_palettes(
     run.summary["palette_moved"] = round(max(moved), 4)
 
 
-def rays_of(job: Job, field: Field, surface: ObjectSurface, blocks: Sequence[Palette]) -> ObjectRays:
-    """What F_w learns from, as the job's settings say; reads the report and the capture where they are needed."""
+def whole_scene(job: Job, field: Field, segmentation: SegmentationField) -> tuple[ObjectSurface, Tensor]:
+    """All rays of the views that segmentation was learned on, of which it has kept the objects' alone; and their opacity."""
+    cached = _cache_again(job, field)
+    return whole_surface(cached, segment_cache(segmentation, field, cached.cache)), cached.cache.opacity
+
+
+def _cache_again(job: Job, field: Field) -> CachedViews:
+    capture, settings = job.capture(), job.settings.segmentation
+    report = SegmentationReport.read(job.project.checked(job.project.segmentation_report))
+    masks = find_masks(job.project.masks_folder, capture)
+    views = [capture.view(name) for name in report.views]
+    masked = load_masked_views(masks, views, job.settings.geometry.long_side, settings, report.objects)
+    if masked.names != report.views:
+        raise DataError(f"{job.project.segmentation_report} names other views.", "Run the segmentation stage again.")
+    return cache_views(field, masked, settings.samples_per_ray, job.progress("surface", masked.n_pixels))
+
+
+def rays_of(
+    job: Job, field: Field, surface: ObjectSurface, blocks: Sequence[Palette], opacity: Tensor | None = None
+) -> ObjectRays:
+    """What F_w learns from, as the job's settings say; reads the report and the capture where they are needed.
+
+    opacity: [n] of the surface's rays; None for rays of which nothing passes.
+    """
     settings = job.settings.recoloring
     masked_views: list[int] = []
     cameras: list[Camera] = []
@@ -80,4 +109,4 @@ def rays_of(job: Job, field: Field, surface: ObjectSurface, blocks: Sequence[Pal
     if settings.targets == "loco":
         capture = job.capture()
         cameras = [capture.view(name).camera for name in report.views]
-    return training_rays(field, surface, blocks, settings, masked_views, cameras, job.progress)
+    return training_rays(field, surface, blocks, settings, masked_views, cameras, job.progress, opacity)

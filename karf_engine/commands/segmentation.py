@@ -34,8 +34,8 @@ from ..segmentation.votes import RayVotes, votes_of_rays
 from .job import Job, StageRun, open_job, run_stage
 from .options.learning import SegmentationOptions
 
-VERSION = 3
 WITHIN = "F_s"  # what heeds volumes
+ALL_RAYS = "uniform"  # how Eq. 12 draws its rays
 
 
 def run(options: SegmentationOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
@@ -51,7 +51,8 @@ def run(options: SegmentationOptions, emit: Emit, should_stop: Callable[[], bool
     # without corrections and volumes, the fingerprint is that of before there were any
     inputs = [_digests(marks) for marks in (masks, corrections) if marks]
     inputs += [file_digest(volumes_file), WITHIN] if volumes else []
-    with run_stage(job, "segmentation", VERSION, *inputs) as run:
+    inputs += [ALL_RAYS] if job.settings.segmentation.labels == "masks" else []
+    with run_stage(job, "segmentation", *inputs) as run:
         if run is None:
             return
         long_side, settings = job.settings.geometry.long_side, job.settings.segmentation

@@ -29,7 +29,6 @@ from .options.learning import SplatsOptions
 if TYPE_CHECKING:
     from ..splats.fit import Photo  # needs numba
 
-VERSION = 2
 VALIDATION_VIEWS = 32
 
 
@@ -59,7 +58,7 @@ def run(options: SplatsOptions, emit: Emit, should_stop: Callable[[], bool]) -> 
 
 def _take(job: Job, capture: Capture) -> None:
     """Show the scene by what another program has learned of it."""
-    with run_stage(job, "splats", VERSION, file_digest(capture.splats.path)) as run:
+    with run_stage(job, "splats", file_digest(capture.splats.path)) as run:
         if run is None:
             return
         gaussians = captured_gaussians(capture.splats, [view.camera for view in capture.views])
@@ -72,7 +71,7 @@ def _learn(job: Job) -> None:
     from ..splats.fit import SplatFit  # needs numba
 
     settings = job.settings.splats
-    with run_stage(job, "splats", VERSION) as run:
+    with run_stage(job, "splats") as run:
         if run is None:
             job.project.set_settings(to_dict(job.settings))
             return

@@ -93,8 +93,8 @@ def fit_on_rays(
 ) -> None:
     """Train F_s, in place, by the paper's Eq. 12: cross-entropy between rendered probabilities and the masks as given.
 
-    A ray whose votes allow several classes is only asked to be one of them. A third of each batch comes from inside the
-    masks, so that small objects do not vanish.
+    All rays are drawn alike. Where every object is marked in every marked view this is Eq. 12; a ray that may belong to
+    an object which has no mask in its view is only asked to be one of the classes that it may have.
 
     Args:
         karf: F_s.
@@ -108,13 +108,11 @@ def fit_on_rays(
     """
     flat = cache.positions.view(-1, 3)
     karf.standardizer.fit(scene_field.features(flat[:: max(1, len(flat) // 65536)]))
-    inside = _pool((targets[:, 1:].sum(1) > 0.99).float())
     features = RayFeatures(scene_field, cache.positions, settings)
     optimizer = Adam(karf.parameters(), lr=settings.rate)
 
     def step(_: int, scale: float) -> tuple[Tensor, dict[str, Tensor]]:
-        count = max(16, int(settings.batch * scale))
-        index = torch.cat([_draw(inside, count // 3, runtime), runtime.randint(len(cache), count - count // 3)])
+        index = runtime.randint(len(cache), max(16, int(settings.batch * scale)))
         probabilities = render_classes(karf, cache.positions[index], features.of(index), cache.opacity[index])
         allowed = (probabilities * (targets[index] > 0)).sum(1)
         loss = -allowed.clamp_min(1e-6).log().mean()
@@ -136,6 +134,7 @@ class ObjectRays:
         block: [n] number of the ray's palette.
         weights: [n, M] over it, which Eq. 13 asks for; 0 where it does not.
         supervised: [n] bool, whether Eq. 13 asks this ray for its weights.
+        opacity: [n] in [0, 1], what of the ray its samples stand for; the rest is black.
     """
 
     positions: Tensor
@@ -145,6 +144,7 @@ class ObjectRays:
     block: Tensor
     weights: Tensor
     supervised: Tensor
+    opacity: Tensor
 
 
 def fit_recoloring(
@@ -191,6 +191,8 @@ def fit_recoloring(
         block = rays.block[index]
         all_weights = render_weights(karf, rays.positions[index], rays.viewdirs[index], features.of(index))
         weights = all_weights[torch.arange(len(index), device=index.device), block]  # [n, M]
+        opacity = rays.opacity[index, None]
+        weights = torch.cat([weights[:, :1] * opacity + (1 - opacity), weights[:, 1:] * opacity], 1)
         colors = learned if iteration >= first_palette_iteration else palettes
         # black stays black and no color leaves [0, 1]
         colors = torch.cat([palettes[:, :1], colors[:, 1:].clamp(0, 1)], 1)

@@ -9,6 +9,7 @@ from torch import Tensor
 
 MIN_INTERIOR_PIXELS = 50  # of an object in all views together: fewer do not make a palette
 UNSEEN = np.full((1, 3), 0.5, np.float32)  # the one color of an object that nothing shows
+BACKGROUND = 255  # in the place of an object's number
 
 
 @dataclass(frozen=True)

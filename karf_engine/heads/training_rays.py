@@ -16,7 +16,7 @@ from ..palettes.extraction.loco_weights import loco_weights
 from ..palettes.palette import Palette
 from ..project.settings import RecoloringSettings
 from .fit import ObjectRays
-from .object_surface import ObjectSurface
+from .object_surface import BACKGROUND, ObjectSurface
 
 
 def training_rays(
@@ -27,8 +27,11 @@ def training_rays(
     masked_views: Sequence[int] = (),
     cameras: Sequence[Camera] = (),
     start_progress: Callable[[str, int], Progress] | None = None,
+    opacity: Tensor | None = None,
 ) -> ObjectRays:
     """The rays well inside the objects, with the weights W of their photo colors over the objects' palettes (Eq. 13).
+
+    Rays of no object are black, and are asked for black alone, in one palette after the other.
 
     Args:
         scene_field: the frozen radiance field.
@@ -38,25 +41,31 @@ def training_rays(
         masked_views: numbers of the cached views that have a mask; `supervision="reference"` asks only their rays.
         cameras: of the cached views, by their numbers; `targets="loco"` needs them.
         start_progress: begins to count steps under a name, up to a total; `targets="loco"` reports its photos with it.
+        opacity: [n] in [0, 1], of the surface's rays; None for rays of which nothing passes.
     """
     interior = surface.interior
     positions, view = surface.positions[interior], surface.view[interior].long()
-    colors = surface.colors[interior].float() / 255
-    block = surface.object[interior].long() * (len(blocks) > 1)
+    owner = surface.object[interior].long()
+    is_object = owner != BACKGROUND
+    colors = surface.colors[interior].float() / 255 * is_object[:, None]
+    in_turn = torch.arange(len(owner), device=owner.device)
+    block = torch.where(is_object, owner, in_turn) % len(blocks)
     supervised = torch.ones_like(block, dtype=torch.bool)
     if settings.supervision == "reference":
         supervised = torch.isin(view, torch.tensor(masked_views, dtype=torch.long).to(colors.device))
     n_colors = max(len(palette.colors) for palette in blocks)
     weights = torch.zeros(len(colors), n_colors, device=colors.device)
+    weights[:, 0] = (supervised & ~is_object).float()
     for k, palette in enumerate(blocks):
-        own = supervised & (block == k)
+        own = supervised & is_object & (block == k)
         if settings.targets == "loco":
             places = scene_field, positions[own], view[own], cameras
             found = _loco_weights(*places, colors[own], palette, start_progress)
         else:
             found = star_weights(colors[own].cpu().numpy(), palette.colors)
         weights[own, : found.shape[1]] = torch.from_numpy(found).to(colors.device)
-    return ObjectRays(positions, surface.viewdirs[interior], colors, view, block, weights, supervised)
+    opacity = torch.ones_like(colors[:, 0]) if opacity is None else opacity[interior]
+    return ObjectRays(positions, surface.viewdirs[interior], colors, view, block, weights, supervised, opacity)
 
 
 def _loco_weights(

@@ -7,7 +7,7 @@ bool [H, W]. Pixel positions: see `capture/camera.py`. A flow [H, W, 2] holds ho
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -56,6 +56,27 @@ def correspond(view: DepthView, other: DepthView) -> Correspondence:
     hit = np.abs(sampled(other.depth[..., None], positions)[:, 0] - depth) < DEPTH_TOLERANCE * depth
     counts = sampled(other.mask[..., None].astype(np.float64), positions)[:, 0] > 0.999
     return Correspondence(pixels[hit & counts], positions[hit & counts])
+
+
+def flicker(before: Correspondence, after: Correspondence, pictures: Sequence[np.ndarray]) -> float:
+    """How far the middle one of three frames in a row stands out from the two beside it; NaN where no point is in all.
+
+    `F = sqrt(mean((c[t-1] - 2 c[t] + c[t+1])^2) / 6)` over surface points and channels, with c[t] the color of a point in
+    frame t. What changes steadily, such as a highlight that wanders, cancels; noise of deviation s that is drawn anew in
+    each frame gives s, for which there is the 6 = 1 + 4 + 1.
+
+    Args:
+        before: The middle view's points in the view before it.
+        after: The same in the view after it.
+        pictures: Of the view before, the middle one and the view after, [H, W, 3] each.
+    """
+    _, of_before, of_after = np.intersect1d(before.pixels, after.pixels, assume_unique=True, return_indices=True)
+    if not len(of_before):
+        return float("nan")
+    first, middle, last = pictures
+    middle = middle.reshape(-1, 3)[before.pixels[of_before]]
+    beside = sampled(first, before.positions[of_before]) + sampled(last, after.positions[of_after])
+    return float(np.sqrt(np.mean((beside - 2 * middle) ** 2) / 6))
 
 
 def sampled(picture: np.ndarray, positions: np.ndarray) -> np.ndarray:

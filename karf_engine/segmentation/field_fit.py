@@ -76,7 +76,7 @@ def fit_to_masks(
         scene_field: the frozen radiance field.
         n_objects: K.
         cache: n rays with their surface samples.
-        votes: of these rays; those without confidence are left out.
+        votes: of these rays; all rays of the marked views count, whatever their opacity.
         settings: of F_s and its training.
         runtime: device and random numbers.
         progress: counts iterations.
@@ -84,9 +84,9 @@ def fit_to_masks(
     """
     boxes = scene_field.bounds.expand(n_objects, 2, 3).clone()
     karf = SegmentationField(boxes, scene_field.n_features, settings).to(runtime.device)
-    masked = torch.from_numpy(np.flatnonzero(votes.confidence > 0)).to(runtime.device)
-    targets = torch.from_numpy(votes.targets).float().to(runtime.device)[masked]
-    fit_on_rays(karf, scene_field, _select(cache, masked), targets, settings, runtime, progress, checkpoint)
+    marked = torch.from_numpy(np.flatnonzero(votes.marked)).to(runtime.device)
+    targets = torch.from_numpy(votes.targets).float().to(runtime.device)[marked]
+    fit_on_rays(karf, scene_field, _select(cache, marked), targets, settings, runtime, progress, checkpoint)
     return karf.requires_grad_(False)
 
 

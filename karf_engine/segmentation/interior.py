@@ -7,7 +7,7 @@ import torch
 from scipy.ndimage import binary_erosion
 from torch import Tensor
 
-from ..heads.object_surface import MIN_INTERIOR_PIXELS, ObjectSurface
+from ..heads.object_surface import BACKGROUND, MIN_INTERIOR_PIXELS, ObjectSurface
 from ..io.color import to_bytes
 from .views import CachedViews
 
@@ -21,18 +21,33 @@ def object_surface(cached: CachedViews, probabilities: Tensor) -> ObjectSurface:
         cached: views and their n rays.
         probabilities: [n, K+1], classes of the rays as F_s renders them.
     """
-    cache, views = cached.cache, cached.views
     label = probabilities.argmax(1)
-    rays = torch.nonzero(label > 0).squeeze(1)
-    interior = interior_rays(cached, label, probabilities)
+    return _surface_of(
+        cached, torch.nonzero(label > 0).squeeze(1), label - 1, interior_rays(cached, label, probabilities)
+    )
+
+
+def whole_surface(cached: CachedViews, probabilities: Tensor) -> ObjectSurface:
+    """All cached rays, which Eq. 11 sums over; those that end on no object are of `BACKGROUND`. `interior` is true of all.
+
+    Arguments as for `object_surface`.
+    """
+    label = probabilities.argmax(1)
+    everything = torch.arange(len(label), device=label.device)
+    return _surface_of(cached, everything, torch.where(label > 0, label - 1, BACKGROUND), label >= 0)
+
+
+def _surface_of(cached: CachedViews, rays: Tensor, owner: Tensor, interior: Tensor) -> ObjectSurface:
+    """These of the cached rays; owner: [n] number of each cached ray's object; interior: [n] bool."""
+    cache, views = cached.cache, cached.views
     colors = torch.from_numpy(to_bytes(views.colors()))
     view = np.searchsorted(views.offsets, cache.index[rays].cpu().numpy(), side="right") - 1
     return ObjectSurface(
         positions=cache.positions[rays],
         viewdirs=cache.viewdirs[rays],
         colors=colors[cache.index[rays].cpu()],
-        object=(label[rays] - 1).to(torch.uint8),
-        interior=interior[rays.cpu()],
+        object=owner[rays].to(torch.uint8),
+        interior=interior.cpu()[rays.cpu()],
         view=torch.from_numpy(view).to(torch.int16),
     )
 

@@ -27,18 +27,21 @@ class RayVotes:
         targets: [n, K+1] shares of the classes; rows sum to 1.
         confidence: [n] in [0, 1]; 0 in views without masks.
         opacity: [n] in [0, 1], of the rays.
+        marked: [n] bool, rays of the views that have masks.
     """
 
     targets: np.ndarray
     confidence: np.ndarray
     opacity: np.ndarray
+    marked: np.ndarray
 
 
 def votes_of_rays(cached: CachedViews) -> RayVotes:
     """The votes of the cached rays. Rays of low opacity hardly end on anything: their confidence is 0."""
     targets, confidence = votes_of_pixels(cached.views)
     index, opacity = cached.cache.index.cpu().numpy(), cached.cache.opacity.cpu().numpy()
-    return RayVotes(targets[index], confidence[index] * (opacity > LEAST_OPACITY), opacity)
+    confidence = confidence[index]
+    return RayVotes(targets[index], confidence * (opacity > LEAST_OPACITY), opacity, confidence > 0)
 
 
 def votes_of_pixels(views: MaskedViews) -> tuple[np.ndarray, np.ndarray]:

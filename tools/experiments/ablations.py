@@ -16,6 +16,7 @@ from karf_engine.segmentation.report import SegmentationReport
 
 from ..judging.scores import score_palettes_of
 from ..judging.views import terminal_progress
+from . import printed  # noqa: F401  registers what two rows name
 from .bench import Bench
 from .recolors import true_masks_of, with_masks
 from .table import Row, Table
@@ -35,6 +36,8 @@ ABLATIONS: dict[str, tuple[str, ...]] = {
     "bandwidth of FastKAN, fixed": ("recoloring.bandwidth=fastkan", "recoloring.learn_bandwidth=false"),
     "bandwidth of X-KANeRF, fixed": ("recoloring.bandwidth=xkanerf", "recoloring.learn_bandwidth=false"),
     "N = 5 centers": ("recoloring.centers=5",),
+    "Eq. 4 and 5 as printed: no bias, no LayerNorm": ("recoloring.layer=printed",),
+    "sigmoids in the place of the softmax": ("recoloring.head=sigmoid",),
     "weights of marked views only": ("recoloring.supervision=reference",),
     "w/o L_Weight": ("recoloring.weight_loss=0",),
     "w/o L_Palette": ("recoloring.palette_loss=0",),
@@ -46,9 +49,17 @@ ABLATIONS: dict[str, tuple[str, ...]] = {
         "recoloring.palette_rate=0.01",
     ),
     "one palette for all objects": ("palette.shared=true",),
+    "all rays, the background learns black (Eq. 11)": ("recoloring.background=black",),
     "60 iterations: w/ All": ("recoloring.iterations=60",),
     "60 iterations: w/o All": ("recoloring.iterations=60", "recoloring.variant=none"),
     "60 iterations: MLP layers, equal parameters": ("recoloring.iterations=60", "recoloring.layer=mlp", EQUAL),
+    "1,000 iterations: w/ All": ("recoloring.iterations=1000",),
+    "1,000 iterations: w/o All": ("recoloring.iterations=1000", "recoloring.variant=none"),
+    "1,000 iterations: MLP layers, equal parameters": ("recoloring.iterations=1000", "recoloring.layer=mlp", EQUAL),
+    "1,000 iterations: all rays, the background learns black": (
+        "recoloring.iterations=1000",
+        "recoloring.background=black",
+    ),
 }
 
 
@@ -85,7 +96,7 @@ def ablation_row(bench: Bench, label: str, overrides: tuple[str, ...]) -> Row:
         scores.append(vars(score_palettes_of(learned, bench.truth.masks("test"))))
         seconds.append(learned.model.project.finished("recoloring")["seconds"])
     mean = {key: float(np.mean([score[key] for score in scores])) for key in scores[0]}
-    deviation = float(np.std([score["psnr_object"] for score in scores])) if bench.seeds > 1 else None
+    deviation = float(np.std([score["psnr_object"] for score in scores], ddof=1)) if bench.seeds > 1 else None
     size = count_parameters(learned.model.recoloring.head)
     return [label, *palette_cells(PaletteScore(**mean), deviation), size, float(np.mean(seconds))]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shutil
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -32,7 +33,7 @@ class Bench:
     def __init__(self, options: argparse.Namespace) -> None:
         self.truth = Truth()
         self.seeds = options.seeds
-        self._threads = options.threads
+        self.threads = options.threads
         self._out = options.out.absolute()
         shutil.rmtree(self._out / "scratch", ignore_errors=True)
         self.model = karf.learn(
@@ -58,7 +59,7 @@ class Bench:
     def learned(self, overrides: tuple[str, ...], masks: Path = ONE, weights_from: str = "photo") -> TestViews:
         """Everything after geometry, learned in another way."""
         folder = self._out / "scratch" / f"{len(list((self._out / 'scratch').glob('*'))):03d}"
-        model = learn_again(self.model, folder, overrides, LEARNED, masks, self._threads)
+        model = learn_again(self.model, folder, overrides, LEARNED, masks, self.threads)
         return with_model(self.ours(), model, weights_from)
 
     @cache  # noqa: B019
@@ -69,19 +70,12 @@ class Bench:
 
     @cache  # noqa: B019
     def samples(self) -> list[ObjectSamples]:
-        """Where F_w is asked in each test view: the same for all that share our geometry and segmentation."""
-        model, frames = self.model, self.ours().frames
-        return [object_samples(model.segmentation, model.scene.field, frame.picture.cache) for frame in frames]
+        """Where F_w is asked in each test view."""
+        return samples_of(self.ours())
 
     def ablation(self, overrides: tuple[str, ...], seed: int) -> TestViews:
         """Palette and weights, learned in another way on the same segmentation."""
-        stages = LEARNED[1:] if any(text.startswith("palette.") for text in overrides) else LEARNED[2:]
-        overrides = (*overrides, f"seed={seed}")
-        model = learn_again(self.model, self._out / "ablation", overrides, stages, threads=self._threads)
-        frames = []
-        for frame, samples in zip(self.ours().frames, self.samples(), strict=True):
-            frames.append(replace(frame, palette_weights=model.weights_of_field(frame.picture, samples)))
-        return TestViews(model, self.ours().training_images, frames)
+        return ablation(self.ours(), self.samples(), self._out / "ablation", overrides, seed, self.threads)
 
     def photos(self) -> list[np.ndarray]:
         """The test photos."""
@@ -99,3 +93,36 @@ class Bench:
                 pair = self.truth.color_pair(edit, palette.name)
                 colors[palette.name] = solve(model.project, palette, *pair, "becomes")
         return stack_palettes(model.objects, colors)
+
+
+def samples_of(test: TestViews) -> list[ObjectSamples]:
+    """Where F_w is asked in each test view: the same for all that share a geometry and a segmentation."""
+    model = test.model
+    return [object_samples(model.segmentation, model.scene.field, frame.picture.cache) for frame in test.frames]
+
+
+def ablation(
+    test: TestViews,
+    samples: Sequence[ObjectSamples],
+    folder: Path,
+    overrides: tuple[str, ...],
+    seed: int,
+    threads: int | None,
+) -> TestViews:
+    """The test views with palette and weights that are learned in another way on the same segmentation.
+
+    Args:
+        test: as learned in the default way.
+        samples: see `samples_of`.
+        folder: of the scratch project, emptied before.
+        overrides: settings as `stage.field=value`.
+        seed: of this learning.
+        threads: processor threads.
+    """
+    stages = LEARNED[1:] if any(text.startswith("palette.") for text in overrides) else LEARNED[2:]
+    model = learn_again(test.model, folder, (*overrides, f"seed={seed}"), stages, threads=threads)
+    frames = [
+        replace(frame, palette_weights=model.weights_of_field(frame.picture, own))
+        for frame, own in zip(test.frames, samples, strict=True)
+    ]
+    return TestViews(model, test.training_images, frames)

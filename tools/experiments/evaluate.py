@@ -9,6 +9,7 @@
     edits          recolors against the true ones, beside other ways to recolor
     marked_photo   the same in the one photo that is marked: rough 2-D masks against ours
     matched        swatches matched to one painted test photo, in the other ones
+    whole_paper    the preset `paper` from photos to recolors, narrower, beside ours; an hour
 
 Without names: all. The demo is learned once into DIR/project (kept between runs); every other way shares its geometry
 and whatever stage it does not change. Writes docs/results/<table>.json and some pictures, and from these
@@ -20,13 +21,11 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable
-from datetime import date
 from pathlib import Path
 from typing import Any
 
 from karf_engine.project.settings import PRESETS
 
-from ..speed.machine import machine
 from . import page
 from .ablations import ablations_table, decomposition_table
 from .bench import Bench
@@ -34,7 +33,9 @@ from .consistency import consistency_table
 from .edits import edits_table, marked_photo_table, matched_table, outside_table
 from .pictures import STRIPS
 from .segmentation import sampling_table, segmentation_table
+from .stamp import stamp
 from .table import Table, show
+from .whole_paper import whole_paper_table
 
 TABLES: dict[str, Callable[[Bench], Table]] = {
     "segmentation": segmentation_table,
@@ -46,6 +47,7 @@ TABLES: dict[str, Callable[[Bench], Table]] = {
     "edits": edits_table,
     "marked_photo": marked_photo_table,
     "matched": matched_table,
+    "whole_paper": whole_paper_table,
 }
 
 
@@ -84,19 +86,10 @@ def parse_arguments() -> argparse.Namespace:
 
 def as_json(name: str, table: Table, options: argparse.Namespace, seconds: int) -> dict[str, Any]:
     """The table as `page` stores it."""
-    measured_on = machine(options.threads)
     arguments = [f"--preset {options.preset}"] * (options.preset != "demo")
     arguments += [f"--seeds {options.seeds}"] * (name == "ablations")
-    made = {
-        "date": date.today().isoformat(),
-        "command": " ".join(["python3 tools/dev.py evaluate", name, *arguments]),
-        "preset": " ".join([options.preset, *options.overrides]),
-        "machine": f"{measured_on['processor']}, {measured_on['threads']} of {measured_on['cores']} cores",
-        "seconds": seconds,
-    }
-    columns = [{"title": title, "format": form} for title, form in table.columns]
-    rows = [[float(f"{cell:.6g}") if isinstance(cell, float) else cell for cell in row] for row in table.rows]
-    return {"title": table.title, "about": table.about, "made": made, "columns": columns, "rows": rows}
+    command = " ".join(["python3 tools/dev.py evaluate", name, *arguments])
+    return table.as_json(stamp(command, options.preset, options.overrides, options.threads, seconds))
 
 
 if __name__ == "__main__":

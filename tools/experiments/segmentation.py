@@ -9,9 +9,9 @@ from .bench import MLP_HEADS, ONE, PLAIN, THREE, Bench
 from .table import Row, Table
 
 TRUE_VIEWS = 8
-# samples a ray: this many of equal opacity hold nearly all that a voxel field's ray is made of; of 63 just those three
+# samples a ray: this many of equal opacity hold nearly all that a voxel field's ray is made of; of 15 just those three
 # that the labels are found on are the three of 3
-DENSE = 63
+DENSE = 15
 
 
 def segmentation_table(bench: Bench) -> Table:

@@ -17,6 +17,12 @@ class Table:
     columns: tuple[tuple[str, str], ...]
     rows: list[Row]
 
+    def as_json(self, made: dict[str, Any]) -> dict[str, Any]:
+        """The table as `page` stores it; made: where it comes from, see `stamp`."""
+        columns = [{"title": title, "format": form} for title, form in self.columns]
+        rows = [[float(f"{cell:.6g}") if isinstance(cell, float) else cell for cell in row] for row in self.rows]
+        return {"title": self.title, "about": self.about, "made": made, "columns": columns, "rows": rows}
+
 
 def show(name: str, table: Table) -> None:
     """Print a table."""

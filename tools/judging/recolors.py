@@ -11,12 +11,13 @@ from pathlib import Path
 
 import imageio.v3 as iio
 import numpy as np
+from skimage.color import rgb2lab
 
 from karf_engine.capture.training_images import TrainingImage
 from karf_engine.errors import BadRequest
 from karf_engine.io.color import to_bytes
-from karf_engine.metrics.images import mean_ciede2000, psnr
-from karf_engine.metrics.scores import MIN_PIXELS, score_edit
+from karf_engine.metrics.images import hue_shift, mean_ciede2000, psnr
+from karf_engine.metrics.scores import MIN_PIXELS, score_edit, score_recolor
 from karf_engine.palettes.compositing import delta_composite
 from karf_engine.palettes.palette import Edit
 from karf_engine.palettes.project_edit import solve
@@ -61,8 +62,31 @@ def score_edits(truth: Truth, test: TestViews, frames: Path) -> dict:
         masks = [{o: labels == truth.names[o] for o in edit["objects"]} for labels in truth.labels("test")]
         pairs = {o: truth.color_pair(name, o) for o in edit["objects"]}
         scores[name] = asdict(score_edit(photos, recolored, truth.recolored(name), masks, pairs))
+        paints = {o: truth.paint_pairs(name, o) for o in edit["objects"]}
+        shifted = [hue_shift_of_paints(photo, own, paints) for photo, own in zip(photos, masks, strict=True)]
+        of_paints = score_recolor(shifted, truth.recolored(name), photos, truth.inside(name))
+        scores[name]["hue_shift_of_paints_in_true_mask"] = of_paints.ciede2000
     mean = {key: float(np.mean([score[key] for score in scores.values()])) for key in next(iter(scores.values()))}
     return {"ciede2000": scores | {"mean": mean}, "mse_outside": mean["mse_outside"]}
+
+
+def hue_shift_of_paints(
+    photo: np.ndarray, masks: dict[str, np.ndarray], paints: dict[str, list[tuple[np.ndarray, np.ndarray]]]
+) -> np.ndarray:
+    """The photo with the hue of each masked pixel shifted by the color pair whose source is nearest to it in CIELAB.
+
+    Args:
+        photo: sRGB [H, W, 3] in [0, 1].
+        masks: bool [H, W] of each object.
+        paints: source and target [3], sRGB, of each paint of each object.
+    """
+    result = photo.copy()
+    for name, mask in masks.items():
+        own, sources = photo[mask], rgb2lab(np.stack([source for source, _ in paints[name]]))
+        nearest = np.linalg.norm(rgb2lab(own)[:, None] - sources, axis=2).argmin(1)
+        shifted = np.stack([hue_shift(own, *pair) for pair in paints[name]])
+        result[mask] = shifted[nearest, np.arange(len(own))]
+    return result
 
 
 def score_new_cameras(test: TestViews, truth: Truth) -> dict:

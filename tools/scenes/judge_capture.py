@@ -1,11 +1,12 @@
-"""Judge the whole path on a real capture whose masks are known: OUT/summary.json and OUT/contact_sheet.png.
+"""Judge geometry, splats and masks of a real capture: OUT/summary.json and OUT/contact_sheet.png.
 
     .venv/engine/bin/python -m tools.scenes.judge_capture CAPTURE [--truth MASKS] --out OUT [--seed N]
 
-MASKS/<object>/<split>/<photo stem>.png (or without the split) are the true masks. One of each object is drawn over as
-a hasty hand would, and is all that the engine sees; the ceiling is the same field trained on the true masks of all training views. Another
-seed draws other masks: in the same OUT only what depends on them is learned again. Without MASKS only geometry and splats
-are learned and judged, the splats also as exposed as the photos before and after each held-out one.
+Every 8th photo is held out where the capture declares none, and judged. MASKS/<object>/<split>/<photo stem>.png (or
+without the split) are the true masks. One of each object is drawn over as a hasty hand would, and is all that the engine
+sees; the ceiling is the same field trained on the true masks of all training views. Another seed draws other masks: in
+the same OUT only what depends on them is learned again. Without MASKS there are no objects. Splats are also judged as
+exposed as the photos before and after each held-out one.
 """
 
 from __future__ import annotations
@@ -25,7 +26,9 @@ from karf_engine.compute.progress import TerminalEmit
 from karf_engine.io.files import write_json
 from karf_engine.io.images import read_mask, resize, write_png
 from karf_engine.metrics.masks import iou
+from karf_engine.project import Project
 from karf_engine.project.settings import PRESETS
+from karf_engine.recolor.model import Model
 from karf_engine.segmentation.report import SegmentationReport
 from karf_engine.segmentation.views import farthest_point_views
 
@@ -40,46 +43,60 @@ DISK = 0.38  # radius of a missing chunk or a spill, in radii of a disk as large
 
 def main() -> None:
     options = parse_arguments()
-    if options.truth is None:
-        judge_geometry(options)
-        return
-    capture = karf.open_capture(options.capture, holdout=HOLDOUT)
-    drawn = draw_masks(capture, options.truth, options.out / "coarse_masks", options.seed, options.masks_each)
-    model = karf.learn(options.capture, options.out / "coarse_masks", **settings_of(options))
-    test = render_test_views(model)
+    report(options.out, judge(options))
+
+
+def judge(options: argparse.Namespace) -> dict[str, Any]:
+    """Learn a capture, judge it in its held-out views, and write summary and sheet; returns the summary.
+
+    options: those of `parse_arguments`.
+    """
+    drawn = {}
+    if options.truth is not None:
+        capture = karf.open_capture(options.capture, holdout=HOLDOUT)
+        drawn = draw_masks(capture, options.truth, options.out / "coarse_masks", options.seed, options.masks_each)
+    test = render_test_views(learn(options, bool(drawn)))
     truth = {
         name: [true_mask(options.truth, name, training_image) for training_image in test.training_images]
         for name in test.model.objects
     }
-    summary = {"capture": str(options.capture), "seed": options.seed, "coarse_masks": drawn}
-    summary |= stage_summary(model.project) | score_renders(test)
-    summary["precision"] = SegmentationReport.read(model.project.segmentation_report).precision
-    summary |= score_objects(test, truth) | {"views": iou_of_views(test, truth)}
-    true_masks = gather_training_masks(capture, options.truth, options.out / "scratch" / "true_masks")
+    summary = {"capture": str(options.capture)} | stage_summary(test.model.project)
+    summary |= score_renders(test) | {"splats": score_splats(test.model.project)}
+    if drawn:
+        summary |= {"seed": options.seed, "coarse_masks": drawn} | score_masks(options, test, truth)
+    write_json(options.out / "summary.json", rounded(summary))
+    contact_sheet(options.out / "contact_sheet.png", test, truth)
+    return rounded(summary)
+
+
+def learn(options: argparse.Namespace, is_marked: bool) -> Model:
+    """The capture's geometry and splats, and where masks were drawn its segmentation."""
+    project, run = options.out / "project", {"threads": options.threads, "emit": TerminalEmit()}
+    settings = {"preset": options.preset, "overrides": options.overrides, "holdout": HOLDOUT}
+    karf.learn_geometry(options.capture, project=project, **settings, **run)
+    karf.learn_splats(project, **run)
+    if is_marked:
+        karf.segment(project, options.out / "coarse_masks", **run)
+    return karf.load(project)
+
+
+def score_splats(project: Project) -> dict[str, float]:
+    """PSNR of held-out photos as splats show them, mean and worst, and both as exposed as the photos beside them."""
+    names = ("psnr", "psnr_worst", "psnr_exposed", "psnr_exposed_worst")
+    _, learned = (project.finished("splats") or {}).get("held_out", ((), ()))
+    return dict(zip(names, learned, strict=False))
+
+
+def score_masks(options: argparse.Namespace, test: TestViews, truth: dict[str, list[np.ndarray]]) -> dict[str, Any]:
+    """The masks of one drawn mask an object, and those of the ceiling."""
+    model = test.model
+    scores = {"precision": SegmentationReport.read(model.project.segmentation_report).precision}
+    scores |= score_objects(test, truth) | {"views": iou_of_views(test, truth)}
+    true_masks = gather_training_masks(model.capture, options.truth, options.out / "scratch" / "true_masks")
     overrides = ["segmentation.labels=votes"]
     folder, stages = options.out / "scratch" / "ceiling", ("segmentation",)
     ceiling = learn_again(model, folder, overrides, stages, true_masks, options.threads)
-    summary |= score_objects(with_model(test, ceiling), truth, "_ceiling")
-    write_json(options.out / "summary.json", rounded(summary))
-    contact_sheet(options.out / "contact_sheet.png", test, truth)
-    report(options.out, rounded(summary))
-
-
-def judge_geometry(options: argparse.Namespace) -> None:
-    """Learn the geometry and splats of it, and judge how they show the held-out photos."""
-    karf.learn_geometry(options.capture, **settings_of(options))
-    karf.learn_splats(options.out / "project", threads=options.threads, emit=TerminalEmit())
-    model = karf.load(options.out / "project")
-    test = render_test_views(model)
-    summary = rounded({"capture": str(options.capture)} | stage_summary(model.project) | score_renders(test))
-    names = ("psnr", "psnr_worst", "psnr_exposed", "psnr_exposed_worst")
-    _, learned = (model.project.finished("splats") or {}).get("held_out", ((), ()))
-    summary["splats"] = dict(zip(names, learned, strict=False))
-    write_json(options.out / "summary.json", summary)
-    numbers = sheet_numbers(len(test.frames))
-    rows = [[test.frames[n].base, test.frames[n].color] for n in numbers]
-    write_sheet(options.out / "contact_sheet.png", rows)
-    print(f"\n{summary}\n\nsheet      {options.out / 'contact_sheet.png'}")
+    return scores | score_objects(with_model(test, ceiling), truth, "_ceiling")
 
 
 def parse_arguments() -> argparse.Namespace:
@@ -93,12 +110,6 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--masks-each", type=int, default=1, help="training views with a mask for each object")
     parser.add_argument("--threads", type=int)
     return parser.parse_args()
-
-
-def settings_of(options: argparse.Namespace) -> dict[str, Any]:
-    """What `learn` and `learn_geometry` are told alike."""
-    settings = {"preset": options.preset, "overrides": options.overrides, "threads": options.threads}
-    return {"project": options.out / "project", "holdout": HOLDOUT, "emit": TerminalEmit()} | settings
 
 
 # ---------------------------------------------------------------------------------------------------------- coarse masks
@@ -182,14 +193,17 @@ def iou_of_views(test: TestViews, truth: dict[str, list[np.ndarray]]) -> dict[st
 
 
 def contact_sheet(path: Path, test: TestViews, truth: dict[str, list[np.ndarray]]) -> None:
-    """Columns: photo, learned render, masks over the photo, and where they differ from the truth."""
-    rows = []
-    for number in sheet_numbers(len(test.frames)):
-        frame = test.frames[number]
-        exact = np.stack([truth[name][number] for name in test.model.objects])
-        masks = [tinted(frame.base, frame.masks), difference(frame.base, frame.masks, exact)]
-        rows.append([frame.base, frame.color, *masks])
-    write_sheet(path, rows)
+    """Columns: photo, learned render, and of objects the masks over the photo, and where they differ from the truth."""
+    write_sheet(path, [sheet_row(test, truth, number) for number in sheet_numbers(len(test.frames))])
+
+
+def sheet_row(test: TestViews, truth: dict[str, list[np.ndarray]], number: int) -> list[np.ndarray]:
+    """The pictures of one test view in the contact sheet."""
+    frame = test.frames[number]
+    if not test.model.objects:
+        return [frame.base, frame.color]
+    exact = np.stack([truth[name][number] for name in test.model.objects])
+    return [frame.base, frame.color, tinted(frame.base, frame.masks), difference(frame.base, frame.masks, exact)]
 
 
 def report(out: Path, summary: dict) -> None:
@@ -197,7 +211,9 @@ def report(out: Path, summary: dict) -> None:
     seconds = "  ".join(f"{name} {value}" for name, value in summary["stage_seconds"].items())
     print(f"\nseconds            {seconds}; peak memory {summary['peak_memory'] / 2**30:.2f} GiB")
     print_common(summary)
-    print("precision          " + "  ".join(f"{name} {value}" for name, value in summary["precision"].items()))
+    print("splats             " + "  ".join(f"{name} {value}" for name, value in summary["splats"].items()))
+    precision = summary.get("precision", {})
+    print("precision          " + "  ".join(f"{name} {value}" for name, value in precision.items()))
     print(f"\nsheet      {out / 'contact_sheet.png'}\nfigures    {out / 'summary.json'}")
 
 

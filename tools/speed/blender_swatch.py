@@ -1,7 +1,7 @@
 """How long a swatch edit takes in Blender, from setting the property to the pixels in the image. Prints JSON.
 
     python tools/speed/blender_swatch.py [--width 800] [--height 800] [--colors 6] [--objects 1] [--edited 1]
-        [--compositing delta] [--repeat 40]
+        [--compositing delta] [--alone] [--repeat 40]
 
 Runs under the `bpy` module, or inside Blender after `--python ... --`. Planes are made up: smooth, every pixel touched.
 Times are of this process alone, so that others at work on the machine add little; `upload_ms` is the plain
@@ -24,6 +24,7 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULE = "bl_ext.karf_bench.karf"
+HISTOGRAM_CELLS = 4000  # colors of an object, about as many as the demo's objects have
 
 
 def main() -> None:
@@ -52,6 +53,7 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--objects", type=int, default=1)
     parser.add_argument("--edited", type=int, default=1, help="swatches of the first object that differ all the time")
     parser.add_argument("--compositing", choices=("delta", "paper"), default="delta")
+    parser.add_argument("--alone", action="store_true", help="without Material: no other swatch follows")
     parser.add_argument("--repeat", type=int, default=40)
     return parser.parse_args(arguments)
 
@@ -81,15 +83,24 @@ def show(project: Path, options: argparse.Namespace) -> bpy.types.Scene:
         compositing.Planes(names, weights, weights.sum(axis=1), np.rint(base * 255).astype(np.uint8)),
     )
     palette = importlib.import_module(f"{MODULE}.karf_engine.palettes.palette")
-    ramp = np.linspace(0, 0.9, colors, dtype=np.float32)[:, None].repeat(3, axis=1)
+    ramp = np.linspace(0, 1, colors, dtype=np.float32)[:, None] * np.float32([0.9, 0.4, 0.2])  # one paint
     scene = bpy.context.scene
     scene.karf.project = str(project)
     scene.karf.views.add().name = "view"
     scene.karf.active_view = "view"
-    scene.karf.compositing = options.compositing
+    scene.karf.compositing, scene.karf.material = options.compositing, not options.alone
     palettes = importlib.import_module(f"{MODULE}.karf_blender.swatches.palettes")
     palettes.load_palettes(scene, [palette.Palette(name, ramp) for name in names])
-    importlib.import_module(f"{MODULE}.karf_blender.swatches.recolor").show(scene)
+    object_colors = importlib.import_module(f"{MODULE}.karf_engine.palettes.object_colors")
+    pixels = np.random.default_rng(0).integers(height * width, size=HISTOGRAM_CELLS)
+    seen = [weights[k].reshape(colors, -1).T[pixels] for k in range(options.objects)]
+    histograms = {
+        name: object_colors.ColorHistogram(own @ ramp, np.ones(len(own)), own / own.sum(1, keepdims=True))
+        for name, own in zip(names, seen, strict=True)
+    }
+    importlib.import_module(f"{MODULE}.karf_engine.project").Project(project).create("made up")
+    object_colors.write_object_colors(project / "object_colors.npz", histograms)
+    importlib.import_module(f"{MODULE}.karf_blender.swatches.shown").of(scene).recolor()
     return scene
 
 

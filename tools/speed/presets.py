@@ -112,7 +112,9 @@ def heads(settings: Settings, threads: int) -> dict[str, dict[str, float]]:
     middle = time.process_time()
     n_colors = settings.palette.colors or 6
     colors, weights = torch.rand(RAYS, 3), torch.rand(RAYS, n_colors)
-    rays = ObjectRays(positions, viewdirs, colors, number, number * 0, weights, torch.ones(RAYS, dtype=torch.bool))
+    rays = ObjectRays(
+        positions, viewdirs, colors, number, number * 0, weights, torch.ones(RAYS, dtype=torch.bool), torch.ones(RAYS)
+    )
     karf_w = RecoloringField(karf_s.bounds, field.n_features, [n_colors], recoloring)
     progress = Progress(lambda *_, **__: None, lambda: False, "F_w", FEW)
     fit_recoloring(karf_w, field, rays, torch.rand(1, n_colors, 3), recoloring, runtime, progress)

@@ -8,13 +8,14 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from karf_engine.commands.job import make_job
-from karf_engine.commands.recoloring import rays_of
+from karf_engine.commands.recoloring import rays_of, whole_scene
 from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.fields.files import load_scene
 from karf_engine.heads.fields import RecoloringField
 from karf_engine.heads.files import SURFACE_SCHEMA, load_segmentation, load_surface
 from karf_engine.heads.fit import fit_recoloring
+from karf_engine.heads.object_surface import BACKGROUND
 from karf_engine.io.checkpoints import load_tensors
 from karf_engine.io.options import Options
 from karf_engine.palettes.compositing import stack_palettes
@@ -83,6 +84,34 @@ def test_reference_supervision_asks_only_rays_of_masked_views_for_their_weights(
     assert 0 < masked.supervised.sum() < len(masked.supervised)
     assert torch.equal(masked.weights[masked.supervised], everywhere.weights[masked.supervised])
     assert not masked.weights[~masked.supervised].any()
+
+
+def test_a_black_background_asks_every_ray_and_those_of_no_object_for_black(job, field, palettes):
+    segmentation, _ = load_segmentation(job.project.segmentation_file, field.n_features)
+    surface, opacity = whole_scene(job, field, segmentation)
+    rays = rays_of(job, field, surface, palettes, opacity)
+    background = surface.object == BACKGROUND
+    kept, _ = load_surface(job.project.surface_file)
+    assert len(rays.colors) == len(surface.colors) and (~background).sum() == len(kept.colors)
+    assert not rays.colors[background].any() and rays.colors[~background].any(1).float().mean() > 0.99
+    assert (rays.weights[background, 0] == 1).all() and not rays.weights[background, 1:].any()
+    assert torch.equal(rays.opacity, opacity) and opacity.min() < 0.3 < opacity.max()
+
+
+def test_a_black_background_is_learned(job, field, palettes):
+    segmentation, _ = load_segmentation(job.project.segmentation_file, field.n_features)
+    surface, opacity = whole_scene(job, field, segmentation)
+    rays = rays_of(job, field, surface, palettes, opacity)
+    settings = RecoloringSettings(iterations=60, batch=512, width=16)
+    karf = RecoloringField(segmentation.bounds, field.n_features, [len(p.colors) for p in palettes], settings)
+    stacked = torch.from_numpy(stack_palettes(["ball", "block"], {p.name: p.colors for p in palettes}))
+    progress = Progress(lambda *_, **__: None, lambda: False, "recoloring", settings.iterations)
+    fit_recoloring(karf, field, rays, stacked, settings, start_runtime(0, 1, "cpu"), progress)
+    with torch.no_grad():
+        middle = rays.positions[:, rays.positions.shape[1] // 2]
+        black = karf(middle, rays.viewdirs, field.features(middle))[..., 0]
+    background = (surface.object == BACKGROUND) & (opacity > 0.9)
+    assert black[background].median() > 0.9 > 0.5 > black[surface.object < BACKGROUND].median()
 
 
 def test_weights_of_rays_that_are_not_asked_teach_nothing(job, field, palettes):

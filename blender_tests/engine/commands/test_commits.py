@@ -10,11 +10,10 @@ pytest.importorskip("torch")
 
 from blender_tests.engine.conftest import QUICK
 from karf_engine.cli import main
-from karf_engine.commands import geometry
 from karf_engine.commands.dispatch import run_command
 from karf_engine.commands.options import LearnOptions, SegmentationOptions
 from karf_engine.errors import Cancelled
-from karf_engine.project import STAGE_ORDER, Project
+from karf_engine.project import STAGE_ORDER, STAGE_VERSIONS, Project
 
 
 @pytest.fixture
@@ -124,7 +123,7 @@ def test_a_flipped_bit_is_noticed_and_a_plain_rerun_mends_it(still_life, copy, t
 
 # ------------------------------------------------------------------------------------------------------------ fingerprints
 def test_a_stage_whose_code_gives_another_result_runs_again(still_life, copy, capsys, monkeypatch):
-    monkeypatch.setattr(geometry, "VERSION", geometry.VERSION + 1)
+    monkeypatch.setitem(STAGE_VERSIONS, "geometry", STAGE_VERSIONS["geometry"] + 1)
     assert main(still_life.command(copy.folder)) == 0
     assert stages_run(capsys.readouterr().err) == list(STAGE_ORDER)
 

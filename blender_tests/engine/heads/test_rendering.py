@@ -74,7 +74,7 @@ def test_features_of_a_training_are_asked_once_where_that_is_less_work(cache, he
     field, settings = Waves(), RecoloringSettings(iterations=iterations, batch=16, width=8)
     palettes, block = torch.rand(2, 4, 3), torch.arange(40) % 2
     rays = ObjectRays(cache.positions, cache.viewdirs, torch.rand(40, 3), torch.zeros(40).long(), block,
-                      torch.rand(40, 4), torch.ones(40, dtype=torch.bool))  # fmt: skip
+                      torch.rand(40, 4), torch.ones(40, dtype=torch.bool), torch.ones(40))  # fmt: skip
     karf = RecoloringField(heads[0].bounds, 4, [4, 4], settings)
     progress = Progress(lambda *_, **__: None, lambda: False, "recoloring", iterations)
     fit_recoloring(karf, field, rays, palettes, settings, start_runtime(0, 1, "cpu"), progress)

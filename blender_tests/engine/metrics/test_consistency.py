@@ -11,6 +11,7 @@ from karf_engine.capture.camera import Camera
 from karf_engine.metrics.consistency import (
     DepthView,
     correspond,
+    flicker,
     flow_rmse,
     mean_of_pairs,
     optical_flow,
@@ -69,6 +70,43 @@ def test_the_mean_is_over_all_pairs_of_the_interval_that_say_something():
     assert mean_of_pairs(5, 2, lambda a, b: float(10 * a + b)) == np.mean([2, 13, 24])
     assert mean_of_pairs(3, 1, lambda a, b: float("nan") if a else 4.0) == 4.0
     assert np.isnan(mean_of_pairs(3, 3, lambda a, b: 1.0))
+
+
+def flicker_of(pictures):
+    """The flicker of three frames of the wall, taken from cameras in a row."""
+    before, middle, after = (sight(x) for x in (-0.37, 0.0, 0.37))
+    return flicker(correspond(middle, before), correspond(middle, after), pictures)
+
+
+def test_what_stays_or_changes_steadily_does_not_flicker():
+    first, middle, last = (painted(x) for x in (-0.37, 0.0, 0.37))
+    assert flicker_of((first, middle, last)) == pytest.approx(0, abs=1e-9)
+    assert flicker_of((first - 0.1, middle, last + 0.1)) == pytest.approx(0, abs=1e-9)
+
+
+def test_a_frame_that_stands_out_flickers():
+    first, middle, last = (painted(x) for x in (-0.37, 0.0, 0.37))
+    assert flicker_of((first, middle + 0.1, last)) == pytest.approx(0.1 * np.sqrt(4 / 6))
+    assert flicker_of((first, middle, last + 0.1)) == pytest.approx(0.1 * np.sqrt(1 / 6))
+
+
+def test_noise_drawn_anew_in_each_frame_flickers_by_its_deviation():
+    random = np.random.default_rng(0)
+    noise = [np.broadcast_to(random.normal(0, 0.05, 3), (SIZE, SIZE, 3)) for _ in range(3000)]
+    pairs = [correspond(sight(0.0), sight(x)) for x in (-0.37, 0.37)]
+    values = [flicker(*pairs, noise[n : n + 3]) for n in range(0, len(noise), 3)]
+    assert np.sqrt(np.mean(np.square(values))) == pytest.approx(0.05, rel=0.05)
+
+
+def test_only_points_that_all_three_frames_show_flicker():
+    before, middle, after = (sight(x) for x in (-0.37, 0.0, 0.37))
+    before.mask[:10], after.mask[30:] = False, False
+    pairs, first, last = (correspond(middle, before), correspond(middle, after)), painted(-0.37), painted(0.37)
+    shown = painted(0.0)
+    shown[:10], shown[30:] = 1, 1
+    assert flicker(*pairs, (first, shown, last)) == pytest.approx(0, abs=1e-9)
+    before.mask[:] = False
+    assert np.isnan(flicker(correspond(middle, before), pairs[1], (first, shown, last)))
 
 
 def test_flow_follows_a_picture_that_moves_and_carries_it_back():

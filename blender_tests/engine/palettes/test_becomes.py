@@ -11,7 +11,7 @@ from karf_engine.errors import BadRequest
 from karf_engine.io.color import linear_to_srgb, srgb_to_linear
 from karf_engine.metrics.images import hue_shift, mean_ciede2000
 from karf_engine.palettes.compositing import delta_composite
-from karf_engine.palettes.matching.becomes import match_becomes, match_fewest, nearest_weights
+from karf_engine.palettes.matching.becomes import match_becomes, match_dragged, match_fewest, nearest_weights
 from karf_engine.palettes.matching.fitting import match_pixels
 from karf_engine.palettes.matching.least_squares import bounded_least_squares
 from karf_engine.palettes.matching.paints import reflection_target
@@ -253,3 +253,34 @@ def test_fewest_starts_from_the_color_shown() -> None:
 def test_eyedropper_takes_the_weights_of_the_nearest_color() -> None:
     colors = np.array([[1, 0, 0], [0, 1, 0], [0.1, 0.1, 0.1]])
     np.testing.assert_array_equal(nearest_weights(colors, np.eye(3), np.array([0.8, 0.2, 0.1])), [1, 0, 0])
+
+
+def lit_and_shaded():
+    """Weights of a red thing's lit and shaded pixels, and its palette: black, lit, shaded."""
+    palette = np.array([[0, 0, 0], [0.7, 0.1, 0.1], [0.35, 0.05, 0.05]], np.float32)
+    weights = np.repeat(np.eye(3)[1:], 10, axis=0)
+    return weights @ palette, np.ones(20), weights, palette
+
+
+def test_a_dragged_swatch_is_what_it_is_given_and_its_shade_follows():
+    color = np.array([1.4, 0.2, 0.3], np.float32)  # brighter than white
+    edited = match_dragged(*lit_and_shaded(), 1, color)
+    assert (edited[1] == color).all() and (edited[0] == 0).all()
+    assert edited[2, 0] > 0.6  # half as bright in sRGB, as before
+    brighter = match_dragged(*lit_and_shaded(), 1, np.array([1.8, 0.2, 0.3], np.float32))
+    assert brighter[2, 0] > edited[2, 0] + 0.1  # also beyond white the shade follows
+
+
+def test_a_drag_to_where_it_began_changes_no_bit_and_one_of_black_takes_nothing_along():
+    seen = lit_and_shaded()
+    palette = seen[-1]
+    assert (match_dragged(*seen, 1, palette[1]) == palette).all()
+    dark = palette.copy()
+    dark[2] = 0.001
+    edited = match_dragged(*seen[:-1], dark, 2, np.array([0.1, 0.2, 0.9], np.float32))
+    assert (edited[:2] == dark[:2]).all() and edited[2, 2] == np.float32(0.9)
+
+
+def test_locked_swatches_do_not_follow_a_drag():
+    edited = match_dragged(*lit_and_shaded(), 1, np.array([0.1, 0.2, 0.7], np.float32), locked=[2])
+    assert (edited[2] == lit_and_shaded()[-1][2]).all()

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...io.color import srgb_to_lab
 from .fitting import bounds, match_pixels, moved
-from .paints import angles, pigment_gate, reflection_target, repainted
+from .paints import angles, is_black, pigment_gate, reflection_target, repainted
 
 OTHER = 0.17  # radians in linear light from which on colors are of different paints
 NEAR = 5.0  # Lab distance within which a color looks like another one of the same paint
@@ -86,6 +86,54 @@ def match_becomes(
     """
     targets = reflection_target(colors, source, target)
     return _matched(colors, counts, palette_weights, palette, source, target, targets, locked)
+
+
+def match_dragged(
+    colors: np.ndarray,
+    counts: np.ndarray,
+    palette_weights: np.ndarray,
+    palette: np.ndarray,
+    index: int,
+    color: np.ndarray,
+    locked: Iterable[int] = (),
+) -> np.ndarray:
+    """The palette in which a swatch has a new color and its paint's other swatches follow it, shading and gloss kept.
+
+    As `match_becomes` from the swatch's color to the new one, but that the swatch is just what it is given. So it can be
+    dragged: the result is that of the last color alone.
+
+    Args:
+        colors: The object's color histogram, sRGB [n, 3] in [0, 1].
+        counts: How often each color occurs, [n], >= 0.
+        palette_weights: Of each color, [n, M].
+        palette: With which the object has these colors, sRGB [M, 3] in [0, BRIGHTEST].
+        index: The swatch that is dragged.
+        color: Its new color, sRGB [3] in [0, BRIGHTEST].
+        locked: Other entries that stay as they are.
+
+    Returns:
+        The edited palette [M, 3] float32 in [0, BRIGHTEST]. Of a black swatch nothing tells the paint: it alone changes.
+
+    Examples:
+        A red object of a lit and a dark swatch turns blue as a whole:
+
+        >>> palette = np.array([[0, 0, 0], [0.7, 0.1, 0.1], [0.35, 0.05, 0.05]], np.float32)
+        >>> weights = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+        >>> edited = match_dragged(weights @ palette, np.ones(2), weights, palette, 1, np.array([0.1, 0.1, 0.7]))
+        >>> print(edited.round(2))
+        [[0.   0.   0.  ]
+         [0.1  0.1  0.7 ]
+         [0.05 0.05 0.35]]
+    """
+    start = np.array(palette, np.float32)
+    start[index] = color
+    change = start[index] - palette[index]
+    source = np.clip(palette[index], 0, 1)
+    if not change.any() or is_black(source):
+        return start
+    targets = reflection_target(colors, source, start[index])
+    moved_alone = colors + palette_weights[:, index, None] * change
+    return match_pixels(palette_weights, moved_alone, targets, start, counts, [index, *locked])
 
 
 def match_pigment(

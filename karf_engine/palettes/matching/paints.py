@@ -80,12 +80,27 @@ def repainted(colors: np.ndarray, source: np.ndarray, target: np.ndarray, gates:
     light, sources, targets = (srgb_to_linear(np.atleast_2d(each)) for each in (colors, source, target))
     result = light.copy()
     for r, t, gate in zip(sources, targets, gates, strict=True):
-        if r @ r < 1e-6:
+        if _is_black(r):
             raise BadRequest(
                 "The source color is black, so its shading cannot be told.", "Pick a lit spot of the object."
             )
         result += (gate * _shading(light, r))[:, None] * (t - r)
     return np.clip(linear_to_srgb(result), 0, 1)
+
+
+def is_black(color: np.ndarray) -> bool:
+    """Whether a color, sRGB [3] in [0, 1], is too dark to tell a paint by it.
+
+    Examples:
+        >>> is_black(np.zeros(3)), is_black(np.array([0.1, 0, 0]))
+        (True, False)
+    """
+    return _is_black(srgb_to_linear(np.asarray(color, np.float64)))
+
+
+def _is_black(r: np.ndarray) -> bool:
+    """The same of linear light."""
+    return bool(r @ r < 1e-6)
 
 
 def _shading(light: np.ndarray, r: np.ndarray) -> np.ndarray:

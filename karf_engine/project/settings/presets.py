@@ -65,8 +65,8 @@ PRESETS: dict[str, Settings] = {
         recoloring=RecoloringSettings(width=256, frequencies=8, direction_frequencies=4, iterations=5000, batch=4096),
         splats=SplatSettings(iterations=8000, count=200_000, long_side=1600, degree=3),
     ),
-    # the paper's numbers to the letter, for a graphics card: NeRF, plain Eq. 12, one palette of LoCoPalettes' size and
-    # its weights in the marked views, the paper's compositing
+    # the paper's numbers and losses, for a graphics card: NeRF, plain Eq. 12, one palette of LoCoPalettes' size and its
+    # weights in the marked views, a background that learns black, the paper's compositing; docs/paper.md says what differs
     "paper": Settings(
         preset="paper",
         compositing="paper",
@@ -93,6 +93,7 @@ PRESETS: dict[str, Settings] = {
             rate=5e-4,
             targets="loco",
             supervision="reference",
+            background="black",
         ),
         splats=SplatSettings(iterations=0),
     ),

@@ -206,6 +206,12 @@ class RecoloringSettings(HeadSettings):
         "Views whose weights Eq. 13 asks for; all: that were cached; reference: that are marked, as in the paper",
         choices=("all", "reference"),
     )
+    background: str = option(
+        "none",
+        "none: only rays well inside the objects teach F_w; black: all rays do, and the background learns to be black, "
+        "as in the paper",
+        choices=("none", "black"),
+    )
     palette_loss: float = option(1.0, "lambda_p of Eq. 14", 0.0, 100.0)
     palette_share: float = option(0.4, "Last share of the iterations in which the palette is learned too", 0.0, 1.0)
     palette_rate: float = option(5e-4, "Learning rate of the palette", 0.0, 0.1)

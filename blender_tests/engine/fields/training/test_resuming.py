@@ -98,7 +98,9 @@ def learn_head(kind, progress, checkpoint):
         karf = RecoloringField(bounds, 6, [3, 3], settings)
         colors, weights = torch.rand(200, 3, generator=random), torch.full((200, 3), 1 / 3)
         everyone = torch.ones(200, dtype=torch.bool)
-        rays = ObjectRays(positions, positions[:, 0], colors, classes, classes, weights, everyone)
+        rays = ObjectRays(
+            positions, positions[:, 0], colors, classes, classes, weights, everyone, torch.ones(len(colors))
+        )
         palettes = torch.rand(2, 3, 3, generator=random)
         return [fit_recoloring(karf, Plain, rays, palettes, settings, *common), *karf.state_dict().values()]
     settings = SegmentationSettings(iterations=12, batch=64, width=8)

@@ -113,7 +113,16 @@ def test_learning_the_weights_waits_for_nothing(waits, tools, field, cache):
     karf = RecoloringField(torch.tensor(CORNERS, device=device), 4, [3, 3], settings).to(device)
     number = torch.arange(RAYS, device=device)
     colors, weights = torch.rand(RAYS, 3, device=device), torch.rand(RAYS, 3, device=device)
-    rays = ObjectRays(cache.positions, cache.viewdirs, colors, number, number % 2, weights, number % 3 > 0)
+    rays = ObjectRays(
+        cache.positions,
+        cache.viewdirs,
+        colors,
+        number,
+        number % 2,
+        weights,
+        number % 3 > 0,
+        torch.ones(RAYS, device=device),
+    )
     fit_recoloring(karf, field, rays, torch.rand(2, 3, 3, device=device), settings, *tools)
     assert waits == [[]] * ITERATIONS
 

@@ -1,0 +1,160 @@
+"""The rules of others, each on a tiny scene whose answer is known."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from karf_engine.capture.camera import Camera
+from karf_engine.fields.rendering.surface_cache import SurfaceCache
+from tools.experiments import page
+from tools.experiments.rivals import ludvig, recolornerf, sa3d
+from tools.experiments.rivals.decomposition import Training, edited_palette, learn, recolored
+from tools.experiments.rivals.laenerf import LaeNerf
+from tools.experiments.rivals.palettenerf import PaletteNerf, sparsity
+from tools.experiments.rivals.points import ObjectPoints
+from tools.experiments.rivals.recolornerf import RecolorNerf
+from tools.experiments.rivals.transfers import channel_gains
+from tools.experiments.rivals.warping import Painted, carried_over
+
+RED, BLUE = np.array([0.8, 0.1, 0.1], np.float32), np.array([0.1, 0.2, 0.7], np.float32)
+PALETTE = np.array([[0, 0, 0], [0.8, 0.1, 0.1]], np.float32)
+SHORT = Training(iterations=80, batch=128)
+
+
+def red_thing(count=400):
+    """A red thing that is darker to one side."""
+    random = torch.Generator().manual_seed(0)
+    positions = torch.rand(count, 3, generator=random)
+    shade = 0.4 + 0.6 * positions[:, :1]
+    viewdirs = torch.nn.functional.normalize(torch.randn(count, 3, generator=random), dim=1)
+    return ObjectPoints(positions, viewdirs, torch.cat([shade, shade**2], 1), shade * torch.from_numpy(RED))
+
+
+@pytest.mark.parametrize("rule", [PaletteNerf, RecolorNerf, LaeNerf])
+def test_a_learned_rule_of_layers_paints_a_red_thing_blue_and_keeps_its_shade(rule):
+    torch.manual_seed(0)
+    points = red_thing()
+    layers = rule(points, PALETTE)
+    before = float(layers.loss(torch.arange(len(points)), 0.9).detach())
+    learn(layers, len(points), SHORT, torch.Generator().manual_seed(0))
+    assert float(layers.loss(torch.arange(len(points)), 0.9)) < before / 2
+    edited = torch.from_numpy(edited_palette(layers, points, RED, BLUE)).float()
+    weights = layers.weights(points.positions, points.features, points.viewdirs)
+    shown = points.colors + weights @ (edited - layers.palette)
+    wanted = points.colors[:, :1] / 0.8 * torch.from_numpy(BLUE)
+    assert float((shown - wanted).abs().mean()) < 0.08 < float((points.colors - wanted).abs().mean()) / 2
+
+
+def test_an_edit_reaches_a_pixel_as_far_as_the_object_does():
+    """Two rays of two samples: one of the first is half the object's, those of the second are another one's."""
+    cache = SimpleNamespace(opacity=torch.ones(2), positions=torch.zeros(2, 2, 3), index=torch.arange(2))
+    cache = type("Cache", (SimpleNamespace,), {"__len__": lambda self: 2})(**vars(cache))
+    frame = SimpleNamespace(picture=SimpleNamespace(cache=cache), base=np.full((1, 2, 3), 0.2, np.float32))
+    samples = SimpleNamespace(
+        classes=torch.tensor([[0.5, 0.5], [0.0, 1.0]]),
+        rays=torch.tensor([0, 1]),
+        counts=torch.tensor([1, 2]),
+        **dict.fromkeys(("positions", "features", "viewdirs"), torch.zeros(2, 3)),
+    )
+    rule = SimpleNamespace(palette=torch.zeros(1, 3), weights=lambda positions, *_: torch.ones(len(positions), 1))
+    picture = recolored(frame, samples, {0: rule}, {0: np.array([[0.4, 0.0, 0.0]])})
+    assert picture == pytest.approx(np.array([[[0.3, 0.2, 0.2], [0.2, 0.2, 0.2]]]))
+
+
+def test_layers_hide_what_is_below_them_and_let_all_light_through_in_sum():
+    weights = recolornerf.over_weights(torch.tensor([[0.5, 0.25], [0.3, 1.0]]))
+    assert weights.numpy() == pytest.approx(np.array([[0.375, 0.375, 0.25], [0, 0, 1]]))
+
+
+def test_sparsity_is_none_for_a_single_color_and_grows_with_every_color():
+    assert float(sparsity(torch.tensor([[0.0, 1.0, 0.0]]))) == pytest.approx(0)
+    assert float(sparsity(torch.full((1, 4), 0.25))) == pytest.approx(3)
+
+
+def test_gains_change_the_mask_alone():
+    photo = np.tile(RED.astype(float), (1, 2, 1))
+    result = channel_gains(photo, {"pot": np.array([[True, False]])}, {"pot": (RED.astype(float), BLUE.astype(float))})
+    assert result[0, 0] == pytest.approx(BLUE, abs=1e-6) and result[0, 1] == pytest.approx(RED, abs=1e-6)
+
+
+def camera_at(x):
+    pose = np.eye(4)
+    pose[0, 3] = x
+    return Camera(8, 8, 8.0, 8.0, 4.0, 4.0, pose)
+
+
+def wall(base):
+    """A wall one unit ahead, all of it the object."""
+    depth, own = np.ones((8, 8), np.float32), np.ones((1, 8, 8), np.float32)
+    return SimpleNamespace(base=base, depth=depth, probabilities=own, masks=own > 0.5)
+
+
+def test_a_change_is_carried_to_where_its_surface_is_seen_and_to_alike_colors_where_it_was_hidden():
+    base = np.full((8, 8, 3), 0.3)
+    base[:, 4:] = 0.6
+    change = np.where(base > 0.5, 0.2, -0.1)
+    moved = np.roll(base, -2, axis=1)  # the second camera stands two pixels to the right
+    moved[:, 6:] = 0.6  # what it sees there the first does not
+    found = carried_over(Painted(camera_at(0), wall(base), change), camera_at(0.25), wall(moved), 0)
+    assert found == pytest.approx(np.where(moved > 0.5, 0.2, -0.1), abs=1e-6)
+
+
+def wall_cache(width=8):
+    """The rays of a camera that looks at a wall of a voxel a pixel."""
+    v, u = np.mgrid[0:width, 0:width]
+    positions = torch.from_numpy(np.stack([u.ravel(), v.ravel(), np.zeros(width**2)], 1)).float()[:, None]
+    ones = torch.ones(width**2)
+    return SurfaceCache(positions, ones[:, None], positions[:, 0], ones, torch.arange(width**2))
+
+
+def test_a_mask_is_projected_onto_voxels_and_more_of_it_outweighs_what_is_outside():
+    grid = sa3d.MaskGrid(torch.tensor([[0.0, 0, -1], [7, 7, 1]]), 1.0)
+    view = sa3d.RayView(np.zeros((8, 8, 3)), wall_cache())
+    mask = np.zeros((8, 8), bool)
+    mask[2:5, 3:6] = True
+    grid.project(view.cache, view.of_rays(mask))
+    assert np.array_equal(view.picture(grid.render(view.cache)) > 0, mask)
+    grid.project(view.cache, view.of_rays(~mask))  # a voxel that half of the views see in the mask is in it
+    assert (view.picture(grid.render(view.cache)) > 0).all()
+
+
+def test_a_rendered_mask_prompts_the_box_of_its_largest_part():
+    rendered = np.zeros((20, 20))
+    rendered[4:12, 6:16], rendered[8, 9], rendered[0, 0] = 1, 2, 5
+    prompts = sa3d.prompts_of(rendered)
+    assert prompts.box == (6, 4, 16, 12)
+    assert sa3d.prompts_of(np.zeros((20, 20))) is None
+
+
+def test_a_diffused_mask_fills_the_thing_but_neither_what_the_mask_took_too_much_of_nor_a_twin_behind_it():
+    x = np.linspace(0, 1, 60)
+    positions = np.stack([x, np.zeros(60), np.zeros(60)], 1)
+    is_thing, is_other = x < 0.4, (x >= 0.4) & (x < 0.7)
+    features = np.where(is_other[:, None], -1.0, 1.0) + np.random.default_rng(0).normal(0, 0.05, (60, 2))
+    seeds = np.where(x < 0.2, 1.0, np.where(is_other, 0.0, np.nan))
+    seeds[np.flatnonzero(is_other)[5]] = 1
+    assert np.array_equal(ludvig.diffused(positions, features, seeds, ludvig.Diffusion(neighbors=4)), is_thing)
+
+
+def test_a_mask_is_uplifted_to_the_mean_of_its_rays_and_unknown_where_none_ends():
+    found = ludvig.uplifted(np.array([1.0, 0.0]), np.array([3.0, 1.0]), np.array([[0, 0], [0, 1]]), 3)
+    assert found[:2] == pytest.approx([6 / 7, 0]) and np.isnan(found[2])
+
+
+def test_every_rule_has_a_row_on_the_page():
+    rows = {row[0] for row in page.read("rivals")["rows"]}
+    names = (
+        "ours",
+        "PaletteNeRF",
+        "RecolorNeRF",
+        "LAENeRF",
+        "hue",
+        "gains",
+        "interpolation",
+        "SA3D",
+        "LUDVIG",
+    )
+    assert all(any(name in row for row in rows) for name in names)
