@@ -4,13 +4,13 @@ from . import operators, panels, preferences, properties, render_engine, transla
 from .host import rendering
 from .marking import following, overlay, tools
 from .nodes import drivers
-from .pictures import chips
-from .project import disk, saving
+from .pictures import chips, settling
+from .project import disk, moving, saving
 from .rig import reprojection
 from .steps import preview, splats
-from .swatches import drawn_over, groups, shown
+from .swatches import drawn_over, groups, material, shown
 from .tasks import ownership, runner, timer
-from .workspace import clicking, estimates, folding, opening, statusbar
+from .workspace import asking, clicking, estimates, folding, opening, own_pictures, statusbar, undoing
 
 # later ones use earlier ones: taken down in reverse
 MODULES = (
@@ -19,7 +19,10 @@ MODULES = (
     preferences,
     rendering,
     chips,
+    settling,
+    moving,  # before all that reads projects after undo
     groups,  # before what shows the swatches that it moves
+    material,
     shown,
     saving,
     drivers,
@@ -35,8 +38,11 @@ MODULES = (
     splats,
     folding,
     statusbar,
+    asking,
     clicking,
     opening,
+    own_pictures,
+    undoing,  # behind what shows what undo has left
     estimates,
     render_engine,
     operators,

@@ -38,18 +38,20 @@ from ..karf_engine.io.options import Options, bounds_of
 from ..karf_engine.palettes.added import palettes_with, solve_set, spread, spread_objects
 from ..karf_engine.palettes.color_text import color_to_text, colors_of_text
 from ..karf_engine.palettes.colorways.planned import PlannedColorway, plan_colorways
-from ..karf_engine.palettes.colorways.reached import reached_by, reached_color
+from ..karf_engine.palettes.colorways.reached import dominant_color, reached_by, reached_color
 from ..karf_engine.palettes.colorways.reached import shown as shown_colors
 from ..karf_engine.palettes.compositing import Planes, read_planes, stack_palettes
 from ..karf_engine.palettes.edit_files import edit_to_json, write_edit
 from ..karf_engine.palettes.matching.becomes import (
     match_becomes,
+    match_dragged,
     match_fewest,
     mean_weights,
     nearest_weights,
     with_held,
 )
 from ..karf_engine.palettes.matching.painted import ObjectMatch, match_picture
+from ..karf_engine.palettes.matching.paints import reflection_target
 from ..karf_engine.palettes.object_colors import ColorHistogram, read_object_colors
 from ..karf_engine.palettes.palette import (
     BRIGHTEST,
@@ -149,6 +151,7 @@ __all__ = [
     "color_to_text",
     "colors_of_text",
     "distort",
+    "dominant_color",
     "edit_to_json",
     "error_from_code",
     "file_name",
@@ -160,6 +163,7 @@ __all__ = [
     "linear_to_srgb",
     "masks_of_view",
     "match_becomes",
+    "match_dragged",
     "match_fewest",
     "match_picture",
     "mean_weights",
@@ -180,6 +184,7 @@ __all__ = [
     "read_planes",
     "read_points",
     "read_volumes",
+    "reflection_target",
     "render_bundle",
     "reprojection_errors",
     "rgb_to_hex",

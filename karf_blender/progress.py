@@ -45,13 +45,19 @@ def dismiss() -> None:
     progress.text = progress.figures = progress.warnings = progress.error = progress.hint = progress.job = ""
 
 
-def show_event(label: str, event: Event) -> None:
-    """Show an engine's event in the panel, under the running task's label."""
+def show_event(label: str, event: Event, whole: tuple[float, float] | None = None) -> None:
+    """Show an engine's event in the panel, under the running task's label.
+
+    Args:
+        label: The task's.
+        event: The event.
+        whole: Of a task of several jobs how much of all is done, 0 to 1, and the seconds that are left.
+    """
     progress = state()
     progress.running, progress.stage = True, label
     if event.kind == "progress":
-        progress.fraction = event["step"] / max(event["total"], 1)
-        progress.text = _share_and_time(progress.fraction, event.get("eta_s"))
+        progress.fraction, left = whole or (event["step"] / max(event["total"], 1), event.get("eta_s"))
+        progress.text = _share_and_time(progress.fraction, left)
         progress.figures = f"{event['stage']} {event['step']}/{event['total']}{_metrics(event)}"
     elif event.kind == "stage":
         progress.figures = _line(event)

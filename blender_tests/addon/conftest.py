@@ -23,9 +23,9 @@ MODULES = {
     "engine": "environment examination failures installing probing processes removing report speed worker",
     "engine.managed": "home",
     "preferences": "managing state",
-    "project": "captures contents disk folders saving",
-    "pictures": "editors images photos sequences chips tints",
-    "rig": "camera_paths cameras frames lens looking placement points reprojection",
+    "project": "captures contents disk folders moving saving",
+    "pictures": "editors images photos sequences settling chips tints",
+    "rig": "camera_paths cameras factory frames lens looking placement points reprojection",
     "swatches": "becomes colors drawn_over edits free_camera object_masks palettes shown views",
     "marking": "asking following gestures history objects overlay mask_layers photo png proposals raster tools",
     "render_engine": "blocking camera_pixels compatible passes still viewport",
@@ -36,7 +36,7 @@ MODULES = {
     "surface": "mesh placing splat_objects trees",
     "operators": "colorways render",
     "panels": "learning seeing sidebar status swatching",
-    "workspace": "clicking estimates folding opening states statusbar",
+    "workspace": "clicking estimates folding opening own_pictures states statusbar undoing",
 }
 _exit_code = None
 _has_blender = False

@@ -12,7 +12,7 @@ class Layout:
     def row(self, **_):
         return Layout(self._bpy, self._drawn)
 
-    column = box = row
+    column = box = grid_flow = row
 
     def _check(self, icon="NONE", **_):
         known = self._bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items

@@ -12,7 +12,7 @@ from ..pictures import images
 from ..preferences import state
 from ..project import disk
 from ..tasks import queries
-from . import mask_layers, objects, photo, proposals
+from . import mask_layers, objects, photo, proposals, tools
 from .mask_layers import Layer
 from .proposals import Proposal
 
@@ -58,8 +58,26 @@ def _take_corrected(view: str, scene: bpy.types.Scene, values: dict[str, Any]) -
         file.unlink(missing_ok=True)
 
 
+def begin_correcting(scene: bpy.types.Scene) -> None:
+    """*Correct* was switched on: the photo comes, so that the next stroke counts, and a tool with it. Never raises."""
+    try:
+        photo.show(scene)
+        for area in photo.areas(scene):
+            tools.take_up(bpy.context, area)
+        correct(scene)
+    except (KarfError, OSError) as error:
+        print(f"KaRF: {error}")
+
+
+def leave_photo(scene: bpy.types.Scene) -> None:
+    """Where no editor shows the photo to mark any more, the tools are laid down: their next click would bring it back."""
+    if not photo.areas(scene):
+        tools.lay_down()
+        scene.karf.marking.correct = False
+
+
 def follow(scene: bpy.types.Scene) -> None:
-    """Another view was chosen, or *Correct* switched: the photo and what the engine says of it follow. Never raises."""
+    """Another view was chosen, or *Correct* switched off: the photo and what the engine says of it follow. Never raises."""
     try:
         if photo.follow(scene):
             correct(scene)

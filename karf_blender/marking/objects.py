@@ -5,8 +5,9 @@ from pathlib import Path
 import bpy
 
 from ..engine_api import file_name, masks_of_view, same_but_for_case
-from ..pictures.tints import tint_of
+from ..pictures.tints import tints_of
 from ..project import captures, folders
+from ..swatches import object_masks
 from . import history
 
 FIRST = "object"
@@ -67,15 +68,17 @@ def add(scene: bpy.types.Scene, name: str = FIRST) -> bpy.types.PropertyGroup:
 
 def _append(scene: bpy.types.Scene, name: str) -> bpy.types.PropertyGroup:
     items = scene.karf.marking.objects
+    taken = {other.number for other in items}
     item = items.add()
+    item.number = next(number for number in range(len(items)) if number not in taken)
     item["name"] = item.folder = name  # by key: no update, which would rename the folder
     return item
 
 
 def tint(item: bpy.types.PropertyGroup) -> tuple[float, float, float]:
     """The color of an object's overlay, sRGB."""
-    names = sorted(other.folder for other in item.id_data.karf.marking.objects)
-    return tint_of(names.index(item.folder))
+    names = [other.folder for other in item.id_data.karf.marking.objects]
+    return tints_of(names, object_masks.numbers_of(item.id_data))[item.folder]
 
 
 def usable_name(name: str, others: list[str]) -> str:

@@ -18,6 +18,11 @@ def is_shown(scene: bpy.types.Scene, space: bpy.types.SpaceImageEditor) -> bool:
     return image is not None and space.image == image and image.get(VIEW) == scene.karf.active_view
 
 
+def areas(scene: bpy.types.Scene) -> list[bpy.types.Area]:
+    """The Image Editors that show the active view's photo to mark."""
+    return [area for area in windows.areas("IMAGE_EDITOR") if is_shown(scene, area.spaces.active)]
+
+
 def show(scene: bpy.types.Scene) -> bpy.types.Image:
     """The active view's photo as its camera has taken it, with its masks; also in the Image Editors that are free.
 

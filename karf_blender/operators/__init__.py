@@ -14,6 +14,8 @@ from . import (
     learn,
     marking,
     masks,
+    moving,
+    opening,
     preview,
     probing,
     render,
@@ -28,6 +30,8 @@ from . import (
 
 FILES = (
     capture,
+    moving,
+    opening,
     masks,
     marking,
     learn,

@@ -78,7 +78,7 @@ class KARF_OT_render_colorways(PaletteStep, bpy.types.Operator):
         count = len(shown.colors)
         layout.label(
             text=translate(
-                "{count} colors, {missed} of them cannot be reached. Numbers: CIEDE2000 to the wanted",
+                "{count} colors, {missed} of them cannot be reached. Numbers: difference from the wanted, 1 is just visible",
                 count=count,
                 missed=missed,
             )

@@ -57,7 +57,7 @@ class KARF_OT_match_picture(PreparedStep, bpy.types.Operator):
         file = Path(bpy.path.abspath(self.filepath)) if self.filepath else None
         found = steps.match_picture(context.scene, file)
         left = ", ".join(f"{each.name} {each.before:.1f} before, {each.left:.1f} now" for each in found)
-        self.report({"INFO"}, translate_report("CIEDE2000 to the picture: {left}", left=left))
+        self.report({"INFO"}, translate_report("Difference to the picture: {left}", left=left))
         return {"FINISHED"}
 
 

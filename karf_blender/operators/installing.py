@@ -84,7 +84,9 @@ asks. What is there already is checked, finished, repaired or updated"""
 
     def draw(self, context):
         layout = self.layout
-        layout.prop(self, "build", expand=True)
+        row = layout.row(align=True)
+        for name in ("auto", *machine.builds_for(machine.look())):
+            row.prop_enum(self, "build", name)
         for name in (*recipes.EXTRAS, "folder", "wheels", "starter"):
             layout.prop(self, name)
         box = layout.box().column(align=True)

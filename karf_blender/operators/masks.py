@@ -5,9 +5,8 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from .. import steps
 from ..engine_api import BadRequest
-from ..host import windows
 from ..host.words import translate_report
-from ..marking import mask_layers, objects, tools
+from ..marking import mask_layers, objects, photo, tools
 from ..pictures import editors
 from ..project import disk
 from .reporting import has_project, has_stage, reports_errors
@@ -48,7 +47,7 @@ class KARF_OT_mark(MarkingStep, bpy.types.Operator):
         if context.area is not None and context.area.type == "IMAGE_EDITOR":
             editors.show(context.area, image)
         disk.refresh()
-        shown = [area for area in windows.areas("IMAGE_EDITOR") if area.spaces.active.image == image]
+        shown = photo.areas(context.scene)
         if not shown and not bpy.app.background:
             self.report({"WARNING"}, "Open an Image Editor: the photo is marked there")
         for area in shown:

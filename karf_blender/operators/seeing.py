@@ -45,17 +45,20 @@ class KARF_OT_see_view(EngineStep, bpy.types.Operator):
 
 
 class KARF_OT_solo_swatch(SwatchStep, bpy.types.Operator):
-    """Show where this swatch is used: its weights alone, white where all of a pixel is its; again: back to the picture"""
+    """Show where this swatch is used, white where all of a pixel is its, or the object alone; again: back to the picture"""
 
     bl_idname = "karf.solo_swatch"
     bl_label = "Show Weights"
 
     object_name: StringProperty(name="Object")
-    index: IntProperty(name="Swatch", default=1, min=1)
+    index: IntProperty(name="Swatch", default=1, min=0, description="From 1; 0: the object, with all else dimmed")
 
     @reports_errors
     def execute(self, context):
-        edits.swatch_at(context.scene, self.object_name, self.index)
+        if self.index:
+            edits.swatch_at(context.scene, self.object_name, self.index)
+        else:
+            edits.object_named(context.scene, self.object_name)
         seeing = context.window_manager.karf_seeing
         is_shown = seeing.mode == "WEIGHTS" and (seeing.solo_object, seeing.solo_swatch) == (
             self.object_name,

@@ -3,9 +3,10 @@
 from ..host.labels import draw_text
 from ..host.words import translate
 from ..project import disk
-from .seeing import draw_seeing
+from ..swatches import object_masks
+from .seeing import ADVANCED_MODES, draw_modes, draw_seeing, how_visible
 from .swatching import draw_object
-from .views import draw_view
+from .views import draw_advanced, draw_view
 
 
 def draw_edit(layout, context):
@@ -25,14 +26,18 @@ def draw_edit(layout, context):
     if not any(area.type == "IMAGE_EDITOR" for area in context.screen.areas):
         layout.label(text="Open an Image Editor to see it", icon="INFO")
     draw_seeing(layout, context)
-    for item in karf.objects:
-        draw_object(layout.box(), item)
+    layout.prop(karf, "material", icon="MATERIAL")
+    for name in object_masks.in_order(context.scene, karf.objects.keys()):
+        draw_object(layout.box(), karf.objects[name])
     draw_match(layout.box(), karf)
-    layout.prop(karf, "compositing", text="Result")
     row = layout.row(align=True)
     row.operator("karf.load_edit", icon="FILE_FOLDER")
     row.operator("karf.save_edit", icon="FILE_TICK")
     layout.operator("karf.prepare_views", icon="RENDERLAYERS")
+    body = draw_advanced(layout, "edit")
+    if body is not None:
+        draw_modes(body, context, ADVANCED_MODES)
+        body.prop(karf, "compositing", text="Result")
 
 
 def draw_match(layout, karf):
@@ -50,8 +55,9 @@ def draw_match(layout, karf):
     for left in match.left:
         layout.label(
             text=translate(
-                "{name}: CIEDE2000 {before} before, {left} left",
+                "{name}: what is left is {how} ({left}, was {before})",
                 name=left.name,
+                how=how_visible(left.left),
                 before=f"{left.before:.1f}",
                 left=f"{left.left:.1f}",
             )

@@ -1,15 +1,17 @@
 """Steps 1, 2, 4 and 5: the capture, and what is learned of it."""
 
+import bpy
+
 from ... import __package__ as extension
 from ..engine import installing
 from ..host.labels import draw_text
 from ..host.words import translate
 from ..preferences import state
-from ..project import disk
+from ..project import disk, moving
 from ..rig import reprojection
 from ..workspace import estimates
 from .seeing import draw_lacking, draw_masks
-from .views import draw_view
+from .views import draw_advanced, draw_view
 
 
 def draw_import(layout, context):
@@ -29,7 +31,11 @@ def draw_import(layout, context):
     row.operator("karf.leave_view", text="", icon="LOOP_BACK")
     layout.label(text=count_of_photos(karf.views))
     draw_reprojection(layout, context.scene)
-    layout.prop(karf, "project")
+    row = layout.row(align=True)
+    row.prop(karf, "project")
+    row.operator("karf.open_folder", text="", icon="FILEBROWSER").folder = "project"
+    if bpy.data.filepath and moving.is_hidden(context.scene):
+        layout.operator("karf.move_project", icon="FILE_FOLDER")
 
 
 def count_of_photos(views) -> str:
@@ -58,7 +64,6 @@ def draw_reprojection(layout, scene):
 def draw_learn(layout, context):
     """Step 2."""
     layout.prop(context.scene.karf, "preset")
-    layout.prop(context.scene.karf, "nerf", text="NeRF")  # the whole name does not fit
     if context.scene.karf.project:
         draw_engine(layout)
     for name, icon in (("learn_scene", "OUTLINER_OB_VOLUME"), ("learn_all", "PLAY")):
@@ -67,6 +72,9 @@ def draw_learn(layout, context):
         seconds = estimates.seconds(context.scene.karf.preset, name, is_open=context.scene.karf.n_points > 0)
         if seconds is not None:
             column.label(text=duration(seconds), icon="TIME")
+    body = draw_advanced(layout, "learn")
+    if body is not None:
+        body.prop(context.scene.karf, "nerf", text="NeRF")  # the whole name does not fit
 
 
 def duration(seconds):
@@ -98,18 +106,24 @@ def draw_segment(layout, context):
     if "segmentation" not in known.stages:
         return
     draw_masks(layout, context)
+    if known.suggested:
+        text = translate("Mark next: {view}", view=known.suggested[0])
+        layout.operator("karf.go_to_suggested", text=text, icon="LIGHT")
+    body = draw_advanced(layout, "segment") if known.unsure else None
+    if body is not None:
+        draw_unsure(body, context, known)
+
+
+def draw_unsure(layout, context, known):
+    """How unsure the objects' borders are, which is no measure of how good the masks look, and where."""
     for name, share, is_unseen in known.unsure:
         shown = {"name": name, "share": f"{100 * share:.0f}"}
         if is_unseen:
             draw_text(layout, translate("{name}: {share} % unsure, where no mark shows it", **shown), "QUESTION")
         else:
             draw_text(layout, translate("{name}: {share} % unsure, where marks and colors differ", **shown), "QUESTION")
-    if known.unsure:
-        layout.prop_enum(context.window_manager.karf_seeing, "mode", "UNSURE")
-        draw_lacking(layout, context)
-    if known.suggested:
-        text = translate("Mark next: {view}", view=known.suggested[0])
-        layout.operator("karf.go_to_suggested", text=text, icon="LIGHT")
+    layout.prop_enum(context.window_manager.karf_seeing, "mode", "UNSURE")
+    draw_lacking(layout, context)
 
 
 def draw_palette(layout, context):

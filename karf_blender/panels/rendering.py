@@ -13,7 +13,9 @@ from .surface import draw_surface
 def draw_render(layout, context):
     """Step 7: the pictures, whose buttons ask for all else in a dialog."""
     karf = context.scene.karf
-    layout.prop(karf, "out")
+    row = layout.row(align=True)
+    row.prop(karf, "out")
+    row.operator("karf.open_folder", text="", icon="FILEBROWSER").folder = "out"
     column = layout.column(align=True)
     column.operator("karf.render_view", text="This View", icon="IMAGE_DATA")
     column.operator("karf.render_capture", text="Captured Views", icon="RENDERLAYERS")
@@ -52,6 +54,7 @@ def draw_sequence(layout, karf):
     row = layout.row(align=True)
     row.operator("karf.show_frames", icon="IMAGE_DATA")
     row.operator("karf.add_strip", icon="SEQUENCE")
+    layout.operator("karf.open_folder", icon="FILEBROWSER").folder = "frames"
 
 
 def draw_colorways(layout, karf):

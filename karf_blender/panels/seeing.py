@@ -1,31 +1,38 @@
 """How the picture is looked at: what of it, as a split view or not, with masks or not; and a pie of the same."""
 
+from math import isinf
+
 import bpy
 
 from ..host.words import translate
 from ..pictures import chips
 from ..project import disk
-from ..swatches import shown
+from ..swatches import colors, shown
 
 # the key that shows before and after, with Alt the pie; free in the Image Editor of Blender's own key map
 KEY = "C"
+MODES, ADVANCED_MODES = ("EDITED", "ORIGINAL"), ("DIFFERENCE", "LEARNED", "WEIGHTS", "UNSURE")
+INVISIBLE, CLOSE = 1.0, 3.0  # CIEDE2000 up to which a difference is not seen, and is seen side by side alone
 
 
 def draw_seeing(layout, context):
     """What is shown of the active view, and the split view."""
     seeing = context.window_manager.karf_seeing
     column = layout.column(align=True)
-    names = seeing.bl_rna.properties["mode"].enum_items.keys()
-    for some in (names[:3], names[3:]):  # six do not fit side by side
-        row = column.row(align=True)
-        for name in some:
-            row.prop_enum(seeing, "mode", name)
+    draw_modes(column, context, MODES)
     row = column.row(align=True)
     row.prop(seeing, "is_wiped", text="", icon="ARROW_LEFTRIGHT")
     row.prop(seeing, "wipe", slider=True)
     row.operator("karf.drag_wipe", text="", icon="VIEW_PAN")
     draw_lacking(layout, context)
     draw_masks(layout, context)
+
+
+def draw_modes(layout, context, names):
+    """What can be shown of the view, two side by side."""
+    grid = layout.grid_flow(row_major=True, columns=2, even_columns=True, align=True)
+    for name in names:
+        grid.prop_enum(context.window_manager.karf_seeing, "mode", name)
 
 
 def draw_lacking(layout, context):
@@ -55,7 +62,7 @@ def draw_masks(layout, context):
 
 
 def draw_solo(layout, name, index):
-    """The eye icon next to a swatch."""
+    """The eye icon next to a swatch, or to an object, whose number is 0."""
     seeing = bpy.context.window_manager.karf_seeing
     is_solo = seeing.mode == "WEIGHTS" and (seeing.solo_object, seeing.solo_swatch) == (name, index)
     solo = layout.operator("karf.solo_swatch", text="", icon="HIDE_OFF", depress=is_solo)
@@ -63,12 +70,27 @@ def draw_solo(layout, name, index):
 
 
 def draw_left(layout, item):
-    """How far an object's source color still is from its target."""
-    left = shown.of(item.id_data).difference(item)
-    if left is not None:
+    """How far an object still is from its target color; a row that is always there, so that no button moves."""
+    source, target = colors.color_pair(item)
+    left = shown.of(item.id_data).left_to_target(item)
+    if source == target:
+        layout.label(text="Right: what the left color becomes", icon="BLANK1")
+    elif left is None:
+        layout.label(text="", icon="BLANK1")
+    elif isinf(left):
+        layout.label(text=translate("{name} has no such color: pick it there", name=item.name), icon="ERROR")
+    else:
         layout.label(
-            text=translate("{number} CIEDE2000 left", number=f"{left:.1f}"), icon="CHECKMARK" if left < 1 else "BLANK1"
+            text=translate("What is left is {how} ({number})", how=how_visible(left), number=f"{left:.1f}"),
+            icon="CHECKMARK" if left < INVISIBLE else "BLANK1",
         )
+
+
+def how_visible(difference):
+    """A difference, CIEDE2000, in words."""
+    if difference < INVISIBLE:
+        return translate("invisible")
+    return translate("visible side by side") if difference < CLOSE else translate("visible")
 
 
 class KARF_MT_seeing_pie(bpy.types.Menu):

@@ -12,6 +12,7 @@ def draw_object(layout, item):
     row = layout.row()
     row.context_pointer_set("karf_object", item)
     row.label(text=item.name, icon="OBJECT_DATA")
+    draw_solo(row, item.name, 0)
     row.operator("karf.reset_swatch", text="Reset", icon="LOOP_BACK").object_name = item.name
     row.menu("KARF_MT_palette", text="", icon="DOWNARROW_HLT")
     row = layout.row(align=True)
@@ -41,12 +42,12 @@ def draw_swatch(column, item, index, swatch):
     edited.prop(swatch, "color", text="")
     row = column.row(align=True)
     draw_solo(row, item.name, index)
-    row.menu("KARF_MT_swatch", text="", icon=state_icon(swatch))
+    row.menu("KARF_MT_swatch", text="", icon=state_icon(swatch))  # the button has an arrow of its own
 
 
 def state_icon(swatch):
     """What a swatch's menu button says of it."""
-    return "LOCKED" if swatch.locked else "LINKED" if swatch.link else "DOWNARROW_HLT"
+    return "LOCKED" if swatch.locked else "LINKED" if swatch.link else "NONE"
 
 
 def draw_becomes(layout, item):

@@ -1,6 +1,13 @@
-"""The active view."""
+"""What several steps draw: the active view, and what few need."""
 
 
 def draw_view(layout, karf):
     """The choice of the active view."""
     layout.prop_search(karf, "active_view", karf, "views", text="", icon="CAMERA_DATA")
+
+
+def draw_advanced(layout, step):
+    """The body of a step's folded group for what few need, or whose words are those of the field; None while folded."""
+    header, body = layout.panel(f"karf_{step}_advanced", default_closed=True)
+    header.label(text="Advanced")
+    return body

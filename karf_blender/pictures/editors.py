@@ -36,15 +36,28 @@ def is_shown(image: bpy.types.Image) -> bool:
     return any(area.spaces.active.image == image for area in windows.areas("IMAGE_EDITOR"))
 
 
-def show(area: bpy.types.Area, image: bpy.types.Image) -> None:
-    """Show an image in an Image Editor where the last one was, and as wide: Blender 5.2 alone would show it at 100 %."""
+def is_empty(area: bpy.types.Area) -> bool:
+    """Whether an Image Editor shows nothing: no picture, or one of KaRF's that cannot be read any more."""
+    image = area.spaces.active.image
+    return image is None or (image.name.startswith(PREFIX) and not image.size[0])
+
+
+def show(area: bpy.types.Area, image: bpy.types.Image | None) -> None:
+    """Show an image, or none, in an Image Editor where the last one was, and as wide: Blender 5.2 alone would show it at
+    100 %."""
+    play(area)
     space = area.spaces.active
     if space.image == image:
         return
     zoom, ends = space.zoom_percentage, _ends(area)
     space.image = image
-    if ends and space.zoom_percentage != zoom and image.size[0] and not bpy.app.background:
+    if image is not None and ends and space.zoom_percentage != zoom and image.size[0] and not bpy.app.background:
         place(area, *ends)
+
+
+def play(area: bpy.types.Area) -> None:
+    """Let an Image Editor follow the animation wherever it is started: Blender alone plays the editor under the mouse."""
+    area.id_data.use_play_image_editors = True
 
 
 def fit(area: bpy.types.Area) -> None:

@@ -63,6 +63,7 @@ def show(files: Sequence[Path], first: int, is_wanted: bool = True) -> bpy.types
     for area in windows.areas("IMAGE_EDITOR"):
         if area.spaces.active.image == image and image.source == "SEQUENCE":
             _follow_frames(area.spaces.active.image_user, numbers, first)
+            editors.play(area)
     return image
 
 

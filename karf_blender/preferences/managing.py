@@ -5,7 +5,7 @@ import bpy
 from ..engine import installing, removing
 from ..engine.managed.home import BROKEN, NONE, OUTDATED, READY, UNFINISHED
 from ..engine.managed.plan import size_text
-from ..engine_api import Cancelled
+from ..engine_api import Cancelled, Message
 from ..host.labels import draw_text
 from . import state
 from .state import Engine
@@ -15,6 +15,8 @@ OFFLINE = (
     "Blender may not use the network: switch on System > Network > Allow Online Access, or install from a folder of "
     "wheels."
 )
+MISSING = "There is no engine yet."
+HOW = Message("There is no engine yet. Press Install Engine, or set Engine Python below to a Python that has PyTorch.")
 # what the button that installs does by the state of what is there
 VERBS = {NONE: "Install Engine", UNFINISHED: "Go On", BROKEN: "Repair", OUTDATED: "Update", READY: "Repair"}
 
@@ -39,7 +41,7 @@ def draw_engine(layout):
         column.alert = True
         draw_text(column, error.sentence, "CANCEL", WIDTH)
         draw_text(layout, error.hint, "BLANK1", WIDTH)
-    if not (bpy.app.online_access or engine.managed.is_usable):
+    if engine.problem and not bpy.app.online_access:
         draw_text(layout, OFFLINE, "INTERNET_OFFLINE", WIDTH)
     draw_buttons(layout.row(align=True), engine)
 
@@ -55,7 +57,7 @@ def sentence(engine: Engine) -> str:
         return f"Engine Python: {engine.python}. Test Engine says whether it works."
     if managed.state != NONE:
         return managed.sentence
-    return engine.problem
+    return HOW if engine.problem.startswith(MISSING) else engine.problem
 
 
 def draw_progress(layout):

@@ -64,6 +64,27 @@ def likely_project(scene: bpy.types.Scene) -> Path:
     return Path(bpy.data.filepath).parent if bpy.data.filepath else Path(bpy.utils.extension_path_user(extension))
 
 
+def relocated(path: str, old: Path, new: Path) -> str:
+    """A path as the .blend stores it, to the same file where that has moved with its folder; any other as it is."""
+    place = absolute(path) if path else None
+    if place is None or (place != old and old not in place.parents):
+        return path
+    return stored(new / place.relative_to(old))
+
+
+def relocate(old: Path, new: Path) -> None:
+    """Let all scenes know a folder, and what is in it, by its new place."""
+    _Memory.is_rebasing = True
+    try:
+        for scene in bpy.data.scenes:
+            for name in PATH_PROPERTIES:
+                path = getattr(scene.karf, name)
+                if (moved := relocated(path, old, new)) != path:
+                    setattr(scene.karf, name, moved)
+    finally:
+        _Memory.is_rebasing = False
+
+
 class _Memory:
     """Whether paths are being rewritten."""
 

@@ -21,7 +21,8 @@ def _changed(self, context):
 
 
 def _switched(self, context):
-    asking.follow(self.id_data)
+    begin_or_follow = asking.begin_correcting if self.correct else asking.follow
+    begin_or_follow(self.id_data)
     mask_layers.follow(self.id_data)
 
 
@@ -32,6 +33,7 @@ class KARF_PG_marked_object(bpy.types.PropertyGroup):
         name="Name", description="Also that of its folder of masks and of its swatches", update=_renamed
     )
     folder: StringProperty(description="The name of its folder: the name, until that is changed")
+    number: IntProperty(default=-1, description="Of its color, which stays when it is renamed; -1: none yet")
 
 
 class KARF_PG_marking(bpy.types.PropertyGroup):

@@ -95,6 +95,7 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         description="Folder of all that is learned; choosing one that has palettes brings its swatches",
         update=_project_chosen,
     )
+    stays_hidden: BoolProperty(description="The project shall not move beside the file: it was asked")
     capture: StringProperty(name="Capture", subtype="FILE_PATH", options=PATH_OPTIONS, description="Cameras and photos")
     masks: StringProperty(
         name="Masks",
@@ -136,6 +137,12 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         options=PATH_OPTIONS,
         description="Checkpoint of a NeRF that another program has trained on this capture, taken as the geometry "
         "(nerf-pytorch, krrish94); empty: learn it",
+    )
+    material: BoolProperty(
+        name="Material",
+        default=True,
+        description="The other colors of a paint follow the swatch that is dragged: shades, pale and dark ones, while "
+        "highlights keep the light's color. Off: each swatch moves by itself",
     )
     compositing: EnumProperty(name="Compositing", items=COMPOSITING_ITEMS, update=edit_changed)
     rig: PointerProperty(name="Rig", type=bpy.types.Object, description="The Empty that holds the captured cameras")

@@ -32,9 +32,9 @@ class KARF_PG_seeing(bpy.types.PropertyGroup):
     solo_object: StringProperty(name="Object", description="Whose swatch's weights are shown", update=_picture_changed)
     solo_swatch: IntProperty(
         name="Swatch",
-        description="The swatch whose weights are shown, from 1",
+        description="The swatch whose weights are shown, from 1; 0: the object with all else dimmed",
         default=1,
-        min=1,
+        min=0,
         update=_picture_changed,
     )
     is_wiped: BoolProperty(name="Wipe", description="The original on the left of a line", update=_picture_changed)

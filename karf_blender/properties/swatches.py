@@ -13,7 +13,7 @@ from bpy.props import (
 
 from .. import progress
 from ..engine_api import BRIGHTEST, KarfError
-from ..swatches import becomes, edits, groups, shown
+from ..swatches import becomes, edits, groups, material, shown
 from .colors import pigment_reach, srgb
 
 RULE_ITEMS = [
@@ -28,7 +28,10 @@ def edit_changed(self, context):
 
 
 def _color_changed(self, context):
+    before = tuple(self.last if any(self.last) else self.learned)  # files of older versions have no last one
+    self.last = self.color
     if groups.follow(self):
+        material.follow(self, before)
         shown.of(self.id_data).refresh()
 
 
@@ -39,7 +42,7 @@ def _reach_changed(self, context):
 
 def _source_picked(self, context):
     becomes.picked(self)
-    shown.of(self.id_data).update_differences()
+    shown.of(self.id_data).update_left()
 
 
 def _target_changed(self, context):
@@ -48,7 +51,7 @@ def _target_changed(self, context):
             becomes.apply_picked(self)
         except (KarfError, OSError) as error:
             progress.warn(str(error))
-    shown.of(self.id_data).update_differences()
+    shown.of(self.id_data).update_left()
 
 
 def _picture_chosen(self, context):
@@ -70,7 +73,8 @@ class KARF_PG_swatch(bpy.types.PropertyGroup):
     color: srgb(
         "Color",
         highest=BRIGHTEST,
-        description="The color it shall have; it may be brighter than white, which bright paint can need",
+        description="The color it shall have; it may be brighter than white, which bright paint can need. With Material "
+        "the other colors of its paint follow, and highlights keep the light's color",
         update=_color_changed,
     )
     locked: BoolProperty(name="Lock", description="No tool changes this swatch")
@@ -78,6 +82,9 @@ class KARF_PG_swatch(bpy.types.PropertyGroup):
     merged: IntProperty(description="The number of the object's swatch that moves this one; 0: none")
     is_added: BoolProperty(description="The artist has added this color; its pigment has a set of swatches behind it")
     reach: pigment_reach(options=set(), update=_reach_changed)
+    last: srgb("Last", highest=BRIGHTEST, description="The color as of its last change")
+    began: srgb("Began", highest=BRIGHTEST, description="The color when a swatch of the object began to be dragged")
+    given: srgb("Given", highest=BRIGHTEST, description="The color when that one was dragged last")
     before: srgb("Before", highest=BRIGHTEST, description="The color when the source was picked")
     after: srgb("After", highest=BRIGHTEST, description="The color that Becomes gave it last")
 
@@ -93,6 +100,7 @@ class KARF_PG_object(bpy.types.PropertyGroup):
         update=_source_picked,
     )
     target: srgb("Target", 0.5, description="The color that the source shall become", update=_target_changed)
+    dragged: IntProperty(description="The number of the swatch that was dragged last; 0: none")
     held: StringProperty(name="Held", description="Colors that its paints were given before, which Becomes keeps")
     rule: EnumProperty(name="Rule", items=RULE_ITEMS, update=_target_changed)
     live: BoolProperty(name="Live", description="Follow the target color while it is dragged", update=_target_changed)

@@ -24,6 +24,7 @@ from .masks import (
     set_volume,
     show_photo,
 )
+from .moving import move_project
 from .preview import preview_camera
 from .render import camera_folder, render_captured, render_sequence, render_view, save_shown
 from .rendering import put_objects_in, use_engine
@@ -84,6 +85,7 @@ __all__ = [
     "mark_stroke",
     "match_picture",
     "merge_swatch",
+    "move_project",
     "paint_over",
     "place_layers",
     "place_points",

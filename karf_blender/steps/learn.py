@@ -9,9 +9,8 @@ from typing import Any
 import bpy
 
 from ..engine_api import BadRequest
-from ..pictures import editors
 from ..project import captures, contents, folders
-from ..swatches import colors, palettes, shown
+from ..swatches import colors, palettes
 from ..tasks.task import Task
 from . import requests
 
@@ -149,5 +148,5 @@ def show_view(scene: bpy.types.Scene, view: str = "") -> Task | bpy.types.Image:
         karf.active_view = view
     if not contents.is_current(folders.project_of(scene), karf.active_view):
         return replace(prepare_views(scene, karf.active_view), result=lambda: scene.karf.result)
-    editors.reveal(shown.of(scene).recolor(), is_wanted=True, is_whole=True)
+    requests.show_recolored(scene, is_wanted=True)
     return karf.result

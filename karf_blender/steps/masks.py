@@ -16,6 +16,7 @@ from ..marking.raster import Place
 from ..pictures import editors
 from ..preferences import state
 from ..project import contents, disk, folders
+from ..workspace import own_pictures
 
 MASK_VALUES = {"ADD": 1, "TAKE": 0, "CLEAR": 0}
 CORRECTION_VALUES = {"ADD": 1, "TAKE": -1, "CLEAR": 0}
@@ -39,9 +40,11 @@ def show_photo(scene: bpy.types.Scene) -> bpy.types.Image:
 
 
 def begin_marking(window: bpy.types.Window) -> None:
-    """In a window of the KaRF workspace: a capture of which nothing is learned yet is ready to mark. Never raises."""
+    """In a window of the KaRF workspace: a capture of which nothing is learned yet is ready to mark, and of what is learned
+    the picture is shown. Never raises."""
     scene = window.scene
     if not scene.karf.project or contents.finished_stages(scene):
+        own_pictures.show_again()
         return
     try:
         show_photo(scene)

@@ -18,7 +18,7 @@ from bpy.app.handlers import persistent
 from ..engine_api import BadRequest, Camera, KarfError, camera_to_json, read_planes
 from ..host import handlers, rendering, windows
 from ..host.words import translatable
-from ..pictures import editors, images
+from ..pictures import editors, images, settling
 from ..rig import frames
 from ..swatches import colors, free_camera, shown, views
 from ..swatches.views import ShownView
@@ -228,9 +228,7 @@ def _say(live: _Live | None, error: KarfError) -> None:
 @persistent
 def _before_save(*_):
     # pixels that are only in memory are not saved
-    image = free_camera.image()
-    if image is not None and image.is_dirty:
-        image.pack()
+    settling.pack(free_camera.image())
 
 
 HANDLERS = (("save_pre", _before_save),)

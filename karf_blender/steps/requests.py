@@ -9,11 +9,13 @@ import bpy
 
 from .. import preferences, progress
 from ..engine_api import Message, Project, Request, read_palettes
+from ..marking import asking
 from ..pictures import editors
 from ..project import contents, folders
 from ..swatches import palettes, shown
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
+from ..workspace import estimates
 
 # the engine's names of what Blender's output panel calls file format and color depth
 FORMATS = {
@@ -41,7 +43,17 @@ def import_results(owner: Owner, request: Request) -> None:
             shown.forget(scene)
             palettes.load_palettes(scene, read_palettes(Project(request.project).palette_file))
         elif contents.is_prepared(scene):
-            editors.reveal(shown.of(scene).recolor(), is_whole=True)
+            show_recolored(scene)
+
+
+def show_recolored(scene: bpy.types.Scene, is_wanted: bool = False) -> None:
+    """Show the whole active view recolored in the Image Editors, where it takes the place of the photo to mark.
+
+    Raises:
+        KarfError: It cannot be recolored.
+    """
+    editors.reveal(shown.of(scene).recolor(), is_wanted, is_whole=True)
+    asking.leave_photo(scene)
 
 
 def task(
@@ -57,7 +69,8 @@ def task(
     """
     project, owner = folders.project_of(scene).folder, Owner.of(scene)
     requests = tuple(Request(stage, project, options | threads()) for stage, options in jobs)
-    return Task(title, requests, partial(finish, owner), owner, result)
+    seconds = estimates.of_jobs([stage for stage, _ in jobs], scene.karf.preset, scene.karf.n_points > 0)
+    return Task(title, requests, partial(finish, owner), owner, seconds, result)
 
 
 def threads() -> dict[str, int]:

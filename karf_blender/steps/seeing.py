@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 
 from ..engine_api import Message, Request
+from ..marking import asking
 from ..pictures import editors
 from ..project import contents
 from ..swatches import drawn_over, shown
@@ -59,4 +60,5 @@ def _reveal(scene: bpy.types.Scene) -> None:
     known = shown.of(scene)
     image = known.recolor() if contents.is_prepared(scene) else known.show_unedited()
     editors.reveal(image, is_wanted=True)
+    asking.leave_photo(scene)
     drawn_over.redraw()

@@ -7,6 +7,7 @@ from pathlib import Path
 import bpy
 
 from ..engine_api import BadRequest, Message, Palette, Request, palettes_with, read_points
+from ..host import windows
 from ..project import folders
 from ..surface import export, placing
 from ..swatches import colors
@@ -69,12 +70,16 @@ def place_points(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
     added = {name: own for name, own in colors.added_by_object(scene).items() if name in ours}
     points, palettes = points.with_added(palettes, added), palettes_with(palettes, added)
     known = following.known_of(scene, palettes)
+    is_first = placing.find(scene) is None
     karf.surface.item, node = placing.build(
         placing.find(scene), karf.rig, points, palettes, following.edited(scene, known)
     )
     following.follow(scene, node, known)
     following.say_others(scene, palettes, "points")
     sequences.say_view_transform(scene)
+    if is_first:  # lit, its small faces would be gray noise
+        spaces = [area.spaces.active for area in windows.areas("VIEW_3D")]
+        show_colors(space for space in spaces if space.shading.type == "SOLID")
     return karf.surface.item
 
 

@@ -18,12 +18,13 @@ def rgb_of(color: Color) -> np.ndarray:
 
 
 def set_swatch(scene: bpy.types.Scene, object_name: str, index: int, color: Color) -> None:
-    """Give a swatch a color, sRGB in [0, 2].
+    """Give one swatch a color, sRGB in [0, 2]; its paint's other swatches stay.
 
     Raises:
         BadRequest: There is no such swatch.
     """
-    edits.set_color(scene, object_name, index, rgb_of(color))
+    with shown.batched(scene):
+        edits.set_color(scene, object_name, index, rgb_of(color))
 
 
 def link_swatches(scene: bpy.types.Scene, one: Swatch, other: Swatch) -> None:

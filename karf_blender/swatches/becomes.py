@@ -6,11 +6,10 @@ import bpy
 import numpy as np
 
 from ..engine_api import (
+    BadRequest,
     ColorHistogram,
     Edit,
     Palette,
-    ciede2000,
-    hex_to_rgb,
     match_becomes,
     match_fewest,
     nearest_weights,
@@ -23,7 +22,6 @@ from ..engine_api import (
 from . import colors, edits, groups, shown
 
 MOST_HELD = 8  # pairs held for an object's paints
-FOREIGN = 10.0  # CIEDE2000 from which an object shows no such color
 
 
 def apply(
@@ -47,10 +45,10 @@ def apply(
         held: Colors that other paints of the object were given with `start` and keep, sRGB [3] each; of `becomes`.
 
     Returns:
-        What is odd about the source, or why the target is missed, as a sentence; else nothing.
+        Why the target is missed, as a sentence; else nothing.
 
     Raises:
-        BadRequest: The source is black.
+        BadRequest: The source is black, or the object shows no such color.
         DataError: The project's histogram of the object's colors is damaged.
     """
     item = edits.object_named(scene, name)
@@ -58,6 +56,13 @@ def apply(
     locked, now = groups.held(item), colors.edited(item)
     start = np.where(np.isin(np.arange(len(now)), locked)[:, None], now, start)
     visible = shown_colors(seen, Palette(name, colors.learned(item)), start)
+    if not colors.is_shown(visible, seen.counts, source):
+        raise BadRequest(
+            "{name} shows no color like {color}.",
+            "Pick the left color on the object, in the picture as it is.",
+            name=name,
+            color=rgb_to_hex(source),
+        )
     weights = groups.gathered(item, seen.palette_weights.T).T
     if rule == "fewest":
         edited = match_fewest(nearest_weights(visible, weights, source), start, target, locked, shown=source)
@@ -65,28 +70,30 @@ def apply(
         pairs = with_held(visible, source, target, held)
         edited = match_becomes(visible, seen.counts, weights, start, *pairs, locked)
     edits.apply_edit(scene, Edit({name: edited}, scene.karf.compositing, colors.added_by_object(scene)))
-    distance = ciede2000(srgb_to_lab(visible), srgb_to_lab(source)).min()
-    if distance > FOREIGN:
-        return f"{name} shows no color like {rgb_to_hex(source)}: the nearest differs by CIEDE2000 {distance:.0f}. Pick it anew."
     before = ColorHistogram(visible, seen.counts, weights)
-    reached, left, reason = reached_by(edited, Palette(name, start), before, source, srgb_to_lab(target), locked)
-    return (
-        reason and f"{name} shows {rgb_to_hex(reached)}, CIEDE2000 {left:.0f} from what was wanted, because {reason}."
-    )
+    reached, _, reason = reached_by(edited, Palette(name, start), before, source, srgb_to_lab(target), locked)
+    return reason and f"{name} shows {rgb_to_hex(reached)} and not quite what was wanted, because {reason}."
 
 
 def apply_picked(item: bpy.types.PropertyGroup) -> str:
     """`apply` with the object's own pair of colors, from the swatches as they were when its source was picked.
 
-    So the target can be changed any number of times. Other changes made since are kept as the start.
+    So the target can be changed any number of times. Other changes made since are kept as the start, unless they have
+    taken the source itself away.
     """
-    now = colors.edited(item)
-    start = colors.stored(item, "before") if (now == colors.stored(item, "after")).all() else now
-    source, target = (np.array(color, np.float32) for color in (item.source, item.target))
-    remark = apply(item.id_data, item.name, source, target, item.rule, start, _held(item))
+    now, source, target = colors.edited(item), *(np.array(color, np.float32) for color in (item.source, item.target))
+    is_own = (now == colors.stored(item, "after")).all()
+    start = colors.picked_with(item) if is_own or not _is_shown(item, now, source) else now
+    remark = apply(item.id_data, item.name, source, target, item.rule, start, colors.held(item))
     item.swatches.foreach_set("before", start.ravel())
     item.swatches.foreach_set("after", colors.edited(item).ravel())
     return remark
+
+
+def _is_shown(item: bpy.types.PropertyGroup, palette: np.ndarray, color: np.ndarray) -> bool:
+    """Whether an object shows a color with a palette."""
+    seen = shown.of(item.id_data).histogram(item)
+    return colors.is_shown(shown_colors(seen, Palette(item.name, colors.learned(item)), palette), seen.counts, color)
 
 
 def picked(item: bpy.types.PropertyGroup) -> None:
@@ -96,11 +103,7 @@ def picked(item: bpy.types.PropertyGroup) -> None:
     """
     before, after = (colors.stored(item, name) for name in ("before", "after"))
     if (before != after).any() and (after == colors.edited(item)).all():
-        given = [*_held(item), np.array(item.target)][-MOST_HELD:]
+        given = [*colors.held(item), np.array(item.target)][-MOST_HELD:]
         item.held = " ".join(map(rgb_to_hex, given))
     for name in ("before", "after"):
         item.swatches.foreach_set(name, colors.edited(item).ravel())
-
-
-def _held(item: bpy.types.PropertyGroup) -> list[np.ndarray]:
-    return [hex_to_rgb(text) for text in item.held.split()]

@@ -15,11 +15,17 @@ from ..engine_api import (
     ColorHistogram,
     Palette,
     ciede2000,
+    hex_to_rgb,
     reached_color,
+    reflection_target,
     shown_colors,
     spread,
     srgb_to_lab,
+    with_held,
 )
+
+FOREIGN = 10.0  # CIEDE2000 from which a color does not look like another at all
+LEAST_SHOWN = 1e-3  # share of an object's pixels up to which a color is a stray one
 
 
 def learned(item: bpy.types.PropertyGroup) -> np.ndarray:
@@ -99,12 +105,40 @@ def color_pair(item: bpy.types.PropertyGroup) -> tuple[tuple[float, ...], tuple[
     return tuple(item.source), tuple(item.target)
 
 
-def difference_to_target(item: bpy.types.PropertyGroup, histogram: ColorHistogram) -> float:
-    """CIEDE2000 of what the source color has become to the target. histogram: with the sets of added colors."""
-    whole = Palette(item.name, learned(item))
+def is_shown(colors: np.ndarray, counts: np.ndarray, color: np.ndarray) -> bool:
+    """Whether a color [3] is one of an object that shows `colors` [n, 3] so often, [n]."""
+    alike = ciede2000(srgb_to_lab(colors), srgb_to_lab(color)) <= FOREIGN
+    return bool(counts[alike].sum() > LEAST_SHOWN * counts.sum())
+
+
+def left_to_target(item: bpy.types.PropertyGroup, histogram: ColorHistogram) -> float:
+    """What is left to do until an object's source color has become its target: mean CIEDE2000 of the whole object.
+
+    A color alone tells little: it may be met while highlights turn green. By the rule of fewest swatches nothing but the
+    color itself is to be met.
+
+    Args:
+        item: The object.
+        histogram: Its colors in the photos, with the sets of added colors.
+
+    Returns:
+        Infinity where the object shows no such source color.
+    """
+    source, target, whole = np.array(item.source), np.array(item.target), Palette(item.name, learned(item))
     before, after = (shown_colors(histogram, whole, each) for each in (picked_with(item), edited(item)))
-    reached = reached_color(before, after, np.array(item.source), histogram.counts)
-    return float(ciede2000(srgb_to_lab(reached), srgb_to_lab(np.array(item.target))))
+    if not is_shown(before, histogram.counts, source):
+        return np.inf
+    if item.rule == "fewest":
+        reached = reached_color(before, after, source, histogram.counts)
+        return float(ciede2000(srgb_to_lab(reached), srgb_to_lab(target)))
+    pairs = with_held(before, source, target, held(item))
+    left = ciede2000(srgb_to_lab(after), srgb_to_lab(reflection_target(before, *pairs)))
+    return float(np.average(left, weights=histogram.counts))
+
+
+def held(item: bpy.types.PropertyGroup) -> list[np.ndarray]:
+    """Colors that other paints of an object were given before, sRGB [3] each."""
+    return [hex_to_rgb(text) for text in item.held.split()]
 
 
 def fingerprint(scene: bpy.types.Scene) -> bytes:

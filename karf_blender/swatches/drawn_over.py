@@ -11,6 +11,7 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from gpu_extras.batch import batch_for_shader
 
 from ..host import windows
+from ..host.words import translate
 from . import free_camera, shown, views
 from .object_masks import ObjectMasks
 
@@ -162,7 +163,7 @@ def _draw_scale(scale: float) -> None:
     for tick in range(TICKS + 1):
         text = f"{views.HOTTEST * tick / TICKS:g}" + ("+" if tick == TICKS else "")
         _write(text, left + SCALE_WIDTH * scale * tick / TICKS, bottom - MARGIN * scale)
-    _write("CIEDE2000", left, bottom + (SCALE_HEIGHT + 6) * scale)
+    _write(translate("Difference: 1 is just visible"), left, bottom + (SCALE_HEIGHT + 6) * scale)
 
 
 def _write(text: str, x: float, y: float) -> None:

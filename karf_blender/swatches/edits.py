@@ -11,8 +11,8 @@ import bpy
 import numpy as np
 
 from ..engine_api import BadRequest, Edit, color_to_text, colors_of_text, edit_to_json
-from . import colors, groups
-from .shown import batched
+from . import colors, groups, material
+from .shown import batched, of
 
 
 def current_edit(scene: bpy.types.Scene) -> Edit:
@@ -45,13 +45,17 @@ def set_color(scene: bpy.types.Scene, name: str, index: int, color: Sequence[flo
 
 
 def reset(scene: bpy.types.Scene, name: str, index: int | None = None) -> None:
-    """Give one swatch of an object (None: all) the learned color back, and those that move with it theirs; locked ones
-    stay."""
+    """Give one swatch of an object (None: all) the learned color back, and those that move with it theirs; what followed a
+    swatch that was dragged follows it back, locked ones stay."""
     chosen = object_named(scene, name).swatches if index is None else [unlocked(scene, name, index)]
+    before = tuple(chosen[0].color)
     with batched(scene), groups.apart():
         for swatch in [each for one in chosen for each in groups.together(one)]:
             if not swatch.locked:
                 swatch.color = swatch.learned
+    if index is not None and material.is_dragged(object_named(scene, name), index):
+        material.follow(chosen[0], before)
+        of(scene).refresh()
 
 
 def swap(scene: bpy.types.Scene, first: tuple[str, int], second: tuple[str, int]) -> None:

@@ -51,6 +51,20 @@ def follow(swatch: bpy.types.PropertyGroup) -> bool:
     return True
 
 
+def carry_merged(item: bpy.types.PropertyGroup) -> None:
+    """Let an object's merged swatches follow those that they are merged into."""
+    with apart():
+        for each in item.swatches[: colors.size(item)]:
+            if each.merged and not each.locked:
+                each.color = _moved_with(item.swatches[each.merged], each)
+
+
+def place_of(swatch: bpy.types.PropertyGroup) -> tuple[bpy.types.PropertyGroup, int]:
+    """A swatch's object, and its number there."""
+    item = _object_of(swatch)
+    return item, next(index for index, each in enumerate(item.swatches) if each == swatch)
+
+
 def together(swatch: bpy.types.PropertyGroup) -> list[bpy.types.PropertyGroup]:
     """The swatches that move as one: itself, those linked to it, and behind each the ones merged into it."""
     result = []

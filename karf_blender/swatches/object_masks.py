@@ -1,9 +1,10 @@
 """Where the objects are in a view, ready to be drawn."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import bpy
 import numpy as np
 
 from ..engine_api import Planes
@@ -29,24 +30,35 @@ class ObjectMasks:
     drawn: list = field(default_factory=list)
 
 
-def of_planes(planes: Planes) -> ObjectMasks:
-    """The objects in planes of any view or camera, of which there are some."""
-    return paint(dict(zip(planes.objects, planes.probabilities.astype(np.float32), strict=True)))
+def numbers_of(scene: bpy.types.Scene) -> dict[str, int]:
+    """The numbers of the colors of a scene's objects by their names, in the order of its list of objects to mark."""
+    return {item.folder: item.number for item in scene.karf.marking.objects if item.number >= 0}
 
 
-def of_files(files: Mapping[str, Path]) -> ObjectMasks | None:
-    """The objects in pictures of their masks, by name; None where there are no pictures.
+def in_order(scene: bpy.types.Scene, names: Iterable[str]) -> list[str]:
+    """Names of objects in the order of the list of objects to mark; others follow."""
+    listed = list(scene.karf.marking.objects.keys())
+    return sorted(names, key=lambda name: listed.index(name) if name in listed else len(listed))
+
+
+def of_planes(planes: Planes, scene: bpy.types.Scene) -> ObjectMasks:
+    """A scene's objects in planes of any view or camera, of which there are some."""
+    return paint(dict(zip(planes.objects, planes.probabilities.astype(np.float32), strict=True)), scene)
+
+
+def of_files(files: Mapping[str, Path], scene: bpy.types.Scene) -> ObjectMasks | None:
+    """A scene's objects in pictures of their masks, by name; None where there are no pictures.
 
     Raises:
         KarfError: One cannot be read.
     """
-    return paint({name: images.read_picture(file)[..., 0] for name, file in files.items()}) if files else None
+    return paint({name: images.read_picture(file)[..., 0] for name, file in files.items()}, scene) if files else None
 
 
-def paint(coverages: Mapping[str, np.ndarray]) -> ObjectMasks:
-    """Objects as they are drawn. coverages: how far each covers every pixel, [H, W] in [0, 1]."""
-    names = sorted(coverages)
-    colors = {name: tints.tint_of(index) for index, name in enumerate(names)}
+def paint(coverages: Mapping[str, np.ndarray], scene: bpy.types.Scene) -> ObjectMasks:
+    """A scene's objects as they are drawn. coverages: how far each covers every pixel, [H, W] in [0, 1]."""
+    names = in_order(scene, sorted(coverages))
+    colors = tints.tints_of(names, numbers_of(scene))
     height, width = next(iter(coverages.values())).shape
     fill = np.zeros((height, width, 4), np.float32)
     for name in names:

@@ -18,6 +18,7 @@ from ..engine_api import (
     KarfError,
     Message,
     Palette,
+    dominant_color,
     hex_to_rgb,
     read_palettes,
     rgb_to_hex,
@@ -44,8 +45,10 @@ class _ObjectEdits:
 
     @classmethod
     def of(cls, item: bpy.types.PropertyGroup) -> "_ObjectEdits":
-        own = {name: tuple(getattr(item, name)) for name in ("source", "target")}
-        own |= {name: getattr(item, name) for name in ("rule", "show_becomes", "held")}
+        own = {name: getattr(item, name) for name in ("rule", "show_becomes", "held")}
+        source, target = colors.color_pair(item)
+        if source != target:  # else it waits for a target, with the color that the object mostly had
+            own |= {"source": source, "target": target}
         flags = zip(*((swatch.locked, swatch.link, swatch.merged) for swatch in item.swatches), strict=True)
         return cls(colors.added(item), colors.learned(item), colors.edited(item), *flags, own)
 
@@ -105,9 +108,9 @@ def _add(scene: bpy.types.Scene, palette: Palette, before: _ObjectEdits | None, 
     for index, color in enumerate(palette.colors):
         swatch = item.swatches.add()
         swatch.name = f"Color {index}" if index else "Black"
-        swatch.learned = swatch.color = color
+        swatch.learned = swatch.color = swatch.last = color
         swatch.locked = index == 0
-    item.source = item.target = palette.colors[min(1, len(palette.colors) - 1)]
+    item.source = item.target = _mostly(scene, palette)
     if before is None:
         return
     for name, value in before.own.items():
@@ -122,6 +125,14 @@ def _add(scene: bpy.types.Scene, palette: Palette, before: _ObjectEdits | None, 
             swatch.color = before.colors[old]
         if swatch.is_added:
             groups.solve_added(swatch)
+
+
+def _mostly(scene: bpy.types.Scene, palette: Palette) -> np.ndarray:
+    """The color that an object mostly has, [3]; its first swatch's where nobody has counted."""
+    try:
+        return dominant_color(shown.of(scene).learned_histogram(palette.name))
+    except (KarfError, OSError):
+        return palette.colors[min(1, len(palette.colors) - 1)]
 
 
 def _match(before: _ObjectEdits, new: np.ndarray | None) -> dict[int, int]:

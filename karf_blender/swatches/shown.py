@@ -5,7 +5,7 @@ edits (property updates), undo and redo, keyframes (frame changes), drivers (dep
 while Blender renders it waits, and follows when that ends.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +16,7 @@ from bpy.app.handlers import persistent
 
 from ..engine_api import ColorHistogram, DataError, KarfError, read_object_colors, read_planes
 from ..host import handlers, rendering
-from ..pictures import images
+from ..pictures import images, settling
 from ..project import contents, folders
 from . import colors, object_masks, views
 from .object_masks import ObjectMasks
@@ -37,7 +37,7 @@ class ShownScene:
         files: How the engine sees the active view.
         masks: The objects in the active view as they were read last, and what they were read from.
         histograms: The colors of its objects in the photos, by file, time and object.
-        differences: Of each object with a target color what its difference depends on, and the difference.
+        left: Of each object with a target color what `colors.left_to_target` depends on, and what it found.
         values: What the picture was made from.
         stand_in_key: What a stand-in for the picture would have been made from.
     """
@@ -48,7 +48,7 @@ class ShownScene:
     files: PictureFiles = field(default_factory=PictureFiles)
     masks: tuple[tuple, ObjectMasks | None] = ((), None)
     histograms: dict[tuple[Path, int, str], ColorHistogram] = field(default_factory=dict)
-    differences: dict[str, tuple[tuple, float]] = field(default_factory=dict)
+    left: dict[str, tuple[tuple, float]] = field(default_factory=dict)
     values: bytes = b""
     stand_in_key: tuple = ()
 
@@ -68,6 +68,7 @@ class ShownScene:
         except KarfError:  # the panel says that the view is not prepared
             if self.stand_in_key != views.stand_in_key(self.scene):
                 self.show_unedited()
+            self.update_left()
 
     def recolor(self) -> bpy.types.Image:
         """Put the active view, as it is looked at, into the scene's result image, which is made if needed.
@@ -95,9 +96,10 @@ class ShownScene:
             karf.result = images.new_image(RESULT_NAME, width, height)
         images.fit(karf.result, width, height)
         images.upload(karf.result, buffer)
+        settling.note_change(karf.result)
         self.stand_in_key = views.stand_in_key(self.scene)
         self.load_masks()
-        self.update_differences()
+        self.update_left()
         return karf.result
 
     def edited(self) -> np.ndarray:
@@ -138,10 +140,15 @@ class ShownScene:
             files = {"": contents.planes_file(self.scene)} if is_prepared else contents.seen_masks(self.scene)
             key = (*self._place(), *((file, file.stat().st_mtime_ns) for file in files.values()))
             if key != self.masks[0]:
-                own = self.prepared_view().planes if is_prepared else None
-                self.masks = key, object_masks.of_files(files) if own is None else object_masks.of_planes(own)
+                self.masks = key, self._read_masks(None if is_prepared else files)
         except (KarfError, OSError):
             self.masks = (), None
+
+    def _read_masks(self, files: Mapping[str, Path] | None) -> ObjectMasks | None:
+        """The active view's from these files, by object; None: from its planes."""
+        if files is None:
+            return object_masks.of_planes(self.prepared_view().planes, self.scene)
+        return object_masks.of_files(files, self.scene)
 
     def known_masks(self) -> ObjectMasks | None:
         """The masks of the active view, as prepared for recoloring, else as segmented; None where none were read."""
@@ -169,25 +176,25 @@ class ShownScene:
         return colors.with_added(item, self.learned_histogram(item.name))
 
     # --- target colors ---------------------------------------------------------------------------------------------
-    def difference(self, item: bpy.types.PropertyGroup) -> float | None:
-        """CIEDE2000 of what an object's source color has become to its target color; None where there is none."""
-        known = self.differences.get(item.name)
+    def left_to_target(self, item: bpy.types.PropertyGroup) -> float | None:
+        """See `colors.left_to_target`; None where the object has no target color."""
+        known = self.left.get(item.name)
         return known[1] if known and known[0][:2] == colors.color_pair(item) else None
 
-    def update_differences(self) -> None:
-        """Take the differences anew where swatches or target colors have changed; never raises."""
+    def update_left(self) -> None:
+        """Find anew what is left where swatches or target colors have changed; never raises."""
         for item in self.scene.karf.objects:
             source, target = colors.color_pair(item)
             if source == target:
-                self.differences.pop(item.name, None)
+                self.left.pop(item.name, None)
                 continue
             palettes = colors.edited(item).tobytes(), colors.picked_with(item).tobytes()
-            key = source, target, self.scene.karf.project, *palettes
-            if item.name not in self.differences or self.differences[item.name][0] != key:
+            key = source, target, self.scene.karf.project, item.rule, item.held, *palettes
+            if item.name not in self.left or self.left[item.name][0] != key:
                 try:
-                    self.differences[item.name] = key, colors.difference_to_target(item, self.histogram(item))
+                    self.left[item.name] = key, colors.left_to_target(item, self.histogram(item))
                 except (KarfError, OSError):  # the project is gone, or has no such object yet
-                    self.differences.pop(item.name, None)
+                    self.left.pop(item.name, None)
 
 
 # --- all scenes ----------------------------------------------------------------------------------------------------
@@ -238,6 +245,11 @@ def batched(scene: bpy.types.Scene) -> Iterator[None]:
     finally:
         _Registry.open_batches -= 1
     of(scene).refresh()
+
+
+def is_batched() -> bool:
+    """Whether a `batched` block is open: a program sets swatches, no artist drags one."""
+    return _Registry.open_batches > 0
 
 
 def _refresh_changed() -> None:

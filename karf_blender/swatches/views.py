@@ -34,7 +34,7 @@ PHOTO_SIDE = 800  # pixels at most of a photo that stands in for a view that is 
 COMPARED_PIXELS = 160_000  # of a difference picture: larger ones are compared in every second pixel, or third
 HOTTEST = 20.0  # CIEDE2000 from which the heat map is white
 UNSURE = np.array([1.0, 0.55, 0.04], np.float32)  # color of unsure pixels
-DIMMED = np.float32(0.4)  # factor of the rest of the photo
+DIMMED = np.float32(0.4)  # factor of the rest of the picture
 HEAT = np.array([[0, 0, 0.05], [0.33, 0.06, 0.43], [0.73, 0.21, 0.33], [0.98, 0.55, 0.04], [1, 1, 0.75]], np.float32)
 
 
@@ -240,6 +240,9 @@ def _weights(scene: bpy.types.Scene, view: ShownView, files: PictureFiles) -> np
     seeing = bpy.context.window_manager.karf_seeing
     shown = view.spread(scene).planes
     k = shown.objects.index(seeing.solo_object) if seeing.solo_object in shown.objects else 0
+    if seeing.solo_swatch == 0:
+        share = shown.probabilities[k].astype(np.float32)[..., None]
+        return (DIMMED + (1 - DIMMED) * share) * images.upright(view.recolored(scene))
     number = min(seeing.solo_swatch, shown.palette_weights.shape[1] - 1)
     weights = shown.palette_weights[k, colors.painted_by(scene.karf.objects[shown.objects[k]], number)]
     return weights.sum(axis=0, dtype=np.float32)[..., None]

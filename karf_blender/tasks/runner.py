@@ -19,6 +19,7 @@ from ..host import rendering, windows
 from ..pictures import editors
 from ..project import disk, folders
 from . import timer
+from .course import Course
 from .task import Task
 
 POLL_SECONDS = 0.2
@@ -37,6 +38,7 @@ class _Running:
         self._done = 0
         self._python = python
         self._threads = threads
+        self.course = Course(task.seconds, time.monotonic()) if len(task.seconds) > 1 else None
         self._begin_next()
 
     def _begin_next(self) -> None:
@@ -65,6 +67,8 @@ class _Running:
         self._done += 1
         if self._done == len(self.task.requests):
             return True
+        if self.course is not None:
+            self.course.begin_next(time.monotonic())
         self._begin_next()
         return False
 
@@ -144,7 +148,7 @@ def wait(task: Task) -> None:
         while not done:
             stage = _worker.request.stage
             for event in _worker.poll():
-                _show(task, event)
+                _show(running, event)
                 if event.kind != "progress" or time.monotonic() > quiet_until:
                     quiet_until = time.monotonic() + PRINT_SECONDS
                     progress.print_event(stage, event)
@@ -219,7 +223,7 @@ def _poll() -> float | None:
         events = _worker.poll()
         for event in events:
             if not running.is_stopping:
-                _show(running.task, event)
+                _show(running, event)
         # what follows a job touches pixels and data
         done = rendering.is_over() and running.advance()
     except Exception as failure:
@@ -243,9 +247,12 @@ def _poll() -> float | None:
     return None if done else POLL_SECONDS
 
 
-def _show(task: Task, event: Event) -> None:
+def _show(running: _Running, event: Event) -> None:
     """Show an event in the panel, a preview in an Image Editor."""
-    progress.show_event(task.label, event)
+    course, task = running.course, running.task
+    if course is not None and event.kind == "progress":
+        course.take(event, _worker.request.stage, time.monotonic())
+    progress.show_event(task.label, event, course and (course.share(), course.left()))
     if event.kind == "preview" and task.is_file_open and not rendering.is_running():
         editors.show_preview(Path(event["path"]))
 

@@ -19,6 +19,7 @@ class Task:
         requests: The jobs.
         after: Called with each job's request when it is done.
         owner: Who began it.
+        seconds: What each job is expected to take, where they are several.
         result: Gives what came of it, for the script that has waited until all was done.
     """
 
@@ -26,6 +27,7 @@ class Task:
     requests: tuple[Request, ...]
     after: Callable[[Request], None]
     owner: Owner | None = None
+    seconds: tuple[float, ...] = ()
     result: Callable[[], Any] = lambda: None
 
     @property

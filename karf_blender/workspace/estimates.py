@@ -1,5 +1,6 @@
 """How long a preset will take on this computer, before it is pressed; nothing where that is not known."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -9,19 +10,22 @@ import bpy
 from ... import __package__ as extension
 from .. import engine_api, preferences
 from ..engine import speed
+from ..engine.speed import Speed
 from ..engine_api import PRESETS, KarfError, MissingDependency, Request
 from ..host import windows
 from ..project import disk
 from ..tasks import runner
 
 POLL_SECONDS = 0.5
+USUAL = 1e6  # samples a second of a computer that was not measured yet
+SHORT = 1.0  # seconds of a job that learns nothing
 STAGES = {"learn_scene": ("geometry",), "learn_all": ("geometry", "segmentation", "recoloring")}
 
 
 class _Memory:
     """What is known of this computer, and the measurement that is at work."""
 
-    known: speed.Speed | None = None
+    known: Speed | None = None
     measurement: speed.Measurement | None = None
 
 
@@ -34,6 +38,13 @@ def seconds(preset: str, button: str, is_open: bool) -> float | None:
         return None
     stages = _Memory.known.corrected(promised)
     return sum(stages[stage] for stage in STAGES[button])
+
+
+def of_jobs(stages: Sequence[str], preset: str, is_open: bool) -> tuple[float, ...]:
+    """What jobs of these stages will take, as well as it is known: each its share of a bar."""
+    known = _Memory.known if _Memory.known is not None and _Memory.known.samples_per_second else Speed("", 0, USUAL)
+    promised = known.corrected(_promised(preset, known.samples_per_second, is_open) or {})
+    return tuple(promised.get(stage, SHORT) for stage in stages)
 
 
 def measure_once() -> None:
@@ -72,7 +83,7 @@ def _tick() -> float | None:
     if found is None:
         return POLL_SECONDS
     _Memory.measurement = None
-    _Memory.known = speed.Speed(_Memory.known.python, _Memory.known.threads, found)
+    _Memory.known = Speed(_Memory.known.python, _Memory.known.threads, found)
     if found:
         _Memory.known.write(_file())
     windows.redraw(*windows.PANEL_AREAS)

@@ -34,13 +34,26 @@ def redraw() -> None:
             window.workspace.status_text_set_internal(None)
 
 
+def _header() -> type:
+    """The status bar's header as Blender draws it while no tool has taken its place.
+
+    `WorkSpace.status_text_set` keeps how it was drawn before its first call, and puts that back after each. The operator
+    that installs extensions calls it: what an extension then appends would be gone.
+    """
+    header = bpy.types.STATUSBAR_HT_header
+    header.draw = getattr(header, "_draw_orig", header.draw)
+    return header
+
+
 def register():
     """Called when the extension is enabled."""
-    bpy.types.STATUSBAR_HT_header.append(draw)
+    header = _header()
+    header.append(draw)
+    header._draw_orig = header.draw
     runner.listen(redraw)
 
 
 def unregister():
     """Called when the extension is disabled."""
     runner.forget(redraw)
-    bpy.types.STATUSBAR_HT_header.remove(draw)
+    _header().remove(draw)

@@ -90,10 +90,15 @@ def mark(story: Story) -> Wait:
     yield from until(lambda: counts(desk.scene()) == {OBJECT: 1}, "the engine's mask", MASK_SECONDS)
     check(not queries.is_waiting("propose"), "the engine is still at work")
     yield from reach(story, "marked")
-    story.facts["mask"] = str(desk.module("marking.objects").masks_folder(desk.scene()) / OBJECT)
+    story.facts["mask"] = mask_folder()
 
 
-@CHAPTER.step("learn", "mouse: Learn All")
+def mask_folder() -> str:
+    """Where the object's masks are; saving moves them with the project."""
+    return str(desk.module("marking.objects").masks_folder(desk.scene()) / OBJECT)
+
+
+@CHAPTER.step("learn", "mouse: Learn All; script: the file is saved; key: Return, the project moves beside it")
 def learn(story: Story) -> Wait:
     runner, progress = desk.module("tasks.runner"), bpy.data.window_managers[0].karf_progress
     yield from hands.press_button(SIDEBAR, r"karf\.learn_all")
@@ -109,12 +114,27 @@ def learn(story: Story) -> Wait:
         story.note(f"{progress.stage}: {progress.fraction:.0%}")
     yield from acts.job_end(story)
     yield from reach(story, "learned")
-    bpy.ops.wm.save_as_mainfile(filepath=str(story.home / "first_color.blend"))  # for `--only`
-    story.facts["blend"] = bpy.data.filepath
+    yield from keep(story)
+    story.facts["mask"] = mask_folder()
     story.facts["project"] = str(desk.module("project.folders").project_of(desk.scene()).folder)
     check(before <= MOST_BEFORE, f"{before} interactions lie before learning, more than {MOST_BEFORE}")
     check(desk.is_in_step(), "the picture is not what the swatches say")
+    tool = hands.window().workspace.tools.from_space_image_mode("VIEW")
+    check(not tool.idname.startswith("karf."), f"{tool.idname} stays in hand over the picture")
     check(width_of_picture() == width, "the learned picture is not as wide on the screen as the photo")
+
+
+def keep(story: Story) -> Wait:
+    """Save the file, for `--only` too; the project, begun in an unsaved file, moves beside it when asked."""
+    bpy.ops.wm.save_as_mainfile(filepath=str(story.home / "first_color.blend"))
+    story.facts["blend"] = bpy.data.filepath
+    yield 1.0
+    yield from story.shoot("move-project")
+    yield from hands.press("RET", hands.middle_of(PICTURE))
+    hands.count(-1)  # an artist would save later
+    project_of = desk.module("project.folders").project_of
+    yield from until(lambda: project_of(desk.scene()).folder.parent == story.home, "the project beside the file", 30)
+    yield 0.5
 
 
 @CHAPTER.step("first color", "mouse: a swatch's picker is opened, its color dragged")
@@ -131,5 +151,7 @@ def first_color(story: Story) -> Wait:
     story.note(f"{swatches[index]} became {pickers.color_of(OBJECT, index)}")
     yield from pickers.close_picker()
     yield from story.shoot("recolored")
+    asked = [image.name for image in bpy.data.images if image.is_dirty]
+    check(not asked, f"Blender would ask whether to save {asked}")
     check(desk.is_in_step(), "the picture is not what the swatches say")
     check(after <= MOST_AFTER, f"{after} interactions lie between learning and the first color, more than {MOST_AFTER}")

@@ -46,6 +46,8 @@ def reload(story: Story) -> Wait:
     for what, one, other in zip(("swatches", "pixels", "keyframes", "frame"), before, after, strict=True):
         check(one == other, f"other {what} after the reload: {one} became {other}")
     check(desk.is_in_step(), "the picture is not what the swatches say")
+    shown = hands.area_of("IMAGE_EDITOR").spaces.active.image
+    check(shown == desk.scene().karf.result, f"the Image Editor shows {shown and shown.name} after the reload")
 
 
 @CHAPTER.step("re-extract with keys", "mouse: a third object, Segment, Extract Palette; Return where Blender asks")

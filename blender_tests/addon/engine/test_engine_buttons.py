@@ -1,5 +1,6 @@
 """The preferences say whether there is an engine; their buttons install, cancel, repair and remove it."""
 
+import importlib
 from pathlib import Path
 from types import MethodType, SimpleNamespace
 
@@ -72,7 +73,8 @@ def test_without_an_engine_the_preferences_say_what_to_do(bpy, addon, chosen, mo
     monkeypatch.setattr(addon.engine_api, "ENGINE_FOLDER", tmp_path / "karf_engine")
     chosen.engine_folder = str(tmp_path / "engine")
     drawn = drawn_preferences(bpy, chosen)
-    assert "There is no engine yet. Press Install Engine" in drawn and "karf.remove_engine" not in drawn
+    assert "There is no engine yet. Press Install Engine, or set Engine Python below" in drawn
+    assert "in the KaRF preferences" not in drawn and "karf.remove_engine" not in drawn
     assert not bpy.ops.karf.examine_engine.poll()
 
 
@@ -106,6 +108,17 @@ def test_the_sentence_says_which_python_runs_the_engine(addon, engine):
 def test_offline_the_preferences_say_how_to_allow_the_network(bpy, addon, chosen, engine, monkeypatch):
     monkeypatch.setattr(addon.state, "known", lambda: engine("none", "There is no engine yet."))
     assert bpy.app.online_access or "Allow Online Access" in drawn_preferences(bpy, chosen)
+
+
+def test_with_an_engine_of_ones_own_nobody_needs_the_network(bpy, addon, chosen, engine, monkeypatch):
+    monkeypatch.setattr(addon.state, "known", lambda: engine("none", is_managed=False))
+    assert "Allow Online Access" not in drawn_preferences(bpy, chosen)
+
+
+@pytest.mark.parametrize(("system", "builds"), [("Linux", "cpu cuda rocm"), ("Darwin", "cpu mps"), ("Haiku", "cpu")])
+def test_the_dialog_offers_what_there_is_for_the_system(addon, system, builds):
+    machine = importlib.import_module(f"{addon.home.__package__}.machine")
+    assert machine.builds_for(machine.look(system, "arm64")) == tuple(builds.split())
 
 
 def test_a_failed_installation_is_told_and_a_cancelled_one_is_not(bpy, addon, chosen, monkeypatch):

@@ -239,6 +239,20 @@ def corrections(addon, scene):
     return addon.objects.corrections_folder(scene) / "pot" / "photo_0.png"
 
 
+def test_correct_brings_the_photo_and_a_tool_so_that_the_first_stroke_counts(bpy, addon, correcting):
+    window = bpy.context.window_manager.windows[0]
+    area = window.screen.areas[0]
+    area.type = "IMAGE_EDITOR"
+    area.spaces.active.image = addon.images.new_image("KaRF", 24, 16)
+    correcting.karf.marking.correct = False
+    addon.tools.lay_down()
+    assert not addon.photo.areas(correcting)
+    correcting.karf.marking.correct = True
+    assert addon.photo.areas(correcting) == [area]
+    assert window.workspace.tools.from_space_image_mode("VIEW").idname == "karf.mark_box"
+    addon.tools.lay_down()
+
+
 def test_corrections_say_is_is_not_and_nothing(addon, correcting):
     addon.steps.mark_stroke(correcting, [(5, 5)], 3)
     addon.steps.mark_stroke(correcting, [(15, 8)], 3, "TAKE")

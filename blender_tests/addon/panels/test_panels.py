@@ -247,7 +247,7 @@ def test_a_learned_color_is_drawn_as_an_icon_of_it(addon):
 
 def test_what_is_looked_at_and_what_is_left_are_in_the_panel(bpy, addon, learned, draw):
     seeing = bpy.context.window_manager.karf_seeing
-    assert draw().count("karf.solo_swatch") == 4 and "karf.see_view" not in draw()
+    assert draw().count("karf.solo_swatch") == 6 and "karf.see_view" not in draw()
     seeing.mode = "LEARNED"
     assert "karf.see_view" in draw()
     seeing.mode = "EDITED"
@@ -259,7 +259,39 @@ def test_what_is_looked_at_and_what_is_left_are_in_the_panel(bpy, addon, learned
     pot = learned.karf.objects["pot"]
     pot.show_becomes = True
     pot.source, pot.target = (0.8, 0.2, 0.1), (0.1, 0.3, 0.8)
-    assert f"{addon.shown.of(learned).difference(pot):.1f} CIEDE2000 left" in draw()
+    left = addon.shown.of(learned).left_to_target(pot)
+    assert f"What is left is visible ({left:.1f})" in draw()
+    bpy.ops.karf.becomes(object_name="pot")
+    assert "What is left is invisible" in " ".join(draw())
+
+
+def test_the_words_of_the_field_are_under_advanced(bpy, addon, learned, draw, monkeypatch):
+    report = {"unsure": {"pot": {"share": 0.4, "unseen": 0.9}}}
+    project = addon.folders.project_of(learned)
+    project.finish("segmentation", "s")
+    addon.engine_api.write_json(project.segmentation_report, report)
+    learned.karf.match.show = learned.karf.objects["pot"].show_becomes = True
+    left = learned.karf.match.left.add()
+    left.name, left.before, left.left = "pot", 9.0, 2.0
+    drawn = draw()
+    assert drawn.count("Advanced") == 3 and drawn.index("karf.learn_all") < drawn.index("Advanced") < drawn.index(
+        "nerf"
+    )
+    assert "pot: what is left is visible side by side (2.0, was 9.0)" in drawn
+    assert "CIEDE2000" not in " ".join(drawn)
+    monkeypatch.setattr(Layout, "panel", lambda self, *_, **__: (self.row(), None))  # folded, as they are at first
+    drawn = draw()
+    assert "nerf" not in drawn and "compositing" not in drawn and "unsure" not in " ".join(drawn)
+
+
+def test_apply_stays_in_its_place_whatever_the_colors_are(bpy, addon, learned, draw):
+    pot, places = learned.karf.objects["pot"], set()
+    pot.show_becomes = True
+    for source, target in (((0.8, 0.2, 0.1),) * 2, ((0.8, 0.2, 0.1), (0.1, 0.3, 0.8)), ((0, 1, 0), (0.1, 0.3, 0.8))):
+        pot.source, pot.target = source, target
+        places.add(draw().index("karf.becomes"))
+    assert len(places) == 1
+    assert "pot has no such color: pick it there" in draw()
 
 
 def test_the_keys_of_before_and_after_are_in_the_image_editors_key_map_and_leave_with_the_extension(bpy, addon):

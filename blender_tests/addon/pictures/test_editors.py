@@ -31,6 +31,19 @@ def test_a_picture_that_takes_the_place_of_the_photo_to_mark_is_shown_whole(bpy,
     assert fitted == ["KaRF"]
 
 
+def test_where_the_picture_comes_the_marking_tools_are_laid_down(bpy, addon, learned, editor):
+    space, _ = editor
+    window = bpy.data.window_managers[0].windows[0]
+    bpy.ops.karf.mark()
+    with bpy.context.temp_override(window=window):
+        addon.tools.take_up(bpy.context, window.screen.areas[0])
+    assert space.image == learned.karf.marking.photo
+    addon.headless.extract_palette()
+    assert space.image == learned.karf.result
+    assert window.workspace.tools.from_space_image_mode("VIEW").idname == addon.tools.BLENDERS
+    assert not learned.karf.marking.correct
+
+
 def test_a_picture_of_the_artists_own_stays_as_it_is_shown(bpy, addon, learned, editor):
     space, fitted = editor
     space.image = own = bpy.data.images.new("sketch", 8, 8)

@@ -52,6 +52,17 @@ def test_a_rig_that_cannot_be_built_leaves_nothing_behind(bpy, addon, scene, cap
     assert not bpy.data.objects and not bpy.data.collections
 
 
+@pytest.mark.parametrize("moved", [0.0, 0.5])
+def test_blenders_own_cube_leaves_a_new_file_and_one_that_was_touched_stays(
+    bpy, addon, capture_folder, tmp_path, moved
+):
+    bpy.ops.wm.read_homefile(use_factory_startup=True)
+    bpy.data.objects["Cube"].location.x = moved
+    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    assert ("Cube" in bpy.data.objects) == bool(moved)
+    assert {"Camera", "Light"} <= set(bpy.data.objects.keys())
+
+
 def test_undo_takes_the_import_back(bpy, addon, capture_folder, tmp_path):
     bpy.ops.ed.undo_push(message="before")
     addon.headless.import_capture(capture_folder, tmp_path / "project")

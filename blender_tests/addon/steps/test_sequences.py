@@ -23,10 +23,12 @@ def test_an_editor_shows_the_frame_of_the_scene(bpy, addon, film):
         bpy.context.screen.areas[0]
     ]
     kind, area.type = area.type, "IMAGE_EDITOR"
+    bpy.context.screen.use_play_image_editors = False
     try:
         image, user = addon.headless.show_frames(), area.spaces.active.image_user
         assert area.spaces.active.image == image
         assert (user.frame_start, user.frame_offset, user.frame_duration, user.use_auto_refresh) == (3, 2, 5, True)
+        assert bpy.context.screen.use_play_image_editors  # Space over the 3D View plays it too
     finally:
         area.type = kind
 

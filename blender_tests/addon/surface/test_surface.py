@@ -54,6 +54,18 @@ def colors_of(bpy, item):
     return corners[:, 0]
 
 
+def test_the_first_time_3d_views_show_its_colors_and_later_as_the_artist_has_set_them(bpy, addon, learned, points_file):
+    area = bpy.data.window_managers[0].windows[0].screen.areas[0]
+    area.type = "VIEW_3D"
+    shading = area.spaces.active.shading
+    shading.type, shading.light, shading.color_type = "SOLID", "STUDIO", "MATERIAL"
+    addon.headless.show_scene(points=points_file)
+    assert (shading.light, shading.color_type) == ("FLAT", "VERTEX")
+    shading.light = "STUDIO"
+    addon.headless.show_scene(points=points_file)
+    assert shading.light == "STUDIO"
+
+
 def set_edit(addon):
     for (name, index), color in EDIT.items():
         addon.headless.set_swatch(name, index, color)

@@ -127,14 +127,44 @@ def test_paint_after_paint_what_a_paint_became_is_kept(bpy, addon, learned):
     np.testing.assert_allclose(color(learned, "pot", 2), BLUE, atol=0.06)
 
 
-def test_a_color_that_the_object_does_not_show_is_told(addon, learned):
+def test_a_color_that_the_object_does_not_show_is_refused_and_changes_nothing(bpy, addon, learned):
     item = learned.karf.objects["pot"]
     item.source, item.target = (0.0, 1.0, 0.0), BLUE
-    assert "pot shows no color like #00ff00" in addon.becomes.apply_picked(item)
+    with pytest.raises(RuntimeError, match="pot shows no color like #00ff00"):
+        bpy.ops.karf.becomes(object_name="pot")
+    item.live = True
+    np.testing.assert_array_equal(addon.colors.edited(item), addon.colors.learned(item))
+
+
+def test_what_was_dragged_before_does_not_hide_the_color_that_it_begins_with(bpy, addon, learned):
+    item = learned.karf.objects["pot"]
+    item.target = BLUE
+    bpy.ops.karf.becomes(object_name="pot")
+    expected = addon.colors.edited(item)
+    addon.headless.set_swatch("pot", 1, (0.2, 0.9, 0.3))  # the picture has no red any more
+    bpy.ops.karf.becomes(object_name="pot")
+    np.testing.assert_allclose(addon.colors.edited(item), expected, atol=1e-6)
+
+
+def test_it_begins_with_the_color_that_the_object_mostly_has(addon, learned):
+    item = learned.karf.objects["pot"]
+    np.testing.assert_allclose(item.source, RED, atol=0.01)
+    assert item.source[:] == item.target[:]
+
+
+def test_what_is_left_is_of_the_whole_object_and_not_of_the_pair(bpy, addon, learned):
+    item, known = learned.karf.objects["pot"], addon.shown.of(learned)
+    item.source, item.target = RED, BLUE
+    bpy.ops.karf.becomes(object_name="pot")
+    assert known.left_to_target(item) < 1
+    addon.headless.set_swatch("pot", 2, (0.1, 0.9, 0.2))  # the pair is met as before, but not what else the pot shows
+    assert known.left_to_target(item) > 3
+    item.rule = "fewest"
+    assert known.left_to_target(item) < 1
 
 
 def test_a_target_that_is_missed_is_told_with_the_reason(addon, learned):
     item = learned.karf.objects["pot"]
     item.source, item.target = RED, BLUE
     item.swatches[1].locked = True
-    assert "from what was wanted, because" in addon.becomes.apply_picked(item)
+    assert "not quite what was wanted, because" in addon.becomes.apply_picked(item)

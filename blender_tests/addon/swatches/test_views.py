@@ -54,6 +54,17 @@ def test_what_is_written_is_the_edited_picture_whatever_is_looked_at(addon, lear
     np.testing.assert_array_equal(np.rint(written * 255).astype(int), edited)
 
 
+def test_the_eye_of_an_object_dims_all_else_and_follows_its_swatches(bpy, addon, learned, seeing):
+    edited = shown(addon, learned)
+    assert bpy.ops.karf.solo_swatch(object_name="pot", index=0) == {"FINISHED"}
+    # the fake engine gives half of every pixel to each object
+    assert np.abs(shown(addon, learned) - (0.4 + 0.6 / 2) * edited).max() <= 1
+    addon.headless.set_swatch("pot", 1, "#0000ff")
+    assert np.abs(shown(addon, learned) - (0.4 + 0.6 / 2) * edited).max() > 10
+    bpy.ops.karf.solo_swatch(object_name="pot", index=0)
+    assert seeing.mode == "EDITED"
+
+
 def test_the_eye_of_a_swatch_shows_its_weights_and_goes_out_again(bpy, addon, learned, seeing):
     photo = shown(addon, learned)
     assert bpy.ops.karf.solo_swatch(object_name="pot", index=1) == {"FINISHED"}
@@ -132,8 +143,8 @@ def test_masks_are_made_after_segment_and_shown_over_the_photo(bpy, addon, proje
     assert not project_scene.karf.objects  # there is no palette yet
     assert bpy.ops.karf.show_masks() == {"FINISHED"}
     masks = addon.shown.of(project_scene).known_masks()
-    np.testing.assert_allclose(masks.fill[:, :12, :3], np.tile(addon.tints.tint_of(0), (16, 12, 1)), atol=1e-6)
-    np.testing.assert_allclose(masks.fill[:, 12:, :3], np.tile(addon.tints.tint_of(1), (16, 12, 1)), atol=1e-6)
+    np.testing.assert_allclose(masks.fill[:, :12, :3], np.tile(masks.tints["lid"], (16, 12, 1)), atol=1e-6)
+    np.testing.assert_allclose(masks.fill[:, 12:, :3], np.tile(masks.tints["pot"], (16, 12, 1)), atol=1e-6)
     photo = addon.images.read_picture(addon.captures.view_of(project_scene).image)
     np.testing.assert_array_equal(shown(addon, project_scene), np.rint(photo * 255).astype(int))
     # another view has none yet, segmented anew neither
@@ -158,15 +169,16 @@ def test_an_outline_goes_between_the_pixels_of_an_object_and_all_others(addon):
     }
 
 
-def test_the_difference_left_follows_the_swatches_and_is_that_of_the_colors(bpy, addon, learned):
-    api, item = addon.engine_api, learned.karf.objects["pot"]
-    assert addon.shown.of(learned).difference(item) is None  # there is no target color
+def test_what_is_left_to_a_target_follows_the_swatches(bpy, addon, learned):
+    api, item, known = addon.engine_api, learned.karf.objects["pot"], addon.shown.of(learned)
+    assert known.left_to_target(item) is None  # there is no target color
+    item.rule = "fewest"
     item.source, item.target = (0.8, 0.2, 0.1), (0.1, 0.3, 0.8)
     wanted = float(api.ciede2000(*(api.srgb_to_lab(np.array(color)) for color in (item.source, item.target))))
-    assert addon.shown.of(learned).difference(item) == pytest.approx(wanted, abs=1e-3)
+    assert known.left_to_target(item) == pytest.approx(wanted, abs=1e-3)
     bpy.ops.karf.becomes(object_name="pot")
-    assert addon.shown.of(learned).difference(item) < 1
+    assert known.left_to_target(item) < 1
     addon.edits.reset(learned, "pot")
-    assert addon.shown.of(learned).difference(item) == pytest.approx(wanted, abs=1e-3)
+    assert known.left_to_target(item) == pytest.approx(wanted, abs=1e-3)
     item.target = item.source
-    assert addon.shown.of(learned).difference(item) is None
+    assert known.left_to_target(item) is None

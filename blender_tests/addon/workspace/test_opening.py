@@ -47,6 +47,15 @@ def test_what_is_learned_is_left_as_it_is_shown(addon, opened, project_scene):
     assert project_scene.karf.marking.photo is None and not project_scene.karf.marking.objects
 
 
+def test_of_what_is_learned_the_workspace_shows_the_picture(bpy, addon, learned):
+    window = bpy.data.window_managers[0].windows[0]
+    window.screen.areas[0].type = "IMAGE_EDITOR"
+    window.screen.areas[0].spaces.active.image = None
+    learned.karf.result = None  # imported with a project that was learned before
+    addon.masks.begin_marking(window)
+    assert picture_in(window) == learned.karf.result is not None
+
+
 def test_without_a_photo_the_workspace_opens_all_the_same(addon, opened, project_scene, capture_folder, capsys):
     for photo in (capture_folder / "images").glob("*.png"):
         photo.unlink()

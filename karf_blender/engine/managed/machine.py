@@ -9,6 +9,7 @@ from ...engine_api import BadRequest
 BUILDS = ("auto", "cpu", "cuda", "rocm", "mps")  # builds of torch
 PROCESSORS = {"amd64": "x86_64", "x86_64": "x86_64", "arm64": "arm64", "aarch64": "arm64"}
 SYSTEMS = {"Linux": "linux", "Windows": "windows", "Darwin": "macos"}
+SYSTEM_BUILDS = {"linux": ("cpu", "cuda", "rocm"), "windows": ("cpu", "cuda"), "macos": ("cpu", "mps")}
 NVIDIA = (  # files of its driver on Linux, under WSL, on Windows
     "proc/driver/nvidia/version",
     "dev/nvidiactl",
@@ -86,11 +87,14 @@ def build_for(choice: str, machine: Machine) -> str:
         raise BadRequest(f"{choice!r} is not a build of torch.", f"Choose one of {', '.join(BUILDS)}.")
     if choice == "auto":
         return next(iter(machine.devices), "cpu")
-    system = machine.platform.partition("-")[0]
-    allowed = {"linux": ("cpu", "cuda", "rocm"), "windows": ("cpu", "cuda"), "macos": ("cpu", "mps")}
-    if choice not in allowed.get(system, ()):
+    if choice not in builds_for(machine):
         raise BadRequest(f"There is no {choice} build of torch for {machine.platform}.", "Choose auto.")
     return choice
+
+
+def builds_for(machine: Machine) -> tuple[str, ...]:
+    """The builds of torch that there are for a computer's system."""
+    return SYSTEM_BUILDS.get(machine.platform.partition("-")[0], ("cpu",))
 
 
 def backend_of(build: str, machine: Machine) -> str:

@@ -23,6 +23,17 @@ TEXTS = {
     "Choose one in the KaRF panel.": "请在 KaRF 面板中选择一个。",
     "Choose one from the list.": "请从列表中选择一个。",
     "Choose another view.": "请选择另一个视图。",
+    "The project has moved, but the file could not be saved ({error}).": "项目已移动，但文件无法保存（{error}）。",
+    "Save it: as it is on the disk it knows the project where that was, and there it still is.": "请保存文件：磁盘上的文件仍指向项目的旧位置，项目在那里依然存在。",
+    "{path} is not there yet.": "{path} 尚不存在。",
+    "Render something first.": "请先渲染。",
+    "This file was not saved yet.": "此文件尚未保存。",
+    "Save it first: the project moves beside it.": "请先保存：项目会移到它旁边。",
+    "The project cannot be copied to {path} ({error}).": "无法将项目复制到 {path}（{error}）。",
+    "Free some space, or save the file elsewhere; the project stays where it was.": "请释放空间，或将文件保存到别处；项目保持原位。",
+    "A KaRF job is running.": "有 KaRF 任务正在运行。",
+    "{name} shows no color like {color}.": "{name} 没有像 {color} 这样的颜色。",
+    "Pick the left color on the object, in the picture as it is.": "请在画面中的物体上拾取左侧颜色。",
     "Add one, or choose a camera of the capture.": "请添加一个，或选择拍摄的某个相机。",
     "Apply the scale, or give all three axes the same.": "请应用缩放，或让三个轴的缩放相同。",
     "Set the camera's type to Perspective.": "请将相机类型设为透视。",
@@ -75,6 +86,7 @@ TEXTS = {
     "Choose another picture.": "请选择另一张图片。",
     # --- engine and jobs
     "There is no engine yet.": "还没有引擎。",
+    "There is no engine yet. Press Install Engine, or set Engine Python below to a Python that has PyTorch.": "还没有引擎。请点击“安装引擎”，或在下方将“引擎 Python”设为装有 PyTorch 的 Python。",
     "Press Install Engine in the KaRF preferences, or set Engine Python there to a Python that has PyTorch.": (
         "请在 KaRF 偏好设置中按“安装引擎”，或将“引擎 Python”设为带有 PyTorch 的 Python。"
     ),

@@ -1,0 +1,113 @@
+"""A project begun in an unsaved file moves beside it when that is saved, and nothing is lost."""
+
+import importlib
+import shutil
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def hidden(bpy, addon, learned, capture_folder, tmp_path, monkeypatch):
+    """The learned scene with its project in the extension's own folder, which is one of the test's."""
+    own = tmp_path / "user" / "projects"
+    monkeypatch.setattr(addon.moving, "_own_folder", lambda: own)
+    shutil.copytree(addon.folders.project_of(learned).folder, own / "pots")
+    learned.karf.project = str(own / "pots")
+    learned.karf.out = str(own / "pots" / "out")
+    return learned
+
+
+@pytest.fixture
+def saved(bpy, addon, hidden, tmp_path):
+    (tmp_path / "desk").mkdir()
+    addon.headless.save(tmp_path / "desk" / "shot.blend")
+    return hidden
+
+
+def folder_of(addon, scene):
+    return addon.folders.project_of(scene).folder
+
+
+def test_it_moves_beside_the_file_which_is_saved_with_its_new_place(bpy, addon, saved, tmp_path):
+    old, files = folder_of(addon, saved), sorted(path.name for path in folder_of(addon, saved).rglob("*.npz"))
+    addon.headless.set_swatch("pot", 1, (0.25, 0.5, 0.75))
+    addon.images.write_png(old / "photos" / "straight.png", np.zeros((4, 4, 3)))
+    photo = bpy.data.images.load(str(old / "photos" / "straight.png"))
+    assert bpy.ops.karf.move_project() == {"FINISHED"}
+    new = tmp_path / "desk" / "pots_karf"
+    assert folder_of(addon, saved) == new and not old.exists()
+    assert bpy.path.abspath(photo.filepath) == str(new / "photos" / "straight.png") and photo.size[0] == 4
+    assert sorted(path.name for path in new.rglob("*.npz")) == files
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "desk" / "shot.blend"))
+    scene = bpy.context.scene
+    assert (scene.karf.project, scene.karf.out) == ("//pots_karf", "//pots_karf/out")
+    assert tuple(scene.karf.objects["pot"].swatches[1].color) == (0.25, 0.5, 0.75)
+    assert addon.contents.is_prepared(scene)
+
+
+def test_a_disk_that_is_full_leaves_all_as_it_was(bpy, addon, saved, tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    old = folder_of(addon, saved)
+    monkeypatch.setattr(addon.moving.shutil, "copytree", full)
+    with pytest.raises(RuntimeError, match="No space left on device"):
+        bpy.ops.karf.move_project()
+    assert folder_of(addon, saved) == old and old.is_dir()
+    assert sorted(path.name for path in (tmp_path / "desk").iterdir()) == ["shot.blend"]
+
+
+def test_a_file_that_cannot_be_saved_still_finds_its_project(bpy, addon, saved, tmp_path):
+    """Blender 4.2 moves a folder out of the file's way, and saves: then all is as after any move."""
+    old = folder_of(addon, saved)
+    shutil.rmtree(tmp_path / "desk")
+    (tmp_path / "desk").mkdir()
+    (tmp_path / "desk" / "shot.blend").mkdir()  # in the way of the file
+    try:
+        bpy.ops.karf.move_project()
+    except RuntimeError as error:
+        assert "could not be saved" in str(error)
+        assert old.is_dir()
+    else:
+        assert (tmp_path / "desk" / "shot.blend").is_file()
+        assert not old.exists() and folder_of(addon, saved) == tmp_path / "desk" / "pots_karf"
+    assert addon.contents.is_prepared(saved)
+
+
+def test_undo_across_the_move_finds_the_project_where_it_is(bpy, addon, saved, tmp_path):
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.karf.move_project()
+    bpy.ops.ed.undo_push(message="Move Project")
+    bpy.ops.ed.undo()
+    assert folder_of(addon, bpy.context.scene) == tmp_path / "desk" / "pots_karf"
+
+
+def test_a_project_that_another_file_uses_stays_for_that_one(bpy, addon, saved, tmp_path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "desk" / "other.blend"))
+    old = folder_of(addon, saved)
+    bpy.ops.karf.move_project()
+    assert old.is_dir() and folder_of(addon, saved) == tmp_path / "desk" / "pots_karf"
+
+
+def test_nothing_beside_the_file_is_overwritten(bpy, addon, saved, tmp_path):
+    (tmp_path / "desk" / "pots_karf").mkdir()
+    bpy.ops.karf.move_project()
+    assert folder_of(addon, saved) == tmp_path / "desk" / "pots_karf_2"
+
+
+def test_the_question_comes_once_for_a_project_that_is_hidden(bpy, addon, saved, tmp_path):
+    asking = importlib.import_module(f"{addon.folding.__package__}.asking")
+    assert asking.window_to_ask() is not None
+    saved.karf.stays_hidden = True
+    assert asking.window_to_ask() is None and bpy.ops.karf.move_project.poll()
+    saved.karf.stays_hidden = False
+    asking._Memory.asked.add(saved.karf.project)
+    assert asking.window_to_ask() is None
+    asking._Memory.asked.clear()
+    bpy.ops.karf.move_project()
+    assert asking.window_to_ask() is None and not bpy.ops.karf.move_project.poll()
+
+
+def test_an_unsaved_file_has_no_place_beside_it(bpy, addon, hidden):
+    assert not bpy.ops.karf.move_project.poll()

@@ -1,0 +1,19 @@
+"""Open Folder: the folders in which files appear."""
+
+import subprocess
+import sys
+
+import pytest
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems open folders otherwise")
+def test_the_folders_in_which_files_appear_are_opened(bpy, addon, learned, tmp_path, monkeypatch):
+    opened = []
+    # what Blender's own operator calls
+    monkeypatch.setattr(subprocess, "check_call", lambda command: opened.append(command[-1]))
+    with pytest.raises(RuntimeError, match="is not there yet"):
+        bpy.ops.karf.open_folder(folder="out")
+    bpy.ops.karf.open_folder(folder="project")
+    frames = addon.headless.render_captured("all", tmp_path / "elsewhere")
+    bpy.ops.karf.open_folder(folder="frames")
+    assert opened == [str(addon.folders.project_of(learned).folder), str(frames)]

@@ -1,0 +1,60 @@
+"""Which scene's picture the Image Editors show, without a click."""
+
+import pytest
+
+
+@pytest.fixture
+def editor(bpy, addon, learned):
+    """A question: the picture in the Image Editor of the window."""
+    window = bpy.data.window_managers[0].windows[0]
+    window.screen.areas[0].type = "IMAGE_EDITOR"
+
+    def space():
+        window = bpy.data.window_managers[0].windows[0]
+        return next(area for area in window.screen.areas if area.type == "IMAGE_EDITOR").spaces.active
+
+    space().image = learned.karf.result
+    return space
+
+
+def test_a_file_that_is_opened_shows_its_picture(bpy, addon, learned, editor, tmp_path):
+    editor().image = None
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "pots.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "pots.blend"))
+    assert editor().image == bpy.context.scene.karf.result is not None
+
+
+def test_a_preview_that_is_gone_is_no_picture(bpy, addon, learned, editor):
+    editor().image = gone = _gone(bpy)
+    addon.own_pictures.show_again()
+    assert editor().image == learned.karf.result != gone
+
+
+def _gone(bpy):
+    image = bpy.data.images.new("KaRF preview", 1, 1)
+    image.source, image.filepath = "FILE", "/nowhere/preview.png"
+    return image
+
+
+def test_a_picture_of_the_artists_own_stays(bpy, addon, learned, editor):
+    editor().image = own = bpy.data.images.new("sketch", 8, 8)
+    addon.own_pictures.show_again()
+    addon.own_pictures.show_own()
+    assert editor().image == own
+
+
+def test_another_scene_shows_its_own_picture_and_not_the_first_ones(bpy, addon, learned, editor):
+    window, other = bpy.data.window_managers[0].windows[0], bpy.data.scenes.new("other")
+    window.scene = other
+    addon.own_pictures.show_own()
+    assert editor().image is None
+    window.scene = learned
+    addon.own_pictures.show_own()
+    assert editor().image == learned.karf.result
+    other.karf.result = addon.images.new_image("KaRF", 8, 8)
+    window.scene = other
+    addon.own_pictures.show_own()
+    assert editor().image == other.karf.result
+    window.scene = learned
+    addon.own_pictures.show_own()
+    assert editor().image == learned.karf.result

@@ -1,0 +1,163 @@
+"""A project that was begun in an unsaved file lies in the extension's own folder; from there it moves beside the .blend.
+
+It is copied, the .blend is saved with its new place, and only then the old folder goes, unless other files use it.
+"""
+
+import contextlib
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ... import __package__ as extension
+from ..engine_api import BadRequest, DataError
+from ..host import handlers
+from . import captures, disk, folders
+
+USERS = "used_by.txt"  # in a project of the extension's own folder: the .blend files that were saved with it
+
+
+class _Memory:
+    """Projects that have moved in this session, from where and where to: undo knows their old places."""
+
+    moved: dict[Path, Path] = {}
+
+
+def is_hidden(scene: bpy.types.Scene) -> bool:
+    """Whether the scene's project lies in the extension's own folder, where nobody looks for it."""
+    if not scene.karf.project:
+        return False
+    return _own_folder() in folders.project_of(scene).folder.parents
+
+
+def place_beside(scene: bpy.types.Scene) -> Path:
+    """A folder beside the .blend for the scene's project, which is not there yet."""
+    wanted = place = Path(bpy.data.filepath).parent / f"{folders.project_of(scene).folder.name}_karf"
+    number = 2
+    while place.exists():
+        place, number = wanted.with_name(f"{wanted.name}_{number}"), number + 1
+    return place
+
+
+def move(scene: bpy.types.Scene) -> Path:
+    """Move the scene's project beside the .blend, and save that.
+
+    Returns:
+        The project's new folder.
+
+    Raises:
+        BadRequest: The file was never saved.
+        DataError: The folder cannot be written; then all is as it was. Or the .blend cannot: then the project lies in both
+            places.
+    """
+    if not bpy.data.filepath:
+        raise BadRequest("This file was not saved yet.", "Save it first: the project moves beside it.")
+    old, new = folders.project_of(scene).folder, place_beside(scene)
+    _copy(old, new)
+    _Memory.moved[old] = new
+    _relocate(old, new)
+    captures.forget()
+    disk.refresh()
+    _save()
+    if not _users(old) - {bpy.data.filepath}:
+        shutil.rmtree(old, ignore_errors=True)
+    return new
+
+
+def _save() -> None:
+    try:
+        bpy.ops.wm.save_mainfile()
+    except RuntimeError as error:
+        raise DataError(
+            "The project has moved, but the file could not be saved ({error}).",
+            "Save it: as it is on the disk it knows the project where that was, and there it still is.",
+            error=str(error).strip().rpartition(":")[2].strip(),
+        ) from error
+
+
+def _copy(old: Path, new: Path) -> None:
+    partial = new.with_name(f".{new.name}.partial")
+    try:
+        shutil.rmtree(partial, ignore_errors=True)
+        shutil.copytree(old, partial, ignore=shutil.ignore_patterns(USERS))
+        partial.rename(new)
+    except OSError as error:  # shutil's own errors are among them
+        shutil.rmtree(partial, ignore_errors=True)
+        raise DataError(
+            "The project cannot be copied to {path} ({error}).",
+            "Free some space, or save the file elsewhere; the project stays where it was.",
+            path=new,
+            error=error.strerror or "files were not copied",
+        ) from error
+
+
+def _relocate(old: Path, new: Path) -> None:
+    """Let scenes, images and strips know a folder by its new place."""
+    folders.relocate(old, new)
+    for image in bpy.data.images:
+        if image.filepath and (place := folders.relocated(image.filepath, old, new)) != image.filepath:
+            image.filepath = place
+    for strip in _picture_strips():
+        strip.directory = folders.relocated(strip.directory, old, new)
+
+
+def _picture_strips() -> "Iterator[bpy.types.Strip]":
+    editors = [scene.sequence_editor for scene in bpy.data.scenes if scene.sequence_editor is not None]
+    for editor in editors:
+        # an empty collection is false, so the name is asked for, not the strips; Blender 4.2 and 4.3 call them sequences
+        strips = editor.strips_all if hasattr(editor, "strips_all") else editor.sequences_all
+        yield from (strip for strip in strips if strip.type == "IMAGE")
+
+
+def _own_folder() -> Path:
+    return Path(bpy.utils.extension_path_user(extension, path="projects"))
+
+
+def _users(project: Path) -> set[str]:
+    """The .blend files that were saved with a project, and are still there."""
+    try:
+        lines = (project / USERS).read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return set()
+    return {line for line in lines if Path(line).is_file()}
+
+
+@persistent
+def _after_save(*_):
+    for scene in bpy.data.scenes if bpy.data.filepath else ():
+        if is_hidden(scene) and (folder := folders.project_of(scene).folder).is_dir():
+            with contextlib.suppress(OSError):
+                known = _users(folder) | {bpy.data.filepath}
+                (folder / USERS).write_text("\n".join(sorted(known)), encoding="utf-8")
+
+
+@persistent
+def _after_undo(*_):
+    for old, new in _Memory.moved.items():
+        _relocate(old, new)
+
+
+@persistent
+def _after_load(*_):
+    _Memory.moved.clear()
+
+
+HANDLERS = (
+    ("save_post", _after_save),
+    ("undo_post", _after_undo),
+    ("redo_post", _after_undo),
+    ("load_post", _after_load),
+)
+
+
+def register():
+    """Called when the extension is enabled."""
+    handlers.add(HANDLERS)
+
+
+def unregister():
+    """Called when the extension is disabled."""
+    handlers.remove(HANDLERS)
+    _Memory.moved.clear()

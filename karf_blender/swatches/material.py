@@ -1,0 +1,88 @@
+"""Dragging one swatch moves its paint: the object's other swatches follow, as those of a real surface would."""
+
+from collections.abc import Sequence
+
+import bpy
+import numpy as np
+from bpy.app.handlers import persistent
+
+from ..engine_api import KarfError, Palette, match_dragged, shown_colors
+from ..host import handlers, rendering
+from . import colors, groups, keyframes, shown
+
+
+def follow(swatch: bpy.types.PropertyGroup, before: Sequence[float]) -> None:
+    """Let the paint of a swatch that was dragged follow it, and that of those linked to it; locked swatches stay.
+
+    What programs set stands as it is (`shown.batched`), and so do added colors, which have a pigment of their own.
+
+    Args:
+        swatch: With its new color.
+        before: The color that it had, [3].
+    """
+    scene = swatch.id_data
+    if not scene.karf.material or shown.is_batched():
+        return
+    for each in groups.together(swatch):
+        if not (each.merged or each.is_added):
+            _follow(*groups.place_of(each), before)
+
+
+def is_dragged(item: bpy.types.PropertyGroup, index: int) -> bool:
+    """Whether a swatch of an object was dragged last, and no other has changed since but those that followed it."""
+    others = np.arange(len(item.swatches)) != index
+    return item.dragged == index and (colors.edited(item)[others] == colors.stored(item, "given")[others]).all()
+
+
+def _follow(item: bpy.types.PropertyGroup, index: int, before: Sequence[float]) -> None:
+    start, locked = _start(item, index, before), groups.held(item)
+    now = colors.edited(item)
+    try:
+        seen = shown.of(item.id_data).histogram(item)
+    except (KarfError, OSError):  # nobody has counted the object's colors: the swatch moves alone
+        return
+    visible = shown_colors(seen, Palette(item.name, colors.learned(item)), start)
+    weights = groups.gathered(item, seen.palette_weights.T).T
+    found = match_dragged(visible, seen.counts, weights, start, index, now[index], locked)
+    with groups.apart():
+        for number, color in enumerate(found):
+            if number != index and number not in locked and (color != now[number]).any():
+                item.swatches[number].color = color
+    groups.carry_merged(item)
+    item.swatches.foreach_set("given", colors.edited(item).ravel())
+
+
+def _start(item: bpy.types.PropertyGroup, index: int, before: Sequence[float]) -> np.ndarray:
+    """The palette [M, 3] when the drag of a swatch began. It goes on for as long as nothing else has changed."""
+    if is_dragged(item, index):
+        return colors.stored(item, "began")
+    now = colors.edited(item)
+    now[index] = before
+    item.dragged = index
+    item.swatches.foreach_set("began", now.ravel())
+    return now
+
+
+@persistent
+def _after_frame(scene, *_):
+    """Keyframes move one swatch without its update; the paint of the one that was dragged last follows here."""
+    if not scene.karf.material or rendering.is_running():
+        return
+    items = {item.name: item for item in scene.karf.objects}
+    for curve in keyframes.of(scene):
+        item = items.get(curve.object_name)
+        if item and isinstance(curve.swatch, int) and curve.tail == ".color" and is_dragged(item, curve.swatch):
+            _follow(item, curve.swatch, item.swatches[curve.swatch].last)
+
+
+HANDLERS = (("frame_change_post", _after_frame),)
+
+
+def register():
+    """Called when the extension is enabled."""
+    handlers.add(HANDLERS)
+
+
+def unregister():
+    """Called when the extension is disabled."""
+    handlers.remove(HANDLERS)

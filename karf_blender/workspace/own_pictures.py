@@ -1,0 +1,74 @@
+"""Image Editors show the picture of their window's scene: when a file is opened, and when another scene is chosen."""
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ..engine_api import KarfError
+from ..host import handlers, rendering
+from ..pictures import editors
+from ..project import contents
+from ..swatches import shown
+
+OWNER = object()
+
+
+def show_again() -> None:
+    """Show the recolored picture in the Image Editors that are empty, or have one of KaRF's that is gone. Never raises."""
+    for window in bpy.data.window_managers[0].windows:
+        make(window.scene)
+        result = window.scene.karf.result
+        for area in _image_editors(window) if result is not None else ():
+            if editors.is_empty(area):
+                editors.show(area, result)
+
+
+def make(scene: bpy.types.Scene) -> None:
+    """Make the recolored picture of a scene that has none, where its view is prepared. Never raises."""
+    karf = scene.karf
+    if karf.result is not None or not karf.objects or not karf.project or rendering.is_running():
+        return
+    try:
+        if contents.is_prepared(scene):
+            shown.of(scene).recolor()
+    except (KarfError, OSError) as error:  # nobody has asked for it
+        print(f"KaRF: {error}")
+
+
+def show_own() -> None:
+    """Let each Image Editor show the picture of its window's scene, and never another's beside that one's swatches."""
+    for window in bpy.data.window_managers[0].windows:
+        results = {scene.karf.result for scene in bpy.data.scenes} - {None, window.scene.karf.result}
+        for area in _image_editors(window):
+            if area.spaces.active.image in results:
+                editors.show(area, window.scene.karf.result)
+    show_again()
+
+
+def _image_editors(window: bpy.types.Window) -> list[bpy.types.Area]:
+    return [area for area in window.screen.areas if area.type == "IMAGE_EDITOR"]
+
+
+def _subscribe() -> None:
+    bpy.msgbus.clear_by_owner(OWNER)  # a file that is opened has its own bus
+    bpy.msgbus.subscribe_rna(key=(bpy.types.Window, "scene"), owner=OWNER, args=(), notify=show_own)
+
+
+@persistent
+def _after_load(*_):
+    _subscribe()
+    show_again()
+
+
+HANDLERS = (("load_post", _after_load),)
+
+
+def register():
+    """Called when the extension is enabled."""
+    handlers.add(HANDLERS)
+    _subscribe()
+
+
+def unregister():
+    """Called when the extension is disabled."""
+    bpy.msgbus.clear_by_owner(OWNER)
+    handlers.remove(HANDLERS)
