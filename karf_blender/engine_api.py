@@ -35,7 +35,7 @@ from ..karf_engine.io.files import atomic_write, checksum, read_json, write_json
 from ..karf_engine.io.image_size import find_header
 from ..karf_engine.io.names import file_name, is_file_name, same_but_for_case
 from ..karf_engine.io.options import Options, bounds_of
-from ..karf_engine.palettes.added import palettes_with, solve_set, spread, spread_objects
+from ..karf_engine.palettes.added import palettes_with, pigment_of_swatch, proposed, solve_set, spread, spread_objects
 from ..karf_engine.palettes.color_text import color_to_text, colors_of_text
 from ..karf_engine.palettes.colorways.planned import PlannedColorway, plan_colorways
 from ..karf_engine.palettes.colorways.reached import dominant_color, reached_by, reached_color
@@ -57,7 +57,9 @@ from ..karf_engine.palettes.palette import (
     BRIGHTEST,
     COMPOSITING_MODES,
     MOST_ADDED,
+    MOST_PROTECT,
     MOST_REACH,
+    PROTECT,
     REACH,
     AddedColor,
     Edit,
@@ -102,9 +104,11 @@ __all__ = [
     "ERROR",
     "LOG_FILE",
     "MOST_ADDED",
+    "MOST_PROTECT",
     "MOST_REACH",
     "OK",
     "PRESETS",
+    "PROTECT",
     "REACH",
     "REQUEST_FILE",
     "REQUIRED",
@@ -173,7 +177,9 @@ __all__ = [
     "palette_only",
     "palettes_with",
     "photo_plus_change",
+    "pigment_of_swatch",
     "plan_colorways",
+    "proposed",
     "reached_by",
     "reached_color",
     "read_edit_file",

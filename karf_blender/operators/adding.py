@@ -9,7 +9,7 @@ from .. import steps
 from ..engine_api import BadRequest
 from ..host import windows
 from ..host.words import translate_report
-from ..properties.colors import pigment_reach, srgb
+from ..properties.colors import pigment_reach, protected_neutrals, srgb
 from ..swatches import drawn_over
 from .reporting import PreparedStep, reports_errors
 from .swatches import OneSwatch
@@ -25,6 +25,7 @@ class KARF_OT_add_color(PreparedStep, bpy.types.Operator):
     object_name: StringProperty(name="Object")
     picked: srgb("Picked", 0.5, description="A color of the object, as the photos show it", options={"SKIP_SAVE"})
     reach: pigment_reach(options={"SKIP_SAVE"})
+    protect: protected_neutrals(options={"SKIP_SAVE"})
 
     def invoke(self, context, event):
         return self._wait(context)
@@ -59,9 +60,27 @@ class KARF_OT_add_color(PreparedStep, bpy.types.Operator):
 
     @reports_errors
     def execute(self, context):
-        number = steps.add_color(context.scene, self.object_name, self.picked, reach=self.reach)
+        given = {name: getattr(self, name) for name in ("reach", "protect") if self.properties.is_property_set(name)}
+        number = steps.add_color(context.scene, self.object_name, self.picked, **given)
+        added = context.scene.karf.objects[self.object_name].swatches[number]
+        self.reach, self.protect = added.reach, added.protect  # what was proposed is where changing it begins
         windows.redraw(*windows.PANEL_AREAS)
         self.report({"INFO"}, translate_report("Added as swatch {number}: change its color", number=number))
+        return {"FINISHED"}
+
+
+class KARF_OT_protect_neutrals(OneSwatch, bpy.types.Operator):
+    """Change this swatch's own pigment alone: letters, bands, a print. Silver, foil, paper and gloss stay as they are"""
+
+    bl_idname = "karf.protect_neutrals"
+    bl_label = "Protect Neutrals"
+
+    @reports_errors
+    def execute(self, context):
+        number = steps.protect_neutrals(context.scene, self.object_name, self.index)
+        windows.redraw(*windows.PANEL_AREAS)
+        if number != self.index:
+            self.report({"INFO"}, translate_report("Swatch {number} now changes this pigment", number=number))
         return {"FINISHED"}
 
 
@@ -94,4 +113,4 @@ def _pictures(context: bpy.types.Context) -> Iterator[bpy.types.Region]:
             yield next(region for region in area.regions if region.type == "WINDOW")
 
 
-CLASSES = (KARF_OT_add_color, KARF_OT_remove_color)
+CLASSES = (KARF_OT_add_color, KARF_OT_protect_neutrals, KARF_OT_remove_color)

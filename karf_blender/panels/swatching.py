@@ -96,8 +96,10 @@ class KARF_MT_swatch(bpy.types.Menu):
         layout.separator()
         if swatch.is_added:
             layout.prop(swatch, "reach")
+            layout.prop(swatch, "protect")
             act(layout, "karf.remove_color", context, icon="X")
             return
+        act(layout, "karf.protect_neutrals", context, icon="SELECT_DIFFERENCE")
         layout.menu("KARF_MT_merge")
         act(layout, "karf.merge_swatch", context, text="Remove", icon="X")
         if any(each.merged == number_of(item, swatch) for each in item.swatches):

@@ -14,7 +14,7 @@ from bpy.props import (
 from .. import progress
 from ..engine_api import BRIGHTEST, KarfError
 from ..swatches import becomes, edits, groups, material, shown
-from .colors import pigment_reach, srgb
+from .colors import pigment_reach, protected_neutrals, srgb
 
 RULE_ITEMS = [
     ("becomes", "Material", "Paint the whole object anew, light and highlights kept"),
@@ -82,6 +82,7 @@ class KARF_PG_swatch(bpy.types.PropertyGroup):
     merged: IntProperty(description="The number of the object's swatch that moves this one; 0: none")
     is_added: BoolProperty(description="The artist has added this color; its pigment has a set of swatches behind it")
     reach: pigment_reach(options=set(), update=_reach_changed)
+    protect: protected_neutrals(options=set(), update=_reach_changed)
     last: srgb("Last", highest=BRIGHTEST, description="The color as of its last change")
     began: srgb("Began", highest=BRIGHTEST, description="The color when a swatch of the object began to be dragged")
     given: srgb("Given", highest=BRIGHTEST, description="The color when that one was dragged last")

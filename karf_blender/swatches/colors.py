@@ -70,7 +70,7 @@ def size(item: bpy.types.PropertyGroup) -> int:
 
 def added_color(swatch: bpy.types.PropertyGroup) -> AddedColor:
     """The color that was added with the first swatch of a set."""
-    return AddedColor(np.array(swatch.learned, np.float32), swatch.reach)
+    return AddedColor(np.array(swatch.learned, np.float32), swatch.reach, swatch.protect)
 
 
 def added(item: bpy.types.PropertyGroup) -> tuple[AddedColor, ...]:
@@ -85,7 +85,7 @@ def added_by_object(scene: bpy.types.Scene) -> dict[str, tuple[AddedColor, ...]]
 
 def keys(added_colors: Iterable[AddedColor]) -> list[tuple[float, ...]]:
     """What makes added colors the same ones, as comparable values."""
-    return [(*color.picked.tolist(), color.reach) for color in added_colors]
+    return [(*color.picked.tolist(), color.reach, color.protect) for color in added_colors]
 
 
 def painted_by(item: bpy.types.PropertyGroup, index: int) -> slice:

@@ -34,6 +34,16 @@ def is_dragged(item: bpy.types.PropertyGroup, index: int) -> bool:
     return item.dragged == index and (colors.edited(item)[others] == colors.stored(item, "given")[others]).all()
 
 
+def before_drag(item: bpy.types.PropertyGroup, index: int) -> np.ndarray:
+    """An object's palette [M, 3] without a swatch's edit: as it was before the drag where what followed is known, else
+    with the learned color of that swatch."""
+    if is_dragged(item, index):
+        return colors.stored(item, "began")
+    palette = colors.edited(item)
+    palette[index] = colors.learned(item)[index]
+    return palette
+
+
 def _follow(item: bpy.types.PropertyGroup, index: int, before: Sequence[float]) -> None:
     start, locked = _start(item, index, before), groups.held(item)
     now = colors.edited(item)

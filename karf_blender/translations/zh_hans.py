@@ -684,6 +684,13 @@ TEXTS = {
         "在图片中点击 {name}，添加该处的颜色。  Esc：取消"
     ),
     "Added as swatch {number}: change its color": "已添加为色板 {number}：请更改其颜色",
+    "Protect Neutrals": "保护中性色",
+    "Silver, foil, paper and gloss stay as they are: colors whose saturation is under this share of the pigment's are not "
+    "of it. 0: its hue alone decides": "银色、箔、纸和光泽保持不变：饱和度低于该颜料此比例的颜色不属于它。0：仅由色相决定",
+    "Change this swatch's own pigment alone: letters, bands, a print. Silver, foil, paper and gloss stay as they are": (
+        "只改变此色板自己的颜料：文字、条带、印刷。银色、箔、纸和光泽保持不变"
+    ),
+    "Swatch {number} now changes this pigment": "色板 {number} 现在改变此颜料",
     "Take this added color away: its pigment follows the other swatches again": (
         "移除此添加的颜色：其颜料重新跟随其他色板"
     ),

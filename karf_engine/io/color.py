@@ -102,6 +102,19 @@ def lab_chroma(lab: np.ndarray) -> np.ndarray:
     return np.hypot(lab[..., 1], lab[..., 2])
 
 
+def lab_saturation(lab: np.ndarray) -> np.ndarray:
+    """Saturation of Lab colors [..., 3], C / sqrt(C^2 + L^2) (Luebbe 2011): 0 for greys, below 1; nearly the same in the
+    light and in the shade.
+
+    Examples:
+        >>> lab_saturation(np.array([[40.0, 30, 0], [20, 15, 0], [50, 0, 0]])).round(2).tolist()
+        [0.6, 0.6, 0.0]
+    """
+    chroma = lab_chroma(lab)
+    length = np.hypot(chroma, lab[..., 0])
+    return np.divide(chroma, length, out=np.zeros_like(length), where=length > 0)
+
+
 def ciede2000(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Color difference CIEDE2000 of two arrays of Lab colors [..., 3]; about 1 is just visible side by side.
 

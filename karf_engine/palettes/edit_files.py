@@ -16,6 +16,7 @@ from .palette import (
     COMPOSITING_MODES,
     MOST_ADDED,
     MOST_COLORS,
+    MOST_PROTECT,
     MOST_REACH,
     REACH,
     AddedColor,
@@ -113,16 +114,21 @@ def _added(entry: Any, where: str, size: int) -> tuple[AddedColor, np.ndarray]:
     """An added color and its set [size, 3], the wanted color first."""
     if not isinstance(entry, dict):
         raise DataError(f"{where} has the added color {entry!r:.200}.", "Add colors again, and save the edit.")
-    reach, colors = entry.get("reach", REACH), list_of(entry.get("colors"), f"{where}: an added color", MOST_COLORS)
+    reach, protect = entry.get("reach", REACH), entry.get("protect", 0.0)
+    colors = list_of(entry.get("colors"), f"{where}: an added color", MOST_COLORS)
     if not is_number(reach) or not 0 < reach <= MOST_REACH:
         raise DataError(f"{where} has the reach {reach!r:.200}.", f"Write a number above 0, up to {MOST_REACH:g}.")
+    if not is_number(protect) or not 0 <= protect <= MOST_PROTECT:
+        raise DataError(f"{where} protects {protect!r:.200}.", f"Write a number from 0 to {MOST_PROTECT:g}.")
     if len(colors) != size:
         raise DataError(
             f"{where} has an added color of {len(colors)} colors, its palette has {size}.",
             "Give the wanted color, then one color per swatch.",
         )
     picked = color_of(entry.get("picked"), where, 1)
-    return AddedColor(picked, float(reach)), np.stack([color_of(value, where, BRIGHTEST) for value in colors])
+    return AddedColor(picked, float(reach), float(protect)), np.stack(
+        [color_of(value, where, BRIGHTEST) for value in colors]
+    )
 
 
 @checked
@@ -159,8 +165,10 @@ def _object(colors: np.ndarray, added: Sequence[AddedColor]) -> dict[str, Any]:
     palette, *sets = np.split(np.asarray(colors), 1 + len(added))
     if not sets:
         return {"colors": rows_of(palette)}
-    listed = [
-        {"picked": rows_of(each.picked[None])[0], "reach": float(each.reach), "colors": rows_of(own)}
-        for each, own in zip(added, sets, strict=True)
-    ]
+    listed = [_added_to_json(each, own) for each, own in zip(added, sets, strict=True)]
     return {"colors": rows_of(palette), "added": listed}
+
+
+def _added_to_json(color: AddedColor, own: np.ndarray) -> dict[str, Any]:
+    protect = {"protect": float(color.protect)} if color.protect else {}
+    return {"picked": rows_of(color.picked[None])[0], "reach": float(color.reach), **protect, "colors": rows_of(own)}

@@ -25,6 +25,9 @@ COMPOSITING_MODES = ("delta", "paper")
 MOST_OBJECTS, MOST_COLORS = 255, 64
 MOST_ADDED = 16  # added colors an object can have at most
 REACH, MOST_REACH = 0.5, 4.0  # reach of an added color: default and maximum
+# how far neutrals are protected from it where that is asked for, and at most. Chosen on two drawn pictures of lettered
+# silver: less recolors reflections, more leaves red rims
+PROTECT, MOST_PROTECT = 0.2, 0.5
 BRIGHTEST = 2.0  # highest sRGB value of an edited color: a swatch may be brighter than white, mixtures are clipped
 
 
@@ -66,10 +69,13 @@ class AddedColor:
     Attributes:
         picked: The color as learned, sRGB [3] in [0, 1]; not black.
         reach: How far around its hue it counts, in (0, MOST_REACH]; 1 is as far as *Becomes* reaches.
+        protect: Share of its saturation under which colors are neutral, and not of it, in [0, MOST_PROTECT]; see
+            `matching.paints.pigment_gate`.
     """
 
     picked: np.ndarray
     reach: float = REACH
+    protect: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,18 @@ from ..project.settings import from_dict
 from .added import solve_set
 from .matching.becomes import match_becomes, match_fewest, nearest_weights
 from .object_colors import read_object_colors
-from .palette import BRIGHTEST, MOST_ADDED, MOST_REACH, REACH, AddedColor, Edit, Palette, hex_to_rgb, read_palettes
+from .palette import (
+    BRIGHTEST,
+    MOST_ADDED,
+    MOST_PROTECT,
+    MOST_REACH,
+    REACH,
+    AddedColor,
+    Edit,
+    Palette,
+    hex_to_rgb,
+    read_palettes,
+)
 from .palette_files import read_edit_file, write_edit_file
 
 RULES = ("becomes", "fewest")
@@ -68,7 +79,9 @@ class ProjectEdit(Edit):
         return replace(self, colors=self.colors | {name: np.concatenate([colors, sets])})
 
     @checked
-    def add_color(self, name: str, picked: Color, wanted: Color, reach: float = REACH) -> ProjectEdit:
+    def add_color(
+        self, name: str, picked: Color, wanted: Color, reach: float = REACH, protect: float = 0.0
+    ) -> ProjectEdit:
         """Let one pigment of an object have a color of its own, and leave it out of what the swatches change.
 
         Args:
@@ -77,18 +90,22 @@ class ProjectEdit(Edit):
             wanted: the color that it gets; numbers may go up to 2, brighter than white.
             reach: how far around its hue, or in chroma where it is grey, other colors are of it: over 0 up to 4; 1 is as far as
                 `becomes` reaches.
+            protect: share of its saturation, 0 to 0.5, under which colors are neutral and stay: for letters on silver or
+                paper 0.2. 0: hue alone decides.
 
         Raises:
-            BadRequest: there is no such object, it has 16 added colors already, the pigment is black, or the reach
-                cannot be.
+            BadRequest: there is no such object, it has 16 added colors already, the pigment is black, or reach or
+                protect cannot be.
             DataError: a color is none, or the project's histogram of the object's colors is damaged.
         """
         palette, before = self._palette(name), self.added.get(name, ())
         if not 0 < reach <= MOST_REACH:
             raise BadRequest(f"{reach!r} is not a reach.", f"Give a number above 0, up to {MOST_REACH:g}.")
+        if not 0 <= protect <= MOST_PROTECT:
+            raise BadRequest(f"{protect!r} cannot be protected.", f"Give a number from 0 to {MOST_PROTECT:g}.")
         if len(before) == MOST_ADDED:
             raise BadRequest(f"{name!r} has {MOST_ADDED} added colors.", "Leave one of them out.")
-        added = AddedColor(as_color(picked), float(reach))
+        added = AddedColor(as_color(picked), float(reach), float(protect))
         seen = read_object_colors(self.project.checked(self.project.object_colors_file), name)
         colors = solve_set(seen, palette.colors, added, as_color(wanted, BRIGHTEST))
         return replace(

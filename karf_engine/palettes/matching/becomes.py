@@ -144,9 +144,10 @@ def match_pigment(
     source: np.ndarray,
     target: np.ndarray,
     reach: float,
+    protect: float = 0.0,
 ) -> np.ndarray:
     """`match_becomes` of one pigment by itself: other colors of the object do not count, as swatches of their own serve
-    them. reach: see `pigment_gate`.
+    them. reach, protect: see `pigment_gate`.
 
     Examples:
         Of a red and a green that are of one swatch, the green does not hold the red back:
@@ -157,7 +158,7 @@ def match_pigment(
         >>> print(change[1].round(2))
         [-0.5  0.1  0.6]
     """
-    counts = counts * pigment_gate(colors, source, reach)
+    counts = counts * pigment_gate(colors, source, reach, protect)
     targets = repainted(colors, source, target, np.ones((1, 1)))
     return _matched(colors, counts, palette_weights, palette, source, target, targets, ())
 

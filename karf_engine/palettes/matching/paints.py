@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...errors import BadRequest
-from ...io.color import lab_chroma, lab_hue, linear_to_srgb, srgb_to_lab, srgb_to_linear
+from ...io.color import lab_chroma, lab_hue, lab_saturation, linear_to_srgb, srgb_to_lab, srgb_to_linear
 
 HUE_GATE = 0.65  # radians of Lab hue at which a color counts as another pigment
 PALE = 5.0  # Lab chroma of a source at which a difference of hue counts half
@@ -115,22 +115,39 @@ def _shading(light: np.ndarray, r: np.ndarray) -> np.ndarray:
     return np.maximum(np.where(gloss < 0, cr / rr, paint), 0)
 
 
-def pigment_gate(colors: np.ndarray, source: np.ndarray, reach: float = 1.0) -> np.ndarray:
+def pigment_gate(colors: np.ndarray, source: np.ndarray, reach: float = 1.0, protect: float = 0.0) -> np.ndarray:
     """1 for colors of the source's pigment, 0 for others, [n]; in the light and in the shade alike.
+
+    Silver, foil and white paper have the hue of what they mirror, or of noise: hue alone takes them for the pigment.
 
     Args:
         colors: sRGB [n, 3] in [0, 1].
         source: sRGB [3] in [0, 1].
         reach: How far in hue, or in chroma of a grey source, other colors still count; 1 is that of *Becomes*.
+        protect: Neutral colors do not count: those whose Lab saturation is under this share of the source's, softly from
+            half of it to one and a half; in [0, 1), 0: hue alone decides. Of a grey source nothing.
 
     Examples:
         >>> reds, green = np.array([[0.7, 0.1, 0.1], [0.3, 0.03, 0.03]]), np.array([[0.1, 0.6, 0.2]])
         >>> pigment_gate(np.vstack([reds, green]), reds[0]).round(2).tolist()
         [1.0, 1.0, 0.0]
+        >>> pinkish = np.array([[0.62, 0.6, 0.6]])
+        >>> [pigment_gate(pinkish, reds[0], 1.0, protect).round(2).tolist() for protect in (0.0, 0.2)]
+        [[0.97], [0.0]]
     """
     lab, source = srgb_to_lab(colors), srgb_to_lab(np.asarray(source, np.float64))
     if lab_chroma(source) < GREY_CHROMA:
         return np.exp(-(((lab_chroma(lab) - lab_chroma(source)) / (reach * CHROMA_GATE)) ** 4))
     turn = (lab_hue(lab) - lab_hue(source) + np.pi) % (2 * np.pi) - np.pi
     turn *= lab_chroma(source) / (lab_chroma(source) + PALE)  # light and noise turn the hue of pale paint
-    return np.exp(-((turn / (reach * HUE_GATE)) ** 4))
+    gate = np.exp(-((turn / (reach * HUE_GATE)) ** 4))
+    if protect:
+        share = lab_saturation(lab) / lab_saturation(source)
+        gate *= _smooth_step((share - protect / 2) / protect)
+    return gate
+
+
+def _smooth_step(position: np.ndarray) -> np.ndarray:
+    """0 up to position 0, 1 from 1 on, and smooth between."""
+    inside = np.clip(position, 0, 1)
+    return inside * inside * (3 - 2 * inside)
