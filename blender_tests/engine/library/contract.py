@@ -492,7 +492,8 @@ def _neighbors(kinds: Mapping[str, str]) -> list[tuple[str, str]]:
     pairs = zip(kinds, list(kinds)[1:], strict=False)
     alike = {frozenset(("length", "maybe length")), frozenset(("width", "octaves")), frozenset(("width", "width or 0")),
              frozenset(("focal length", "coordinate")), frozenset(("view name", "new mask")), frozenset(("width", "centers")),
-             frozenset(("text", "values")), frozenset(("bandwidth tensor", "bias")), frozenset(("path", "text"))}  # fmt: skip
+             frozenset(("text", "values")), frozenset(("bandwidth tensor", "bias")), frozenset(("path", "text")),
+             frozenset(("reach", "protect"))}  # fmt: skip
     return [(a, b) for a, b in pairs if kinds[a] != kinds[b] and frozenset((kinds[a], kinds[b])) not in alike
             and "group" not in (kinds[a], kinds[b])]  # fmt: skip
 
