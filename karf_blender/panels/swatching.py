@@ -21,8 +21,10 @@ def draw_object(layout, item):
             draw_swatch(row.column(align=True), item, index, swatch)
     row.operator("karf.add_color", text="", icon="EYEDROPPER").object_name = item.name
     row = layout.row()
-    row.alignment = "LEFT"
-    row.prop(item, "show_becomes", icon="DOWNARROW_HLT" if item.show_becomes else "RIGHTARROW", emboss=False)
+    left = row.row()
+    left.alignment = "LEFT"
+    left.prop(item, "show_becomes", icon="DOWNARROW_HLT" if item.show_becomes else "RIGHTARROW", emboss=False)
+    row.prop(item, "is_metal", icon="SHADING_RENDERED", icon_only=True)
     if item.show_becomes:
         draw_becomes(layout, item)
 

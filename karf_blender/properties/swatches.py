@@ -54,6 +54,12 @@ def _target_changed(self, context):
     shown.of(self.id_data).update_left()
 
 
+def _metal_changed(self, context):
+    if self.dragged:
+        material.follow_again(self)
+    _target_changed(self, context)
+
+
 def _picture_chosen(self, context):
     self.view = ""  # of another picture nobody knows which view it shows
 
@@ -104,6 +110,12 @@ class KARF_PG_object(bpy.types.PropertyGroup):
     dragged: IntProperty(description="The number of the swatch that was dragged last; 0: none")
     held: StringProperty(name="Held", description="Colors that its paints were given before, which Becomes keeps")
     rule: EnumProperty(name="Rule", items=RULE_ITEMS, update=_target_changed)
+    is_metal: BoolProperty(
+        name="Metal",
+        description="Highlights take the paint's color, as those of gold or copper do. Of everything else they keep the "
+        "light's color",
+        update=_metal_changed,
+    )
     live: BoolProperty(name="Live", description="Follow the target color while it is dragged", update=_target_changed)
     show_becomes: BoolProperty(
         name="One color becomes another", description="Pick a color of the object and what it shall become"

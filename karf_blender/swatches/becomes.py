@@ -68,7 +68,7 @@ def apply(
         edited = match_fewest(nearest_weights(visible, weights, source), start, target, locked, shown=source)
     else:
         pairs = with_held(visible, source, target, held)
-        edited = match_becomes(visible, seen.counts, weights, start, *pairs, locked)
+        edited = match_becomes(visible, seen.counts, weights, start, *pairs, locked, item.is_metal)
     edits.apply_edit(scene, Edit({name: edited}, scene.karf.compositing, colors.added_by_object(scene)))
     before = ColorHistogram(visible, seen.counts, weights)
     reached, _, reason = reached_by(edited, Palette(name, start), before, source, srgb_to_lab(target), locked)

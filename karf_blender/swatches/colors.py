@@ -132,7 +132,7 @@ def left_to_target(item: bpy.types.PropertyGroup, histogram: ColorHistogram) -> 
         reached = reached_color(before, after, source, histogram.counts)
         return float(ciede2000(srgb_to_lab(reached), srgb_to_lab(target)))
     pairs = with_held(before, source, target, held(item))
-    left = ciede2000(srgb_to_lab(after), srgb_to_lab(reflection_target(before, *pairs)))
+    left = ciede2000(srgb_to_lab(after), srgb_to_lab(reflection_target(before, *pairs, item.is_metal)))
     return float(np.average(left, weights=histogram.counts))
 
 

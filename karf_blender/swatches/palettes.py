@@ -45,7 +45,7 @@ class _ObjectEdits:
 
     @classmethod
     def of(cls, item: bpy.types.PropertyGroup) -> "_ObjectEdits":
-        own = {name: getattr(item, name) for name in ("rule", "show_becomes", "held")}
+        own = {name: getattr(item, name) for name in ("rule", "show_becomes", "held", "is_metal")}
         source, target = colors.color_pair(item)
         if source != target:  # else it waits for a target, with the color that the object mostly had
             own |= {"source": source, "target": target}

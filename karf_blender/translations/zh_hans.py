@@ -691,6 +691,10 @@ TEXTS = {
         "只改变此色板自己的颜料：文字、条带、印刷。银色、箔、纸和光泽保持不变"
     ),
     "Swatch {number} now changes this pigment": "色板 {number} 现在改变此颜料",
+    "Metal": "金属",
+    "Highlights take the paint's color, as those of gold or copper do. Of everything else they keep the light's color": (
+        "高光取漆料的颜色，如金或铜那样。其他一切的高光保持光的颜色"
+    ),
     "Take this added color away: its pigment follows the other swatches again": (
         "移除此添加的颜色：其颜料重新跟随其他色板"
     ),

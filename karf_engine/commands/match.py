@@ -32,7 +32,9 @@ def run(options: MatchOptions, emit: Emit, should_stop: Callable[[], bool]) -> N
         for source, target in ((options.source, options.target), *options.also):
             edit = edit.add_color(options.object, source, target)
     else:
-        edit = edit.becomes(options.object, options.source, options.target, options.rule, options.also)
+        edit = edit.becomes(
+            options.object, options.source, options.target, options.rule, options.also, options.is_metal
+        )
         _tell(edit, options.object, [(options.source, options.target), *options.also], emit)
     edit.save(options.out)
     emit("artifact", kind="edit", path=str(options.out))

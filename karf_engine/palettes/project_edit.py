@@ -57,6 +57,7 @@ class ProjectEdit(Edit):
         target: Color,
         rule: str = "becomes",
         also: Sequence[tuple[Color, Color]] = (),
+        is_metal: bool = False,
     ) -> ProjectEdit:
         """Let one color that an object shows become another.
 
@@ -67,6 +68,7 @@ class ProjectEdit(Edit):
             rule: `becomes` carries the whole material along; `fewest` changes as few swatches as possible.
             also: of a thing of several paints further pairs of source and target, which `becomes` solves together with
                 the first: one after the other would take what a paint has become for another paint.
+            is_metal: whether highlights take the paint's color, and not the light's; of the rule `becomes`.
 
         Raises:
             BadRequest: there is no such object or rule, or a rule was given pairs that it cannot solve together.
@@ -74,7 +76,7 @@ class ProjectEdit(Edit):
         """
         sources, targets = zip((source, target), *also, strict=True)
         pairs = (np.stack([as_color(each) for each in colors]) for colors in (sources, targets))
-        colors = solve(self.project, self._palette(name), *pairs, rule)
+        colors = solve(self.project, self._palette(name), *pairs, rule, is_metal)
         sets = self.colors[name][len(colors) :]
         return replace(self, colors=self.colors | {name: np.concatenate([colors, sets])})
 
@@ -161,7 +163,9 @@ def edit_of(project: Project, path: Path | str | None = None) -> ProjectEdit:
     return ProjectEdit(edit.colors, edit.compositing, edit.added, project=project, palettes=palettes)
 
 
-def solve(project: Project, palette: Palette, source: np.ndarray, target: np.ndarray, rule: str) -> np.ndarray:
+def solve(
+    project: Project, palette: Palette, source: np.ndarray, target: np.ndarray, rule: str, is_metal: bool = False
+) -> np.ndarray:
     """The edited palette [M, 3] with which colors `source` [P, 3] of the palette's object become `target` [P, 3], sRGB.
 
     Raises BadRequest for an unknown rule (see `RULES`) and for several colors by a rule that takes one, DataError where the
@@ -171,7 +175,7 @@ def solve(project: Project, palette: Palette, source: np.ndarray, target: np.nda
         raise BadRequest(f"Unknown rule {rule!r}.", f"Use one of: {', '.join(RULES)}.")
     colors, counts, weights = read_object_colors(project.checked(project.object_colors_file), palette.name)
     if rule == "becomes":
-        return match_becomes(colors, counts, weights, palette.colors, source, target)
+        return match_becomes(colors, counts, weights, palette.colors, source, target, is_metal=is_metal)
     if len(source) > 1:
         raise BadRequest("The rule 'fewest' takes one pair of colors.", "Use the rule 'becomes' for several.")
     return match_fewest(nearest_weights(colors, weights, source[0]), palette.colors, target[0], shown=source[0])

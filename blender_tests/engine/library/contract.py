@@ -368,7 +368,7 @@ ROWS: dict[str, dict[str, str]] = {
     "Model.recolor": row(view="view", edit="edit", size="size"),
     "Model.composite": row(frame="frame with weights", edit="edit"),
     "ProjectEdit": row(colors="colors", compositing="compositing", added="added", project="own project", palettes="palettes"),
-    "ProjectEdit.becomes": row(name="object", source="color", target="color", rule="rule", also="pairs"),
+    "ProjectEdit.becomes": row(name="object", source="color", target="color", rule="rule", also="pairs", is_metal="flag"),
     "ProjectEdit.add_color": row(name="object", picked="color", wanted="color", reach="reach", protect="protect"),
     "ProjectEdit.swatch": row(name="object", index="swatch", color="color"),
     "ProjectEdit.save": row(path="new edit file"),

@@ -39,6 +39,7 @@ class MatchOptions(Options):
         "becomes",
         choices=RULES,
     )
+    is_metal: bool = option("with becomes: highlights take the paint's color, and not the light's", False, flag="metal")
     view: str | None = option("in place of a color pair: the view that --picture shows", None)
     picture: Path | None = option("this view painted over or graded, of any size", None, metavar="FILE")
     edit: Path | None = option(

@@ -14,22 +14,25 @@ HUE_GATE = 0.65  # radians of Lab hue at which a color counts as another pigment
 PALE = 5.0  # Lab chroma of a source at which a difference of hue counts half
 SAME = 1e-3  # radians in linear light up to which colors are equal
 GREY_CHROMA, CHROMA_GATE = 6.0, 25.0  # Lab chroma below which a source has no hue; and the gate that then stands in
+LEAST_METAL = 0.02  # linear reflectance that a metal has in every channel: less would make noise of what it mirrors
 GLOSS_COST = 0.1  # penalty of gloss when a color is split into paint and gloss; white's is 3
 
 
-def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray) -> np.ndarray:
+def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray, is_metal: bool = False) -> np.ndarray:
     """What each color becomes when the paint that looks like `source` is changed to look like `target`.
 
     Linear light c = a r + s (1, 1, 1) + rest with the source r; shading a and gloss s are not negative, found by least
     squares. The paint's part follows: c + gate a (t - r); gate = exp(-(dh / 0.65)^4) of the Lab hue difference dh to
     the source, of which pale paint counts less, leaves other pigments alone. A grey source has no hue: there the chroma
     difference gates. This is the dichromatic model of Shafer (1985), "Using color to separate reflection components",
-    with one light. Several paints share each color, the nearer one gets more.
+    with one light. Several paints share each color, the nearer one gets more. A metal has no paint under its gloss: all that
+    it shows is what it mirrors, times its own color, so c + gate c (t / r - 1).
 
     Args:
         colors: sRGB [n, 3] in [0, 1].
         source: sRGB [3] in [0, 1], what an eyedropper shows before; of several paints [P, 3].
         target: The same after the change.
+        is_metal: Whether highlights take the paint's color too.
 
     Returns:
         sRGB [n, 3] float64 in [0, 1].
@@ -45,10 +48,16 @@ def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray
         [[0.1, 0.2, 0.7], [0.1, 0.6, 0.2]]
         >>> reflection_target(np.stack([red, green]), np.stack([red, green]), np.stack([green, red])).round(3).tolist()
         [[0.1, 0.6, 0.2], [0.7, 0.1, 0.1]]
+
+        The highlight of a blue varnish is nearly white, that of a blue metal is blue:
+
+        >>> gold, blue, highlight = np.array([0.8, 0.6, 0.3]), np.array([0.3, 0.5, 0.8]), np.array([[1.0, 0.9, 0.8]])
+        >>> [reflection_target(highlight, gold, blue, metal).round(1).tolist() for metal in (False, True)]
+        [[[0.8, 0.9, 1.0]], [[0.4, 0.8, 1.0]]]
     """
     sources = np.atleast_2d(source)
     reached = np.max([pigment_gate(colors, each) for each in sources], axis=0)
-    return repainted(colors, source, target, reached * _shares(colors, sources))
+    return repainted(colors, source, target, reached * _shares(colors, sources), is_metal)
 
 
 def _shares(colors: np.ndarray, sources: np.ndarray) -> np.ndarray:
@@ -69,7 +78,9 @@ def angles(colors: np.ndarray, source: np.ndarray) -> np.ndarray:
     return np.arccos(np.clip(np.divide(light @ paint, lengths, out=np.ones(len(light)), where=lengths > 0), -1, 1))
 
 
-def repainted(colors: np.ndarray, source: np.ndarray, target: np.ndarray, gates: np.ndarray) -> np.ndarray:
+def repainted(
+    colors: np.ndarray, source: np.ndarray, target: np.ndarray, gates: np.ndarray, is_metal: bool = False
+) -> np.ndarray:
     """`reflection_target` with any gates [P, n], how much of each color is of each paint; [P, 1] for all alike.
 
     Examples:
@@ -84,7 +95,8 @@ def repainted(colors: np.ndarray, source: np.ndarray, target: np.ndarray, gates:
             raise BadRequest(
                 "The source color is black, so its shading cannot be told.", "Pick a lit spot of the object."
             )
-        result += (gate * _shading(light, r))[:, None] * (t - r)
+        change = light * (t / np.maximum(r, LEAST_METAL) - 1) if is_metal else _shading(light, r)[:, None] * (t - r)
+        result += gate[:, None] * change
     return np.clip(linear_to_srgb(result), 0, 1)
 
 
