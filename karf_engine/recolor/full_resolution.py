@@ -1,7 +1,8 @@
 """Recoloring in a photo's own pixels: its objects' mattes and its own colors, at the photo's size and depth.
 
 The picture is linear in the edit, as in `palettes.compositing`: photo + sum over objects and palette entries of
-coverage x weight(own color) x (edited - learned). Where a pixel is a mixture, the own color is the object's in it.
+coverage x weight(own color) x (edited - learned). Where a pixel is a mixture, the own color is the object's in it; and it
+is without the photo's grain, which an edit must not amplify (`grain`).
 Pixels are done in bands of rows, so that memory grows with what the files hold and not with what is computed.
 """
 
@@ -23,6 +24,7 @@ from ..palettes.compositing import hard_masks
 from ..palettes.extraction.barycentric_weights import palette_weights_of_image, star_weights
 from ..palettes.palette import AddedColor, Edit, Palette, check_edit
 from .frames import Frame
+from .grain import RADIUS, grain_of, without_grain
 from .layers import Layers
 from .matting.matte import NEGLIGIBLE, Matte, disputed_objects
 from .photos import StoredPhoto, open_photo
@@ -43,6 +45,7 @@ class PhotoView:
         objects: Names of the K objects.
         mattes: What each object covers, in the stored grid.
         palettes: Of the objects, as learned; empty before palettes are learned.
+        grain: Of the photo, 1/255; see `grain_of`. 0: own colors are taken as they are.
     """
 
     photo: StoredPhoto
@@ -50,6 +53,7 @@ class PhotoView:
     objects: Sequence[str]
     mattes: Sequence[Matte]
     palettes: Sequence[Palette]
+    grain: float = 0.0
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -186,13 +190,26 @@ class PhotoView:
     def _own_colors(self, matte: Matte, rows: slice, columns: slice, inside: np.ndarray) -> np.ndarray:
         """Own colors of an object in the pixels of a band that it covers: uint8 [n, 3], or float of deep photos."""
         top, bottom = max(rows.start, matte.rows[0]), min(rows.stop, matte.rows[1])
-        place = slice(top, bottom), slice(*matte.columns)
-        is_deep = self.photo.pixels.dtype != np.uint8
-        seen = self.photo.colors(*place) * 255 if is_deep else self.photo.pixels[*place, :3]
-        own = matte.colors(np.ascontiguousarray(seen), top - matte.rows[0], bottom - matte.rows[0])
+        seen = self._calm(slice(top, bottom), slice(*matte.columns))
+        own = matte.colors(seen, top - matte.rows[0], bottom - matte.rows[0])
         left, right = (side - columns.start for side in matte.columns)
         own = own[inside[top - rows.start : bottom - rows.start, left:right]]
         return own if own.dtype == np.uint8 else own / 255
+
+    def _calm(self, rows: slice, columns: slice) -> np.ndarray:
+        """The photo without its grain: uint8 [h, w, 3], or float32 from 0 to 255 of deep photos."""
+        height, width = self.photo.pixels.shape[:2]
+        outer = tuple(
+            slice(max(0, each.start - RADIUS), min(side, each.stop + RADIUS))
+            for each, side in ((rows, height), (columns, width))
+        )
+        is_deep = self.photo.pixels.dtype != np.uint8
+        seen = self.photo.colors(*outer) * np.float32(255) if is_deep else self.photo.pixels[*outer, :3]
+        inner = tuple(
+            slice(each.start - wide.start, each.stop - wide.start)
+            for each, wide in zip((rows, columns), outer, strict=True)
+        )
+        return np.ascontiguousarray(without_grain(seen, self.grain)[inner])
 
 
 def full_resolution_view(
@@ -218,7 +235,8 @@ def full_resolution_view(
     rendered = from_camera(to_bytes(seen.color), orientation)
     seen_objects = [from_camera(own, orientation) for own in seen.probabilities]
     probabilities = np.array(seen_objects).reshape(-1, *rendered.shape[:2])
-    return PhotoView(photo, orientation, objects, mattes_of(photo.shown(), probabilities, rendered), palettes)
+    shown = photo.shown()
+    return PhotoView(photo, orientation, objects, mattes_of(shown, probabilities, rendered), palettes, grain_of(shown))
 
 
 def _nearest(few: int, many: int) -> np.ndarray:

@@ -48,6 +48,7 @@ from ..splats.files import load_gaussians
 from ..splats.gaussians import Gaussians
 from .frames import BAND_RAYS, Frame, averaged, bands_of, joined
 from .full_resolution import PhotoView, dense_weights, full_resolution_view
+from .grain import grain_of, without_grain
 from .matting.matte import Matte, dense_coverage, disputed_objects
 from .render_cache import RenderCache
 from .splat_colors import ObjectSplats, planes_of_view, recolored, shares_of_objects, splats_of_objects
@@ -359,7 +360,9 @@ class Model:
         coverages = dense_coverage(mattes, base.shape[:2])
         weights = None
         if self.recoloring is not None:
-            weights = dense_weights([matte.own_picture(to_bytes(base)) for matte in mattes], self.palettes, coverages)
+            photo = to_bytes(base)
+            calm = without_grain(photo, grain_of(photo))
+            weights = dense_weights([matte.own_picture(calm) for matte in mattes], self.palettes, coverages)
         return Frame(seen.picture, coverages, weights, base, disputed_objects(self.objects, mattes))
 
     @checked
