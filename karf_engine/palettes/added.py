@@ -47,7 +47,7 @@ def proposed(seen: ColorHistogram, picked: np.ndarray) -> AddedColor:
         >>> for other in (silver, orange):
         ...     color = proposed(ColorHistogram(np.array([red, other]), np.array([9, 9]), np.eye(2)), np.array(red))
         ...     print(round(color.reach, 2), color.protect)
-        0.75 0.2
+        0.75 0.1
         0.38 0.0
     """
     lab, source = srgb_to_lab(seen.colors), srgb_to_lab(np.asarray(picked, np.float64))

@@ -26,8 +26,8 @@ MOST_OBJECTS, MOST_COLORS = 255, 64
 MOST_ADDED = 16  # added colors an object can have at most
 REACH, MOST_REACH = 0.5, 4.0  # reach of an added color: default and maximum
 # how far neutrals are protected from it where that is asked for, and at most. Chosen on two drawn pictures of lettered
-# silver: less recolors reflections, more leaves red rims
-PROTECT, MOST_PROTECT = 0.2, 0.5
+# silver and on the scene `packaging`: less recolors reflections, more leaves rims of the old color
+PROTECT, MOST_PROTECT = 0.1, 0.5
 BRIGHTEST = 2.0  # highest sRGB value of an edited color: a swatch may be brighter than white, mixtures are clipped
 
 

@@ -93,7 +93,7 @@ class ProjectEdit(Edit):
             reach: how far around its hue, or in chroma where it is grey, other colors are of it: over 0 up to 4; 1 is as far as
                 `becomes` reaches.
             protect: share of its saturation, 0 to 0.5, under which colors are neutral and stay: for letters on silver or
-                paper 0.2. 0: hue alone decides.
+                paper 0.1. 0: hue alone decides.
 
         Raises:
             BadRequest: there is no such object, it has 16 added colors already, the pigment is black, or reach or

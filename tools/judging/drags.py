@@ -45,13 +45,17 @@ def with_material(seen: ColorHistogram, palette: np.ndarray, index: int, color: 
     return match_dragged(*seen, palette, index, color)
 
 
+def swatch_of(seen: ColorHistogram, palette: np.ndarray, color: np.ndarray) -> int:
+    """The number of the swatch that has most of a color, of those of its hue."""
+    share = mean_weights(*seen, color) * pigment_gate(palette, color)
+    share[0] = 0  # black cannot be dragged
+    return int(share.argmax())
+
+
 def dragged(seen: ColorHistogram, palette: np.ndarray, pair: tuple[np.ndarray, np.ndarray], drag: Drag) -> np.ndarray:
     """The palette [M, 3] after a drag that makes the first color of a pair the second."""
     source, target = pair
-    own = mean_weights(*seen, source)
-    share = own * pigment_gate(palette, source)
-    share[0] = 0  # black cannot be dragged
-    index = int(share.argmax())
+    own, index = mean_weights(*seen, source), swatch_of(seen, palette, source)
 
     def at(color: np.ndarray) -> np.ndarray:
         return drag(seen, palette, index, np.clip(color, 0, BRIGHTEST).astype(np.float32))

@@ -2,9 +2,9 @@
 
     .venv/engine/bin/python -m tools.judging.packaging CAPTURE PROJECT [--edits EDIT ...] [--sheet FILE.png]
 
-CAPTURE tells which pixels of its test views are colored print, and PROJECT was learned of it. Each edit is told in three
+CAPTURE tells which pixels of its test views are colored print, and PROJECT was learned of it. Each edit is told in four
 ways by one color pair an object, read in one training photo (`Truth.color_pair`): `becomes`; a plain drag of the swatch,
-whose paint follows it; and an added color at the pair's first color. The recolored test photos, at their own size, are
+whose paint follows it; *Protect Neutrals* of that swatch; and a color that is added where the first one is picked. The recolored test photos, at their own size, are
 compared with the true recolors. The sheet shows of each edit the worst view of `becomes`: photo, ours, the truth.
 """
 
@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, fields
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -24,10 +25,13 @@ from karf_engine.capture.training_images import photo_of
 from karf_engine.io.color import srgb_to_lab
 from karf_engine.metrics.consistency import DepthView, correspond
 from karf_engine.metrics.scores import MIN_PIXELS
-from karf_engine.palettes.palette import Edit
+from karf_engine.palettes.added import pigment_of_swatch, proposed
+from karf_engine.palettes.matching.paints import repainted
+from karf_engine.palettes.object_colors import read_object_colors
+from karf_engine.palettes.palette import PROTECT, Edit
 from karf_engine.recolor.model import Model
 
-from .drags import edit_by, with_dragged_material
+from .drags import edit_by, swatch_of, with_dragged_material
 from .sheets import write_sheet
 from .truth import Truth
 
@@ -171,15 +175,32 @@ def drag(model: Model, truth: Truth, name: str) -> Edit:
     return edit_by(model, truth, name, with_dragged_material)
 
 
-def added(model: Model, truth: Truth, name: str) -> Edit:
-    """The edit by a color of its own for each object's print."""
+def added(model: Model, truth: Truth, name: str, of_swatch: bool = False) -> Edit:
+    """The edit by a color of its own for each object's print, with the reach that the object's colors propose.
+
+    of_swatch: the color that the swatch paints most, in the place of the pair's first one.
+    """
     edit = model.edit()
     for key in truth.edits[name]["objects"]:
-        edit = edit.add_color(key, *truth.color_pair(name, key))
+        source, target = truth.color_pair(name, key)
+        seen = read_object_colors(model.project.object_colors_file, key)
+        picked = source
+        if of_swatch:
+            palette = next(palette.colors for palette in model.palettes if palette.name == key)
+            picked = pigment_of_swatch(seen, swatch_of(seen, palette, source))
+        color = proposed(seen, picked)
+        protect = PROTECT if of_swatch else color.protect
+        wanted = repainted(picked[None], source, target, np.ones((1, 1)))[0]
+        edit = edit.add_color(key, picked, wanted, color.reach, protect)
     return edit
 
 
-WAYS: dict[str, Callable[[Model, Truth, str], Edit]] = {"becomes": becomes, "drag": drag, "added color": added}
+WAYS: dict[str, Callable[[Model, Truth, str], Edit]] = {
+    "becomes": becomes,
+    "drag": drag,
+    "protected swatch": partial(added, of_swatch=True),
+    "added color": added,
+}
 
 
 def main() -> None:
@@ -218,7 +239,7 @@ def print_row(edit: str, way: str, cells) -> None:
     """Print one line of the table."""
     if isinstance(cells, PrintScore):
         cells = [f"{value:.2f}" for value in astuple(cells)[:3]] + [f"{value:.1%}" for value in astuple(cells)[3:]]
-    print(f"{edit:>18} {way:>12} " + " ".join(f"{cell:>9}" for cell in cells), flush=True)
+    print(f"{edit:>18} {way:>16} " + " ".join(f"{cell:>9}" for cell in cells), flush=True)
 
 
 if __name__ == "__main__":

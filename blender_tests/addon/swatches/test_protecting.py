@@ -59,14 +59,16 @@ def test_an_added_color_is_only_told_so(bpy, addon, learned, can):
     letters, silver = shown(addon, learned)[:, 0]
     bpy.context.window_manager.karf_seeing.mode = "EDITED"
     assert letters > 0.8 and silver < 0.01
-    assert can.swatches[number].protect == pytest.approx(0.2)
+    assert can.swatches[number].protect == pytest.approx(addon.engine_api.PROTECT)
 
 
 def test_a_click_proposes_it_and_what_is_given_counts(addon, can):
     red = tuple(LETTERS @ PALETTE)
     proposed = addon.headless.add_color("can", red)
     given = addon.headless.add_color("can", red, reach=0.5, protect=0.0)
-    assert can.swatches[proposed].protect == pytest.approx(0.2) and can.swatches[given].protect == 0
+    assert (
+        can.swatches[proposed].protect == pytest.approx(addon.engine_api.PROTECT) and can.swatches[given].protect == 0
+    )
 
 
 def test_one_button_and_undo(bpy, addon, learned, can):

@@ -27,7 +27,7 @@ from karf_engine.palettes.extraction.barycentric_weights import star_weights
 from karf_engine.palettes.matching.becomes import match_becomes
 from karf_engine.palettes.matching.paints import pigment_gate
 from karf_engine.palettes.object_colors import ColorHistogram
-from karf_engine.palettes.palette import AddedColor, Edit, Palette
+from karf_engine.palettes.palette import PROTECT, AddedColor, Edit, Palette
 from karf_engine.palettes.palette_files import write_edit_file
 
 PALETTE = np.array([[0, 0, 0], [0.95, 0.1, 0.1], [0.1, 0.1, 0.95], [1, 1, 0.95]], np.float32)
@@ -227,7 +227,7 @@ def test_colors_become_the_pigment_gradually_where_letters_fade_into_silver():
 
 
 def test_the_objects_colors_propose_what_is_protected():
-    assert proposed(lettered(0.5), RED).protect == 0.2
+    assert proposed(lettered(0.5), RED).protect == PROTECT
     assert proposed(lettered(0.01), RED).protect == 0.0  # these are highlights
 
 
