@@ -44,11 +44,13 @@ class Regions:
         letters: Wholly colored print.
         rims: Within 2 pixels of a letter's border, and all small print whose strokes fill no pixel.
         neutrals: Wholly something else: metal, foil, paper, dark print.
+        print: Mostly colored print: letters, the inner half of their rims, and most of the small print.
     """
 
     letters: np.ndarray
     rims: np.ndarray
     neutrals: np.ndarray
+    print: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -59,8 +61,8 @@ class PrintScore:
         letters: Mean CIEDE2000 to the true recolor, mean over views; so also rims and neutrals.
         rims: See `Regions`.
         neutrals: See `Regions`.
-        left: Share of the letters' pixels that are nearer to the photo than to the true recolor.
-        flips: Share of the letters' points that two neighboring test views show, one of them recolored and one left.
+        left: Share of the print's pixels that are nearer to the photo than to the true recolor.
+        flips: Share of the print's points that two neighboring test views show, one of them recolored and one left.
     """
 
     letters: float
@@ -89,7 +91,7 @@ def regions_of(letters: np.ndarray, neutrals: np.ndarray, inside: np.ndarray) ->
         # to the middle of the nearest pixel of the other kind; the border is half a pixel nearer
         near = np.where(mostly, distance_transform_edt(mostly), distance_transform_edt(~mostly)) <= RIM + 0.5
     mixed = (letters > 1 - WHOLE) & (letters < WHOLE)
-    return Regions(shown & (letters >= WHOLE), shown & (near | mixed), shown & (neutrals >= WHOLE))
+    return Regions(shown & (letters >= WHOLE), shown & (near | mixed), shown & (neutrals >= WHOLE), shown & mostly)
 
 
 def is_recolored(ours: np.ndarray, photo: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -141,7 +143,7 @@ class Judge:
         regions, true = self.regions(name), self.truth.recolored(name)
         off = [differences(*pair) for pair in zip(pictures, true, strict=True)]
         states = [is_recolored(*each) for each in zip(pictures, self.photos, true, strict=True)]
-        told = [region.letters & tells for region, (_, tells) in zip(regions, states, strict=True)]
+        told = [region.print & tells for region, (_, tells) in zip(regions, states, strict=True)]
         depths = self.truth.depths()
         views = [DepthView(view.camera, *each) for view, *each in zip(self.views, depths, told, strict=True)]
         done = [state for state, _ in states]
