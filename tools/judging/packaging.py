@@ -44,13 +44,13 @@ class Regions:
         letters: Wholly colored print.
         rims: Within 2 pixels of a letter's border, and all small print whose strokes fill no pixel.
         neutrals: Wholly something else: metal, foil, paper, dark print.
-        print: Mostly colored print: letters, the inner half of their rims, and most of the small print.
+        printed: Mostly colored print: letters, the inner half of their rims, and most of the small print.
     """
 
     letters: np.ndarray
     rims: np.ndarray
     neutrals: np.ndarray
-    print: np.ndarray
+    printed: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ class Judge:
         regions, true = self.regions(name), self.truth.recolored(name)
         off = [differences(*pair) for pair in zip(pictures, true, strict=True)]
         states = [is_recolored(*each) for each in zip(pictures, self.photos, true, strict=True)]
-        told = [region.print & tells for region, (_, tells) in zip(regions, states, strict=True)]
+        told = [region.printed & tells for region, (_, tells) in zip(regions, states, strict=True)]
         depths = self.truth.depths()
         views = [DepthView(view.camera, *each) for view, *each in zip(self.views, depths, told, strict=True)]
         done = [state for state, _ in states]
