@@ -191,6 +191,8 @@ def main() -> None:
     parser.add_argument("--edits", nargs="+", metavar="EDIT", help="default: all of the capture")
     parser.add_argument("--sheet", type=Path, metavar="FILE.png", help="write each edit's worst view there")
     options = parser.parse_args()
+    if not (options.capture / "print").is_dir():
+        parser.error(f"{options.capture} does not tell its print; packaging and packaging_b of make_captures do")
     judge = Judge(karf.load(options.project), Truth(options.capture))
     rows = []
     print_row("", "", [field.name for field in fields(PrintScore)])
