@@ -48,11 +48,13 @@ class Regions:
         letters: Wholly colored print.
         rims: Within 2 pixels of a letter's border, and all small print whose strokes fill no pixel.
         neutrals: Wholly something else: metal, foil, paper, dark print.
+        printed: Mostly colored print: letters, the inner half of their rims, and most of the small print.
     """
 
     letters: np.ndarray
     rims: np.ndarray
     neutrals: np.ndarray
+    printed: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -63,8 +65,8 @@ class PrintScore:
         letters: Mean CIEDE2000 to the true recolor, mean over views; so also rims and neutrals.
         rims: See `Regions`.
         neutrals: See `Regions`.
-        left: Share of the letters' pixels that are nearer to the photo than to the true recolor.
-        flips: Share of the letters' points that two neighboring test views show, one of them recolored and one left.
+        left: Share of the print's pixels that are nearer to the photo than to the true recolor.
+        flips: Share of the print's points that two neighboring test views show, one of them recolored and one left.
     """
 
     letters: float
@@ -93,7 +95,7 @@ def regions_of(letters: np.ndarray, neutrals: np.ndarray, inside: np.ndarray) ->
         # to the middle of the nearest pixel of the other kind; the border is half a pixel nearer
         near = np.where(mostly, distance_transform_edt(mostly), distance_transform_edt(~mostly)) <= RIM + 0.5
     mixed = (letters > 1 - WHOLE) & (letters < WHOLE)
-    return Regions(shown & (letters >= WHOLE), shown & (near | mixed), shown & (neutrals >= WHOLE))
+    return Regions(shown & (letters >= WHOLE), shown & (near | mixed), shown & (neutrals >= WHOLE), shown & mostly)
 
 
 def is_recolored(ours: np.ndarray, photo: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -145,7 +147,7 @@ class Judge:
         regions, true = self.regions(name), self.truth.recolored(name)
         off = [differences(*pair) for pair in zip(pictures, true, strict=True)]
         states = [is_recolored(*each) for each in zip(pictures, self.photos, true, strict=True)]
-        told = [region.letters & tells for region, (_, tells) in zip(regions, states, strict=True)]
+        told = [region.printed & tells for region, (_, tells) in zip(regions, states, strict=True)]
         depths = self.truth.depths()
         views = [DepthView(view.camera, *each) for view, *each in zip(self.views, depths, told, strict=True)]
         done = [state for state, _ in states]
@@ -210,6 +212,8 @@ def main() -> None:
     parser.add_argument("--edits", nargs="+", metavar="EDIT", help="default: all of the capture")
     parser.add_argument("--sheet", type=Path, metavar="FILE.png", help="write each edit's worst view there")
     options = parser.parse_args()
+    if not (options.capture / "print").is_dir():
+        parser.error(f"{options.capture} does not tell its print; packaging and packaging_b of make_captures do")
     judge = Judge(karf.load(options.project), Truth(options.capture))
     rows = []
     print_row("", "", [field.name for field in fields(PrintScore)])

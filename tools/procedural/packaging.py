@@ -12,23 +12,28 @@ from .shapes import box, grid_object, lathe, place
 
 SILVER = Stock((0.80, 0.80, 0.81), 1.0, 0.24, brushed=0.5)
 CARD = Stock((0.74, 0.73, 0.70), 0.0, 0.55)
+CAN_RADIUS, CAN_HEIGHT = 0.34, 1.0
+JAR_RADIUS, JAR_HEIGHT = 0.30, 0.55
+CARTON = (0.62, 0.32, 0.86)
+POUCH_WIDTH, POUCH_HEIGHT = 0.40, 1.05  # half of it; all of it
 
 
 def add_can(x: float, y: float, label: Label, ink, object_id: int = 0, azimuth: float = 0.0) -> None:
     """Add a can of brushed metal of radius 0.34; its label runs round it, the middle at ``azimuth``; material ``can``."""
-    _add_turned("can", CAN, CAN_RADIUS, SILVER, label, ink, object_id, (x, y, azimuth))
+    profile = upright(CAN_RADIUS, CAN_HEIGHT, 0.29, 0.30)
+    place([_turned("can", profile, CAN_RADIUS, SILVER, label, ink, object_id)], x, y, azimuth=azimuth)
 
 
 def add_jar(x: float, y: float, label: Label, ink, object_id: int = 0, azimuth: float = 0.0) -> None:
     """Add a low jar of white card of radius 0.30, as `add_can`; material ``jar``."""
-    _add_turned("jar", JAR, JAR_RADIUS, CARD, label, ink, object_id, (x, y, azimuth))
+    profile = upright(JAR_RADIUS, JAR_HEIGHT, 0.29, 0.29)
+    place([_turned("jar", profile, JAR_RADIUS, CARD, label, ink, object_id)], x, y, azimuth=azimuth)
 
 
-def _add_turned(name: str, profile, radius: float, stock: Stock, label: Label, ink, object_id: int, spot) -> None:
-    """Add a turned thing whose label is bent round it; ``spot``: x, y and azimuth."""
+def _turned(name: str, profile, radius: float, stock: Stock, label: Label, ink, object_id: int):
+    """Add a turned thing of this profile, and of this radius where its label is bent round it."""
     made = printed(name, label_image(name, label), round_it(label, radius), stock, ink)
-    x, y, azimuth = spot
-    place([grid_object(name, lathe(profile, columns=160), made, object_id)], x, y, azimuth=azimuth)
+    return grid_object(name, lathe(profile, columns=160), made, object_id)
 
 
 def add_carton(x: float, y: float, label: Label, ink, object_id: int = 0, azimuth: float = 0.0) -> None:
@@ -104,7 +109,7 @@ def _spot(tree, label: Label, across):
     return u, math_node(tree, "DIVIDE", position_socket(tree, "Z"), label.height)
 
 
-def _upright(radius: float, height: float, foot: float, lid: float) -> list[tuple[float, float]]:
+def upright(radius: float, height: float, foot: float, lid: float) -> list[tuple[float, float]]:
     """Return the profile of an upright wall with a narrower foot and lid; points close together keep edges sharp."""
     wall = [(radius, z) for z in np.linspace(0.07, height - 0.08, 6)]
     rim = [(lid, height - 0.01), (lid - 0.005, height), (lid - 0.025, height), (lid - 0.03, height - 0.01)]
@@ -119,11 +124,3 @@ def _upright(radius: float, height: float, foot: float, lid: float) -> list[tupl
         (lid - 0.032, height - 0.025),
         (0.0, height - 0.025),
     ]
-
-
-CAN_RADIUS, CAN_HEIGHT = 0.34, 1.0
-CAN = _upright(CAN_RADIUS, CAN_HEIGHT, 0.29, 0.30)
-JAR_RADIUS, JAR_HEIGHT = 0.30, 0.55
-JAR = _upright(JAR_RADIUS, JAR_HEIGHT, 0.29, 0.29)
-CARTON = (0.62, 0.32, 0.86)
-POUCH_WIDTH, POUCH_HEIGHT = 0.40, 1.05  # half of it; all of it

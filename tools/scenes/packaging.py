@@ -78,7 +78,7 @@ def pouch_label() -> Label:
     """Leaning blue letters across a pouch, a blue foot line, dark and blue small print."""
     width, height = 2 * packaging.POUCH_WIDTH, packaging.POUCH_HEIGHT
     marks = (
-        Text("Mocca", 0.0, 0.16, 0.17, lean=0.35, bold=0.015),
+        Text("Mocca", 0.0, 0.16, 0.17, lean=0.35, bold=0.0),
         Text("dark roast", 0.03, -0.02, 0.07, lean=0.3, bold=0.01),
         Area(-0.5 * width, -0.115, width, 0.035),
         Text("500 g", -0.20, -0.22, 0.085, bold=0.015),
@@ -103,10 +103,10 @@ def build_pouch_and_jar() -> None:
     """A foil pouch with blue letters and a jar, by a window on the left."""
     things.add_table(0.83)
     packaging.add_pouch(0.26, 0.12, pouch_label(), BLUE, object_id=1, azimuth=0.35)
-    packaging.add_jar(-0.52, -0.22, jar_label(), OLIVE, object_id=2, azimuth=-1.2)
+    packaging.add_jar(-0.46, -0.16, jar_label(), OLIVE, object_id=2, azimuth=-1.2)
     things.add_cherries(((0.28, -0.62, 0.4), (0.44, -0.52, 1.4)))
     things.add_pumpkin(-0.45, 0.66)
-    things.add_light("window", (-3.4, -1.8, 2.2), 2.2, 210.0, (0.92, 0.96, 1.0))
+    things.add_light("window", (-3.4, -1.8, 2.2), 2.2, 150.0, (0.92, 0.96, 1.0))
     things.add_light("lamp", (1.6, 2.4, 3.4), 1.0, 70.0, (1.0, 0.86, 0.68))
     things.add_world()
 
