@@ -14,8 +14,7 @@ from math import ceil, floor, pi, sin, sqrt
 
 import numpy as np
 
-from ..errors import BadRequest
-from ..io.arguments import check_fields
+from ..io.arguments import check_fields, check_number
 
 MOST_CHOKE, MOST_FEATHER = 16.0, 64.0
 DIRECTIONS = 16  # in which an edge is moved exactly, between them to 2 % of the way
@@ -44,10 +43,8 @@ class EdgeShape:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        for name, low, high in (("choke", -MOST_CHOKE, MOST_CHOKE), ("feather", 0.0, MOST_FEATHER)):
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise BadRequest(f"The {name} {value!r} is out of range.", f"Give pixels from {low:g} to {high:g}.")
+        check_number("choke", self.choke, -MOST_CHOKE, MOST_CHOKE)
+        check_number("feather", self.feather, 0, MOST_FEATHER)
 
     @property
     def is_neutral(self) -> bool:
