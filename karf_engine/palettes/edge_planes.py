@@ -1,9 +1,9 @@
 """Edit planes whose objects' edges an edit has moved and faded. Numpy alone.
 
-Naming as in `compositing`. An object's share of a pixel is painted by the weights of its own color there. What an edge
-newly covers had another color, that of what lies beside the object, and is painted by the weights of this one: a rim of
-the object that was taken for the background changes as the object does, and a true background hardly, so that nothing
-glows. A pixel of coverage c that gets c' shows c own + (1 - c) beside; its weights become c w(own) + (c' - c) w(beside).
+Naming as in `compositing`. An object's share of a pixel is painted by the weights of its own color there. A pixel of
+coverage c shows c own + (1 - c) beside; where it gets c' > c, the object's own color in it becomes what it shows then:
+(c own + (c' - c) beside) / c'. So a rim of the object that was taken for the background changes as the object does, and
+a true background little, as it has few of the object's colors.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from .edge_shape import EdgeShape, box_of, grown_box, shaped, shaped_edges
 from .palette import Palette
-from .star import Star, plain_hull, star_of, weights_in
+from .star import plain_hull, star_of, weights_in
 
 FULL = 1 - 1 / 64  # coverage above which nothing is left that could be newly covered
 
@@ -40,11 +40,15 @@ class ObjectEdge:
         palette: np.ndarray,
         scale: float,
     ) -> None:
-        self._base, self._weights, self._room = base, weights, room
-        self._palette, self._scale = np.asarray(palette, np.float32), scale
+        self._base, self._room, self._scale = base, room, scale
+        self._palette = np.asarray(palette, np.float32)
         self._coverage = np.asarray(coverage, np.float32)
-        self._box = box_of(self._coverage > 0)
-        self._star: Star | None = star_of(self._palette, plain_hull)
+        self._box = box_of(self._coverage > 0) or (slice(0, 0), slice(0, 0))
+        self._weights = weights[:, *self._box].astype(np.float32)
+        self._star = star_of(self._palette, plain_hull)
+        # weights of what lies beside the object, by pixel, and where they are known
+        self._beside = np.zeros((self._coverage.size, len(self._palette)), np.float32)
+        self._is_known = np.zeros(self._coverage.size, bool)
 
     def shaped(self, shape: EdgeShape) -> tuple[tuple[slice, slice], np.ndarray, np.ndarray]:
         """The object with an edge of this shape.
@@ -53,22 +57,52 @@ class ObjectEdge:
             Rows and columns of the box outside which it is not; in it the weights [M, h, w], and the coverage [h, w], both
             float32.
         """
-        place = grown_box(self._box, shape.reach(self._scale), self._coverage.shape) or (slice(0, 0), slice(0, 0))
-        before, weights = self._coverage[place], self._weights[:, *place].astype(np.float32)
+        place = grown_box(self._box, shape.reach(self._scale), self._coverage.shape)
+        before = self._coverage[place]
         after = shaped(before, shape, self._scale, self._room[place])
-        less = after < before
-        weights[:, less] *= after[less] / before[less]
-        more = (after > before) & (before < FULL)
-        weights[:, more] += (after[more] - before[more]) * self._beside(
-            self._base[place][more], weights[:, more], before[more]
+        kept = np.divide(np.minimum(before, after), before, out=np.ones_like(before), where=before > 0)
+        weights = np.zeros((len(self._weights), *before.shape), np.float32)
+        inner = tuple(
+            slice(own.start - each.start, own.stop - each.start) for own, each in zip(self._box, place, strict=True)
         )
+        np.multiply(self._weights, kept[inner], out=weights[:, *inner])
+        self._grow(weights.reshape(len(weights), -1), place, before.ravel(), after.ravel())
         return place, weights, after
 
-    def _beside(self, seen: np.ndarray, weights: np.ndarray, coverage: np.ndarray) -> np.ndarray:
-        """Weights [M, n] of what lies beside the object in pixels of seen colors [n, 3], own weights, and coverage [n]."""
-        colors = seen / np.float32(255) if seen.dtype == np.uint8 else seen
-        beside = (colors - weights.T @ self._palette) / (1 - coverage)[:, None]
-        return weights_in(self._star, np.clip(beside, 0, 1), len(self._palette)).T
+    def _grow(self, weights: np.ndarray, place: tuple[slice, slice], before: np.ndarray, after: np.ndarray) -> None:
+        """Change the weights [M, n] of the pixels of a place, in place, where their coverage [n] grows."""
+        width, columns = self._coverage.shape[1], place[1]
+        rows, left = np.divmod(np.flatnonzero((after > before) & (before < FULL)), columns.stop - columns.start)
+        chosen = rows * (columns.stop - columns.start) + left
+        pixels = (rows + place[0].start) * width + left + columns.start
+        is_new = before[chosen] == 0
+        weights[:, chosen[is_new]] = after[chosen[is_new]] * self._weights_beside(pixels[is_new]).T
+        mixed = chosen[~is_new]
+        weights[:, mixed] = self._grown(pixels[~is_new], weights[:, mixed], before[mixed], after[mixed])
+
+    def _colors(self, pixels: np.ndarray) -> np.ndarray:
+        """Colors [n, 3] of pixels of the picture, by running number."""
+        colors = self._base.reshape(-1, 3)[pixels]
+        return colors / np.float32(255) if colors.dtype == np.uint8 else colors
+
+    def _weights_beside(self, pixels: np.ndarray) -> np.ndarray:
+        """Weights [n, M] of what pixels show that the object does not cover: found once for each."""
+        unknown = pixels[~self._is_known[pixels]]
+        self._beside[unknown] = weights_in(self._star, self._colors(unknown), len(self._palette))
+        self._is_known[unknown] = True
+        return self._beside[pixels]
+
+    def _grown(self, pixels: np.ndarray, weights: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """Weights [M, n] of mixed pixels whose coverage [n] grows, from those that they had."""
+        own = weights.T @ self._palette
+        beside = np.clip((self._colors(pixels) - own) / (1 - before)[:, None], 0, 1)
+        grown = own + (after - before)[:, None] * beside
+        # as a change of what there was: the weights of a rendering are no function of its colors
+        now, then = (
+            part * weights_in(self._star, color / part[:, None], len(self._palette)).T
+            for color, part in ((grown, after), (own, before))
+        )
+        return np.maximum(weights + now - then, 0)
 
 
 def reshaped(
