@@ -41,6 +41,8 @@ from ..karf_engine.palettes.colorways.planned import PlannedColorway, plan_color
 from ..karf_engine.palettes.colorways.reached import dominant_color, reached_by, reached_color
 from ..karf_engine.palettes.colorways.reached import shown as shown_colors
 from ..karf_engine.palettes.compositing import Planes, read_planes, stack_palettes
+from ..karf_engine.palettes.edge_planes import ObjectEdge, reshaped
+from ..karf_engine.palettes.edge_shape import MOST_CHOKE, MOST_FEATHER, EdgeShape
 from ..karf_engine.palettes.edit_files import edit_to_json, write_edit
 from ..karf_engine.palettes.matching.becomes import (
     match_becomes,
@@ -70,7 +72,7 @@ from ..karf_engine.palettes.palette import (
 )
 from ..karf_engine.palettes.palette_files import SUFFIXES as EDIT_SUFFIXES
 from ..karf_engine.palettes.palette_files import read_edit_file, write_edit_file
-from ..karf_engine.palettes.swatch_picture import SwatchPicture, palette_only, photo_plus_change
+from ..karf_engine.palettes.swatch_picture import Part, SwatchPicture, palette_only, photo_plus_change
 from ..karf_engine.project import Project
 from ..karf_engine.project.settings import PRESETS, seconds_of_stages
 from ..karf_engine.project.volumes import Volume, read_volumes, write_volumes
@@ -104,6 +106,8 @@ __all__ = [
     "ERROR",
     "LOG_FILE",
     "MOST_ADDED",
+    "MOST_CHOKE",
+    "MOST_FEATHER",
     "MOST_PROTECT",
     "MOST_REACH",
     "OK",
@@ -123,6 +127,7 @@ __all__ = [
     "Capture",
     "ColorHistogram",
     "DataError",
+    "EdgeShape",
     "Edit",
     "ErrorSummary",
     "Event",
@@ -132,10 +137,12 @@ __all__ = [
     "KarfError",
     "Message",
     "MissingDependency",
+    "ObjectEdge",
     "ObjectLayers",
     "ObjectMatch",
     "Options",
     "Palette",
+    "Part",
     "Planes",
     "PlannedColorway",
     "PointsOptions",
@@ -193,6 +200,7 @@ __all__ = [
     "reflection_target",
     "render_bundle",
     "reprojection_errors",
+    "reshaped",
     "rgb_to_hex",
     "same_but_for_case",
     "seconds_of_stages",

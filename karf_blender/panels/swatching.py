@@ -27,6 +27,18 @@ def draw_object(layout, item):
     row.prop(item, "is_metal", icon="SHADING_RENDERED", icon_only=True)
     if item.show_becomes:
         draw_becomes(layout, item)
+    draw_edge(layout, item)
+
+
+def draw_edge(layout, item):
+    """Where its paint ends; folded."""
+    row = layout.row()
+    row.alignment = "LEFT"
+    row.prop(item, "show_edge", icon="DOWNARROW_HLT" if item.show_edge else "RIGHTARROW", emboss=False)
+    if item.show_edge:
+        row = layout.row(align=True)
+        row.prop(item, "choke")
+        row.prop(item, "feather")
 
 
 def draw_swatch(column, item, index, swatch):

@@ -12,7 +12,7 @@ from bpy.props import (
 )
 
 from .. import progress
-from ..engine_api import BRIGHTEST, KarfError
+from ..engine_api import BRIGHTEST, MOST_CHOKE, MOST_FEATHER, KarfError
 from ..swatches import becomes, edits, groups, material, shown
 from .colors import pigment_reach, protected_neutrals, srgb
 
@@ -120,6 +120,27 @@ class KARF_PG_object(bpy.types.PropertyGroup):
     show_becomes: BoolProperty(
         name="One color becomes another", description="Pick a color of the object and what it shall become"
     )
+    choke: FloatProperty(
+        name="Choke",
+        subtype="PIXEL",
+        min=-MOST_CHOKE,
+        max=MOST_CHOKE,
+        step=10,
+        precision=1,
+        description="How far inside its edge the object's paint ends, in pixels of the photo; below 0 it goes beyond",
+        update=edit_changed,
+    )
+    feather: FloatProperty(
+        name="Feather",
+        subtype="PIXEL",
+        min=0.0,
+        max=MOST_FEATHER,
+        step=10,
+        precision=1,
+        description="Over how many pixels of the photo the paint fades, half of them on either side of its edge",
+        update=edit_changed,
+    )
+    show_edge: BoolProperty(name="Edge", description="Where the object's paint ends, and how softly")
     palette: StringProperty(
         name="Palette",
         description="The colors of its swatches, as Copy Palette writes them",

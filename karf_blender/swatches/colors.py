@@ -13,6 +13,7 @@ import numpy as np
 from ..engine_api import (
     AddedColor,
     ColorHistogram,
+    EdgeShape,
     Palette,
     ciede2000,
     hex_to_rgb,
@@ -83,6 +84,16 @@ def added_by_object(scene: bpy.types.Scene) -> dict[str, tuple[AddedColor, ...]]
     return {item.name: own for item in scene.karf.objects if (own := added(item))}
 
 
+def edges(scene: bpy.types.Scene) -> dict[str, EdgeShape]:
+    """How the edges of the objects are moved and faded, by name; none of those that stay as they are."""
+    return {item.name: shape for item in scene.karf.objects if not (shape := edge(item)).is_neutral}
+
+
+def edge(item: bpy.types.PropertyGroup) -> EdgeShape:
+    """How an object's edge is moved and faded."""
+    return EdgeShape(item.choke, item.feather)
+
+
 def keys(added_colors: Iterable[AddedColor]) -> list[tuple[float, ...]]:
     """What makes added colors the same ones, as comparable values."""
     return [(*color.picked.tolist(), color.reach, color.protect) for color in added_colors]
@@ -144,4 +155,5 @@ def held(item: bpy.types.PropertyGroup) -> list[np.ndarray]:
 def fingerprint(scene: bpy.types.Scene) -> bytes:
     """All that keyframes can change in a picture, as one comparable value."""
     palettes = [edited(item).tobytes() for item in scene.karf.objects]
-    return b"".join([scene.karf.compositing.encode(), scene.karf.active_view.encode(), *palettes])
+    ends = repr(edges(scene)).encode()
+    return b"".join([scene.karf.compositing.encode(), scene.karf.active_view.encode(), ends, *palettes])

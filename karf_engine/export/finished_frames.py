@@ -14,6 +14,7 @@ from typing import Any
 
 from ..capture.capture import Capture, View, capture_to_json
 from ..io.fingerprints import file_digest, fingerprint
+from ..palettes.edge_shape import shaped_edges
 from ..palettes.palette import AddedColor, Edit
 from ..project import STAGE_ORDER, Project
 from ..project.settings import Settings, to_dict
@@ -95,8 +96,10 @@ def frame_mark(view: str, edit: Edit | None) -> str:
     if edit is None:
         return view
     added = {name: [_mark_of(each) for each in own] for name, own in edit.added.items()}
-    options = ({name: colors.tolist() for name, colors in edit.colors.items()}, edit.compositing)
-    return fingerprint(view, *options, added) if added else fingerprint(view, *options)
+    options = [{name: colors.tolist() for name, colors in edit.colors.items()}, edit.compositing]
+    options += [added] if added else []
+    edges = {name: asdict(shape) for name, shape in shaped_edges(edit.edges).items()}
+    return fingerprint(view, *options, {"edges": edges}) if edges else fingerprint(view, *options)
 
 
 def _mark_of(color: AddedColor) -> list:

@@ -19,6 +19,7 @@ from ..io.arguments import check_array, check_choice, check_fields
 from ..io.color import to_bytes
 from ..io.files import read_json, write_json
 from ..io.names import check_name, check_names
+from .edge_shape import EdgeShape
 
 PALETTE_SCHEMA = "karf-palette/1"
 COMPOSITING_MODES = ("delta", "paper")
@@ -87,6 +88,7 @@ class Edit:
             [M (1 + A), 3], the sets of these behind it.
         compositing: How planes become the picture, `delta` or `paper` (see `palettes.compositing`).
         added: The added colors of objects that have some, by name.
+        edges: How the edges of objects are moved and faded, by name; those without one stay as they are.
 
     Raises:
         TypeError: A field is of another type.
@@ -101,6 +103,7 @@ class Edit:
     colors: dict[str, np.ndarray]
     compositing: str = "delta"
     added: dict[str, tuple[AddedColor, ...]] = field(default_factory=dict)
+    edges: dict[str, EdgeShape] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -129,8 +132,8 @@ def check_edit(edit: Edit, palettes: Sequence[Palette]) -> None:
         karf_engine.errors.BadRequest: The edit is of no object, the palettes are of pot. Make it by model.edit().
     """
     names = [palette.name for palette in palettes]
-    if set(edit.colors) != set(names) or not set(edit.added) <= set(names):
-        other = ", ".join(dict.fromkeys([*edit.colors, *edit.added])) or "no object"
+    if set(edit.colors) != set(names) or not {*edit.added, *edit.edges} <= set(names):
+        other = ", ".join(dict.fromkeys([*edit.colors, *edit.added, *edit.edges])) or "no object"
         raise BadRequest(
             f"The edit is of {other:.200}, the palettes are of {', '.join(names):.200}.", "Make it by model.edit()."
         )

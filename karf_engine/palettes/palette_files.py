@@ -2,7 +2,7 @@
 
 Hand-written by the published descriptions of both formats, because Blender's Python has no reader of them. A swatch is
 called `<object> <number>`, from 1; black is not written. Both formats end at white; `.gpl` has 8 bits a channel. Neither
-can record what an added color was picked for, so these are kept in JSON alone.
+can record what an added color was picked for, so these are kept in JSON alone; so are the shapes of edges.
 """
 
 from __future__ import annotations

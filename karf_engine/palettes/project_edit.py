@@ -13,6 +13,7 @@ from ..io.arguments import checked
 from ..project.folder import Project
 from ..project.settings import from_dict
 from .added import solve_set
+from .edge_shape import EdgeShape, shaped_edges
 from .matching.becomes import match_becomes, match_fewest, nearest_weights
 from .object_colors import read_object_colors
 from .palette import (
@@ -42,6 +43,7 @@ class ProjectEdit(Edit):
             colors stand behind it.
         compositing: `delta` adds the palette's change to the picture, `paper` replaces it by the palette's mixture.
         added: added colors of objects that have some, by name.
+        edges: how the edges of objects are moved and faded, by name.
         project: the learned project.
         palettes: its palettes as learned.
     """
@@ -136,6 +138,23 @@ class ProjectEdit(Edit):
         return replace(self, colors=self.colors | {name: colors})
 
     @checked
+    def edge(self, name: str, choke: float = 0.0, feather: float = 0.0) -> ProjectEdit:
+        """Move and fade an object's edge, in pixels of the photos at their full size; both 0: as it is.
+
+        Points and splats have no pixels, so they ignore it.
+
+        Args:
+            name: the object.
+            choke: pixels by which its paint ends further inside, from -16 to 16; below 0 it goes beyond the object.
+            feather: pixels over which it fades, half of them on either side, from 0 to 64.
+
+        Raises:
+            BadRequest: there is no such object, or a number is out of range.
+        """
+        shape = EdgeShape(float(choke), float(feather))
+        return replace(self, edges=shaped_edges(self.edges | {self._palette(name).name: shape}))
+
+    @checked
     def save(self, path: Path | str) -> None:
         """Write the edit, atomically: as JSON, or as the palette file of its suffix (`palettes.palette_files`)."""
         write_edit_file(Path(path), self)
@@ -160,7 +179,7 @@ def edit_of(project: Project, path: Path | str | None = None) -> ProjectEdit:
     edit = Edit({palette.name: palette.colors for palette in palettes}, compositing)
     if path is not None:
         edit = read_edit_file(Path(path), palettes, compositing)
-    return ProjectEdit(edit.colors, edit.compositing, edit.added, project=project, palettes=palettes)
+    return ProjectEdit(edit.colors, edit.compositing, edit.added, edit.edges, project=project, palettes=palettes)
 
 
 def solve(

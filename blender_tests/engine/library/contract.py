@@ -18,6 +18,7 @@ import torch
 
 import karf_engine as karf
 from karf_engine import kan
+from karf_engine.palettes.edge_shape import EdgeShape
 from karf_engine.palettes.project_edit import ProjectEdit
 from karf_engine.recolor.full_resolution import PhotoView
 
@@ -237,6 +238,12 @@ KINDS = {
                    empty=[{"ball": np.zeros((0, 3))}], huge=[{"ball": np.full((2, 3), 9.0)}]),
     "added": kind({}, wrong_type=[None, 3, [], {"ball": ["#ffffff"]}, {3: ()}]),
     "maybe added": kind(None, wrong_type=[3, [], {"ball": ["#ffffff"]}, {3: ()}]),
+    "edges": kind({"ball": EdgeShape(1.0)}, wrong_type=[None, 3, [], {"ball": (1.0, 2.0)}, {3: EdgeShape()}]),
+    "maybe edges": kind({"ball": EdgeShape(1.0)}, wrong_type=[3, [], {"ball": (1.0, 2.0)}, {3: EdgeShape()}]),
+    "choke": kind(-1.5, wrong_type=["1", None, [1]], NaN=[NAN, np.inf], huge=[16.5, -17.0]),
+    "feather": kind(4, wrong_type=["1", None, [1]], NaN=[NAN, np.inf], negative=[-1.0], huge=[65.0]),
+    "grain": kind(0.5, wrong_type=["1", None, [1]], NaN=[NAN], negative=[-1.0]),
+    "scale": kind(0.5, wrong_type=["1", None, [1]], NaN=[NAN], empty=[0.0], negative=[-1.0]),
     # things of the library
     "camera": kind(
         lambda b: b.camera, wrong_type=[None, 3, "r_0", lambda b: b.view, lambda b: b.camera.camera_to_world],
@@ -340,7 +347,7 @@ ROWS: dict[str, dict[str, str]] = {
     "KarfError": row(sentence="text", hint="text", values="values"),
     "read_edit": row(path="edit file", palettes="palettes", compositing="compositing"),
     "write_edit": row(path="new edit file", edit="any edit"),
-    "Edit": row(colors="colors", compositing="compositing", added="added"),
+    "Edit": row(colors="colors", compositing="compositing", added="added", edges="edges"),
     "Palette": row(name="name", colors="palette"),
     "Settings": row(preset="text", seed="seed", compositing="compositing", geometry="group", segmentation="group",
                     palette="group", recoloring="group", splats="group", render="group"),
@@ -366,18 +373,22 @@ ROWS: dict[str, dict[str, str]] = {
     "Model.edit": row(path="edit file or none"),
     "Model.match": row(view="view", picture="picture", edit="edit"),
     "Model.recolor": row(view="view", edit="edit", size="size"),
+    "Model.with_edges": row(frame="frame with weights", edges="edges"),
     "Model.composite": row(frame="frame with weights", edit="edit"),
-    "ProjectEdit": row(colors="colors", compositing="compositing", added="added", project="own project", palettes="palettes"),
+    "ProjectEdit": row(colors="colors", compositing="compositing", added="added", edges="edges", project="own project",
+                       palettes="palettes"),
     "ProjectEdit.becomes": row(name="object", source="color", target="color", rule="rule", also="pairs", is_metal="flag"),
     "ProjectEdit.add_color": row(name="object", picked="color", wanted="color", reach="reach", protect="protect"),
     "ProjectEdit.swatch": row(name="object", index="swatch", color="color"),
+    "ProjectEdit.edge": row(name="object", choke="choke", feather="feather"),
     "ProjectEdit.save": row(path="new edit file"),
-    "PhotoView": row(photo="stored photo", orientation="orientation", objects="objects", mattes="mattes", palettes="palettes"),
+    "PhotoView": row(photo="stored photo", orientation="orientation", objects="objects", mattes="mattes", palettes="palettes",
+                     scale="scale", grain="grain"),
     "PhotoView.recolored": row(edit="edit"),
     "PhotoView.recolored_by": row(edits="edits"),
     "PhotoView.masks": row(),
     "PhotoView.shown": row(photo="stored photo"),
-    "PhotoView.layers": row(depth="depth", added="maybe added"),
+    "PhotoView.layers": row(depth="depth", added="maybe added", edges="maybe edges"),
     "kan.BSplineLayer": row(n_in="width", n_out="width", grid="width", order="octaves", layer_norm="flag"),
     "kan.BSplineLayer.forward": row(x="inputs"),
     "kan.GRBFLayer": row(n_in="width", n_out="width", n_centers="centers", bandwidth="bandwidth", learn_bandwidth="flag"),
@@ -493,7 +504,7 @@ def _neighbors(kinds: Mapping[str, str]) -> list[tuple[str, str]]:
     alike = {frozenset(("length", "maybe length")), frozenset(("width", "octaves")), frozenset(("width", "width or 0")),
              frozenset(("focal length", "coordinate")), frozenset(("view name", "new mask")), frozenset(("width", "centers")),
              frozenset(("text", "values")), frozenset(("bandwidth tensor", "bias")), frozenset(("path", "text")),
-             frozenset(("reach", "protect"))}  # fmt: skip
+             frozenset(("reach", "protect")), frozenset(("scale", "grain"))}  # fmt: skip
     return [(a, b) for a, b in pairs if kinds[a] != kinds[b] and frozenset((kinds[a], kinds[b])) not in alike
             and "group" not in (kinds[a], kinds[b])]  # fmt: skip
 

@@ -29,7 +29,7 @@ def photo_view(kind):
     pixels = np.rint(np.clip(grainy, 0, 1) * full).astype(kind)
     photo = StoredPhoto(Path("photo.png"), ImageHeader(SIDE, SIDE, 1, "png"), pixels)
     whole = Matte((0, SIDE), (0, SIDE), np.ones((SIDE, SIDE), np.float16), np.zeros(0, int), np.zeros((0, 3), np.uint8))
-    return PhotoView(photo, 1, ["jacket"], [whole], [NAVY], grain_of(photo.shown()))
+    return PhotoView(photo, 1, ["jacket"], [whole], [NAVY], grain=grain_of(photo.shown()))
 
 
 def finest_details(picture):
