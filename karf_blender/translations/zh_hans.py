@@ -834,4 +834,14 @@ TEXTS = {
     ),
     "Y Down": "Y 轴向下",
     "Z Up": "Z 轴向上",
+    "Choke": "收边",
+    "Edge": "边缘",
+    "Feather": "羽化",
+    "How far inside its edge the object's paint ends, in pixels of the photo; below 0 it goes beyond": (
+        "物体的着色在其边缘以内多远处结束，以照片像素计；小于 0 时超出边缘"
+    ),
+    "Over how many pixels of the photo the paint fades, half of them on either side of its edge": (
+        "着色在照片的多少个像素内淡出，边缘两侧各占一半"
+    ),
+    "Where the object's paint ends, and how softly": "物体的着色在何处结束，以及多柔和",
 }
