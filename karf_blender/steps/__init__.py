@@ -42,6 +42,7 @@ from .swatches import (
     set_swatch,
     split_swatch,
     unlink_swatch,
+    use_color_name,
 )
 from .view import leave_view, look_through, reprojection_error
 
@@ -114,5 +115,6 @@ __all__ = [
     "split_swatch",
     "unfollow_splat",
     "unlink_swatch",
+    "use_color_name",
     "use_engine",
 ]
