@@ -19,6 +19,7 @@ def draw_names(layout, color, object_name, index):
     layout.label(text=_lab_text(lab))
     layout.label(text=_lch_text(lab))
     layout.separator()
+    layout.operator_context = "INVOKE_DEFAULT"  # the search and the file browser are what invoking opens
     book, problem = color_book.known()
     if problem:
         draw_text(layout, problem, "ERROR")

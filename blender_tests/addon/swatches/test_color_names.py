@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ..layout import Layout
+from ..layout import Layout, drawn_preferences
 
 BOOK = "name,hex,lab\nTraffic red,#b3241b,\nSky,#3a7fb0,\nNeon,,60 90 -90\n"
 
@@ -111,3 +111,25 @@ def test_a_file_that_is_no_book_is_not_chosen(bpy, addon, learned, book, tmp_pat
     with pytest.raises(RuntimeError, match="does not begin with 8BCB"):
         bpy.ops.karf.choose_color_book(filepath=str(tmp_path / "other.acb"))
     assert addon.preferences.current().color_book == str(book)
+
+
+def test_a_name_can_be_undone(bpy, addon, learned, book):
+    before = np.array(swatch(learned).color)
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.karf.use_color_name(object_name="pot", index=1, color_name="Sky")
+    bpy.ops.ed.undo_push(message="named")
+    bpy.ops.ed.undo()
+    np.testing.assert_allclose(swatch(bpy.context.scene).color, before, atol=1e-6)
+
+
+def test_the_preferences_say_why_a_book_cannot_be_read(bpy, addon, book):
+    assert "is not a color" not in drawn_preferences(bpy, addon.preferences.current())
+    book.write_text("name,hex\nRed,red\n")
+    assert "is not a color" in drawn_preferences(bpy, addon.preferences.current())
+
+
+def test_a_relative_path_is_made_whole(bpy, addon, learned, book, tmp_path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
+    preferences = addon.preferences.current()
+    preferences.color_book = "//inks.csv"
+    assert preferences.color_book == str(book) and len(addon.color_book.known().book) == 3
