@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import BadRequest, DataError
-from ..io.arguments import checked
+from ..io.arguments import check_array, check_fields, check_number, checked
 from ..io.color import ciede2000, lab_to_srgb, srgb_to_lab
 from .color_rows import color_of_row, csv_rows
 from .named_colors import READERS, read_named_colors
@@ -28,12 +28,16 @@ MOST_NAMES = 65_535  # as many as a color book of Adobe's can have
 
 @dataclass(frozen=True, eq=False)
 class ColorBook:
-    """Named colors.
+    """Named colors. `book["Sky"]` is the color of a name, sRGB [3] float32, as near as a picture can show it.
 
     Attributes:
-        name: The book's.
-        names: Of n colors, each another.
+        name: the book's.
+        names: of n colors, each another. Capitals and spaces do not count.
         lab: CIE L*a*b* [n, 3] (white D65), also of colors that no screen shows.
+
+    Raises:
+        TypeError: a field is of another type.
+        BadRequest: there is no name, or colors are of another shape or not finite.
 
     Examples:
         >>> book = ColorBook("paints", ("Traffic red", "Sky"), np.array([[41.0, 56, 42], [48.0, -14, -32]]))
@@ -50,21 +54,30 @@ class ColorBook:
     _numbers: dict[str, int] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_numbers", {_plain(name): number for number, name in enumerate(self.names)})
+        object.__setattr__(self, "_numbers", {})
+        check_fields(self)
+        check_array("lab", self.lab, ("n", 3))
+        if not 0 < len(self.names) == len(self.lab) or not np.isfinite(self.lab).all():
+            raise BadRequest("lab is not a color for each name.", "Give finite numbers, [n, 3], and n names.")
+        self._numbers.update({_plain(name): number for number, name in enumerate(self.names)})
 
     def __len__(self) -> int:
         return len(self.names)
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """The color of a name, sRGB [3] float32, as near as a picture can show it; capitals and spaces do not count.
-
-        Raises:
-            BadRequest: The book has no such name.
-        """
+        """The color of a name, sRGB [3] float32; `BadRequest` as below."""
         return np.clip(lab_to_srgb(self.lab_of(name)), 0, 1).astype(np.float32)
 
+    @checked
     def lab_of(self, name: str) -> np.ndarray:
-        """The color of a name itself, CIE L*a*b* [3] (D65); the rest as above."""
+        """The color of a name itself, CIE L*a*b* [3] (white D65), also where no picture can show it.
+
+        Args:
+            name: one of `names`; capitals and spaces do not count.
+
+        Raises:
+            BadRequest: the book has no such name; the hint is the nearest one.
+        """
         number = self._numbers.get(_plain(name))
         if number is None:
             near = get_close_matches(_plain(name), self._numbers, 1, 0)
@@ -91,16 +104,26 @@ def nearest_names(book: ColorBook, color: np.ndarray, count: int = 3) -> list[Na
     """The names whose colors are nearest to a color, the nearest first.
 
     Args:
-        book: The book.
+        book: the book.
         color: sRGB [3].
-        count: How many, at most as many as the book has.
+        count: how many, where the book has as many.
+
+    Returns:
+        Of each its name, its sRGB [3] as near as a picture can show it, and its CIEDE2000.
+
+    Raises:
+        BadRequest: the color or the number is none.
 
     Examples:
         >>> book = ColorBook("paints", ("Red", "Sky"), np.array([[53.24, 80.09, 67.2], [48.0, -14, -32]]))
         >>> [(each.name, round(each.ciede2000)) for each in nearest_names(book, np.array([1.0, 0, 0]))]
         [('Red', 0), ('Sky', 57)]
     """
-    difference = ciede2000(book.lab, srgb_to_lab(np.asarray(color)))
+    check_array("color", color, (3,))
+    check_number("count", count, 1)
+    if not np.isfinite(color).all():
+        raise BadRequest("color is not finite.", "Give three sRGB numbers.")
+    difference = ciede2000(book.lab, srgb_to_lab(color))
     nearest = np.argsort(difference, kind="stable")[:count]
     shown = np.clip(lab_to_srgb(book.lab[nearest]), 0, 1)
     return [NamedDifference(book.names[n], each, float(difference[n])) for n, each in zip(nearest, shown, strict=True)]
@@ -111,10 +134,10 @@ def read_color_book(path: Path | str) -> ColorBook:
     """Read a book, by its suffix.
 
     Args:
-        path: `.acb`, `.ase`, `.gpl` or `.csv`.
+        path: `.acb`, `.ase`, `.gpl`, or a table `.csv` with the columns `name` and `hex`, or `L`, `a`, `b`.
 
     Returns:
-        The book, called as its file. A name that comes twice gets a number, a color without one its `#rrggbb`.
+        The book, called as its file; Lab of Adobe's files is adapted from D50 to D65. A name that comes twice gets a number, a color without one its `#rrggbb`.
 
     Raises:
         DataError: The file is missing, damaged, too large, of another kind, in CMYK, or has no color.
