@@ -30,12 +30,14 @@ from ..karf_engine.errors import (
 )
 from ..karf_engine.export.layer_names import ObjectLayers, read_layer_names
 from ..karf_engine.export.scene_points import ScenePoints, read_points, write_points
-from ..karf_engine.io.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
+from ..karf_engine.io.color import ciede2000, lab_chroma, lab_hue, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from ..karf_engine.io.files import atomic_write, checksum, read_json, write_json
 from ..karf_engine.io.image_size import find_header
 from ..karf_engine.io.names import file_name, is_file_name, same_but_for_case
 from ..karf_engine.io.options import Options, bounds_of
 from ..karf_engine.palettes.added import palettes_with, pigment_of_swatch, proposed, solve_set, spread, spread_objects
+from ..karf_engine.palettes.color_books import SUFFIXES as BOOK_SUFFIXES
+from ..karf_engine.palettes.color_books import ColorBook, nearest_names, read_color_book
 from ..karf_engine.palettes.color_text import color_to_text, colors_of_text
 from ..karf_engine.palettes.colorways.planned import PlannedColorway, plan_colorways
 from ..karf_engine.palettes.colorways.reached import dominant_color, reached_by, reached_color
@@ -52,8 +54,8 @@ from ..karf_engine.palettes.matching.becomes import (
     nearest_weights,
     with_held,
 )
+from ..karf_engine.palettes.matching.left import left_of_object
 from ..karf_engine.palettes.matching.painted import ObjectMatch, match_picture
-from ..karf_engine.palettes.matching.paints import reflection_target
 from ..karf_engine.palettes.object_colors import ColorHistogram, read_object_colors
 from ..karf_engine.palettes.palette import (
     BRIGHTEST,
@@ -97,6 +99,7 @@ ENGINE_FOLDER = Path(karf_engine.__file__).parent
 VERSION = karf_engine.__version__
 
 __all__ = [
+    "BOOK_SUFFIXES",
     "BRIGHTEST",
     "CANCEL",
     "CAPTURE_MARKS",
@@ -125,6 +128,7 @@ __all__ = [
     "Camera",
     "Cancelled",
     "Capture",
+    "ColorBook",
     "ColorHistogram",
     "DataError",
     "EdgeShape",
@@ -171,6 +175,9 @@ __all__ = [
     "hex_to_rgb",
     "hold_out",
     "is_file_name",
+    "lab_chroma",
+    "lab_hue",
+    "left_of_object",
     "linear_to_srgb",
     "masks_of_view",
     "match_becomes",
@@ -178,6 +185,7 @@ __all__ = [
     "match_fewest",
     "match_picture",
     "mean_weights",
+    "nearest_names",
     "nearest_weights",
     "observed_points",
     "open_capture",
@@ -189,6 +197,7 @@ __all__ = [
     "proposed",
     "reached_by",
     "reached_color",
+    "read_color_book",
     "read_edit_file",
     "read_json",
     "read_layer_names",
@@ -197,7 +206,6 @@ __all__ = [
     "read_planes",
     "read_points",
     "read_volumes",
-    "reflection_target",
     "render_bundle",
     "reprojection_errors",
     "reshaped",

@@ -2,9 +2,17 @@
 
 import bpy
 
-from . import marking, menus, rendering, seeing, sidebar, status, swatching
+from . import color_names, marking, menus, rendering, seeing, sidebar, status, swatching
 
-CLASSES = (*marking.CLASSES, *status.CLASSES, *seeing.CLASSES, *swatching.CLASSES, *sidebar.CLASSES, *rendering.CLASSES)
+CLASSES = (
+    *marking.CLASSES,
+    *status.CLASSES,
+    *seeing.CLASSES,
+    *color_names.CLASSES,
+    *swatching.CLASSES,
+    *sidebar.CLASSES,
+    *rendering.CLASSES,
+)
 
 
 def register():

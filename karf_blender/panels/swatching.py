@@ -70,6 +70,9 @@ def draw_becomes(layout, item):
     row.prop(item, "source", text="")
     row.label(text="", icon="FORWARD")
     row.prop(item, "target", text="")
+    names = row.row(align=True)
+    names.context_pointer_set("karf_object", item)
+    names.menu("KARF_MT_target_names", text="", icon="COLOR")
     draw_left(layout, item)
     row = layout.row(align=True)
     row.prop(item, "rule", text="")
@@ -98,6 +101,7 @@ class KARF_MT_swatch(bpy.types.Menu):
     def draw(self, context):
         layout, item, swatch = self.layout, context.karf_object, context.karf_swatch
         layout.prop(swatch, "locked")
+        layout.menu("KARF_MT_swatch_names", icon="COLOR")
         layout.separator()
         act(layout, "karf.copy_swatch", context, icon="COPYDOWN")
         act(layout, "karf.paste_swatch", context, icon="PASTEDOWN")

@@ -43,6 +43,7 @@ from .swatches import (
     set_swatch,
     split_swatch,
     unlink_swatch,
+    use_color_name,
 )
 from .view import leave_view, look_through, reprojection_error
 
@@ -116,5 +117,6 @@ __all__ = [
     "split_swatch",
     "unfollow_splat",
     "unlink_swatch",
+    "use_color_name",
     "use_engine",
 ]

@@ -10,6 +10,8 @@ from ..engine_api import (
     PROTECT,
     AddedColor,
     BadRequest,
+    ColorBook,
+    ciede2000,
     hex_to_rgb,
     pigment_of_swatch,
     proposed,
@@ -18,6 +20,7 @@ from ..engine_api import (
 )
 from ..swatches import colors, edits, groups, keyframes, material, shown
 
+ROUNDING = 0.1  # CIEDE2000 that colors in float32 and tables with few digits are off
 Swatch = tuple[str, int]
 Color = str | Sequence[float]  # sRGB in [0, 1], or "#rrggbb"
 
@@ -35,6 +38,31 @@ def set_swatch(scene: bpy.types.Scene, object_name: str, index: int, color: Colo
     """
     with shown.batched(scene):
         edits.set_color(scene, object_name, index, rgb_of(color))
+
+
+def use_color_name(scene: bpy.types.Scene, object_name: str, index: int, book: ColorBook, name: str) -> float:
+    """Give one swatch, or an object's target color, the color of a name, as if it were dragged there.
+
+    Args:
+        scene: The scene.
+        object_name: The object's.
+        index: The swatch's; 0: the color that the object's source shall become.
+        book: That has the name.
+        name: The color's.
+
+    Returns:
+        CIEDE2000 from what a picture can show to the color of the name itself; 0 where a picture can show that.
+
+    Raises:
+        BadRequest: There is no such swatch or name, or the swatch is locked.
+    """
+    color = book[name]
+    if index:
+        edits.set_color(scene, object_name, index, color)
+    else:
+        edits.object_named(scene, object_name).target = color
+    left = float(ciede2000(srgb_to_lab(color), book.lab_of(name)))
+    return left if left > ROUNDING else 0.0
 
 
 def link_swatches(scene: bpy.types.Scene, one: Swatch, other: Swatch) -> None:

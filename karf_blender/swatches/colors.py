@@ -17,12 +17,11 @@ from ..engine_api import (
     Palette,
     ciede2000,
     hex_to_rgb,
+    left_of_object,
     reached_color,
-    reflection_target,
     shown_colors,
     spread,
     srgb_to_lab,
-    with_held,
 )
 
 FOREIGN = 10.0  # CIEDE2000 from which a color does not look like another at all
@@ -142,9 +141,7 @@ def left_to_target(item: bpy.types.PropertyGroup, histogram: ColorHistogram) -> 
     if item.rule == "fewest":
         reached = reached_color(before, after, source, histogram.counts)
         return float(ciede2000(srgb_to_lab(reached), srgb_to_lab(target)))
-    pairs = with_held(before, source, target, held(item))
-    left = ciede2000(srgb_to_lab(after), srgb_to_lab(reflection_target(before, *pairs, item.is_metal)))
-    return float(np.average(left, weights=histogram.counts))
+    return left_of_object(before, after, histogram.counts, source, target, held(item), item.is_metal)
 
 
 def held(item: bpy.types.PropertyGroup) -> list[np.ndarray]:

@@ -844,4 +844,20 @@ TEXTS = {
         "着色在照片的多少个像素内淡出，边缘两侧各占一半"
     ),
     "Where the object's paint ends, and how softly": "物体的着色在何处结束，以及多柔和",
+    # --- colors by name
+    "A swatch's color in numbers, and the names of the color book next to it": "色板颜色的数值，以及色卡中与它最接近的名称",
+    "Choose a book of named colors: Adobe's .acb or .ase, GIMP's .gpl, or a .csv table. It is kept in the preferences": "选择一本有名称的色卡：Adobe 的 .acb 或 .ase、GIMP 的 .gpl，或 .csv 表格。它保存在偏好设置中",
+    "Color Book": "色卡",
+    "Find Color Name": "查找颜色名称",
+    "From 1; 0: the target color": "从 1 开始；0：目标颜色",
+    "Numbers and Names": "数值与名称",
+    "Numbers and Names of the Target": "目标的数值与名称",
+    "Search the color book, and take the color of a name": "搜索色卡，并采用某个名称的颜色",
+    "Take the color of this name": "采用此名称的颜色",
+    "The whole path of a book of named colors: Adobe's .acb or .ase, GIMP's .gpl, or a .csv table. The menu of a swatch shows the names that are nearest to it": "有名称的色卡的完整路径：Adobe 的 .acb 或 .ase、GIMP 的 .gpl，或 .csv 表格。色板的菜单会显示与它最接近的名称",
+    "Use Color Name": "采用颜色名称",
+    "What the left color becomes in numbers, and the names of the color book next to it": "左侧颜色将变成的颜色的数值，以及色卡中与它最接近的名称",
+    "{book}: {count} names": "{book}：{count} 个名称",
+    "{name}: {how} ({number})": "{name}：{how}（{number}）",
+    "No picture can show {name}: the nearest color differs from it by CIEDE2000 {left}": "没有图像能显示 {name}：最接近的颜色与它相差 CIEDE2000 {left}",
 }

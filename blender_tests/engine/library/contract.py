@@ -48,6 +48,7 @@ class Bench:
         for source, name in ((capture, "capture"), (masks, "masks"), (project, "project")):
             shutil.copytree(source, folder / name)
         (folder / "sheet.csv").write_text("colorway,object,color\nblue,ball,#2030c0\n")
+        (folder / "book.csv").write_text("name,hex\nRed,#ff0000\n")
         bench = cls(folder, folder / "project", karf.load(folder / "project", device="cpu"))
         bench.model.edit().save(folder / "edit.json")
         _ = bench.frame, bench.training_image, bench.photo_view  # what they keep is there
@@ -170,6 +171,13 @@ KINDS = {
                           ending=[lambda b: b.folder / "new.yaml"]),
     "new points": kind(lambda b: b.folder / "new.ply", wrong_type=PATH_TYPES, empty=["", "\0"],
                        ending=[lambda b: b.folder / "new.yaml"]),
+    "book file": kind(lambda b: b.folder / "book.csv", wrong_type=PATH_TYPES, empty=["", "\0"], missing=TYPO,
+                      ending=[lambda b: b.folder / "edit.json"]),
+    "book": kind(lambda b: karf.read_color_book(b.folder / "book.csv"), wrong_type=[None, 3, "book.csv", {}]),
+    "color name": kind("Red", wrong_type=[None, 3, ["Red"]], empty=[""], missing=["typo"]),
+    "three names": kind(("a", "b", "c"), wrong_type=["abc", None, 3, (3, 4, 5)], empty=[()], wrong_shape=[("a", "b")]),
+    "rgb": kind(np.zeros(3), wrong_type=[None, "#ffffff", 3, np.full(3, "a")], wrong_shape=[np.zeros(2), np.zeros((2, 3))],
+                NaN=[np.full(3, NAN)], empty=[np.zeros(0)]),
     "picture": kind(lambda b: b.view.image, wrong_type=PATH_TYPES, empty=["", "\0"], missing=TYPO),
     "path": kind(lambda b: b.folder / "capture", wrong_type=PATH_TYPES),
     "image": kind(None, wrong_type=PATH_TYPES[1:]),
@@ -347,6 +355,10 @@ ROWS: dict[str, dict[str, str]] = {
     "KarfError": row(sentence="text", hint="text", values="values"),
     "read_edit": row(path="edit file", palettes="palettes", compositing="compositing"),
     "write_edit": row(path="new edit file", edit="any edit"),
+    "read_color_book": row(path="book file"),
+    "nearest_names": row(book="book", color="rgb", count="length"),
+    "ColorBook": row(name="text", names="three names", lab="palette"),
+    "ColorBook.lab_of": row(name="color name"),
     "Edit": row(colors="colors", compositing="compositing", added="added", edges="edges"),
     "Palette": row(name="name", colors="palette"),
     "Settings": row(preset="text", seed="seed", compositing="compositing", geometry="group", segmentation="group",
@@ -418,6 +430,7 @@ ROWS: dict[str, dict[str, str]] = {
 SUBJECTS: dict[str, Make] = {  # whose methods are called
     "Camera": lambda bench: bench.camera,
     "Capture": lambda bench: bench.capture,
+    "ColorBook": lambda bench: karf.read_color_book(bench.folder / "book.csv"),
     "Model": lambda bench: bench.model,
     "ProjectEdit": lambda bench: bench.model.edit(),
     "PhotoView": lambda bench: bench.photo_view,
