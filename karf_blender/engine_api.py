@@ -41,7 +41,7 @@ from ..karf_engine.palettes.colorways.planned import PlannedColorway, plan_color
 from ..karf_engine.palettes.colorways.reached import dominant_color, reached_by, reached_color
 from ..karf_engine.palettes.colorways.reached import shown as shown_colors
 from ..karf_engine.palettes.compositing import Planes, read_planes, stack_palettes
-from ..karf_engine.palettes.edit_files import edit_to_json, write_edit
+from ..karf_engine.palettes.edit_files import edit_from_json, edit_to_json, write_edit
 from ..karf_engine.palettes.matching.becomes import (
     match_becomes,
     match_dragged,
@@ -152,6 +152,7 @@ __all__ = [
     "colors_of_text",
     "distort",
     "dominant_color",
+    "edit_from_json",
     "edit_to_json",
     "error_from_code",
     "file_name",

@@ -60,6 +60,7 @@ add_strip = _for_scripts(steps.add_strip)
 apply_edit = _for_scripts(steps.apply_edit)
 becomes = _for_scripts(steps.becomes)
 build_compositor = _for_scripts(steps.build_compositor)
+choose_look = _for_scripts(steps.choose_look)
 colorways = _for_scripts(steps.colorways)
 export_cameras = _for_scripts(steps.export_cameras)
 export_scene = _for_scripts(steps.export_scene)
@@ -71,6 +72,7 @@ follow_splat = _for_scripts(steps.follow_splat)
 import_cameras = _for_scripts(steps.import_cameras)
 import_capture = _for_scripts(steps.import_capture)
 import_splat = _for_scripts(steps.import_splat)
+keep_look = _for_scripts(steps.keep_look)
 learn_all = _for_scripts(steps.learn_all)
 learn_scene = _for_scripts(steps.learn_scene)
 learn_splats = _for_scripts(steps.learn_splats)
@@ -80,6 +82,7 @@ prepare_views = _for_scripts(steps.prepare_views)
 preview_camera = _for_scripts(steps.preview_camera)
 remove_color = _for_scripts(steps.remove_color)
 render_captured = _for_scripts(steps.render_captured)
+render_looks = _for_scripts(steps.render_looks)
 render_sequence = _for_scripts(steps.render_sequence)
 render_view = _for_scripts(steps.render_view)
 reprojection_error = _for_scripts(steps.reprojection_error)
@@ -117,6 +120,7 @@ __all__ = [
     "apply_edit",
     "becomes",
     "build_compositor",
+    "choose_look",
     "colorways",
     "engine_files",
     "engine_status",
@@ -132,6 +136,7 @@ __all__ = [
     "import_capture",
     "import_splat",
     "install_engine",
+    "keep_look",
     "learn_all",
     "learn_scene",
     "learn_splats",
@@ -144,6 +149,7 @@ __all__ = [
     "remove_color",
     "remove_engine",
     "render_captured",
+    "render_looks",
     "render_sequence",
     "render_view",
     "repair_engine",

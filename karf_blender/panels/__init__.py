@@ -2,9 +2,17 @@
 
 import bpy
 
-from . import marking, menus, rendering, seeing, sidebar, status, swatching
+from . import looks, marking, menus, rendering, seeing, sidebar, status, swatching
 
-CLASSES = (*marking.CLASSES, *status.CLASSES, *seeing.CLASSES, *swatching.CLASSES, *sidebar.CLASSES, *rendering.CLASSES)
+CLASSES = (
+    *marking.CLASSES,
+    *status.CLASSES,
+    *seeing.CLASSES,
+    *swatching.CLASSES,
+    *looks.CLASSES,
+    *sidebar.CLASSES,
+    *rendering.CLASSES,
+)
 
 
 def register():
