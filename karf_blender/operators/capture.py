@@ -281,7 +281,8 @@ class KARF_OT_leave_view(bpy.types.Operator):
 
 
 class KARF_FH_capture(bpy.types.FileHandler):
-    """Camera files may be dropped on the 3D View; what else ends so is refused with a sentence when it is read."""
+    """Camera files may be dropped on the 3D View, and on the Image Editor as long as that takes no edits; what else ends so
+    is refused with a sentence when it is read. Folders cannot: Blender asks no handler about a path without an ending."""
 
     bl_idname = "KARF_FH_capture"
     bl_label = "KaRF capture"
@@ -290,7 +291,8 @@ class KARF_FH_capture(bpy.types.FileHandler):
 
     @classmethod
     def poll_drop(cls, context):
-        return context.area is not None and context.area.type == "VIEW_3D"
+        kind = context.area.type if context.area else ""
+        return kind == "VIEW_3D" or (kind == "IMAGE_EDITOR" and not context.scene.karf.objects)
 
 
 class KARF_FH_splat(bpy.types.FileHandler):

@@ -105,7 +105,7 @@ class KARF_OT_save_edit(SwatchStep, bpy.types.Operator):
 
 
 class KARF_FH_edit(bpy.types.FileHandler):
-    """Edit files may be dropped on the recolored picture."""
+    """Edit files may be dropped on the recolored picture; before there is one, camera files may."""
 
     bl_idname = "KARF_FH_edit"
     bl_label = "KaRF edit"
@@ -114,7 +114,7 @@ class KARF_FH_edit(bpy.types.FileHandler):
 
     @classmethod
     def poll_drop(cls, context):
-        return context.area is not None and context.area.type == "IMAGE_EDITOR"
+        return context.area is not None and context.area.type == "IMAGE_EDITOR" and len(context.scene.karf.objects) > 0
 
 
 CLASSES = (

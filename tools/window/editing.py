@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from . import acts, desk, hands, pickers
-from .acts import FILM_FRAMES, VIEW, Story, check
+from .acts import FILM_FRAMES, PICTURE, SIDEBAR, VIEW, Story, check
 from .hands import Wait
 from .telling import Chapter
 
@@ -31,6 +31,28 @@ def undo(story: Story) -> Wait:
     yield from hands.press("Z", hands.middle_of(VIEW), ctrl=True, shift=True)
     yield 0.5
     check(desk.picture() == story.facts["dragged"], "redo did not bring the edit back")
+
+
+@CHAPTER.step(
+    "looks", "mouse: Keep Look, a swatch dragged, Keep Look, the first look chosen; keys: V over the picture, Ctrl Z"
+)
+def looks(story: Story) -> Wait:
+    karf, first = desk.scene().karf, desk.picture()
+    yield from hands.press_button(SIDEBAR, r"karf\.keep_look\(")
+    yield from pickers.drag_swatch(story, "pot", 1, 6, (40, -35))
+    second = desk.picture()
+    yield from hands.press_button(SIDEBAR, r"karf\.keep_look\(\)")
+    check(karf.looks.keys() == ["A", "B"], f"the looks are {karf.looks.keys()}")
+    yield from story.shoot("looks")
+    yield from hands.press_button(SIDEBAR, r'karf\.choose_look\(name="A"\)')
+    check(desk.picture() == first and desk.is_in_step(), "a click on the first look does not bring its picture")
+    yield from hands.press("V", hands.middle_of(PICTURE))
+    check(desk.picture() == second and karf.look == "B", "V does not flip to the other look")
+    yield from hands.press("Z", hands.middle_of(VIEW), ctrl=True)
+    yield 0.5
+    karf = desk.scene().karf
+    check(desk.picture() == first and karf.look == "A", f"undo does not flip back: {karf.look} is in use")
+    yield from story.shoot("looks-flipped")
 
 
 @CHAPTER.step("keyframe", "keys: I over a swatch, Shift Right, another drag, I; then Left and Right")

@@ -79,6 +79,7 @@ def extract_again(story: Story) -> Wait:
     check(desk.picture() != first, "the keyframed picture does not follow any more")
     pot = desk.swatches()["pot"]  # in a new order, perhaps: an edit stays with the paint that it was of
     check(edited in pot, f"the pot's edit {edited} is not among {pot}")
+    check(karf.looks.keys() == ["A", "B"], f"the looks are {karf.looks.keys()}")
 
 
 @CHAPTER.step("disable, enable", "script: the extension is switched off and on")

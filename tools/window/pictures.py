@@ -141,6 +141,22 @@ def colorways(story: Story) -> Wait:
     check(len(pictures) == 2, f"{len(pictures)} pictures of {view} were written, not 2")
 
 
+@CHAPTER.step("render looks", "mouse: Render Looks; keys: Esc in its dialog; script: a single view")
+def render_looks(story: Story) -> Wait:
+    view = story.job["masked_view"]
+    yield from hands.press_button(SIDEBAR, r"karf\.render_looks")
+    yield 0.5
+    yield from story.shoot("dialog-render_looks")
+    yield from hands.press("ESC", hands.middle_of(PICTURE))
+    with hands.inside(SIDEBAR):
+        bpy.ops.karf.render_looks(views=view)
+    yield from acts.job_end(story)
+    folder = desk.module("steps").looks_folder(desk.scene())
+    pictures = {file.parent.name: desk.pixels_of(file) for file in sorted(folder.glob(f"*/{view}.png"))}
+    check(list(pictures) == ["A", "B"], f"there are pictures of the looks {list(pictures)}")
+    check(bool((pictures["A"] != pictures["B"]).any()), "the looks were rendered alike")
+
+
 for _number in (1, 2, 3):
     CHAPTER.step(f"render animation {_number}", f"keys: Ctrl F12, {FILM_FRAMES} frames, the result picture open")(
         lambda story, number=_number: acts.render_animation(story, number, FILM_FRAMES)
