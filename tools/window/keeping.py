@@ -67,8 +67,8 @@ def extract_again(story: Story) -> Wait:
     yield from hands.press_button(SIDEBAR, r"karf\.extract_palette")
     yield 0.5
     yield from story.shoot("asked")
-    yield from hands.press("RET", hands.middle_of(PICTURE))  # there are edits, and Blender asks first
-    yield from until(lambda: desk.module("tasks.runner").is_running(), "the job", 10)
+    # there are edits, and Blender asks first
+    yield from acts.job_begin(hands.press("RET", hands.middle_of(PICTURE)), "karf.extract_palette")
     yield from acts.job_end(story)
     yield from story.shoot("extracted-again")
     check(set(desk.swatches()) == {"apple", "mug", "pot"}, f"the objects are {list(desk.swatches())}")

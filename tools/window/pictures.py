@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from . import acts, desk, hands
-from .acts import FILM_FRAMES, PICTURE, SIDEBAR, Story, check, until
+from .acts import FILM_FRAMES, PICTURE, SIDEBAR, Story, check
 from .hands import Wait, Where
 from .telling import Chapter
 
@@ -127,8 +127,7 @@ def colorways(story: Story) -> Wait:
     yield 0.5
     yield from story.shoot("colorways")
     check(len(manager.karf_colorways.colors) == 3, f"the dialog lists {len(manager.karf_colorways.colors)} colors")
-    yield from hands.press("RET", hands.middle_of(PICTURE))
-    yield from until(lambda: desk.module("tasks.runner").is_running(), "the job", 10)
+    yield from acts.job_begin(hands.press("RET", hands.middle_of(PICTURE)), "karf.render_colorways")
     yield from hands.press_button(SIDEBAR, r"karf\.cancel", hands.RIGHT)
     yield from acts.job_end(story, "cancelled")
     with hands.inside(SIDEBAR):
