@@ -105,7 +105,7 @@ class KARF_OT_save_edit(SwatchStep, bpy.types.Operator):
 
 
 class KARF_FH_edit(bpy.types.FileHandler):
-    """Edit files may be dropped on the recolored picture; before there is one, camera files may."""
+    """Edit files may be dropped on the recolored picture."""
 
     bl_idname = "KARF_FH_edit"
     bl_label = "KaRF edit"
