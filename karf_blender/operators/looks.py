@@ -5,7 +5,7 @@ from bpy.props import EnumProperty, IntProperty, StringProperty
 
 from .. import steps
 from ..host.words import translate_report
-from ..swatches import looks
+from ..swatches import drawn_over, looks
 from ..tasks import runner
 from .reporting import PaletteStep, SwatchStep, reports_errors
 
@@ -64,6 +64,12 @@ class KARF_OT_flip_looks(SwatchStep, bpy.types.Operator):
             cls.poll_message_set("Keep two looks to flip between them")
             return False
         return True
+
+    def invoke(self, context, event):
+        is_key = context.region is not None and context.region.type == "WINDOW"  # the button is in a sidebar
+        if is_key and not drawn_over.shows_picture(context):
+            return {"PASS_THROUGH"}  # over another picture keys keep their own meaning
+        return self.execute(context)
 
     @reports_errors
     def execute(self, context):

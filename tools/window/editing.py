@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import bpy
+
 from . import acts, desk, hands, pickers
 from .acts import FILM_FRAMES, PICTURE, SIDEBAR, VIEW, Story, check
 from .hands import Wait
@@ -53,6 +55,23 @@ def looks(story: Story) -> Wait:
     karf = desk.scene().karf
     check(desk.picture() == first and karf.look == "A", f"undo does not flip back: {karf.look} is in use")
     yield from story.shoot("looks-flipped")
+
+
+@CHAPTER.step("before and after", "keys: C over the picture; mouse: the eyes of an object and of a swatch")
+def before_and_after(story: Story) -> Wait:
+    edited, seeing = desk.picture(), bpy.data.window_managers[0].karf_seeing
+    seen = []
+    for way in (
+        lambda: hands.press("C", hands.middle_of(PICTURE)),
+        lambda: hands.press_button(SIDEBAR, r'karf\.solo_swatch\(object_name="pot", index=0\)'),
+        lambda: hands.press_button(SIDEBAR, r'karf\.solo_swatch\(object_name="pot"(, index=1)?\)'),
+    ):
+        yield from way()
+        seen.append(desk.picture())
+        yield from story.shoot(f"looked-at-{seeing.mode.lower()}-{seeing.solo_swatch}")
+        yield from way()
+        check(desk.picture() == edited, f"the second time does not lead back from {seeing.mode}")
+    check(len({edited, *seen}) == 4, "two ways of looking show the same picture")
 
 
 @CHAPTER.step("keyframe", "keys: I over a swatch, Shift Right, another drag, I; then Left and Right")

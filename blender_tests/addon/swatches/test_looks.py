@@ -1,6 +1,7 @@
 """Named looks: whole states of the swatches that flip by a click, and stay as edits do."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -93,6 +94,18 @@ def test_flipping_goes_back_and_forth_between_the_last_two(bpy, addon, two):
     bpy.ops.karf.remove_look(name="A")
     bpy.ops.karf.flip_looks()
     assert two.karf.look == "B"  # the other one is gone: the next of the list
+
+
+def test_the_key_flips_over_the_recolored_picture_alone(bpy, addon, two):
+    window = bpy.context.window_manager.windows[0]
+    area = window.screen.areas[0]
+    area.type = "IMAGE_EDITOR"
+    region = next(each for each in area.regions if each.type == "WINDOW")
+    button = SimpleNamespace(execute=lambda context: "flipped")
+    for image, result in ((bpy.data.images.new("other", 8, 8), {"PASS_THROUGH"}), (two.karf.result, "flipped")):
+        area.spaces.active.image = image
+        with bpy.context.temp_override(window=window, area=area, region=region):
+            assert bpy.types.KARF_OT_flip_looks.invoke(button, bpy.context, None) == result
 
 
 def test_looks_are_renamed_moved_and_removed(bpy, addon, two):
