@@ -19,7 +19,7 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 # the modules that tests use, by their room ("" is karf_blender itself); the fixture `addon` has each by its own name
 MODULES = {
     "": "engine_api headless preferences progress steps",
-    "host": "compat labels rendering words",
+    "host": "compat labels rendering windows words",
     "engine": "environment examination failures installing probing processes removing report speed worker",
     "engine.managed": "home",
     "preferences": "managing state",

@@ -4,6 +4,7 @@ import bpy
 from bpy.props import EnumProperty, IntProperty, StringProperty
 
 from .. import steps
+from ..host import windows
 from ..host.words import translate_report
 from ..swatches import drawn_over, looks
 from ..tasks import runner
@@ -15,10 +16,22 @@ WHAT_ITEMS = [
 ]
 
 
-class OneLook(SwatchStep):
-    """Mix-in of operators on one look."""
+class LookStep(SwatchStep):
+    """Mix-in of operators on looks: `act` does what they do, and returns what there is to say."""
 
     bl_options = {"REGISTER", "UNDO"}
+
+    @reports_errors
+    def execute(self, context):
+        sentence = self.act(context.scene)
+        windows.redraw_sidebars()  # those of other editors too
+        if sentence:
+            self.report({"INFO"}, sentence)
+        return {"FINISHED"}
+
+
+class OneLook(LookStep):
+    """Mix-in of operators on one look."""
 
     name: StringProperty(name="Look", options={"SKIP_SAVE"})
 
@@ -29,11 +42,9 @@ class KARF_OT_keep_look(OneLook, bpy.types.Operator):
     bl_idname = "karf.keep_look"
     bl_label = "Keep Look"
 
-    @reports_errors
-    def execute(self, context):
-        name = steps.keep_look(context.scene, self.name)
-        self.report({"INFO"}, translate_report("The swatches are kept as look {name}", name=name))
-        return {"FINISHED"}
+    def act(self, scene):
+        name = steps.keep_look(scene, self.name)
+        return translate_report("The swatches are kept as look {name}", name=name)
 
 
 class KARF_OT_choose_look(OneLook, bpy.types.Operator):
@@ -42,19 +53,17 @@ class KARF_OT_choose_look(OneLook, bpy.types.Operator):
     bl_idname = "karf.choose_look"
     bl_label = "Choose Look"
 
-    @reports_errors
-    def execute(self, context):
-        warn_of_change(self, context)
-        steps.choose_look(context.scene, self.name)
-        return {"FINISHED"}
+    def act(self, scene):
+        remark = what_is_left_behind(scene)
+        steps.choose_look(scene, self.name)
+        return remark
 
 
-class KARF_OT_flip_looks(SwatchStep, bpy.types.Operator):
+class KARF_OT_flip_looks(LookStep, bpy.types.Operator):
     """Flip back to the look that was in use before, and forth again"""
 
     bl_idname = "karf.flip_looks"
     bl_label = "Flip Looks"
-    bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context):
@@ -71,24 +80,17 @@ class KARF_OT_flip_looks(SwatchStep, bpy.types.Operator):
             return {"PASS_THROUGH"}  # over another picture keys keep their own meaning
         return self.execute(context)
 
-    @reports_errors
-    def execute(self, context):
-        warn_of_change(self, context)
-        name = steps.flip_looks(context.scene)
-        if not looks.is_changed(context.scene):
-            self.report({"INFO"}, name)
-        return {"FINISHED"}
+    def act(self, scene):
+        remark = what_is_left_behind(scene)
+        name = steps.flip_looks(scene)
+        return remark or name
 
 
-def warn_of_change(operator, context):
-    """Say that the swatches were not kept as they stand; undo brings them back."""
-    if looks.is_changed(context.scene):
-        operator.report(
-            {"INFO"},
-            translate_report(
-                "{name} had changed since it was kept: undo brings that back", name=context.scene.karf.look
-            ),
-        )
+def what_is_left_behind(scene):
+    """A sentence where the swatches were not kept as they stand; undo brings them back."""
+    if not looks.is_changed(scene):
+        return ""
+    return translate_report("{name} had changed since it was kept: undo brings that back", name=scene.karf.look)
 
 
 class KARF_OT_rename_look(OneLook, bpy.types.Operator):
@@ -106,10 +108,8 @@ class KARF_OT_rename_look(OneLook, bpy.types.Operator):
     def draw(self, context):
         self.layout.prop(self, "new")
 
-    @reports_errors
-    def execute(self, context):
-        steps.rename_look(context.scene, self.name, self.new)
-        return {"FINISHED"}
+    def act(self, scene):
+        steps.rename_look(scene, self.name, self.new)
 
 
 class KARF_OT_remove_look(OneLook, bpy.types.Operator):
@@ -118,10 +118,8 @@ class KARF_OT_remove_look(OneLook, bpy.types.Operator):
     bl_idname = "karf.remove_look"
     bl_label = "Remove Look"
 
-    @reports_errors
-    def execute(self, context):
-        steps.remove_look(context.scene, self.name)
-        return {"FINISHED"}
+    def act(self, scene):
+        steps.remove_look(scene, self.name)
 
 
 class KARF_OT_move_look(OneLook, bpy.types.Operator):
@@ -132,10 +130,8 @@ class KARF_OT_move_look(OneLook, bpy.types.Operator):
 
     by: IntProperty(name="By", default=1, description="Places down the list", options={"SKIP_SAVE"})
 
-    @reports_errors
-    def execute(self, context):
-        steps.move_look(context.scene, self.name, self.by)
-        return {"FINISHED"}
+    def act(self, scene):
+        steps.move_look(scene, self.name, self.by)
 
 
 class KARF_OT_render_looks(PaletteStep, bpy.types.Operator):

@@ -108,6 +108,21 @@ def test_the_key_flips_over_the_recolored_picture_alone(bpy, addon, two):
             assert bpy.types.KARF_OT_flip_looks.invoke(button, bpy.context, None) == result
 
 
+def test_all_sidebars_show_what_was_done_to_looks(bpy, addon, two, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(addon.windows, "redraw_sidebars", lambda: drawn.append(two.karf.look))
+    bpy.ops.karf.choose_look(name="A")
+    bpy.ops.karf.flip_looks()
+    bpy.ops.karf.keep_look()
+    assert drawn == ["A", "B", "C"]
+
+
+def test_leaving_a_changed_look_says_that_undo_brings_it_back(bpy, addon, two, capfd):
+    addon.headless.set_swatch("pot", 1, RED)
+    bpy.ops.karf.flip_looks()
+    assert "B had changed since it was kept: undo brings that back" in capfd.readouterr().out
+
+
 def test_looks_are_renamed_moved_and_removed(bpy, addon, two):
     bpy.ops.karf.rename_look(name="B", new="Winter")
     assert two.karf.looks.keys() == ["A", "Winter"] and two.karf.look == "Winter"
