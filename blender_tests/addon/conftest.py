@@ -19,14 +19,14 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 # the modules that tests use, by their room ("" is karf_blender itself); the fixture `addon` has each by its own name
 MODULES = {
     "": "engine_api headless preferences progress steps",
-    "host": "compat labels rendering words",
+    "host": "compat labels rendering windows words",
     "engine": "environment examination failures installing probing processes removing report speed worker",
     "engine.managed": "home",
     "preferences": "color_book managing state",
     "project": "captures contents disk folders moving saving",
     "pictures": "editors images photos sequences settling chips tints",
     "rig": "camera_paths cameras factory frames lens looking placement points reprojection",
-    "swatches": "becomes colors drawn_over edits free_camera loupe object_masks palettes shown views",
+    "swatches": "becomes colors drawn_over edits free_camera looks loupe object_masks palettes shown views",
     "marking": "asking following gestures history objects overlay mask_layers photo png proposals raster tools",
     "render_engine": "blocking camera_pixels compatible passes still viewport",
     "steps": "masks preview splats",

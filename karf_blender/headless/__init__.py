@@ -60,6 +60,7 @@ add_strip = _for_scripts(steps.add_strip)
 apply_edit = _for_scripts(steps.apply_edit)
 becomes = _for_scripts(steps.becomes)
 build_compositor = _for_scripts(steps.build_compositor)
+choose_look = _for_scripts(steps.choose_look)
 colorways = _for_scripts(steps.colorways)
 export_cameras = _for_scripts(steps.export_cameras)
 export_scene = _for_scripts(steps.export_scene)
@@ -71,6 +72,7 @@ follow_splat = _for_scripts(steps.follow_splat)
 import_cameras = _for_scripts(steps.import_cameras)
 import_capture = _for_scripts(steps.import_capture)
 import_splat = _for_scripts(steps.import_splat)
+keep_look = _for_scripts(steps.keep_look)
 learn_all = _for_scripts(steps.learn_all)
 learn_scene = _for_scripts(steps.learn_scene)
 learn_splats = _for_scripts(steps.learn_splats)
@@ -81,6 +83,7 @@ preview_camera = _for_scripts(steps.preview_camera)
 protect_neutrals = _for_scripts(steps.protect_neutrals)
 remove_color = _for_scripts(steps.remove_color)
 render_captured = _for_scripts(steps.render_captured)
+render_looks = _for_scripts(steps.render_looks)
 render_sequence = _for_scripts(steps.render_sequence)
 render_view = _for_scripts(steps.render_view)
 reprojection_error = _for_scripts(steps.reprojection_error)
@@ -118,6 +121,7 @@ __all__ = [
     "apply_edit",
     "becomes",
     "build_compositor",
+    "choose_look",
     "colorways",
     "engine_files",
     "engine_status",
@@ -133,6 +137,7 @@ __all__ = [
     "import_capture",
     "import_splat",
     "install_engine",
+    "keep_look",
     "learn_all",
     "learn_scene",
     "learn_splats",
@@ -146,6 +151,7 @@ __all__ = [
     "remove_color",
     "remove_engine",
     "render_captured",
+    "render_looks",
     "render_sequence",
     "render_view",
     "repair_engine",

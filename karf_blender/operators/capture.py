@@ -283,6 +283,7 @@ class KARF_OT_leave_view(bpy.types.Operator):
 class KARF_FH_capture(bpy.types.FileHandler):
     """Camera files may be dropped on the 3D View; what else ends so is refused with a sentence when it is read."""
 
+    # folders cannot: Blender asks no handler about a path without an ending
     bl_idname = "KARF_FH_capture"
     bl_label = "KaRF capture"
     bl_import_operator = KARF_OT_import_capture.bl_idname
@@ -290,7 +291,9 @@ class KARF_FH_capture(bpy.types.FileHandler):
 
     @classmethod
     def poll_drop(cls, context):
-        return context.area is not None and context.area.type == "VIEW_3D"
+        kind = context.area.type if context.area else ""
+        # the Image Editor takes edits once there are swatches, which may be .json too
+        return kind == "VIEW_3D" or (kind == "IMAGE_EDITOR" and not context.scene.karf.objects)
 
 
 class KARF_FH_splat(bpy.types.FileHandler):

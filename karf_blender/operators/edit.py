@@ -114,7 +114,7 @@ class KARF_FH_edit(bpy.types.FileHandler):
 
     @classmethod
     def poll_drop(cls, context):
-        return context.area is not None and context.area.type == "IMAGE_EDITOR"
+        return context.area is not None and context.area.type == "IMAGE_EDITOR" and len(context.scene.karf.objects) > 0
 
 
 CLASSES = (

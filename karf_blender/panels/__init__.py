@@ -2,7 +2,7 @@
 
 import bpy
 
-from . import color_names, marking, menus, rendering, seeing, sidebar, status, swatching
+from . import color_names, looks, marking, menus, rendering, seeing, sidebar, status, swatching
 
 CLASSES = (
     *marking.CLASSES,
@@ -10,6 +10,7 @@ CLASSES = (
     *seeing.CLASSES,
     *color_names.CLASSES,
     *swatching.CLASSES,
+    *looks.CLASSES,
     *sidebar.CLASSES,
     *rendering.CLASSES,
 )

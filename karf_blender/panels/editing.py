@@ -4,6 +4,7 @@ from ..host.labels import draw_text
 from ..host.words import translate
 from ..project import disk
 from ..swatches import object_masks
+from .looks import draw_looks
 from .seeing import ADVANCED_MODES, draw_modes, draw_seeing, how_visible
 from .swatching import draw_object
 from .views import draw_advanced, draw_view
@@ -29,6 +30,7 @@ def draw_edit(layout, context):
     layout.prop(karf, "material", icon="MATERIAL")
     for name in object_masks.in_order(context.scene, karf.objects.keys()):
         draw_object(layout.box(), karf.objects[name])
+    draw_looks(layout.box(), context)
     draw_match(layout.box(), karf)
     row = layout.row(align=True)
     row.operator("karf.load_edit", icon="FILE_FOLDER")

@@ -58,8 +58,10 @@ def draw_sequence(layout, karf):
 
 
 def draw_colorways(layout, karf):
-    """A sheet of colors for objects."""
-    layout.operator("karf.colorways", icon="COLOR")
+    """A sheet of colors for objects, and the looks that were kept."""
+    column = layout.column(align=True)
+    column.operator("karf.colorways", icon="COLOR")
+    column.operator("karf.render_looks", icon="RENDER_ANIMATION")
 
 
 def draw_compositor(layout, karf):

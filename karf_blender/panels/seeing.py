@@ -8,6 +8,7 @@ from ..host.words import translate
 from ..pictures import chips
 from ..project import disk
 from ..swatches import colors, shown
+from . import looks
 
 # the key that shows before and after, with Alt the pie; free in the Image Editor of Blender's own key map
 KEY = "C"
@@ -116,7 +117,9 @@ def register_keys():
         return
     keymap = keymaps.keymaps.new("Image", space_type="IMAGE_EDITOR")
     pie = keymap.keymap_items.new("karf.seeing_pie", KEY, "PRESS", alt=True)
-    _Memory.keys = [(keymap, keymap.keymap_items.new("karf.before_after", KEY, "PRESS")), (keymap, pie)]
+    flip = keymap.keymap_items.new("karf.flip_looks", looks.KEY, "PRESS")
+    before_after = keymap.keymap_items.new("karf.before_after", KEY, "PRESS")
+    _Memory.keys = [(keymap, item) for item in (before_after, pie, flip)]
 
 
 def unregister_keys():

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, PointerProperty, StringProperty
 
-from . import marking, preview, scene, seeing, session, surface, swatches, working
+from . import looks, marking, preview, scene, seeing, session, surface, swatches, working
 from .preview import KARF_PG_preview
 from .scene import KARF_PG_scene
 from .seeing import KARF_PG_seeing
@@ -12,6 +12,7 @@ from .working import KARF_PG_folding
 
 CLASSES = (
     *swatches.CLASSES,
+    *looks.CLASSES,
     *marking.CLASSES,
     *working.CLASSES,
     *preview.CLASSES,

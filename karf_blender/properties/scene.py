@@ -9,6 +9,7 @@ from ..marking import asking, objects
 from ..project import contents, disk, folders
 from ..rig import reprojection
 from ..swatches import palettes, shown
+from .looks import KARF_PG_look
 from .marking import KARF_PG_marking
 from .surface import KARF_PG_surface
 from .swatches import KARF_PG_match, KARF_PG_object, edit_changed
@@ -160,6 +161,9 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
     )
     active_view: StringProperty(name="View", description="The captured view that is shown", update=_view_chosen)
     objects: CollectionProperty(type=KARF_PG_object)
+    looks: CollectionProperty(type=KARF_PG_look)
+    look: StringProperty(name="Look", description="The look in use; empty: none")
+    look_before: StringProperty(description="The look that was in use before, to flip back to")
     surface: PointerProperty(type=KARF_PG_surface)
     match: PointerProperty(type=KARF_PG_match)
     result: PointerProperty(name="Result", type=bpy.types.Image, description="The recolored picture")

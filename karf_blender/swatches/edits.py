@@ -5,6 +5,7 @@ a swatch never touched equals its learned color exactly.
 """
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from typing import Any
 
 import bpy
@@ -26,18 +27,18 @@ def edit_option(scene: bpy.types.Scene) -> dict[str, Any] | None:
     return edit_to_json(current_edit(scene)) if len(scene.karf.objects) else None
 
 
-def apply_edit(scene: bpy.types.Scene, edit: Edit) -> None:
-    """Set the swatches and edges to an edit of these objects, added colors among them. Objects that it leaves out and locked
-    swatches stay, merged ones follow."""
-    with batched(scene):
+def apply_edit(scene: bpy.types.Scene, edit: Edit, is_whole: bool = False) -> None:
+    """Set the swatches and edges to an edit of these objects, added colors among them. Objects that it leaves out and
+    locked swatches stay, merged ones follow; where the edit is a whole state, all are set to what it says."""
+    with batched(scene), groups.apart() if is_whole else nullcontext():
         scene.karf.compositing = edit.compositing
         for name, wanted in edit.colors.items():
             item = object_named(scene, name)
-            groups.replace_added(item, edit.added.get(name, ()))
+            groups.replace_added(item, edit.added.get(name, ()), even_locked=is_whole)
             shape = edit.edges.get(name, EdgeShape())
             item.choke, item.feather = shape.choke, shape.feather
             for swatch, color in zip(item.swatches, wanted, strict=True):
-                if not (swatch.locked or swatch.merged):
+                if is_whole or not (swatch.locked or swatch.merged):
                     swatch.color = color
 
 

@@ -209,16 +209,16 @@ def remove_color(item: bpy.types.PropertyGroup, index: int) -> None:
             item.swatches[number].merged -= count
 
 
-def replace_added(item: bpy.types.PropertyGroup, wanted: Iterable[AddedColor]) -> None:
+def replace_added(item: bpy.types.PropertyGroup, wanted: Iterable[AddedColor], even_locked: bool = False) -> None:
     """Let an object have these added colors and no others.
 
     Raises:
-        BadRequest: It has others, and one of them is locked.
+        BadRequest: It has others, and one of them is locked, where locked ones are to stay.
     """
     wanted = tuple(wanted)
     if colors.keys(wanted) == colors.keys(colors.added(item)):
         return
-    if any(swatch.is_added and swatch.locked for swatch in item.swatches):
+    if not even_locked and any(swatch.is_added and swatch.locked for swatch in item.swatches):
         raise BadRequest("A color that was added to {name!r} is locked.", "Unlock it in its menu.", name=item.name)
     while len(item.swatches) > colors.size(item):
         remove_color(item, colors.size(item))

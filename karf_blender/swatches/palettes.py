@@ -7,6 +7,7 @@ go to the swatch that has this color now, and what has no such swatch is kept in
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -15,10 +16,12 @@ from .. import progress
 from ..engine_api import (
     AddedColor,
     DataError,
+    Edit,
     KarfError,
     Message,
     Palette,
     dominant_color,
+    file_name,
     hex_to_rgb,
     read_palettes,
     rgb_to_hex,
@@ -26,7 +29,7 @@ from ..engine_api import (
     write_edit,
 )
 from ..project import folders
-from . import colors, edits, groups, keyframes, shown
+from . import colors, edits, groups, keyframes, looks, shown
 
 NEAR = 20.0  # CIE L*a*b* distance up to which two learned colors may be the same swatch's
 
@@ -76,7 +79,7 @@ class _ObjectEdits:
 
 
 def load_palettes(scene: bpy.types.Scene, palettes: Sequence[Palette]) -> None:
-    """Replace the scene's objects and swatches by these learned palettes. Edits, locks and keyframes go along.
+    """Replace the scene's objects and swatches by these learned palettes. Edits, looks, locks and keyframes go along.
 
     What cannot go along is kept as an edit file in the project, and a warning names it.
 
@@ -93,15 +96,36 @@ def load_palettes(scene: bpy.types.Scene, palettes: Sequence[Palette]) -> None:
     ]
     if lost:
         _keep(scene, lost)
+    kept = looks.readable(scene)
+    for name, edit in kept.items():
+        _keep_look(scene, name, edit, before, matches)
     keyframes.copy_shared_action(scene)
     curves = keyframes.of(scene)
     with shown.batched(scene), groups.apart():
-        scene.karf.objects.clear()
-        for palette in palettes:
-            _add(scene, palette, before.get(palette.name), matches.get(palette.name, {}))
+        states = {name: _state(scene, edit) for name, edit in kept.items()}
+        for name, state in states.items():
+            _replace(scene, palettes, state)
+            scene.karf.looks[name].edit = looks.captured(scene)
+        _replace(scene, palettes, before)
+        if not palettes:
+            looks.forget(scene)
         numbers = {name: number for number, name in enumerate(scene.karf.objects.keys())}
         for curve in curves:
             keyframes.move(curve, numbers, _swatch_of(curve, before, matches, after))
+
+
+def _state(scene: bpy.types.Scene, edit: Edit) -> dict[str, _ObjectEdits]:
+    """What an edit of the scene's palettes does to its objects, which have it then."""
+    edits.apply_edit(scene, edit, is_whole=True)
+    return {item.name: _ObjectEdits.of(item) for item in scene.karf.objects}
+
+
+def _replace(scene: bpy.types.Scene, palettes: Sequence[Palette], before: dict[str, _ObjectEdits]) -> None:
+    """Give the scene the objects of these palettes, with what was done to those it had."""
+    scene.karf.objects.clear()
+    for palette in palettes:
+        own = before.get(palette.name)
+        _add(scene, palette, own, _match(own, palette.colors) if own else {})
 
 
 def _add(scene: bpy.types.Scene, palette: Palette, before: _ObjectEdits | None, matches: dict[int, int]) -> None:
@@ -186,22 +210,36 @@ def _swatch_of(
     return swatch if found is None or found in matches.get(name, {}).values() else found
 
 
+def _keep_look(
+    scene: bpy.types.Scene,
+    name: str,
+    edit: Edit,
+    before: dict[str, _ObjectEdits],
+    matches: dict[str, dict[int, int]],
+) -> None:
+    """Write a look to a new edit file where colors of it have no place in the new palettes, and say so. Raises DataError
+    where it cannot be written."""
+    lost = [item for item, edited in edit.colors.items() if _changed(edited, before[item]) - set(matches[item])]
+    if lost:
+        file = _write_kept(scene, edit, f"-{file_name(name)}")
+        progress.warn(
+            Message(
+                "Colors of {names} in the look {look} are no longer in the palettes. The look as it was is in {file}.",
+                names=", ".join(lost),
+                look=name,
+                file=file,
+            )
+        )
+
+
+def _changed(edited: np.ndarray, item: _ObjectEdits) -> set[int]:
+    """The swatches of an object to which an edit [M, 3] gives another color than the learned one."""
+    return set(np.flatnonzero((edited[: item.size] != item.learned[: item.size]).any(axis=-1)).tolist())
+
+
 def _keep(scene: bpy.types.Scene, lost: Sequence[str]) -> None:
     """Write the swatches as they stand to a new edit file, and say so. Raises DataError where it cannot be written."""
-    folder = folders.project_of(scene).folder / "edits"
-    stamp, number = time.strftime("%Y%m%d-%H%M%S"), 2
-    file = folder / f"kept-{stamp}.json"
-    while file.exists():
-        file, number = folder / f"kept-{stamp}-{number}.json", number + 1
-    try:
-        write_edit(file, edits.current_edit(scene))
-    except OSError as error:
-        raise DataError(
-            "The edits could not be kept in {file} ({error}), so the palettes stay as they were.",
-            "Make room there, then choose the project again.",
-            file=file,
-            error=error,
-        ) from error
+    file = _write_kept(scene, edits.current_edit(scene))
     progress.warn(
         Message(
             "Edited swatches of {names} are no longer in the palettes. All edits as they were are in {file}; "
@@ -210,6 +248,25 @@ def _keep(scene: bpy.types.Scene, lost: Sequence[str]) -> None:
             file=file,
         )
     )
+
+
+def _write_kept(scene: bpy.types.Scene, edit: Edit, mark: str = "") -> Path:
+    """Write an edit to a new file of the project, whose name ends in a mark. Raises DataError where it cannot be."""
+    folder = folders.project_of(scene).folder / "edits"
+    stamp, number = time.strftime("%Y%m%d-%H%M%S") + mark, 2
+    file = folder / f"kept-{stamp}.json"
+    while file.exists():
+        file, number = folder / f"kept-{stamp}-{number}.json", number + 1
+    try:
+        write_edit(file, edit)
+    except OSError as error:
+        raise DataError(
+            "The edits could not be kept in {file} ({error}), so the palettes stay as they were.",
+            "Make room there, then choose the project again.",
+            file=file,
+            error=error,
+        ) from error
+    return file
 
 
 def has_edits(scene: bpy.types.Scene) -> bool:

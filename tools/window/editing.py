@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import bpy
+
 from . import acts, desk, hands, pickers
-from .acts import FILM_FRAMES, VIEW, Story, check
+from .acts import FILM_FRAMES, PICTURE, SIDEBAR, VIEW, Story, check
 from .hands import Wait
 from .telling import Chapter
 
@@ -31,6 +33,45 @@ def undo(story: Story) -> Wait:
     yield from hands.press("Z", hands.middle_of(VIEW), ctrl=True, shift=True)
     yield 0.5
     check(desk.picture() == story.facts["dragged"], "redo did not bring the edit back")
+
+
+@CHAPTER.step(
+    "looks", "mouse: Keep Look, a swatch dragged, Keep Look, the first look chosen; keys: V over the picture, Ctrl Z"
+)
+def looks(story: Story) -> Wait:
+    karf, first = desk.scene().karf, desk.picture()
+    yield from hands.press_button(SIDEBAR, r"karf\.keep_look\(")
+    yield from pickers.drag_swatch(story, "pot", 1, 6, (40, -35))
+    second = desk.picture()
+    yield from hands.press_button(SIDEBAR, r"karf\.keep_look\(\)")
+    check(karf.looks.keys() == ["A", "B"], f"the looks are {karf.looks.keys()}")
+    yield from story.shoot("looks")
+    yield from hands.press_button(SIDEBAR, r'karf\.choose_look\(name="A"\)')
+    check(desk.picture() == first and desk.is_in_step(), "a click on the first look does not bring its picture")
+    yield from hands.press("V", hands.middle_of(PICTURE))
+    check(desk.picture() == second and karf.look == "B", "V does not flip to the other look")
+    yield from hands.press("Z", hands.middle_of(VIEW), ctrl=True)
+    yield 0.5
+    karf = desk.scene().karf
+    check(desk.picture() == first and karf.look == "A", f"undo does not flip back: {karf.look} is in use")
+    yield from story.shoot("looks-flipped")
+
+
+@CHAPTER.step("before and after", "keys: C over the picture; mouse: the eyes of an object and of a swatch")
+def before_and_after(story: Story) -> Wait:
+    edited, seeing = desk.picture(), bpy.data.window_managers[0].karf_seeing
+    seen = []
+    for way in (
+        lambda: hands.press("C", hands.middle_of(PICTURE)),
+        lambda: hands.press_button(SIDEBAR, r'karf\.solo_swatch\(object_name="pot", index=0\)'),
+        lambda: hands.press_button(SIDEBAR, r'karf\.solo_swatch\(object_name="pot"(, index=1)?\)'),
+    ):
+        yield from way()
+        seen.append(desk.picture())
+        yield from story.shoot(f"looked-at-{seeing.mode.lower()}-{seeing.solo_swatch}")
+        yield from way()
+        check(desk.picture() == edited, f"the second time does not lead back from {seeing.mode}")
+    check(len({edited, *seen}) == 4, "two ways of looking show the same picture")
 
 
 @CHAPTER.step("keyframe", "keys: I over a swatch, Shift Right, another drag, I; then Left and Right")

@@ -67,8 +67,8 @@ def extract_again(story: Story) -> Wait:
     yield from hands.press_button(SIDEBAR, r"karf\.extract_palette")
     yield 0.5
     yield from story.shoot("asked")
-    yield from hands.press("RET", hands.middle_of(PICTURE))  # there are edits, and Blender asks first
-    yield from until(lambda: desk.module("tasks.runner").is_running(), "the job", 10)
+    # there are edits, and Blender asks first
+    yield from acts.job_begin(hands.press("RET", hands.middle_of(PICTURE)), "karf.extract_palette")
     yield from acts.job_end(story)
     yield from story.shoot("extracted-again")
     check(set(desk.swatches()) == {"apple", "mug", "pot"}, f"the objects are {list(desk.swatches())}")
@@ -79,6 +79,7 @@ def extract_again(story: Story) -> Wait:
     check(desk.picture() != first, "the keyframed picture does not follow any more")
     pot = desk.swatches()["pot"]  # in a new order, perhaps: an edit stays with the paint that it was of
     check(edited in pot, f"the pot's edit {edited} is not among {pot}")
+    check(karf.looks.keys() == ["A", "B"], f"the looks are {karf.looks.keys()}")
 
 
 @CHAPTER.step("disable, enable", "script: the extension is switched off and on")

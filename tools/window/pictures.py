@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from . import acts, desk, hands
-from .acts import FILM_FRAMES, PICTURE, SIDEBAR, Story, check, until
+from .acts import FILM_FRAMES, PICTURE, SIDEBAR, Story, check
 from .hands import Wait, Where
 from .telling import Chapter
 
@@ -127,8 +127,7 @@ def colorways(story: Story) -> Wait:
     yield 0.5
     yield from story.shoot("colorways")
     check(len(manager.karf_colorways.colors) == 3, f"the dialog lists {len(manager.karf_colorways.colors)} colors")
-    yield from hands.press("RET", hands.middle_of(PICTURE))
-    yield from until(lambda: desk.module("tasks.runner").is_running(), "the job", 10)
+    yield from acts.job_begin(hands.press("RET", hands.middle_of(PICTURE)), "karf.render_colorways")
     yield from hands.press_button(SIDEBAR, r"karf\.cancel", hands.RIGHT)
     yield from acts.job_end(story, "cancelled")
     with hands.inside(SIDEBAR):
@@ -139,6 +138,22 @@ def colorways(story: Story) -> Wait:
     pictures, others = list(folder.glob(f"*/{view}.png")), [file.name for file in folder.iterdir() if file.is_file()]
     story.note(f"wrote {len(pictures)} pictures of {view}, {', '.join(sorted(others))}")
     check(len(pictures) == 2, f"{len(pictures)} pictures of {view} were written, not 2")
+
+
+@CHAPTER.step("render looks", "mouse: Render Looks; keys: Esc in its dialog; script: a single view")
+def render_looks(story: Story) -> Wait:
+    view = story.job["masked_view"]
+    yield from hands.press_button(SIDEBAR, r"karf\.render_looks")
+    yield 0.5
+    yield from story.shoot("dialog-render_looks")
+    yield from hands.press("ESC", hands.middle_of(PICTURE))
+    with hands.inside(SIDEBAR):
+        bpy.ops.karf.render_looks(views=view)
+    yield from acts.job_end(story)
+    folder = desk.module("steps").looks_folder(desk.scene())
+    pictures = {file.parent.name: desk.pixels_of(file) for file in sorted(folder.glob(f"*/{view}.png"))}
+    check(list(pictures) == ["A", "B"], f"there are pictures of the looks {list(pictures)}")
+    check(bool((pictures["A"] != pictures["B"]).any()), "the looks were rendered alike")
 
 
 for _number in (1, 2, 3):

@@ -1,5 +1,7 @@
 """Importing a capture: the rig, what the scene remembers, and refusals."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -149,6 +151,30 @@ def test_a_dropped_camera_file_is_imported_at_once(bpy, addon, scene, capture_fo
     file = str(capture_folder / "transforms.json")
     assert bpy.ops.karf.import_capture("INVOKE_DEFAULT", filepath=file, project=str(tmp_path / "p")) == {"FINISHED"}
     assert len(scene.karf.views) == 3
+
+
+def test_blender_brings_a_dropped_camera_file_and_knows_nothing_to_do_with_a_folder(bpy, scene, capture_folder):
+    def drop(path):
+        window = bpy.context.window_manager.windows[0]
+        area = next(each for each in window.screen.areas if each.type == "VIEW_3D")
+        with bpy.context.temp_override(window=window, area=area):
+            files = [{"name": path.name}]
+            return bpy.ops.wm.drop_import_file("INVOKE_DEFAULT", directory=f"{path.parent}/", files=files)
+
+    assert drop(capture_folder) == {"CANCELLED"} and not len(scene.karf.views)
+    assert drop(capture_folder / "transforms.json") == {"FINISHED"} and len(scene.karf.views) == 3
+
+
+def test_the_picture_takes_camera_files_until_there_are_swatches_then_edits(bpy, learned):
+    def takes(handler, area):
+        context = SimpleNamespace(area=SimpleNamespace(type=area), scene=learned)
+        return getattr(bpy.types, handler).poll_drop.__func__(None, context)
+
+    for is_learned in (True, False):
+        assert takes("KARF_FH_capture", "VIEW_3D")
+        assert takes("KARF_FH_capture", "IMAGE_EDITOR") is not is_learned
+        assert takes("KARF_FH_edit", "IMAGE_EDITOR") is is_learned
+        learned.karf.objects.clear()
 
 
 @pytest.mark.parametrize("name", ["notes.txt", "weights.bin", "table.npy", "settings.json"])

@@ -17,6 +17,7 @@ from karf_engine.cli import main
 from karf_engine.errors import BadRequest, Cancelled, DataError
 from karf_engine.io.images import read_photo
 from karf_engine.palettes.colorways.planned import plan_colorways
+from karf_engine.palettes.edit_files import write_edit
 from karf_engine.project import Project
 
 SHEET = """colorway,object,hex,lab
@@ -76,6 +77,23 @@ def test_every_colorway_is_a_folder_of_all_views(rendered, learned):
         expected = model.recolor(model.capture.view("test_r_0"), planned.edit)[..., :3]
         written = read_photo(rendered / planned.colorway.folder / "test_r_0.png")
         np.testing.assert_allclose(written, expected, atol=0.51 / 255)
+
+
+def test_an_edit_is_a_colorway_too_whatever_is_locked(learned, tmp_path):
+    model = karf.load(learned.project, device="cpu")
+    edit = model.edit()
+    for colors in edit.colors.values():
+        colors[1:] = 0.3
+    write_edit(tmp_path / "edits" / "gray.json", edit)
+    sheet = tmp_path / "looks.json"
+    sheet.write_text('[{"colorway": "Gray", "edit": "edits/gray.json"}]')
+    assert main(command(learned.project, sheet, tmp_path / "out", views="test_r_0")) == 0
+    written = read_photo(tmp_path / "out" / "Gray" / "test_r_0.png")
+    expected = model.recolor(model.capture.view("test_r_0"), edit)[..., :3]
+    np.testing.assert_allclose(written, expected, atol=0.51 / 255)
+    (planned,) = plan_colorways(model.project, sheet, {model.objects[0]: [1]})
+    assert not planned.predictions and (planned.edit.colors[model.objects[0]][1] == np.float32(0.3)).all()
+    assert (tmp_path / "out" / "contact_sheet.png").exists()
 
 
 def test_what_is_measured_in_the_pictures_is_what_was_predicted(rendered):

@@ -10,6 +10,7 @@ from ...errors import BadRequest, DataError
 from ...project.folder import Project
 from ..object_colors import read_object_colors
 from ..palette import Edit, read_palettes
+from ..palette_files import read_edit_file
 from .reached import Prediction, predict
 from .sheet import Colorway, read_sheet
 
@@ -21,7 +22,7 @@ class PlannedColorway:
     Attributes:
         colorway: As in the sheet.
         edit: Of all objects; those that the colorway does not name stay as learned.
-        predictions: One for each target color.
+        predictions: One for each target color; none where the colorway is an edit.
     """
 
     colorway: Colorway
@@ -37,11 +38,12 @@ def plan_colorways(
     Args:
         project: With palettes.
         sheet: CSV or JSON.
-        locked: Numbers of swatches that stay as learned, by object.
+        locked: Numbers of swatches that stay as learned, by object; those of an edit are what it says.
 
     Raises:
         BadRequest: The project has no palettes, or not that swatch.
-        DataError: The sheet is invalid or names an unknown object, or a file of the project is damaged.
+        DataError: The sheet is invalid, names an unknown object or an edit that is none of these palettes, or a file of
+            the project is damaged.
     """
     project.require("palette")
     palettes = {palette.name: palette for palette in read_palettes(project.checked(project.palette_file))}
@@ -62,6 +64,9 @@ def plan_colorways(
     learned = {name: palette.colors for name, palette in palettes.items()}
     planned = []
     for colorway in colorways:
+        if colorway.edit is not None:
+            planned.append(PlannedColorway(colorway, read_edit_file(colorway.edit, tuple(palettes.values())), ()))
+            continue
         predictions = tuple(
             predict(
                 target_color,

@@ -8,7 +8,8 @@ A row has a colorway's name, an object, and one color in a column that names its
     srgb8               sRGB numbers from 0 to 255; or the three columns R, G, B
 
 The color of the object that is to become it may stand in `source_hex`, `source_lab`, `source_srgb` or `source_srgb8`.
-Other columns are left alone. A JSON sheet is a list of rows with the same keys.
+In place of an object and a color a row may name an edit or palette file in the column `edit`, its path from the sheet's
+folder: then the colorway is that edit. Other columns are left alone. A JSON sheet is a list of rows with the same keys.
 """
 
 from __future__ import annotations
@@ -52,11 +53,13 @@ class Colorway:
 
     Attributes:
         name: As written.
-        target_colors: One for each object.
+        target_colors: One for each object; none where it is an edit.
+        edit: The file of the edit that it is.
     """
 
     name: str
     target_colors: tuple[TargetColor, ...]
+    edit: Path | None = None
 
     @property
     def folder(self) -> str:
@@ -74,8 +77,8 @@ def read_sheet(path: Path) -> tuple[Colorway, ...]:
         The colorways in the order in which they begin.
 
     Raises:
-        DataError: The file is missing or not a sheet, a row lacks something or has an invalid color, or it gives one
-            object two target colors.
+        DataError: The file is missing or not a sheet, a row lacks something or has an invalid color, or a colorway has
+            two target colors of one object, two edits, or both.
 
     Examples:
         >>> import tempfile
@@ -88,21 +91,30 @@ def read_sheet(path: Path) -> tuple[Colorway, ...]:
     rows = list(_json_rows(path) if path.suffix.lower() == ".json" else csv_rows(path))
     if not 0 < len(rows) <= MOST_ROWS:
         raise DataError(f"{path} has {len(rows)} rows of colorways.", f"Give 1 to {MOST_ROWS}.")
-    found: dict[str, dict[str, TargetColor]] = {}
+    colors: dict[str, dict[str, TargetColor]] = {}
+    edits: dict[str, Path] = {}
     folders: dict[str, str] = {}
     for row, where in rows:
-        name, target_color = _text(row, "colorway", where), _target_color(row, where)
+        name, edit = _text(row, "colorway", where), row.get("edit")
         same = folders.setdefault(file_name(name).casefold(), name)
         if same != name:
             raise DataError(f"{where}: {name!r} and {same!r} would share a folder.", "Give one of them another name.")
-        target_colors = found.setdefault(name, {})
+        target_colors = colors.setdefault(name, {})
+        if name in edits or (edit and target_colors):
+            raise DataError(
+                f"{where}: {name!r} is an edit and has another row.", "Give an edit one row, and no colors."
+            )
+        if edit:
+            edits[name] = path.parent / _text(row, "edit", where)
+            continue
+        target_color = _target_color(row, where)
         if target_color.name in target_colors:
             raise DataError(
                 f"{where}: {name!r} has two colors of {target_color.name!r}.",
                 f"The other is {target_colors[target_color.name].where}.",
             )
         target_colors[target_color.name] = target_color
-    return tuple(Colorway(name, tuple(target_colors.values())) for name, target_colors in found.items())
+    return tuple(Colorway(name, tuple(own.values()), edits.get(name)) for name, own in colors.items())
 
 
 def _json_rows(path: Path) -> Iterator[tuple[dict[str, Any], str]]:

@@ -115,3 +115,19 @@ def test_what_is_no_sheet_is_told(tmp_path, name, content):
 def test_a_missing_sheet_is_told(tmp_path):
     with pytest.raises(DataError, match="does not exist"):
         read_sheet(tmp_path / "no.csv")
+
+
+def test_a_row_may_be_an_edit_beside_the_sheet(tmp_path):
+    path = write(tmp_path, "colorway,object,hex,edit\nMint,pot,#80d0a0,\nA,,,edits/a.json\n")
+    mint, look = read_sheet(path)
+    assert mint.edit is None and look.edit == tmp_path / "edits" / "a.json" and not look.target_colors
+    rows = [{"colorway": "A", "edit": "a.json"}]
+    assert read_sheet(write(tmp_path, json.dumps(rows), "looks.json"))[0].edit == tmp_path / "a.json"
+
+
+@pytest.mark.parametrize(
+    "rows", ["A,,,a.json\nA,,,b.json\n", "A,,,a.json\nA,pot,#000000,\n", "A,pot,#000000,\nA,,,a.json\n"]
+)
+def test_an_edit_is_a_colorway_alone(tmp_path, rows):
+    with pytest.raises(DataError, match="line 3: 'A' is an edit and has another row"):
+        read_sheet(write(tmp_path, f"colorway,object,hex,edit\n{rows}"))

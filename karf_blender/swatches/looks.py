@@ -1,0 +1,125 @@
+"""Named looks: whole states of a scene's swatches, kept in the .blend, of which one is in use.
+
+A look is an edit as text (`captured`, `edit_of`): what an edit holds, a look holds.
+"""
+
+import json
+from contextlib import suppress
+from string import ascii_uppercase
+
+import bpy
+
+from ..engine_api import BadRequest, DataError, Edit, edit_from_json, edit_to_json, file_name
+from . import colors, edits
+
+
+def captured(scene: bpy.types.Scene) -> str:
+    """The swatches as they stand, as a look keeps them: the JSON of edit.json."""
+    return json.dumps(edit_to_json(edits.current_edit(scene)))
+
+
+def edit_of(look: bpy.types.PropertyGroup) -> Edit:
+    """What a look keeps. Raises DataError where its text was spoiled."""
+    scene = look.id_data
+    try:
+        content = json.loads(look.edit)
+    except ValueError as error:
+        raise DataError(
+            "The look {name!r} is no edit: {error}.", "Remove it, and keep it again.", name=look.name, error=error
+        ) from error
+    return edit_from_json(content, look.name, colors.palettes(scene), scene.karf.compositing)
+
+
+def readable(scene: bpy.types.Scene) -> dict[str, Edit]:
+    """The scene's looks by name; one that was spoiled is left out."""
+    found = {}
+    for look in scene.karf.looks:
+        with suppress(DataError):
+            found[look.name] = edit_of(look)
+    return found
+
+
+def forget(scene: bpy.types.Scene) -> None:
+    """Drop all looks: there are no objects any more that they are of."""
+    scene.karf.looks.clear()
+    scene.karf.look = scene.karf.look_before = ""
+
+
+def named(scene: bpy.types.Scene, name: str) -> bpy.types.PropertyGroup:
+    """The scene's look with this name.
+
+    Raises:
+        BadRequest: There is none; the hint lists those there are.
+    """
+    look = scene.karf.looks.get(name)
+    if look is None:
+        known = ", ".join(scene.karf.looks.keys())
+        raise BadRequest(
+            "The scene has no look {name!r}.", "Looks: {known}." if known else "Keep one first.", name=name, known=known
+        )
+    return look
+
+
+def is_changed(scene: bpy.types.Scene) -> bool:
+    """Whether the swatches have moved since the look in use was chosen or kept."""
+    look = scene.karf.looks.get(scene.karf.look)
+    return look is not None and look.edit != captured(scene)
+
+
+def keep(scene: bpy.types.Scene, name: str) -> None:
+    """Keep the swatches as they stand as a look, a new one or in the place of one; it is then in use."""
+    look = scene.karf.looks.get(name) or scene.karf.looks.add()
+    look.name, look.edit = name, captured(scene)
+    _use(scene, name)
+
+
+def choose(scene: bpy.types.Scene, name: str) -> None:
+    """Set all swatches, locked ones too, to a look. Raises BadRequest or DataError where that cannot be."""
+    edits.apply_edit(scene, edit_of(named(scene, name)), is_whole=True)
+    _use(scene, name)
+
+
+def _use(scene: bpy.types.Scene, name: str) -> None:
+    karf = scene.karf
+    if karf.look != name:
+        karf.look_before, karf.look = karf.look, name
+
+
+def other(scene: bpy.types.Scene) -> str:
+    """The look to flip to: the one that was in use before, else the next in the list; empty where there is none."""
+    karf, names = scene.karf, scene.karf.looks.keys()
+    if karf.look_before in names and karf.look_before != karf.look:
+        return karf.look_before
+    after = names[names.index(karf.look) + 1 :] if karf.look in names else []
+    return next((name for name in [*after, *names] if name != karf.look), "")
+
+
+def rename(scene: bpy.types.Scene, name: str, new: str) -> None:
+    """Give a look another name; the one in use stays it."""
+    named(scene, name).name = check_name(scene, new, name)
+    for place in ("look", "look_before"):
+        if getattr(scene.karf, place) == name:
+            setattr(scene.karf, place, new)
+
+
+def check_name(scene: bpy.types.Scene, new: str, old: str = "") -> str:
+    """A name for a look, or for the look `old`.
+
+    Raises:
+        BadRequest: It is empty, or another look's, or would give both one folder.
+    """
+    if not new.strip():
+        raise BadRequest("A look's name is empty.", "Name it.")
+    for taken in scene.karf.looks.keys():
+        if taken != old and file_name(taken).casefold() == file_name(new).casefold():
+            raise BadRequest(
+                "{new!r} and the look {taken!r} would share a folder.", "Choose another name.", new=new, taken=taken
+            )
+    return new
+
+
+def free_name(scene: bpy.types.Scene) -> str:
+    """The first letter, else number, that no look is called by."""
+    taken = {name.casefold() for name in scene.karf.looks.keys()}
+    numbers = (str(number) for number in range(1, len(taken) + 2))
+    return next(name for name in [*ascii_uppercase, *numbers] if name.casefold() not in taken)
