@@ -685,6 +685,12 @@ TEXTS = {
     ),
     "Added as swatch {number}: change its color": "已添加为色板 {number}：请更改其颜色",
     "Protect Neutrals": "保护中性色",
+    "Gray Card": "灰卡",
+    "What a gray card (L* 50, 18 %) looks like in the photos; pick it in the picture (E). Names and numbers of colors are "
+    "then those under daylight. Black: no card": (
+        "灰卡（L* 50，18 %）在照片中的样子；在图像中拾取（E）。颜色的名称和数值随后是日光下的。黑色：没有灰卡"
+    ),
+    "The card is too dark or too bright there": "灰卡在那里太暗或太亮",
     "Silver, foil, paper and gloss stay as they are: colors whose saturation is under this share of the pigment's are not "
     "of it. 0: its hue alone decides": "银色、箔、纸和光泽保持不变：饱和度低于该颜料此比例的颜色不属于它。0：仅由色相决定",
     "Change this swatch's own pigment alone: letters, bands, a print. Silver, foil, paper and gloss stay as they are": (
