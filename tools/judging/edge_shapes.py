@@ -3,9 +3,10 @@
     .venv/engine/bin/python -m tools.judging.edge_shapes PROJECT [--edit EDIT.json]
 
 Of a learned project, every object in up to eight views, held-out ones where there are some. The edit is by default that
-which reverses each swatch's channels. Pictures have the photo's size, or the planes' where that is smaller. Printed for each shape: how many of all numbers of the pictures differ with both at 0; by how
-much pixels change that lie further from the object than the shape reaches; and CIEDE2000 of the picture of planes, as
-Blender has it, to the picture that is written, in the band that the shape changes, beside the same without the shape.
+which reverses each swatch's channels. Pictures have the photo's size, or the planes' where that is smaller. Printed for
+each shape: how many numbers of the pictures it changes, none with both at 0; by how much pixels change that lie further
+from the object than it reaches; and CIEDE2000 of the picture of planes, as Blender has it, to the picture that is
+written, in the band that the shape changes, beside the same without the shape.
 """
 
 from __future__ import annotations
