@@ -30,17 +30,21 @@ from ..karf_engine.errors import (
 )
 from ..karf_engine.export.layer_names import ObjectLayers, read_layer_names
 from ..karf_engine.export.scene_points import ScenePoints, read_points, write_points
-from ..karf_engine.io.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
+from ..karf_engine.io.color import ciede2000, lab_chroma, lab_hue, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from ..karf_engine.io.files import atomic_write, checksum, read_json, write_json
 from ..karf_engine.io.image_size import find_header
 from ..karf_engine.io.names import file_name, is_file_name, same_but_for_case
 from ..karf_engine.io.options import Options, bounds_of
-from ..karf_engine.palettes.added import palettes_with, solve_set, spread, spread_objects
+from ..karf_engine.palettes.added import palettes_with, pigment_of_swatch, proposed, solve_set, spread, spread_objects
+from ..karf_engine.palettes.color_books import SUFFIXES as BOOK_SUFFIXES
+from ..karf_engine.palettes.color_books import ColorBook, nearest_names, read_color_book
 from ..karf_engine.palettes.color_text import color_to_text, colors_of_text
 from ..karf_engine.palettes.colorways.planned import PlannedColorway, plan_colorways
 from ..karf_engine.palettes.colorways.reached import dominant_color, reached_by, reached_color
 from ..karf_engine.palettes.colorways.reached import shown as shown_colors
 from ..karf_engine.palettes.compositing import Planes, read_planes, stack_palettes
+from ..karf_engine.palettes.edge_planes import ObjectEdge, reshaped
+from ..karf_engine.palettes.edge_shape import MOST_CHOKE, MOST_FEATHER, EdgeShape
 from ..karf_engine.palettes.edit_files import edit_from_json, edit_to_json, write_edit
 from ..karf_engine.palettes.matching.becomes import (
     match_becomes,
@@ -50,14 +54,16 @@ from ..karf_engine.palettes.matching.becomes import (
     nearest_weights,
     with_held,
 )
+from ..karf_engine.palettes.matching.left import left_of_object
 from ..karf_engine.palettes.matching.painted import ObjectMatch, match_picture
-from ..karf_engine.palettes.matching.paints import reflection_target
 from ..karf_engine.palettes.object_colors import ColorHistogram, read_object_colors
 from ..karf_engine.palettes.palette import (
     BRIGHTEST,
     COMPOSITING_MODES,
     MOST_ADDED,
+    MOST_PROTECT,
     MOST_REACH,
+    PROTECT,
     REACH,
     AddedColor,
     Edit,
@@ -68,7 +74,7 @@ from ..karf_engine.palettes.palette import (
 )
 from ..karf_engine.palettes.palette_files import SUFFIXES as EDIT_SUFFIXES
 from ..karf_engine.palettes.palette_files import read_edit_file, write_edit_file
-from ..karf_engine.palettes.swatch_picture import SwatchPicture, palette_only, photo_plus_change
+from ..karf_engine.palettes.swatch_picture import Part, SwatchPicture, palette_only, photo_plus_change
 from ..karf_engine.project import Project
 from ..karf_engine.project.settings import PRESETS, seconds_of_stages
 from ..karf_engine.project.volumes import Volume, read_volumes, write_volumes
@@ -93,6 +99,7 @@ ENGINE_FOLDER = Path(karf_engine.__file__).parent
 VERSION = karf_engine.__version__
 
 __all__ = [
+    "BOOK_SUFFIXES",
     "BRIGHTEST",
     "CANCEL",
     "CAPTURE_MARKS",
@@ -102,9 +109,13 @@ __all__ = [
     "ERROR",
     "LOG_FILE",
     "MOST_ADDED",
+    "MOST_CHOKE",
+    "MOST_FEATHER",
+    "MOST_PROTECT",
     "MOST_REACH",
     "OK",
     "PRESETS",
+    "PROTECT",
     "REACH",
     "REQUEST_FILE",
     "REQUIRED",
@@ -117,8 +128,10 @@ __all__ = [
     "Camera",
     "Cancelled",
     "Capture",
+    "ColorBook",
     "ColorHistogram",
     "DataError",
+    "EdgeShape",
     "Edit",
     "ErrorSummary",
     "Event",
@@ -128,10 +141,12 @@ __all__ = [
     "KarfError",
     "Message",
     "MissingDependency",
+    "ObjectEdge",
     "ObjectLayers",
     "ObjectMatch",
     "Options",
     "Palette",
+    "Part",
     "Planes",
     "PlannedColorway",
     "PointsOptions",
@@ -161,6 +176,9 @@ __all__ = [
     "hex_to_rgb",
     "hold_out",
     "is_file_name",
+    "lab_chroma",
+    "lab_hue",
+    "left_of_object",
     "linear_to_srgb",
     "masks_of_view",
     "match_becomes",
@@ -168,15 +186,19 @@ __all__ = [
     "match_fewest",
     "match_picture",
     "mean_weights",
+    "nearest_names",
     "nearest_weights",
     "observed_points",
     "open_capture",
     "palette_only",
     "palettes_with",
     "photo_plus_change",
+    "pigment_of_swatch",
     "plan_colorways",
+    "proposed",
     "reached_by",
     "reached_color",
+    "read_color_book",
     "read_edit_file",
     "read_json",
     "read_layer_names",
@@ -185,9 +207,9 @@ __all__ = [
     "read_planes",
     "read_points",
     "read_volumes",
-    "reflection_target",
     "render_bundle",
     "reprojection_errors",
+    "reshaped",
     "rgb_to_hex",
     "same_but_for_case",
     "seconds_of_stages",

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from .capture.camera import Camera
     from .capture.capture import Capture, View
     from .errors import KarfError
+    from .palettes.color_books import ColorBook, nearest_names, read_color_book
     from .palettes.edit_files import read_edit, write_edit
     from .palettes.palette import Edit, Palette
     from .project.settings import PRESETS, Settings
@@ -70,6 +71,7 @@ _DEFINES = {
     "errors": ("KarfError",),
     "palettes.edit_files": ("read_edit", "write_edit"),
     "palettes.palette": ("Edit", "Palette"),
+    "palettes.color_books": ("ColorBook", "nearest_names", "read_color_book"),
     "project.settings": ("PRESETS", "Settings"),
     "recolor.frames": ("Frame",),
     "recolor.model": ("Model",),

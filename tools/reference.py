@@ -45,6 +45,7 @@ TITLES = {
     "capture": "Captures",
     "errors": "Errors",
     "palettes.edit_files": "Edits and palettes",
+    "palettes.color_books": "Color books",
     "project.settings": "Settings",
     "recolor.frames": "What is learned and rendered",
 }

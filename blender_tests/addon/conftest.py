@@ -22,11 +22,11 @@ MODULES = {
     "host": "compat labels rendering windows words",
     "engine": "environment examination failures installing probing processes removing report speed worker",
     "engine.managed": "home",
-    "preferences": "managing state",
+    "preferences": "color_book managing state",
     "project": "captures contents disk folders moving saving",
     "pictures": "editors images photos sequences settling chips tints",
     "rig": "camera_paths cameras factory frames lens looking placement points reprojection",
-    "swatches": "becomes colors drawn_over edits free_camera looks object_masks palettes shown views",
+    "swatches": "becomes colors drawn_over edits free_camera looks loupe object_masks palettes shown views",
     "marking": "asking following gestures history objects overlay mask_layers photo png proposals raster tools",
     "render_engine": "blocking camera_pixels compatible passes still viewport",
     "steps": "masks preview splats",
@@ -35,7 +35,7 @@ MODULES = {
     "nodes": "drivers sockets",
     "surface": "mesh placing splat_objects trees",
     "operators": "colorways render",
-    "panels": "learning seeing sidebar status swatching",
+    "panels": "color_names learning seeing sidebar status swatching",
     "workspace": "clicking estimates folding opening own_pictures states statusbar undoing",
 }
 _exit_code = None

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-SCENES = ("single", "hue", "glossy", "front", "thin")
+SCENES = ("single", "hue", "glossy", "front", "thin", "packaging", "packaging_b")
 TINY = ["--size", "32", "--views", "4+1", "--samples", "1", "--threads", "1"]
 
 
@@ -23,7 +23,7 @@ def maker(bpy):
         del sys.modules[name]
 
 
-def test_there_are_five_scenes_of_three_true_edits_each(maker):
+def test_there_are_seven_scenes_of_three_true_edits_each(maker):
     assert tuple(maker.RECIPES) == SCENES
     assert all(len(recipe.edits) == 3 for recipe in maker.RECIPES.values())
 
@@ -122,3 +122,17 @@ def test_a_seed_gives_a_capture_laid_out_like_the_others_whose_edits_change_what
         }
         assert masks["one"] == {view} and len(masks["three"]) == 3 and masks["one"] < masks["three"]
     assert make(bpy, tmp_path, *arguments) == f"{folder}: there already"
+
+
+def test_a_scene_of_packaging_tells_its_print_and_edits_change_nothing_else(bpy, tmp_path):
+    make(bpy, tmp_path, "packaging", "--size", "72", "--views", "4+1", "--samples", "2", "--threads", "1")
+    folder = tmp_path / "packaging"
+    labels = iio.imread(folder / "labels" / "test" / "r_000.png", mode="P")
+    photo = iio.imread(folder / "test" / "r_000.png").astype(int)
+    letters, neutrals = (iio.imread(folder / "print" / kind / "test" / "r_000.png") for kind in ("letters", "neutrals"))
+    inner = letters.astype(int) + neutrals >= 254
+    assert (inner <= (labels > 0)).mean() > 0.99 and inner.sum() > 0.8 * (labels > 0).sum()
+    for name, number in (("can_to_green", 1), ("carton_to_orange", 2)):
+        change = np.abs(iio.imread(folder / "recolor" / name / "test" / "r_000.png") - photo).max(-1)
+        of_print, of_rest = (change[(labels == number) & each] for each in (letters > 160, neutrals >= 254))
+        assert len(of_print) > 20 and np.median(of_print) > 40 and np.median(of_rest) <= 3

@@ -80,6 +80,7 @@ link_swatches = _for_scripts(steps.link_swatches)
 merge_swatch = _for_scripts(steps.merge_swatch)
 prepare_views = _for_scripts(steps.prepare_views)
 preview_camera = _for_scripts(steps.preview_camera)
+protect_neutrals = _for_scripts(steps.protect_neutrals)
 remove_color = _for_scripts(steps.remove_color)
 render_captured = _for_scripts(steps.render_captured)
 render_looks = _for_scripts(steps.render_looks)
@@ -146,6 +147,7 @@ __all__ = [
     "plan_engine",
     "prepare_views",
     "preview_camera",
+    "protect_neutrals",
     "remove_color",
     "remove_engine",
     "render_captured",

@@ -2,12 +2,13 @@
 
 import bpy
 
-from . import looks, marking, menus, rendering, seeing, sidebar, status, swatching
+from . import color_names, looks, marking, menus, rendering, seeing, sidebar, status, swatching
 
 CLASSES = (
     *marking.CLASSES,
     *status.CLASSES,
     *seeing.CLASSES,
+    *color_names.CLASSES,
     *swatching.CLASSES,
     *looks.CLASSES,
     *sidebar.CLASSES,

@@ -21,10 +21,24 @@ def draw_object(layout, item):
             draw_swatch(row.column(align=True), item, index, swatch)
     row.operator("karf.add_color", text="", icon="EYEDROPPER").object_name = item.name
     row = layout.row()
-    row.alignment = "LEFT"
-    row.prop(item, "show_becomes", icon="DOWNARROW_HLT" if item.show_becomes else "RIGHTARROW", emboss=False)
+    left = row.row()
+    left.alignment = "LEFT"
+    left.prop(item, "show_becomes", icon="DOWNARROW_HLT" if item.show_becomes else "RIGHTARROW", emboss=False)
+    row.prop(item, "is_metal", icon="SHADING_RENDERED", icon_only=True)
     if item.show_becomes:
         draw_becomes(layout, item)
+    draw_edge(layout, item)
+
+
+def draw_edge(layout, item):
+    """Where its paint ends; folded."""
+    row = layout.row()
+    row.alignment = "LEFT"
+    row.prop(item, "show_edge", icon="DOWNARROW_HLT" if item.show_edge else "RIGHTARROW", emboss=False)
+    if item.show_edge:
+        row = layout.row(align=True)
+        row.prop(item, "choke")
+        row.prop(item, "feather")
 
 
 def draw_swatch(column, item, index, swatch):
@@ -56,6 +70,9 @@ def draw_becomes(layout, item):
     row.prop(item, "source", text="")
     row.label(text="", icon="FORWARD")
     row.prop(item, "target", text="")
+    names = row.row(align=True)
+    names.context_pointer_set("karf_object", item)
+    names.menu("KARF_MT_target_names", text="", icon="COLOR")
     draw_left(layout, item)
     row = layout.row(align=True)
     row.prop(item, "rule", text="")
@@ -84,6 +101,7 @@ class KARF_MT_swatch(bpy.types.Menu):
     def draw(self, context):
         layout, item, swatch = self.layout, context.karf_object, context.karf_swatch
         layout.prop(swatch, "locked")
+        layout.menu("KARF_MT_swatch_names", icon="COLOR")
         layout.separator()
         act(layout, "karf.copy_swatch", context, icon="COPYDOWN")
         act(layout, "karf.paste_swatch", context, icon="PASTEDOWN")
@@ -96,8 +114,10 @@ class KARF_MT_swatch(bpy.types.Menu):
         layout.separator()
         if swatch.is_added:
             layout.prop(swatch, "reach")
+            layout.prop(swatch, "protect")
             act(layout, "karf.remove_color", context, icon="X")
             return
+        act(layout, "karf.protect_neutrals", context, icon="SELECT_DIFFERENCE")
         layout.menu("KARF_MT_merge")
         act(layout, "karf.merge_swatch", context, text="Remove", icon="X")
         if any(each.merged == number_of(item, swatch) for each in item.swatches):

@@ -6,16 +6,23 @@ from bpy.props import IntProperty, StringProperty
 from ... import __package__ as extension
 from ..engine import installing, probing, removing
 from ..engine_api import Options, bounds_of
-from . import managing, state, testing
+from ..host.labels import draw_text
+from . import color_book, managing, state, testing
 from .choices import chosen_python, current, engine_folder, engine_python, has_engine
 
-__all__ = ["chosen_python", "current", "engine_folder", "engine_python", "has_engine", "state"]
+__all__ = ["chosen_python", "color_book", "current", "engine_folder", "engine_python", "has_engine", "state"]
 
 
 def _make_whole(preferences, _):
     # a setting of this machine must not depend on the file that is open
     if preferences.engine_folder.startswith("//"):
         preferences.engine_folder = bpy.path.abspath(preferences.engine_folder)
+
+
+def _make_book_whole(preferences, _):
+    if preferences.color_book.startswith("//"):
+        preferences.color_book = bpy.path.abspath(preferences.color_book)
+    color_book.refresh()
 
 
 class KARF_AP_preferences(bpy.types.AddonPreferences):
@@ -49,12 +56,23 @@ class KARF_AP_preferences(bpy.types.AddonPreferences):
         "clicks; empty: they need none",
     )
 
+    color_book: StringProperty(
+        name="Color Book",
+        subtype="FILE_PATH",
+        description="The whole path of a book of named colors: Adobe's .acb or .ase, GIMP's .gpl, or a .csv table. The menu "
+        "of a swatch shows the names that are nearest to it",
+        update=_make_book_whole,
+    )
+
     def draw(self, context):
         layout = self.layout
         managing.draw_engine(layout.box())
         layout.prop(self, "engine_python")
         layout.prop(self, "threads")
         layout.prop(self, "marking_model")
+        layout.prop(self, "color_book")
+        if color_book.known().problem:
+            draw_text(layout, color_book.known().problem, "ERROR", testing.WIDTH)
         testing.draw_test(layout)
 
 
@@ -68,5 +86,6 @@ def unregister():
     installing.unregister()
     removing.unregister()
     state.unregister()
+    color_book.forget()
     probing.cancel()
     bpy.utils.unregister_class(KARF_AP_preferences)

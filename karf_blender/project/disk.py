@@ -13,7 +13,7 @@ from bpy.app.handlers import persistent
 
 from ..engine_api import KarfError
 from ..host import handlers, windows
-from ..preferences import state
+from ..preferences import color_book, state
 from . import contents, folders
 
 HAS_TIMER = not bpy.app.background
@@ -66,10 +66,10 @@ def refresh() -> bool:
     """Read the disk for all scenes of the open file; True where something has changed. Never raises."""
     before = _Memory.scenes
     _Memory.scenes = {_key(scene): _read(scene) for scene in bpy.data.scenes}
-    has_new_engine = state.refresh()
+    has_new_engine, has_new_book = state.refresh(), color_book.refresh()
     for listener in _Memory.listeners if HAS_TIMER else ():
         listener()
-    return has_new_engine or before != _Memory.scenes
+    return has_new_engine or has_new_book or before != _Memory.scenes
 
 
 def listen(listener: Callable[[], None]) -> None:

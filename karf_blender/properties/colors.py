@@ -2,7 +2,7 @@
 
 from bpy.props import FloatProperty, FloatVectorProperty
 
-from ..engine_api import MOST_REACH, REACH
+from ..engine_api import MOST_PROTECT, MOST_REACH, REACH
 
 
 def srgb(name: str, default: float = 0.0, highest: float = 1.0, **options):
@@ -18,5 +18,19 @@ def pigment_reach(**options):
         name="Reach",
         description="How far around its hue (of a gray: its chroma) colors of the object are of this pigment",
         **limits,
+        **options,
+    )
+
+
+def protected_neutrals(**options):
+    """A property for how neutral colors must be to be left out of an added color's pigment."""
+    return FloatProperty(
+        name="Protect Neutrals",
+        description="Silver, foil, paper and gloss stay as they are: colors whose saturation is under this share of the "
+        "pigment's are not of it. 0: its hue alone decides",
+        default=0.0,
+        min=0.0,
+        max=MOST_PROTECT,
+        subtype="FACTOR",
         **options,
     )

@@ -12,9 +12,9 @@ from bpy.props import (
 )
 
 from .. import progress
-from ..engine_api import BRIGHTEST, KarfError
+from ..engine_api import BRIGHTEST, MOST_CHOKE, MOST_FEATHER, KarfError
 from ..swatches import becomes, edits, groups, material, shown
-from .colors import pigment_reach, srgb
+from .colors import pigment_reach, protected_neutrals, srgb
 
 RULE_ITEMS = [
     ("becomes", "Material", "Paint the whole object anew, light and highlights kept"),
@@ -54,6 +54,12 @@ def _target_changed(self, context):
     shown.of(self.id_data).update_left()
 
 
+def _metal_changed(self, context):
+    if self.dragged:
+        material.follow_again(self)
+    _target_changed(self, context)
+
+
 def _picture_chosen(self, context):
     self.view = ""  # of another picture nobody knows which view it shows
 
@@ -82,6 +88,7 @@ class KARF_PG_swatch(bpy.types.PropertyGroup):
     merged: IntProperty(description="The number of the object's swatch that moves this one; 0: none")
     is_added: BoolProperty(description="The artist has added this color; its pigment has a set of swatches behind it")
     reach: pigment_reach(options=set(), update=_reach_changed)
+    protect: protected_neutrals(options=set(), update=_reach_changed)
     last: srgb("Last", highest=BRIGHTEST, description="The color as of its last change")
     began: srgb("Began", highest=BRIGHTEST, description="The color when a swatch of the object began to be dragged")
     given: srgb("Given", highest=BRIGHTEST, description="The color when that one was dragged last")
@@ -103,10 +110,37 @@ class KARF_PG_object(bpy.types.PropertyGroup):
     dragged: IntProperty(description="The number of the swatch that was dragged last; 0: none")
     held: StringProperty(name="Held", description="Colors that its paints were given before, which Becomes keeps")
     rule: EnumProperty(name="Rule", items=RULE_ITEMS, update=_target_changed)
+    is_metal: BoolProperty(
+        name="Metal",
+        description="Highlights take the paint's color, as those of gold or copper do. Of everything else they keep the "
+        "light's color",
+        update=_metal_changed,
+    )
     live: BoolProperty(name="Live", description="Follow the target color while it is dragged", update=_target_changed)
     show_becomes: BoolProperty(
         name="One color becomes another", description="Pick a color of the object and what it shall become"
     )
+    choke: FloatProperty(
+        name="Choke",
+        subtype="PIXEL",
+        min=-MOST_CHOKE,
+        max=MOST_CHOKE,
+        step=10,
+        precision=1,
+        description="How far inside its edge the object's paint ends, in pixels of the photo; below 0 it goes beyond",
+        update=edit_changed,
+    )
+    feather: FloatProperty(
+        name="Feather",
+        subtype="PIXEL",
+        min=0.0,
+        max=MOST_FEATHER,
+        step=10,
+        precision=1,
+        description="Over how many pixels of the photo the paint fades, half of them on either side of its edge",
+        update=edit_changed,
+    )
+    show_edge: BoolProperty(name="Edge", description="Where the object's paint ends, and how softly")
     palette: StringProperty(
         name="Palette",
         description="The colors of its swatches, as Copy Palette writes them",

@@ -48,10 +48,12 @@ from .swatches import (
     color_at,
     link_swatches,
     merge_swatch,
+    protect_neutrals,
     remove_color,
     set_swatch,
     split_swatch,
     unlink_swatch,
+    use_color_name,
 )
 from .view import leave_view, look_through, reprojection_error
 
@@ -107,6 +109,7 @@ __all__ = [
     "predict_colorways",
     "prepare_views",
     "preview_camera",
+    "protect_neutrals",
     "put_objects_in",
     "remove_color",
     "remove_look",
@@ -132,5 +135,6 @@ __all__ = [
     "split_swatch",
     "unfollow_splat",
     "unlink_swatch",
+    "use_color_name",
     "use_engine",
 ]

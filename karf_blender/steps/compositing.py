@@ -35,7 +35,7 @@ def build_compositor(
     view = captures.view_of(scene, view).name
     out = folders.out_folder(scene)
     finish = partial(_place, out / "layers" / f"{view}.exr", driven)
-    edit = out / "edit.json" if colors.added_by_object(scene) else None
+    edit = out / "edit.json" if colors.added_by_object(scene) or colors.edges(scene) else None
     if edit is not None:
         save_edit(scene, edit)
     job = requests.layers(view, out, edit)

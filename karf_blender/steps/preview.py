@@ -216,7 +216,7 @@ def _looks(scene: bpy.types.Scene) -> tuple:
     """What the picture of planes depends on."""
     edited = [colors.edited(item).tobytes() for item in scene.karf.objects]
     added = [colors.keys(own) for own in colors.added_by_object(scene).values()]
-    return scene.karf.compositing, *views.key(), *edited, added
+    return scene.karf.compositing, *views.key(), *edited, added, colors.edges(scene)
 
 
 def _say(live: _Live | None, error: KarfError) -> None:

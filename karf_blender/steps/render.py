@@ -143,7 +143,7 @@ def write_sequence(
     with shown.batched(scene):
         for view in frames_of(scene, camera, frame_range(scene) if frames is None else frames):
             edit = edits.current_edit(scene)
-            key = b"".join(colors.tobytes() for colors in edit.colors.values())
+            key = b"".join([repr(edit.edges).encode(), *(colors.tobytes() for colors in edit.colors.values())])
             if key not in known:
                 known[key] = out / "edits" / f"{view.name}.json"
                 write_edit(known[key], edit)

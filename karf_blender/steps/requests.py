@@ -112,7 +112,8 @@ def seen(scene: bpy.types.Scene, out: Path) -> tuple[str, dict]:
 
 
 def layers(view: str, out: Path, edit: Path | None = None) -> tuple[str, dict]:
-    """The job that writes the layers of a captured view; added colors of an edit get layers of their own."""
+    """The job that writes the layers of a captured view; added colors of an edit get layers of their own, and
+    objects end where its edges do."""
     return _render(view, out=str(out), layers=True, edit=edit and str(edit))
 
 

@@ -5,9 +5,22 @@ from collections.abc import Sequence
 import bpy
 import numpy as np
 
-from ..engine_api import MOST_ADDED, REACH, AddedColor, BadRequest, hex_to_rgb, rgb_to_hex, srgb_to_lab
-from ..swatches import colors, edits, groups, keyframes, shown
+from ..engine_api import (
+    MOST_ADDED,
+    PROTECT,
+    AddedColor,
+    BadRequest,
+    ColorBook,
+    ciede2000,
+    hex_to_rgb,
+    pigment_of_swatch,
+    proposed,
+    rgb_to_hex,
+    srgb_to_lab,
+)
+from ..swatches import colors, edits, groups, keyframes, material, shown
 
+ROUNDING = 0.1  # CIEDE2000 that colors in float32 and tables with few digits are off
 Swatch = tuple[str, int]
 Color = str | Sequence[float]  # sRGB in [0, 1], or "#rrggbb"
 
@@ -25,6 +38,31 @@ def set_swatch(scene: bpy.types.Scene, object_name: str, index: int, color: Colo
     """
     with shown.batched(scene):
         edits.set_color(scene, object_name, index, rgb_of(color))
+
+
+def use_color_name(scene: bpy.types.Scene, object_name: str, index: int, book: ColorBook, name: str) -> float:
+    """Give one swatch, or an object's target color, the color of a name, as if it were dragged there.
+
+    Args:
+        scene: The scene.
+        object_name: The object's.
+        index: The swatch's; 0: the color that the object's source shall become.
+        book: That has the name.
+        name: The color's.
+
+    Returns:
+        CIEDE2000 from what a picture can show to the color of the name itself; 0 where a picture can show that.
+
+    Raises:
+        BadRequest: There is no such swatch or name, or the swatch is locked.
+    """
+    color = book[name]
+    if index:
+        edits.set_color(scene, object_name, index, color)
+    else:
+        edits.object_named(scene, object_name).target = color
+    left = float(ciede2000(srgb_to_lab(color), book.lab_of(name)))
+    return left if left > ROUNDING else 0.0
 
 
 def link_swatches(scene: bpy.types.Scene, one: Swatch, other: Swatch) -> None:
@@ -133,7 +171,12 @@ def color_at(scene: bpy.types.Scene, name: str, place: tuple[float, float]) -> n
 
 
 def add_color(
-    scene: bpy.types.Scene, object_name: str, picked: Color, color: Color | None = None, reach: float = REACH
+    scene: bpy.types.Scene,
+    object_name: str,
+    picked: Color,
+    color: Color | None = None,
+    reach: float | None = None,
+    protect: float | None = None,
 ) -> int:
     """Give an object one more swatch, which changes only what has the pigment of a color that it shows.
 
@@ -143,6 +186,8 @@ def add_color(
         picked: The color as the photos show it.
         color: What it shall be; default: as it is shown now.
         reach: How far around its hue (of a gray: its chroma) colors are of this pigment, 0.05 to 4; see `edit.added`.
+            None: as far as the object's colors propose.
+        protect: Colors under this share of its saturation, 0 to 0.5, are neutral and not of it. None: as they propose.
 
     Returns:
         The swatch's number, for `set_swatch`.
@@ -159,13 +204,42 @@ def add_color(
             count=MOST_ADDED,
             name=object_name,
         )
-    added = AddedColor(picked, reach)
+    likely = proposed(shown.of(scene).learned_histogram(object_name), picked)
+    added = AddedColor(picked, likely.reach if reach is None else reach, likely.protect if protect is None else protect)
     found = groups.solved_set(item, added, groups.color_shown(item, picked))
     with shown.batched(scene), groups.apart():
         number = groups.add_color(item, added)
         groups.set_colors(item, number, found)
     if color is not None:
         set_swatch(scene, object_name, number, color)
+    return number
+
+
+def protect_neutrals(scene: bpy.types.Scene, object_name: str, index: int) -> int:
+    """Let a swatch change its own pigment alone, and leave silver, foil, paper and gloss as they are.
+
+    An added color is told so. A learned swatch, which is part of many colors, gets an added color for the pigment that
+    it paints most, as this is shown now; itself and what followed it go back to where they were.
+
+    Returns:
+        The number of the swatch that changes the pigment from now on.
+
+    Raises:
+        BadRequest: There is no such swatch, it is locked, its pigment is black, or the object has too many.
+        DataError: The project's histogram of the object's colors is damaged.
+    """
+    swatch, item = edits.unlocked(scene, object_name, index), edits.object_named(scene, object_name)
+    if swatch.is_added:
+        swatch.protect = max(swatch.protect, PROTECT)
+        return index
+    picked = pigment_of_swatch(shown.of(scene).learned_histogram(object_name), index)
+    before = material.before_drag(item, index)
+    with shown.batched(scene):
+        number = add_color(scene, object_name, picked, protect=PROTECT)
+        with groups.apart():
+            for each, color in zip(item.swatches[: colors.size(item)], before, strict=False):
+                if not each.locked:
+                    each.color = color
     return number
 
 

@@ -68,8 +68,9 @@ def apply(
         edited = match_fewest(nearest_weights(visible, weights, source), start, target, locked, shown=source)
     else:
         pairs = with_held(visible, source, target, held)
-        edited = match_becomes(visible, seen.counts, weights, start, *pairs, locked)
-    edits.apply_edit(scene, Edit({name: edited}, scene.karf.compositing, colors.added_by_object(scene)))
+        edited = match_becomes(visible, seen.counts, weights, start, *pairs, locked, item.is_metal)
+    edit = Edit({name: edited}, scene.karf.compositing, colors.added_by_object(scene), colors.edges(scene))
+    edits.apply_edit(scene, edit)
     before = ColorHistogram(visible, seen.counts, weights)
     reached, _, reason = reached_by(edited, Palette(name, start), before, source, srgb_to_lab(target), locked)
     return reason and f"{name} shows {rgb_to_hex(reached)} and not quite what was wanted, because {reason}."

@@ -13,15 +13,15 @@ import numpy as np
 from ..engine_api import (
     AddedColor,
     ColorHistogram,
+    EdgeShape,
     Palette,
     ciede2000,
     hex_to_rgb,
+    left_of_object,
     reached_color,
-    reflection_target,
     shown_colors,
     spread,
     srgb_to_lab,
-    with_held,
 )
 
 FOREIGN = 10.0  # CIEDE2000 from which a color does not look like another at all
@@ -70,7 +70,7 @@ def size(item: bpy.types.PropertyGroup) -> int:
 
 def added_color(swatch: bpy.types.PropertyGroup) -> AddedColor:
     """The color that was added with the first swatch of a set."""
-    return AddedColor(np.array(swatch.learned, np.float32), swatch.reach)
+    return AddedColor(np.array(swatch.learned, np.float32), swatch.reach, swatch.protect)
 
 
 def added(item: bpy.types.PropertyGroup) -> tuple[AddedColor, ...]:
@@ -83,9 +83,19 @@ def added_by_object(scene: bpy.types.Scene) -> dict[str, tuple[AddedColor, ...]]
     return {item.name: own for item in scene.karf.objects if (own := added(item))}
 
 
+def edges(scene: bpy.types.Scene) -> dict[str, EdgeShape]:
+    """How the edges of the objects are moved and faded, by name; none of those that stay as they are."""
+    return {item.name: shape for item in scene.karf.objects if not (shape := edge(item)).is_neutral}
+
+
+def edge(item: bpy.types.PropertyGroup) -> EdgeShape:
+    """How an object's edge is moved and faded."""
+    return EdgeShape(item.choke, item.feather)
+
+
 def keys(added_colors: Iterable[AddedColor]) -> list[tuple[float, ...]]:
     """What makes added colors the same ones, as comparable values."""
-    return [(*color.picked.tolist(), color.reach) for color in added_colors]
+    return [(*color.picked.tolist(), color.reach, color.protect) for color in added_colors]
 
 
 def painted_by(item: bpy.types.PropertyGroup, index: int) -> slice:
@@ -131,9 +141,7 @@ def left_to_target(item: bpy.types.PropertyGroup, histogram: ColorHistogram) -> 
     if item.rule == "fewest":
         reached = reached_color(before, after, source, histogram.counts)
         return float(ciede2000(srgb_to_lab(reached), srgb_to_lab(target)))
-    pairs = with_held(before, source, target, held(item))
-    left = ciede2000(srgb_to_lab(after), srgb_to_lab(reflection_target(before, *pairs)))
-    return float(np.average(left, weights=histogram.counts))
+    return left_of_object(before, after, histogram.counts, source, target, held(item), item.is_metal)
 
 
 def held(item: bpy.types.PropertyGroup) -> list[np.ndarray]:
@@ -144,4 +152,5 @@ def held(item: bpy.types.PropertyGroup) -> list[np.ndarray]:
 def fingerprint(scene: bpy.types.Scene) -> bytes:
     """All that keyframes can change in a picture, as one comparable value."""
     palettes = [edited(item).tobytes() for item in scene.karf.objects]
-    return b"".join([scene.karf.compositing.encode(), scene.karf.active_view.encode(), *palettes])
+    ends = repr(edges(scene)).encode()
+    return b"".join([scene.karf.compositing.encode(), scene.karf.active_view.encode(), ends, *palettes])

@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..engine_api import BadRequest, Edit, color_to_text, colors_of_text, edit_to_json
+from ..engine_api import BadRequest, EdgeShape, Edit, color_to_text, colors_of_text, edit_to_json
 from . import colors, groups, material
 from .shown import batched, of
 
@@ -19,7 +19,7 @@ from .shown import batched, of
 def current_edit(scene: bpy.types.Scene) -> Edit:
     """The palettes as the swatches stand now."""
     edited = {item.name: colors.edited(item) for item in scene.karf.objects}
-    return Edit(edited, scene.karf.compositing, colors.added_by_object(scene))
+    return Edit(edited, scene.karf.compositing, colors.added_by_object(scene), colors.edges(scene))
 
 
 def edit_option(scene: bpy.types.Scene) -> dict[str, Any] | None:
@@ -28,13 +28,15 @@ def edit_option(scene: bpy.types.Scene) -> dict[str, Any] | None:
 
 
 def apply_edit(scene: bpy.types.Scene, edit: Edit, is_whole: bool = False) -> None:
-    """Set the swatches to an edit of these objects, added colors among them. Objects that it leaves out and locked
+    """Set the swatches and edges to an edit of these objects, added colors among them. Objects that it leaves out and locked
     swatches stay, merged ones follow; where the edit is a whole state, all are set to what it says."""
     with batched(scene), groups.apart() if is_whole else nullcontext():
         scene.karf.compositing = edit.compositing
         for name, wanted in edit.colors.items():
             item = object_named(scene, name)
             groups.replace_added(item, edit.added.get(name, ()), even_locked=is_whole)
+            shape = edit.edges.get(name, EdgeShape())
+            item.choke, item.feather = shape.choke, shape.feather
             for swatch, color in zip(item.swatches, wanted, strict=True):
                 if is_whole or not (swatch.locked or swatch.merged):
                     swatch.color = color

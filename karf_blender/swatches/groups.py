@@ -189,7 +189,7 @@ def add_color(item: bpy.types.PropertyGroup, color: AddedColor) -> int:
     count, number = colors.size(item), len(item.swatches)
     first = item.swatches.add()
     first.name = f"Added {number // count}"
-    first.is_added, first.reach = True, color.reach
+    first.is_added, first.reach, first.protect = True, color.reach, color.protect
     first.learned = first.color = color.picked
     for index in range(1, count):
         swatch, own = item.swatches.add(), item.swatches[index]

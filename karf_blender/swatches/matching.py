@@ -102,9 +102,8 @@ def match(scene: bpy.types.Scene, name: str, picture: np.ndarray) -> tuple[Objec
             name=name,
             view=karf.active_view,
         )
-    edits.apply_edit(
-        scene, Edit({each.name: each.colors for each in found}, karf.compositing, colors.added_by_object(scene))
-    )
+    wanted = {each.name: each.colors for each in found}
+    edits.apply_edit(scene, Edit(wanted, karf.compositing, colors.added_by_object(scene), colors.edges(scene)))
     return found
 
 

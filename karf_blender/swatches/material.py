@@ -34,6 +34,23 @@ def is_dragged(item: bpy.types.PropertyGroup, index: int) -> bool:
     return item.dragged == index and (colors.edited(item)[others] == colors.stored(item, "given")[others]).all()
 
 
+def follow_again(item: bpy.types.PropertyGroup) -> None:
+    """Solve an object's last drag anew, where nothing has changed since, as after it was said to be of metal."""
+    if item.dragged < len(item.swatches) and is_dragged(item, item.dragged) and item.id_data.karf.material:
+        _follow(item, item.dragged, item.swatches[item.dragged].last)
+        shown.of(item.id_data).refresh()
+
+
+def before_drag(item: bpy.types.PropertyGroup, index: int) -> np.ndarray:
+    """An object's palette [M, 3] without a swatch's edit: as it was before the drag where what followed is known, else
+    with the learned color of that swatch."""
+    if is_dragged(item, index):
+        return colors.stored(item, "began")
+    palette = colors.edited(item)
+    palette[index] = colors.learned(item)[index]
+    return palette
+
+
 def _follow(item: bpy.types.PropertyGroup, index: int, before: Sequence[float]) -> None:
     start, locked = _start(item, index, before), groups.held(item)
     now = colors.edited(item)
@@ -43,7 +60,7 @@ def _follow(item: bpy.types.PropertyGroup, index: int, before: Sequence[float]) 
         return
     visible = shown_colors(seen, Palette(item.name, colors.learned(item)), start)
     weights = groups.gathered(item, seen.palette_weights.T).T
-    found = match_dragged(visible, seen.counts, weights, start, index, now[index], locked)
+    found = match_dragged(visible, seen.counts, weights, start, index, now[index], locked, item.is_metal)
     with groups.apart():
         for number, color in enumerate(found):
             if number != index and number not in locked and (color != now[number]).any():

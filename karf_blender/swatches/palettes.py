@@ -48,7 +48,8 @@ class _ObjectEdits:
 
     @classmethod
     def of(cls, item: bpy.types.PropertyGroup) -> "_ObjectEdits":
-        own = {name: getattr(item, name) for name in ("rule", "show_becomes", "held")}
+        kept = ("rule", "show_becomes", "held", "is_metal", "choke", "feather", "show_edge")
+        own = {name: getattr(item, name) for name in kept}
         source, target = colors.color_pair(item)
         if source != target:  # else it waits for a target, with the color that the object mostly had
             own |= {"source": source, "target": target}
@@ -67,6 +68,11 @@ class _ObjectEdits:
         kept = list(zip(edited, self.locked, self.links, self.merged, strict=True))[: self.size]
         return {index for index, each in enumerate(kept) if index and any(each)} | set(self.places(self.size))
 
+    @property
+    def has_edge(self) -> bool:
+        """Whether its edge is moved or faded."""
+        return bool(self.own["choke"] or self.own["feather"])
+
     def places(self, size: int) -> range:
         """Where added colors are behind `size` learned swatches."""
         return range(size, size * (1 + len(self.added)), size)
@@ -83,7 +89,11 @@ def load_palettes(scene: bpy.types.Scene, palettes: Sequence[Palette]) -> None:
     before = {item.name: _ObjectEdits.of(item) for item in scene.karf.objects}
     after = {palette.name: palette.colors for palette in palettes}
     matches = {name: _match(each, after.get(name)) for name, each in before.items()}
-    lost = [name for name, each in before.items() if each.touched - set(matches[name])]
+    lost = [
+        name
+        for name, each in before.items()
+        if each.touched - set(matches[name]) or (each.has_edge and name not in after)
+    ]
     if lost:
         _keep(scene, lost)
     kept = looks.readable(scene)
@@ -209,7 +219,12 @@ def _keep_look(
 ) -> None:
     """Write a look to a new edit file where colors of it have no place in the new palettes, and say so. Raises DataError
     where it cannot be written."""
-    lost = [item for item, edited in edit.colors.items() if _changed(edited, before[item]) - set(matches[item])]
+    more = {*edit.added, *edit.edges}
+    lost = [
+        item
+        for item, edited in edit.colors.items()
+        if _changed(edited, before[item]) - set(matches[item]) or (item in more and not matches[item])
+    ]
     if lost:
         file = _write_kept(scene, edit, f"-{file_name(name)}")
         progress.warn(
@@ -260,8 +275,12 @@ def _write_kept(scene: bpy.types.Scene, edit: Edit, mark: str = "") -> Path:
 
 
 def has_edits(scene: bpy.types.Scene) -> bool:
-    """True if a swatch of the scene is edited, locked or animated."""
-    return any(_ObjectEdits.of(item).touched for item in scene.karf.objects) or bool(keyframes.of(scene))
+    """True if a swatch of the scene is edited, locked or animated, or an edge moved or faded."""
+    return (
+        bool(colors.edges(scene))
+        or any(_ObjectEdits.of(item).touched for item in scene.karf.objects)
+        or bool(keyframes.of(scene))
+    )
 
 
 def import_learned(scene: bpy.types.Scene) -> None:

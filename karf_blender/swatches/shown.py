@@ -189,7 +189,7 @@ class ShownScene:
                 self.left.pop(item.name, None)
                 continue
             palettes = colors.edited(item).tobytes(), colors.picked_with(item).tobytes()
-            key = source, target, self.scene.karf.project, item.rule, item.held, *palettes
+            key = source, target, self.scene.karf.project, item.rule, item.held, item.is_metal, *palettes
             if item.name not in self.left or self.left[item.name][0] != key:
                 try:
                     self.left[item.name] = key, colors.left_to_target(item, self.histogram(item))

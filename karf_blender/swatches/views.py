@@ -15,7 +15,9 @@ import numpy as np
 
 from ..engine_api import (
     DataError,
+    EdgeShape,
     KarfError,
+    ObjectEdge,
     Planes,
     SwatchPicture,
     ciede2000,
@@ -27,7 +29,7 @@ from ..engine_api import (
 )
 from ..pictures import images, photos
 from ..project import captures, contents, folders
-from . import colors
+from . import colors, edges
 from .object_masks import ObjectMasks
 
 PHOTO_SIDE = 800  # pixels at most of a photo that stands in for a view that is not prepared
@@ -50,6 +52,9 @@ class ShownView:
         masks: The objects in them, once they were painted.
         pictures: By compositing, once it was asked for: the picture that follows the swatches, and the RGBA buffer
             [H, W, 4] float32 in Blender's row order that it writes to.
+        edges: Of the picture that adds changes to the photo: its objects whose edges are moved or faded, by name.
+        movable: The objects whose edges were changed already, by number.
+        with_edges: By edges, those asked for last: the view whose objects end there.
         with_sets: By added colors, those asked for last: the view whose weights are spread over their sets.
         canvas: Where a picture that is not just the edited one is put together, RGBA as above; None before the first.
         split_at: The canvas has the original left of this column.
@@ -61,6 +66,9 @@ class ShownView:
     is_free: bool = False
     masks: ObjectMasks | None = None
     pictures: dict[str, tuple[SwatchPicture, np.ndarray]] = field(default_factory=dict)
+    edges: dict[str, EdgeShape] = field(default_factory=dict)
+    movable: dict[int, ObjectEdge] = field(default_factory=dict)
+    with_edges: dict[str, "ShownView"] = field(default_factory=dict)
     with_sets: dict[str, "ShownView"] = field(default_factory=dict)
     canvas: np.ndarray | None = None
     split_at: int = 0
@@ -76,11 +84,12 @@ class ShownView:
         """
         if not self.planes.palette_weights.shape[1]:
             return self._picture("delta")[1]
-        view = self.spread(scene)
+        compositing = scene.karf.compositing
+        view = self._ended(scene).spread(scene) if compositing == "paper" else self.spread(scene)
         objects, items = view.planes.objects, {item.name: item for item in scene.karf.objects}
         factors = stack_palettes(objects, {name: colors.edited(item) for name, item in items.items()})
-        compositing = scene.karf.compositing
         if compositing != "paper":
+            self._move_edges(scene, view)
             factors -= stack_palettes(objects, {name: colors.learned(item) for name, item in items.items()})
         picture, buffer = view._picture(compositing)
         picture.paint(factors)
@@ -112,6 +121,32 @@ class ShownView:
             self.with_sets.clear()
             self.with_sets[key] = ShownView(self.file, self.written, planes)
         return self.with_sets[key]
+
+    def _ended(self, scene: bpy.types.Scene) -> "ShownView":
+        """The view with objects that end where the scene's edges do; without such edges itself."""
+        wanted = colors.edges(scene)
+        if not wanted:
+            return self
+        if repr(wanted) not in self.with_edges:
+            self.with_edges.clear()
+            planes = edges.ended(scene, self.planes, wanted)
+            self.with_edges[repr(wanted)] = ShownView(self.file, self.written, planes)
+        return self.with_edges[repr(wanted)]
+
+    def _move_edges(self, scene: bpy.types.Scene, view: "ShownView") -> None:
+        """Let the objects in the picture of `view`, which is this one spread, end where the scene's edges do."""
+        wanted = colors.edges(scene)
+        if view.edges and not wanted:  # begun anew it has the planes' own bits
+            view.pictures.pop("delta")
+            view.edges = {}
+        for k, name in enumerate(self.planes.objects):
+            shape = wanted.get(name, EdgeShape())
+            if shape != view.edges.get(name, EdgeShape()):
+                if k not in self.movable:
+                    self.movable[k] = edges.movable(scene, self.planes, k)
+                part = edges.part_of(scene.karf.objects[name], self.movable[k], shape)
+                view._picture("delta")[0].reshape(k, part)
+                view.edges[name] = shape
 
     def _picture(self, compositing: str) -> tuple[SwatchPicture, np.ndarray]:
         """The picture of one compositing, and its buffer."""

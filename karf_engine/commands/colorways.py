@@ -4,6 +4,7 @@ What each color will be is known, and told, before anything is rendered. Writes
 
     OUT/<colorway>/<view>.png        the recolored view; of photos .png, .tif or .exr as they came
     OUT/colorways.csv                of each color: wanted, predicted, reached, their CIEDE2000, and why not closer
+    OUT/views.csv                    of each color in each view: wanted, reached, their CIEDE2000, and why not closer
     OUT/contact_sheet.png            a row for each colorway
     OUT/finished.jsonl               what each picture was made from: one that is there already is not made again
 """
@@ -20,7 +21,7 @@ from ..capture.chosen_views import choose_views
 from ..compute.progress import Emit
 from ..errors import BadRequest
 from ..export.colorway_pictures import Probes, pictures_of
-from ..export.colorway_table import Reached, write_table
+from ..export.colorway_table import Reached, write_table, write_view_table
 from ..export.contact_sheet import Line, Row, write_contact_sheet
 from ..export.finished_frames import FinishedFrames, frame_mark, model_mark, view_mark
 from ..palettes.colorways.planned import PlannedColorway, plan_colorways
@@ -101,34 +102,45 @@ class _Work:
                 pictures.write(path, picture)
                 found = {p.target_color.name: probes.measure(picture, p) for p in plan.predictions}
                 measured = {name: values for name, values in found.items() if values is not None}
-                name = self._name(plan.colorway.name, view)
+                name = self._name(plan.colorway.name, view.name)
                 self._finished.note(name, marks[plan.colorway.name], [path], reached=measured)
                 progress.step()
         disputes.tell(self._job.emit)
         self._finished = FinishedFrames.read(self._out)
         write_table(self._out / "colorways.csv", self._planned, self._reached)
+        names = [view.name for view in self._views]
+        write_view_table(self._out / "views.csv", self._planned, names, self._reached_in)
         self._write_sheet()
 
     def _unfinished(self, view: View) -> dict[str, str]:
         """The marks of the pictures of a view that are still to make, by colorway."""
         own = view_mark(self._mark, view, VERSION, self._size)
         marks = {plan.colorway.name: frame_mark(own, plan.edit) for plan in self._planned}
-        return {name: mark for name, mark in marks.items() if not self._finished.has(self._name(name, view), mark)}
+        return {name: mark for name, mark in marks.items() if not self._finished.has(self._name(name, view.name), mark)}
 
-    def _name(self, colorway: str, view: View) -> str:
-        return f"{colorway}/{view.name}"
+    def _name(self, colorway: str, view: str) -> str:
+        return f"{colorway}/{view}"
 
     def _reached(self, plan: PlannedColorway, prediction: Prediction) -> Reached | None:
         """What was measured of a color in all views together; None where no picture shows it."""
-        notes = [self._finished.frames[self._name(plan.colorway.name, view)].get("reached", {}) for view in self._views]
-        found = [r[prediction.target_color.name] for r in notes if prediction.target_color.name in r]
+        of_views = [self._reached_in(plan, prediction, view.name) for view in self._views]
+        found = [reached for reached in of_views if reached is not None]
         if not found:
             return None
-        values = np.array(found)
-        return Reached(np.average(values[:, :3], axis=0, weights=values[:, 3]), int(values[:, 3].sum()), len(found))
+        pixels = [reached.pixels for reached in found]
+        color = np.average([reached.color for reached in found], axis=0, weights=pixels)
+        return Reached(color, sum(pixels), len(found))
+
+    def _reached_in(self, plan: PlannedColorway, prediction: Prediction, view: str) -> Reached | None:
+        """What was measured of a color in a view; None where its picture does not show it."""
+        note = self._finished.frames[self._name(plan.colorway.name, view)].get("reached", {})
+        if prediction.target_color.name not in note:
+            return None
+        *color, pixels = note[prediction.target_color.name]
+        return Reached(np.array(color), int(pixels), 1)
 
     def _picture(self, plan: PlannedColorway, view: View) -> Path:
-        (file,) = self._finished.frames[self._name(plan.colorway.name, view)]["files"]
+        (file,) = self._finished.frames[self._name(plan.colorway.name, view.name)]["files"]
         return self._out / file
 
     def _write_sheet(self) -> None:

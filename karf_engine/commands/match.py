@@ -15,6 +15,7 @@ from ..palettes.matching.paints import pigment_gate
 from ..palettes.object_colors import read_object_colors
 from ..palettes.palette import rgb_to_hex
 from ..palettes.project_edit import ProjectEdit, as_color, edit_of
+from ..palettes.reference_light import ReferenceLight
 from ..project import Project
 from ..project.locking import consistent, opened
 from .options.editing import MatchOptions
@@ -28,14 +29,27 @@ def run(options: MatchOptions, emit: Emit, should_stop: Callable[[], bool]) -> N
     edit = edit_of(project, options.edit)
     if options.is_of_picture:
         edit = _match_picture(project, options, edit, emit)
-    elif options.rule == "added":
-        for source, target in ((options.source, options.target), *options.also):
-            edit = edit.add_color(options.object, source, target)
     else:
-        edit = edit.becomes(options.object, options.source, options.target, options.rule, options.also)
-        _tell(edit, options.object, [(options.source, options.target), *options.also], emit)
+        pairs = [(source, _in_photos(target, options.card)) for source, target in _pairs(options)]
+        if options.rule == "added":
+            for source, target in pairs:
+                edit = edit.add_color(options.object, source, target)
+        else:
+            edit = edit.becomes(options.object, *pairs[0], options.rule, pairs[1:], options.is_metal)
+            _tell(edit, options.object, pairs, emit)
     edit.save(options.out)
     emit("artifact", kind="edit", path=str(options.out))
+
+
+def _pairs(options: MatchOptions) -> list[tuple[str, str]]:
+    return [(options.source, options.target), *options.also]
+
+
+def _in_photos(target: str, card: str | None) -> str:
+    """A target color as photos show it, where a gray card says how these were lit and exposed."""
+    if card is None:
+        return target
+    return rgb_to_hex(ReferenceLight.of_card(as_color(card)).photographed(as_color(target)))
 
 
 def _tell(edit: ProjectEdit, name: str, pairs: list[tuple[str, str]], emit: Emit) -> None:

@@ -1,4 +1,5 @@
-"""colorways.csv: of each color of each colorway what is wanted, what was predicted, and what was reached."""
+"""colorways.csv: of each color of each colorway what is wanted, what was predicted, and what was reached; views.csv: what
+was reached in each view, and why not closer."""
 
 from __future__ import annotations
 
@@ -13,11 +14,14 @@ import numpy as np
 from ..io.color import ciede2000, srgb_to_lab
 from ..io.files import atomic_write
 from ..palettes.colorways.planned import PlannedColorway
-from ..palettes.colorways.reached import Prediction
+from ..palettes.colorways.reached import Prediction, reason_in_view
 from ..palettes.palette import rgb_to_hex
 
 COLUMNS = ("colorway", "object", "folder", "source", "wanted", "wanted_lab", "predicted", "predicted_ciede2000",
            "reached", "reached_ciede2000", "pixels", "views", "cannot_be_reached_because")  # fmt: skip
+
+VIEW_COLUMNS = ("colorway", "object", "view", "wanted", "wanted_lab", "reached", "reached_ciede2000", "pixels",
+                "cannot_be_reached_because")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -47,21 +51,68 @@ def write_table(
         planned: The colorways.
         measured: What was measured of a color; without it nothing has been rendered yet, and its columns stay empty.
     """
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(COLUMNS)
+    rows = []
     for plan in planned:
         for prediction in plan.predictions:
             found = measured(plan, prediction) if measured else None
-            table.writerow([plan.colorway.name, *_cells(plan, prediction), *_measured(prediction, found),
-                            _reason(prediction, measured is not None and found is None)])  # fmt: skip
+            rows.append([plan.colorway.name, *_cells(plan, prediction), *_measured(prediction, found),
+                         _reason(prediction, measured is not None and found is None)])  # fmt: skip
+    _write(path, COLUMNS, rows)
+
+
+def write_view_table(
+    path: Path,
+    planned: Sequence[PlannedColorway],
+    views: Sequence[str],
+    measured: Callable[[PlannedColorway, Prediction, str], Reached | None],
+) -> None:
+    """Write what each color has become in each view, atomically.
+
+    Args:
+        path: The file.
+        planned: The colorways.
+        views: Names of the views.
+        measured: What was measured of a color in a view; None where no pixel surely shows it.
+    """
+    _write(
+        path,
+        VIEW_COLUMNS,
+        [
+            [plan.colorway.name, *_view_cells(prediction, view, measured(plan, prediction, view))]
+            for plan in planned
+            for prediction in plan.predictions
+            for view in views
+        ],
+    )
+
+
+def _write(path: Path, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([columns, *rows])
     atomic_write(path, lambda temporary: temporary.write_text(text.getvalue(), encoding="utf-8"))
 
 
+def _view_cells(prediction: Prediction, view: str, found: Reached | None) -> list[str]:
+    name, wanted = prediction.target_color.name, _wanted(prediction)
+    if found is None:
+        return [name, view, *wanted, "", "", "0", f"this view surely shows no pixel of {name} in this color"]
+    color, difference, pixels, _ = _measured(prediction, found)
+    return [name, view, *wanted, color, difference, pixels, reason_in_view(prediction, found.color)]
+
+
 def _cells(plan: PlannedColorway, prediction: Prediction) -> list[str]:
-    wanted = rgb_to_hex(prediction.target), _numbers(prediction.target_color.lab)
     predicted = rgb_to_hex(prediction.reached), f"{prediction.ciede2000:.2f}"
-    return [prediction.target_color.name, plan.colorway.folder, rgb_to_hex(prediction.source), *wanted, *predicted]
+    return [
+        prediction.target_color.name,
+        plan.colorway.folder,
+        rgb_to_hex(prediction.source),
+        *_wanted(prediction),
+        *predicted,
+    ]
+
+
+def _wanted(prediction: Prediction) -> tuple[str, str]:
+    return rgb_to_hex(prediction.target), _numbers(prediction.target_color.lab)
 
 
 def _measured(prediction: Prediction, found: Reached | None) -> list[str]:

@@ -14,7 +14,8 @@ from typing import Any
 
 from ..capture.capture import Capture, View, capture_to_json
 from ..io.fingerprints import file_digest, fingerprint
-from ..palettes.palette import Edit
+from ..palettes.edge_shape import shaped_edges
+from ..palettes.palette import AddedColor, Edit
 from ..project import STAGE_ORDER, Project
 from ..project.settings import Settings, to_dict
 from .frame_options import RenderOptions
@@ -94,9 +95,16 @@ def frame_mark(view: str, edit: Edit | None) -> str:
     """A text that changes when a frame would be another: by its `view_mark`, or by its edit (None without one)."""
     if edit is None:
         return view
-    added = {name: [[each.picked.tolist(), each.reach] for each in own] for name, own in edit.added.items()}
-    options = ({name: colors.tolist() for name, colors in edit.colors.items()}, edit.compositing)
-    return fingerprint(view, *options, added) if added else fingerprint(view, *options)
+    added = {name: [_mark_of(each) for each in own] for name, own in edit.added.items()}
+    options = [{name: colors.tolist() for name, colors in edit.colors.items()}, edit.compositing]
+    options += [added] if added else []
+    edges = {name: asdict(shape) for name, shape in shaped_edges(edit.edges).items()}
+    return fingerprint(view, *options, {"edges": edges}) if edges else fingerprint(view, *options)
+
+
+def _mark_of(color: AddedColor) -> list:
+    # frames that were made before neutrals could be protected keep their marks
+    return [color.picked.tolist(), color.reach, *([color.protect] if color.protect else [])]
 
 
 @dataclass(frozen=True)

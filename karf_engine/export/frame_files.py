@@ -14,6 +14,7 @@ from ..io.files import atomic_write
 from ..io.images import write_png
 from ..palettes.added import palettes_with, spread_objects
 from ..palettes.compositing import write_planes
+from ..palettes.edge_shape import EdgeShape
 from ..palettes.palette import AddedColor, Edit
 from ..recolor.frames import Frame, planes_of, with_alpha
 from ..recolor.full_resolution import PhotoView
@@ -70,6 +71,11 @@ class _Files:
         """The colors that the edit adds, which have layers of their own."""
         return {} if self.edit is None else self.edit.added
 
+    @property
+    def edges(self) -> dict[str, EdgeShape]:
+        """How the edit moves and fades edges, which layers show too."""
+        return {} if self.edit is None else self.edit.edges
+
     def write_rendering(self) -> None:
         camera = self.model.working_camera(self.view) if self.captured else self.view.camera
         frame = self.model.render(camera, self.model.settings.render.supersampling)
@@ -111,6 +117,7 @@ class _Files:
             picture = _cut_out(self.model.composite(frame, self.edit), frame, behind)
             write_frame(self._path("recolor", FORMATS[kind]), picture, kind)
         if self.options.layers:
+            frame = self.model.with_edges(frame, self.edges)
             palettes = palettes_with(self.model.palettes, self.added)
             weights = spread_objects(frame.palette_weights, self.model.palettes, self.added)
             layers = Layers(palettes, frame.base, frame.probabilities, weights, frame.depth)
@@ -126,7 +133,7 @@ class _Files:
             write_photo(self._path("recolor", suffix), finished.recolored(self.edit))
         if self.options.layers:
             depth = self.model.look(self.model.working_camera(self.view)).depth
-            write_layers(self._path("layers", ".exr"), finished.layers(depth, self.added))
+            write_layers(self._path("layers", ".exr"), finished.layers(depth, self.added, self.edges))
 
     def _planes(self, frame: Frame) -> None:
         self.disputed.update(frame.disputed)

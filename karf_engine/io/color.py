@@ -20,6 +20,8 @@ _LINEAR_TO_XYZ = np.array(
 )
 # the white is that of sRGB (1, 1, 1) itself, so that greys have a* = b* = 0 exactly
 _WHITE = _LINEAR_TO_XYZ.sum(axis=1)
+_WHITE_D50 = np.array([0.9642, 1.0, 0.8249])  # ICC.1:2022, 7.2.16
+_BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 
 
 def to_bytes(color: np.ndarray) -> np.ndarray:
@@ -62,10 +64,7 @@ def srgb_to_lab(color: np.ndarray) -> np.ndarray:
         [[100.     0.     0.  ]
          [ 53.24  80.09  67.2 ]]
     """
-    ratio = srgb_to_linear(color) @ _LINEAR_TO_XYZ.T / _WHITE
-    f = np.where(ratio > (6 / 29) ** 3, np.cbrt(ratio), ratio / (3 * (6 / 29) ** 2) + 4 / 29)
-    x, y, z = f[..., 0], f[..., 1], f[..., 2]
-    return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
+    return _lab_of_ratio(srgb_to_linear(color) @ _LINEAR_TO_XYZ.T / _WHITE)
 
 
 def lab_to_srgb(lab: np.ndarray) -> np.ndarray:
@@ -75,11 +74,37 @@ def lab_to_srgb(lab: np.ndarray) -> np.ndarray:
         >>> lab_to_srgb(srgb_to_lab(np.array([0.2, 0.4, 0.9]))).round(6).tolist()
         [0.2, 0.4, 0.9]
     """
+    return linear_to_srgb(_ratio_of_lab(lab) * _WHITE @ np.linalg.inv(_LINEAR_TO_XYZ).T)
+
+
+def lab_d50_to_d65(lab: np.ndarray) -> np.ndarray:
+    """CIE L*a*b* [..., 3] of colors that are known with the white D50, as ICC profiles and Adobe's files have it.
+
+    What is white there is white here: the cones' responses are scaled (Bradford, as ICC.1:2022, annex E).
+
+    Examples:
+        >>> print(lab_d50_to_d65(np.array([[100.0, 0, 0], [54.29, 80.81, 69.89]])).round(1) + 0.0)
+        [[100.    0.    0. ]
+         [ 53.2  80.1  67.2]]
+    """
+    seen = _ratio_of_lab(lab) * _WHITE_D50 @ _BRADFORD.T
+    adapted = seen * (_BRADFORD @ _WHITE) / (_BRADFORD @ _WHITE_D50)
+    return _lab_of_ratio(adapted @ np.linalg.inv(_BRADFORD).T / _WHITE)
+
+
+def _lab_of_ratio(ratio: np.ndarray) -> np.ndarray:
+    """CIE L*a*b* of XYZ [..., 3] as shares of the white's."""
+    f = np.where(ratio > (6 / 29) ** 3, np.cbrt(ratio), ratio / (3 * (6 / 29) ** 2) + 4 / 29)
+    x, y, z = f[..., 0], f[..., 1], f[..., 2]
+    return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
+
+
+def _ratio_of_lab(lab: np.ndarray) -> np.ndarray:
+    """The inverse of `_lab_of_ratio`."""
     lab = np.asarray(lab, np.float64)
     y = (lab[..., 0] + 16) / 116
     f = np.stack([y + lab[..., 1] / 500, y, y - lab[..., 2] / 200], axis=-1)
-    ratio = np.where(f > 6 / 29, f**3, 3 * (6 / 29) ** 2 * (f - 4 / 29))
-    return linear_to_srgb(ratio * _WHITE @ np.linalg.inv(_LINEAR_TO_XYZ).T)
+    return np.where(f > 6 / 29, f**3, 3 * (6 / 29) ** 2 * (f - 4 / 29))
 
 
 def lab_hue(lab: np.ndarray) -> np.ndarray:
@@ -100,6 +125,19 @@ def lab_chroma(lab: np.ndarray) -> np.ndarray:
         5.0
     """
     return np.hypot(lab[..., 1], lab[..., 2])
+
+
+def lab_saturation(lab: np.ndarray) -> np.ndarray:
+    """Saturation of Lab colors [..., 3], C / sqrt(C^2 + L^2) (Luebbe 2011): 0 for greys, below 1; nearly the same in the
+    light and in the shade.
+
+    Examples:
+        >>> lab_saturation(np.array([[40.0, 30, 0], [20, 15, 0], [50, 0, 0]])).round(2).tolist()
+        [0.6, 0.6, 0.0]
+    """
+    chroma = lab_chroma(lab)
+    length = np.hypot(chroma, lab[..., 0])
+    return np.divide(chroma, length, out=np.zeros_like(length), where=length > 0)
 
 
 def ciede2000(first: np.ndarray, second: np.ndarray) -> np.ndarray:

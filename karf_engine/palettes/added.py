@@ -16,10 +16,67 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ..io.color import lab_hue, lab_saturation, srgb_to_lab
 from .matching.becomes import match_pigment
-from .matching.paints import pigment_gate
+from .matching.paints import HUE_GATE, pigment_gate
 from .object_colors import ColorHistogram
-from .palette import AddedColor, Palette
+from .palette import PROTECT, AddedColor, Palette
+
+FEW_NEUTRALS = 0.05  # share of an object up to which neutral colors are its pigments' highlights and shades
+PROPOSED_REACH = 0.75  # where no other pigment is near; chosen with PROTECT
+LEAST_REACH = 0.3
+HUE_BINS = np.arange(0, np.pi / HUE_GATE, 0.1)  # distances in hue, in units of reach
+SPARSE = 0.02  # share of an object up to which a bin of hues is the gap between two pigments
+BEYOND = 1.3  # distance in hue over reach from which hardly anything of a color is of a pigment
+
+
+def proposed(seen: ColorHistogram, picked: np.ndarray) -> AddedColor:
+    """A color of an object as a pigment that reaches as far as the object's own colors propose.
+
+    It ends before the next pigment, beyond a gap in the object's hues. Where much of the object is neutral (silver, foil,
+    paper), neutrals are protected.
+
+    Args:
+        seen: The object's colors.
+        picked: One of them, sRGB [3] in [0, 1].
+
+    Examples:
+        Red letters on silver, and a red beside an orange:
+
+        >>> red, silver, orange = [0.7, 0.1, 0.1], [0.6, 0.6, 0.62], [0.8, 0.4, 0.1]
+        >>> for other in (silver, orange):
+        ...     color = proposed(ColorHistogram(np.array([red, other]), np.array([9, 9]), np.eye(2)), np.array(red))
+        ...     print(round(color.reach, 2), color.protect)
+        0.75 0.1
+        0.38 0.0
+    """
+    lab, source = srgb_to_lab(seen.colors), srgb_to_lab(np.asarray(picked, np.float64))
+    is_neutral = lab_saturation(lab) < PROTECT * lab_saturation(source)
+    turn = (lab_hue(lab) - lab_hue(source) + np.pi) % (2 * np.pi) - np.pi
+    away, counts = np.abs(turn[~is_neutral]) / HUE_GATE, seen.counts[~is_neutral] / seen.counts.sum()
+    is_gap = np.histogram(away, HUE_BINS, weights=counts)[0] <= SPARSE
+    is_next = ~is_gap & np.logical_or.accumulate(is_gap)
+    following = HUE_BINS[is_next.argmax()] if is_next.any() else np.inf
+    reach = max(LEAST_REACH, min(PROPOSED_REACH, following / BEYOND))
+    has_neutrals = counts.sum() < 1 - FEW_NEUTRALS
+    return AddedColor(np.asarray(picked, np.float32), float(reach), PROTECT if has_neutrals else 0.0)
+
+
+def pigment_of_swatch(seen: ColorHistogram, index: int) -> np.ndarray:
+    """The color of an object that a swatch paints most, sRGB [3]: the mean of those of which it is half as much or more.
+
+    Args:
+        seen: The object's colors.
+        index: The swatch's number.
+
+    Examples:
+        >>> seen = ColorHistogram(np.array([[0.8, 0, 0], [0.5, 0.4, 0.4]]), np.array([5, 9]), np.array([[0, 0.9], [0.8, 0.2]]))
+        >>> pigment_of_swatch(seen, 1).tolist()
+        [0.8, 0.0, 0.0]
+    """
+    shares = seen.palette_weights[:, index]
+    weights = np.where(shares >= shares.max() / 2, shares * seen.counts, 0)
+    return np.average(seen.colors, axis=0, weights=weights if weights.any() else None)
 
 
 def with_sets(palette: np.ndarray, added: Sequence[AddedColor]) -> np.ndarray:
@@ -61,7 +118,7 @@ def spread(weights: np.ndarray, palette: np.ndarray, added: Sequence[AddedColor]
     own = np.clip((inside / total[covered]).T @ np.asarray(palette, np.float32), 0, 1)
     left, sets = np.ones(len(own), np.float32), []
     for each in reversed(added):
-        share = left * pigment_gate(own, each.picked, each.reach).astype(np.float32)
+        share = left * pigment_gate(own, each.picked, each.reach, each.protect).astype(np.float32)
         left -= share
         sets[:0] = [np.zeros_like(share), *(share * inside[1:])]
     result = np.zeros((len(weights) * (1 + len(added)), *weights.shape[1:]), weights.dtype)
@@ -127,5 +184,5 @@ def solve_set(seen: ColorHistogram, palette: np.ndarray, added: AddedColor, want
         [[0.1 0.2 0.7]
          [0.1 0.2 0.7]]
     """
-    colors = match_pigment(*seen, palette, added.picked, wanted, added.reach)
+    colors = match_pigment(*seen, palette, added.picked, wanted, added.reach, added.protect)
     return np.array([wanted, *colors[1:]], np.float32)

@@ -1,8 +1,9 @@
-"""Edits as JSON, edit.json: the wanted color of each swatch, and the colors that were added."""
+"""Edits as JSON, edit.json: the wanted color of each swatch, the colors that were added, and the shapes of edges."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,13 @@ import numpy as np
 from ..errors import DataError
 from ..io.arguments import check_choice, checked
 from ..io.files import write_json
+from .edge_shape import MOST_CHOKE, MOST_FEATHER, EdgeShape, shaped_edges
 from .palette import (
     BRIGHTEST,
     COMPOSITING_MODES,
     MOST_ADDED,
     MOST_COLORS,
+    MOST_PROTECT,
     MOST_REACH,
     REACH,
     AddedColor,
@@ -42,7 +45,7 @@ def read_edit(path: Path | str, palettes: Sequence[Palette], compositing: str = 
 
     Raises:
         DataError: The file is missing or of another schema, or has an unknown object, a wrong number of colors, a bad
-            color or a changed black.
+            color, a changed black or an edge that cannot be.
 
     Examples:
         >>> import tempfile
@@ -84,7 +87,7 @@ def edit_from_json(
     objects = content.get("objects", {})
     if not isinstance(objects, dict):
         raise DataError(f"{path}: 'objects' is not a table of objects.", 'Write {"name": {"colors": [...]}}.')
-    colors, added = {palette.name: palette.colors.copy() for palette in palettes}, {}
+    colors, added, edges = {palette.name: palette.colors.copy() for palette in palettes}, {}, {}
     for name, entry in objects.items():
         if name not in colors:
             raise DataError(f"{path} edits the unknown object {name!r:.200}.", f"Objects are: {', '.join(colors)}.")
@@ -106,23 +109,43 @@ def edit_from_json(
             ]
             added[name] = tuple(each for each, _ in sets)
             colors[name] = np.concatenate([colors[name], *(own for _, own in sets)])
-    return Edit(colors, compositing, added)
+        if "edges" in entry:
+            edges[name] = _edge(entry["edges"], where)
+    return Edit(colors, compositing, added, shaped_edges(edges))
+
+
+def _edge(entry: Any, where: str) -> EdgeShape:
+    """How an object's edges are moved and faded; what is not written is 0."""
+    if not isinstance(entry, dict):
+        raise DataError(f"{where} has the edges {entry!r:.200}.", 'Write {"choke": pixels, "feather": pixels}.')
+    values = {}
+    for key, low, high in (("choke", -MOST_CHOKE, MOST_CHOKE), ("feather", 0.0, MOST_FEATHER)):
+        value = entry.get(key, 0.0)
+        if not is_number(value) or not low <= value <= high:
+            raise DataError(f"{where} has the {key} {value!r:.200}.", f"Write pixels from {low:g} to {high:g}.")
+        values[key] = float(value)
+    return EdgeShape(**values)
 
 
 def _added(entry: Any, where: str, size: int) -> tuple[AddedColor, np.ndarray]:
     """An added color and its set [size, 3], the wanted color first."""
     if not isinstance(entry, dict):
         raise DataError(f"{where} has the added color {entry!r:.200}.", "Add colors again, and save the edit.")
-    reach, colors = entry.get("reach", REACH), list_of(entry.get("colors"), f"{where}: an added color", MOST_COLORS)
+    reach, protect = entry.get("reach", REACH), entry.get("protect", 0.0)
+    colors = list_of(entry.get("colors"), f"{where}: an added color", MOST_COLORS)
     if not is_number(reach) or not 0 < reach <= MOST_REACH:
         raise DataError(f"{where} has the reach {reach!r:.200}.", f"Write a number above 0, up to {MOST_REACH:g}.")
+    if not is_number(protect) or not 0 <= protect <= MOST_PROTECT:
+        raise DataError(f"{where} protects {protect!r:.200}.", f"Write a number from 0 to {MOST_PROTECT:g}.")
     if len(colors) != size:
         raise DataError(
             f"{where} has an added color of {len(colors)} colors, its palette has {size}.",
             "Give the wanted color, then one color per swatch.",
         )
     picked = color_of(entry.get("picked"), where, 1)
-    return AddedColor(picked, float(reach)), np.stack([color_of(value, where, BRIGHTEST) for value in colors])
+    return AddedColor(picked, float(reach), float(protect)), np.stack(
+        [color_of(value, where, BRIGHTEST) for value in colors]
+    )
 
 
 @checked
@@ -152,6 +175,8 @@ def edit_to_json(edit: Edit) -> dict[str, Any]:
         {'pot': {'colors': [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]}}
     """
     objects = {name: _object(colors, edit.added.get(name, ())) for name, colors in edit.colors.items()}
+    for name, shape in shaped_edges(edit.edges).items():
+        objects[name]["edges"] = asdict(shape)
     return {"schema": EDIT_SCHEMA, "compositing": edit.compositing, "objects": objects}
 
 
@@ -159,8 +184,10 @@ def _object(colors: np.ndarray, added: Sequence[AddedColor]) -> dict[str, Any]:
     palette, *sets = np.split(np.asarray(colors), 1 + len(added))
     if not sets:
         return {"colors": rows_of(palette)}
-    listed = [
-        {"picked": rows_of(each.picked[None])[0], "reach": float(each.reach), "colors": rows_of(own)}
-        for each, own in zip(added, sets, strict=True)
-    ]
+    listed = [_added_to_json(each, own) for each, own in zip(added, sets, strict=True)]
     return {"colors": rows_of(palette), "added": listed}
+
+
+def _added_to_json(color: AddedColor, own: np.ndarray) -> dict[str, Any]:
+    protect = {"protect": float(color.protect)} if color.protect else {}
+    return {"picked": rows_of(color.picked[None])[0], "reach": float(color.reach), **protect, "colors": rows_of(own)}

@@ -19,12 +19,16 @@ from ..io.arguments import check_array, check_choice, check_fields
 from ..io.color import to_bytes
 from ..io.files import read_json, write_json
 from ..io.names import check_name, check_names
+from .edge_shape import EdgeShape
 
 PALETTE_SCHEMA = "karf-palette/1"
 COMPOSITING_MODES = ("delta", "paper")
 MOST_OBJECTS, MOST_COLORS = 255, 64
 MOST_ADDED = 16  # added colors an object can have at most
 REACH, MOST_REACH = 0.5, 4.0  # reach of an added color: default and maximum
+# how far neutrals are protected from it where that is asked for, and at most. Chosen on two drawn pictures of lettered
+# silver and on the scene `packaging`: less recolors reflections, more leaves rims of the old color
+PROTECT, MOST_PROTECT = 0.1, 0.5
 BRIGHTEST = 2.0  # highest sRGB value of an edited color: a swatch may be brighter than white, mixtures are clipped
 
 
@@ -66,10 +70,13 @@ class AddedColor:
     Attributes:
         picked: The color as learned, sRGB [3] in [0, 1]; not black.
         reach: How far around its hue it counts, in (0, MOST_REACH]; 1 is as far as *Becomes* reaches.
+        protect: Share of its saturation under which colors are neutral, and not of it, in [0, MOST_PROTECT]; see
+            `matching.paints.pigment_gate`.
     """
 
     picked: np.ndarray
     reach: float = REACH
+    protect: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -81,6 +88,7 @@ class Edit:
             [M (1 + A), 3], the sets of these behind it.
         compositing: How planes become the picture, `delta` or `paper` (see `palettes.compositing`).
         added: The added colors of objects that have some, by name.
+        edges: How the edges of objects are moved and faded, by name; those without one stay as they are.
 
     Raises:
         TypeError: A field is of another type.
@@ -95,6 +103,7 @@ class Edit:
     colors: dict[str, np.ndarray]
     compositing: str = "delta"
     added: dict[str, tuple[AddedColor, ...]] = field(default_factory=dict)
+    edges: dict[str, EdgeShape] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -123,8 +132,8 @@ def check_edit(edit: Edit, palettes: Sequence[Palette]) -> None:
         karf_engine.errors.BadRequest: The edit is of no object, the palettes are of pot. Make it by model.edit().
     """
     names = [palette.name for palette in palettes]
-    if set(edit.colors) != set(names) or not set(edit.added) <= set(names):
-        other = ", ".join(dict.fromkeys([*edit.colors, *edit.added])) or "no object"
+    if set(edit.colors) != set(names) or not {*edit.added, *edit.edges} <= set(names):
+        other = ", ".join(dict.fromkeys([*edit.colors, *edit.added, *edit.edges])) or "no object"
         raise BadRequest(
             f"The edit is of {other:.200}, the palettes are of {', '.join(names):.200}.", "Make it by model.edit()."
         )

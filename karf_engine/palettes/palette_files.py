@@ -1,17 +1,15 @@
 """Edits in the palette files of other programs: GIMP's `.gpl`, Adobe's swatch exchange `.ase`, and our own JSON.
 
-Hand-written by the published descriptions of both formats, because Blender's Python has no reader of them. A swatch is
-called `<object> <number>`, from 1; black is not written. Both formats end at white; `.gpl` has 8 bits a channel. Neither
-can record what an added color was picked for, so these are kept in JSON alone.
+They are read by `palettes.named_colors`. A swatch is called `<object> <number>`, from 1; black is not written. Both
+formats end at white; `.gpl` has 8 bits a channel. Neither can record what an added color was picked for, so these are kept
+in JSON alone; so are the shapes of edges.
 """
 
 from __future__ import annotations
 
-import re
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,24 +17,11 @@ from ..errors import BadRequest, DataError
 from ..io.arguments import check_choice
 from ..io.color import to_bytes
 from ..io.files import atomic_write
-from ..io.inputs import check_file
 from .edit_files import read_edit, write_edit
+from .named_colors import ASE_COLOR, ASE_END, ASE_GROUP, ASE_HEAD, GPL_HEAD, NamedColor, read_named_colors
 from .palette import Edit, Palette
 
 SUFFIXES = (".json", ".gpl", ".ase")
-MOST_BYTES = 4 << 20  # twice what the most objects with the most colors and the longest names need
-GPL_HEAD = "GIMP Palette"
-ASE_HEAD = b"ASEF\0\1\0\0"  # signature of a file of version 1.0
-ASE_GROUP, ASE_END, ASE_COLOR = 0xC001, 0xC002, 0x0001  # kinds of blocks
-ASE_MODELS = {b"RGB ": 3, b"Gray": 1}  # color models that are read, and how many numbers each has
-AGAIN = "Export the file again."
-
-
-class NamedColor(NamedTuple):
-    """A color of a palette file: its name, and sRGB [3] float32 in [0, 1]."""
-
-    name: str
-    color: np.ndarray
 
 
 def write_edit_file(path: Path, edit: Edit) -> None:
@@ -94,17 +79,9 @@ def read_edit_file(path: Path, palettes: Sequence[Palette], compositing: str = "
         ...     read_edit_file(path, [pot]).colors["pot"].tolist()
         [[0.0, 0.0, 0.0], [0.0, 0.25, 1.0]]
     """
-    read = {".gpl": _read_gpl, ".ase": _read_ase}.get(path.suffix.lower())
-    if read is None:
+    if path.suffix.lower() not in (".gpl", ".ase"):
         return read_edit(path, palettes, compositing)
-    check_file(path, MOST_BYTES)
-    try:
-        entries = read(path, path.read_bytes())
-    except OSError as error:
-        raise DataError(
-            "{path} cannot be read: {reason}.", "Check the file.", path=path, reason=error.strerror
-        ) from error
-    return Edit(_assigned(path, entries, palettes), compositing)
+    return Edit(_assigned(path, read_named_colors(path), palettes), compositing)
 
 
 def _assigned(path: Path, entries: Sequence[NamedColor], palettes: Sequence[Palette]) -> dict[str, np.ndarray]:
@@ -132,7 +109,7 @@ def _assigned(path: Path, entries: Sequence[NamedColor], palettes: Sequence[Pale
     colors = {palette.name: palette.colors.copy() for palette in palettes}
     for name, entry in zip(names, entries, strict=True):
         object_name, index = places[name]
-        colors[object_name][index] = entry.color
+        colors[object_name][index] = np.clip(entry.color, 0, 1)  # Lab colors may be beyond sRGB
     return colors
 
 
@@ -157,24 +134,6 @@ def _write_gpl(path: Path, palettes: Mapping[str, np.ndarray]) -> None:
     atomic_write(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
 
 
-def _read_gpl(path: Path, data: bytes) -> list[NamedColor]:
-    lines = data.decode("utf-8-sig", errors="replace").splitlines()
-    if not lines or lines[0].strip() != GPL_HEAD:
-        raise DataError(f"{path} is not a GIMP palette: its first line is not {GPL_HEAD!r}.", AGAIN)
-    entries = []
-    for number, line in enumerate(lines[1:], 2):
-        if not line.strip() or line.startswith(("#", "Name:", "Columns:")):
-            continue
-        match = re.fullmatch(r"\s*(\d{1,3})\s+(\d{1,3})\s+(\d{1,3})(?:\s+(.*))?", line, re.ASCII)
-        values = [int(value) for value in match.groups()[:3]] if match else [256]
-        if max(values) > 255:
-            raise DataError(
-                f"{path} line {number} is not a color: {line!r:.100}.", "Write: red green blue name, 0 to 255."
-            )
-        entries.append(NamedColor((match[4] or "").strip(), np.array(values, np.float32) / np.float32(255)))
-    return entries
-
-
 # --- .ase: blocks of big-endian numbers and UTF-16 names --------------------------------------------------------------
 def _write_ase(path: Path, palettes: Mapping[str, np.ndarray]) -> None:
     blocks = []
@@ -197,39 +156,3 @@ def _ase_text(text: str) -> bytes:
     """A text with its length in units of two bytes before it, the zero at its end counted."""
     encoded = text.encode("utf-16-be") + b"\0\0"
     return struct.pack(">H", len(encoded) // 2) + encoded
-
-
-def _read_ase(path: Path, data: bytes) -> list[NamedColor]:
-    if data[:6] != ASE_HEAD[:6]:
-        raise DataError(f"{path} is not a swatch exchange file: it does not begin with ASEF.", AGAIN)
-    try:
-        return [_ase_color(path, content) for kind, content in _ase_blocks(data) if kind == ASE_COLOR]
-    except struct.error as error:
-        raise DataError(f"{path} (swatches) is damaged: {error}.", AGAIN) from error
-
-
-def _ase_blocks(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Kind and content of each block. Raises struct.error where the file ends before a block does."""
-    (count,) = struct.unpack_from(">I", data, len(ASE_HEAD))
-    position = len(ASE_HEAD) + 4
-    for _ in range(count):
-        kind, length = struct.unpack_from(">HI", data, position)
-        content = data[position + 6 : position + 6 + length]
-        if len(content) < length:
-            raise struct.error("a block ends behind the file's end")
-        yield kind, content
-        position += 6 + length
-
-
-def _ase_color(path: Path, content: bytes) -> NamedColor:
-    """The color of a block. Raises struct.error where it is too short, DataError where the color cannot be read."""
-    (length,) = struct.unpack_from(">H", content)
-    name = content[2 : 2 + 2 * length].decode("utf-16-be", errors="replace").rstrip("\0").strip()
-    (model,) = struct.unpack_from(">4s", content, 2 + 2 * length)
-    if model not in ASE_MODELS:
-        shown = model.decode("ascii", errors="replace").strip()
-        raise DataError(f"{path} has the color {name!r:.100} as {shown}, not as RGB.", "Export it with RGB swatches.")
-    values = np.array(struct.unpack_from(f">{ASE_MODELS[model]}f", content, 6 + 2 * length), np.float32)
-    if not ((values >= 0) & (values <= 1)).all():
-        raise DataError(f"{path} has the color {name!r:.100} outside 0 to 1.", AGAIN)
-    return NamedColor(name, np.broadcast_to(values, 3).copy())

@@ -13,9 +13,21 @@ from ..io.arguments import checked
 from ..project.folder import Project
 from ..project.settings import from_dict
 from .added import solve_set
+from .edge_shape import EdgeShape, shaped_edges
 from .matching.becomes import match_becomes, match_fewest, nearest_weights
 from .object_colors import read_object_colors
-from .palette import BRIGHTEST, MOST_ADDED, MOST_REACH, REACH, AddedColor, Edit, Palette, hex_to_rgb, read_palettes
+from .palette import (
+    BRIGHTEST,
+    MOST_ADDED,
+    MOST_PROTECT,
+    MOST_REACH,
+    REACH,
+    AddedColor,
+    Edit,
+    Palette,
+    hex_to_rgb,
+    read_palettes,
+)
 from .palette_files import read_edit_file, write_edit_file
 
 RULES = ("becomes", "fewest")
@@ -31,6 +43,7 @@ class ProjectEdit(Edit):
             colors stand behind it.
         compositing: `delta` adds the palette's change to the picture, `paper` replaces it by the palette's mixture.
         added: added colors of objects that have some, by name.
+        edges: how the edges of objects are moved and faded, by name.
         project: the learned project.
         palettes: its palettes as learned.
     """
@@ -46,6 +59,7 @@ class ProjectEdit(Edit):
         target: Color,
         rule: str = "becomes",
         also: Sequence[tuple[Color, Color]] = (),
+        is_metal: bool = False,
     ) -> ProjectEdit:
         """Let one color that an object shows become another.
 
@@ -56,6 +70,7 @@ class ProjectEdit(Edit):
             rule: `becomes` carries the whole material along; `fewest` changes as few swatches as possible.
             also: of a thing of several paints further pairs of source and target, which `becomes` solves together with
                 the first: one after the other would take what a paint has become for another paint.
+            is_metal: whether highlights take the paint's color, and not the light's; of the rule `becomes`.
 
         Raises:
             BadRequest: there is no such object or rule, or a rule was given pairs that it cannot solve together.
@@ -63,12 +78,14 @@ class ProjectEdit(Edit):
         """
         sources, targets = zip((source, target), *also, strict=True)
         pairs = (np.stack([as_color(each) for each in colors]) for colors in (sources, targets))
-        colors = solve(self.project, self._palette(name), *pairs, rule)
+        colors = solve(self.project, self._palette(name), *pairs, rule, is_metal)
         sets = self.colors[name][len(colors) :]
         return replace(self, colors=self.colors | {name: np.concatenate([colors, sets])})
 
     @checked
-    def add_color(self, name: str, picked: Color, wanted: Color, reach: float = REACH) -> ProjectEdit:
+    def add_color(
+        self, name: str, picked: Color, wanted: Color, reach: float = REACH, protect: float = 0.0
+    ) -> ProjectEdit:
         """Let one pigment of an object have a color of its own, and leave it out of what the swatches change.
 
         Args:
@@ -77,18 +94,22 @@ class ProjectEdit(Edit):
             wanted: the color that it gets; numbers may go up to 2, brighter than white.
             reach: how far around its hue, or in chroma where it is grey, other colors are of it: over 0 up to 4; 1 is as far as
                 `becomes` reaches.
+            protect: share of its saturation, 0 to 0.5, under which colors are neutral and stay: for letters on silver or
+                paper 0.1. 0: hue alone decides.
 
         Raises:
-            BadRequest: there is no such object, it has 16 added colors already, the pigment is black, or the reach
-                cannot be.
+            BadRequest: there is no such object, it has 16 added colors already, the pigment is black, or reach or
+                protect cannot be.
             DataError: a color is none, or the project's histogram of the object's colors is damaged.
         """
         palette, before = self._palette(name), self.added.get(name, ())
         if not 0 < reach <= MOST_REACH:
             raise BadRequest(f"{reach!r} is not a reach.", f"Give a number above 0, up to {MOST_REACH:g}.")
+        if not 0 <= protect <= MOST_PROTECT:
+            raise BadRequest(f"{protect!r} cannot be protected.", f"Give a number from 0 to {MOST_PROTECT:g}.")
         if len(before) == MOST_ADDED:
             raise BadRequest(f"{name!r} has {MOST_ADDED} added colors.", "Leave one of them out.")
-        added = AddedColor(as_color(picked), float(reach))
+        added = AddedColor(as_color(picked), float(reach), float(protect))
         seen = read_object_colors(self.project.checked(self.project.object_colors_file), name)
         colors = solve_set(seen, palette.colors, added, as_color(wanted, BRIGHTEST))
         return replace(
@@ -117,6 +138,23 @@ class ProjectEdit(Edit):
         return replace(self, colors=self.colors | {name: colors})
 
     @checked
+    def edge(self, name: str, choke: float = 0.0, feather: float = 0.0) -> ProjectEdit:
+        """Move and fade an object's edge, in pixels of the photos at their full size; both 0: as it is.
+
+        Points and splats have no pixels, so they ignore it.
+
+        Args:
+            name: the object.
+            choke: pixels by which its paint ends further inside, from -16 to 16; below 0 it goes beyond the object.
+            feather: pixels over which it fades, half of them on either side, from 0 to 64.
+
+        Raises:
+            BadRequest: there is no such object, or a number is out of range.
+        """
+        shape = EdgeShape(float(choke), float(feather))
+        return replace(self, edges=shaped_edges(self.edges | {self._palette(name).name: shape}))
+
+    @checked
     def save(self, path: Path | str) -> None:
         """Write the edit, atomically: as JSON, or as the palette file of its suffix (`palettes.palette_files`)."""
         write_edit_file(Path(path), self)
@@ -141,10 +179,12 @@ def edit_of(project: Project, path: Path | str | None = None) -> ProjectEdit:
     edit = Edit({palette.name: palette.colors for palette in palettes}, compositing)
     if path is not None:
         edit = read_edit_file(Path(path), palettes, compositing)
-    return ProjectEdit(edit.colors, edit.compositing, edit.added, project=project, palettes=palettes)
+    return ProjectEdit(edit.colors, edit.compositing, edit.added, edit.edges, project=project, palettes=palettes)
 
 
-def solve(project: Project, palette: Palette, source: np.ndarray, target: np.ndarray, rule: str) -> np.ndarray:
+def solve(
+    project: Project, palette: Palette, source: np.ndarray, target: np.ndarray, rule: str, is_metal: bool = False
+) -> np.ndarray:
     """The edited palette [M, 3] with which colors `source` [P, 3] of the palette's object become `target` [P, 3], sRGB.
 
     Raises BadRequest for an unknown rule (see `RULES`) and for several colors by a rule that takes one, DataError where the
@@ -154,7 +194,7 @@ def solve(project: Project, palette: Palette, source: np.ndarray, target: np.nda
         raise BadRequest(f"Unknown rule {rule!r}.", f"Use one of: {', '.join(RULES)}.")
     colors, counts, weights = read_object_colors(project.checked(project.object_colors_file), palette.name)
     if rule == "becomes":
-        return match_becomes(colors, counts, weights, palette.colors, source, target)
+        return match_becomes(colors, counts, weights, palette.colors, source, target, is_metal=is_metal)
     if len(source) > 1:
         raise BadRequest("The rule 'fewest' takes one pair of colors.", "Use the rule 'becomes' for several.")
     return match_fewest(nearest_weights(colors, weights, source[0]), palette.colors, target[0], shown=source[0])

@@ -44,7 +44,9 @@ class SwatchPicture:
     def __init__(self, start: np.ndarray, parts: Sequence[Part], out: np.ndarray) -> None:
         # each channel is a contiguous plane: interleaved pixels make every operation several times slower
         self._start = np.ascontiguousarray(start.transpose(2, 0, 1))
-        self._parts, self._out = parts, out
+        self._parts, self._out = list(parts), out
+        self._outgrown: list[Part] = []
+        self._reshaped: set[int] = set()
         self._factors = np.zeros((len(parts), max((len(part.planes) for part in parts), default=0), 3), np.float32)
         self._moving: list[Entry] = []
         np.clip(start, 0, 1, out=out)
@@ -52,17 +54,36 @@ class SwatchPicture:
     def paint(self, factors: np.ndarray) -> np.ndarray:
         """The picture with these factors [K, M, 3]: `out`, [H, W, 3] in [0, 1]."""
         factors = np.array(factors, np.float32)
-        moved = [(int(k), int(j)) for k, j in np.argwhere((factors != self._factors).any(axis=-1))]
-        if moved and moved != self._moving:
-            self._hold(moved)
+        changed = (factors != self._factors).any(axis=-1)
+        for k in self._reshaped:
+            changed[k] |= (factors[k] != 0).any(axis=-1) | (self._factors[k] != 0).any(axis=-1)
+        moved = [(int(k), int(j)) for k, j in np.argwhere(changed)]
+        parts = [*(self._parts[k] for k, _ in moved), *self._outgrown]
+        if moved and not (moved == self._moving and self._has_in_box(parts)):
+            self._hold(moved, parts)
         self._factors = factors
         if moved:
             self._paint_moving()
+        self._reshaped.clear()
+        self._outgrown.clear()
         return self._out
 
-    def _hold(self, moving: list[Entry]) -> None:
-        """Sum up all that does not move, inside the box of what moves."""
-        parts = [self._parts[k] for k, _ in moving]
+    def reshape(self, k: int, part: Part) -> None:
+        """Give an object other planes, of as many entries, from the next `paint` on."""
+        self._outgrown.append(self._parts[k])
+        self._reshaped.add(k)
+        self._parts[k] = part
+
+    def _has_in_box(self, parts: Sequence[Part]) -> bool:
+        """Whether parts lie in the box of what moves."""
+        return all(
+            box[0] <= own[0] and own[1] <= box[1]
+            for part in parts
+            for own, box in ((part.rows, self._rows), (part.columns, self._columns))
+        )
+
+    def _hold(self, moving: list[Entry], parts: Sequence[Part]) -> None:
+        """Sum up all that does not move, inside the box of what moves or did."""
         self._moving = moving
         self._rows = min(part.rows[0] for part in parts), max(part.rows[1] for part in parts)
         self._columns = min(part.columns[0] for part in parts), max(part.columns[1] for part in parts)

@@ -1,14 +1,16 @@
 """Recoloring in a photo's own pixels: its objects' mattes and its own colors, at the photo's size and depth.
 
 The picture is linear in the edit, as in `palettes.compositing`: photo + sum over objects and palette entries of
-coverage x weight(own color) x (edited - learned). Where a pixel is a mixture, the own color is the object's in it.
+coverage x weight(own color) x (edited - learned). Where a pixel is a mixture, the own color is the object's in it; and it
+is without the photo's grain, which an edit must not amplify (`grain`).
 Pixels are done in bands of rows, so that memory grows with what the files hold and not with what is computed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 
@@ -20,15 +22,19 @@ from ..io.color import to_bytes
 from ..io.images import BACK, oriented, over, turned
 from ..palettes.added import palettes_with, spread, with_sets
 from ..palettes.compositing import hard_masks
+from ..palettes.edge_shape import EdgeShape, shaped_edges
 from ..palettes.extraction.barycentric_weights import palette_weights_of_image, star_weights
 from ..palettes.palette import AddedColor, Edit, Palette, check_edit
 from .frames import Frame
+from .grain import RADIUS, grain_of, without_grain
 from .layers import Layers
 from .matting.matte import NEGLIGIBLE, Matte, disputed_objects
+from .matting.shaping import shaped_mattes
 from .photos import StoredPhoto, open_photo
 from .photos.stored import from_camera
 
 BAND_PIXELS = 1 << 19
+LEAST_SCALE = 1e-6
 FindMattes = Callable[[np.ndarray, np.ndarray, np.ndarray], list[Matte]]  # photo, probabilities, rendered
 COPIES_BYTES = 400 << 20  # memory for edited photos at once: the weights of a band serve them all
 
@@ -43,6 +49,8 @@ class PhotoView:
         objects: Names of the K objects.
         mattes: What each object covers, in the stored grid.
         palettes: Of the objects, as learned; empty before palettes are learned.
+        scale: Pixels of the result for one of the photo at its full size.
+        grain: Of the photo, 1/255; see `grain_of`. 0: own colors are taken as they are.
     """
 
     photo: StoredPhoto
@@ -50,10 +58,14 @@ class PhotoView:
     objects: Sequence[str]
     mattes: Sequence[Matte]
     palettes: Sequence[Palette]
+    scale: float = 1.0
+    grain: float = 0.0
 
     def __post_init__(self) -> None:
         check_fields(self)
         check_number("orientation", self.orientation, 1, 8)
+        check_number("scale", self.scale, LEAST_SCALE)
+        check_number("grain", self.grain, 0)
 
     def __repr__(self) -> str:
         width, height = self.photo.size
@@ -71,6 +83,10 @@ class PhotoView:
             raise BadRequest("There is no finished recoloring stage.", "Run the recoloring stage first.")
         for edit in edits:
             check_edit(edit, self.palettes)
+        for edges, alike in groupby(edits, lambda edit: shaped_edges(edit.edges)):
+            yield from self._with_edges(edges)._recolored_by(list(alike))
+
+    def _recolored_by(self, edits: Sequence[Edit]) -> Iterator[StoredPhoto]:
         at_once = max(1, COPIES_BYTES // self.photo.pixels.nbytes)
         for first in range(0, len(edits), at_once):
             some = edits[first : first + at_once]
@@ -79,6 +95,13 @@ class PhotoView:
                 for copy, change in zip(copies, self._changes(rows, columns, some), strict=True):
                     copy.change(rows, columns, change)
             yield from copies
+
+    def _with_edges(self, edges: Mapping[str, EdgeShape]) -> PhotoView:
+        """The view with objects that end as an edit wants."""
+        if not shaped_edges(edges):
+            return self
+        mattes = shaped_mattes(self.mattes, self.objects, edges, self.photo.shown(), self.scale)
+        return replace(self, mattes=mattes)
 
     @property
     def disputed(self) -> tuple[str, ...]:
@@ -99,12 +122,20 @@ class PhotoView:
         return oriented(over(photo.colors(), photo.alpha()), self.orientation)
 
     @checked
-    def layers(self, depth: np.ndarray, added: Mapping[str, Sequence[AddedColor]] | None = None) -> Layers:
+    def layers(
+        self,
+        depth: np.ndarray,
+        added: Mapping[str, Sequence[AddedColor]] | None = None,
+        edges: Mapping[str, EdgeShape] | None = None,
+    ) -> Layers:
         """The photo in layers, as its camera sees it, on white where it is transparent.
 
         depth: [h, w] along the optical axis in the camera's grid, of any size; each pixel takes the nearest one, as
-        what lies between two surfaces is on neither. added: colors that have layers of their own, by object.
+        what lies between two surfaces is on neither. added: colors that have layers of their own, by object. edges: how
+        the edges of objects are moved and faded, by object.
         """
+        if edges and shaped_edges(edges):
+            return self._with_edges(edges).layers(depth, added)
         check_array("depth", depth, ("h", "w"))
         check_number("depth.size", depth.size, 1)
         is_deep = self.photo.pixels.dtype != np.uint8
@@ -186,13 +217,26 @@ class PhotoView:
     def _own_colors(self, matte: Matte, rows: slice, columns: slice, inside: np.ndarray) -> np.ndarray:
         """Own colors of an object in the pixels of a band that it covers: uint8 [n, 3], or float of deep photos."""
         top, bottom = max(rows.start, matte.rows[0]), min(rows.stop, matte.rows[1])
-        place = slice(top, bottom), slice(*matte.columns)
-        is_deep = self.photo.pixels.dtype != np.uint8
-        seen = self.photo.colors(*place) * 255 if is_deep else self.photo.pixels[*place, :3]
-        own = matte.colors(np.ascontiguousarray(seen), top - matte.rows[0], bottom - matte.rows[0])
+        seen = self._calm(slice(top, bottom), slice(*matte.columns))
+        own = matte.colors(seen, top - matte.rows[0], bottom - matte.rows[0])
         left, right = (side - columns.start for side in matte.columns)
         own = own[inside[top - rows.start : bottom - rows.start, left:right]]
         return own if own.dtype == np.uint8 else own / 255
+
+    def _calm(self, rows: slice, columns: slice) -> np.ndarray:
+        """The photo without its grain: uint8 [h, w, 3], or float32 from 0 to 255 of deep photos."""
+        height, width = self.photo.pixels.shape[:2]
+        outer = tuple(
+            slice(max(0, each.start - RADIUS), min(side, each.stop + RADIUS))
+            for each, side in ((rows, height), (columns, width))
+        )
+        is_deep = self.photo.pixels.dtype != np.uint8
+        seen = self.photo.colors(*outer) * np.float32(255) if is_deep else self.photo.pixels[*outer, :3]
+        inner = tuple(
+            slice(each.start - wide.start, each.stop - wide.start)
+            for each, wide in zip((rows, columns), outer, strict=True)
+        )
+        return np.ascontiguousarray(without_grain(seen, self.grain)[inner])
 
 
 def full_resolution_view(
@@ -212,13 +256,15 @@ def full_resolution_view(
         DataError: The photo is missing, damaged or of another size than its camera.
     """
     photo = open_photo(image_of(view))
-    orientation = photo.orientation_for(view.camera)
+    orientation, full_size = photo.orientation_for(view.camera), max(photo.size)
     if size != "photo":
         photo = photo.resized(int(size))
     rendered = from_camera(to_bytes(seen.color), orientation)
     seen_objects = [from_camera(own, orientation) for own in seen.probabilities]
     probabilities = np.array(seen_objects).reshape(-1, *rendered.shape[:2])
-    return PhotoView(photo, orientation, objects, mattes_of(photo.shown(), probabilities, rendered), palettes)
+    shown, scale = photo.shown(), max(photo.size) / full_size
+    mattes = mattes_of(shown, probabilities, rendered)
+    return PhotoView(photo, orientation, objects, mattes, palettes, scale, grain_of(shown))
 
 
 def _nearest(few: int, many: int) -> np.ndarray:

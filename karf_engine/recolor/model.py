@@ -7,6 +7,7 @@ everywhere, or where none are learned from F_w: that is what view-consistent mea
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -36,6 +37,8 @@ from ..io.failures import translated
 from ..io.images import over
 from ..palettes.added import palettes_with, spread_objects
 from ..palettes.compositing import delta_composite, paper_composite, stack_palettes
+from ..palettes.edge_planes import reshaped
+from ..palettes.edge_shape import EdgeShape, shaped_edges
 from ..palettes.matching.painted import ObjectMatch, match_picture
 from ..palettes.palette import Edit, Palette, check_edit, read_palettes
 from ..palettes.project_edit import ProjectEdit, edit_of
@@ -48,6 +51,7 @@ from ..splats.files import load_gaussians
 from ..splats.gaussians import Gaussians
 from .frames import BAND_RAYS, Frame, averaged, bands_of, joined
 from .full_resolution import PhotoView, dense_weights, full_resolution_view
+from .grain import grain_of, without_grain
 from .matting.matte import Matte, dense_coverage, disputed_objects
 from .render_cache import RenderCache
 from .splat_colors import ObjectSplats, planes_of_view, recolored, shares_of_objects, splats_of_objects
@@ -215,7 +219,8 @@ class Model:
         """
         self._check_edit(edit)
         check_camera(camera, "The camera", "Correct it.")
-        if self.splats is None or self.recoloring is None or edit.compositing != "delta":
+        has_pixels = edit.compositing != "delta" or shaped_edges(edit.edges)  # which no change of Gaussians can show
+        if self.splats is None or self.recoloring is None or has_pixels:
             return self.composite(self.render(camera), edit)
         return _splatted(self.recolored_splats(edit), camera).picture()
 
@@ -359,7 +364,9 @@ class Model:
         coverages = dense_coverage(mattes, base.shape[:2])
         weights = None
         if self.recoloring is not None:
-            weights = dense_weights([matte.own_picture(to_bytes(base)) for matte in mattes], self.palettes, coverages)
+            photo = to_bytes(base)
+            calm = without_grain(photo, grain_of(photo))
+            weights = dense_weights([matte.own_picture(calm) for matte in mattes], self.palettes, coverages)
         return Frame(seen.picture, coverages, weights, base, disputed_objects(self.objects, mattes))
 
     @checked
@@ -511,9 +518,7 @@ class Model:
         """The base of a frame with an edit, [H, W, 3] float32 sRGB. Raises BadRequest before palettes are learned, for an
         edit that is not of them, and for a frame of another model or without palette weights, as those of `look`."""
         self._check_edit(edit)
-        self._check_frame(frame)
-        if frame.palette_weights is None:
-            raise BadRequest("The frame has no palette weights.", "Take one of render, render_view or preview.")
+        frame = self.with_edges(frame, edit.edges)
         edited = stack_palettes(self.objects, edit.colors)
         weights = spread_objects(frame.palette_weights, self.palettes, edit.added)
         if edit.compositing == "paper":
@@ -522,6 +527,31 @@ class Model:
         return delta_composite(
             frame.base, weights, stack_palettes(self.objects, {each.name: each.colors for each in learned}), edited
         )
+
+    @checked
+    def with_edges(self, frame: Frame, edges: Mapping[str, EdgeShape]) -> Frame:
+        """A frame with palette weights, whose objects end as an edit wants; without edges that change, the frame itself.
+
+        edges: by object, in pixels of the capture's photos; a frame whose long side is shorter than theirs scales them.
+
+        Raises BadRequest for a frame of another model or without palette weights, and for edges of other objects.
+        """
+        self._check_frame(frame)
+        if frame.palette_weights is None:
+            raise BadRequest("The frame has no palette weights.", "Take one of render, render_view or preview.")
+        if not set(edges) <= set(self.objects):
+            raise BadRequest(f"The edges are of {', '.join(edges):.200}.", f"Objects are: {', '.join(self.objects)}.")
+        if not shaped_edges(edges):
+            return frame
+        scale = max(frame.base.shape[:2]) / self._photo_side
+        shown = frame.base, frame.palette_weights, frame.probabilities
+        weights, probabilities = reshaped(*shown, self.palettes, edges, scale)
+        return replace(frame, palette_weights=weights, probabilities=probabilities)
+
+    @cached_property
+    def _photo_side(self) -> float:
+        """The long side of the capture's photos, pixels: the median."""
+        return float(np.median([max(view.camera.width, view.camera.height) for view in self.capture.views]))
 
     def _check_frame(self, frame: Frame) -> None:
         if len(frame.probabilities) != len(self.objects):

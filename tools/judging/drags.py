@@ -45,13 +45,17 @@ def with_material(seen: ColorHistogram, palette: np.ndarray, index: int, color: 
     return match_dragged(*seen, palette, index, color)
 
 
+def swatch_of(seen: ColorHistogram, palette: np.ndarray, color: np.ndarray) -> int:
+    """The number of the swatch that has most of a color, of those of its hue."""
+    share = mean_weights(*seen, color) * pigment_gate(palette, color)
+    share[0] = 0  # black cannot be dragged
+    return int(share.argmax())
+
+
 def dragged(seen: ColorHistogram, palette: np.ndarray, pair: tuple[np.ndarray, np.ndarray], drag: Drag) -> np.ndarray:
     """The palette [M, 3] after a drag that makes the first color of a pair the second."""
     source, target = pair
-    own = mean_weights(*seen, source)
-    share = own * pigment_gate(palette, source)
-    share[0] = 0  # black cannot be dragged
-    index = int(share.argmax())
+    own, index = mean_weights(*seen, source), swatch_of(seen, palette, source)
 
     def at(color: np.ndarray) -> np.ndarray:
         return drag(seen, palette, index, np.clip(color, 0, BRIGHTEST).astype(np.float32))
@@ -69,9 +73,14 @@ def becomes(seen: ColorHistogram, palette: np.ndarray, pair: tuple[np.ndarray, n
     return match_becomes(*seen, palette, *pair)
 
 
+def with_dragged_material(seen: ColorHistogram, palette: np.ndarray, pair: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """The palette [M, 3] after such a drag of one swatch, whose paint follows."""
+    return dragged(seen, palette, pair, with_material)
+
+
 WAYS = {
     "one swatch alone": lambda *given: dragged(*given, alone),
-    "one swatch, its paint follows": lambda *given: dragged(*given, with_material),
+    "one swatch, its paint follows": with_dragged_material,
     "becomes": becomes,
 }
 
@@ -102,6 +111,15 @@ def judge(model: Model, truth: Truth) -> list[float]:
 
 def distance(model: Model, truth: Truth, name: str, palette_of: Callable) -> float:
     """Mean CIEDE2000 of one edit of the test photos, over those that show its objects."""
+    edit, found = edit_by(model, truth, name, palette_of), []
+    for view, true, inside in zip(model.capture.split("test"), truth.recolored(name), truth.inside(name), strict=True):
+        if inside.sum() >= MIN_PIXELS:
+            found.append(mean_ciede2000(model.recolor(view, edit, size="learned"), true, inside))
+    return float(np.mean(found))
+
+
+def edit_by(model: Model, truth: Truth, name: str, palette_of: Callable) -> Edit:
+    """An edit of the capture, told in one of these ways by one color pair an object."""
     colors = {palette.name: palette.colors for palette in model.palettes}
     for key in truth.edits[name]["objects"]:
         seen = read_object_colors(model.project.checked(model.project.object_colors_file), key)
@@ -109,11 +127,7 @@ def distance(model: Model, truth: Truth, name: str, palette_of: Callable) -> flo
             colors[key] = palette_of(seen, colors[key], truth.color_pair(name, key))
         except BadRequest:  # paint that the reading shows black cannot be told: it stays
             continue
-    edit, found = Edit(colors, "delta"), []
-    for view, true, inside in zip(model.capture.split("test"), truth.recolored(name), truth.inside(name), strict=True):
-        if inside.sum() >= MIN_PIXELS:
-            found.append(mean_ciede2000(model.recolor(view, edit, size="learned"), true, inside))
-    return float(np.mean(found))
+    return Edit(colors, "delta")
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ import numpy as np
 from karf_engine.io.color import srgb_to_linear
 
 DEMO = Path(__file__).resolve().parents[2] / "demo"
+DEPTH_UNIT, NO_DEPTH = 0.001, 65535  # of depth files
 CHANGED = 0.06  # a pixel takes part in an edit where the reference recolor differs by more, sRGB
 PAINT_ANGLE = 15.0  # degrees at least between the changes of two paints in linear light
 PAINT_SHARE = 0.1  # of the changed pixels at least, of each paint
@@ -52,6 +53,19 @@ class Truth:
         if not paths:
             return [mask.astype(np.float32) for mask in self.masks(split)[name]]
         return [iio.imread(path).astype(np.float32) / 255 for path in paths]
+
+    def printed(self, kind: str) -> list[np.ndarray]:
+        """The share of each pixel of the test views that is colored print of objects (`letters`) or all else of them
+        (`neutrals`), float32 [H, W]; of captures that tell it."""
+        return [
+            iio.imread(path).astype(np.float32) / 255
+            for path in sorted((self.folder / "print" / kind / "test").glob("*.png"))
+        ]
+
+    def depths(self) -> list[np.ndarray]:
+        """Depth of the test views along the camera's axis, in the capture's unit, float32 [H, W]; 0 where nothing is."""
+        steps = [iio.imread(path) for path in sorted((self.folder / "depth" / "test").glob("*.png"))]
+        return [np.where(each == NO_DEPTH, 0, each * DEPTH_UNIT).astype(np.float32) for each in steps]
 
     def color_pair(self, edit: str, object_name: str) -> tuple[np.ndarray, np.ndarray]:
         """What an eyedropper reads in the one training view whose recolor is known: median color before and after.

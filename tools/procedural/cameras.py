@@ -13,6 +13,7 @@ from mathutils import Matrix, Vector
 from .files import write_json
 
 ELEVATIONS = (math.radians(12.0), math.radians(65.0))
+TURNTABLE_STEP, TURNTABLE_ELEVATION = math.radians(8.0), math.radians(20.0)
 EVEN_STEPS = (0.7548776662466927, 0.5698402909980532)  # of the R2 sequence: no two points of it come close
 
 
@@ -45,6 +46,18 @@ def dome_views(train: int, test: int, radius: float, target) -> list[View]:
         distance = radius + rng.uniform(-0.1, 0.1)
         center = Vector(target) + Vector(rng.uniform(-0.05, 0.05, 3))
         views.append(View(split, stem, look_at(azimuth, elevation, distance, center)))
+    return views
+
+
+def turntable_views(train: int, test: int, radius: float, target, azimuth: float) -> list[View]:
+    """Return training views on a dome, and test views in a row: neighbors are 8 degrees apart, the middle at ``azimuth``.
+
+    Dome, ``radius`` and ``target`` are those of `dome_views`; the row is at the height of a hand.
+    """
+    views = dome_views(train, 0, radius, target)
+    for number in range(test):
+        turned = azimuth + TURNTABLE_STEP * (number - 0.5 * (test - 1))
+        views.append(View("test", f"r_{number:03d}", look_at(turned, TURNTABLE_ELEVATION, radius, Vector(target))))
     return views
 
 

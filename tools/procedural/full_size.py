@@ -16,14 +16,14 @@ import bpy
 from .cameras import View, write_transforms
 from .files import write_json
 from .recipe import Extent, Recipe, render_edits
-from .rendering import render_photos, render_truth, set_up_render
+from .rendering import render_photos, render_print, render_truth, set_up_render
 
 README = """
 Larger test views
   {views} of the test views are {size} x {size} pixels (up to {samples} samples per pixel); all else is as above.
   coverage/<object>/test/   share of each pixel that shows the object, 255 = all: {subpixels} x {subpixels} rays a pixel
 """
-OF_TEST_VIEWS = ("test", "labels/test", "depth/test", "recolor/*/test", "transforms_test.json")
+OF_TEST_VIEWS = ("test", "labels/test", "depth/test", "recolor/*/test", "print/*/test", "transforms_test.json")
 
 
 @dataclass(frozen=True)
@@ -72,6 +72,8 @@ def enlarge_test_views(recipe: Recipe, extent: Extent, full: FullSize, source: P
     write_transforms(unfinished, [view for view in views if view.split == "train"] + test, recipe.field_of_view)
     render_photos(unfinished, test, full.samples)
     render_truth(unfinished, test, recipe.names, full.subpixels)
+    if recipe.printed:
+        render_print(unfinished, test)
     render_edits(recipe, unfinished, test, full.samples)
     with (unfinished / "README.txt").open("a", encoding="utf-8") as readme:
         readme.write(README.format(**vars(full)))

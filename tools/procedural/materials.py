@@ -3,8 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import bpy
+
+PRINTED = ("letters", "neutrals")  # outputs of printed materials: 1 where the colored ink is, 1 where it is not
+INK_ROUGHNESS = 0.35
+
+
+@dataclass(frozen=True)
+class Stock:
+    """What is printed on: scene linear color, 1 for metal, roughness, and 0 to 1 for how much it is brushed."""
+
+    color: tuple[float, float, float]
+    metallic: float
+    roughness: float
+    brushed: float = 0.0
+
+
+FOIL = Stock((0.78, 0.78, 0.79), 1.0, 0.2)
 
 
 def material(name: str, color, roughness: float, second=None, pattern=None, refraction: float = 1.5):
@@ -36,6 +54,65 @@ def material(name: str, color, roughness: float, second=None, pattern=None, refr
     return made
 
 
+def printed(name: str, image, place: Callable, paper: Stock, ink, dark=(0.02, 0.02, 0.02), foil=FOIL):
+    """Return a material of a paper that inks cover, where ``image`` has them (`lettering.INKS`, channel by channel).
+
+    ``place(tree)`` gives the sockets of the picture's coordinates in [0, 1]. The slots of ``set_colors`` are ``main``,
+    the colored ink, ``second``, the paper, and ``dark``. The outputs named in PRINTED tell what is colored and what not.
+    """
+    made = material(name, ink, INK_ROUGHNESS)
+    tree = made.node_tree
+    shader = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
+    picture, spot = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeCombineXYZ")
+    picture.image, picture.extension = image, "CLIP"
+    for number, socket in enumerate(place(tree)):
+        tree.links.new(socket, spot.inputs[number])
+    tree.links.new(spot.outputs[0], picture.inputs[0])
+    inks = tree.nodes.new("ShaderNodeSeparateColor")
+    tree.links.new(picture.outputs[0], inks.inputs[0])
+    colored, black, metal = inks.outputs
+    color = color_node(tree, "second", paper.color)
+    color = mixed(tree, black, color, color_node(tree, "dark", dark))
+    color = mixed(tree, metal, color, color_node(tree, "foil", foil.color))
+    color = mixed(tree, colored, color, tree.nodes["main"].outputs[0])
+    tree.links.new(color, shader.inputs["Base Color"])
+    inked = math_node(tree, "ADD", colored, black)
+    for title, of_ink in (("metallic", 0.0), ("roughness", INK_ROUGHNESS)):
+        value = mixed(tree, metal, getattr(paper, title), getattr(foil, title), "FLOAT")
+        tree.links.new(mixed(tree, inked, value, of_ink, "FLOAT"), shader.inputs[title.capitalize()])
+    shader.inputs["Anisotropic"].default_value = paper.brushed
+    for title, value in zip(PRINTED, (colored, math_node(tree, "SUBTRACT", 1.0, colored)), strict=True):
+        told = tree.nodes.new("ShaderNodeOutputAOV")
+        told.aov_name = title
+        tree.links.new(value, told.inputs["Value"])
+    return made
+
+
+def color_node(tree, slot: str, color):
+    """Return the socket of a new color that ``set_colors`` finds by its slot."""
+    tree.nodes.new("ShaderNodeRGB").name = slot
+    tree.nodes[slot].outputs[0].default_value = (*color, 1.0)
+    return tree.nodes[slot].outputs[0]
+
+
+def mixed(tree, share, one, other, kind: str = "RGBA"):
+    """Return the socket between ``one`` (share 0) and ``other`` (1), sockets both, or of kind FLOAT also numbers."""
+    mix = tree.nodes.new("ShaderNodeMix")
+    mix.data_type = kind
+    sockets = [socket for socket in mix.inputs if socket.enabled]
+    for socket, value in zip((sockets[0], *sockets[-2:]), (share, one, other), strict=True):
+        feed(tree, socket, value)
+    return next(socket for socket in mix.outputs if socket.enabled)
+
+
+def feed(tree, socket, value) -> None:
+    """Give an input ``value``, a number or a socket."""
+    if isinstance(value, float):
+        socket.default_value = value
+    else:
+        tree.links.new(value, socket)
+
+
 def unlit():
     """Return a new material that no light needs to be looked for: what is quick to render where only shapes count."""
     made = bpy.data.materials.new("unlit")
@@ -59,23 +136,20 @@ def set_colors(colors) -> dict:
 
 
 def math_node(tree, operation: str, value, other, clamp: bool = False):
-    """Return the output socket of a math node fed by the socket ``value`` and by ``other``, a number or a socket."""
+    """Return the output socket of a math node fed by ``value`` and ``other``, numbers or sockets."""
     node = tree.nodes.new("ShaderNodeMath")
     node.operation = operation
     node.use_clamp = clamp
-    tree.links.new(value, node.inputs[0])
-    if isinstance(other, float):
-        node.inputs[1].default_value = other
-    else:
-        tree.links.new(other, node.inputs[1])
+    feed(tree, node.inputs[0], value)
+    feed(tree, node.inputs[1], other)
     return node.outputs[0]
 
 
-def position_socket(tree, axis: str):
-    """Return the socket of the object-space position along ``axis``: X, Y or Z."""
+def position_socket(tree, axis: str, of: str = "Object"):
+    """Return the socket of the object-space position along ``axis``, X, Y or Z, or of the ``Normal`` there."""
     coordinates = tree.nodes.new("ShaderNodeTexCoord")
     split = tree.nodes.new("ShaderNodeSeparateXYZ")
-    tree.links.new(coordinates.outputs["Object"], split.inputs[0])
+    tree.links.new(coordinates.outputs[of], split.inputs[0])
     return split.outputs[axis]
 
 

@@ -12,7 +12,7 @@ from .cameras import View, write_transforms
 from .files import write_json
 from .masks import draw_masks, reference_view
 from .materials import set_colors
-from .rendering import render_photos, render_truth, set_up_render
+from .rendering import render_photos, render_print, render_truth, set_up_render
 
 STEPS = ("photos", "truth", "recolors", "masks")
 
@@ -34,7 +34,7 @@ What is where
   recolor/<edit>/test/      the test photos with only the materials' base colors changed (same light, same seed)
   recolor/<edit>/train/     the same for one training photo, the reference view {reference}
   edits.json                edit -> the objects it changes and its reference view
-  coarse_masks/one/<object>/    one rough mask of each object (0 or 255), named after its training view
+{printed}  coarse_masks/one/<object>/    one rough mask of each object (0 or 255), named after its training view
   coarse_masks/three/<object>/  the same mask and two more, from far-apart sides
 
 Conventions
@@ -54,6 +54,12 @@ Coarse masks
 {masks}
 """
 
+ABOUT_PRINT = """\
+  print/letters/test/r_000.png    share of each pixel that shows colored print of an object with masks, 255 = all
+  print/neutrals/test/r_000.png   the same of all else of these objects: metal, foil, paper, dark print
+                            (both by an output of the materials, through the pixel filter of the photos)
+"""
+
 
 @dataclass(frozen=True)
 class TrueEdit:
@@ -69,7 +75,8 @@ class Recipe:
 
     build: adds everything to an empty file. views: numbers of training and test views. names: object with masks -> id.
     flaws: (object, place in its three views) -> deliberate fault of that coarse mask. title, place, about_edits: texts
-    of the README.
+    of the README. size: pixels of a square photo, where no other is asked for. printed: things have printed materials,
+    and what is colored print of them and what is not is rendered too.
     """
 
     title: str
@@ -81,6 +88,8 @@ class Recipe:
     names: dict[str, int]
     edits: dict[str, TrueEdit]
     flaws: dict[tuple[str, int], str] = field(default_factory=dict)
+    size: int = 160
+    printed: bool = False
 
 
 @dataclass(frozen=True)
@@ -109,6 +118,8 @@ def make_capture(
         render_photos(out, views, extent.samples)
     if "truth" in steps:
         render_truth(out, views, recipe.names)
+        if recipe.printed:
+            render_print(out, [view for view in views if view.split == "test"])
     if "recolors" in steps:
         render_recolors(recipe, out, views, extent.samples)
     if "masks" in steps:
@@ -149,5 +160,6 @@ def write_readme(recipe: Recipe, extent: Extent, out: Path, views: list[View], c
         place=recipe.place,
         edits=recipe.about_edits,
         masks=masks,
+        printed=ABOUT_PRINT if recipe.printed else "",
     )
     (out / "README.txt").write_text(text, encoding="utf-8")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from collections.abc import Collection
 from pathlib import Path
 
 import bpy
@@ -12,8 +13,10 @@ import numpy as np
 
 from .cameras import View
 from .files import write_json, write_labels, write_png
-from .materials import unlit
+from .materials import PRINTED, unlit
 
+PIXEL_FILTER = 1.5  # width of Cycles' Blackman-Harris filter in photos, pixels
+PRINT_SAMPLES = 32
 DEPTH_UNIT = 0.001
 NO_DEPTH = 65535
 
@@ -28,7 +31,6 @@ def set_up_render(size: int, field_of_view: float, threads: int) -> None:
     render = scene.render
     render.engine = "CYCLES"
     render.resolution_x = render.resolution_y = size
-    render.use_persistent_data = True
     render.threads_mode, render.threads = "FIXED", threads
     scene.cycles.device = "CPU"
     scene.cycles.seed = 1
@@ -40,6 +42,7 @@ def set_up_photo(samples: int) -> None:
     """Make the next renders photos: adaptive sampling up to ``samples``, denoised, 8-bit sRGB."""
     scene = bpy.context.scene
     scene.use_nodes = False
+    scene.render.use_persistent_data = True
     layer = scene.view_layers[0]
     layer.use_pass_object_index = layer.use_pass_z = False
     layer.material_override = None
@@ -49,7 +52,7 @@ def set_up_photo(samples: int) -> None:
     scene.cycles.use_adaptive_sampling = True
     scene.cycles.adaptive_threshold = 0.02
     scene.cycles.use_denoising = True
-    scene.cycles.filter_width = 1.5
+    scene.cycles.filter_width = PIXEL_FILTER
     scene.render.image_settings.file_format = "PNG"
     scene.render.image_settings.color_mode = "RGBA" if scene.render.film_transparent else "RGB"
 
@@ -60,6 +63,7 @@ def set_up_truth(folder: Path, subpixels: int) -> None:
     Each pixel is cut into ``subpixels`` times ``subpixels``, and one ray goes through the center of each.
     """
     scene = bpy.context.scene
+    scene.render.use_persistent_data = True
     layer = scene.view_layers[0]
     layer.use_pass_object_index = layer.use_pass_z = True
     layer.material_override = unlit()
@@ -69,12 +73,41 @@ def set_up_truth(folder: Path, subpixels: int) -> None:
     scene.cycles.use_adaptive_sampling = False
     scene.cycles.use_denoising = False
     scene.cycles.filter_width = 0.01
+    write_passes(folder, ("IndexOB", "Depth"))
+
+
+def set_up_print(folder: Path) -> None:
+    """Make the next renders tell what is printed: the outputs of printed materials as float EXR in ``folder``.
+
+    The pixel filter is that of photos, so that a pixel that is wholly of one kind is so in the photo too.
+    """
+    scene = bpy.context.scene
+    layer = scene.view_layers[0]
+    layer.use_pass_object_index = layer.use_pass_z = False
+    layer.material_override = None
+    for name in PRINTED:
+        if name not in layer.aovs:
+            added = layer.aovs.add()
+            added.name, added.type = name, "VALUE"
+    scene.render.use_persistent_data = False  # shaders that Cycles keeps from photos lack these outputs
+    scene.render.resolution_percentage = 100
+    scene.cycles.max_bounces = 0
+    scene.cycles.samples = PRINT_SAMPLES
+    scene.cycles.use_adaptive_sampling = False
+    scene.cycles.use_denoising = False
+    scene.cycles.filter_width = PIXEL_FILTER
+    write_passes(folder, PRINTED)
+
+
+def write_passes(folder: Path, names: Collection[str]) -> None:
+    """Make the next renders write these passes as float EXR in ``folder``."""
+    scene = bpy.context.scene
     scene.use_nodes = True
     tree = scene.node_tree
     tree.nodes.clear()
     layers = tree.nodes.new("CompositorNodeRLayers")
     tree.links.new(layers.outputs["Image"], tree.nodes.new("CompositorNodeComposite").inputs[0])
-    for name in ("IndexOB", "Depth"):
+    for name in names:
         sink = tree.nodes.new("CompositorNodeOutputFile")
         sink.base_path = str(folder)
         sink.format.file_format = "OPEN_EXR"
@@ -130,6 +163,18 @@ def render_truth(out: Path, views: list[View], names: dict[str, int], subpixels:
                 write_png(out / "depth" / file, steps)
             for name, number in names.items() if subpixels > 1 else ():
                 write_png(out / "coverage" / name / file, coverage(ids == number, subpixels))
+
+
+def render_print(out: Path, views: list[View]) -> None:
+    """Render how much of each pixel of the views is colored print of marked things, and how much all else of them."""
+    with tempfile.TemporaryDirectory() as folder:
+        set_up_print(Path(folder))
+        for view in views:
+            render_view(view, Path(folder) / "unused.png")
+            for name in PRINTED:
+                share = np.clip(read_pass(Path(folder), name), 0, 1)
+                pixels = np.rint(255 * share).astype(np.uint8)
+                write_png(out / "print" / name / view.split / f"{view.stem}.png", pixels)
 
 
 def coverage(mask: np.ndarray, subpixels: int) -> np.ndarray:

@@ -1,1 +1,1 @@
-"""Captures whose masks are known: five procedural scenes with true recolors, and real ones."""
+"""Captures whose masks are known: seven procedural scenes with true recolors, and real ones."""

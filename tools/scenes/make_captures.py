@@ -1,6 +1,6 @@
-"""Make the benchmark captures: five procedural scenes, each with true masks, depth and three true recolors.
+"""Make the benchmark captures: seven procedural scenes, each with true masks, depth and three true recolors.
 
-    .venv/blender/bin/python -m tools.scenes.make_captures --out DIR [SCENE ...] [--size 160] [--views 40+8]
+    .venv/blender/bin/python -m tools.scenes.make_captures --out DIR [SCENE ...] [--size N] [--views 40+8]
     .venv/blender/bin/python -m tools.scenes.make_captures --out DIR --seeds 0-7 [--size 160]
     .venv/blender/bin/python -m tools.scenes.make_captures --out DIR [SCENE ...] --full DIR2 [--full-size 1024]
 
@@ -10,6 +10,8 @@
     front    cameras in a small patch that look one way, past a pot and a pumpkin at a wall with pictures and books
     thin     a plant of pointed leaves and hair-like stems, a basket of wires with a thin handle, and near the plant a
              gourd of its own color
+    packaging, packaging_b
+             things with print on them, and also which pixels are letters (tools/scenes/packaging.py); 320 pixels
 
 Each is laid out as the demo capture. A scene that DIR has already, of the same arguments, is not made again. The second
 form makes scenes that nobody chose: a seed draws all that is in them (tools/procedural/seeded). The third
@@ -35,9 +37,11 @@ from ..procedural.cameras import dome_views, patch_views
 from ..procedural.files import write_json
 from ..procedural.recipe import Extent, Recipe, TrueEdit, make_capture
 from ..procedural.seeded.recipe import make_drawn_capture
+from .packaging import PACKAGING
 
 RECIPE_VERSION = 1  # goes up with every change to the scenes, so that captures of older ones are made again
 DRAWING_VERSION = 1  # likewise, of the drawn scenes
+SEED_SIZE = 160
 MADE_BY = "made_by.json"
 FIELD_OF_VIEW = math.radians(38.0)
 ON_TABLE = """\
@@ -203,7 +207,7 @@ RECIPES = {
             "both": TrueEdit(("plant", "basket"), {"leaf": {"main": VIOLET}, "basket": {"main": YELLOW}}),
         },
     ),
-}
+} | PACKAGING
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -211,8 +215,8 @@ def main(argv: list[str] | None = None) -> int:
     options = parse_arguments(argv)
     for seed in options.seeds:
         make_seed_once(seed, options)
-    extent = Extent(options.size, *options.views, options.samples)
     for scene in options.scenes or (RECIPES if not options.seeds else ()):
+        extent = Extent(options.size or RECIPES[scene].size, *options.views, options.samples)
         capture = options.out / scene
         make_once(scene, extent, capture, options.threads)
         if options.full:
@@ -227,7 +231,7 @@ def parse_arguments(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("scenes", nargs="*", metavar="SCENE", help=", ".join(RECIPES))
     parser.add_argument("--out", type=Path, required=True, help="folder of the captures, DIR/<scene>")
     parser.add_argument("--seeds", type=numbers, default=(), metavar="A-B", help="drawn scenes instead: 7, or 0-7")
-    parser.add_argument("--size", type=int, default=160, help="width and height in pixels (default: %(default)s)")
+    parser.add_argument("--size", type=int, help="width and height in pixels (default: the scene's own, 160 or 320)")
     parser.add_argument("--views", type=views, default=(40, 8), metavar="TRAIN+TEST", help="numbers (default: 40+8)")
     parser.add_argument("--samples", type=int, default=24, help="samples per pixel at most (default: %(default)s)")
     parser.add_argument("--threads", type=int, default=2, help="processor threads (default: %(default)s)")
@@ -261,7 +265,7 @@ def make_once(scene: str, extent: Extent, folder: Path, threads: int) -> None:
 
 def make_seed_once(seed: int, options: argparse.Namespace) -> None:
     """Make the capture of a drawn scene, unless it is there."""
-    size, samples = options.size, options.samples
+    size, samples = options.size or SEED_SIZE, options.samples
     arguments = {"seed": seed, "drawing_version": DRAWING_VERSION, "size": size, "samples": samples}
     command = f"python -m tools.scenes.make_captures --out DIR --seeds {seed} --size {size} --samples {samples}"
     make = partial(make_drawn_capture, seed, size, samples, command=command, threads=options.threads)

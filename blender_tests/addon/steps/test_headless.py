@@ -5,7 +5,7 @@ import inspect
 import pytest
 
 ARGUMENTS = {
-    "add_color": "object_name picked color reach",
+    "add_color": "object_name picked color reach protect",
     "add_strip": "folder",
     "apply_edit": "edit",
     "becomes": "object_name source target rule from_edited",
@@ -26,6 +26,7 @@ ARGUMENTS = {
     "merge_swatch": "object_name index into",
     "prepare_views": "views",
     "preview_camera": "path camera long_side",
+    "protect_neutrals": "object_name index",
     "remove_color": "object_name index",
     "render_captured": "views out skip_existing size",
     "render_sequence": "camera frames out skip_existing",

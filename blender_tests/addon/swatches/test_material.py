@@ -92,3 +92,20 @@ def test_keyframes_of_a_dragged_swatch_move_its_paint(learned, pot):
     np.testing.assert_allclose(colors(pot), before, atol=1e-6)
     learned.frame_set(20)
     np.testing.assert_allclose(colors(pot), blue, atol=1e-6)
+
+
+def test_metal_says_that_highlights_take_the_paints_color(addon, learned, pot):
+    gold = np.array([[0, 0, 0], [0.85, 0.65, 0.35], [1, 0.95, 0.75]], np.float32)
+    addon.palettes.load_palettes(learned, [addon.engine_api.Palette("pot", gold)])
+    weights = np.repeat(np.eye(3)[1:], 20, axis=0)
+    seen = addon.engine_api.ColorHistogram(weights @ gold, np.ones(40), weights)
+    addon.shown.of(learned).learned_histogram = lambda name: seen
+    item = learned.karf.objects["pot"]
+    item.swatches[1].color = BLUE
+    varnish = colors(item)
+    item.is_metal = True  # after the drag as well as before it
+    metal = colors(item)
+    np.testing.assert_allclose(metal[1], BLUE, atol=1e-6)
+    assert np.ptp(metal[2]) > np.ptp(varnish[2]) + 0.1
+    item.is_metal = False
+    np.testing.assert_array_equal(colors(item), varnish)

@@ -13,6 +13,8 @@ pytest.importorskip("imageio")
 from blender_tests.engine.conftest import run_engine
 from karf_engine.cli import main, verbs
 from karf_engine.io.images import write_png
+from karf_engine.palettes.palette import hex_to_rgb, rgb_to_hex
+from karf_engine.palettes.reference_light import ReferenceLight
 from karf_engine.project import Project
 from karf_engine.worker.findings import VERDICT, Finding
 
@@ -193,6 +195,19 @@ def test_what_an_edit_cannot_reach_is_told_with_the_reason(learned, tmp_path, ca
     assert "is of the paint that becomes another" in told("#d92619", "#1f5fbf")
     assert "warning" not in told("#d92619", "#1f5fbf")
     assert "shows no color like #00ff00" in told("#00ff00", "#1f5fbf")
+
+
+def test_a_gray_card_says_what_a_books_color_looks_like_in_the_photos(learned, tmp_path):
+    def edit(name, *words):
+        out = tmp_path / name
+        pair = "match", learned.project, "--object", "ball", "--from", "#d92619", *words, "--out", out
+        assert main([*map(str, pair)]) == 0
+        return out.read_text()
+
+    light = ReferenceLight.of_card(hex_to_rgb("#a08060"))
+    seen = rgb_to_hex(light.photographed(hex_to_rgb("#1f5fbf")))
+    with_card = edit("card.json", "--to", "#1f5fbf", "--card", "#a08060")
+    assert with_card == edit("seen.json", "--to", seen) != edit("plain.json", "--to", "#1f5fbf")
 
 
 def test_a_damaged_checkpoint_is_named(learned, tmp_path, capsys):

@@ -103,6 +103,25 @@ def test_what_is_measured_in_the_pictures_is_what_was_predicted(rendered):
         assert abs(float(row["reached_ciede2000"]) - float(row["predicted_ciede2000"])) < 5
 
 
+def test_each_view_says_what_was_reached_in_it_and_why_not_closer(rendered):
+    with (rendered / "views.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [(row["colorway"], row["object"], row["view"]) for row in rows[:3]] == [
+        ("Green", "ball", "test_r_0"),
+        ("Green", "ball", "test_r_1"),
+        ("Green", "block", "test_r_0"),
+    ]
+    assert len(rows) == 4 * 2
+    for key, row in table(rendered).items():
+        own = [each for each in rows if (each["colorway"], each["object"]) == key]
+        assert sum(int(each["pixels"]) for each in own) == int(row["pixels"])
+        for each in own:
+            is_missed = float(each["reached_ciede2000"]) > 2
+            assert bool(each["cannot_be_reached_because"]) == is_missed
+    violet = [row for row in rows if row["colorway"] == "Violet"]
+    assert all("no sRGB picture" in row["cannot_be_reached_because"] for row in violet)
+
+
 def test_the_contact_sheet_shows_colorways_as_rows(rendered):
     height, width, _ = read_photo(rendered / "contact_sheet.png").shape
     assert height > 3 * 192 and width > 2 * 192

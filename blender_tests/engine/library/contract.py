@@ -18,6 +18,7 @@ import torch
 
 import karf_engine as karf
 from karf_engine import kan
+from karf_engine.palettes.edge_shape import EdgeShape
 from karf_engine.palettes.project_edit import ProjectEdit
 from karf_engine.recolor.full_resolution import PhotoView
 
@@ -47,6 +48,7 @@ class Bench:
         for source, name in ((capture, "capture"), (masks, "masks"), (project, "project")):
             shutil.copytree(source, folder / name)
         (folder / "sheet.csv").write_text("colorway,object,color\nblue,ball,#2030c0\n")
+        (folder / "book.csv").write_text("name,hex\nRed,#ff0000\n")
         bench = cls(folder, folder / "project", karf.load(folder / "project", device="cpu"))
         bench.model.edit().save(folder / "edit.json")
         _ = bench.frame, bench.training_image, bench.photo_view  # what they keep is there
@@ -169,6 +171,13 @@ KINDS = {
                           ending=[lambda b: b.folder / "new.yaml"]),
     "new points": kind(lambda b: b.folder / "new.ply", wrong_type=PATH_TYPES, empty=["", "\0"],
                        ending=[lambda b: b.folder / "new.yaml"]),
+    "book file": kind(lambda b: b.folder / "book.csv", wrong_type=PATH_TYPES, empty=["", "\0"], missing=TYPO,
+                      ending=[lambda b: b.folder / "edit.json"]),
+    "book": kind(lambda b: karf.read_color_book(b.folder / "book.csv"), wrong_type=[None, 3, "book.csv", {}]),
+    "color name": kind("Red", wrong_type=[None, 3, ["Red"]], empty=[""], missing=["typo"]),
+    "three names": kind(("a", "b", "c"), wrong_type=["abc", None, 3, (3, 4, 5)], empty=[()], wrong_shape=[("a", "b")]),
+    "rgb": kind(np.zeros(3), wrong_type=[None, "#ffffff", 3, np.full(3, "a")], wrong_shape=[np.zeros(2), np.zeros((2, 3))],
+                NaN=[np.full(3, NAN)], empty=[np.zeros(0)]),
     "picture": kind(lambda b: b.view.image, wrong_type=PATH_TYPES, empty=["", "\0"], missing=TYPO),
     "path": kind(lambda b: b.folder / "capture", wrong_type=PATH_TYPES),
     "image": kind(None, wrong_type=PATH_TYPES[1:]),
@@ -198,6 +207,7 @@ KINDS = {
     "size": kind("photo", wrong_type=[None, 1.5, [8], object()], NaN=[NAN], empty=[0, ""], negative=[-1], missing=["typo"]),
     "focal length": kind(9.0, wrong_type=["9", None, [9]], NaN=[NAN, np.inf], empty=[0.0], negative=[-1.0]),
     "coordinate": kind(4.0, wrong_type=["4", None, [4]], NaN=[NAN, np.inf]),
+    "protect": kind(0.2, wrong_type=["1", None, [1]], NaN=[NAN, np.inf], large=[1.0], negative=[-1.0]),
     "reach": kind(0.5, wrong_type=["1", None, [1]], NaN=[NAN, np.inf], empty=[0.0], negative=[-1.0]),
     "bandwidth": kind("eq5", wrong_type=[None, [1]], NaN=[NAN, np.inf], empty=["", 0.0], missing=["typo"], negative=[-1.0]),
     "distortion": kind((), wrong_type=["k", None, 3, ("k",)], NaN=[(NAN,)]),
@@ -236,6 +246,12 @@ KINDS = {
                    empty=[{"ball": np.zeros((0, 3))}], huge=[{"ball": np.full((2, 3), 9.0)}]),
     "added": kind({}, wrong_type=[None, 3, [], {"ball": ["#ffffff"]}, {3: ()}]),
     "maybe added": kind(None, wrong_type=[3, [], {"ball": ["#ffffff"]}, {3: ()}]),
+    "edges": kind({"ball": EdgeShape(1.0)}, wrong_type=[None, 3, [], {"ball": (1.0, 2.0)}, {3: EdgeShape()}]),
+    "maybe edges": kind({"ball": EdgeShape(1.0)}, wrong_type=[3, [], {"ball": (1.0, 2.0)}, {3: EdgeShape()}]),
+    "choke": kind(-1.5, wrong_type=["1", None, [1]], NaN=[NAN, np.inf], huge=[16.5, -17.0]),
+    "feather": kind(4, wrong_type=["1", None, [1]], NaN=[NAN, np.inf], negative=[-1.0], huge=[65.0]),
+    "grain": kind(0.5, wrong_type=["1", None, [1]], NaN=[NAN], negative=[-1.0]),
+    "scale": kind(0.5, wrong_type=["1", None, [1]], NaN=[NAN], empty=[0.0], negative=[-1.0]),
     # things of the library
     "camera": kind(
         lambda b: b.camera, wrong_type=[None, 3, "r_0", lambda b: b.view, lambda b: b.camera.camera_to_world],
@@ -339,7 +355,11 @@ ROWS: dict[str, dict[str, str]] = {
     "KarfError": row(sentence="text", hint="text", values="values"),
     "read_edit": row(path="edit file", palettes="palettes", compositing="compositing"),
     "write_edit": row(path="new edit file", edit="any edit"),
-    "Edit": row(colors="colors", compositing="compositing", added="added"),
+    "read_color_book": row(path="book file"),
+    "nearest_names": row(book="book", color="rgb", count="length"),
+    "ColorBook": row(name="text", names="three names", lab="palette"),
+    "ColorBook.lab_of": row(name="color name"),
+    "Edit": row(colors="colors", compositing="compositing", added="added", edges="edges"),
     "Palette": row(name="name", colors="palette"),
     "Settings": row(preset="text", seed="seed", compositing="compositing", geometry="group", segmentation="group",
                     palette="group", recoloring="group", splats="group", render="group"),
@@ -365,18 +385,22 @@ ROWS: dict[str, dict[str, str]] = {
     "Model.edit": row(path="edit file or none"),
     "Model.match": row(view="view", picture="picture", edit="edit"),
     "Model.recolor": row(view="view", edit="edit", size="size"),
+    "Model.with_edges": row(frame="frame with weights", edges="edges"),
     "Model.composite": row(frame="frame with weights", edit="edit"),
-    "ProjectEdit": row(colors="colors", compositing="compositing", added="added", project="own project", palettes="palettes"),
-    "ProjectEdit.becomes": row(name="object", source="color", target="color", rule="rule", also="pairs"),
-    "ProjectEdit.add_color": row(name="object", picked="color", wanted="color", reach="reach"),
+    "ProjectEdit": row(colors="colors", compositing="compositing", added="added", edges="edges", project="own project",
+                       palettes="palettes"),
+    "ProjectEdit.becomes": row(name="object", source="color", target="color", rule="rule", also="pairs", is_metal="flag"),
+    "ProjectEdit.add_color": row(name="object", picked="color", wanted="color", reach="reach", protect="protect"),
     "ProjectEdit.swatch": row(name="object", index="swatch", color="color"),
+    "ProjectEdit.edge": row(name="object", choke="choke", feather="feather"),
     "ProjectEdit.save": row(path="new edit file"),
-    "PhotoView": row(photo="stored photo", orientation="orientation", objects="objects", mattes="mattes", palettes="palettes"),
+    "PhotoView": row(photo="stored photo", orientation="orientation", objects="objects", mattes="mattes", palettes="palettes",
+                     scale="scale", grain="grain"),
     "PhotoView.recolored": row(edit="edit"),
     "PhotoView.recolored_by": row(edits="edits"),
     "PhotoView.masks": row(),
     "PhotoView.shown": row(photo="stored photo"),
-    "PhotoView.layers": row(depth="depth", added="maybe added"),
+    "PhotoView.layers": row(depth="depth", added="maybe added", edges="maybe edges"),
     "kan.BSplineLayer": row(n_in="width", n_out="width", grid="width", order="octaves", layer_norm="flag"),
     "kan.BSplineLayer.forward": row(x="inputs"),
     "kan.GRBFLayer": row(n_in="width", n_out="width", n_centers="centers", bandwidth="bandwidth", learn_bandwidth="flag"),
@@ -406,6 +430,7 @@ ROWS: dict[str, dict[str, str]] = {
 SUBJECTS: dict[str, Make] = {  # whose methods are called
     "Camera": lambda bench: bench.camera,
     "Capture": lambda bench: bench.capture,
+    "ColorBook": lambda bench: karf.read_color_book(bench.folder / "book.csv"),
     "Model": lambda bench: bench.model,
     "ProjectEdit": lambda bench: bench.model.edit(),
     "PhotoView": lambda bench: bench.photo_view,
@@ -491,7 +516,8 @@ def _neighbors(kinds: Mapping[str, str]) -> list[tuple[str, str]]:
     pairs = zip(kinds, list(kinds)[1:], strict=False)
     alike = {frozenset(("length", "maybe length")), frozenset(("width", "octaves")), frozenset(("width", "width or 0")),
              frozenset(("focal length", "coordinate")), frozenset(("view name", "new mask")), frozenset(("width", "centers")),
-             frozenset(("text", "values")), frozenset(("bandwidth tensor", "bias")), frozenset(("path", "text"))}  # fmt: skip
+             frozenset(("text", "values")), frozenset(("bandwidth tensor", "bias")), frozenset(("path", "text")),
+             frozenset(("reach", "protect")), frozenset(("scale", "grain"))}  # fmt: skip
     return [(a, b) for a, b in pairs if kinds[a] != kinds[b] and frozenset((kinds[a], kinds[b])) not in alike
             and "group" not in (kinds[a], kinds[b])]  # fmt: skip
 

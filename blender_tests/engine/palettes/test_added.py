@@ -12,13 +12,22 @@ from karf_engine.errors import BadRequest, DataError
 from karf_engine.export.scene_points import ScenePoints
 from karf_engine.io.color import linear_to_srgb, srgb_to_linear
 from karf_engine.metrics.images import mean_ciede2000
-from karf_engine.palettes.added import palettes_with, solve_set, spread, spread_objects, with_sets
+from karf_engine.palettes.added import (
+    palettes_with,
+    pigment_of_swatch,
+    proposed,
+    solve_set,
+    spread,
+    spread_objects,
+    with_sets,
+)
 from karf_engine.palettes.compositing import delta_composite, paper_composite
 from karf_engine.palettes.edit_files import read_edit, write_edit
 from karf_engine.palettes.extraction.barycentric_weights import star_weights
 from karf_engine.palettes.matching.becomes import match_becomes
+from karf_engine.palettes.matching.paints import pigment_gate
 from karf_engine.palettes.object_colors import ColorHistogram
-from karf_engine.palettes.palette import AddedColor, Edit, Palette
+from karf_engine.palettes.palette import PROTECT, AddedColor, Edit, Palette
 from karf_engine.palettes.palette_files import write_edit_file
 
 PALETTE = np.array([[0, 0, 0], [0.95, 0.1, 0.1], [0.1, 0.1, 0.95], [1, 1, 0.95]], np.float32)
@@ -186,3 +195,69 @@ def test_what_is_no_added_color_is_told(wrong, sentence, tmp_path):
 def test_black_has_no_pigment(stripes):
     with pytest.raises(BadRequest, match="source color is black"):
         solve_set(stripes[2], PALETTE, AddedColor(np.zeros(3)), GREEN)
+
+
+def lettered(share_of_silver=0.5):
+    """What is seen of a silver thing with red letters: lit from the shade to the light, its silver mirroring a warm room."""
+    silver = linear_to_srgb(np.linspace(0.1, 1, 20)[:, None] * srgb_to_linear(np.array([0.78, 0.75, 0.73])))
+    picture = np.concatenate([lit(RED), silver]).astype(np.float32)
+    counts = np.repeat([1 - share_of_silver, share_of_silver], 20)
+    return ColorHistogram(picture, counts, star_weights(picture, PALETTE))
+
+
+def test_protected_neutrals_stay_where_hue_alone_would_take_them():
+    seen = lettered()
+    change = {}
+    for protect in (0.0, 0.2):
+        color = AddedColor(RED, 0.75, protect)
+        edited = np.concatenate([PALETTE, solve_set(seen, PALETTE, color, GREEN)])
+        shares = spread(seen.palette_weights.T, PALETTE, [color]).T
+        change[protect] = mean_ciede2000(seen.colors, seen.colors + shares @ (edited - with_sets(PALETTE, [color])))
+        letters = (seen.colors + shares @ (edited - with_sets(PALETTE, [color])))[:20]
+        assert mean_ciede2000(letters, lit(GREEN)) < 2.5
+        silver = (shares @ (edited - with_sets(PALETTE, [color])))[20:]
+        assert (np.abs(silver).max() < 1e-6) == bool(protect)
+    assert change[0.2] < change[0.0]
+
+
+def test_colors_become_the_pigment_gradually_where_letters_fade_into_silver():
+    fade = np.linspace(0, 1, 200)[:, None] * (RED - 0.7) + 0.7
+    gate = pigment_gate(fade, RED, 0.75, 0.2)
+    assert (np.diff(gate) > -1e-9).all() and gate[0] == 0 and gate[-1] > 0.99 and np.diff(gate).max() < 0.05
+
+
+def test_the_objects_colors_propose_what_is_protected():
+    assert proposed(lettered(0.5), RED).protect == PROTECT
+    assert proposed(lettered(0.01), RED).protect == 0.0  # these are highlights
+
+
+def test_a_proposed_reach_ends_before_the_next_pigment():
+    seen = ColorHistogram(np.concatenate([lit(RED), lit(np.array([0.7, 0.35, 0.1]))]), np.ones(40), np.ones((40, 1)))
+    alone = ColorHistogram(lit(RED), np.ones(20), np.ones((20, 1)))
+    color = proposed(seen, RED)
+    assert proposed(alone, RED).reach == pytest.approx(0.75)
+    assert pigment_gate(seen.colors[20:], RED, color.reach).max() < 0.1 < pigment_gate(seen.colors[20:], RED, 1).max()
+
+
+def test_a_swatch_knows_the_pigment_that_it_paints():
+    seen = lettered()
+    index = int(np.linalg.norm(PALETTE - RED, axis=1).argmin())
+    assert mean_ciede2000(pigment_of_swatch(seen, index)[None], RED[None]) < 10
+
+
+@pytest.mark.parametrize("value", [-0.1, 0.6, "0.2", None, True])
+def test_what_cannot_be_protected_is_refused_by_name(tmp_path, value):
+    edit = {"colors": [None] * 4, "added": [{"picked": "#802020", "protect": value, "colors": [[0, 0, 0]] * 4}]}
+    (tmp_path / "edit.json").write_text(json.dumps({"schema": "karf-edit/1", "objects": {"pot": edit}}))
+    with pytest.raises(DataError, match="protects"):
+        read_edit(tmp_path / "edit.json", [Palette("pot", PALETTE)])
+
+
+def test_what_is_protected_is_kept_in_the_file(tmp_path):
+    colors = {"pot": with_sets(PALETTE, [AddedColor(RED), AddedColor(VIOLET)])}
+    edit = Edit(colors, added={"pot": (AddedColor(RED, 0.5, 0.25), AddedColor(VIOLET, 0.5))})
+    write_edit(tmp_path / "edit.json", edit)
+    again = read_edit(tmp_path / "edit.json", [Palette("pot", PALETTE)])
+    assert [each.protect for each in again.added["pot"]] == [0.25, 0.0]
+    added = json.loads((tmp_path / "edit.json").read_text())["objects"]["pot"]["added"]
+    assert ["protect" in each for each in added] == [True, False]

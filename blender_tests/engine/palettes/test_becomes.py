@@ -11,6 +11,7 @@ from karf_engine.errors import BadRequest
 from karf_engine.io.color import linear_to_srgb, srgb_to_linear
 from karf_engine.metrics.images import hue_shift, mean_ciede2000
 from karf_engine.palettes.compositing import delta_composite
+from karf_engine.palettes.extraction.barycentric_weights import star_weights
 from karf_engine.palettes.matching.becomes import match_becomes, match_dragged, match_fewest, nearest_weights
 from karf_engine.palettes.matching.fitting import match_pixels
 from karf_engine.palettes.matching.least_squares import bounded_least_squares
@@ -284,3 +285,32 @@ def test_a_drag_to_where_it_began_changes_no_bit_and_one_of_black_takes_nothing_
 def test_locked_swatches_do_not_follow_a_drag():
     edited = match_dragged(*lit_and_shaded(), 1, np.array([0.1, 0.2, 0.7], np.float32), locked=[2])
     assert (edited[2] == lit_and_shaded()[-1][2]).all()
+
+
+def metal_and_varnish():
+    """What a metal and a varnished thing show under a light and a dark room, by their own reflectances."""
+    room = np.concatenate([np.linspace(0.05, 1.0, 30), np.linspace(1.0, 2.0, 10)])[:, None]
+    blue, gold = srgb_to_linear(np.array([0.35, 0.5, 0.85])), srgb_to_linear(np.array([0.85, 0.65, 0.35]))
+    return [np.clip(linear_to_srgb(room * reflectance), 0, 1) for reflectance in (gold, blue)]
+
+
+def test_a_metals_highlights_take_its_color():
+    gold, blue = metal_and_varnish()
+    source, target = gold[29], blue[29]
+    as_metal = mean_ciede2000(reflection_target(gold, source, target, True), blue)
+    as_varnish = mean_ciede2000(reflection_target(gold, source, target), blue)
+    assert as_metal < 1 and as_metal < as_varnish / 2
+
+
+def test_metal_reaches_the_palette_by_becomes_and_by_a_drag():
+    gold, blue = metal_and_varnish()
+    palette = np.array([[0, 0, 0], [1, 0.77, 0.42], [1, 1, 0.6]], np.float32)
+    weights = star_weights(gold, palette)
+    solved = match_becomes(gold, np.ones(40), weights, palette, gold[29], blue[29], is_metal=True)
+    dragged = match_dragged(gold, np.ones(40), weights, palette, 1, solved[1], is_metal=True)
+    plain = match_dragged(gold, np.ones(40), weights, palette, 1, solved[1])
+    difference = {
+        name: mean_ciede2000(np.clip(gold + weights @ (found - palette), 0, 1), blue)
+        for name, found in {"solved": solved, "dragged": dragged, "plain": plain}.items()
+    }
+    assert difference["solved"] < 4 and difference["dragged"] < difference["plain"], difference

@@ -103,7 +103,7 @@ def test_a_palette_that_fits_no_swatches_is_refused(tmp_path: Path, lines: str, 
         (ase(struct.pack(">HI", 1, 4_000_000_000)), "ends behind the file's end"),
         (ase(struct.pack(">HIH", 1, 2, 60_000)), "damaged"),
         (ase(color_block("pot 1", b"CMYK", 0, 0, 0, 1)), "'pot 1' as CMYK, not as RGB"),
-        (ase(color_block("pot 1", b"LAB ", 0.5, 0, 0)), "'pot 1' as LAB, not as RGB"),
+        (ase(color_block("pot 1", b"HSB ", 0.5, 0, 0)), "'pot 1' as HSB, not as RGB"),
         (ase(color_block("pot 1", b"RGB ", 0, float("nan"), 1)), "outside 0 to 1"),
     ],
 )

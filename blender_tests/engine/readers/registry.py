@@ -25,6 +25,7 @@ from karf_engine.heads.files import load_surface
 from karf_engine.heads.object_surface import object_pixels
 from karf_engine.io.image_size import image_header
 from karf_engine.io.images import read_mask, read_photo
+from karf_engine.palettes.color_books import read_color_book
 from karf_engine.palettes.compositing import read_planes
 from karf_engine.palettes.edit_files import read_edit
 from karf_engine.palettes.object_colors import read_object_colors
@@ -223,6 +224,8 @@ def readers(project: Path | None) -> list[Reader]:
                read_mask),
         Reader("GIMP palette", samples.swatches, ("swatches.gpl",), mutations.changed_text, swatches),
         Reader("Adobe swatches", samples.swatches, ("swatches.ase",), mutations.changed_bytes, swatches),
+        Reader("color book, CSV", samples.color_books, ("inks.csv",), mutations.changed_text, read_color_book),
+        Reader("color book, Adobe", samples.color_books, ("inks.acb",), mutations.changed_bytes, read_color_book),
         Reader("layers", samples.layers, ("view.exr",), mutations.changed_bytes, read_layer_names),
         Reader("NeRF, torch.save", samples.nerfs, ("zip.tar", "legacy.tar"), mutations.changed_bytes, read_nerf),
         Reader("NeRF, pickled npy", samples.nerfs, ("model_000001.npy",), mutations.changed_bytes, read_bmild),

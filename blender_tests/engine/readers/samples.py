@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import struct
 from collections.abc import Callable
 from pathlib import Path
 
@@ -155,6 +156,14 @@ def exr(folder: Path) -> None:
 
 # ------------------------------------------------------------------------------------------------- given to other programs
 SWATCHES = tuple(Palette(name, np.array([[0, 0, 0], [0.75, 0.25, 0.5]], np.float32)) for name in ("pot", "my mug"))
+
+
+def color_books(folder: Path) -> None:
+    """A book of each kind that the swatches' readers do not cover."""
+    (folder / "inks.csv").write_text("name,hex,lab\nRed,#ff0000,\nSky,,48 -14 -32\n")
+    texts = [struct.pack(">I", len(each)) + each.encode("utf-16-be") for each in ("Ink", "INK ", "", "", "1 C", "2 C")]
+    head = b"8BCB" + struct.pack(">HH", 1, 3000) + b"".join(texts[:4]) + struct.pack(">4H", 2, 7, 3, 7)
+    (folder / "inks.acb").write_bytes(head + b"".join(name + b"      " + bytes([138, 209, 198]) for name in texts[4:]))
 
 
 def swatches(folder: Path) -> None:

@@ -39,6 +39,13 @@ class MatchOptions(Options):
         "becomes",
         choices=RULES,
     )
+    is_metal: bool = option("with becomes: highlights take the paint's color, and not the light's", False, flag="metal")
+    card: str | None = option(
+        "what a gray card of L* 50 looks like in the photos, #rrggbb: target colors are then those under daylight (D65), "
+        "as books of colors give them",
+        None,
+        metavar="COLOR",
+    )
     view: str | None = option("in place of a color pair: the view that --picture shows", None)
     picture: Path | None = option("this view painted over or graded, of any size", None, metavar="FILE")
     edit: Path | None = option(

@@ -22,6 +22,7 @@ SPREAD = 6.0  # radius in Lab of a paint's colors around its most frequent one
 MOST_CANDIDATES = 256  # histogram cells that are tried as an object's dominant color
 FOREIGN = 10.0  # CIEDE2000 from which the object shows no such source color
 BRIGHT = 0.95  # sRGB from which better lit parts of an object would be brighter than white
+CHANNELS = "red", "green", "blue"
 ROUNDING = 0.005  # tolerance for rounding, in sRGB numbers and in shares of a color
 
 
@@ -131,7 +132,7 @@ def reached_by(
     """
     reached = reached_color(seen.colors, shown(seen, palette, edited), source, seen.counts)
     left = float(ciede2000(srgb_to_lab(reached), wanted))
-    return reached, left, _reason(wanted, palette, seen, source, locked) if left > TOLERANCE else ""
+    return reached, left, _reason(wanted, palette, seen, source, tuple(locked)) if left > TOLERANCE else ""
 
 
 def shown(seen: ColorHistogram, palette: Palette, edited: np.ndarray) -> np.ndarray:
@@ -174,6 +175,51 @@ def reached_color(
     return np.clip(source + np.take_along_axis(np.take_along_axis(change, order, 0), middle[None], 0)[0], 0, 1)
 
 
+def reason_in_view(prediction: Prediction, reached: np.ndarray) -> str:
+    """Why a target color is missed in one view, from what was measured there; empty where it is not.
+
+    Args:
+        prediction: Of all photos together.
+        reached: What the source has become in the view, sRGB [3].
+
+    Examples:
+        >>> target = TargetColor("pot", srgb_to_lab(np.array([0.9, 0.5, 0.5])), None, "line 2")
+        >>> reached = np.array([0.9, 0.5, 0.5])
+        >>> predicted = Prediction(target, np.array([0.2, 0.2, 0.2]), np.zeros((2, 3)), reached, 0.0, "")
+        >>> reason_in_view(predicted, reached)
+        ''
+        >>> reason_in_view(predicted, np.array([1.0, 0.5, 0.5]))
+        'its red is as bright here as a picture can show'
+        >>> reason_in_view(predicted, np.array([0.7, 0.5, 0.5]))
+        'the swatches move this color otherwise here than in all photos together, where it becomes #e68080'
+    """
+    if ciede2000(srgb_to_lab(reached), prediction.target_color.lab) <= TOLERANCE:
+        return ""
+    if prediction.reason:
+        return prediction.reason
+    for bound, is_at, kind in ((1, reached >= 1 - ROUNDING, "bright"), (0, reached <= ROUNDING, "dark")):
+        clipped = is_at & (abs(prediction.target - bound) > ROUNDING)
+        if clipped.any():
+            names = " and ".join(name for name, each in zip(CHANNELS, clipped, strict=True) if each)
+            return f"its {names} is as {kind} here as a picture can show"
+    color = rgb_to_hex(prediction.reached)
+    return f"the swatches move this color otherwise here than in all photos together, where it becomes {color}"
+
+
+def _is_held(
+    lab: np.ndarray, palette: Palette, seen: ColorHistogram, source: np.ndarray, locked: Iterable[int]
+) -> bool:
+    """Whether a color is missed because of locks: without them it would be reached."""
+    if not locked:
+        return False
+    try:
+        free = match_becomes(*seen, palette.colors, source, np.clip(lab_to_srgb(lab), 0, 1))
+    except BadRequest:  # a source that is black
+        return False
+    reached = reached_color(seen.colors, shown(seen, palette, free), source, seen.counts)
+    return bool(ciede2000(srgb_to_lab(reached), lab) <= TOLERANCE)
+
+
 def _reason(lab: np.ndarray, palette: Palette, seen: ColorHistogram, source: np.ndarray, locked: Iterable[int]) -> str:
     """Why an edit does not reach a color: the first cause that holds."""
     wanted, color = lab_to_srgb(lab), rgb_to_hex(source)
@@ -186,6 +232,9 @@ def _reason(lab: np.ndarray, palette: Palette, seen: ColorHistogram, source: np.
     free = np.setdiff1d(np.arange(len(own)), [0, *locked])
     if own[free].sum() < ROUNDING:
         return f"its color {color} is all of black or locked swatches, which stay as they are"
+    if _is_held(lab, palette, seen, source, locked):
+        held = " and ".join(f"swatch {number}" for number in sorted(locked))
+        return f"locks hold it: without that of {held} it would be reached"
     if (wanted > source + own[free] @ (BRIGHTEST - palette.colors[free]) + ROUNDING).any():
         return (
             f"{100 * own[0]:.0f} % of its color {color} are the palette's black: too little light falls there, even "

@@ -55,6 +55,7 @@ def match_becomes(
     source: np.ndarray,
     target: np.ndarray,
     locked: Iterable[int] = (),
+    is_metal: bool = False,
 ) -> np.ndarray:
     """The palette with which the source's paint becomes the target's, on the whole object, shading and gloss kept.
 
@@ -68,6 +69,7 @@ def match_becomes(
         source: sRGB [3] in [0, 1], a color of the object now; of several paints [P, 3].
         target: sRGB [3] in [0, 1], what it is to become; of several paints [P, 3].
         locked: Entries that stay as they are.
+        is_metal: Whether highlights take the paint's color, and not the light's.
 
     Returns:
         The edited palette [M, 3] float32 in [0, BRIGHTEST].
@@ -84,7 +86,7 @@ def match_becomes(
         [[0.  0.  0. ]
          [0.1 0.2 0.7]]
     """
-    targets = reflection_target(colors, source, target)
+    targets = reflection_target(colors, source, target, is_metal)
     return _matched(colors, counts, palette_weights, palette, source, target, targets, locked)
 
 
@@ -96,6 +98,7 @@ def match_dragged(
     index: int,
     color: np.ndarray,
     locked: Iterable[int] = (),
+    is_metal: bool = False,
 ) -> np.ndarray:
     """The palette in which a swatch has a new color and its paint's other swatches follow it, shading and gloss kept.
 
@@ -110,6 +113,7 @@ def match_dragged(
         index: The swatch that is dragged.
         color: Its new color, sRGB [3] in [0, BRIGHTEST].
         locked: Other entries that stay as they are.
+        is_metal: Whether highlights take the paint's color, and not the light's.
 
     Returns:
         The edited palette [M, 3] float32 in [0, BRIGHTEST]. Of a black swatch nothing tells the paint: it alone changes.
@@ -131,7 +135,7 @@ def match_dragged(
     source = np.clip(palette[index], 0, 1)
     if not change.any() or is_black(source):
         return start
-    targets = reflection_target(colors, source, start[index])
+    targets = reflection_target(colors, source, start[index], is_metal)
     moved_alone = colors + palette_weights[:, index, None] * change
     return match_pixels(palette_weights, moved_alone, targets, start, counts, [index, *locked])
 
@@ -144,9 +148,10 @@ def match_pigment(
     source: np.ndarray,
     target: np.ndarray,
     reach: float,
+    protect: float = 0.0,
 ) -> np.ndarray:
     """`match_becomes` of one pigment by itself: other colors of the object do not count, as swatches of their own serve
-    them. reach: see `pigment_gate`.
+    them. reach, protect: see `pigment_gate`.
 
     Examples:
         Of a red and a green that are of one swatch, the green does not hold the red back:
@@ -157,7 +162,7 @@ def match_pigment(
         >>> print(change[1].round(2))
         [-0.5  0.1  0.6]
     """
-    counts = counts * pigment_gate(colors, source, reach)
+    counts = counts * pigment_gate(colors, source, reach, protect)
     targets = repainted(colors, source, target, np.ones((1, 1)))
     return _matched(colors, counts, palette_weights, palette, source, target, targets, ())
 

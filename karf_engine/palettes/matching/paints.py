@@ -8,28 +8,31 @@ from __future__ import annotations
 import numpy as np
 
 from ...errors import BadRequest
-from ...io.color import lab_chroma, lab_hue, linear_to_srgb, srgb_to_lab, srgb_to_linear
+from ...io.color import lab_chroma, lab_hue, lab_saturation, linear_to_srgb, srgb_to_lab, srgb_to_linear
 
 HUE_GATE = 0.65  # radians of Lab hue at which a color counts as another pigment
 PALE = 5.0  # Lab chroma of a source at which a difference of hue counts half
 SAME = 1e-3  # radians in linear light up to which colors are equal
 GREY_CHROMA, CHROMA_GATE = 6.0, 25.0  # Lab chroma below which a source has no hue; and the gate that then stands in
+LEAST_METAL = 0.02  # linear reflectance that a metal has in every channel: less would make noise of what it mirrors
 GLOSS_COST = 0.1  # penalty of gloss when a color is split into paint and gloss; white's is 3
 
 
-def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray) -> np.ndarray:
+def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray, is_metal: bool = False) -> np.ndarray:
     """What each color becomes when the paint that looks like `source` is changed to look like `target`.
 
     Linear light c = a r + s (1, 1, 1) + rest with the source r; shading a and gloss s are not negative, found by least
     squares. The paint's part follows: c + gate a (t - r); gate = exp(-(dh / 0.65)^4) of the Lab hue difference dh to
     the source, of which pale paint counts less, leaves other pigments alone. A grey source has no hue: there the chroma
     difference gates. This is the dichromatic model of Shafer (1985), "Using color to separate reflection components",
-    with one light. Several paints share each color, the nearer one gets more.
+    with one light. Several paints share each color, the nearer one gets more. A metal has no paint under its gloss: all that
+    it shows is what it mirrors, times its own color, so c + gate c (t / r - 1).
 
     Args:
         colors: sRGB [n, 3] in [0, 1].
         source: sRGB [3] in [0, 1], what an eyedropper shows before; of several paints [P, 3].
         target: The same after the change.
+        is_metal: Whether highlights take the paint's color too.
 
     Returns:
         sRGB [n, 3] float64 in [0, 1].
@@ -45,10 +48,16 @@ def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray
         [[0.1, 0.2, 0.7], [0.1, 0.6, 0.2]]
         >>> reflection_target(np.stack([red, green]), np.stack([red, green]), np.stack([green, red])).round(3).tolist()
         [[0.1, 0.6, 0.2], [0.7, 0.1, 0.1]]
+
+        The highlight of a blue varnish is nearly white, that of a blue metal is blue:
+
+        >>> gold, blue, highlight = np.array([0.8, 0.6, 0.3]), np.array([0.3, 0.5, 0.8]), np.array([[1.0, 0.9, 0.8]])
+        >>> [reflection_target(highlight, gold, blue, metal).round(1).tolist() for metal in (False, True)]
+        [[[0.8, 0.9, 1.0]], [[0.4, 0.8, 1.0]]]
     """
     sources = np.atleast_2d(source)
     reached = np.max([pigment_gate(colors, each) for each in sources], axis=0)
-    return repainted(colors, source, target, reached * _shares(colors, sources))
+    return repainted(colors, source, target, reached * _shares(colors, sources), is_metal)
 
 
 def _shares(colors: np.ndarray, sources: np.ndarray) -> np.ndarray:
@@ -69,7 +78,9 @@ def angles(colors: np.ndarray, source: np.ndarray) -> np.ndarray:
     return np.arccos(np.clip(np.divide(light @ paint, lengths, out=np.ones(len(light)), where=lengths > 0), -1, 1))
 
 
-def repainted(colors: np.ndarray, source: np.ndarray, target: np.ndarray, gates: np.ndarray) -> np.ndarray:
+def repainted(
+    colors: np.ndarray, source: np.ndarray, target: np.ndarray, gates: np.ndarray, is_metal: bool = False
+) -> np.ndarray:
     """`reflection_target` with any gates [P, n], how much of each color is of each paint; [P, 1] for all alike.
 
     Examples:
@@ -84,7 +95,8 @@ def repainted(colors: np.ndarray, source: np.ndarray, target: np.ndarray, gates:
             raise BadRequest(
                 "The source color is black, so its shading cannot be told.", "Pick a lit spot of the object."
             )
-        result += (gate * _shading(light, r))[:, None] * (t - r)
+        change = light * (t / np.maximum(r, LEAST_METAL) - 1) if is_metal else _shading(light, r)[:, None] * (t - r)
+        result += gate[:, None] * change
     return np.clip(linear_to_srgb(result), 0, 1)
 
 
@@ -115,22 +127,39 @@ def _shading(light: np.ndarray, r: np.ndarray) -> np.ndarray:
     return np.maximum(np.where(gloss < 0, cr / rr, paint), 0)
 
 
-def pigment_gate(colors: np.ndarray, source: np.ndarray, reach: float = 1.0) -> np.ndarray:
+def pigment_gate(colors: np.ndarray, source: np.ndarray, reach: float = 1.0, protect: float = 0.0) -> np.ndarray:
     """1 for colors of the source's pigment, 0 for others, [n]; in the light and in the shade alike.
+
+    Silver, foil and white paper have the hue of what they mirror, or of noise: hue alone takes them for the pigment.
 
     Args:
         colors: sRGB [n, 3] in [0, 1].
         source: sRGB [3] in [0, 1].
         reach: How far in hue, or in chroma of a grey source, other colors still count; 1 is that of *Becomes*.
+        protect: Neutral colors do not count: those whose Lab saturation is under this share of the source's, softly from
+            half of it to one and a half; in [0, 1), 0: hue alone decides. Of a grey source nothing.
 
     Examples:
         >>> reds, green = np.array([[0.7, 0.1, 0.1], [0.3, 0.03, 0.03]]), np.array([[0.1, 0.6, 0.2]])
         >>> pigment_gate(np.vstack([reds, green]), reds[0]).round(2).tolist()
         [1.0, 1.0, 0.0]
+        >>> pinkish = np.array([[0.62, 0.6, 0.6]])
+        >>> [pigment_gate(pinkish, reds[0], 1.0, protect).round(2).tolist() for protect in (0.0, 0.2)]
+        [[0.97], [0.0]]
     """
     lab, source = srgb_to_lab(colors), srgb_to_lab(np.asarray(source, np.float64))
     if lab_chroma(source) < GREY_CHROMA:
         return np.exp(-(((lab_chroma(lab) - lab_chroma(source)) / (reach * CHROMA_GATE)) ** 4))
     turn = (lab_hue(lab) - lab_hue(source) + np.pi) % (2 * np.pi) - np.pi
     turn *= lab_chroma(source) / (lab_chroma(source) + PALE)  # light and noise turn the hue of pale paint
-    return np.exp(-((turn / (reach * HUE_GATE)) ** 4))
+    gate = np.exp(-((turn / (reach * HUE_GATE)) ** 4))
+    if protect:
+        share = lab_saturation(lab) / lab_saturation(source)
+        gate *= _smooth_step((share - protect / 2) / protect)
+    return gate
+
+
+def _smooth_step(position: np.ndarray) -> np.ndarray:
+    """0 up to position 0, 1 from 1 on, and smooth between."""
+    inside = np.clip(position, 0, 1)
+    return inside * inside * (3 - 2 * inside)

@@ -10,6 +10,7 @@ import numpy as np
 from ...capture.camera import Camera
 from ...capture.transforms_frames import camera_from_json
 from ...errors import BadRequest
+from ...palettes.edge_shape import shaped_edges
 from .arrays import write_arrays
 from .options import edit_of, needed
 from .session import Session
@@ -34,6 +35,7 @@ def show(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     depth: [H, W] along the optical axis, world units; 0 where the scene covers less than half of the pixel.
     cryptomatte: [L, H, W, 4], layers of two pairs of id and coverage.
     weights: [K, M, H, W] in [0, 1], of each object's palette entries; M is 0 before palettes are learned.
+    Mattes and weights end where the edit's edges end.
 
     Returns:
         `pixels`, a file of arrays one behind the other; the caller's to delete. `arrays`, of each its `shape`, `dtype` and
@@ -54,7 +56,10 @@ def show(session: Session, options: dict[str, Any]) -> dict[str, Any]:
         arrays = {"color": _color(session, model, camera, edit)}
     else:
         frame = _frame(session, model, camera)
-        arrays = {"color": _of_frame(model, frame, edit)} | _passes(model, camera, frame, passes)
+        color = _of_frame(model, frame, edit)
+        if edit is not None:
+            frame = model.with_edges(frame, edit.edges)
+        arrays = {"color": color} | _passes(model, camera, frame, passes)
         if "alpha" in passes:
             arrays["color"] = _uncovered(arrays["color"], frame, model.behind(camera))
     answer = {"size": [camera.width, camera.height], "seconds": time.perf_counter() - begun}
@@ -73,6 +78,8 @@ def _bands(model: Model, camera: Camera) -> list[Camera]:
 
 
 def _color(session: Session, model: Model, camera: Camera, edit: Edit | None) -> np.ndarray:
+    if edit is not None and shaped_edges(edit.edges):  # edges reach from band to band
+        return model.composite(_frame(session, model, camera), edit)
     pictures = []
     for band in _bands(model, camera):
         session.check()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from karf_engine.io.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
-from karf_engine.palettes.colorways.reached import dominant_color, predict, reached_color, shown
+from karf_engine.palettes.colorways.reached import dominant_color, predict, reached_color, reason_in_view, shown
 from karf_engine.palettes.colorways.sheet import TargetColor
 from karf_engine.palettes.object_colors import ColorHistogram
 from karf_engine.palettes.palette import Palette
@@ -88,3 +88,25 @@ def test_what_is_reached_is_the_source_with_the_median_change_near_it():
     np.testing.assert_allclose(reached_color(before, after, source), source + (0.1, 0.2, -0.1), atol=0.02)
     weights = np.r_[np.zeros(200), np.ones(300)]
     np.testing.assert_allclose(reached_color(before, after, source, weights), source + (0.1, 0.2, -0.1), atol=1e-9)
+
+
+def test_a_lock_is_told_as_the_cause_where_it_would_be_reached_without():
+    two = Palette("pot", np.array([[0, 0, 0], [0.9, 0.2, 0.15], [0.8, 0.3, 0.2]], np.float32))
+    weights = np.array([[0.0, 0.7, 0.3]])
+    seen = ColorHistogram(weights @ two.colors, np.array([1]), weights)
+    free, held = (predict(target_color((0.05, 0.2, 0.6)), two, seen, locked) for locked in ((), (1,)))
+    assert not free.reason and held.ciede2000 > 2
+    assert held.reason == "locks hold it: without that of swatch 1 it would be reached"
+
+
+def test_a_lock_that_changes_nothing_is_not_the_cause():
+    dark = red_pot().colors[2]
+    prediction = predict(target_color((0.9, 0.9, 0.9), dark), PALETTE, red_pot(), (2,))
+    assert "too little light falls there" in prediction.reason
+
+
+def test_a_view_names_the_channel_that_ends_at_white():
+    prediction = predict(target_color((0.2, 0.3, 0.6)), PALETTE, red_pot())
+    assert reason_in_view(prediction, prediction.reached) == ""
+    assert reason_in_view(prediction, np.array([0.2, 0.3, 1.0])) == "its blue is as bright here as a picture can show"
+    assert "otherwise here" in reason_in_view(prediction, np.array([0.2, 0.5, 0.6]))

@@ -1,0 +1,217 @@
+"""Books of named colors, as makers of inks and paints publish them, and the names that are nearest to a color.
+
+A book is a file of the user's: Adobe's `.acb` and `.ase`, GIMP's `.gpl`, or a CSV table with the columns `name` and those
+of a color (see `color_rows`). Without torch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import BadRequest, DataError
+from ..io.arguments import check_array, check_fields, check_number, checked
+from ..io.color import ciede2000, lab_to_srgb, srgb_to_lab
+from .color_rows import color_of_row, csv_rows
+from .named_colors import READERS, read_named_colors
+from .palette import rgb_to_hex
+
+SUFFIXES = (*READERS, ".csv")
+LONGEST = 100  # letters of a name
+MOST_NAMES = 65_535  # as many as a color book of Adobe's can have
+
+
+@dataclass(frozen=True, eq=False)
+class ColorBook:
+    """Named colors. `book["Sky"]` is the color of a name, sRGB [3] float32, as near as a picture can show it.
+
+    Attributes:
+        name: the book's.
+        names: of n colors, each another. Capitals and spaces do not count.
+        lab: CIE L*a*b* [n, 3] (white D65), also of colors that no screen shows.
+
+    Raises:
+        TypeError: a field is of another type.
+        BadRequest: there is no name, or colors are of another shape or not finite.
+
+    Examples:
+        >>> book = ColorBook("paints", ("Traffic red", "Sky"), np.array([[41.0, 56, 42], [48.0, -14, -32]]))
+        >>> print(book["traffic RED"].round(2))
+        [0.72 0.16 0.12]
+        >>> book["Traffic rad"]
+        Traceback (most recent call last):
+        karf_engine.errors.BadRequest: paints has no color 'Traffic rad'. Its nearest name is 'Traffic red'.
+    """
+
+    name: str
+    names: tuple[str, ...]
+    lab: np.ndarray
+    _numbers: dict[str, int] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_numbers", {})
+        check_fields(self)
+        check_array("lab", self.lab, ("n", 3))
+        if not 0 < len(self.names) == len(self.lab) or not np.isfinite(self.lab).all():
+            raise BadRequest("lab is not a color for each name.", "Give finite numbers, [n, 3], and n names.")
+        self._numbers.update({_plain(name): number for number, name in enumerate(self.names)})
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """The color of a name, sRGB [3] float32; `BadRequest` as below."""
+        return np.clip(lab_to_srgb(self.lab_of(name)), 0, 1).astype(np.float32)
+
+    @checked
+    def lab_of(self, name: str) -> np.ndarray:
+        """The color of a name itself, CIE L*a*b* [3] (white D65), also where no picture can show it.
+
+        Args:
+            name: one of `names`; capitals and spaces do not count.
+
+        Raises:
+            BadRequest: the book has no such name; the hint is the nearest one.
+        """
+        number = self._numbers.get(_plain(name))
+        if number is None:
+            near = get_close_matches(_plain(name), self._numbers, 1, 0)
+            raise BadRequest(
+                "{book} has no color {name!r}.",
+                "Its nearest name is {near!r}.",
+                book=self.name,
+                name=name,
+                near=self.names[self._numbers[near[0]]] if near else "",
+            )
+        return self.lab[number]
+
+
+class NamedDifference(NamedTuple):
+    """A name of a book: its sRGB [3] as near as a picture can show it, and CIEDE2000 between its own color and another."""
+
+    name: str
+    color: np.ndarray
+    ciede2000: float
+
+
+@checked
+def nearest_names(book: ColorBook, color: np.ndarray, count: int = 3) -> list[NamedDifference]:
+    """The names whose colors are nearest to a color, the nearest first.
+
+    Args:
+        book: the book.
+        color: sRGB [3].
+        count: how many, where the book has as many.
+
+    Returns:
+        Of each its name, its sRGB [3] as near as a picture can show it, and its CIEDE2000.
+
+    Raises:
+        BadRequest: the color or the number is none.
+
+    Examples:
+        >>> book = ColorBook("paints", ("Red", "Sky"), np.array([[53.24, 80.09, 67.2], [48.0, -14, -32]]))
+        >>> [(each.name, round(each.ciede2000)) for each in nearest_names(book, np.array([1.0, 0, 0]))]
+        [('Red', 0), ('Sky', 57)]
+    """
+    check_array("color", color, (3,))
+    check_number("count", count, 1)
+    if not np.isfinite(color).all():
+        raise BadRequest("color is not finite.", "Give three sRGB numbers.")
+    difference = ciede2000(book.lab, srgb_to_lab(color))
+    nearest = np.argsort(difference, kind="stable")[:count]
+    shown = np.clip(lab_to_srgb(book.lab[nearest]), 0, 1)
+    return [NamedDifference(book.names[n], each, float(difference[n])) for n, each in zip(nearest, shown, strict=True)]
+
+
+@checked
+def read_color_book(path: Path | str) -> ColorBook:
+    """Read a book, by its suffix.
+
+    Args:
+        path: `.acb`, `.ase`, `.gpl`, or a table `.csv` with the columns `name` and `hex`, or `L`, `a`, `b`.
+
+    Returns:
+        The book, called as its file; Lab of Adobe's files is adapted from D50 to D65. A name that comes twice gets a number, a color without one its `#rrggbb`.
+
+    Raises:
+        DataError: The file is missing, damaged, too large, of another kind, in CMYK, or has no color.
+
+    Examples:
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = Path(folder) / "paints.csv"
+        ...     _ = path.write_text("name,L,a,b\\nTraffic red,41,56,42\\n")
+        ...     book = read_color_book(path)
+        >>> book.name, book.names, book.lab.tolist()
+        ('paints', ('Traffic red',), [[41.0, 56.0, 42.0]])
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise DataError("{path} is no color book.", "Choose a file of: {kinds}.", path=path, kinds=", ".join(SUFFIXES))
+    try:
+        entries = _csv_entries(path) if suffix == ".csv" else _foreign_entries(path)
+    except OSError as error:
+        raise DataError(
+            "{path} cannot be read: {reason}.", "Check the file.", path=path, reason=error.strerror
+        ) from error
+    if not 0 < len(entries) <= MOST_NAMES:
+        raise DataError(
+            "{path} has {count} colors.",
+            "Choose a book of 1 to {most}.",
+            path=path,
+            count=len(entries),
+            most=MOST_NAMES,
+        )
+    names, colors = zip(*entries, strict=True)
+    return ColorBook(path.stem, _each_another(names), np.stack(colors))
+
+
+def _foreign_entries(path: Path) -> list[tuple[str, np.ndarray]]:
+    """Names and Lab colors."""
+    return [(_readable(name) or rgb_to_hex(color), srgb_to_lab(color)) for name, color in read_named_colors(path)]
+
+
+def _csv_entries(path: Path) -> list[tuple[str, np.ndarray]]:
+    return [_csv_entry(row, where) for row, where in csv_rows(path)]
+
+
+def _csv_entry(row: dict, where: str) -> tuple[str, np.ndarray]:
+    name, lab = _readable(row.get("name", "")), color_of_row(row, where)
+    if not name or lab is None:
+        raise DataError(
+            "{where} has no {what}.",
+            "A row has the column name, and hex, or L, a and b.",
+            where=where,
+            what="color" if name else "name",
+        )
+    return name, lab
+
+
+def _each_another(names: Iterable[str]) -> tuple[str, ...]:
+    """The names, with a number behind what came before."""
+    found: dict[str, str] = {}
+    times: dict[str, int] = {}
+    for name in names:
+        unique = name
+        while _plain(unique) in found:
+            times[name] = times.get(name, 1) + 1
+            unique = f"{name} ({times[name]})"
+        found[_plain(unique)] = unique
+    return tuple(found.values())
+
+
+def _readable(name: str) -> str:
+    """A name on one line, not too long."""
+    return " ".join("".join(letter if letter.isprintable() else " " for letter in name).split())[:LONGEST].strip()
+
+
+def _plain(name: str) -> str:
+    """A name by which it is found."""
+    return "".join(name.split()).casefold()

@@ -1,0 +1,126 @@
+"""Rows of tables that hold a color each: CSV files, and the columns in which a color may stand.
+
+hex                 #rrggbb
+lab                 CIE L* a* b* (D65), three numbers; or the three columns L*, a*, b* (also L, a, b)
+srgb                sRGB numbers from 0 to 1
+srgb8               sRGB numbers from 0 to 255; or the three columns R, G, B
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import DataError
+from ..io.color import srgb_to_lab
+from ..io.inputs import MOST_JSON, check_file
+from .palette import hex_to_rgb
+
+RANGES = {  # lowest and highest value of the three numbers
+    "lab": (np.array([0, -200, -200]), np.array([100, 200, 200])),
+    "srgb": (np.zeros(3), np.ones(3)),
+    "srgb8": (np.zeros(3), np.full(3, 255)),
+}
+KINDS = ("hex", *RANGES)
+COLUMNS_OF_ONE = (("lab", ("l*", "a*", "b*")), ("lab", ("l", "a", "b")), ("srgb8", ("r", "g", "b")))
+DELIMITERS = "\t;,"
+
+
+def csv_rows(path: Path) -> Iterator[tuple[dict[str, Any], str]]:
+    """The rows of a CSV file that are not empty, their cells by the column's name in lower case; and where each stands.
+
+    Args:
+        path: CSV in UTF-8, of commas, semicolons or tabs, with a header row.
+
+    Raises:
+        DataError: The file is missing, too large, or no such table.
+
+    Examples:
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = Path(folder) / "book.csv"
+        ...     _ = path.write_text("Name;Hex\\nTraffic red;#bb1f11\\n")
+        ...     [row for row, _ in csv_rows(path)]
+        [{'name': 'Traffic red', 'hex': '#bb1f11'}]
+    """
+    check_file(path, MOST_JSON)
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except ValueError as error:
+        raise DataError(f"{path} is not UTF-8 text.", "Export the sheet as CSV in UTF-8.") from error
+    header = lines[0] if lines else ""
+    reader = csv.DictReader(lines, delimiter=max(DELIMITERS, key=header.count))
+    try:
+        for row in reader:
+            cells = {(key or "").strip().lower(): text for key, text in row.items() if isinstance(text, str)}
+            if any(text.strip() for text in cells.values()):
+                yield cells, f"{path}, line {reader.line_num}"
+    except csv.Error as error:
+        raise DataError(f"{path}, line {reader.line_num} is broken CSV: {error}.", "Export the sheet again.") from error
+
+
+def color_of_row(row: dict[str, Any], where: str, prefix: str = "") -> np.ndarray | None:
+    """The color of a row.
+
+    Args:
+        row: Cells by the column's name in lower case.
+        where: File and line, for messages.
+        prefix: How the names of its columns begin; three columns of one color are looked for without one alone.
+
+    Returns:
+        CIE L*a*b* [3] (D65); None where all its columns are empty.
+
+    Raises:
+        DataError: Two columns have a color, or what stands there is none.
+
+    Examples:
+        >>> color_of_row({"name": "red", "lab": "53.24 80.09 67.2"}, "line 2").tolist()
+        [53.24, 80.09, 67.2]
+    """
+    if not prefix:
+        row = row | {kind: [row[part] for part in parts] for kind, parts in COLUMNS_OF_ONE if _has_all(row, parts)}
+    filled = [kind for kind in KINDS if row.get(prefix + kind) not in (None, "") and str(row[prefix + kind]).strip()]
+    if len(filled) > 1:
+        raise DataError(f"{where} has a color as {' and as '.join(filled)}.", "Leave one of them.")
+    if not filled:
+        return None
+    (kind,) = filled
+    value = row[prefix + kind]
+    if kind == "hex":
+        try:
+            return srgb_to_lab(hex_to_rgb(str(value)))
+        except DataError as error:
+            raise DataError(f"{where}: {error.sentence}", error.hint) from error
+    numbers = _three_numbers(value, kind, where)
+    return numbers if kind == "lab" else srgb_to_lab(numbers / RANGES[kind][1])
+
+
+def _three_numbers(value: Any, kind: str, where: str) -> np.ndarray:
+    parts = _split(value) if isinstance(value, str) else value
+    lowest, highest = RANGES[kind]
+    try:
+        numbers = np.array([float(part) if not isinstance(part, str) else _number(part) for part in parts])
+        if numbers.shape == (3,) and ((numbers >= lowest) & (numbers <= highest)).all():
+            return numbers
+    except (TypeError, ValueError):
+        pass
+    limits = ", ".join(f"{low:g} to {high:g}" for low, high in zip(lowest, highest, strict=True))
+    raise DataError(f"{where} has the {kind} color {value!r:.200}.", f"Give three numbers: {limits}.")
+
+
+def _split(text: str) -> list[str]:
+    """Numbers apart: by spaces or semicolons, so that their commas may be decimal ones; else by commas."""
+    parts = text.replace(";", " ").split()
+    return [part.rstrip(",") for part in parts] if len(parts) > 1 else text.split(",")
+
+
+def _number(text: str) -> float:
+    return float(text.strip().replace(",", "."))
+
+
+def _has_all(row: dict[str, Any], columns: tuple[str, ...]) -> bool:
+    return all(str(row.get(column, "")).strip() for column in columns)

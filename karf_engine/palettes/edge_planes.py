@@ -1,0 +1,150 @@
+"""Edit planes whose objects' edges an edit has moved and faded. Numpy alone.
+
+Naming as in `compositing`. An object's share of a pixel is painted by the weights of its own color there. A pixel of
+coverage c shows c own + (1 - c) beside; where it gets c' > c, the object's own color in it becomes what it shows then:
+(c own + (c' - c) beside) / c'. So a rim of the object that was taken for the background changes as the object does, and
+a true background little, as it has few of the object's colors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from .edge_shape import EdgeShape, box_of, grown_box, shaped, shaped_edges
+from .palette import Palette
+from .star import plain_hull, star_of, weights_in
+
+FULL = 1 - 1 / 64  # coverage above which nothing is left that could be newly covered
+
+
+class ObjectEdge:
+    """An object in a picture, whose edge can be given any shape, any number of times.
+
+    Args:
+        base: The picture without the edit, uint8 [H, W, 3], or float sRGB in [0, 1].
+        weights: [M, H, W], entry's shares, coverage included.
+        coverage: [H, W] in [0, 1].
+        room: [H, W], what other objects leave of each pixel.
+        palette: [M, 3] as learned.
+        scale: Pixels of this picture for one of the photo at its full size.
+    """
+
+    def __init__(
+        self,
+        base: np.ndarray,
+        weights: np.ndarray,
+        coverage: np.ndarray,
+        room: np.ndarray,
+        palette: np.ndarray,
+        scale: float,
+    ) -> None:
+        self._base, self._room, self._scale = base, room, scale
+        self._palette = np.asarray(palette, np.float32)
+        self._coverage = np.asarray(coverage, np.float32)
+        self._box = box_of(self._coverage > 0) or (slice(0, 0), slice(0, 0))
+        self._weights = weights[:, *self._box].astype(np.float32)
+        self._star = star_of(self._palette, plain_hull)
+        # weights of what lies beside the object, by pixel, and where they are known
+        self._beside = np.zeros((self._coverage.size, len(self._palette)), np.float32)
+        self._is_known = np.zeros(self._coverage.size, bool)
+
+    def shaped(self, shape: EdgeShape) -> tuple[tuple[slice, slice], np.ndarray, np.ndarray]:
+        """The object with an edge of this shape.
+
+        Returns:
+            Rows and columns of the box outside which it is not; in it the weights [M, h, w], and the coverage [h, w], both
+            float32.
+        """
+        place = grown_box(self._box, shape.reach(self._scale), self._coverage.shape)
+        before = self._coverage[place]
+        after = shaped(before, shape, self._scale, self._room[place])
+        kept = np.divide(np.minimum(before, after), before, out=np.ones_like(before), where=before > 0)
+        weights = np.zeros((len(self._weights), *before.shape), np.float32)
+        inner = tuple(
+            slice(own.start - each.start, own.stop - each.start) for own, each in zip(self._box, place, strict=True)
+        )
+        np.multiply(self._weights, kept[inner], out=weights[:, *inner])
+        self._grow(weights.reshape(len(weights), -1), place, before.ravel(), after.ravel())
+        return place, weights, after
+
+    def _grow(self, weights: np.ndarray, place: tuple[slice, slice], before: np.ndarray, after: np.ndarray) -> None:
+        """Change the weights [M, n] of the pixels of a place, in place, where their coverage [n] grows."""
+        width, columns = self._coverage.shape[1], place[1]
+        rows, left = np.divmod(np.flatnonzero((after > before) & (before < FULL)), columns.stop - columns.start)
+        chosen = rows * (columns.stop - columns.start) + left
+        pixels = (rows + place[0].start) * width + left + columns.start
+        is_new = before[chosen] == 0
+        weights[:, chosen[is_new]] = after[chosen[is_new]] * self._weights_beside(pixels[is_new]).T
+        mixed = chosen[~is_new]
+        weights[:, mixed] = self._grown(pixels[~is_new], weights[:, mixed], before[mixed], after[mixed])
+
+    def _colors(self, pixels: np.ndarray) -> np.ndarray:
+        """Colors [n, 3] of pixels of the picture, by running number."""
+        colors = self._base.reshape(-1, 3)[pixels]
+        return colors / np.float32(255) if colors.dtype == np.uint8 else colors
+
+    def _weights_beside(self, pixels: np.ndarray) -> np.ndarray:
+        """Weights [n, M] of what pixels show that the object does not cover: found once for each."""
+        unknown = pixels[~self._is_known[pixels]]
+        self._beside[unknown] = weights_in(self._star, self._colors(unknown), len(self._palette))
+        self._is_known[unknown] = True
+        return self._beside[pixels]
+
+    def _grown(self, pixels: np.ndarray, weights: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """Weights [M, n] of mixed pixels whose coverage [n] grows, from those that they had."""
+        own = weights.T @ self._palette
+        beside = np.clip((self._colors(pixels) - own) / (1 - before)[:, None], 0, 1)
+        grown = own + (after - before)[:, None] * beside
+        # as a change of what there was: the weights of a rendering are no function of its colors
+        now, then = (
+            part * weights_in(self._star, color / part[:, None], len(self._palette)).T
+            for color, part in ((grown, after), (own, before))
+        )
+        return np.maximum(weights + now - then, 0)
+
+
+def reshaped(
+    base: np.ndarray,
+    weights: np.ndarray,
+    probabilities: np.ndarray,
+    palettes: Sequence[Palette],
+    edges: Mapping[str, EdgeShape],
+    scale: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Weights and probabilities of a picture with the edges that an edit wants.
+
+    Args:
+        base: The picture without the edit, uint8 [H, W, 3], or float sRGB in [0, 1].
+        weights: [K, M, H, W].
+        probabilities: [K, H, W].
+        palettes: Of the K objects, as learned.
+        edges: By object; those without one stay as they are.
+        scale: Pixels of this picture for one of the photo at its full size.
+
+    Returns:
+        Both anew; where no edge is to change, those that were given.
+
+    Examples:
+        A pot in the right half of a red picture grows by a pixel:
+
+        >>> pot = Palette("pot", np.array([[0, 0, 0], [1, 0, 0]]))
+        >>> coverage = np.array([[[0, 0, 1, 1]]], np.float32)
+        >>> base = np.array([[[255, 0, 0]] * 4], np.uint8)
+        >>> weights = np.stack([0 * coverage, coverage], axis=1)
+        >>> weights, coverage = reshaped(base, weights, coverage, [pot], {"pot": EdgeShape(choke=-1)}, 1.0)
+        >>> weights[0, :, 0].tolist()
+        [[0.0, 0.0, 0.0, 0.0], [0.0, 1.0, 1.0, 1.0]]
+    """
+    edges = shaped_edges(edges)
+    if not edges:
+        return weights, probabilities
+    result, coverages, total = weights.copy(), probabilities.copy(), probabilities.sum(axis=0, dtype=np.float32)
+    for k, palette in enumerate(palettes):
+        if palette.name in edges:
+            count, room = len(palette.colors), 1 - (total - probabilities[k])
+            edge = ObjectEdge(base, weights[k, :count], probabilities[k], room, palette.colors, scale)
+            place, planes, coverage = edge.shaped(edges[palette.name])
+            result[k, :count, *place], coverages[k, *place] = planes, coverage
+    return result, coverages

@@ -1,0 +1,195 @@
+"""Colors with names in files of other programs: GIMP's `.gpl`, Adobe's swatch exchange `.ase` and color book `.acb`.
+
+Hand-written by the published descriptions of the formats, because Blender's Python has no reader of them: of GIMP's
+manual; of Olivier Berten's list of palette formats; of Ates Goral's "Unofficial Photoshop Color Book File Format
+Specification". Adobe's Lab has the white D50 of ICC profiles; it becomes ours.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import DataError
+from ..io.color import lab_d50_to_d65, lab_to_srgb
+from ..io.inputs import check_file
+
+MOST_BYTES = 4 << 20  # several times the largest book of a printing ink's maker
+GPL_HEAD = "GIMP Palette"
+ASE_HEAD = b"ASEF\0\1\0\0"  # signature of a file of version 1.0
+ASE_GROUP, ASE_END, ASE_COLOR = 0xC001, 0xC002, 0x0001  # kinds of blocks
+ASE_MODELS = {b"RGB ": 3, b"Gray": 1, b"LAB ": 3}  # color models that are read, and how many numbers each has
+ACB_HEAD = b"8BCB"
+ACB_RGB, ACB_CMYK, ACB_LAB = 0, 2, 7  # color spaces
+ACB_SPACES = {1: "HSB", ACB_CMYK: "CMYK", 8: "gray"}  # those that are not read
+AGAIN = "Export the file again."
+
+
+class NamedColor(NamedTuple):
+    """A color of a palette file: its name; and sRGB [3], float32 in [0, 1] or, of a file in Lab, float64, not clipped."""
+
+    name: str
+    color: np.ndarray
+
+
+def read_named_colors(path: Path) -> list[NamedColor]:
+    """The colors of a `.gpl`, `.ase` or `.acb` file, by its suffix, in their order.
+
+    Raises:
+        DataError: The file is missing, damaged or too large, or has colors of another model than RGB, gray and Lab.
+
+    Examples:
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = Path(folder) / "pots.gpl"
+        ...     _ = path.write_text("GIMP Palette\\n255 51 0\\tSignal\\n")
+        ...     [(each.name, each.color.tolist()) for each in read_named_colors(path)]
+        [('Signal', [1.0, 0.20000000298023224, 0.0])]
+    """
+    check_file(path, MOST_BYTES)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise DataError(
+            "{path} cannot be read: {reason}.", "Check the file.", path=path, reason=error.strerror
+        ) from error
+    return READERS[path.suffix.lower()](path, data)
+
+
+# --- .gpl: text, a color a line ------------------------------------------------------------------------------------
+def _read_gpl(path: Path, data: bytes) -> list[NamedColor]:
+    lines = data.decode("utf-8-sig", errors="replace").splitlines()
+    if not lines or lines[0].strip() != GPL_HEAD:
+        raise DataError(f"{path} is not a GIMP palette: its first line is not {GPL_HEAD!r}.", AGAIN)
+    entries = []
+    for number, line in enumerate(lines[1:], 2):
+        if not line.strip() or line.startswith(("#", "Name:", "Columns:")):
+            continue
+        match = re.fullmatch(r"\s*(\d{1,3})\s+(\d{1,3})\s+(\d{1,3})(?:\s+(.*))?", line, re.ASCII)
+        values = [int(value) for value in match.groups()[:3]] if match else [256]
+        if max(values) > 255:
+            raise DataError(
+                f"{path} line {number} is not a color: {line!r:.100}.", "Write: red green blue name, 0 to 255."
+            )
+        entries.append(NamedColor((match[4] or "").strip(), np.array(values, np.float32) / np.float32(255)))
+    return entries
+
+
+# --- .ase: blocks of big-endian numbers and UTF-16 names --------------------------------------------------------------
+def _read_ase(path: Path, data: bytes) -> list[NamedColor]:
+    if data[:6] != ASE_HEAD[:6]:
+        raise DataError(f"{path} is not a swatch exchange file: it does not begin with ASEF.", AGAIN)
+    try:
+        return [_ase_color(path, content) for kind, content in _ase_blocks(data) if kind == ASE_COLOR]
+    except struct.error as error:
+        raise DataError(f"{path} (swatches) is damaged: {error}.", AGAIN) from error
+
+
+def _ase_blocks(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Kind and content of each block. Raises struct.error where the file ends before a block does."""
+    (count,) = struct.unpack_from(">I", data, len(ASE_HEAD))
+    position = len(ASE_HEAD) + 4
+    for _ in range(count):
+        kind, length = struct.unpack_from(">HI", data, position)
+        content = data[position + 6 : position + 6 + length]
+        if len(content) < length:
+            raise struct.error("a block ends behind the file's end")
+        yield kind, content
+        position += 6 + length
+
+
+def _ase_color(path: Path, content: bytes) -> NamedColor:
+    """The color of a block. Raises struct.error where it is too short, DataError where the color cannot be read."""
+    (length,) = struct.unpack_from(">H", content)
+    name = content[2 : 2 + 2 * length].decode("utf-16-be", errors="replace").rstrip("\0").strip()
+    (model,) = struct.unpack_from(">4s", content, 2 + 2 * length)
+    if model not in ASE_MODELS:
+        shown = model.decode("ascii", errors="replace").strip()
+        raise DataError(
+            f"{path} has the color {name!r:.100} as {shown}, not as RGB or Lab.", "Export it with RGB or Lab swatches."
+        )
+    values = np.array(struct.unpack_from(f">{ASE_MODELS[model]}f", content, 6 + 2 * length), np.float32)
+    if model == b"LAB ":
+        return NamedColor(name, _from_adobe(path, name, values * [100, 1, 1]))
+    if not ((values >= 0) & (values <= 1)).all():
+        raise DataError(f"{path} has the color {name!r:.100} outside 0 to 1.", AGAIN)
+    return NamedColor(name, np.broadcast_to(values, 3).copy())
+
+
+def _from_adobe(path: Path, name: str, lab: np.ndarray) -> np.ndarray:
+    """sRGB [3] of Lab with the white D50. Raises DataError where it is no color."""
+    if not ((lab >= [0, -128, -128]) & (lab <= [100, 128, 128])).all():
+        raise DataError(f"{path} has the color {name!r:.100} outside L* 0 to 100, a* and b* -128 to 128.", AGAIN)
+    return lab_to_srgb(lab_d50_to_d65(lab))
+
+
+# --- .acb: a header, then a color after the other; all numbers are big-endian -----------------------------------------
+class _Bytes:
+    """What is read of a color book so far. Raises struct.error where the file ends too early."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data, self._position = data, len(ACB_HEAD)
+
+    def numbers(self, form: str) -> tuple[int, ...]:
+        values = struct.unpack_from(f">{form}", self._data, self._position)
+        self._position += struct.calcsize(f">{form}")
+        return values
+
+    def text(self) -> str:
+        """A string: its length in units of two bytes, then UTF-16. Of a translated one, `$$$/key=text`, its text."""
+        (length,) = self.numbers("I")
+        end = self._position + 2 * length
+        if end > len(self._data):
+            raise struct.error("a text ends behind the file's end")
+        text = self._data[self._position : end].decode("utf-16-be", errors="replace").rstrip("\0")
+        self._position = end
+        if text.startswith("$$$"):
+            text = text.partition("=")[2]
+        return text.replace("^R", "\u00ae").replace("^C", "\u00a9")
+
+
+def _read_acb(path: Path, data: bytes) -> list[NamedColor]:
+    if data[:4] != ACB_HEAD:
+        raise DataError(f"{path} is not a color book: it does not begin with 8BCB.", "Choose an Adobe color book.")
+    try:
+        return _acb_colors(path, _Bytes(data))
+    except struct.error as error:
+        raise DataError(f"{path} (color book) is damaged: {error}.", "Copy the file again.") from error
+
+
+def _acb_colors(path: Path, book: _Bytes) -> list[NamedColor]:
+    version, _identifier = book.numbers("HH")
+    if version != 1:
+        raise DataError(f"{path} is a color book of version {version}; only version 1 is known.", "Save it as .ase.")
+    _title, prefix, suffix, _description = (book.text() for _ in range(4))
+    count, _page_size, _page_offset, space = book.numbers("HHHH")
+    if space == ACB_CMYK:
+        raise DataError(
+            f"{path} is a color book in CMYK: which colors these are depends on a printer's profile.",
+            "Choose the maker's book in Lab or RGB.",
+        )
+    if space not in (ACB_RGB, ACB_LAB):
+        kind = ACB_SPACES.get(space, f"color space {space}")
+        raise DataError(f"{path} is a color book in {kind}, not in RGB or Lab.", "Choose one in Lab or RGB.")
+    colors = []
+    for _ in range(count):
+        name, _code = book.text(), book.numbers("6s")
+        values = np.array(book.numbers("3B"), np.float32)
+        if name:  # one without is a gap on its page
+            full = f"{prefix}{name}{suffix}"
+            colors.append(NamedColor(full, _acb_color(path, full, values, space)))
+    return colors
+
+
+def _acb_color(path: Path, name: str, values: np.ndarray, space: int) -> np.ndarray:
+    if space == ACB_LAB:
+        return _from_adobe(path, name, values * [100 / 255, 1, 1] - [0, 128, 128])
+    return values / np.float32(255)
+
+
+READERS = {".gpl": _read_gpl, ".ase": _read_ase, ".acb": _read_acb}

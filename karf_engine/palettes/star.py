@@ -1,0 +1,182 @@
+"""A palette's star: its hull cut into simplices that join black to a facet, and weights of colors in it. Numpy alone.
+
+Naming: palette [M, 3] with black as entry 0; in the span of the palette (rank r = 1, 2 or 3) a facet of its hull has r
+corners. The engine finds hulls with scipy (`extraction.barycentric_weights`), Blender, which has none, by `plain_hull`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+FLAT = 1e-5  # extent, in units of color, below which a palette has no thickness in a direction
+ON_FACET = 1e-7  # height above a plane up to which a point is in it
+SLIVER = 1e-8  # cone volume below which neighbors cover the cone
+CHUNK = 16384  # colors processed at a time: the scratch arrays stay in a core's cache
+
+Hull = tuple[np.ndarray, np.ndarray, np.ndarray]  # facets [F, r], outward normals [F, r], offsets [F]
+
+
+@dataclass(frozen=True)
+class Star:
+    """A palette's hull in its own span, of rank r, with F facets, of which G make cones with black, and E edges.
+
+    Attributes:
+        span: [3, r] orthonormal columns.
+        points: [M, r] palette in the span.
+        facets: [F, r] int, palette indices of the hull's facets.
+        normals: [F, r], outward.
+        offsets: [F], with normals @ x + offsets <= 0 inside.
+        cones: [G, r] int, facets that do not lie in a plane with black.
+        to_cone: [G, r, r]; x @ to_cone gives the weights of the facet's corners.
+        edges: [E, 2] int, palette indices of the hull's edges.
+    """
+
+    span: np.ndarray
+    points: np.ndarray
+    facets: np.ndarray
+    normals: np.ndarray
+    offsets: np.ndarray
+    cones: np.ndarray
+    to_cone: np.ndarray
+    edges: np.ndarray
+
+
+def star_of(palette: np.ndarray, find_hull: Callable[[np.ndarray], Hull]) -> Star | None:
+    """The star tessellation of a palette.
+
+    Args:
+        palette: [M, 3] sRGB in [0, 1], entry 0 black.
+        find_hull: The hull of points [M, r], r = 2 or 3.
+
+    Returns:
+        None where every entry is black.
+
+    Example:
+        >>> np.sort(star_of(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), plain_hull).cones).tolist()
+        [[1, 2]]
+    """
+    palette = np.asarray(palette, np.float64)
+    axes = np.linalg.svd(palette, full_matrices=False)[2]
+    extent = np.abs(palette @ axes.T).max(axis=0)
+    span = axes[extent > FLAT].T
+    rank = span.shape[1]
+    if rank == 0:
+        return None
+    points = palette @ span
+    if rank == 1:
+        end = int(np.abs(points).argmax())
+        facets = np.array([[end], [0]])
+        normals = np.array([[1.0], [-1.0]]) * np.sign(points[end])
+        offsets = np.array([-abs(points[end, 0]), 0.0])
+        edges = np.array([[0, end]])
+    else:
+        facets, normals, offsets = find_hull(points)
+        pairs = [facets[:, pair] for pair in ([0, 1], [0, 2], [1, 2])[: 1 if rank == 2 else 3]]
+        edges = np.unique(np.sort(np.concatenate(pairs), axis=1), axis=0)
+    volume = np.abs(np.linalg.det(points[facets]))
+    cones = facets[(volume > SLIVER) & ~(facets == 0).any(axis=1)]
+    return Star(span, points, facets, normals, offsets, cones, np.linalg.inv(points[cones]), edges)
+
+
+def plain_hull(points: np.ndarray) -> Hull:
+    """The hull of few points [M, r], r = 2 or 3, that span their space: all sets of r that have the others on one side.
+
+    Where more than r points lie in one plane, all sets of r of them are facets.
+
+    Examples:
+        >>> facets, normals, offsets = plain_hull(np.array([[0, 0], [1, 0], [0, 1], [0.2, 0.2]]))
+        >>> facets.tolist(), (-offsets).round(2).tolist()[2]
+        ([[0, 1], [0, 2], [1, 2]], 0.71)
+    """
+    rank = points.shape[1]
+    facets = np.array(list(combinations(range(len(points)), rank)))
+    sides = points[facets[:, 1:]] - points[facets[:, :1]]
+    normals = np.cross(sides[:, 0], sides[:, 1]) if rank == 3 else sides[:, 0] @ np.array([[0.0, -1.0], [1.0, 0.0]])
+    length = np.linalg.norm(normals, axis=1)
+    normals = np.divide(normals, length[:, None], out=np.zeros_like(normals), where=length[:, None] > FLAT**2)
+    heights = normals @ points.T
+    offsets = -np.take_along_axis(heights, facets[:, :1], axis=1)[:, 0]
+    heights += offsets[:, None]
+    is_behind = heights.max(axis=1) <= ON_FACET
+    is_facet = (length > FLAT**2) & (is_behind | (heights.min(axis=1) >= -ON_FACET))
+    sign = np.where(is_behind, 1.0, -1.0)[is_facet]
+    return facets[is_facet], normals[is_facet] * sign[:, None], offsets[is_facet] * sign
+
+
+def weights_in(star: Star | None, colors: np.ndarray, count: int) -> np.ndarray:
+    """Weights [n, M] float32 of colors [n, 3] in a star of `count` = M entries (None: all black).
+
+    Examples:
+        >>> star = star_of(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), plain_hull)
+        >>> weights_in(star, np.array([[0.5, 0.25, 0.0]]), 3).tolist()
+        [[0.25, 0.5, 0.25]]
+    """
+    colors = np.asarray(colors)
+    weights = np.zeros((len(colors), count), np.float32)
+    if star is None:
+        weights[:, 0] = 1
+        return weights
+    for start in range(0, len(colors), CHUNK):
+        chunk = slice(start, start + CHUNK)
+        weights[chunk] = _weights(star, to_hull(star, colors[chunk] @ star.span)[0])
+    return weights
+
+
+def _weights(star: Star, points: np.ndarray) -> np.ndarray:
+    """Weights [n, M] of points [n, r] of the hull."""
+    # [G, n, r]: as mixes of each cone's corners; the cone that holds the point is the one without negative parts
+    mixes = points @ star.to_cone
+    cone = mixes.min(axis=2).argmax(axis=0)
+    rows = np.arange(len(points))
+    mix = np.maximum(mixes[cone, rows], 0)
+    # rounding may carry a point of the hull's face past it
+    mix /= np.maximum(mix.sum(axis=1), 1)[:, None]
+    weights = np.zeros((len(points), len(star.points)))
+    weights[rows[:, None], star.cones[cone]] = mix
+    weights[:, 0] = 1 - mix.sum(axis=1)
+    return np.maximum(weights, 0)
+
+
+def to_hull(star: Star, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The hull's nearest point to each of points [n, r], and the squared distance [n]."""
+    heights = points @ star.normals.T + star.offsets
+    outside = np.flatnonzero(heights.max(axis=1) > 0)
+    moved, squared = points.copy(), np.zeros(len(points))
+    if len(outside):
+        moved[outside], squared[outside] = _to_edges(star, points[outside])
+        if star.points.shape[1] == 3:
+            _to_faces(star, points, heights, outside, moved, squared)
+    return moved, squared
+
+
+def _to_edges(star: Star, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Nearest point of any edge of the hull, and the squared distance."""
+    start = star.points[star.edges[:, 0]]
+    along = star.points[star.edges[:, 1]] - start
+    length = (along**2).sum(axis=1)
+    along_point = points @ along.T - (start * along).sum(axis=1)
+    share = np.clip(along_point / length, 0, 1)
+    from_start = (points**2).sum(axis=1)[:, None] - 2 * points @ start.T + (start**2).sum(axis=1)
+    squared = from_start - share * (2 * along_point - share * length)
+    best = squared.argmin(axis=1)
+    rows = np.arange(len(points))
+    nearest = start[best] + share[rows, best][:, None] * along[best]
+    return nearest, ((points - nearest) ** 2).sum(axis=1)
+
+
+def _to_faces(
+    star: Star, points: np.ndarray, heights: np.ndarray, outside: np.ndarray, moved: np.ndarray, squared: np.ndarray
+) -> None:
+    """Replace moved and squared, in place, by the foot point on a face where that is inside the face and nearer."""
+    for face, normal in enumerate(star.normals):
+        above = outside[heights[outside, face] > 0]
+        above = above[heights[above, face] ** 2 < squared[above]]
+        foot = points[above] - heights[above, face][:, None] * normal
+        # the foot is on the hull where no other facet has it outside
+        lies = (foot @ star.normals.T + star.offsets).max(axis=1, initial=-np.inf) < 1e-9
+        above, foot = above[lies], foot[lies]
+        moved[above], squared[above] = foot, heights[above, face] ** 2
