@@ -28,8 +28,8 @@ def edit_option(scene: bpy.types.Scene) -> dict[str, Any] | None:
 
 
 def apply_edit(scene: bpy.types.Scene, edit: Edit, is_whole: bool = False) -> None:
-    """Set the swatches and edges to an edit of these objects, added colors among them. Objects that it leaves out and
-    locked swatches stay, merged ones follow; where the edit is a whole state, all are set to what it says."""
+    """Set the swatches and edges to an edit of these objects, added colors among them. Objects that it leaves out and locked
+    swatches stay, merged ones follow; where the edit is a whole state, all are set to what it says."""
     with batched(scene), groups.apart() if is_whole else nullcontext():
         scene.karf.compositing = edit.compositing
         for name, wanted in edit.colors.items():

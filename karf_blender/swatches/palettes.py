@@ -219,7 +219,12 @@ def _keep_look(
 ) -> None:
     """Write a look to a new edit file where colors of it have no place in the new palettes, and say so. Raises DataError
     where it cannot be written."""
-    lost = [item for item, edited in edit.colors.items() if _changed(edited, before[item]) - set(matches[item])]
+    more = {*edit.added, *edit.edges}
+    lost = [
+        item
+        for item, edited in edit.colors.items()
+        if _changed(edited, before[item]) - set(matches[item]) or (item in more and not matches[item])
+    ]
     if lost:
         file = _write_kept(scene, edit, f"-{file_name(name)}")
         progress.warn(

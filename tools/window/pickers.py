@@ -27,7 +27,19 @@ def color_of(name: str, index: int) -> tuple[float, ...]:
 
 def drag_swatch(story: Story, name: str, index: int, steps: int, angle: tuple[int, int]) -> Generator[float, None, int]:
     """Open a swatch's picker, drag in its wheel, close it; returns how many pictures were seen on the way."""
-    start = yield from open_picker(name, index)
+    before = color_of(name, index)
+    for is_right in (None, True, False):
+        seen = yield from _drag(story, name, index, steps, angle, is_right)
+        if color_of(name, index) != before:
+            break  # else the picker was at the other side of where it was looked for, and closed
+    return seen
+
+
+def _drag(
+    story: Story, name: str, index: int, steps: int, angle: tuple[int, int], is_right: bool | None
+) -> Generator[float, None, int]:
+    """The same where the picker is looked for at one side alone, see `open_picker`."""
+    start = yield from open_picker(name, index, is_right)
     seen = set()
     hands.send("LEFTMOUSE", "PRESS", start)
     yield hands.PAUSE
@@ -42,10 +54,11 @@ def drag_swatch(story: Story, name: str, index: int, steps: int, angle: tuple[in
     return len(seen)
 
 
-def open_picker(name: str, index: int) -> Generator[float, None, hands.Place]:
+def open_picker(name: str, index: int, is_right: bool | None = None) -> Generator[float, None, hands.Place]:
     """Open a swatch's picker; returns the middle of its wheel, where the mouse is then.
 
-    The picker lies above the swatch, both left edges in line, or the right ones where the window ends before.
+    The picker lies above the swatch, both left edges in line, or the right ones where the window ends before (None);
+    within some pixels of that only Blender knows.
     """
     field = yield from hands.find(acts.SIDEBAR, swatch(name, index), 0.2)
     ends = []
@@ -54,7 +67,9 @@ def open_picker(name: str, index: int) -> Generator[float, None, hands.Place]:
     (left, _), (right, _), (_, top) = ends
     yield from hands.click(field)
     yield 0.3
-    start = left if right + PICKER < hands.window().width else right - PICKER
+    if is_right is None:
+        is_right = right + PICKER >= hands.window().width
+    start = right - PICKER if is_right else left
     middle = start + WHEEL[0], top + WHEEL[1]
     yield from hands.move(middle)
     return middle

@@ -72,6 +72,16 @@ def test_added_colors_come_and_go_with_their_look(bpy, addon, two):
     assert all_colors(addon, two) == with_added
 
 
+def test_edges_of_objects_are_of_the_look_too(bpy, addon, two):
+    two.karf.objects["pot"].feather = 4.0
+    assert addon.looks.is_changed(two)
+    addon.headless.keep_look("soft")
+    bpy.ops.karf.choose_look(name="A")
+    assert two.karf.objects["pot"].feather == 0
+    bpy.ops.karf.flip_looks()
+    assert two.karf.objects["pot"].feather == 4.0
+
+
 def test_a_look_is_marked_once_the_swatches_have_moved_on(bpy, addon, two):
     assert not addon.looks.is_changed(two)
     addon.headless.set_swatch("pot", 1, RED)
