@@ -199,6 +199,8 @@ KINDS = {
     "focal length": kind(9.0, wrong_type=["9", None, [9]], NaN=[NAN, np.inf], empty=[0.0], negative=[-1.0]),
     "coordinate": kind(4.0, wrong_type=["4", None, [4]], NaN=[NAN, np.inf]),
     "reach": kind(0.5, wrong_type=["1", None, [1]], NaN=[NAN, np.inf], empty=[0.0], negative=[-1.0]),
+    "factor": kind(0.5, wrong_type=["1", None, [1]], NaN=[NAN, np.inf], negative=[-1.0], too_large=[99.0]),
+    "stops": kind(0.5, wrong_type=["1", None, [1]], NaN=[NAN, np.inf], too_large=[99.0, -99.0]),
     "bandwidth": kind("eq5", wrong_type=[None, [1]], NaN=[NAN, np.inf], empty=["", 0.0], missing=["typo"], negative=[-1.0]),
     "distortion": kind((), wrong_type=["k", None, 3, ("k",)], NaN=[(NAN,)]),
     "bounds": kind((1.0, 2.0), wrong_type=[3, "12", (1.0,), ("1", "2")], NaN=[(NAN, 1.0)], swapped=[(2.0, 1.0)]),
@@ -370,6 +372,7 @@ ROWS: dict[str, dict[str, str]] = {
     "ProjectEdit.becomes": row(name="object", source="color", target="color", rule="rule", also="pairs"),
     "ProjectEdit.add_color": row(name="object", picked="color", wanted="color", reach="reach"),
     "ProjectEdit.swatch": row(name="object", index="swatch", color="color"),
+    "ProjectEdit.surface": row(name="object", index="swatch", saturation="factor", brightness="stops", gloss="factor"),
     "ProjectEdit.save": row(path="new edit file"),
     "PhotoView": row(photo="stored photo", orientation="orientation", objects="objects", mattes="mattes", palettes="palettes"),
     "PhotoView.recolored": row(edit="edit"),
@@ -491,7 +494,8 @@ def _neighbors(kinds: Mapping[str, str]) -> list[tuple[str, str]]:
     pairs = zip(kinds, list(kinds)[1:], strict=False)
     alike = {frozenset(("length", "maybe length")), frozenset(("width", "octaves")), frozenset(("width", "width or 0")),
              frozenset(("focal length", "coordinate")), frozenset(("view name", "new mask")), frozenset(("width", "centers")),
-             frozenset(("text", "values")), frozenset(("bandwidth tensor", "bias")), frozenset(("path", "text"))}  # fmt: skip
+             frozenset(("text", "values")), frozenset(("bandwidth tensor", "bias")), frozenset(("path", "text")),
+             frozenset(("factor", "stops"))}  # fmt: skip
     return [(a, b) for a, b in pairs if kinds[a] != kinds[b] and frozenset((kinds[a], kinds[b])) not in alike
             and "group" not in (kinds[a], kinds[b])]  # fmt: skip
 
