@@ -52,6 +52,7 @@ from ..karf_engine.palettes.matching.becomes import (
 )
 from ..karf_engine.palettes.matching.painted import ObjectMatch, match_picture
 from ..karf_engine.palettes.matching.paints import reflection_target
+from ..karf_engine.palettes.matching.surface import MOST_BRIGHTNESS, MOST_FACTOR, Surface, match_surface
 from ..karf_engine.palettes.object_colors import ColorHistogram, read_object_colors
 from ..karf_engine.palettes.palette import (
     BRIGHTEST,
@@ -102,6 +103,8 @@ __all__ = [
     "ERROR",
     "LOG_FILE",
     "MOST_ADDED",
+    "MOST_BRIGHTNESS",
+    "MOST_FACTOR",
     "MOST_REACH",
     "OK",
     "PRESETS",
@@ -140,6 +143,7 @@ __all__ = [
     "Request",
     "ScenePoints",
     "SparsePoints",
+    "Surface",
     "SwatchPicture",
     "View",
     "Volume",
@@ -166,6 +170,7 @@ __all__ = [
     "match_dragged",
     "match_fewest",
     "match_picture",
+    "match_surface",
     "mean_weights",
     "nearest_weights",
     "observed_points",

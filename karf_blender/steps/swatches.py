@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import bpy
 import numpy as np
 
-from ..engine_api import MOST_ADDED, REACH, AddedColor, BadRequest, hex_to_rgb, rgb_to_hex, srgb_to_lab
-from ..swatches import colors, edits, groups, keyframes, shown
+from ..engine_api import MOST_ADDED, REACH, AddedColor, BadRequest, Surface, hex_to_rgb, rgb_to_hex, srgb_to_lab
+from ..swatches import colors, edits, groups, keyframes, shown, surfaces
 
 Swatch = tuple[str, int]
 Color = str | Sequence[float]  # sRGB in [0, 1], or "#rrggbb"
@@ -25,6 +25,32 @@ def set_swatch(scene: bpy.types.Scene, object_name: str, index: int, color: Colo
     """
     with shown.batched(scene):
         edits.set_color(scene, object_name, index, rgb_of(color))
+
+
+def set_surface(
+    scene: bpy.types.Scene,
+    object_name: str,
+    index: int,
+    saturation: float = 1.0,
+    brightness: float = 0.0,
+    gloss: float = 1.0,
+) -> None:
+    """Give the paint of one swatch, and of those linked to it, another surface; colors that were chosen stay.
+
+    Args:
+        scene: The scene.
+        object_name: The object's.
+        index: The swatch's number.
+        saturation: 0 to 4; 0 is gray, 1 as it is.
+        brightness: Of the mid-tones, -2 to 2; 0 is as it is.
+        gloss: Strength of the highlights, 0 to 4; 0 is matte, 1 as it is.
+
+    Raises:
+        BadRequest: There is no such swatch, it is locked, or a value is out of range.
+    """
+    swatch, surface = edits.unlocked(scene, object_name, index), Surface(saturation, brightness, gloss)
+    with shown.batched(scene):
+        surfaces.put(swatch, surface)
 
 
 def link_swatches(scene: bpy.types.Scene, one: Swatch, other: Swatch) -> None:

@@ -130,7 +130,7 @@ def test_two_swatches_of_one_paint_without_gloss_take_it_once():
 
 def test_a_paint_that_the_object_does_not_show_changes_nothing():
     colors = sphere(RED, 0)
-    reached, palette, edited = after(colors, {2: Surface(saturation=0)}, (RED, np.array([0.0, 1.0, 0.0])))
+    reached, _, _ = after(colors, {2: Surface(saturation=0)}, (RED, np.array([0.0, 1.0, 0.0])))
     np.testing.assert_allclose(reached, colors, atol=0.01)
 
 

@@ -21,7 +21,7 @@ from ...io.color import linear_to_srgb, srgb_to_linear
 from .fitting import match_pixels
 from .paints import pigment_gate, split_light
 
-MOST = 4.0  # highest saturation and gloss
+MOST_FACTOR = 4.0  # highest saturation and gloss
 MOST_BRIGHTNESS = 2.0
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB, Rec. 709
 LIT = 0.98  # share of a paint that is no lighter than its lit parts
@@ -58,7 +58,7 @@ class Surface:
     def __post_init__(self) -> None:
         check_fields(self)
         for name in ("saturation", "gloss"):
-            check_number(name, getattr(self, name), 0.0, MOST)
+            check_number(name, getattr(self, name), 0.0, MOST_FACTOR)
         check_number("brightness", self.brightness, -MOST_BRIGHTNESS, MOST_BRIGHTNESS)
 
     @property
@@ -138,8 +138,7 @@ def surface_target(colors: np.ndarray, counts: np.ndarray, gate: np.ndarray, sur
     change = (_bent(shading, 1 / paint.max(), surface.brightness) - shading)[:, None] * paint
     change += (surface.gloss - 1) * _gloss_color(light, paint, shading, gloss, counts)
     result = np.maximum(light + change, 0)
-    gray = (result @ LUMINANCE)[:, None]
-    result = gray + surface.saturation * (result - gray)
+    result = _saturated(result, surface.saturation)
     return np.clip(linear_to_srgb(np.maximum(light + gate[:, None] * (result - light), 0)), 0, 1)
 
 
@@ -157,6 +156,15 @@ def _paint(light: np.ndarray, weights: np.ndarray) -> np.ndarray:
     return mean / (mean @ LUMINANCE)
 
 
+def _saturated(light: np.ndarray, factor: float) -> np.ndarray:
+    """Light [n, 3] with the distance to the gray of its luminance multiplied; up to the rim of what a picture can show, as
+    a channel that is cut off would change the luminance."""
+    gray = (light @ LUMINANCE)[:, None]
+    chroma = light - gray
+    room = np.where(chroma > 0, 1 - gray, gray) / np.maximum(np.abs(chroma), 1e-9)
+    return gray + np.minimum(factor, np.maximum(room.min(axis=1, keepdims=True), 1)) * chroma
+
+
 def _bent(shading: np.ndarray, white: float, stops: float) -> np.ndarray:
     """The shading [n] along a curve through 0 and `white`, which at 0 is as steep as so many f-stops."""
     steep = 2.0**stops
@@ -166,12 +174,13 @@ def _bent(shading: np.ndarray, white: float, stops: float) -> np.ndarray:
 def _gloss_color(
     light: np.ndarray, paint: np.ndarray, shading: np.ndarray, gloss: np.ndarray, counts: np.ndarray
 ) -> np.ndarray:
-    """What gloss adds to each color, [n, 3]: gray light; where a photo has cut it off, all that is over lit paint."""
-    lit = np.maximum(shading, _quantile(shading, counts, LIT))
-    over = np.maximum(light - lit[:, None] * paint, 0)
+    """What gloss adds to each color, [n, 3]: gray light, and the more of it the more of all else that is over the paint,
+    as lights have colors. Where a photo has cut it off, it hides the shading: there the paint counts as lit."""
     share = gloss / np.maximum(gloss + shading, 1e-9)
     is_cut = share * _smooth_step(light.max(axis=1), srgb_to_linear(np.array(CLIPPED)), 1.0)
-    return gloss[:, None] + is_cut[:, None] * (over - gloss[:, None])
+    lit = np.maximum(shading, _quantile(shading, counts, LIT))
+    over = light - (shading + is_cut * (lit - shading))[:, None] * paint
+    return gloss[:, None] + np.maximum(share, is_cut)[:, None] * (over - gloss[:, None])
 
 
 def _quantile(values: np.ndarray, weights: np.ndarray, share: float) -> float:
