@@ -56,6 +56,7 @@ from ..karf_engine.palettes.matching.becomes import (
 )
 from ..karf_engine.palettes.matching.left import left_of_object
 from ..karf_engine.palettes.matching.painted import ObjectMatch, match_picture
+from ..karf_engine.palettes.matching.surface import MOST_BRIGHTNESS, MOST_FACTOR, Surface, match_surface
 from ..karf_engine.palettes.object_colors import ColorHistogram, read_object_colors
 from ..karf_engine.palettes.palette import (
     BRIGHTEST,
@@ -110,7 +111,9 @@ __all__ = [
     "ERROR",
     "LOG_FILE",
     "MOST_ADDED",
+    "MOST_BRIGHTNESS",
     "MOST_CHOKE",
+    "MOST_FACTOR",
     "MOST_FEATHER",
     "MOST_PROTECT",
     "MOST_REACH",
@@ -157,6 +160,7 @@ __all__ = [
     "Request",
     "ScenePoints",
     "SparsePoints",
+    "Surface",
     "SwatchPicture",
     "View",
     "Volume",
@@ -187,6 +191,7 @@ __all__ = [
     "match_dragged",
     "match_fewest",
     "match_picture",
+    "match_surface",
     "mean_weights",
     "nearest_names",
     "nearest_weights",

@@ -38,6 +38,7 @@ from tools.speed.rows import Row, print_rows
 NAMES = ("kan", "cache", "compositing", "swatch", "geometry", "stages", "photos", "preview", "splats", "detail")
 LONG = ("geometry", "stages", "photos", "preview", "splats", "detail")
 SWATCH_TARGETS_MS = {(800, 800): 16.0, (1920, 1080): 33.0}  # by size: one picture of sixty a second, or of thirty
+SWATCH_WAYS = ((), ("--surface",))  # its color is dragged, or its gloss
 SWATCH_CASES = ((1, 1), (1, 5), (3, 1))  # objects, swatches of the first that differ; 5 are all but black
 STAGES = ("geometry", "segmentation", "palette", "recoloring", "splats")
 
@@ -114,9 +115,16 @@ def bench_compositing(options: argparse.Namespace) -> list[Row]:
 def bench_swatch(options: argparse.Namespace) -> list[Row]:
     """Median milliseconds of a swatch edit in a real Blender, in its own environment."""
     rows = []
-    for (size, target), case, compositing in product(SWATCH_TARGETS_MS.items(), SWATCH_CASES, ("delta", "paper")):
+    cases = product(SWATCH_TARGETS_MS.items(), SWATCH_CASES, ("delta", "paper"), SWATCH_WAYS)
+    for (size, target), case, compositing, way in cases:
         chosen = dict(zip(("width", "height", "objects", "edited"), (*size, *case), strict=True))
-        command = [python_of("blender"), ROOT / "tools" / "speed" / "blender_swatch.py", "--compositing", compositing]
+        command = [
+            python_of("blender"),
+            ROOT / "tools" / "speed" / "blender_swatch.py",
+            "--compositing",
+            compositing,
+            *way,
+        ]
         command += [text for name, value in chosen.items() for text in (f"--{name}", str(value))]
         done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
         # Blender prints lines of its own before

@@ -89,6 +89,7 @@ render_view = _for_scripts(steps.render_view)
 reprojection_error = _for_scripts(steps.reprojection_error)
 save_edit = _for_scripts(steps.save_edit)
 segment = _for_scripts(steps.segment)
+set_surface = _for_scripts(steps.set_surface)
 set_swatch = _for_scripts(steps.set_swatch)
 show_frames = _for_scripts(steps.show_frames)
 show_scene = _for_scripts(steps.show_scene)
@@ -160,6 +161,7 @@ __all__ = [
     "save",
     "save_edit",
     "segment",
+    "set_surface",
     "set_swatch",
     "show_frames",
     "show_scene",

@@ -35,7 +35,7 @@ class TwoSwatches(OneSwatch):
 
 
 class KARF_OT_reset_swatch(OneOrAll, bpy.types.Operator):
-    """Give a swatch, or all of an object, the learned color back; locked ones stay"""
+    """Give a swatch, or all of an object, the learned color and surface back; locked ones stay"""
 
     bl_idname = "karf.reset_swatch"
     bl_label = "Reset Swatch"
@@ -43,6 +43,18 @@ class KARF_OT_reset_swatch(OneOrAll, bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         edits.reset(context.scene, self.object_name, self.index or None)
+        return {"FINISHED"}
+
+
+class KARF_OT_reset_surface(OneOrAll, bpy.types.Operator):
+    """Give a swatch, or all of an object, saturation, brightness and gloss as in the photos back; locked ones stay"""
+
+    bl_idname = "karf.reset_surface"
+    bl_label = "Reset Surface"
+
+    @reports_errors
+    def execute(self, context):
+        edits.reset_surface(context.scene, self.object_name, self.index or None)
         return {"FINISHED"}
 
 
@@ -161,6 +173,7 @@ class KARF_OT_apply_palette_preset(bpy.types.Operator):
 
 CLASSES = (
     KARF_OT_reset_swatch,
+    KARF_OT_reset_surface,
     KARF_OT_copy_swatch,
     KARF_OT_paste_swatch,
     KARF_OT_swap_swatches,

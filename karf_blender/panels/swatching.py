@@ -4,6 +4,7 @@ import bpy
 
 from ..pictures import chips
 from ..properties.swatches import KARF_PG_swatch
+from ..swatches import surfaces
 from .seeing import draw_left, draw_solo
 
 
@@ -20,6 +21,11 @@ def draw_object(layout, item):
         if index and not swatch.merged:  # black is frozen
             draw_swatch(row.column(align=True), item, index, swatch)
     row.operator("karf.add_color", text="", icon="EYEDROPPER").object_name = item.name
+    row = layout.row()
+    row.alignment = "LEFT"
+    row.prop(item, "show_surface", icon="DOWNARROW_HLT" if item.show_surface else "RIGHTARROW", emboss=False)
+    if item.show_surface:
+        draw_surfaces(layout, item)
     row = layout.row()
     left = row.row()
     left.alignment = "LEFT"
@@ -57,6 +63,30 @@ def draw_swatch(column, item, index, swatch):
     row = column.row(align=True)
     draw_solo(row, item.name, index)
     row.menu("KARF_MT_swatch", text="", icon=state_icon(swatch))  # the button has an arrow of its own
+
+
+def draw_surfaces(layout, item):
+    """The saturation, brightness and gloss of each swatch that is shown, and a button that makes them neutral."""
+    shown = [(index, swatch) for index, swatch in enumerate(item.swatches) if index and not swatch.merged]
+    table = layout.row(align=True)
+    column = table.column(align=True)
+    column.label(text="")
+    for _, swatch in shown:
+        column.label(text="", icon_value=chips.icon(swatch.color))
+    for name in surfaces.NUMBERS:
+        column = table.column(align=True)
+        column.label(text=KARF_PG_swatch.bl_rna.properties[name].name)
+        for _, swatch in shown:
+            field = column.row(align=True)
+            field.enabled = not swatch.locked
+            field.prop(swatch, name, text="", slider=True)
+    column = table.column(align=True)
+    column.label(text="")
+    for index, swatch in shown:
+        button = column.row(align=True)
+        button.enabled = not surfaces.of(swatch).is_identity
+        reset = button.operator("karf.reset_surface", text="", icon="LOOP_BACK")
+        reset.object_name, reset.index = item.name, index
 
 
 def state_icon(swatch):

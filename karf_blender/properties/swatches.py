@@ -6,13 +6,14 @@ from bpy.props import (
     CollectionProperty,
     EnumProperty,
     FloatProperty,
+    FloatVectorProperty,
     IntProperty,
     PointerProperty,
     StringProperty,
 )
 
 from .. import progress
-from ..engine_api import BRIGHTEST, MOST_CHOKE, MOST_FEATHER, KarfError
+from ..engine_api import BRIGHTEST, MOST_BRIGHTNESS, MOST_CHOKE, MOST_FACTOR, MOST_FEATHER, KarfError
 from ..swatches import becomes, edits, groups, material, shown
 from .colors import pigment_reach, protected_neutrals, srgb
 
@@ -20,6 +21,8 @@ RULE_ITEMS = [
     ("becomes", "Material", "Paint the whole object anew, light and highlights kept"),
     ("fewest", "Fewest swatches", "Reach the color with as few changed swatches as possible"),
 ]
+FACTOR = {"default": 1.0, "min": 0.0, "max": MOST_FACTOR, "soft_max": 2.0, "step": 5}
+STOPS = {"min": -MOST_BRIGHTNESS, "max": MOST_BRIGHTNESS, "soft_min": -1.0, "soft_max": 1.0, "step": 5}
 
 
 def edit_changed(self, context):
@@ -32,6 +35,11 @@ def _color_changed(self, context):
     self.last = self.color
     if groups.follow(self):
         material.follow(self, before)
+        shown.of(self.id_data).refresh()
+
+
+def _surface_changed(self, context):
+    if groups.follow_surface(self):
         shown.of(self.id_data).refresh()
 
 
@@ -83,7 +91,26 @@ class KARF_PG_swatch(bpy.types.PropertyGroup):
         "the other colors of its paint follow, and highlights keep the light's color",
         update=_color_changed,
     )
-    locked: BoolProperty(name="Lock", description="No tool changes this swatch")
+    saturation: FloatProperty(
+        name="Saturation",
+        description="How vivid its paint is: 1 as it is, 0 gray",
+        update=_surface_changed,
+        **FACTOR,
+    )
+    brightness: FloatProperty(
+        name="Brightness",
+        description="Lighter or darker mid-tones of its paint; black and white stay",
+        update=_surface_changed,
+        **STOPS,
+    )
+    gloss: FloatProperty(
+        name="Gloss",
+        description="How strong the highlights on its paint are: 1 as they are, 0 matte",
+        update=_surface_changed,
+        **FACTOR,
+    )
+    shift: FloatVectorProperty(size=3, description="What surfaces add to the color")
+    locked: BoolProperty(name="Lock", description="No tool changes this swatch", update=edit_changed)
     link: IntProperty(description="Swatches with the same number have one color; 0: none")
     merged: IntProperty(description="The number of the object's swatch that moves this one; 0: none")
     is_added: BoolProperty(description="The artist has added this color; its pigment has a set of swatches behind it")
@@ -141,6 +168,7 @@ class KARF_PG_object(bpy.types.PropertyGroup):
         update=edit_changed,
     )
     show_edge: BoolProperty(name="Edge", description="Where the object's paint ends, and how softly")
+    show_surface: BoolProperty(name="Surface", description="Saturation, brightness and gloss of each swatch's paint")
     palette: StringProperty(
         name="Palette",
         description="The colors of its swatches, as Copy Palette writes them",

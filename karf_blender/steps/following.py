@@ -40,7 +40,7 @@ def follow(scene: bpy.types.Scene, node: bpy.types.Node, known: Sequence[Palette
     """Let the node's sockets follow the scene's swatches from now on."""
     for each in known:
         for index in range(1, len(each.colors)):
-            source = f'karf.objects["{bpy.utils.escape_identifier(each.name)}"].swatches[{index}].color'
+            source = f'karf.objects["{bpy.utils.escape_identifier(each.name)}"].swatches[{index}]'
             drivers.drive(node, each.name, index, scene, source)
 
 

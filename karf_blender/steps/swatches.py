@@ -11,6 +11,7 @@ from ..engine_api import (
     AddedColor,
     BadRequest,
     ColorBook,
+    Surface,
     ciede2000,
     hex_to_rgb,
     pigment_of_swatch,
@@ -18,7 +19,7 @@ from ..engine_api import (
     rgb_to_hex,
     srgb_to_lab,
 )
-from ..swatches import colors, edits, groups, keyframes, material, reference, shown
+from ..swatches import colors, edits, groups, keyframes, material, reference, shown, surfaces
 
 ROUNDING = 0.1  # CIEDE2000 that colors in float32 and tables with few digits are off
 Swatch = tuple[str, int]
@@ -63,6 +64,32 @@ def use_color_name(scene: bpy.types.Scene, object_name: str, index: int, book: C
         edits.object_named(scene, object_name).target = color = np.minimum(color, 1)
     left = float(ciede2000(srgb_to_lab(reference.as_named(scene, color)), book.lab_of(name)))
     return left if left > ROUNDING else 0.0
+
+
+def set_surface(
+    scene: bpy.types.Scene,
+    object_name: str,
+    index: int,
+    saturation: float = 1.0,
+    brightness: float = 0.0,
+    gloss: float = 1.0,
+) -> None:
+    """Give the paint of one swatch, and of those linked to it, another surface; colors that were chosen stay.
+
+    Args:
+        scene: The scene.
+        object_name: The object's.
+        index: The swatch's number.
+        saturation: 0 to 4; 0 is gray, 1 as it is.
+        brightness: Of the mid-tones, -2 to 2; 0 is as it is.
+        gloss: Strength of the highlights, 0 to 4; 0 is matte, 1 as it is.
+
+    Raises:
+        BadRequest: There is no such swatch, it is locked, or a value is out of range.
+    """
+    swatch, surface = edits.unlocked(scene, object_name, index), Surface(saturation, brightness, gloss)
+    with shown.batched(scene):
+        surfaces.put(swatch, surface)
 
 
 def link_swatches(scene: bpy.types.Scene, one: Swatch, other: Swatch) -> None:
@@ -240,6 +267,7 @@ def protect_neutrals(scene: bpy.types.Scene, object_name: str, index: int) -> in
             for each, color in zip(item.swatches[: colors.size(item)], before, strict=False):
                 if not each.locked:
                     each.color = color
+            surfaces.put(item.swatches[index], Surface())  # the pigment looks as it did with it
     return number
 
 

@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 
 from ..engine_api import (
+    BRIGHTEST,
     AddedColor,
     ColorHistogram,
     EdgeShape,
@@ -33,11 +34,16 @@ def learned(item: bpy.types.PropertyGroup) -> np.ndarray:
     return stored(item, "learned")
 
 
-def edited(item: bpy.types.PropertyGroup) -> np.ndarray:
-    """An object's palette as edited, [M, 3] float32; black stays black."""
+def chosen(item: bpy.types.PropertyGroup) -> np.ndarray:
+    """The colors that an object's swatches were given, [M, 3] float32; black stays black."""
     colors = stored(item, "color")
     colors[:1] = learned(item)[:1]
     return colors
+
+
+def edited(item: bpy.types.PropertyGroup) -> np.ndarray:
+    """An object's palette as edited, [M, 3] float32: the chosen colors with what surfaces add; black stays black."""
+    return np.clip(chosen(item) + stored(item, "shift"), 0, BRIGHTEST)
 
 
 def stored(item: bpy.types.PropertyGroup, name: str) -> np.ndarray:

@@ -11,8 +11,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..engine_api import BadRequest, EdgeShape, Edit, color_to_text, colors_of_text, edit_to_json
-from . import colors, groups, material
+from ..engine_api import BadRequest, EdgeShape, Edit, Surface, color_to_text, colors_of_text, edit_to_json
+from . import colors, groups, material, surfaces
 from .shown import batched, of
 
 
@@ -29,11 +29,14 @@ def edit_option(scene: bpy.types.Scene) -> dict[str, Any] | None:
 
 def apply_edit(scene: bpy.types.Scene, edit: Edit, is_whole: bool = False) -> None:
     """Set the swatches and edges to an edit of these objects, added colors among them. Objects that it leaves out and locked
-    swatches stay, merged ones follow; where the edit is a whole state, all are set to what it says."""
+    swatches stay, merged ones follow; where the edit is a whole state, all are set to what it says. Surfaces are part of its
+    colors, and become neutral."""
     with batched(scene), groups.apart() if is_whole else nullcontext():
         scene.karf.compositing = edit.compositing
         for name, wanted in edit.colors.items():
             item = object_named(scene, name)
+            with groups.apart():
+                surfaces.bake(item)
             groups.replace_added(item, edit.added.get(name, ()), even_locked=is_whole)
             shape = edit.edges.get(name, EdgeShape())
             item.choke, item.feather = shape.choke, shape.feather
@@ -48,17 +51,27 @@ def set_color(scene: bpy.types.Scene, name: str, index: int, color: Sequence[flo
 
 
 def reset(scene: bpy.types.Scene, name: str, index: int | None = None) -> None:
-    """Give one swatch of an object (None: all) the learned color back, and those that move with it theirs; what followed a
-    swatch that was dragged follows it back, locked ones stay."""
+    """Give one swatch of an object (None: all) the learned color and surface back, and those that move with it theirs;
+    what followed a swatch that was dragged follows it back, locked ones stay."""
     chosen = object_named(scene, name).swatches if index is None else [unlocked(scene, name, index)]
     before = tuple(chosen[0].color)
     with batched(scene), groups.apart():
         for swatch in [each for one in chosen for each in groups.together(one)]:
             if not swatch.locked:
                 swatch.color = swatch.learned
+                surfaces.put(swatch, Surface())
     if index is not None and material.is_dragged(object_named(scene, name), index):
         material.follow(chosen[0], before)
         of(scene).refresh()
+
+
+def reset_surface(scene: bpy.types.Scene, name: str, index: int | None = None) -> None:
+    """Give one swatch of an object (None: all) and those linked to it a neutral surface; locked ones stay."""
+    chosen = object_named(scene, name).swatches if index is None else [unlocked(scene, name, index)]
+    with batched(scene):
+        for swatch in chosen:
+            if not swatch.locked:
+                surfaces.put(swatch, Surface())
 
 
 def swap(scene: bpy.types.Scene, first: tuple[str, int], second: tuple[str, int]) -> None:

@@ -16,7 +16,7 @@ from bpy.app.handlers import persistent
 from .. import progress
 from ..engine_api import BRIGHTEST, AddedColor, BadRequest, KarfError, mean_weights, solve_set
 from ..host import handlers, rendering
-from . import colors, keyframes, shown
+from . import colors, keyframes, shown, surfaces
 
 
 class _Memory:
@@ -48,6 +48,17 @@ def follow(swatch: bpy.types.PropertyGroup) -> bool:
                 each.color = swatch.color if leader is None else _moved_with(leader, each)
             if each.is_added:
                 solve_added(each)
+    return True
+
+
+def follow_surface(swatch: bpy.types.PropertyGroup) -> bool:
+    """Let the swatches that are linked to one take its surface; as `follow`."""
+    if _Memory.is_still:
+        return False
+    with apart():
+        for each in linked(swatch):
+            if each != swatch and not each.locked:
+                surfaces.put(each, surfaces.of(swatch))
     return True
 
 
@@ -97,6 +108,7 @@ def link(swatch: bpy.types.PropertyGroup, other: bpy.types.PropertyGroup) -> Non
     for each in [*linked(swatch), *linked(other)]:
         each.link = number
     other.color = other.color[:]
+    follow_surface(other)
 
 
 def unlink(swatch: bpy.types.PropertyGroup) -> None:
@@ -235,8 +247,12 @@ def _after_frame(scene, *_):
         return
     items = {item.name: item for item in scene.karf.objects}
     for curve in keyframes.of(scene):
-        if isinstance(curve.swatch, int) and curve.tail == ".color" and curve.object_name in items:
-            follow(items[curve.object_name].swatches[curve.swatch])
+        if isinstance(curve.swatch, int) and curve.object_name in items:
+            swatch = items[curve.object_name].swatches[curve.swatch]
+            if curve.tail == ".color":
+                follow(swatch)
+            elif curve.tail[1:] in surfaces.NUMBERS:
+                follow_surface(swatch)
 
 
 HANDLERS = (("frame_change_post", _after_frame),)

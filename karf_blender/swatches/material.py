@@ -31,7 +31,7 @@ def follow(swatch: bpy.types.PropertyGroup, before: Sequence[float]) -> None:
 def is_dragged(item: bpy.types.PropertyGroup, index: int) -> bool:
     """Whether a swatch of an object was dragged last, and no other has changed since but those that followed it."""
     others = np.arange(len(item.swatches)) != index
-    return item.dragged == index and (colors.edited(item)[others] == colors.stored(item, "given")[others]).all()
+    return item.dragged == index and (colors.chosen(item)[others] == colors.stored(item, "given")[others]).all()
 
 
 def follow_again(item: bpy.types.PropertyGroup) -> None:
@@ -46,14 +46,14 @@ def before_drag(item: bpy.types.PropertyGroup, index: int) -> np.ndarray:
     with the learned color of that swatch."""
     if is_dragged(item, index):
         return colors.stored(item, "began")
-    palette = colors.edited(item)
+    palette = colors.chosen(item)
     palette[index] = colors.learned(item)[index]
     return palette
 
 
 def _follow(item: bpy.types.PropertyGroup, index: int, before: Sequence[float]) -> None:
     start, locked = _start(item, index, before), groups.held(item)
-    now = colors.edited(item)
+    now = colors.chosen(item)
     try:
         seen = shown.of(item.id_data).histogram(item)
     except (KarfError, OSError):  # nobody has counted the object's colors: the swatch moves alone
@@ -66,14 +66,14 @@ def _follow(item: bpy.types.PropertyGroup, index: int, before: Sequence[float]) 
             if number != index and number not in locked and (color != now[number]).any():
                 item.swatches[number].color = color
     groups.carry_merged(item)
-    item.swatches.foreach_set("given", colors.edited(item).ravel())
+    item.swatches.foreach_set("given", colors.chosen(item).ravel())
 
 
 def _start(item: bpy.types.PropertyGroup, index: int, before: Sequence[float]) -> np.ndarray:
     """The palette [M, 3] when the drag of a swatch began. It goes on for as long as nothing else has changed."""
     if is_dragged(item, index):
         return colors.stored(item, "began")
-    now = colors.edited(item)
+    now = colors.chosen(item)
     now[index] = before
     item.dragged = index
     item.swatches.foreach_set("began", now.ravel())

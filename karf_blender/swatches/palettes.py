@@ -20,6 +20,7 @@ from ..engine_api import (
     KarfError,
     Message,
     Palette,
+    Surface,
     dominant_color,
     file_name,
     hex_to_rgb,
@@ -29,7 +30,7 @@ from ..engine_api import (
     write_edit,
 )
 from ..project import folders
-from . import colors, edits, groups, keyframes, looks, shown
+from . import colors, edits, groups, keyframes, looks, shown, surfaces
 
 NEAR = 20.0  # CIE L*a*b* distance up to which two learned colors may be the same swatch's
 
@@ -44,6 +45,7 @@ class _ObjectEdits:
     locked: tuple[bool, ...]
     links: tuple[int, ...]
     merged: tuple[int, ...]
+    surfaces: tuple[Surface, ...]
     own: dict
 
     @classmethod
@@ -53,8 +55,8 @@ class _ObjectEdits:
         source, target = colors.color_pair(item)
         if source != target:  # else it waits for a target, with the color that the object mostly had
             own |= {"source": source, "target": target}
-        flags = zip(*((swatch.locked, swatch.link, swatch.merged) for swatch in item.swatches), strict=True)
-        return cls(colors.added(item), colors.learned(item), colors.edited(item), *flags, own)
+        flags = [(swatch.locked, swatch.link, swatch.merged, surfaces.of(swatch)) for swatch in item.swatches]
+        return cls(colors.added(item), colors.learned(item), colors.chosen(item), *zip(*flags, strict=True), own)
 
     @property
     def size(self) -> int:
@@ -65,7 +67,8 @@ class _ObjectEdits:
     def touched(self) -> set[int]:
         """The swatches that are edited, locked, move with others or were added."""
         edited = (self.colors != self.learned).any(axis=-1)
-        kept = list(zip(edited, self.locked, self.links, self.merged, strict=True))[: self.size]
+        has_surface = [not surface.is_identity for surface in self.surfaces]
+        kept = list(zip(edited, self.locked, self.links, self.merged, has_surface, strict=True))[: self.size]
         return {index for index, each in enumerate(kept) if index and any(each)} | set(self.places(self.size))
 
     @property
@@ -157,6 +160,7 @@ def _add(scene: bpy.types.Scene, palette: Palette, before: _ObjectEdits | None, 
         swatch.merged = matches.get(before.merged[old], 0)
         if (before.colors[old] != before.learned[old]).any():
             swatch.color = before.colors[old]
+        surfaces.put(swatch, before.surfaces[old])
         if swatch.is_added:
             groups.solve_added(swatch)
 

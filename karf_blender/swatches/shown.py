@@ -18,7 +18,7 @@ from ..engine_api import ColorHistogram, DataError, KarfError, read_object_color
 from ..host import handlers, rendering
 from ..pictures import images, settling
 from ..project import contents, folders
-from . import colors, object_masks, views
+from . import colors, object_masks, surfaces, views
 from .object_masks import ObjectMasks
 from .views import PictureFiles, ShownView
 
@@ -38,6 +38,7 @@ class ShownScene:
         masks: The objects in the active view as they were read last, and what they were read from.
         histograms: The colors of its objects in the photos, by file, time and object.
         left: Of each object with a target color what `colors.left_to_target` depends on, and what it found.
+        surfaces: What the surfaces of each object were solved of, by its name.
         values: What the picture was made from.
         stand_in_key: What a stand-in for the picture would have been made from.
     """
@@ -49,6 +50,7 @@ class ShownScene:
     masks: tuple[tuple, ObjectMasks | None] = ((), None)
     histograms: dict[tuple[Path, int, str], ColorHistogram] = field(default_factory=dict)
     left: dict[str, tuple[tuple, float]] = field(default_factory=dict)
+    surfaces: dict[str, tuple] = field(default_factory=dict)
     values: bytes = b""
     stand_in_key: tuple = ()
 
@@ -61,6 +63,7 @@ class ShownScene:
         if rendering.is_running():
             _refresh_later()
             return
+        self.update_surfaces()
         if _Registry.open_batches or self.scene.karf.result is None:
             return
         try:
@@ -79,6 +82,11 @@ class ShownScene:
         rendering.refuse()
         self.values = colors.fingerprint(self.scene)
         return self._put(views.picture(self.scene, self.prepared_view(), self.files))
+
+    def update_surfaces(self) -> None:
+        """Let the swatches be shown with their surfaces as they stand; never raises."""
+        if not _Registry.open_batches:
+            surfaces.update(self.scene, self.histogram, self.surfaces)
 
     def show_unedited(self) -> bpy.types.Image:
         """Put what there is of a view that cannot be recolored into the result image, which is made if needed.
@@ -257,6 +265,7 @@ def _refresh_changed() -> None:
     for uid in _Registry.scenes.keys() - {scene.session_uid for scene in bpy.data.scenes}:
         del _Registry.scenes[uid]
     for scene in bpy.data.scenes:
+        of(scene).update_surfaces()
         if scene.karf.result is not None and colors.fingerprint(scene) != of(scene).values:
             of(scene).refresh()
 

@@ -633,14 +633,27 @@ TEXTS = {
     "Colors that its paints were given before, which Becomes keeps": "其涂料此前被赋予的颜色，“变为”会予以保持",
     "Live": "实时",
     "Follow the target color while it is dragged": "拖动目标颜色时随之变化",
+    "Surface": "表面",
+    "Reset Surface": "重置表面",
+    "Give a swatch, or all of an object, saturation, brightness and gloss as in the photos back; locked ones stay": (
+        "将一个色板或物体的全部色板的饱和度、亮度和光泽恢复为照片中的样子；锁定的不变"
+    ),
+    "Saturation, brightness and gloss of each swatch's paint": "每个色板涂料的饱和度、亮度和光泽",
+    "Saturation": "饱和度",
+    "How vivid its paint is: 1 as it is, 0 gray": "其涂料的鲜艳程度：1 为原样，0 为灰色",
+    "Brightness": "亮度",
+    "Lighter or darker mid-tones of its paint; black and white stay": "使其涂料的中间调变亮或变暗；黑与白不变",
+    "Gloss": "光泽",
+    "How strong the highlights on its paint are: 1 as they are, 0 matte": "其涂料上高光的强度：1 为原样，0 为哑光",
+    "What surfaces add to the color": "表面在颜色上增加的量",
     "No tool changes this swatch": "任何工具都不改动此色板",
     "From 1": "从 1 开始",
     "From 1; 0: the one of the nearest learned color": "从 1 开始；0：学习颜色最接近的那个",
     "Set the object's swatches so that its source color becomes the target color; locked ones stay": (
         "设置物体的色板，使源颜色变为目标颜色；锁定的不变"
     ),
-    "Give a swatch, or all of an object, the learned color back; locked ones stay": (
-        "将一个色板或物体的全部色板恢复为学习到的颜色；锁定的不变"
+    "Give a swatch, or all of an object, the learned color and surface back; locked ones stay": (
+        "将一个色板或物体的全部色板恢复为学习到的颜色和表面；锁定的不变"
     ),
     "What can be done to a swatch.": "可对色板进行的操作。",
     "What can be done to an object's palette.": "可对物体的调色板进行的操作。",

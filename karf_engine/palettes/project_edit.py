@@ -12,9 +12,11 @@ from ..errors import BadRequest
 from ..io.arguments import checked
 from ..project.folder import Project
 from ..project.settings import from_dict
-from .added import solve_set
+from .added import palettes_with, solve_set, spread
+from .colorways.reached import shown
 from .edge_shape import EdgeShape, shaped_edges
 from .matching.becomes import match_becomes, match_fewest, nearest_weights
+from .matching.surface import Surface, match_surface
 from .object_colors import read_object_colors
 from .palette import (
     BRIGHTEST,
@@ -131,9 +133,8 @@ class ProjectEdit(Edit):
             BadRequest: there is no such object or swatch.
             DataError: the color is none.
         """
-        colors, size = self.colors[self._palette(name).name].copy(), len(self._palette(name).colors)
-        if not 1 <= index < size:
-            raise BadRequest(f"{name!r} has no swatch {index}.", f"Its swatches are 1 to {size - 1}.")
+        colors = self.colors[self._palette(name).name].copy()
+        self._check_swatch(self._palette(name), index)
         colors[index] = as_color(color, BRIGHTEST)
         return replace(self, colors=self.colors | {name: colors})
 
@@ -155,6 +156,34 @@ class ProjectEdit(Edit):
         return replace(self, edges=shaped_edges(self.edges | {self._palette(name).name: shape}))
 
     @checked
+    def surface(
+        self, name: str, index: int, saturation: float = 1.0, brightness: float = 0.0, gloss: float = 1.0
+    ) -> ProjectEdit:
+        """Give the paint of one swatch another surface, from how it looks now; other paints and added colors stay.
+
+        Args:
+            name: the object.
+            index: which of its swatches, from 1.
+            saturation: factor of the distance to gray, 0 to 4; 0 is gray.
+            brightness: lifts or lowers the mid-tones, -2 to 2; black and white stay.
+            gloss: factor of the highlights, 0 to 4; 0 is matte.
+
+        Raises:
+            BadRequest: there is no such object or swatch, or a value is out of range.
+            DataError: the project's histogram of the object's colors is damaged.
+        """
+        surface, palette, edited = Surface(saturation, brightness, gloss), self._palette(name), self.colors[name]
+        self._check_swatch(palette, index)
+        (whole,), added = palettes_with([palette], self.added), self.added.get(name, ())
+        seen = read_object_colors(self.project.checked(self.project.object_colors_file), name)
+        seen = seen._replace(palette_weights=spread(seen.palette_weights.T, palette.colors, added).T)
+        sets = range(len(palette.colors), len(edited))
+        colors = match_surface(
+            shown(seen, whole, edited), seen.counts, seen.palette_weights, edited, {index: surface}, sets
+        )
+        return replace(self, colors=self.colors | {name: colors})
+
+    @checked
     def save(self, path: Path | str) -> None:
         """Write the edit, atomically: as JSON, or as the palette file of its suffix (`palettes.palette_files`)."""
         write_edit_file(Path(path), self)
@@ -164,6 +193,11 @@ class ProjectEdit(Edit):
             if palette.name == name:
                 return palette
         raise BadRequest(f"There is no object {name!r}.", f"Objects are: {', '.join(p.name for p in self.palettes)}.")
+
+    def _check_swatch(self, palette: Palette, index: int) -> None:
+        size = len(palette.colors)
+        if not 1 <= index < size:
+            raise BadRequest(f"{palette.name!r} has no swatch {index}.", f"Its swatches are 1 to {size - 1}.")
 
 
 def edit_of(project: Project, path: Path | str | None = None) -> ProjectEdit:

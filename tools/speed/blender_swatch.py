@@ -1,7 +1,7 @@
 """How long a swatch edit takes in Blender, from setting the property to the pixels in the image. Prints JSON.
 
     python tools/speed/blender_swatch.py [--width 800] [--height 800] [--colors 6] [--objects 1] [--edited 1]
-        [--compositing delta] [--alone] [--repeat 40]
+        [--compositing delta] [--alone | --surface] [--repeat 40]
 
 Runs under the `bpy` module, or inside Blender after `--python ... --`. Planes are made up: smooth, every pixel touched.
 Times are of this process alone, so that others at work on the machine add little; `upload_ms` is the plain
@@ -54,6 +54,7 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--edited", type=int, default=1, help="swatches of the first object that differ all the time")
     parser.add_argument("--compositing", choices=("delta", "paper"), default="delta")
     parser.add_argument("--alone", action="store_true", help="without Material: no other swatch follows")
+    parser.add_argument("--surface", action="store_true", help="the gloss is dragged, not the color")
     parser.add_argument("--repeat", type=int, default=40)
     return parser.parse_args(arguments)
 
@@ -111,9 +112,10 @@ def edit(scene: bpy.types.Scene, options: argparse.Namespace) -> list[float]:
         swatches[index].color = (0.3, 0.6, 0.1)
     times = []
     for turn in range(options.repeat):
-        color = (turn / options.repeat, 0.5, 1 - turn / options.repeat)
+        share = turn / options.repeat
+        name, value = ("gloss", share) if options.surface else ("color", (share, 0.5, 1 - share))
         start = time.process_time()
-        swatches[1].color = color
+        setattr(swatches[1], name, value)
         times.append((time.process_time() - start) * 1000)
     return times
 

@@ -86,6 +86,15 @@ def test_a_merged_swatch_is_not_shown_but_its_learned_color_is(addon, learned, d
     assert drawn.count("color") == 3 and drawn.count("karf.reset_swatch") == 6
 
 
+def test_surfaces_of_the_swatches_that_are_shown_are_drawn_where_they_are_unfolded(addon, learned, draw):
+    assert "gloss" not in draw()
+    learned.karf.objects["pot"].show_surface = True
+    swatches = len(learned.karf.objects["pot"].swatches) - 1
+    assert [draw().count(name) for name in (*addon.surfaces.NUMBERS, "karf.reset_surface")] == [swatches] * 4
+    addon.headless.merge_swatch("pot", 2, 1)
+    assert draw().count("gloss") == swatches - 1
+
+
 def test_the_menus_of_a_swatch_offer_what_can_be_done(bpy, addon, learned):
     def drawn(name, index=1):
         entries, item = [], learned.karf.objects["pot"]

@@ -209,6 +209,8 @@ KINDS = {
     "coordinate": kind(4.0, wrong_type=["4", None, [4]], NaN=[NAN, np.inf]),
     "protect": kind(0.2, wrong_type=["1", None, [1]], NaN=[NAN, np.inf], large=[1.0], negative=[-1.0]),
     "reach": kind(0.5, wrong_type=["1", None, [1]], NaN=[NAN, np.inf], empty=[0.0], negative=[-1.0]),
+    "factor": kind(0.5, wrong_type=["1", None, [1]], NaN=[NAN, np.inf], negative=[-1.0], too_large=[99.0]),
+    "stops": kind(0.5, wrong_type=["1", None, [1]], NaN=[NAN, np.inf], too_large=[99.0, -99.0]),
     "bandwidth": kind("eq5", wrong_type=[None, [1]], NaN=[NAN, np.inf], empty=["", 0.0], missing=["typo"], negative=[-1.0]),
     "distortion": kind((), wrong_type=["k", None, 3, ("k",)], NaN=[(NAN,)]),
     "bounds": kind((1.0, 2.0), wrong_type=[3, "12", (1.0,), ("1", "2")], NaN=[(NAN, 1.0)], swapped=[(2.0, 1.0)]),
@@ -393,6 +395,7 @@ ROWS: dict[str, dict[str, str]] = {
     "ProjectEdit.add_color": row(name="object", picked="color", wanted="color", reach="reach", protect="protect"),
     "ProjectEdit.swatch": row(name="object", index="swatch", color="color"),
     "ProjectEdit.edge": row(name="object", choke="choke", feather="feather"),
+    "ProjectEdit.surface": row(name="object", index="swatch", saturation="factor", brightness="stops", gloss="factor"),
     "ProjectEdit.save": row(path="new edit file"),
     "PhotoView": row(photo="stored photo", orientation="orientation", objects="objects", mattes="mattes", palettes="palettes",
                      scale="scale", grain="grain"),
@@ -517,7 +520,8 @@ def _neighbors(kinds: Mapping[str, str]) -> list[tuple[str, str]]:
     alike = {frozenset(("length", "maybe length")), frozenset(("width", "octaves")), frozenset(("width", "width or 0")),
              frozenset(("focal length", "coordinate")), frozenset(("view name", "new mask")), frozenset(("width", "centers")),
              frozenset(("text", "values")), frozenset(("bandwidth tensor", "bias")), frozenset(("path", "text")),
-             frozenset(("reach", "protect")), frozenset(("scale", "grain"))}  # fmt: skip
+             frozenset(("reach", "protect")), frozenset(("scale", "grain")),
+             frozenset(("factor", "stops"))}  # fmt: skip
     return [(a, b) for a, b in pairs if kinds[a] != kinds[b] and frozenset((kinds[a], kinds[b])) not in alike
             and "group" not in (kinds[a], kinds[b])]  # fmt: skip
 

@@ -95,7 +95,9 @@ def repainted(
             raise BadRequest(
                 "The source color is black, so its shading cannot be told.", "Pick a lit spot of the object."
             )
-        change = light * (t / np.maximum(r, LEAST_METAL) - 1) if is_metal else _shading(light, r)[:, None] * (t - r)
+        change = (
+            light * (t / np.maximum(r, LEAST_METAL) - 1) if is_metal else split_light(light, r)[0][:, None] * (t - r)
+        )
         result += gate[:, None] * change
     return np.clip(linear_to_srgb(result), 0, 1)
 
@@ -115,16 +117,28 @@ def _is_black(r: np.ndarray) -> bool:
     return bool(r @ r < 1e-6)
 
 
-def _shading(light: np.ndarray, r: np.ndarray) -> np.ndarray:
-    """The factor a >= 0 [n] of light = a r + s (1, 1, 1) + rest, s >= 0, by least squares with a little cost of s^2.
+def split_light(light: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The factors a >= 0 and s >= 0 [n] of light = a r + s (1, 1, 1) + rest, by least squares with a little cost of s^2.
 
     The paler the paint, the less it differs from gloss: there the cost decides that light is paint.
+
+    Args:
+        light: Linear light [n, 3].
+        r: A paint's own, [3], not black.
+
+    Returns:
+        Shading a and gloss s.
+
+    Examples:
+        >>> shading, gloss = split_light(np.array([[0.5, 0, 0], [1.1, 0.1, 0.1]]), np.array([1.0, 0, 0]))
+        >>> print(shading.round(1), gloss.round(1))
+        [0.5 1. ] [0.  0.1]
     """
     rr, r1, cr, c1 = r @ r, r.sum(), light @ r, light.sum(axis=1)
     ones = 3 + GLOSS_COST
     determinant = ones * rr - r1 * r1
     paint, gloss = (ones * cr - r1 * c1) / determinant, (rr * c1 - r1 * cr) / determinant
-    return np.maximum(np.where(gloss < 0, cr / rr, paint), 0)
+    return np.maximum(np.where(gloss < 0, cr / rr, paint), 0), np.maximum(gloss, 0)
 
 
 def pigment_gate(colors: np.ndarray, source: np.ndarray, reach: float = 1.0, protect: float = 0.0) -> np.ndarray:
