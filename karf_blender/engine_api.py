@@ -74,6 +74,7 @@ from ..karf_engine.palettes.palette import (
 )
 from ..karf_engine.palettes.palette_files import SUFFIXES as EDIT_SUFFIXES
 from ..karf_engine.palettes.palette_files import read_edit_file, write_edit_file
+from ..karf_engine.palettes.reference_light import ReferenceLight
 from ..karf_engine.palettes.swatch_picture import Part, SwatchPicture, palette_only, photo_plus_change
 from ..karf_engine.project import Project
 from ..karf_engine.project.settings import PRESETS, seconds_of_stages
@@ -152,6 +153,7 @@ __all__ = [
     "PointsOptions",
     "Project",
     "Query",
+    "ReferenceLight",
     "Request",
     "ScenePoints",
     "SparsePoints",

@@ -8,6 +8,7 @@ from ..host.labels import draw_text
 from ..host.words import translate
 from ..pictures import chips
 from ..preferences import color_book
+from ..swatches import reference
 from .seeing import how_visible
 
 NEAREST = 3  # names that are offered
@@ -15,7 +16,9 @@ NEAREST = 3  # names that are offered
 
 def draw_names(layout, color, object_name, index):
     """Lab and LCh of an sRGB color, and the names next to it; index: of the object's swatch, 0 for its target color."""
-    lab = srgb_to_lab(np.array(color))
+    scene = bpy.context.scene
+    color = reference.as_named(scene, np.array(color))
+    lab = srgb_to_lab(color)
     layout.label(text=_lab_text(lab))
     layout.label(text=_lch_text(lab))
     layout.separator()
@@ -24,7 +27,7 @@ def draw_names(layout, color, object_name, index):
     if problem:
         draw_text(layout, problem, "ERROR")
     if book is not None:
-        for near in nearest_names(book, np.array(color), NEAREST):
+        for near in nearest_names(book, color, NEAREST):
             text = translate(
                 "{name}: {how} ({number})",
                 name=near.name,
@@ -36,6 +39,9 @@ def draw_names(layout, color, object_name, index):
         find = layout.operator("karf.find_color_name", icon="VIEWZOOM")
         find.object_name, find.index = object_name, index
     layout.operator("karf.choose_color_book", icon="FILE_FOLDER")
+    layout.prop(scene.karf, "card")
+    if any(scene.karf.card) and reference.light(scene) is None:
+        layout.label(text="The card is too dark or too bright there", icon="ERROR")
 
 
 def _lab_text(lab):

@@ -9,6 +9,7 @@ from ..marking import asking, objects
 from ..project import contents, disk, folders
 from ..rig import reprojection
 from ..swatches import palettes, shown
+from .colors import srgb
 from .looks import KARF_PG_look
 from .marking import KARF_PG_marking
 from .surface import KARF_PG_surface
@@ -138,6 +139,11 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         options=PATH_OPTIONS,
         description="Checkpoint of a NeRF that another program has trained on this capture, taken as the geometry "
         "(nerf-pytorch, krrish94); empty: learn it",
+    )
+    card: srgb(
+        "Gray Card",
+        description="What a gray card (L* 50, 18 %) looks like in the photos; pick it in the picture (E). Names and numbers "
+        "of colors are then those under daylight. Black: no card",
     )
     material: BoolProperty(
         name="Material",

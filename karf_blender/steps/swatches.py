@@ -18,7 +18,7 @@ from ..engine_api import (
     rgb_to_hex,
     srgb_to_lab,
 )
-from ..swatches import colors, edits, groups, keyframes, material, shown
+from ..swatches import colors, edits, groups, keyframes, material, reference, shown
 
 ROUNDING = 0.1  # CIEDE2000 that colors in float32 and tables with few digits are off
 Swatch = tuple[str, int]
@@ -56,12 +56,12 @@ def use_color_name(scene: bpy.types.Scene, object_name: str, index: int, book: C
     Raises:
         BadRequest: There is no such swatch or name, or the swatch is locked.
     """
-    color = book[name]
+    color = reference.as_photographed(scene, book[name])
     if index:
         edits.set_color(scene, object_name, index, color)
     else:
-        edits.object_named(scene, object_name).target = color
-    left = float(ciede2000(srgb_to_lab(color), book.lab_of(name)))
+        edits.object_named(scene, object_name).target = color = np.minimum(color, 1)
+    left = float(ciede2000(srgb_to_lab(reference.as_named(scene, color)), book.lab_of(name)))
     return left if left > ROUNDING else 0.0
 
 

@@ -685,6 +685,12 @@ TEXTS = {
     ),
     "Added as swatch {number}: change its color": "已添加为色板 {number}：请更改其颜色",
     "Protect Neutrals": "保护中性色",
+    "Gray Card": "灰卡",
+    "What a gray card (L* 50, 18 %) looks like in the photos; pick it in the picture (E). Names and numbers of colors are "
+    "then those under daylight. Black: no card": (
+        "灰卡（L* 50，18 %）在照片中的样子；在图像中拾取（E）。颜色的名称和数值随后是日光下的。黑色：没有灰卡"
+    ),
+    "The card is too dark or too bright there": "灰卡在那里太暗或太亮",
     "Silver, foil, paper and gloss stay as they are: colors whose saturation is under this share of the pigment's are not "
     "of it. 0: its hue alone decides": "银色、箔、纸和光泽保持不变：饱和度低于该颜料此比例的颜色不属于它。0：仅由色相决定",
     "Change this swatch's own pigment alone: letters, bands, a print. Silver, foil, paper and gloss stay as they are": (
@@ -834,6 +840,32 @@ TEXTS = {
     ),
     "Y Down": "Y 轴向下",
     "Z Up": "Z 轴向上",
+    "Choke": "收边",
+    "Edge": "边缘",
+    "Feather": "羽化",
+    "How far inside its edge the object's paint ends, in pixels of the photo; below 0 it goes beyond": (
+        "物体的着色在其边缘以内多远处结束，以照片像素计；小于 0 时超出边缘"
+    ),
+    "Over how many pixels of the photo the paint fades, half of them on either side of its edge": (
+        "着色在照片的多少个像素内淡出，边缘两侧各占一半"
+    ),
+    "Where the object's paint ends, and how softly": "物体的着色在何处结束，以及多柔和",
+    # --- colors by name
+    "A swatch's color in numbers, and the names of the color book next to it": "色板颜色的数值，以及色卡中与它最接近的名称",
+    "Choose a book of named colors: Adobe's .acb or .ase, GIMP's .gpl, or a .csv table. It is kept in the preferences": "选择一本有名称的色卡：Adobe 的 .acb 或 .ase、GIMP 的 .gpl，或 .csv 表格。它保存在偏好设置中",
+    "Color Book": "色卡",
+    "Find Color Name": "查找颜色名称",
+    "From 1; 0: the target color": "从 1 开始；0：目标颜色",
+    "Numbers and Names": "数值与名称",
+    "Numbers and Names of the Target": "目标的数值与名称",
+    "Search the color book, and take the color of a name": "搜索色卡，并采用某个名称的颜色",
+    "Take the color of this name": "采用此名称的颜色",
+    "The whole path of a book of named colors: Adobe's .acb or .ase, GIMP's .gpl, or a .csv table. The menu of a swatch shows the names that are nearest to it": "有名称的色卡的完整路径：Adobe 的 .acb 或 .ase、GIMP 的 .gpl，或 .csv 表格。色板的菜单会显示与它最接近的名称",
+    "Use Color Name": "采用颜色名称",
+    "What the left color becomes in numbers, and the names of the color book next to it": "左侧颜色将变成的颜色的数值，以及色卡中与它最接近的名称",
+    "{book}: {count} names": "{book}：{count} 个名称",
+    "{name}: {how} ({number})": "{name}：{how}（{number}）",
+    "No picture can show {name}: the nearest color differs from it by CIEDE2000 {left}": "没有图像能显示 {name}：最接近的颜色与它相差 CIEDE2000 {left}",
     "Choose Look": "选用造型",
     "Flip Looks": "切换造型",
     "Flip back to the look that was in use before, and forth again": "切换回之前使用的造型，再按一次切换回来",
@@ -863,30 +895,4 @@ TEXTS = {
     "What can be done to a look.": "可对造型进行的操作。",
     "What the scene's camera sees in the scene's frames, by every look": "场景相机在场景各帧中所见，按每个造型",
     "{name} had changed since it was kept: undo brings that back": "{name} 保存后有改动：撤销可恢复这些改动",
-    "Choke": "收边",
-    "Edge": "边缘",
-    "Feather": "羽化",
-    "How far inside its edge the object's paint ends, in pixels of the photo; below 0 it goes beyond": (
-        "物体的着色在其边缘以内多远处结束，以照片像素计；小于 0 时超出边缘"
-    ),
-    "Over how many pixels of the photo the paint fades, half of them on either side of its edge": (
-        "着色在照片的多少个像素内淡出，边缘两侧各占一半"
-    ),
-    "Where the object's paint ends, and how softly": "物体的着色在何处结束，以及多柔和",
-    # --- colors by name
-    "A swatch's color in numbers, and the names of the color book next to it": "色板颜色的数值，以及色卡中与它最接近的名称",
-    "Choose a book of named colors: Adobe's .acb or .ase, GIMP's .gpl, or a .csv table. It is kept in the preferences": "选择一本有名称的色卡：Adobe 的 .acb 或 .ase、GIMP 的 .gpl，或 .csv 表格。它保存在偏好设置中",
-    "Color Book": "色卡",
-    "Find Color Name": "查找颜色名称",
-    "From 1; 0: the target color": "从 1 开始；0：目标颜色",
-    "Numbers and Names": "数值与名称",
-    "Numbers and Names of the Target": "目标的数值与名称",
-    "Search the color book, and take the color of a name": "搜索色卡，并采用某个名称的颜色",
-    "Take the color of this name": "采用此名称的颜色",
-    "The whole path of a book of named colors: Adobe's .acb or .ase, GIMP's .gpl, or a .csv table. The menu of a swatch shows the names that are nearest to it": "有名称的色卡的完整路径：Adobe 的 .acb 或 .ase、GIMP 的 .gpl，或 .csv 表格。色板的菜单会显示与它最接近的名称",
-    "Use Color Name": "采用颜色名称",
-    "What the left color becomes in numbers, and the names of the color book next to it": "左侧颜色将变成的颜色的数值，以及色卡中与它最接近的名称",
-    "{book}: {count} names": "{book}：{count} 个名称",
-    "{name}: {how} ({number})": "{name}：{how}（{number}）",
-    "No picture can show {name}: the nearest color differs from it by CIEDE2000 {left}": "没有图像能显示 {name}：最接近的颜色与它相差 CIEDE2000 {left}",
 }

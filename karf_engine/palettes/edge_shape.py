@@ -211,7 +211,12 @@ def _boxed(values: np.ndarray, width: float, axis: int) -> np.ndarray:
 
 
 def box_of(covered: np.ndarray) -> tuple[slice, slice] | None:
-    """Rows and columns of the box round all that is True in [H, W]; None where nothing is."""
+    """Rows and columns of the box round all that is True in [H, W]; None where nothing is.
+
+    Examples:
+        >>> box_of(np.array([[False, False, False], [False, True, True]]))
+        (slice(1, 2, None), slice(1, 3, None))
+    """
     ends = []
     for axis in (1, 0):
         places = np.flatnonzero(covered.any(axis=axis))
@@ -222,7 +227,12 @@ def box_of(covered: np.ndarray) -> tuple[slice, slice] | None:
 
 
 def grown_box(box: tuple[slice, slice] | None, by: int, shape: tuple[int, int]) -> tuple[slice, slice] | None:
-    """A box of a picture of this shape with so many pixels more on each side, as far as the picture goes."""
+    """A box of a picture of this shape with so many pixels more on each side, as far as the picture goes.
+
+    Examples:
+        >>> grown_box((slice(1, 2), slice(1, 3)), 2, (9, 4))
+        (slice(0, 4, None), slice(0, 4, None))
+    """
     if box is None:
         return None
     rows, columns = (

@@ -142,7 +142,13 @@ def _weights(star: Star, points: np.ndarray) -> np.ndarray:
 
 
 def to_hull(star: Star, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The hull's nearest point to each of points [n, r], and the squared distance [n]."""
+    """The hull's nearest point to each of points [n, r] of the span, and the squared distance [n].
+
+    Examples:
+        >>> star = star_of(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), plain_hull)
+        >>> (to_hull(star, np.array([[1.0, 1.0, 0.5]]) @ star.span)[0] @ star.span.T).round(2).tolist()
+        [[0.5, 0.5, 0.0]]
+    """
     heights = points @ star.normals.T + star.offsets
     outside = np.flatnonzero(heights.max(axis=1) > 0)
     moved, squared = points.copy(), np.zeros(len(points))

@@ -6,7 +6,6 @@ The edit is that of one who knows one color pair an object, read in the referenc
 
     left       what the panel says is left: of the object's colors in the photos, to what the pair asks of them
     asked      the same in the test views: of the recolored pixels in the true masks, to what the pair asks of these
-    expected   what that lets one expect of the next figure: with the light, edges and noise that no swatch changes
     true       of the recolored pixels in the true masks, to the true recolor
     color      what colorways say of the picked color alone: the color reached, to the target
     in views   the same, measured in the true masks of the test views
@@ -33,10 +32,6 @@ from karf_engine.recolor.model import Model
 from .recolors import edit_to_judge
 from .truth import Truth
 
-UNTOLD = (
-    2.0  # CIEDE2000 that is left to the truth where nothing is left to do: the demo's, and that of the seeds 0 and 5
-)
-
 
 @dataclass(frozen=True)
 class PredictedAndReached:
@@ -48,16 +43,10 @@ class PredictedAndReached:
     color: float
     in_views: float
 
-    @property
-    def expected(self) -> float:
-        """`left`, and beside it what one pair of colors says nothing of: errors that know nothing of each other."""
-        return float(np.hypot(self.left, UNTOLD))
-
 
 GAPS = {  # title -> what was predicted, and what was measured
     "left - asked": ("left", "asked"),
     "left - true": ("left", "true"),
-    "expected - true": ("expected", "true"),
     "color - in views": ("color", "in_views"),
 }
 

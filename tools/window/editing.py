@@ -75,6 +75,24 @@ def before_and_after(story: Story) -> Wait:
     check(len({edited, *seen}) == 4, "two ways of looking show the same picture")
 
 
+@CHAPTER.step("add a color", "mouse: the eyedropper, a click on the pot under the loupe; keys: Ctrl Z")
+def add_color(story: Story) -> Wait:
+    before, picture = desk.swatches(), desk.picture()
+    yield from hands.press_button(SIDEBAR, r'karf\.add_color\(object_name="pot"')
+    place = acts.on_photo(*desk.middle_of("pot"))
+    yield from hands.move(place)
+    yield 0.3
+    yield from story.shoot("loupe")
+    yield from hands.click(place)
+    yield 0.3
+    yield from story.shoot("color-added")
+    check(len(desk.swatches()["pot"]) == 2 * len(before["pot"]), "no color was added")
+    check(desk.picture() == picture, "a color that is added changes the picture")
+    yield from hands.press("Z", hands.middle_of(VIEW), ctrl=True)
+    yield 0.5
+    check(desk.swatches() == before, "undo left the added color")
+
+
 @CHAPTER.step("keyframe", "keys: I over a swatch, Shift Right, another drag, I; then Left and Right")
 def keyframe(story: Story) -> Wait:
     scene = desk.scene()

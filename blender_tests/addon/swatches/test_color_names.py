@@ -133,3 +133,23 @@ def test_a_relative_path_is_made_whole(bpy, addon, learned, book, tmp_path):
     preferences = addon.preferences.current()
     preferences.color_book = "//inks.csv"
     assert preferences.color_book == str(book) and len(addon.color_book.known().book) == 3
+
+
+def test_a_gray_card_turns_names_into_what_the_photos_show_of_them(bpy, addon, learned, book):
+    api = addon.engine_api
+    warm = (0.6, 0.46, 0.35)
+    learned.karf.card = warm
+    bpy.ops.karf.use_color_name(object_name="pot", index=1, color_name="Sky")
+    light = api.ReferenceLight.of_card(np.array(warm))
+    wanted = light.photographed(api.hex_to_rgb("#3a7fb0"))
+    np.testing.assert_allclose(swatch(learned).color, wanted, atol=1e-5)
+    assert np.abs(wanted - api.hex_to_rgb("#3a7fb0")).max() > 0.05
+    names = [text for text in drawn(bpy, addon, "KARF_MT_swatch_names", learned) if text.startswith("Sky")]
+    assert names and "invisible" in names[0]  # read back under daylight it is that color
+
+
+def test_a_card_that_tells_nothing_is_said_and_changes_nothing(bpy, addon, learned, book):
+    learned.karf.card = (1, 1, 1)
+    assert "The card is too dark or too bright there" in drawn(bpy, addon, "KARF_MT_swatch_names", learned)
+    bpy.ops.karf.use_color_name(object_name="pot", index=1, color_name="Sky")
+    assert addon.engine_api.rgb_to_hex(np.array(swatch(learned).color)) == "#3a7fb0"

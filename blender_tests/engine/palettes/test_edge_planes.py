@@ -103,6 +103,8 @@ def test_a_picture_that_follows_is_the_one_that_is_composed_anew(as_bytes):
         after, _ = reshaped(used, *kept, [POT, MUG], {"pot": shape}, 1.0)
         anew = delta_composite(stored.astype(np.float32) / 255, after, np.zeros_like(factors), factors)
         np.testing.assert_allclose(live, anew, atol=1e-6)
+        factors[0, 2, 1] += 0.02  # another color moves alone, so that the next shape begins anew
+        picture.paint(factors)
 
 
 def test_an_object_that_is_nowhere_stays_nowhere():

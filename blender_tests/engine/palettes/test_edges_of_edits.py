@@ -49,3 +49,11 @@ def test_what_cannot_be_is_refused_by_name(wrong, tmp_path):
 def test_edges_of_another_object_are_refused():
     with pytest.raises(BadRequest, match="lid"):
         check_edit(Edit(COLORS, edges={"lid": EdgeShape(1)}), [POT, MUG])
+
+
+def test_a_frame_with_other_edges_is_another_frame():
+    frame_mark = pytest.importorskip("karf_engine.export.finished_frames").frame_mark
+    plain = frame_mark("view", Edit(COLORS))
+    assert frame_mark("view", Edit(COLORS, edges={"pot": EdgeShape()})) == plain
+    marks = [frame_mark("view", Edit(COLORS, edges={"pot": EdgeShape(*each)})) for each in ((1, 0), (2, 0), (0, 1))]
+    assert len({plain, *marks}) == 4

@@ -15,7 +15,12 @@ from ..star import Hull, Star, star_of, to_hull, weights_in
 
 
 def make_star(palette: np.ndarray) -> Star | None:
-    """The star of a palette [M, 3]; see `palettes.star.star_of`."""
+    """The star of a palette [M, 3], by scipy's hull; see `palettes.star.star_of`.
+
+    Example:
+        >>> np.sort(make_star(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]])).cones).tolist()
+        [[1, 2]]
+    """
     return star_of(palette, _hull)
 
 

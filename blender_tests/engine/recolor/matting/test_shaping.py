@@ -97,6 +97,13 @@ def test_layers_recompose_the_picture(orientation):
     assert np.abs(recomposed - finished.shown(finished.recolored(edit))).max() < 0.01
 
 
+def test_another_object_is_not_painted_however_far_it_grows():
+    finished = view()
+    before, after = (shown(finished, edit) for edit in (GREEN, with_edge(-12, 10)))
+    np.testing.assert_array_equal(after[10:25, 40:50], before[10:25, 40:50])
+    assert np.abs(after[18, 38] - before[18, 38]).max() > 0.01
+
+
 def test_masks_stay_the_objects():
     finished = view()
     before = finished.masks()

@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip("torch")
 
+from blender_tests.engine.conftest import of_field
 from karf_engine.capture.transforms_json import camera_to_json
 from karf_engine.errors import BadRequest, Cancelled, DataError
 from karf_engine.export.cryptomatte import channels, header
@@ -59,6 +60,26 @@ def test_the_color_is_what_the_model_shows_with_the_edit(session, asked, model, 
     assert list(answer["arrays"]) == ["color"] and answer["size"] == [90, 60] and answer["seconds"] > 0
     assert np.array_equal(arrays_of(answer)["color"], model.shown(camera, edit))
     assert np.abs(model.shown(camera, edit) - model.shown(camera, model.edit())).max() > 0.1
+
+
+@pytest.mark.parametrize("source", ["splats", "field"])
+def test_edges_are_those_of_the_whole_frame_whatever_it_is_made_of(
+    session, asked, model, camera, edit, source, monkeypatch
+):
+    if source == "field":
+        monkeypatch.setattr(session, "model", lambda project: of_field(model))
+        monkeypatch.setattr("karf_engine.worker.queries.show.BAND_RAYS", 1000)
+    known, name = session.model(asked["project"]), model.objects[0]
+    shaped = edit.edge(name, choke=-3, feather=8)
+    asked = asked | {"edit": edit_to_json(shaped)}
+    frame = known.render(camera)
+    whole = known.composite(frame, shaped)
+    assert np.abs(whole - known.composite(frame, edit)).max() > 0.02
+    for passes in (["color"], ["color", "weights"]):
+        found = arrays_of(show(session, asked | {"passes": passes}))
+        np.testing.assert_allclose(found["color"], whole, atol=1e-5)
+    np.testing.assert_allclose(found["weights"], known.with_edges(frame, shaped.edges).palette_weights, atol=1e-5)
+    assert np.array_equal(known.shown(camera, shaped), whole)
 
 
 def test_without_an_edit_it_is_the_scene_as_learned(session, asked, model, camera):
