@@ -10,6 +10,7 @@ from .hands import Wait
 from .telling import Chapter
 
 CHAPTER = Chapter()
+SWATCH_EYE = 0.09  # of the sidebar's width: the eye below an object's first swatch
 
 
 @CHAPTER.step("drag", "mouse: a swatch's picker is opened, its color dragged")
@@ -64,7 +65,7 @@ def before_and_after(story: Story) -> Wait:
     for way in (
         lambda: hands.press("C", hands.middle_of(PICTURE)),
         lambda: hands.press_button(SIDEBAR, r'karf\.solo_swatch\(object_name="pot", index=0\)'),
-        lambda: hands.press_button(SIDEBAR, r'karf\.solo_swatch\(object_name="pot"(, index=1)?\)'),
+        lambda: hands.press_button(SIDEBAR, r'karf\.solo_swatch\(object_name="pot"(, index=1)?\)', SWATCH_EYE),
     ):
         yield from way()
         seen.append(desk.picture())
