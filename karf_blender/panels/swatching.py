@@ -22,29 +22,26 @@ def draw_object(layout, item):
             draw_swatch(row.column(align=True), item, index, swatch)
     row.operator("karf.add_color", text="", icon="EYEDROPPER").object_name = item.name
     row = layout.row()
-    row.alignment = "LEFT"
-    row.prop(item, "show_surface", icon="DOWNARROW_HLT" if item.show_surface else "RIGHTARROW", emboss=False)
-    if item.show_surface:
-        draw_surfaces(layout, item)
-    row = layout.row()
-    left = row.row()
-    left.alignment = "LEFT"
-    left.prop(item, "show_becomes", icon="DOWNARROW_HLT" if item.show_becomes else "RIGHTARROW", emboss=False)
+    draw_fold(row, item, "show_becomes")
     row.prop(item, "is_metal", icon="SHADING_RENDERED", icon_only=True)
     if item.show_becomes:
         draw_becomes(layout, item)
-    draw_edge(layout, item)
-
-
-def draw_edge(layout, item):
-    """Where its paint ends; folded."""
     row = layout.row()
-    row.alignment = "LEFT"
-    row.prop(item, "show_edge", icon="DOWNARROW_HLT" if item.show_edge else "RIGHTARROW", emboss=False)
+    draw_fold(row, item, "show_surface")
+    draw_fold(row, item, "show_edge")
+    if item.show_surface:
+        draw_surfaces(layout, item)
     if item.show_edge:
         row = layout.row(align=True)
         row.prop(item, "choke")
         row.prop(item, "feather")
+
+
+def draw_fold(row, item, name):
+    """The button that unfolds a part of an object's controls."""
+    left = row.row()
+    left.alignment = "LEFT"
+    left.prop(item, name, icon="DOWNARROW_HLT" if getattr(item, name) else "RIGHTARROW", emboss=False)
 
 
 def draw_swatch(column, item, index, swatch):

@@ -70,7 +70,9 @@ MEANS = {"mean": np.mean, "median": np.median}
 def main() -> None:
     options = parse_arguments()
     table = {}
-    scenes = options.scenes or sorted(path.parent.name for path in options.captures.glob("*/edits.json"))
+    found = sorted(path.parent.name for path in options.captures.glob("*/edits.json"))
+    # print has a judge of its own, `judging.packaging`: its photos are larger than what presets learn from
+    scenes = options.scenes or [name for name in found if not (options.captures / name / "print").exists()]
     for scene in scenes:
         summary = judge(options.captures / scene, options.out / scene, options)
         table[scene] = figures(summary)
