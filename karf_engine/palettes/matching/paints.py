@@ -169,11 +169,16 @@ def pigment_gate(colors: np.ndarray, source: np.ndarray, reach: float = 1.0, pro
     gate = np.exp(-((turn / (reach * HUE_GATE)) ** 4))
     if protect:
         share = lab_saturation(lab) / lab_saturation(source)
-        gate *= _smooth_step((share - protect / 2) / protect)
+        gate *= smooth_step(share, protect / 2, 3 * protect / 2)
     return gate
 
 
-def _smooth_step(position: np.ndarray) -> np.ndarray:
-    """0 up to position 0, 1 from 1 on, and smooth between."""
-    inside = np.clip(position, 0, 1)
-    return inside * inside * (3 - 2 * inside)
+def smooth_step(values: np.ndarray, low: float, high: float) -> np.ndarray:
+    """0 up to `low`, 1 from `high` on, smooth between.
+
+    Examples:
+        >>> smooth_step(np.array([0.0, 1.0, 2.0, 3.0, 9.0]), 1.0, 3.0).tolist()
+        [0.0, 0.0, 0.5, 1.0, 1.0]
+    """
+    x = np.clip((values - low) / (high - low), 0, 1)
+    return x * x * (3 - 2 * x)

@@ -19,7 +19,7 @@ import numpy as np
 from ...io.arguments import check_fields, check_number
 from ...io.color import linear_to_srgb, srgb_to_linear
 from .fitting import match_pixels
-from .paints import pigment_gate, split_light
+from .paints import pigment_gate, smooth_step, split_light
 
 MOST_FACTOR = 4.0  # highest saturation and gloss
 MOST_BRIGHTNESS = 2.0
@@ -144,7 +144,7 @@ def surface_target(colors: np.ndarray, counts: np.ndarray, gate: np.ndarray, sur
 
 def _gate(colors: np.ndarray, source: np.ndarray) -> np.ndarray:
     """How much of each color is of the source's paint or of its highlights, which have no hue where they are white."""
-    return np.maximum(pigment_gate(colors, source), _smooth_step(colors.min(axis=1), CLIPPED, 1.0))
+    return np.maximum(pigment_gate(colors, source), smooth_step(colors.min(axis=1), CLIPPED, 1.0))
 
 
 def _paint(light: np.ndarray, weights: np.ndarray) -> np.ndarray:
@@ -177,7 +177,7 @@ def _gloss_color(
     """What gloss adds to each color, [n, 3]: gray light, and the more of it the more of all else that is over the paint,
     as lights have colors. Where a photo has cut it off, it hides the shading: there the paint counts as lit."""
     share = gloss / np.maximum(gloss + shading, 1e-9)
-    is_cut = share * _smooth_step(light.max(axis=1), srgb_to_linear(np.array(CLIPPED)), 1.0)
+    is_cut = share * smooth_step(light.max(axis=1), srgb_to_linear(np.array(CLIPPED)), 1.0)
     lit = np.maximum(shading, _quantile(shading, counts, LIT))
     over = light - (shading + is_cut * (lit - shading))[:, None] * paint
     return gloss[:, None] + np.maximum(share, is_cut)[:, None] * (over - gloss[:, None])
@@ -188,9 +188,3 @@ def _quantile(values: np.ndarray, weights: np.ndarray, share: float) -> float:
     order = np.argsort(values)
     total = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(total, share * total[-1])])
-
-
-def _smooth_step(values: np.ndarray, low: float, high: float) -> np.ndarray:
-    """0 up to `low`, 1 from `high` on, smooth between."""
-    x = np.clip((values - low) / (high - low), 0, 1)
-    return x * x * (3 - 2 * x)
