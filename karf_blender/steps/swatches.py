@@ -233,7 +233,7 @@ def add_color(
         )
     likely = proposed(shown.of(scene).learned_histogram(object_name), picked)
     added = AddedColor(picked, likely.reach if reach is None else reach, likely.protect if protect is None else protect)
-    found = groups.solved_set(item, added, groups.color_shown(item, picked))
+    found = groups.begun_set(item, added)
     with shown.batched(scene), groups.apart():
         number = groups.add_color(item, added)
         groups.set_colors(item, number, found)

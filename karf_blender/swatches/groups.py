@@ -18,6 +18,8 @@ from ..engine_api import BRIGHTEST, AddedColor, BadRequest, KarfError, mean_weig
 from ..host import handlers, rendering
 from . import colors, keyframes, shown, surfaces
 
+UNREACHED = 0.05  # share of a pigment that added colors reach, up to which it is the learned swatches'
+
 
 class _Memory:
     """Whether swatches are being set that no others must follow."""
@@ -158,14 +160,18 @@ def gathered(item: bpy.types.PropertyGroup, weights: np.ndarray) -> np.ndarray:
 
 
 # --- added colors --------------------------------------------------------------------------------------------------
-def color_shown(item: bpy.types.PropertyGroup, color: np.ndarray) -> np.ndarray:
-    """What a learned color of an object, sRGB [3], looks like as its swatches stand; exactly itself where none moved.
+def begun_set(item: bpy.types.PropertyGroup, color: AddedColor) -> np.ndarray:
+    """The set [M, 3] of a color that is about to be added: what it looks like as the swatches stand, and these swatches, so
+    that no picture changes. Where added colors reach its pigment already, it is solved, as it is whenever it moves.
 
     Raises:
+        BadRequest: The color is black, and so has no pigment.
         KarfError: There is no project, or it is damaged or has no such object.
     """
-    own = mean_weights(*shown.of(item.id_data).histogram(item), color)
-    return np.clip(color + own @ (colors.edited(item) - colors.learned(item)), 0, 1).astype(np.float32)
+    own, edited = mean_weights(*shown.of(item.id_data).histogram(item), color.picked), colors.edited(item)
+    looks = np.clip(color.picked + own @ (edited - colors.learned(item)), 0, 1).astype(np.float32)
+    solved, count = solved_set(item, color, looks), colors.size(item)
+    return solved if own[count:].sum() > UNREACHED else np.array([looks, *edited[1:count]])
 
 
 def solved_set(item: bpy.types.PropertyGroup, color: AddedColor, wanted: np.ndarray) -> np.ndarray:

@@ -66,6 +66,14 @@ def test_it_begins_as_the_edited_picture_shows_it(addon, pots):
     np.testing.assert_allclose(shown(addon, pots), [RED, YELLOW], atol=0.01)
 
 
+def test_adding_it_changes_no_bit_of_an_edited_picture(addon, pots):
+    for index, wanted in ((1, (0.2, 0.7, 0.4)), (2, (0.6, 0.1, 0.5))):
+        addon.headless.set_swatch("pot", index, wanted)
+    before = addon.images.pixels(pots.karf.result).copy()
+    addon.headless.add_color("pot", YELLOW)
+    np.testing.assert_array_equal(addon.images.pixels(pots.karf.result), before)
+
+
 def test_the_color_at_a_place_is_that_of_the_object_as_learned(addon, pots):
     addon.headless.set_swatch("pot", 1, BLUE)
     np.testing.assert_allclose(addon.steps.color_at(pots, "pot", (0.2, 0.5)), RED, atol=1e-3)
