@@ -6,6 +6,8 @@ import argparse
 import json
 import signal
 import sys
+import threading
+from contextlib import closing
 from dataclasses import fields
 from pathlib import Path
 
@@ -95,10 +97,18 @@ def doctor(options: argparse.Namespace) -> int:
     """Whether this Python can run the engine."""
     from .doctor import examine
 
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that what was tried is removed when it is ended
-    finding = None
-    for finding in examine(options.folder, options.quick, options.device, options.threads):
-        print(finding.to_line() if options.json else finding.to_text(), flush=True)
+    is_ended = threading.Event()
+
+    def end(*_):
+        is_ended.set()
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGTERM, end)  # so that what was tried is removed when it is ended
+    with closing(examine(options.folder, options.quick, options.device, options.threads)) as findings:
+        for finding in findings:
+            if is_ended.is_set():  # Python drops what is raised while it calls back for a weak reference
+                raise KeyboardInterrupt
+            print(finding.to_line() if options.json else finding.to_text(), flush=True)
     return finding.exit_code
 
 

@@ -137,7 +137,8 @@ def read_color_book(path: Path | str) -> ColorBook:
         path: `.acb`, `.ase`, `.gpl`, or a table `.csv` with the columns `name` and `hex`, or `L`, `a`, `b`.
 
     Returns:
-        The book, called as its file; Lab of Adobe's files is adapted from D50 to D65. A name that comes twice gets a number, a color without one its `#rrggbb`.
+        The book, called as its file; Lab of Adobe's files is adapted from D50 to D65. A name that comes twice gets a number,
+        a color without one its `#rrggbb`.
 
     Raises:
         DataError: The file is missing, damaged, too large, of another kind, in CMYK, or has no color.

@@ -3,9 +3,11 @@
 import importlib
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
+import weakref
 from collections import namedtuple
 
 import pytest
@@ -13,7 +15,7 @@ import pytest
 pytest.importorskip("torch")
 
 from blender_tests.engine.conftest import ROOT
-from karf_engine.cli import doctor
+from karf_engine.cli import doctor, main
 from karf_engine.cli.doctor import machine, packages, smoke
 from karf_engine.worker.findings import ERROR, OK, WARNING, Finding
 from karf_engine.worker.requirements import REQUIRED, Range
@@ -204,6 +206,26 @@ def test_a_doctor_that_is_ended_leaves_nothing(tmp_path):
         time.sleep(0.02)
     process.terminate()
     assert process.wait(60) == 6 and list(tmp_path.glob("karf-*")) == []
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_a_doctor_ends_where_python_drops_what_the_signal_raised(monkeypatch, capsys):
+    class Thing:
+        pass
+
+    def examine(*_):
+        thing = Thing()
+        reference = weakref.ref(thing, lambda _: signal.raise_signal(signal.SIGTERM))
+        del thing
+        yield Finding("python", OK, f"Still there after {reference}.")
+
+    monkeypatch.setattr(doctor, "examine", examine)
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        assert main(["doctor"]) == 6
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert "Still there" not in capsys.readouterr().out
 
 
 def test_a_stage_that_fails_is_named_and_later_ones_are_not_tried(monkeypatch, capsys):
