@@ -16,9 +16,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..io.color import lab_hue, lab_saturation, srgb_to_lab
+from ..io.color import lab_chroma, lab_hue, lab_saturation, srgb_to_lab
 from .matching.becomes import match_pigment
-from .matching.paints import HUE_GATE, pigment_gate
+from .matching.paints import GREY_CHROMA, HUE_GATE, pigment_gate
 from .object_colors import ColorHistogram
 from .palette import PROTECT, AddedColor, Palette
 
@@ -51,6 +51,8 @@ def proposed(seen: ColorHistogram, picked: np.ndarray) -> AddedColor:
         0.38 0.0
     """
     lab, source = srgb_to_lab(seen.colors), srgb_to_lab(np.asarray(picked, np.float64))
+    if lab_chroma(source) < GREY_CHROMA:  # it has no hue, by which others could be told apart
+        return AddedColor(np.asarray(picked, np.float32))
     is_neutral = lab_saturation(lab) < PROTECT * lab_saturation(source)
     turn = (lab_hue(lab) - lab_hue(source) + np.pi) % (2 * np.pi) - np.pi
     away, counts = np.abs(turn[~is_neutral]) / HUE_GATE, seen.counts[~is_neutral] / seen.counts.sum()

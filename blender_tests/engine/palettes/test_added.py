@@ -231,6 +231,11 @@ def test_the_objects_colors_propose_what_is_protected():
     assert proposed(lettered(0.01), RED).protect == 0.0  # these are highlights
 
 
+def test_a_grey_that_is_picked_has_no_hue_to_propose_by():
+    color = proposed(lettered(), np.full(3, 0.6))
+    assert (color.reach, color.protect) == (AddedColor(RED).reach, 0.0)
+
+
 def test_a_proposed_reach_ends_before_the_next_pigment():
     seen = ColorHistogram(np.concatenate([lit(RED), lit(np.array([0.7, 0.35, 0.1]))]), np.ones(40), np.ones((40, 1)))
     alone = ColorHistogram(lit(RED), np.ones(20), np.ones((20, 1)))
