@@ -1,7 +1,16 @@
 """What the .blend keeps of a scene's project: Scene.karf."""
 
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
 
 from ..engine_api import COMPOSITING_MODES, PRESETS
 from ..host.compat import PATH_OPTIONS
@@ -145,6 +154,10 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         description="What a gray card (L* 50, 18 %) looks like in the photos; pick it in the picture (E). Names and numbers "
         "of colors are then those under daylight. Black: no card",
     )
+    chart: FloatVectorProperty(
+        size=9, description="From linear light under daylight to that in the photos, by a color chart; zeros: no chart"
+    )
+    chart_left: FloatProperty(description="CIEDE2000 that the chart's patches are off in the mean")
     material: BoolProperty(
         name="Material",
         default=True,
