@@ -157,8 +157,10 @@ class _Work:
         """The contact sheet, of some views spread over all."""
         count = min(SHEET_VIEWS, len(self._views))
         chosen = [self._views[number * len(self._views) // count] for number in range(count)]
+        is_of_photos = self._captured and self._size != "learned"
+        space = chosen[0].space if is_of_photos else None
         rows = [
-            Row(_label(plan, self._light), tuple(self._picture(plan, view) for view in chosen))
+            Row(_label(plan, self._light), tuple(self._picture(plan, view) for view in chosen), space)
             for plan in self._planned[:SHEET_ROWS]
         ]
         write_contact_sheet(self._out / "contact_sheet.png", [view.name for view in chosen], rows)
