@@ -149,6 +149,23 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         description="Checkpoint of a NeRF that another program has trained on this capture, taken as the geometry "
         "(nerf-pytorch, krrish94); empty: learn it",
     )
+    photo_space: StringProperty(
+        name="Photo Space",
+        description="Color space that the photos' files are in, by its OpenColorIO name, as ACEScg; recolored photos are "
+        "written in it. Empty: sRGB, of OpenEXR linear light. The engine needs its extra color",
+    )
+    layer_space: StringProperty(
+        name="Layer Space",
+        description="Color space of the layers' picture, by its OpenColorIO name, as ACEScg. Empty: linear Rec. 709. The "
+        "engine needs its extra color",
+    )
+    ocio: StringProperty(
+        name="Color Config",
+        subtype="FILE_PATH",
+        options=PATH_OPTIONS,
+        description="OpenColorIO configuration of these spaces, config.ocio. Empty: that of the variable OCIO, else the "
+        "engine's own",
+    )
     card: srgb(
         "Gray Card",
         description="What a gray card (L* 50, 18 %) looks like in the photos; pick it in the picture (E). Names and numbers "

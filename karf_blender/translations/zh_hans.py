@@ -703,6 +703,19 @@ TEXTS = {
     "then those under daylight. Black: no card": (
         "灰卡（L* 50，18 %）在照片中的样子；在图像中拾取（E）。颜色的名称和数值随后是日光下的。黑色：没有灰卡"
     ),
+    "Photo Space": "照片空间",
+    "Layer Space": "图层空间",
+    "Color Config": "色彩配置",
+    "Color space that the photos' files are in, by its OpenColorIO name, as ACEScg; recolored photos are written in it. Empty: "
+    "sRGB, of OpenEXR linear light. The engine needs its extra color": (
+        "照片文件所在的色彩空间，用其 OpenColorIO 名称，如 ACEScg；重新着色的照片以它写出。留空：sRGB，OpenEXR 为线性光。"
+        "引擎需要其附加组件 color"
+    ),
+    "Color space of the layers' picture, by its OpenColorIO name, as ACEScg. Empty: linear Rec. 709. The engine needs its "
+    "extra color": "图层图像的色彩空间，用其 OpenColorIO 名称，如 ACEScg。留空：线性 Rec. 709。引擎需要其附加组件 color",
+    "OpenColorIO configuration of these spaces, config.ocio. Empty: that of the variable OCIO, else the engine's own": (
+        "这些空间的 OpenColorIO 配置 config.ocio。留空：环境变量 OCIO 的配置，否则为引擎自带的配置"
+    ),
     "Pick Color Chart": "拾取色卡",
     "Remove Color Chart": "移除色卡",
     "Corners": "角点",
