@@ -49,6 +49,12 @@ def set_edit(addon, scene, truth):
             addon.headless.set_swatch(name, index, colors[index])
 
 
+def set_sockets(addon, node, truth):
+    for name, colors in zip(NAMES, truth["edited"], strict=True):
+        for index in (1, 2):
+            node.inputs[f"{name} {index}"].default_value = (*addon.engine_api.srgb_to_linear(colors[index]), 1)
+
+
 @pytest.mark.parametrize("which, name", list(enumerate(NAMES)))
 def test_blenders_cryptomatte_node_gives_an_objects_coverage(
     bpy, addon, scene, compositor, layers_file, truth, tmp_path, which, name
@@ -65,9 +71,7 @@ def test_blenders_cryptomatte_node_gives_an_objects_coverage(
 def test_the_nodes_recompose_the_engines_picture(bpy, addon, scene, compositor, layers_file, truth, tmp_path):
     """From the file alone: the scene knows nothing of its objects."""
     node = addon.headless.build_compositor(layers=layers_file)
-    for name, colors in zip(NAMES, truth["edited"], strict=True):
-        for index in (1, 2):
-            node.inputs[f"{name} {index}"].default_value = (*addon.engine_api.srgb_to_linear(colors[index]), 1)
+    set_sockets(addon, node, truth)
     picture = as_display(addon, rendered(bpy, addon, scene, tmp_path))
     assert np.abs(picture - truth["recolored"]).max() < 0.5 / 255
 
@@ -80,9 +84,7 @@ def test_layers_in_another_color_space_recompose_the_same_picture(
         pytest.skip("the engine has no OpenColorIO")
     scene.karf.layer_space = "ACEScg"
     node = addon.headless.build_compositor(layers=path)
-    for name, colors in zip(NAMES, truth["edited"], strict=True):
-        for index in (1, 2):
-            node.inputs[f"{name} {index}"].default_value = (*addon.engine_api.srgb_to_linear(colors[index]), 1)
+    set_sockets(addon, node, truth)
     picture = as_display(addon, rendered(bpy, addon, scene, tmp_path))
     assert np.abs(picture - truth["recolored"]).max() < 0.5 / 255
 
