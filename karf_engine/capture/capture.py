@@ -10,7 +10,7 @@ import math
 import os
 from collections.abc import Collection, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +52,7 @@ class View:
     image: Path | None
     split: str
     depth_bounds: tuple[float, float] | None = None
-    space: ColorSpace | None = None
+    space: ColorSpace | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -7,11 +7,15 @@ from pathlib import Path
 from typing import ClassVar
 
 from ..errors import BadRequest
-from ..io.color_spaces import CONFIG
 from ..io.options import Options, option
 
 # of recolored frames that are not of a photo's size, and the endings of their files
 FORMATS = {"png8": ".png", "png16": ".png", "exr16": ".exr", "exr32": ".exr"}
+
+CONFIG = (
+    "OpenColorIO configuration of named color spaces (default: that of the variable OCIO, else the one that comes with the "
+    "package)"
+)
 
 
 @dataclass(frozen=True, kw_only=True)

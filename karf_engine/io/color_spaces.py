@@ -22,10 +22,6 @@ SRGB = "srgb_rec709_scene"  # IEC 61966-2-1's curve and primaries, by the name t
 BUILT_IN = "ocio://default"
 VARIABLE = "OCIO"  # of the environment: the path of a configuration, as in other programs
 EXTRA = "color"
-CONFIG = (
-    "OpenColorIO configuration of named color spaces (default: that of the variable OCIO, else the one that comes with the "
-    "package)"
-)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from ...io.color_spaces import CONFIG
+from ...export.frame_options import CONFIG
 from ...io.options import Options, option
 from ...project.settings import PRESETS
 
