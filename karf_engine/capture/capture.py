@@ -321,7 +321,13 @@ def _view_from_json(entry: dict[str, Any], label: str, path: Path) -> View:
     image = _find_file(path.parent, entry["image"], entry.get("image_from_here"))
     stem, name = check_name(entry["stem"], path, "a photo"), check_name(entry["name"], path, "a view")
     return View(
-        name, stem, camera, image, entry["split"], _bounds_from_json(entry.get("depth_bounds")), _space_from_json(entry)
+        name,
+        stem,
+        camera,
+        image,
+        entry["split"],
+        _bounds_from_json(entry.get("depth_bounds")),
+        space=_space_from_json(entry),
     )
 
 
