@@ -70,7 +70,7 @@ def test_the_first_level_already_makes_something_solid(photos, kind):
 
 
 def test_fog_of_the_backgrounds_color_clears_and_things_stay(monkeypatch):
-    photos = [take_photo(camera, sky=True) for camera in cameras(48)]  # of few, the first grid holds no fog
+    photos = [take_photo(camera, sky=True) for camera in cameras(40)]  # of few, the first grid holds no fog
     camera = camera_at(0.3, 0.6)
     alpha, opacities = take_photo(camera).alpha, []
     for weight in (fit_box.FOG_PENALTY, 0.0):
