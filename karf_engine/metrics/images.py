@@ -25,8 +25,9 @@ def psnr(first: np.ndarray, second: np.ndarray, mask: np.ndarray | None = None) 
 def color_corrected(shown: np.ndarray, photo: np.ndarray) -> np.ndarray:
     """A rendered picture with the exposure and white balance of its photo, as multinerf and gsplat correct colors.
 
-    Not how well new photos are foretold: the photo itself tells its colors. Channel by channel a least-squares fit of the photo on products and squares, values and 1 of the picture, over pixels
-    that are not clipped, in five rounds (Mildenhall et al. 2022, `multinerf`, color_correct).
+    Channel by channel a least-squares fit of the photo on products and squares, values and 1 of the picture, over pixels
+    that are not clipped, in five rounds (Mildenhall et al. 2022, `multinerf`, color_correct). The photo itself tells its
+    colors, so nothing is foretold.
 
     Args:
         shown: [H, W, 3] sRGB in [0, 1].

@@ -33,7 +33,6 @@ from karf_engine.recolor.model import Model
 from karf_engine.segmentation.report import SegmentationReport
 from karf_engine.segmentation.views import farthest_point_views
 from karf_engine.splats.files import load_gaussians
-from karf_engine.splats.rasterizer import splatted
 
 from ..judging import HOLDOUT
 from ..judging.scores import print_common, rounded, score_objects, score_renders, stage_summary
@@ -95,6 +94,8 @@ def score_splats(test: TestViews) -> dict[str, float]:
 
 def corrected_splats(test: TestViews) -> dict[str, float]:
     """PSNR of color-corrected splats in the test views, mean and worst, at the size of the training images."""
+    from karf_engine.splats.rasterizer import splatted  # needs numba
+
     gaussians = load_gaussians(test.model.project.splats_file)
     values = [
         cc_psnr(splatted(gaussians, image.camera).image[..., :3].clip(0, 1), frame.base)

@@ -201,10 +201,15 @@ def picture_rows(judged: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
 
 def corrected_rows(judged: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """How held-out photos are shown, mean and worst, plainly and color-corrected: a table in Markdown."""
+    """How held-out photos are shown, mean and worst, plainly and color-corrected: a table in Markdown.
+
+    Captures that an earlier version judged have no such figures, and no row.
+    """
     titles = ("capture", "voxels", "voxels, corrected", "splats", "splats, corrected")
     rows = []
     for name, summary in judged.items():
+        if "cc_psnr_full" not in summary:
+            continue
         splats = summary["splats"]
         pairs = (
             (summary["psnr_full"], summary["psnr_full_worst"]),

@@ -72,6 +72,8 @@ def test_rows_show_figures_of_what_was_judged():
     assert row == "| flower | 27.3, 26.2 dB | 29.6, 28.3 dB | 29.7, 28.3 dB | 104 | 125 |  | 1.5 GiB |"
     (_, _, row) = corrected_rows({"flower": SUMMARY})
     assert row == "| flower | 27.3, 26.2 dB | 27.8, 26.6 dB | 29.6, 28.3 dB | 30.1, 28.9 dB |"
+    of_before = {key: value for key, value in SUMMARY.items() if not key.startswith("cc_")}
+    assert len(corrected_rows({"flower": of_before})) == 2
     keys = ("iou", "iou_worst_view", "iou_border_excluded", "iou_ceiling")
     scores = {key: {"cape": 0.9, "mean": 0.9} for key in keys}
     rows = mask_rows({"flower": SUMMARY, "goldcape": SUMMARY | scores | {"coarse_masks": {"cape": []}}})
