@@ -17,6 +17,11 @@ def write_png(path: Path, pixels: np.ndarray) -> None:
     Image.fromarray(pixels).save(path, optimize=True)
 
 
+def write_mask(path: Path, mask: np.ndarray) -> None:
+    """Write a mask (H, W) bool as a PNG of 0 and 255."""
+    write_png(path, np.where(mask, 255, 0).astype(np.uint8))
+
+
 def write_labels(path: Path, ids: np.ndarray) -> None:
     """Write object ids (H, W) uint8 as a palette PNG whose pixel values are the ids."""
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -2,6 +2,7 @@
 
     .venv/blender/bin/python -m tools.scenes.make_captures --out DIR [SCENE ...] [--size N] [--views 40+8]
     .venv/blender/bin/python -m tools.scenes.make_captures --out DIR --seeds 0-7 [--size 160]
+    .venv/blender/bin/python -m tools.scenes.make_captures --out DIR --thin-seeds 0-3 [--size 320] [--full DIR2]
     .venv/blender/bin/python -m tools.scenes.make_captures --out DIR [SCENE ...] --full DIR2 [--full-size 1024]
 
     single   one jug on a table
@@ -14,8 +15,8 @@
              things with print on them, and also which pixels are letters (tools/scenes/packaging.py); 320 pixels
 
 Each is laid out as the demo capture. A scene that DIR has already, of the same arguments, is not made again. The second
-form makes scenes that nobody chose: a seed draws all that is in them (tools/procedural/seeded). The third
-form also copies them to DIR2, with a few test views at a larger size and the coverage of each object there. Needs the
+form makes scenes that nobody chose: a seed draws all that is in them (tools/procedural/seeded). The third draws scenes
+of things with thin parts, and tells which pixels these are. --full also copies captures to DIR2, with a few test views at a larger size and the coverage of each object there. Needs the
 bpy wheel, numpy and imageio. Everything is procedural and seeded: the same arguments give the same files.
 """
 
@@ -36,12 +37,14 @@ from ..procedural import full_size, thin_things, things
 from ..procedural.cameras import dome_views, patch_views
 from ..procedural.files import write_json
 from ..procedural.recipe import Extent, Recipe, TrueEdit, make_capture
-from ..procedural.seeded.recipe import make_drawn_capture
+from ..procedural.seeded.recipe import make_drawn_capture, make_thin_capture, thin_scene
 from .packaging import PACKAGING
 
 RECIPE_VERSION = 1  # goes up with every change to the scenes, so that captures of older ones are made again
 DRAWING_VERSION = 1  # likewise, of the drawn scenes
-SEED_SIZE = 160
+THIN_VERSION = 1  # likewise, of those with thin parts
+SEED_SIZE, THIN_SIZE = 160, 320
+THIN_SAMPLES = 8  # at most: a large photo of few samples, denoised, shows a wire as well
 MADE_BY = "made_by.json"
 FIELD_OF_VIEW = math.radians(38.0)
 ON_TABLE = """\
@@ -215,7 +218,9 @@ def main(argv: list[str] | None = None) -> int:
     options = parse_arguments(argv)
     for seed in options.seeds:
         make_seed_once(seed, options)
-    for scene in options.scenes or (RECIPES if not options.seeds else ()):
+    for seed in options.thin_seeds:
+        make_thin_once(seed, options)
+    for scene in options.scenes or (RECIPES if not options.seeds and not options.thin_seeds else ()):
         extent = Extent(options.size or RECIPES[scene].size, *options.views, options.samples)
         capture = options.out / scene
         make_once(scene, extent, capture, options.threads)
@@ -231,6 +236,8 @@ def parse_arguments(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("scenes", nargs="*", metavar="SCENE", help=", ".join(RECIPES))
     parser.add_argument("--out", type=Path, required=True, help="folder of the captures, DIR/<scene>")
     parser.add_argument("--seeds", type=numbers, default=(), metavar="A-B", help="drawn scenes instead: 7, or 0-7")
+    thin = {"type": numbers, "default": (), "metavar": "A-B"}
+    parser.add_argument("--thin-seeds", **thin, help="drawn scenes of things with thin parts instead")
     parser.add_argument("--size", type=int, help="width and height in pixels (default: the scene's own, 160 or 320)")
     parser.add_argument("--views", type=views, default=(40, 8), metavar="TRAIN+TEST", help="numbers (default: 40+8)")
     parser.add_argument("--samples", type=int, default=24, help="samples per pixel at most (default: %(default)s)")
@@ -270,6 +277,20 @@ def make_seed_once(seed: int, options: argparse.Namespace) -> None:
     command = f"python -m tools.scenes.make_captures --out DIR --seeds {seed} --size {size} --samples {samples}"
     make = partial(make_drawn_capture, seed, size, samples, command=command, threads=options.threads)
     _unless_there(options.out / f"seed_{seed:03d}", arguments, make)
+
+
+def make_thin_once(seed: int, options: argparse.Namespace) -> None:
+    """Make the capture of a drawn scene of thin parts, unless it is there, and maybe its copy with larger test views."""
+    size, samples = options.size or THIN_SIZE, min(options.samples, THIN_SAMPLES)
+    arguments = {"thin_seed": seed, "thin_version": THIN_VERSION, "size": size, "samples": samples}
+    command = f"python -m tools.scenes.make_captures --out DIR --thin-seeds {seed} --size {size} --samples {samples}"
+    capture = options.out / f"thin_{seed:03d}"
+    make = partial(make_thin_capture, seed, size, samples, command=command, threads=options.threads)
+    _unless_there(capture, arguments, make)
+    if options.full:
+        _, recipe, extent = thin_scene(seed, size, samples)
+        full = full_size.full_size_of(options)
+        full_size.enlarge_test_views(recipe, extent, full, capture, options.full / capture.name, options.threads)
 
 
 def _unless_there(folder: Path, arguments: dict, make: Callable[[Path], None]) -> None:
