@@ -38,6 +38,7 @@ from ..judging.recolors import edit_to_judge
 from ..judging.scores import rounded
 from ..judging.sheets import write_sheet
 from ..judging.truth import Truth
+from ..judging.views import project_of
 
 CROP = 192  # pixels, at most
 TITLES = {
@@ -114,12 +115,6 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--larger", type=Path, help="folder of projects that were learned from larger photos")
     parser.add_argument("--rows", nargs="+", choices=tuple(WAYS), default=tuple(WAYS), help="default: all")
     return parser.parse_args()
-
-
-def project_of(learned: Path, scene: str) -> Path:
-    """A scene's project below a folder of them."""
-    inner = learned / scene / "project"
-    return inner if inner.is_dir() else learned / scene
 
 
 def judge(capture: Path, project: Path, larger: Path | None, options: argparse.Namespace) -> dict:

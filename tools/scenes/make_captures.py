@@ -23,29 +23,21 @@ bpy wheel, numpy and imageio. Everything is procedural and seeded: the same argu
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import os
-import shutil
 import sys
-from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
 from ..procedural import full_size, thin_things, things
 from ..procedural.cameras import dome_views, patch_views
-from ..procedural.files import write_json
+from ..procedural.files import unless_there
 from ..procedural.recipe import Extent, Recipe, TrueEdit, make_capture
-from ..procedural.seeded.recipe import make_drawn_capture, make_thin_capture, thin_scene
+from .drawn_captures import make_seed_once, make_thin_once
 from .packaging import PACKAGING
 
 RECIPE_VERSION = 1  # goes up with every change to the scenes, so that captures of older ones are made again
-DRAWING_VERSION = 1  # likewise, of the drawn scenes
-THIN_VERSION = 1  # likewise, of those with thin parts
-SEED_SIZE, THIN_SIZE = 160, 320
-THIN_SAMPLES = 8  # at most: a large photo of few samples, denoised, shows a wire as well
-MADE_BY = "made_by.json"
 FIELD_OF_VIEW = math.radians(38.0)
 ON_TABLE = """\
 the table top is the disk z = 0 of
@@ -267,44 +259,7 @@ def make_once(scene: str, extent: Extent, folder: Path, threads: int) -> None:
     arguments = {"scene": scene, "recipe_version": RECIPE_VERSION} | asdict(extent)
     command = f"python -m tools.scenes.make_captures --out DIR {scene} --size {extent.size}"
     command += f" --views {extent.train}+{extent.test} --samples {extent.samples}"
-    _unless_there(folder, arguments, lambda out: make_capture(RECIPES[scene], extent, out, command, threads))
-
-
-def make_seed_once(seed: int, options: argparse.Namespace) -> None:
-    """Make the capture of a drawn scene, unless it is there."""
-    size, samples = options.size or SEED_SIZE, options.samples
-    arguments = {"seed": seed, "drawing_version": DRAWING_VERSION, "size": size, "samples": samples}
-    command = f"python -m tools.scenes.make_captures --out DIR --seeds {seed} --size {size} --samples {samples}"
-    make = partial(make_drawn_capture, seed, size, samples, command=command, threads=options.threads)
-    _unless_there(options.out / f"seed_{seed:03d}", arguments, make)
-
-
-def make_thin_once(seed: int, options: argparse.Namespace) -> None:
-    """Make the capture of a drawn scene of thin parts, unless it is there, and maybe its copy with larger test views."""
-    size, samples = options.size or THIN_SIZE, min(options.samples, THIN_SAMPLES)
-    arguments = {"thin_seed": seed, "thin_version": THIN_VERSION, "size": size, "samples": samples}
-    command = f"python -m tools.scenes.make_captures --out DIR --thin-seeds {seed} --size {size} --samples {samples}"
-    capture = options.out / f"thin_{seed:03d}"
-    make = partial(make_thin_capture, seed, size, samples, command=command, threads=options.threads)
-    _unless_there(capture, arguments, make)
-    if options.full:
-        _, recipe, extent = thin_scene(seed, size, samples)
-        full = full_size.full_size_of(options)
-        full_size.enlarge_test_views(recipe, extent, full, capture, options.full / capture.name, options.threads)
-
-
-def _unless_there(folder: Path, arguments: dict, make: Callable[[Path], None]) -> None:
-    """Make a capture, unless ``folder`` has one of the same arguments; it appears there when it is complete."""
-    made_by = folder / MADE_BY
-    if made_by.exists() and json.loads(made_by.read_text(encoding="utf-8")) == arguments:
-        print(f"{folder}: there already")
-        return
-    checkpoint = folder.with_name(f"{folder.name}.unfinished")
-    shutil.rmtree(checkpoint, ignore_errors=True)
-    make(checkpoint)
-    write_json(checkpoint / MADE_BY, arguments)
-    shutil.rmtree(folder, ignore_errors=True)
-    checkpoint.rename(folder)
+    unless_there(folder, arguments, lambda out: make_capture(RECIPES[scene], extent, out, command, threads))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,299 @@
+"""Thin parts of marked things: what of them masks and recolored photos hold, in the marked photo and in others.
+
+    .venv/engine/bin/python -m tools.judging.thin_parts CAPTURES LEARNED [SCENE ...] --out OUT [--every 4]
+
+CAPTURES/<scene> tells the thin parts (`make_captures --thin-seeds`); in one that does not, they are what of the true
+masks is at most a thirty-second of the photo's width wide. LEARNED/<scene> is its project, or has it in `project`.
+`field` are masks of the field's probabilities, enlarged to the photo; `photo` the mattes that recolored photos are
+written with. A pixel is a thin part's where that covers half of it, and is held where the object's coverage is over
+one half. Writes OUT/thin_parts.json and of each scene crops at 100 %: photo, ours, the true recolor.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+import karf_engine as karf
+from karf_engine.capture.capture import View
+from karf_engine.io.files import write_json
+from karf_engine.palettes.palette import Edit
+from karf_engine.recolor.full_resolution import PhotoView, full_resolution_view
+from karf_engine.recolor.matting.matte import dense_coverage
+from karf_engine.recolor.matting.refine import mattes_of
+from karf_engine.recolor.model import Model
+
+from .edges import beside_thin_parts, distance
+from .packaging import differences
+from .recolors import edit_to_judge
+from .scores import rounded
+from .sheets import write_sheet
+from .truth import THIN_RAYS, Truth
+from .views import project_of
+
+WAYS = ("field", "photo")
+NARROW, WIDE = 1.0, 2.0  # pixels: thin parts are judged from one, those from two apart
+NEAR = 3.0  # pixels from a thin part within which wrong paint counts against it
+CROP = 128  # pixels, at most
+MIN_PIXELS = 20  # of a thin part in all views of a kind, to be judged there
+FIGURES = {
+    "marked": "marked",
+    "train": "train >=2",
+    "train_narrow": "train 1-2",
+    "test": "test >=2",
+    "test_narrow": "test 1-2",
+    "precision": "precision",
+    "ciede2000": "CIEDE2000",
+    "no_edit": "no edit",
+}
+
+
+@dataclass(frozen=True)
+class ThinPart:
+    """The thin parts of one object in one photo, bool [H, W] each.
+
+    Attributes:
+        wide: Their pixels where they are two pixels wide or more.
+        narrow: Where they are one to two pixels wide.
+        around: All that is within `NEAR` pixels of them.
+    """
+
+    wide: np.ndarray
+    narrow: np.ndarray
+    around: np.ndarray
+
+    @property
+    def pixels(self) -> np.ndarray:
+        """All of their pixels that are judged."""
+        return self.wide | self.narrow
+
+
+def thin_part(rays: np.ndarray) -> ThinPart:
+    """Return where a thin part is, and how wide.
+
+    Args:
+        rays: Which of `THIN_RAYS` x `THIN_RAYS` rays a pixel meet it, bool.
+
+    Examples:
+        A rod three pixels wide that goes on as one of a pixel and a fifth:
+
+        >>> rays = np.zeros((40 * THIN_RAYS, 9 * THIN_RAYS), bool)
+        >>> rays[:100, 15:30], rays[100:, 20:26] = True, True
+        >>> found = thin_part(rays)
+        >>> [np.flatnonzero(each[row]).tolist() for each, row in ((found.wide, 9), (found.narrow, 30), (found.wide, 30))]
+        [[3, 4, 5], [4], []]
+    """
+    height, width = (length // THIN_RAYS for length in rays.shape)
+    cells = height, THIN_RAYS, width, THIN_RAYS
+    mostly = rays.reshape(cells).mean((1, 3)) >= 0.5
+    at_least = [opened(rays, 0.5 * pixels * THIN_RAYS).reshape(cells).any((1, 3)) for pixels in (NARROW, WIDE)]
+    wide = mostly & at_least[1]
+    pixels = mostly & at_least[0]
+    around = distance(~pixels) <= NEAR if pixels.any() else pixels
+    return ThinPart(wide, pixels & ~wide, around)
+
+
+def opened(mask: np.ndarray, radius: float) -> np.ndarray:
+    """Return the parts of a mask [H, W] that a disk of this radius fits into; up to a pixel narrower ones count."""
+    core = distance(np.pad(mask, 1))[1:-1, 1:-1] >= radius
+    return mask & (distance(~core) < radius) if core.any() else core
+
+
+@dataclass(frozen=True)
+class Counts:
+    """How many pixels of thin parts there are, how many of them are held, and what is painted near them."""
+
+    wide: int = 0
+    wide_held: int = 0
+    narrow: int = 0
+    narrow_held: int = 0
+    painted: int = 0
+    painted_right: int = 0
+
+    def __add__(self, other: Counts) -> Counts:
+        return Counts(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
+
+
+def count(held: np.ndarray, inside: np.ndarray, part: ThinPart) -> Counts:
+    """Count what a mask [H, W] holds of a thin part; `inside` is the object's true mask [H, W]."""
+    painted = held & part.around
+    return Counts(
+        wide=int(part.wide.sum()),
+        wide_held=int((held & part.wide).sum()),
+        narrow=int(part.narrow.sum()),
+        narrow_held=int((held & part.narrow).sum()),
+        painted=int(painted.sum()),
+        painted_right=int((painted & inside).sum()),
+    )
+
+
+def share(part: int, whole: int) -> float:
+    """Return a share; NaN of fewer than `MIN_PIXELS`."""
+    return part / whole if whole >= MIN_PIXELS else float("nan")
+
+
+@dataclass(frozen=True)
+class Crop:
+    """A square round the most of a thin part, and how many pixels of it our photo misses there."""
+
+    missed: int
+    pictures: list[np.ndarray]
+
+
+class Judge:
+    """A learned project and the truth of its capture."""
+
+    def __init__(self, model: Model, truth: Truth, every: int) -> None:
+        self.model, self.truth, self.capture, self.every = model, truth, karf.open_capture(truth.folder), every
+        self.edit_name = max(truth.edits, key=lambda name: len(truth.edits[name]["objects"]))
+
+    def judge(self) -> tuple[dict, list[list[np.ndarray]]]:
+        """Return the figures of each way and object, and the crops of each object's worst test view."""
+        kinds = ("marked", "train", "test")
+        table = {(way, name, kind): Counts() for way in WAYS for name in self.model.objects for kind in kinds}
+        off: dict[tuple[str, str], list[np.ndarray]] = {}
+        crops: dict[str, list[Crop]] = {name: [] for name in self.model.objects}
+        edit = edit_to_judge(self.model, self.truth, self.edit_name)
+        for kind, number, view in self._views():
+            ready = {way: self._ready(view, way) for way in WAYS}
+            pictures = {way: self._recolored(ready[way], edit) for way in WAYS} if kind == "test" else {}
+            for k, name in enumerate(self.model.objects):
+                if kind == "marked" and not self._is_marked(view, name):
+                    continue
+                inside = self.truth.coverage(name, view.split)[number] > 0.5
+                part = self._part(view, name, number)
+                for way in WAYS:
+                    held = dense_coverage(ready[way].mattes, inside.shape)[k] > 0.5
+                    table[way, name, kind] += count(held, inside, part)
+                if kind == "test" and name in self.truth.edits[self.edit_name]["objects"]:
+                    true, photo = (
+                        self.truth.recolored(self.edit_name)[number],
+                        ready["photo"].shown(ready["photo"].photo),
+                    )
+                    shown = {**pictures, "no_edit": photo}
+                    for key, picture in shown.items():
+                        off.setdefault((key, name), []).append(differences(picture, true)[part.pixels])
+                    missed = part.pixels & ~(dense_coverage(ready["photo"].mattes, inside.shape)[k] > 0.5)
+                    crops[name].append(crop_of(part.pixels, missed, [photo, pictures["photo"], true]))
+        rows = {way: {name: _row(way, name, table, off) for name in self.model.objects} for way in WAYS}
+        worst = [max(found, key=lambda crop: crop.missed).pictures for found in crops.values() if found]
+        return {way: found | {"mean": mean_of(found.values())} for way, found in rows.items()}, worst
+
+    def _views(self) -> Iterator[tuple[str, int, View]]:
+        """The judged views: kind, place in their split, view."""
+        for number, view in enumerate(self.capture.split("train")):
+            is_marked = any(self._is_marked(view, name) for name in self.model.objects)
+            if is_marked or number % self.every == 0:
+                yield "marked" if is_marked else "train", number, view
+        for number, view in enumerate(self.capture.split("test")):
+            yield "test", number, view
+
+    def _is_marked(self, view: View, name: str) -> bool:
+        return self.truth.rough_mask(name, view.stem) is not None
+
+    def _part(self, view: View, name: str, number: int) -> ThinPart:
+        """The thin parts of an object in a view; in a marked one those that the rough mask covers."""
+        rays = self.truth.thin_rays(name, view.split, number)
+        if rays is None:
+            mask = self.truth.coverage(name, view.split)[number] > 0.5
+            rays = np.repeat(np.repeat(mask & beside_thin_parts(mask), THIN_RAYS, 0), THIN_RAYS, 1)
+        rough = self.truth.rough_mask(name, view.stem) if view.split == "train" else None
+        part = thin_part(rays)
+        return part if rough is None else ThinPart(part.wide & rough, part.narrow & rough, part.around)
+
+    def _ready(self, view: View, way: str) -> PhotoView:
+        model, seen = self.model, self.model.look(self.model.working_camera(view))
+        return full_resolution_view(view, "photo", seen, partial(mattes_of, way), model.objects, model.palettes)
+
+    @staticmethod
+    def _recolored(ready: PhotoView, edit: Edit) -> np.ndarray:
+        return ready.shown(ready.recolored(edit))
+
+
+def crop_of(pixels: np.ndarray, missed: np.ndarray, pictures: list[np.ndarray]) -> Crop:
+    """Return the square of pictures with the most of these pixels [H, W]."""
+    side = min(CROP, *pixels.shape)
+    sums = np.pad(pixels.astype(int).cumsum(0).cumsum(1), ((1, 0), (1, 0)))
+    inside = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
+    top, left = np.unravel_index(inside.argmax(), inside.shape)
+    here = slice(top, top + side), slice(left, left + side)
+    return Crop(int(missed[here].sum()), [picture[here] for picture in pictures])
+
+
+def _row(way: str, name: str, table: dict, off: dict) -> dict[str, float]:
+    """Return the figures of one object in one way."""
+    marked, train, test = (table[way, name, kind] for kind in ("marked", "train", "test"))
+    seen = train + test
+    colors = {
+        title: np.concatenate(off[key, name]) if (key, name) in off else np.zeros(0)
+        for title, key in (("ciede2000", way), ("no_edit", "no_edit"))
+    }
+    return {
+        "marked": share(marked.wide_held + marked.narrow_held, marked.wide + marked.narrow),
+        "train": share(train.wide_held, train.wide),
+        "train_narrow": share(train.narrow_held, train.narrow),
+        "test": share(test.wide_held, test.wide),
+        "test_narrow": share(test.narrow_held, test.narrow),
+        "precision": share(seen.painted_right, seen.painted),
+    } | {title: float(each.mean()) if len(each) >= MIN_PIXELS else float("nan") for title, each in colors.items()}
+
+
+def mean_of(rows) -> dict[str, float]:
+    """Return the means of figures over the rows in which there was something to judge."""
+    columns = {key: np.array([row[key] for row in rows]) for key in FIGURES}
+    return {key: float(np.nanmean(each)) if np.isfinite(each).any() else float("nan") for key, each in columns.items()}
+
+
+def main() -> None:
+    options = parse_arguments()
+    scenes = options.scenes or sorted(path.name for path in options.captures.iterdir() if (path / "thin").is_dir())
+    table = {}
+    print_row("", FIGURES.values())
+    for scene in scenes:
+        model, truth = karf.load(project_of(options.learned, scene)), Truth(options.captures / scene)
+        table[scene], crops = Judge(model, truth, options.every).judge()
+        write_sheet(options.out / f"{scene}.png", crops)
+        for way, rows in table[scene].items():
+            for name, row in rows.items():
+                print_figures(f"{scene} {way} {name}", row)
+    mean = {way: mean_of([rows[way]["mean"] for rows in table.values()]) for way in WAYS}
+    for way, row in mean.items():
+        print_figures(f"mean {way}", row)
+    write_json(options.out / "thin_parts.json", rounded(without_nan({"scenes": table, "mean": mean})))
+
+
+def parse_arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("captures", type=Path, help="folder of the captures")
+    parser.add_argument("learned", type=Path, help="folder of their projects")
+    parser.add_argument("scenes", nargs="*", metavar="SCENE", help="default: all that tell their thin parts")
+    parser.add_argument("--out", type=Path, required=True, help="folder for everything written")
+    parser.add_argument("--every", type=int, default=4, help="of the other training views, each such one counts")
+    return parser.parse_args()
+
+
+def without_nan(value):
+    """Return figures without those that nothing was there to judge by."""
+    if isinstance(value, dict):
+        kept = {key: without_nan(item) for key, item in value.items()}
+        return {key: item for key, item in kept.items() if item == item}
+    return value
+
+
+def print_figures(title: str, row: dict[str, float]) -> None:
+    """Print the figures of one row; nothing where there was nothing to judge."""
+    print_row(title, [f"{row[key]:.3g}" if np.isfinite(row[key]) else "" for key in FIGURES])
+
+
+def print_row(title: str, cells) -> None:
+    """Print one line of the table."""
+    print(f"{title:>28} " + " ".join(f"{cell:>9}" for cell in cells), flush=True)
+
+
+if __name__ == "__main__":
+    main()
