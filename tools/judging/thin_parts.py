@@ -80,10 +80,10 @@ def thin_part(rays: np.ndarray) -> ThinPart:
         rays: Which of `THIN_RAYS` x `THIN_RAYS` rays a pixel meet it, bool.
 
     Examples:
-        A rod three pixels wide that goes on as one of a pixel and a fifth:
+        A rod three pixels wide that goes on as one of a pixel and a third:
 
         >>> rays = np.zeros((40 * THIN_RAYS, 9 * THIN_RAYS), bool)
-        >>> rays[:100, 15:30], rays[100:, 20:26] = True, True
+        >>> rays[:60, 9:18], rays[60:, 12:16] = True, True
         >>> found = thin_part(rays)
         >>> [np.flatnonzero(each[row]).tolist() for each, row in ((found.wide, 9), (found.narrow, 30), (found.wide, 30))]
         [[3, 4, 5], [4], []]

@@ -13,7 +13,7 @@ from karf_engine.io.color import srgb_to_linear
 
 DEMO = Path(__file__).resolve().parents[2] / "demo"
 DEPTH_UNIT, NO_DEPTH = 0.001, 65535  # of depth files
-THIN_RAYS = 5  # along a pixel's side in files of thin parts
+THIN_RAYS = 3  # along a pixel's side in files of thin parts
 CHANGED = 0.06  # a pixel takes part in an edit where the reference recolor differs by more, sRGB
 PAINT_ANGLE = 15.0  # degrees at least between the changes of two paints in linear light
 PAINT_SHARE = 0.1  # of the changed pixels at least, of each paint
@@ -64,7 +64,7 @@ class Truth:
         ]
 
     def thin_rays(self, name: str, split: str, number: int) -> np.ndarray | None:
-        """Which of `THIN_RAYS` x `THIN_RAYS` rays a pixel of one view meet a thin part of an object, bool [5 H, 5 W]; None of
+        """Which of `THIN_RAYS` x `THIN_RAYS` rays a pixel of one view meet a thin part of an object, bool [3 H, 3 W]; None of
         captures that do not tell it. number: the view's place in its split."""
         paths = sorted((self.folder / "thin" / name / split).glob("*.png"))
         return iio.imread(paths[number]) > 127 if paths else None

@@ -18,7 +18,7 @@ from .shapes import THIN_PART
 
 PIXEL_FILTER = 1.5  # width of Cycles' Blackman-Harris filter in photos, pixels
 PRINT_SAMPLES = 32
-THIN_SUBPIXELS = 5  # rays along a pixel's side where thin parts are told
+THIN_SUBPIXELS = 3  # rays along a pixel's side where thin parts are told
 DEPTH_UNIT = 0.001
 NO_DEPTH = 65535
 

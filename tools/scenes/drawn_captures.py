@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from functools import partial
 
 from ..procedural import full_size
 from ..procedural.files import unless_there
+from ..procedural.rendering import THIN_SUBPIXELS
 from ..procedural.seeded.recipe import make_drawn_capture, make_thin_capture, thin_scene
 
 DRAWING_VERSION = 1  # goes up with every change to the drawn scenes, so that captures of older ones are made again
 THIN_VERSION = 1  # likewise, of those with thin parts
 SEED_SIZE, THIN_SIZE = 160, 320
-THIN_SAMPLES = 8  # at most: a large photo of few samples, denoised, shows a wire as well
+THIN_SAMPLES = 6  # at most: a large photo of few samples, denoised, shows a wire as well
 
 
 def make_seed_once(seed: int, options: argparse.Namespace) -> None:
@@ -34,5 +36,5 @@ def make_thin_once(seed: int, options: argparse.Namespace) -> None:
     unless_there(capture, arguments, make)
     if options.full:
         _, recipe, extent = thin_scene(seed, size, samples)
-        full = full_size.full_size_of(options)
+        full = replace(full_size.full_size_of(options), subpixels=THIN_SUBPIXELS)
         full_size.enlarge_test_views(recipe, extent, full, capture, options.full / capture.name, options.threads)

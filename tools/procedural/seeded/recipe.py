@@ -22,7 +22,7 @@ from .scene import Cameras, Scene
 from .surroundings import add_surroundings
 from .thin_draw import draw_thin_scene
 
-TEST_VIEWS, THIN_TEST_VIEWS = 8, 6
+TEST_VIEWS, THIN_TEST_VIEWS = 8, 4
 PATCH = (1.8, 1.0)
 SLOTS = ("main", "second")
 PROBES, RAYS = 7, 32  # photos, and rays along their side, that are asked what they show
@@ -57,7 +57,7 @@ Rendered with Cycles from a procedural scene; public domain (CC0 1.0). Made by
 (bpy {blender}, {size} x {size} pixels, up to {samples} samples per pixel, denoised, view transform Standard).
 
 Laid out as the benchmark's captures, with {scene.cameras.train} training photos, and besides
-  thin/<object>/<split>/r_000.png      which of 5 x 5 rays a pixel meet a thin part of the object (5 times the pixels
+  thin/<object>/<split>/r_000.png      which of 3 x 3 rays a pixel meet a thin part of the object (3 times the pixels
                                        a side; 255 where they do)
   coverage/<object>/<split>/r_000.png  share of each pixel that shows the object, 255 = all
 Beside the first object: {scene.relation}. Training photos have noise of {flaws.noise:.3f}, blur of {flaws.blur:.2f} pixels, and exposures that
