@@ -16,8 +16,9 @@
 
 Each is laid out as the demo capture. A scene that DIR has already, of the same arguments, is not made again. The second
 form makes scenes that nobody chose: a seed draws all that is in them (tools/procedural/seeded). The third draws scenes
-of things with thin parts, and tells which pixels these are. --full also copies captures to DIR2, with a few test views at a larger size and the coverage of each object there. Needs the
-bpy wheel, numpy and imageio. Everything is procedural and seeded: the same arguments give the same files.
+of things with thin parts, and tells which pixels these are. --full also copies captures to DIR2, with a few test views
+at a larger size and the coverage of each object there. Needs the bpy wheel, numpy and imageio. Everything is procedural
+and seeded: the same arguments give the same files.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from .drawn_captures import make_seed_once, make_thin_once
 from .packaging import PACKAGING
 
 RECIPE_VERSION = 1  # goes up with every change to the scenes, so that captures of older ones are made again
+VIEWS = 40, 8  # training and test views
 FIELD_OF_VIEW = math.radians(38.0)
 ON_TABLE = """\
 the table top is the disk z = 0 of
@@ -213,7 +215,7 @@ def main(argv: list[str] | None = None) -> int:
     for seed in options.thin_seeds:
         make_thin_once(seed, options)
     for scene in options.scenes or (RECIPES if not options.seeds and not options.thin_seeds else ()):
-        extent = Extent(options.size or RECIPES[scene].size, *options.views, options.samples)
+        extent = Extent(options.size or RECIPES[scene].size, *(options.views or VIEWS), options.samples)
         capture = options.out / scene
         make_once(scene, extent, capture, options.threads)
         if options.full:
@@ -231,7 +233,7 @@ def parse_arguments(argv: list[str] | None) -> argparse.Namespace:
     thin = {"type": numbers, "default": (), "metavar": "A-B"}
     parser.add_argument("--thin-seeds", **thin, help="drawn scenes of things with thin parts instead")
     parser.add_argument("--size", type=int, help="width and height in pixels (default: the scene's own, 160 or 320)")
-    parser.add_argument("--views", type=views, default=(40, 8), metavar="TRAIN+TEST", help="numbers (default: 40+8)")
+    parser.add_argument("--views", type=views, metavar="TRAIN+TEST", help="numbers (default: 40+8; 24+4 of thin parts)")
     parser.add_argument("--samples", type=int, default=24, help="samples per pixel at most (default: %(default)s)")
     parser.add_argument("--threads", type=int, default=2, help="processor threads (default: %(default)s)")
     full_size.add_options(parser)

@@ -22,7 +22,7 @@ from .scene import Cameras, Scene
 from .surroundings import add_surroundings
 from .thin_draw import draw_thin_scene
 
-TEST_VIEWS, THIN_TEST_VIEWS = 8, 4
+TEST_VIEWS = 8
 PATCH = (1.8, 1.0)
 SLOTS = ("main", "second")
 PROBES, RAYS = 7, 32  # photos, and rays along their side, that are asked what they show
@@ -56,7 +56,7 @@ Rendered with Cycles from a procedural scene; public domain (CC0 1.0). Made by
     {command}
 (bpy {blender}, {size} x {size} pixels, up to {samples} samples per pixel, denoised, view transform Standard).
 
-Laid out as the benchmark's captures, with {scene.cameras.train} training photos, and besides
+Laid out as the benchmark's captures, with {train} training photos, and besides
   thin/<object>/<split>/r_000.png      which of 3 x 3 rays a pixel meet a thin part of the object (3 times the pixels
                                        a side; 255 where they do)
   coverage/<object>/<split>/r_000.png  share of each pixel that shows the object, 255 = all
@@ -80,18 +80,18 @@ def make_drawn_capture(seed: int, size: int, samples: int, out: Path, *, command
     _write_readme(README, scene, extent, out, command, masks)
 
 
-def make_thin_capture(seed: int, size: int, samples: int, out: Path, *, command: str, threads: int) -> None:
-    """Render a seed's scene of things with thin parts as a capture into ``out``, ``size`` pixels square."""
-    scene, recipe, extent = thin_scene(seed, size, samples)
+def make_thin_capture(seed: int, extent: Extent, out: Path, *, command: str, threads: int) -> None:
+    """Render a seed's scene of things with thin parts as a capture into ``out``."""
+    scene, recipe = thin_scene(seed)
     _make(scene, recipe, extent, out, command, threads)
     masks = draw_masks_of_thin(out, recipe.views(extent.train, extent.test), recipe.names, seed)
     _write_readme(README_OF_THIN, scene, extent, out, command, masks)
 
 
-def thin_scene(seed: int, size: int, samples: int) -> tuple[Scene, Recipe, Extent]:
-    """Return a seed's scene of things with thin parts, and how it becomes a capture."""
+def thin_scene(seed: int) -> tuple[Scene, Recipe]:
+    """Return a seed's scene of things with thin parts, also as what a capture of it shows."""
     scene = visible_scene(seed, draw_thin_scene)
-    return scene, replace(recipe_of(scene), thin=True), Extent(size, scene.cameras.train, THIN_TEST_VIEWS, samples)
+    return scene, replace(recipe_of(scene), thin=True)
 
 
 def _make(scene: Scene, recipe: Recipe, extent: Extent, out: Path, command: str, threads: int) -> None:
@@ -102,7 +102,9 @@ def _make(scene: Scene, recipe: Recipe, extent: Extent, out: Path, command: str,
 def _write_readme(readme: str, scene: Scene, extent: Extent, out: Path, command: str, masks: str) -> None:
     facts = {"scene": scene, "flaws": scene.flaws, "command": command, "blender": bpy.app.version_string}
     things = "\n".join(_line(thing) for thing in scene.things)
-    text = readme.format(**facts, size=extent.size, samples=extent.samples, things=things, masks=masks)
+    text = readme.format(
+        **facts, size=extent.size, samples=extent.samples, train=extent.train, things=things, masks=masks
+    )
     (out / "README.txt").write_text(text, encoding="utf-8")
 
 
