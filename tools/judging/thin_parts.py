@@ -32,7 +32,7 @@ from .edges import beside_thin_parts, distance
 from .packaging import differences
 from .recolors import edit_to_judge
 from .scores import rounded
-from .sheets import write_sheet
+from .sheets import square_of_most, write_sheet
 from .truth import THIN_RAYS, Truth
 from .views import project_of
 
@@ -217,11 +217,7 @@ class Judge:
 
 def crop_of(pixels: np.ndarray, missed: np.ndarray, pictures: list[np.ndarray]) -> Crop:
     """Return the square of pictures with the most of these pixels [H, W]."""
-    side = min(CROP, *pixels.shape)
-    sums = np.pad(pixels.astype(int).cumsum(0).cumsum(1), ((1, 0), (1, 0)))
-    inside = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
-    top, left = np.unravel_index(inside.argmax(), inside.shape)
-    here = slice(top, top + side), slice(left, left + side)
+    here, _ = square_of_most(pixels.astype(int), CROP)
     return Crop(int(missed[here].sum()), [picture[here] for picture in pictures])
 
 
