@@ -5,13 +5,14 @@
 CAPTURES/<scene> tells the thin parts (`make_captures --thin-seeds`); in one that does not, they are what of the true
 masks is at most a thirty-second of the photo's width wide. LEARNED/<scene> is its project, or has it in `project`.
 `field` are masks of the field's probabilities, enlarged to the photo; `photo` the mattes that recolored photos are
-written with. A pixel is a thin part's where that covers half of it, and is held where the object's coverage is over
-one half. Writes OUT/thin_parts.json and of each scene crops at 100 %: photo, ours, the true recolor.
+written with. A pixel is a thin part's where that covers half of it, and is held where the object is the likeliest in the
+mask. Writes OUT/thin_parts.json and of each scene crops at 100 %: photo, ours, the true recolor.
 """
 
 from __future__ import annotations
 
 import argparse
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -22,9 +23,7 @@ import numpy as np
 import karf_engine as karf
 from karf_engine.capture.capture import View
 from karf_engine.io.files import write_json
-from karf_engine.palettes.palette import Edit
 from karf_engine.recolor.full_resolution import PhotoView, full_resolution_view
-from karf_engine.recolor.matting.matte import dense_coverage
 from karf_engine.recolor.matting.refine import mattes_of
 from karf_engine.recolor.model import Model
 
@@ -146,43 +145,55 @@ class Crop:
 
 
 class Judge:
-    """A learned project and the truth of its capture."""
+    """A learned project and the truth of its capture; what is found adds up view by view."""
 
     def __init__(self, model: Model, truth: Truth, every: int) -> None:
         self.model, self.truth, self.capture, self.every = model, truth, karf.open_capture(truth.folder), every
         self.edit_name = max(truth.edits, key=lambda name: len(truth.edits[name]["objects"]))
+        self.edit = edit_to_judge(model, truth, self.edit_name)
+        self.counts: dict[tuple[str, str, str], Counts] = defaultdict(Counts)  # way, object, kind of view
+        self.off: dict[tuple[str, str], list[np.ndarray]] = defaultdict(list)  # way or no_edit, object
+        self.crops: dict[str, list[Crop]] = defaultdict(list)  # object
 
-    def judge(self) -> tuple[dict, list[list[np.ndarray]]]:
-        """Return the figures of each way and object, and the crops of each object's worst test view."""
-        kinds = ("marked", "train", "test")
-        table = {(way, name, kind): Counts() for way in WAYS for name in self.model.objects for kind in kinds}
-        off: dict[tuple[str, str], list[np.ndarray]] = {}
-        crops: dict[str, list[Crop]] = {name: [] for name in self.model.objects}
-        edit = edit_to_judge(self.model, self.truth, self.edit_name)
+    def judge(self) -> dict[str, dict[str, dict[str, float]]]:
+        """Return the figures of each way, object by object and their mean."""
         for kind, number, view in self._views():
-            ready = {way: self._ready(view, way) for way in WAYS}
-            pictures = {way: self._recolored(ready[way], edit) for way in WAYS} if kind == "test" else {}
-            for k, name in enumerate(self.model.objects):
-                if kind == "marked" and not self._is_marked(view, name):
-                    continue
-                inside = self.truth.coverage(name, view.split)[number] > 0.5
-                part = self._part(view, name, number)
-                for way in WAYS:
-                    held = dense_coverage(ready[way].mattes, inside.shape)[k] > 0.5
-                    table[way, name, kind] += count(held, inside, part)
-                if kind == "test" and name in self.truth.edits[self.edit_name]["objects"]:
-                    true, photo = (
-                        self.truth.recolored(self.edit_name)[number],
-                        ready["photo"].shown(ready["photo"].photo),
-                    )
-                    shown = {**pictures, "no_edit": photo}
-                    for key, picture in shown.items():
-                        off.setdefault((key, name), []).append(differences(picture, true)[part.pixels])
-                    missed = part.pixels & ~(dense_coverage(ready["photo"].mattes, inside.shape)[k] > 0.5)
-                    crops[name].append(crop_of(part.pixels, missed, [photo, pictures["photo"], true]))
-        rows = {way: {name: _row(way, name, table, off) for name in self.model.objects} for way in WAYS}
-        worst = [max(found, key=lambda crop: crop.missed).pictures for found in crops.values() if found]
-        return {way: found | {"mean": mean_of(found.values())} for way, found in rows.items()}, worst
+            self._judge_view(kind, number, view)
+        rows = {way: {name: self._row(way, name) for name in self.model.objects} for way in WAYS}
+        return {way: found | {"mean": mean_of(found.values())} for way, found in rows.items()}
+
+    def worst(self) -> list[list[np.ndarray]]:
+        """Return each edited object's crops of the test view in which our photo misses most of its thin part."""
+        return [max(found, key=lambda crop: crop.missed).pictures for found in self.crops.values()]
+
+    def _judge_view(self, kind: str, number: int, view: View) -> None:
+        parts = {
+            name: self._part(view, name, number)
+            for name in self.model.objects
+            if kind != "marked" or self._is_marked(view, name)
+        }
+        ready = {way: self._ready(view, way) for way in WAYS}
+        held = {way: dict(zip(self.model.objects, each.masks(), strict=True)) for way, each in ready.items()}
+        for name, part in parts.items():
+            inside = self.truth.coverage(name, view.split)[number] > 0.5
+            for way in WAYS:
+                self.counts[way, name, kind] += count(held[way][name], inside, part)
+        if kind == "test":
+            self._compare(number, ready, {name: part.pixels for name, part in parts.items()}, held["photo"])
+
+    def _compare(
+        self, number: int, ready: dict[str, PhotoView], thin: dict[str, np.ndarray], held: dict[str, np.ndarray]
+    ) -> None:
+        """Compare a recolored test view with the true recolor, in the thin parts of the edited objects."""
+        true, plain = self.truth.recolored(self.edit_name)[number], next(iter(ready.values()))
+        pictures = {way: each.shown(each.recolored(self.edit)) for way, each in ready.items()}
+        pictures["no_edit"] = plain.shown(plain.photo)
+        apart = {key: differences(picture, true) for key, picture in pictures.items()}
+        for name in self.truth.edits[self.edit_name]["objects"]:
+            for key, difference in apart.items():
+                self.off[key, name].append(difference[thin[name]])
+            shown = [pictures["no_edit"], pictures["photo"], true]
+            self.crops[name].append(crop_of(thin[name], thin[name] & ~held[name], shown))
 
     def _views(self) -> Iterator[tuple[str, int, View]]:
         """The judged views: kind, place in their split, view."""
@@ -210,33 +221,32 @@ class Judge:
         model, seen = self.model, self.model.look(self.model.working_camera(view))
         return full_resolution_view(view, "photo", seen, partial(mattes_of, way), model.objects, model.palettes)
 
-    @staticmethod
-    def _recolored(ready: PhotoView, edit: Edit) -> np.ndarray:
-        return ready.shown(ready.recolored(edit))
+    def _row(self, way: str, name: str) -> dict[str, float]:
+        """Return the figures of one object in one way."""
+        marked, train, test = (self.counts[way, name, kind] for kind in ("marked", "train", "test"))
+        seen = train + test
+        return {
+            "marked": share(marked.wide_held + marked.narrow_held, marked.wide + marked.narrow),
+            "train": share(train.wide_held, train.wide),
+            "train_narrow": share(train.narrow_held, train.narrow),
+            "test": share(test.wide_held, test.wide),
+            "test_narrow": share(test.narrow_held, test.narrow),
+            "precision": share(seen.painted_right, seen.painted),
+            "ciede2000": mean_difference(self.off[way, name]),
+            "no_edit": mean_difference(self.off["no_edit", name]),
+        }
+
+
+def mean_difference(views: list[np.ndarray]) -> float:
+    """Return the mean over the pixels of all views; NaN of fewer than `MIN_PIXELS`."""
+    pixels = np.concatenate([np.zeros(0), *views])
+    return float(pixels.mean()) if len(pixels) >= MIN_PIXELS else float("nan")
 
 
 def crop_of(pixels: np.ndarray, missed: np.ndarray, pictures: list[np.ndarray]) -> Crop:
     """Return the square of pictures with the most of these pixels [H, W]."""
     here, _ = square_of_most(pixels.astype(int), CROP)
     return Crop(int(missed[here].sum()), [picture[here] for picture in pictures])
-
-
-def _row(way: str, name: str, table: dict, off: dict) -> dict[str, float]:
-    """Return the figures of one object in one way."""
-    marked, train, test = (table[way, name, kind] for kind in ("marked", "train", "test"))
-    seen = train + test
-    colors = {
-        title: np.concatenate(off[key, name]) if (key, name) in off else np.zeros(0)
-        for title, key in (("ciede2000", way), ("no_edit", "no_edit"))
-    }
-    return {
-        "marked": share(marked.wide_held + marked.narrow_held, marked.wide + marked.narrow),
-        "train": share(train.wide_held, train.wide),
-        "train_narrow": share(train.narrow_held, train.narrow),
-        "test": share(test.wide_held, test.wide),
-        "test_narrow": share(test.narrow_held, test.narrow),
-        "precision": share(seen.painted_right, seen.painted),
-    } | {title: float(each.mean()) if len(each) >= MIN_PIXELS else float("nan") for title, each in colors.items()}
 
 
 def mean_of(rows) -> dict[str, float]:
@@ -252,8 +262,9 @@ def main() -> None:
     print_row("", FIGURES.values())
     for scene in scenes:
         model, truth = karf.load(project_of(options.learned, scene)), Truth(options.captures / scene)
-        table[scene], crops = Judge(model, truth, options.every).judge()
-        write_sheet(options.out / f"{scene}.png", crops)
+        judge = Judge(model, truth, options.every)
+        table[scene] = judge.judge()
+        write_sheet(options.out / f"{scene}.png", judge.worst())
         for way, rows in table[scene].items():
             for name, row in rows.items():
                 print_figures(f"{scene} {way} {name}", row)
