@@ -114,10 +114,8 @@ def make_capture(
     bpy.ops.wm.read_factory_settings(use_empty=True)
     recipe.build()
     set_up_render(extent.size, recipe.field_of_view, threads)
-    if recipe.thin:
-        bpy.context.scene.cycles.denoising_prefilter = (
-            "FAST"  # with few samples the accurate one takes most of the time
-        )
+    if recipe.thin:  # with few samples the accurate one takes most of the time
+        bpy.context.scene.cycles.denoising_prefilter = "FAST"
     if "photos" in steps:
         write_transforms(out, views, recipe.field_of_view)
         render_photos(out, views, extent.samples)

@@ -74,7 +74,7 @@ Rough masks: a blob round the whole thing, and a wavy stroke along its thin part
 def make_drawn_capture(seed: int, size: int, samples: int, out: Path, *, command: str, threads: int) -> None:
     """Render the scene of a seed as a capture into ``out``, ``size`` pixels square."""
     scene = visible_scene(seed)
-    recipe, extent = recipe_of(scene), Extent(size, scene.cameras.train, TEST_VIEWS, samples)
+    recipe, extent = _recipe(scene), Extent(size, scene.cameras.train, TEST_VIEWS, samples)
     _make(scene, recipe, extent, out, command, threads)
     masks = draw_hasty_masks(out, recipe.views(extent.train, extent.test), recipe.names, seed)
     _write_readme(README, scene, extent, out, command, masks)
@@ -91,7 +91,7 @@ def make_thin_capture(seed: int, extent: Extent, out: Path, *, command: str, thr
 def thin_scene(seed: int) -> tuple[Scene, Recipe]:
     """Return a seed's scene of things with thin parts, also as what a capture of it shows."""
     scene = visible_scene(seed, draw_thin_scene)
-    return scene, replace(recipe_of(scene), thin=True)
+    return scene, replace(_recipe(scene), thin=True)
 
 
 def _make(scene: Scene, recipe: Recipe, extent: Extent, out: Path, command: str, threads: int) -> None:
@@ -116,7 +116,7 @@ def visible_scene(seed: int, draw: Callable[[int, int], Scene] = draw_scene) -> 
     return scene
 
 
-def recipe_of(scene: Scene) -> Recipe:
+def _recipe(scene: Scene) -> Recipe:
     edits = {name: TrueEdit(tuple(repaints), _slots(repaints)) for name, repaints in scene.repaints.items()}
     return Recipe(
         title="",
