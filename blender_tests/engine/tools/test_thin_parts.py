@@ -5,7 +5,8 @@ import pytest
 
 from karf_engine.io.files import write_json
 from karf_engine.io.images import write_png
-from tools.judging.thin_parts import Counts, ThinPart, count, crop_of, mean_of, share, thin_part, without_nan
+from tools.judging.thin_parts import Counts, count, crop_of, mean_of, share, without_nan
+from tools.judging.thin_truth import ThinPart, thin_part
 from tools.judging.truth import THIN_RAYS, Truth
 
 SIZE = 40
