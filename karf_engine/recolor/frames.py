@@ -27,6 +27,8 @@ class Frame:
         palette_weights: [K, M, H, W] float32, probabilities times weights (Eq. 9); None before palettes are learned.
         base: [H, W, 3] float32 sRGB in [0, 1], the picture that an edit changes: the photo, or the rendering.
         disputed: objects about which photo and field disagree, so that their edges are the field's.
+        camera: the pinhole from which splats were rendered; None of all else.
+        supersampling: rays a pixel along each side, of splats.
 
     Raises:
         TypeError: a field is of another type.
@@ -42,6 +44,8 @@ class Frame:
     palette_weights: np.ndarray | None
     base: np.ndarray
     disputed: tuple[str, ...] = ()
+    camera: Camera | None = None
+    supersampling: int = 1
 
     def __post_init__(self) -> None:
         check_fields(self)
