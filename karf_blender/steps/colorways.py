@@ -12,6 +12,7 @@ from ..swatches import colors
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
 from . import requests
+from .edit import save_edit
 
 
 def predict_colorways(scene: bpy.types.Scene, sheet: str | Path) -> tuple[PlannedColorway, ...]:
@@ -21,7 +22,7 @@ def predict_colorways(scene: bpy.types.Scene, sheet: str | Path) -> tuple[Planne
         BadRequest: The scene has no project, or that has no palettes.
         DataError: The sheet has a row that is wrong, or a file of the project is damaged.
     """
-    return plan_colorways(folders.project_of(scene), Path(sheet).absolute(), _locked(scene))
+    return plan_colorways(folders.project_of(scene), Path(sheet).absolute(), _locked(scene), colors.edges(scene))
 
 
 def _locked(scene: bpy.types.Scene) -> dict[str, list[int]]:
@@ -61,6 +62,10 @@ def colorways(
     out = Path(out).absolute() if out else colorways_folder(scene, sheet)
     locked = [f"{name}/{number}" for name, numbers in _locked(scene).items() for number in numbers]
     options = {"sheet": str(sheet), "views": views, "out": str(out), "locked": locked}
+    if colors.edges(scene):
+        edges = folders.project_of(scene).folder / "colorways_edges.json"
+        save_edit(scene, edges)
+        options["edges"] = str(edges)
     return requests.task(
         scene, "Colorways", ("colorways", options), finish=partial(_say_where, out), result=lambda: planned
     )

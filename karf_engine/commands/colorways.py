@@ -11,7 +11,7 @@ What each color will be is known, and told, before anything is rendered. Writes
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +26,10 @@ from ..export.contact_sheet import Line, Row, write_contact_sheet
 from ..export.finished_frames import FinishedFrames, frame_mark, model_mark, view_mark
 from ..palettes.colorways.planned import PlannedColorway, plan_colorways
 from ..palettes.colorways.reached import Prediction
-from ..palettes.palette import rgb_to_hex
+from ..palettes.edge_shape import EdgeShape
+from ..palettes.palette import read_palettes, rgb_to_hex
+from ..palettes.palette_files import read_edit_file
+from ..project import Project
 from ..project.locking import consistent, opened
 from ..recolor.model import Model
 from .disputes import Disputes
@@ -41,7 +44,7 @@ MOST_WARNINGS = 5
 def run(options: ColorwaysOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Tell what each colorway reaches, then write it in all views. Raises DataError where the sheet has a wrong row."""
     project = opened(options.project)
-    planned = plan_colorways(project, options.sheet, _locked(options.locked))
+    planned = plan_colorways(project, options.sheet, _locked(options.locked), _edges(project, options.edges))
     _tell(planned, emit)
     write_table(options.out / "colorways.csv", planned)
     if not options.predict_only:
@@ -63,6 +66,14 @@ def _locked(swatches: Sequence[str]) -> dict[str, list[int]]:
             raise BadRequest(f"The locked swatch {swatch!r:.200} is none.", "Write <object>/<number>, as pot/2.")
         locked.setdefault(name, []).append(int(number))
     return locked
+
+
+def _edges(project: Project, file: Path | None) -> Mapping[str, EdgeShape]:
+    """The edges of an edit's file; without one none is moved."""
+    if file is None:
+        return {}
+    project.require("palette")
+    return read_edit_file(file, read_palettes(project.checked(project.palette_file))).edges
 
 
 def _tell(planned: Sequence[PlannedColorway], emit: Emit) -> None:

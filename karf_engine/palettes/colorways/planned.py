@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ...errors import BadRequest, DataError
 from ...project.folder import Project
+from ..edge_shape import EdgeShape
 from ..object_colors import read_object_colors
 from ..palette import Edit, read_palettes
 from ..palette_files import read_edit_file
@@ -31,7 +32,10 @@ class PlannedColorway:
 
 
 def plan_colorways(
-    project: Project, sheet: Path, locked: Mapping[str, Sequence[int]] | None = None
+    project: Project,
+    sheet: Path,
+    locked: Mapping[str, Sequence[int]] | None = None,
+    edges: Mapping[str, EdgeShape] | None = None,
 ) -> tuple[PlannedColorway, ...]:
     """The colorways of a sheet (see `palettes.colorways.sheet`), each with its edit and what it will reach.
 
@@ -39,6 +43,7 @@ def plan_colorways(
         project: With palettes.
         sheet: CSV or JSON.
         locked: Numbers of swatches that stay as learned, by object; those of an edit are what it says.
+        edges: How the edges of objects are moved and faded, by object; those of an edit are what it says.
 
     Raises:
         BadRequest: The project has no palettes, or not that swatch.
@@ -77,5 +82,5 @@ def plan_colorways(
             for target_color in colorway.target_colors
         )
         colors = learned | {prediction.target_color.name: prediction.colors for prediction in predictions}
-        planned.append(PlannedColorway(colorway, Edit(colors, "delta"), predictions))
+        planned.append(PlannedColorway(colorway, Edit(colors, "delta", edges=dict(edges or {})), predictions))
     return tuple(planned)
