@@ -66,8 +66,10 @@ class ObjectEdge:
         after = shaped(before, shape, self._scale, self._room[self.place])
         weights, learned = (each.reshape(len(each), -1) for each in (self._weights, self._learned))
         weights[:, self._moved] = learned[:, self._moved]
-        moved = np.flatnonzero(after != before)
-        changed, self._moved = np.union1d(moved, self._moved), moved
+        is_moved = (after != before).ravel()
+        moved = np.flatnonzero(is_moved)
+        is_moved[self._moved] = True
+        changed, self._moved = np.flatnonzero(is_moved), moved
         old, new = before.ravel()[moved], after.ravel()[moved]
         kept = np.divide(np.minimum(old, new), old, out=np.ones_like(old), where=old > 0)
         own = learned[:, moved] * kept

@@ -98,9 +98,11 @@ class SwatchPicture:
             inside = (part.rows[0] <= rows) & (rows < part.rows[1]) & (part.columns[0] <= columns)
             inside &= columns < part.columns[1]
             entries = np.flatnonzero(self._factors[k, : len(part.planes)].any(axis=-1))
-            if inside.any() and len(entries):
-                planes = part.planes[entries][:, rows[inside] - part.rows[0], columns[inside] - part.columns[0]]
-                colors[:, inside] += self._factors[k, entries].T @ planes
+            if not (inside.any() and len(entries)):
+                continue
+            place = rows[inside] - part.rows[0], columns[inside] - part.columns[0]
+            planes = np.stack([part.planes[j][place] for j in entries])
+            colors[:, inside] += self._factors[k, entries].T @ planes
         self._out[rows, columns] = np.clip(colors, 0, 1).T
 
     def _has_in_box(self, parts: Sequence[Part]) -> bool:
