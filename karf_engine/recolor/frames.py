@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
@@ -44,8 +44,8 @@ class Frame:
     palette_weights: np.ndarray | None
     base: np.ndarray
     disputed: tuple[str, ...] = ()
-    camera: Camera | None = None
-    supersampling: int = 1
+    camera: Camera | None = field(default=None, kw_only=True)
+    supersampling: int = field(default=1, kw_only=True)
 
     def __post_init__(self) -> None:
         check_fields(self)
