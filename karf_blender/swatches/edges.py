@@ -37,7 +37,9 @@ class MovableObject:
             ends = ((each.start, each.stop) for each in place)
             self._part = key, Part(*ends, spread(weights, palette, added))
         elif added:
-            self._part[1].planes[:, rows, columns] = spread(weights[:, rows, columns], palette, added)
+            changed = spread(np.take(weights.reshape(len(weights), -1), pixels, axis=1), palette, added)
+            for plane, values in zip(self._part[1].planes, changed, strict=True):
+                plane.reshape(-1)[pixels] = values
         return self._part[1], rows + place[0].start, columns + place[1].start
 
 

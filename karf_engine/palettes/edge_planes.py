@@ -65,17 +65,19 @@ class ObjectEdge:
         before = self._coverage[self.place]
         after = shaped(before, shape, self._scale, self._room[self.place])
         weights, learned = (each.reshape(len(each), -1) for each in (self._weights, self._learned))
-        weights[:, self._moved] = learned[:, self._moved]
         is_moved = (after != before).ravel()
         moved = np.flatnonzero(is_moved)
         is_moved[self._moved] = True
-        changed, self._moved = np.flatnonzero(is_moved), moved
+        changed, restored = np.flatnonzero(is_moved), self._moved
+        self._moved = moved
         old, new = before.ravel()[moved], after.ravel()[moved]
         kept = np.divide(np.minimum(old, new), old, out=np.ones_like(old), where=old > 0)
-        own = learned[:, moved] * kept
+        own = np.take(learned, moved, axis=1) * kept
         is_grown = (new > old) & (old < FULL)
         own[:, is_grown] = self._grown_weights(own[:, is_grown], moved[is_grown], old[is_grown], new[is_grown])
-        weights[:, moved] = own
+        for plane, plane_learned, plane_own in zip(weights, learned, own, strict=True):  # faster than all at once
+            plane[restored] = plane_learned[restored]
+            plane[moved] = plane_own
         return self._weights, after, changed
 
     def _grown_weights(

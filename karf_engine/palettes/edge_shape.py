@@ -97,7 +97,10 @@ def shaped(coverage: np.ndarray, shape: EdgeShape, scale: float = 1.0, room: np.
     if place is None:
         return result
     result[place] = _where_edges_are(before[place], shape, scale)
-    return result if room is None else np.minimum(result, np.maximum(before, room))
+    if room is not None:
+        grown = result > before  # few pixels
+        result[grown] = np.minimum(result[grown], np.maximum(before[grown], room[grown]))
+    return result
 
 
 def _where_edges_are(coverage: np.ndarray, shape: EdgeShape, scale: float) -> np.ndarray:

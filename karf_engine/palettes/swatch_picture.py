@@ -93,15 +93,17 @@ class SwatchPicture:
         """Write the pixels whose planes have become others, with the factors that there are."""
         rows, columns = (np.concatenate(each) for each in zip(*self._retouched.values(), strict=True))
         self._retouched.clear()
-        colors = self._start[:, rows, columns]
+        pixels = rows * self._start.shape[2] + columns
+        colors = np.take(self._start.reshape(3, -1), pixels, axis=1)
         for k, part in enumerate(self._parts):
             inside = (part.rows[0] <= rows) & (rows < part.rows[1]) & (part.columns[0] <= columns)
             inside &= columns < part.columns[1]
             entries = np.flatnonzero(self._factors[k, : len(part.planes)].any(axis=-1))
             if not (inside.any() and len(entries)):
                 continue
-            place = rows[inside] - part.rows[0], columns[inside] - part.columns[0]
-            planes = np.stack([part.planes[j][place] for j in entries])
+            width = part.columns[1] - part.columns[0]
+            place = (rows[inside] - part.rows[0]) * width + columns[inside] - part.columns[0]
+            planes = np.stack([part.planes[j].ravel()[place] for j in entries])
             colors[:, inside] += self._factors[k, entries].T @ planes
         self._out[rows, columns] = np.clip(colors, 0, 1).T
 
