@@ -46,6 +46,7 @@ from ..karf_engine.palettes.colorways.reached import shown as shown_colors
 from ..karf_engine.palettes.compositing import Planes, read_planes, stack_palettes
 from ..karf_engine.palettes.edge_planes import ObjectEdge, reshaped
 from ..karf_engine.palettes.edge_shape import MOST_CHOKE, MOST_FEATHER, EdgeShape
+from ..karf_engine.palettes.edges_in_space import Borders
 from ..karf_engine.palettes.edit_files import edit_from_json, edit_to_json, write_edit
 from ..karf_engine.palettes.matching.becomes import (
     match_becomes,
@@ -130,6 +131,7 @@ __all__ = [
     "WARNING",
     "AddedColor",
     "BadRequest",
+    "Borders",
     "Camera",
     "Cancelled",
     "Capture",

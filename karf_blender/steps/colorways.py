@@ -12,6 +12,7 @@ from ..swatches import colors, reference
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
 from . import requests
+from .edit import save_edit
 
 
 def predict_colorways(scene: bpy.types.Scene, sheet: str | Path) -> tuple[PlannedColorway, ...]:
@@ -22,7 +23,10 @@ def predict_colorways(scene: bpy.types.Scene, sheet: str | Path) -> tuple[Planne
         BadRequest: The scene has no project, or that has no palettes.
         DataError: The sheet has a row that is wrong, or a file of the project is damaged.
     """
-    return plan_colorways(folders.project_of(scene), Path(sheet).absolute(), _locked(scene), reference.light(scene))
+    edges = colors.edges(scene)
+    return plan_colorways(
+        folders.project_of(scene), Path(sheet).absolute(), _locked(scene), reference.light(scene), edges
+    )
 
 
 def _locked(scene: bpy.types.Scene) -> dict[str, list[int]]:
@@ -65,6 +69,10 @@ def colorways(
     light = reference.light(scene)
     if light is not None:
         options["light"] = light.matrix.ravel().tolist()
+    if colors.edges(scene):
+        edges = folders.project_of(scene).folder / "colorways_edges.json"
+        save_edit(scene, edges)
+        options["edges"] = str(edges)
     return requests.task(
         scene, "Colorways", ("colorways", options), finish=partial(_say_where, out), result=lambda: planned
     )

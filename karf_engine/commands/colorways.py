@@ -11,7 +11,7 @@ What each color will be is known, and told, before anything is rendered. Writes
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -26,8 +26,11 @@ from ..export.contact_sheet import Line, Row, write_contact_sheet
 from ..export.finished_frames import FinishedFrames, frame_mark, model_mark, view_mark
 from ..palettes.colorways.planned import PlannedColorway, plan_colorways
 from ..palettes.colorways.reached import Prediction
-from ..palettes.palette import rgb_to_hex
+from ..palettes.edge_shape import EdgeShape
+from ..palettes.palette import read_palettes, rgb_to_hex
+from ..palettes.palette_files import read_edit_file
 from ..palettes.reference_light import ReferenceLight
+from ..project import Project
 from ..project.locking import consistent, opened
 from ..recolor.model import Model
 from .calibration import light_of
@@ -44,7 +47,8 @@ def run(options: ColorwaysOptions, emit: Emit, should_stop: Callable[[], bool]) 
     """Tell what each colorway reaches, then write it in all views. Raises DataError where the sheet has a wrong row."""
     project = opened(options.project)
     light = light_of(options, emit)
-    planned = plan_colorways(project, options.sheet, _locked(options.locked), light)
+    edges = _edges(project, options.edges)
+    planned = plan_colorways(project, options.sheet, _locked(options.locked), light, edges)
     _tell(planned, light, emit)
     write_table(options.out / "colorways.csv", planned, light=light)
     if not options.predict_only:
@@ -66,6 +70,14 @@ def _locked(swatches: Sequence[str]) -> dict[str, list[int]]:
             raise BadRequest(f"The locked swatch {swatch!r:.200} is none.", "Write <object>/<number>, as pot/2.")
         locked.setdefault(name, []).append(int(number))
     return locked
+
+
+def _edges(project: Project, file: Path | None) -> Mapping[str, EdgeShape]:
+    """The edges of an edit's file; without one none is moved."""
+    if file is None:
+        return {}
+    project.require("palette")
+    return read_edit_file(file, read_palettes(project.checked(project.palette_file))).edges
 
 
 def _tell(planned: Sequence[PlannedColorway], light: ReferenceLight | None, emit: Emit) -> None:

@@ -2,6 +2,7 @@
 
 import csv
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -210,3 +211,16 @@ def test_predicting_needs_no_tensors(learned, sheet, tmp_path):
     for path in project.folder.glob("*.safetensors"):
         path.unlink()
     assert len(plan_colorways(project, sheet)) == 3
+
+
+def test_colorways_have_the_edges_of_an_edit(learned, sheet, tmp_path):
+    model = karf.load(learned.project, device="cpu")
+    edges = tmp_path / "edges.json"
+    write_edit(edges, model.edit().edge("ball", choke=3, feather=4))
+    out = tmp_path / "out"
+    assert main(command(learned.project, sheet, out, "--edges", edges, views="test_r_0")) == 0
+    planned = {plan.colorway.name: plan.edit for plan in plan_colorways(model.project, sheet)}
+    plain, shaped = planned["Green"], model.edit().edge("ball", choke=3, feather=4).edges
+    view, written = model.capture.view("test_r_0"), read_photo(out / "Green" / "test_r_0.png")
+    np.testing.assert_allclose(written, model.recolor(view, replace(plain, edges=shaped)), atol=0.51 / 255)
+    assert np.abs(written - model.recolor(view, plain)).max() > 0.1

@@ -116,6 +116,9 @@ class ColorwaysOptions(CalibrationOptions):
     size: str | int = option("as for render", "photo")
     predict_only: bool = option("only write colorways.csv: what will be reached", False)
     locked: tuple[str, ...] = option("swatches that stay as learned, each as <object>/<number>", (), flag=None)
+    edges: Path | None = option(
+        "EDIT.json whose objects' choke and feather every colorway of colors has", None, metavar="FILE"
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ...errors import BadRequest, DataError
 from ...project.folder import Project
+from ..edge_shape import EdgeShape
 from ..object_colors import read_object_colors
 from ..palette import Edit, read_palettes
 from ..palette_files import read_edit_file
@@ -36,6 +37,7 @@ def plan_colorways(
     sheet: Path,
     locked: Mapping[str, Sequence[int]] | None = None,
     light: ReferenceLight | None = None,
+    edges: Mapping[str, EdgeShape] | None = None,
 ) -> tuple[PlannedColorway, ...]:
     """The colorways of a sheet (see `palettes.colorways.sheet`), each with its edit and what it will reach.
 
@@ -44,6 +46,7 @@ def plan_colorways(
         sheet: CSV or JSON.
         locked: Numbers of swatches that stay as learned, by object; those of an edit are what it says.
         light: Under which the sheet's colors are meant; None: as photos show them. Predictions are of photos in any case.
+        edges: How the edges of objects are moved and faded, by object; those of an edit are what it says.
 
     Raises:
         BadRequest: The project has no palettes, or not that swatch.
@@ -82,7 +85,7 @@ def plan_colorways(
             for target_color in colorway.target_colors
         )
         colors = learned | {prediction.target_color.name: prediction.colors for prediction in predictions}
-        planned.append(PlannedColorway(colorway, Edit(colors, "delta"), predictions))
+        planned.append(PlannedColorway(colorway, Edit(colors, "delta", edges=dict(edges or {})), predictions))
     return tuple(planned)
 
 
