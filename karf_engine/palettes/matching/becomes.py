@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ...io.color import srgb_to_lab
-from .fitting import bounds, match_pixels, moved
+from .fitting import bounds, match_seen, moved
 from .paints import angles, is_black, pigment_gate, reflection_target, repainted
 
 OTHER = 0.17  # radians in linear light from which on colors are of different paints
@@ -137,7 +137,7 @@ def match_dragged(
         return start
     targets = reflection_target(colors, source, start[index], is_metal)
     moved_alone = colors + palette_weights[:, index, None] * change
-    return match_pixels(palette_weights, moved_alone, targets, start, counts, [index, *locked])
+    return match_seen(palette_weights, moved_alone, targets, start, counts, [index, *locked])
 
 
 def match_pigment(
@@ -183,7 +183,7 @@ def _matched(
     emphasis = EMPHASIS * max(np.sum(counts), 1e-9) / len(sources)  # an object may show nothing like the source
     palette_weights, colors = np.vstack([palette_weights, *own]), np.vstack([colors, sources])
     targets, counts = np.vstack([targets, target]), np.append(counts, [emphasis] * len(sources))
-    return match_pixels(palette_weights, colors, targets, palette, counts, locked)
+    return match_seen(palette_weights, colors, targets, palette, counts, locked)
 
 
 def match_fewest(
