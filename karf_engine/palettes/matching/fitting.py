@@ -85,10 +85,10 @@ def match_seen(
 
         >>> palette, weights = np.array([[0, 0, 0], [0.5, 0.5, 0.5]], np.float32), np.array([[0.0, 1.0]] * 3)
         >>> colors, targets = weights @ palette, np.array([[0.5, 0.5, 0.5], [0.5, 0.5, 0.5], [0.2, 0.2, 0.8]])
-        >>> match_pixels(weights, colors, targets, palette)[1].round(2).tolist()
-        [0.4, 0.4, 0.6]
-        >>> match_seen(weights, colors, targets, palette, np.ones(3))[1].round(1).tolist()
-        [0.5, 0.5, 0.5]
+        >>> print(match_pixels(weights, colors, targets, palette)[1].round(2))
+        [0.4 0.4 0.6]
+        >>> print(match_seen(weights, colors, targets, palette, np.ones(3))[1].round(2))
+        [0.5 0.5 0.5]
     """
     lower, upper = bounds(palette, locked, BRIGHTEST)
     lab, wanted = srgb_to_lab(np.clip(targets, 0, 1)), np.subtract(targets, colors)
