@@ -18,6 +18,7 @@ from ..io.arguments import check_fields, check_number
 
 MOST_CHOKE, MOST_FEATHER = 16.0, 64.0
 DIRECTIONS = 16  # in which an edge is moved exactly, between them to 2 % of the way
+CHUNK = 512  # pixels whose surroundings are looked at one by one, at a time: in a core's cache
 BLOCK = 256  # pixels along the side of blocks, of which only those with an edge are computed, in a core's cache
 
 
@@ -105,7 +106,8 @@ def shaped(coverage: np.ndarray, shape: EdgeShape, scale: float = 1.0, room: np.
 
 def _where_edges_are(coverage: np.ndarray, shape: EdgeShape, scale: float) -> np.ndarray:
     """A coverage [H, W] moved and faded, in blocks with what can reach into them; flat parts of these stay as they are."""
-    reach = ceil(abs(shape.choke) * scale) + ceil(shape.feather * scale / 2) + 4
+    distance, width = shape.choke * scale, shape.feather * scale
+    reach = _reach_of_move(distance) + _reach_of_fade(width)
     padded, result = np.pad(coverage, reach, mode="edge"), coverage.copy()
     for top in range(0, len(coverage), BLOCK):
         for left in range(0, coverage.shape[1], BLOCK):
@@ -114,8 +116,7 @@ def _where_edges_are(coverage: np.ndarray, shape: EdgeShape, scale: float) -> np
             rows, columns = (_reached(changes, reach) for changes in _changes_in(around))
             if rows.start < rows.stop and columns.start < columns.stop:
                 part = around[rows.start : rows.stop + 2 * reach, columns.start : columns.stop + 2 * reach]
-                inside = faded(moved(part, shape.choke * scale), shape.feather * scale)
-                block[rows, columns] = inside[reach:-reach, reach:-reach]
+                block[rows, columns] = _faded_within(_moved_within(part, distance), width)
     return result
 
 
@@ -145,43 +146,66 @@ def moved(coverage: np.ndarray, distance: float) -> np.ndarray:
         >>> moved(np.array([[0, 0, 1, 1, 1, 1]], np.float32), 1.5)[0].tolist()
         [0.0, 0.0, 0.0, 0.5, 1.0, 1.0]
     """
+    return _moved_within(np.pad(coverage, _reach_of_move(distance), mode="edge"), distance)
+
+
+def _reach_of_move(distance: float) -> int:
+    """Pixels on either side of one that a move looks at."""
+    return floor(abs(distance)) + 2 if distance else 0
+
+
+def _moved_within(around: np.ndarray, distance: float) -> np.ndarray:
+    """A coverage moved, [H, W], from it and what lies around it within the reach, [H + 2 reach, W + 2 reach]."""
     if distance < 0:
-        return 1 - moved(1 - coverage, -distance)
-    if not distance:
-        return coverage
-    margin = floor(distance) + 1
-    padded = np.pad(coverage, margin, mode="edge")
-    height, width = coverage.shape
+        return 1 - _eroded(1 - around, -distance)
+    return _eroded(around, distance) if distance else around
 
-    def rows(by: int) -> np.ndarray:
-        return padded[margin + by : margin + by + height]
 
-    result = coverage.copy()
-    # pixels of the disk: rows from its rim inwards, whose parts get longer
-    half, wide = 0, padded.copy()
+def _eroded(around: np.ndarray, distance: float) -> np.ndarray:
+    """`_moved_within` of a distance above 0."""
+    margin = _reach_of_move(distance)
+    around = np.ascontiguousarray(around)
+    # pixels of the disk, here also of those just outside: rows from its rim inwards, whose parts get longer
+    height, width = len(around) - 2 * margin + 2, around.shape[1] - 2 * margin + 2
+    half, wide = 0, around.copy()
+    disk = around[margin - 1 : margin - 1 + height, margin - 1 : margin - 1 + width].copy()
     for by in range(floor(distance), -1, -1):
         while half < floor(sqrt(distance**2 - by**2)):
             half += 1
-            np.minimum(wide[:, half:], padded[:, :-half], out=wide[:, half:])
-            np.minimum(wide[:, :-half], padded[:, half:], out=wide[:, :-half])
+            np.minimum(wide[:, half:], around[:, :-half], out=wide[:, half:])
+            np.minimum(wide[:, :-half], around[:, half:], out=wide[:, :-half])
         for side in {by, -by}:
-            np.minimum(result, wide[margin + side : margin + side + height, margin : margin + width], out=result)
-    for down in sorted({round(distance * sin(2 * pi * k / DIRECTIONS), 6) for k in range(DIRECTIONS)}):
-        across = sqrt(max(0.0, distance**2 - down**2))
-        row = _between(rows(floor(down)), rows(floor(down) + 1), down - floor(down))
-        for side in {across, -across}:
-            left = margin + floor(side)
-            columns = row[:, left : left + width], row[:, left + 1 : left + 1 + width]
-            np.minimum(result, _between(*columns, side - floor(side)), out=result)
+            top = margin - 1 + side
+            np.minimum(disk, wide[top : top + height, margin - 1 : margin - 1 + width], out=disk)
+    # a point of the rim lies between pixels that are in the disk or beside it: where those have no less, nor has the point
+    result = disk[1:-1, 1:-1].copy()
+    least = np.minimum(np.minimum(disk[:-2], disk[1:-1]), disk[2:])
+    least = np.minimum(np.minimum(least[:, :-2], least[:, 1:-1]), least[:, 2:])
+    rows, columns = np.nonzero(least < result)
+    pixels = (rows + margin) * around.shape[1] + columns + margin
+    for start in range(0, len(pixels), CHUNK):
+        chunk = slice(start, start + CHUNK)
+        rim = _least_on_rim(around, pixels[chunk], distance)
+        places = rows[chunk], columns[chunk]
+        result[places] = np.minimum(result[places], rim)
     return result
 
 
-def _between(first: np.ndarray, second: np.ndarray, share: float) -> np.ndarray:
-    """A picture between two."""
-    if share < 1e-6:
-        return first
+def _least_on_rim(around: np.ndarray, pixels: np.ndarray, distance: float) -> np.ndarray:
+    """The least coverage [n] on the rim of disks round pixels [n], which are given by running number."""
+    turns = 2 * pi * np.arange(DIRECTIONS) / DIRECTIONS
+    down, across = (np.round(distance * each(turns), 6) for each in (np.sin, np.cos))
+    first = np.floor(down).astype(np.intp) * around.shape[1] + np.floor(across).astype(np.intp)
+    corners = np.array([0, 1, around.shape[1], around.shape[1] + 1])  # of the square of pixels that a point is in
+    values = np.take(around, (first + corners[:, None])[..., None] + pixels)
+    between = _between(values[:2], values[2:], (down % 1)[:, None])
+    return _between(*between, (across % 1)[:, None]).min(axis=0)
+
+
+def _between(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Values between two."""
     result = second - first
-    result *= np.float32(share)
+    result *= share.astype(np.float32)
     result += first
     return result
 
@@ -193,30 +217,47 @@ def faded(coverage: np.ndarray, width: float) -> np.ndarray:
         >>> print(faded(np.array([[0, 0, 0, 1, 1, 1]], np.float32), 4)[0].round(2))
         [0.   0.03 0.25 0.75 0.97 1.  ]
     """
+    return _faded_within(np.pad(coverage, _reach_of_fade(width), mode="edge"), width)
+
+
+def _reach_of_fade(width: float) -> int:
+    """Pixels on either side of one that a fade looks at."""
+    return 2 * (_reach_of_box(width / 2) + 1) if width else 0
+
+
+def _reach_of_box(width: float) -> int:
+    """Pixels on either side of a box's middle one that it covers wholly."""
+    return floor((sqrt(width**2 + 1) - 1) / 2)
+
+
+def _faded_within(around: np.ndarray, width: float) -> np.ndarray:
+    """A coverage faded, [H, W], from it and what lies around it within the reach, [H + 2 reach, W + 2 reach]."""
     if not width:
-        return coverage
-    for axis in (0, 0, 1, 1):
-        coverage = _boxed(coverage, width / 2, axis)
-    return np.clip(coverage, 0, 1)
+        return around
+    for axis in (1, 1, 0, 0):
+        around = _boxed(around, width / 2, axis)
+    np.maximum(around, 0, out=around)
+    return np.minimum(around, 1, out=around)
 
 
 def _boxed(values: np.ndarray, width: float, axis: int) -> np.ndarray:
-    """The mean over a width in pixels along an axis; at the border values go on.
+    """The mean over a width in pixels along an axis, which gets shorter by what the mean looks at on either side.
 
     The outermost pixels count in part, so that the variance is width^2 / 12 whatever the width (the extended box filter
     of Gwosdek, Grewenig, Bruhn and Weickert, "Theoretical Foundations of Gaussian Convolution by Extended Box
     Filtering", 2011, Eq. 5).
     """
-    variance, reach = width**2 / 12, floor((sqrt(width**2 + 1) - 1) / 2)
+    variance, reach = width**2 / 12, _reach_of_box(width)
     part = (2 * reach + 1) * (3 * variance - reach * (reach + 1)) / (6 * ((reach + 1) ** 2 - variance))
-    size, length = 2 * reach + 1, values.shape[axis]
-    padded = np.pad(values, [(reach + 1,) * 2 if each == axis else (0, 0) for each in range(2)], mode="edge")
+    size, length = 2 * reach + 1, values.shape[axis] - 2 * (reach + 1)
 
     def part_of(array: np.ndarray, first: int, count: int) -> np.ndarray:
         return array[first : first + count] if axis == 0 else array[:, first : first + count]
 
+    total = part_of(values, 0, length) + part_of(values, 2 * reach + 2, length)
+    total *= np.float32(max(part, 0))
     # sums of 1, 2, 4, .. pixels, of which those are taken that make up the size
-    total, taken, power, sums = np.zeros_like(values), 0, 1, padded
+    taken, power, sums = 0, 1, values
     while True:
         if size & power:
             total += part_of(sums, 1 + taken, length)
@@ -225,9 +266,7 @@ def _boxed(values: np.ndarray, width: float, axis: int) -> np.ndarray:
             break
         left = sums.shape[axis] - power
         sums, power = part_of(sums, 0, left) + part_of(sums, power, left), 2 * power
-    if part > 0:
-        total += np.float32(part) * (part_of(padded, 0, length) + part_of(padded, 2 * reach + 2, length))
-    total /= np.float32(size + 2 * part)
+    total *= np.float32(1 / (size + 2 * max(part, 0)))
     return total
 
 
