@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import bpy
 import numpy as np
 
-from ..engine_api import EdgeShape, KarfError, ObjectEdge, Part, Planes, reshaped, spread
+from ..engine_api import EdgeShape, KarfError, ObjectEdge, Part, Planes, reshaped
 from ..project import captures
 from . import colors
 
@@ -15,32 +15,31 @@ class MovableObject:
     """Object k of planes, whose edge can be given any shape, and its part of a picture, which is changed in place."""
 
     def __init__(self, scene: bpy.types.Scene, planes: Planes, k: int) -> None:
-        probabilities = planes.probabilities.astype(np.float32)
-        room = 1 - (probabilities.sum(axis=0) - probabilities[k])
-        palette = colors.palette(scene.karf.objects[planes.objects[k]]).colors
-        weights = planes.palette_weights[k, : len(palette)]
-        self._edge = ObjectEdge(planes.base, weights, probabilities[k], room, palette, scale_of(scene, planes))
-        self._part: tuple[str, Part] | None = None
+        self._planes, self._k, self._scale = planes, k, scale_of(scene, planes)
+        self._known: tuple[str, ObjectEdge, Part] | None = None
 
     def shaped(self, item: bpy.types.PropertyGroup, shape: EdgeShape) -> tuple[Part, np.ndarray, np.ndarray]:
         """The part with an edge of this shape, its weights spread over the sets of the object's added colors.
 
         Returns:
-            The part, another one where other colors are added; and rows and columns [n] of the picture's pixels in which it
-            has changed.
+            The part, another one where other colors are added; the pixels [n] of it, by running number, in which it has
+            changed, and its planes there.
         """
-        weights, _, pixels = self._edge.shaped(shape)
-        palette, added, place = colors.palette(item).colors, colors.added(item), self._edge.place
-        rows, columns = np.divmod(pixels, place[1].stop - place[1].start)
-        key = repr(colors.keys(added))
-        if self._part is None or self._part[0] != key:
-            ends = ((each.start, each.stop) for each in place)
-            self._part = key, Part(*ends, spread(weights, palette, added))
-        elif added:
-            changed = spread(np.take(weights.reshape(len(weights), -1), pixels, axis=1), palette, added)
-            for plane, values in zip(self._part[1].planes, changed, strict=True):
-                plane.reshape(-1)[pixels] = values
-        return self._part[1], rows + place[0].start, columns + place[1].start
+        key = repr(colors.keys(colors.added(item)))
+        if self._known is None or self._known[0] != key:
+            edge = self._edge(item)
+            self._known = key, edge, Part(*((each.start, each.stop) for each in edge.place), edge.weights)
+        _, edge, part = self._known
+        return part, *edge.shaped(shape)[1:]
+
+    def _edge(self, item: bpy.types.PropertyGroup) -> ObjectEdge:
+        """The object as it is learned."""
+        planes, k = self._planes, self._k
+        probabilities = planes.probabilities.astype(np.float32)
+        room = 1 - (probabilities.sum(axis=0) - probabilities[k])
+        palette = colors.palette(item).colors
+        shown = planes.base, planes.palette_weights[k, : len(palette)], probabilities[k]
+        return ObjectEdge(*shown, room, palette, self._scale, colors.added(item))
 
 
 def ended(scene: bpy.types.Scene, planes: Planes, edges: Mapping[str, EdgeShape]) -> Planes:

@@ -9,11 +9,13 @@ a true background little, as it has few of the object's colors.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from .added import spread
 from .edge_shape import MOST_CHOKE, MOST_FEATHER, EdgeShape, box_of, grown_box, shaped, shaped_edges
-from .palette import Palette
+from .palette import AddedColor, Palette
 from .star import plain_hull, star_of, weights_in
 
 FULL = 1 - 1 / 64  # coverage above which nothing is left that could be newly covered
@@ -29,9 +31,11 @@ class ObjectEdge:
         room: [H, W], what other objects leave of each pixel.
         palette: [M, 3] as learned.
         scale: Pixels of this picture for one of the photo at its full size.
+        added: The object's added colors, over whose sets its weights are spread: N entries in all.
 
     Attributes:
-        place: Rows and columns of the box beyond which no edge reaches.
+        place: Rows and columns of the box beyond which no edge reaches, [h, w].
+        weights: [N, h, w] float32 of the object as it was shaped last, in `place`; changed in place.
     """
 
     def __init__(
@@ -42,79 +46,94 @@ class ObjectEdge:
         room: np.ndarray,
         palette: np.ndarray,
         scale: float,
+        added: Sequence[AddedColor] = (),
     ) -> None:
-        self._base, self._room, self._scale = base, room, scale
-        self._palette = np.asarray(palette, np.float32)
-        self._coverage = np.asarray(coverage, np.float32)
+        coverage = np.asarray(coverage, np.float32)
         most = EdgeShape(-MOST_CHOKE, MOST_FEATHER).reach(scale)
-        self.place = grown_box(box_of(self._coverage > 0), most, self._coverage.shape) or (slice(0, 0), slice(0, 0))
-        self._learned = weights[:, *self.place].astype(np.float32)
-        self._weights, self._moved = self._learned.copy(), np.zeros(0, np.intp)
+        self.place = grown_box(box_of(coverage > 0), most, coverage.shape) or (slice(0, 0), slice(0, 0))
+        self._base, self._scale = base[self.place].reshape(-1, 3), scale
+        self._before, self._room = np.ascontiguousarray(coverage[self.place]), room[self.place]
+        self._after = self._before
+        self._palette, self._added = np.asarray(palette, np.float32), added
         self._star = star_of(self._palette, plain_hull)
-        # weights of what lies beside the object, by pixel, and where they are known
-        self._beside = np.zeros((self._coverage.size, len(self._palette)), np.float32)
-        self._is_known = np.zeros(self._coverage.size, bool)
+        learned = weights[:, *self.place].astype(np.float32)
+        self.weights = spread(learned, self._palette, added).copy()
+        # of each pixel the weights of a whole one that is covered anew, where known, or else those that it has
+        self._whole = self.weights.reshape(len(self.weights), -1).copy()
+        self._is_known = self._before.ravel() > 0
+        self._mixed = self._mixed_pixels(learned.reshape(len(learned), -1))
 
     def shaped(self, shape: EdgeShape) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The object with an edge of this shape, in `place`.
+        """Let `weights` be those of the object with an edge of this shape.
 
         Returns:
-            Weights [M, h, w] and coverage [h, w], both float32, the weights overwritten by the next call; and the pixels
-            [n] of the place, by running number, that differ from those of the call before.
+            Coverage [h, w] float32, in `place`; the pixels [n] of the place, by running number, that differ from those of
+            the call before, and their weights [N, n].
         """
-        before = self._coverage[self.place]
-        after = shaped(before, shape, self._scale, self._room[self.place])
-        weights, learned = (each.reshape(len(each), -1) for each in (self._weights, self._learned))
-        is_moved = (after != before).ravel()
-        moved = np.flatnonzero(is_moved)
-        is_moved[self._moved] = True
-        changed, restored = np.flatnonzero(is_moved), self._moved
-        self._moved = moved
-        old, new = before.ravel()[moved], after.ravel()[moved]
-        kept = np.divide(np.minimum(old, new), old, out=np.ones_like(old), where=old > 0)
-        own = np.take(learned, moved, axis=1) * kept
-        is_grown = (new > old) & (old < FULL)
-        own[:, is_grown] = self._grown_weights(own[:, is_grown], moved[is_grown], old[is_grown], new[is_grown])
-        for plane, plane_learned, plane_own in zip(weights, learned, own, strict=True):  # faster than all at once
-            plane[restored] = plane_learned[restored]
-            plane[moved] = plane_own
-        return self._weights, after, changed
-
-    def _grown_weights(
-        self, weights: np.ndarray, places: np.ndarray, before: np.ndarray, after: np.ndarray
-    ) -> np.ndarray:
-        """Weights [M, n] of pixels whose coverage [n] grows, from those that they had; places: their numbers [n] in `place`."""
-        rows, columns = np.divmod(places, self.place[1].stop - self.place[1].start)
-        pixels = (rows + self.place[0].start) * self._coverage.shape[1] + columns + self.place[1].start
-        is_new = before == 0
-        weights[:, is_new] = after[is_new] * self._weights_beside(pixels[is_new]).T
-        is_mixed = ~is_new
-        weights[:, is_mixed] = self._grown(pixels[is_mixed], weights[:, is_mixed], before[is_mixed], after[is_mixed])
-        return weights
+        after = shaped(self._before, shape, self._scale, self._room)
+        pixels = np.flatnonzero(after != self._after)
+        self._after = after
+        old, new = self._before.ravel()[pixels], after.ravel()[pixels]
+        self._know(pixels[old == 0])
+        own = np.take(self._whole, pixels, axis=1)
+        own *= np.divide(np.minimum(old, new), old, out=new.copy(), where=old > 0)
+        is_grown = (new > old) & (old > 0) & (old < FULL)
+        own[:, is_grown] = self._grown(pixels[is_grown], old[is_grown], new[is_grown])
+        for plane, plane_own in zip(self.weights, own, strict=True):  # faster than all at once
+            plane.reshape(-1)[pixels] = plane_own
+        return after, pixels, own
 
     def _colors(self, pixels: np.ndarray) -> np.ndarray:
-        """Colors [n, 3] of pixels of the picture, by running number."""
-        colors = self._base.reshape(-1, 3)[pixels]
+        """Colors [n, 3] of pixels of the place, by running number."""
+        colors = self._base[pixels]
         return colors / np.float32(255) if colors.dtype == np.uint8 else colors
 
-    def _weights_beside(self, pixels: np.ndarray) -> np.ndarray:
-        """Weights [n, M] of what pixels show that the object does not cover: found once for each."""
-        unknown = pixels[~self._is_known[pixels]]
-        self._beside[unknown] = weights_in(self._star, self._colors(unknown), len(self._palette))
-        self._is_known[unknown] = True
-        return self._beside[pixels]
+    def _weights_of(self, colors: np.ndarray) -> np.ndarray:
+        """Weights [M, n] of colors [n, 3]."""
+        return weights_in(self._star, colors, len(self._palette)).T
 
-    def _grown(self, pixels: np.ndarray, weights: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-        """Weights [M, n] of mixed pixels whose coverage [n] grows, from those that they had."""
+    def _know(self, pixels: np.ndarray) -> None:
+        """Find the weights of what pixels show that the object does not cover: once for each."""
+        unknown = pixels[~self._is_known[pixels]]
+        if len(unknown):
+            beside = spread(self._weights_of(self._colors(unknown)), self._palette, self._added)
+            for plane, plane_beside in zip(self._whole, beside, strict=True):
+                plane[unknown] = plane_beside
+            self._is_known[unknown] = True
+
+    def _mixed_pixels(self, learned: np.ndarray) -> _MixedPixels:
+        """What is the same of mixed pixels whatever they grow to, from their weights [M, h w]."""
+        before = self._before.ravel()
+        pixels = np.flatnonzero((before > 0) & (before < FULL))
+        old, weights = before[pixels, None], learned[:, pixels]
         own = weights.T @ self._palette
-        beside = np.clip((self._colors(pixels) - own) / (1 - before)[:, None], 0, 1)
-        grown = own + (after - before)[:, None] * beside
-        # as a change of what there was: the weights of a rendering are no function of its colors
-        now, then = (
-            part * weights_in(self._star, color / part[:, None], len(self._palette)).T
-            for color, part in ((grown, after), (own, before))
-        )
-        return np.maximum(weights + now - then, 0)
+        beside = np.clip((self._colors(pixels) - own) / (1 - old), 0, 1)
+        return _MixedPixels(pixels, own, beside, weights - old.T * self._weights_of(own / old))
+
+    def _grown(self, pixels: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """Weights [N, n] of mixed pixels whose coverage [n] grows."""
+        chosen = np.searchsorted(self._mixed.pixels, pixels)
+        grown = self._mixed.own[chosen] + (after - before)[:, None] * self._mixed.beside[chosen]
+        now = after * self._weights_of(grown / after[:, None])
+        return spread(np.maximum(self._mixed.left[:, chosen] + now, 0), self._palette, self._added)
+
+
+@dataclass(frozen=True)
+class _MixedPixels:
+    """Pixels of a place that an object covers in part.
+
+    Attributes:
+        pixels: [n], running numbers in ascending order.
+        own: [n, 3], what they show of the object.
+        beside: [n, 3], the color that they have beside it.
+        left: [M, n], what their weights have that those of their own color have not: the weights of a rendering are no
+            function of its colors.
+    """
+
+    pixels: np.ndarray
+    own: np.ndarray
+    beside: np.ndarray
+    left: np.ndarray
 
 
 def reshaped(
@@ -157,6 +176,6 @@ def reshaped(
         if palette.name in edges:
             count, room = len(palette.colors), 1 - (total - probabilities[k])
             edge = ObjectEdge(base, weights[k, :count], probabilities[k], room, palette.colors, scale)
-            planes, coverage, _ = edge.shaped(edges[palette.name])
-            result[k, :count, *edge.place], coverages[k, *edge.place] = planes, coverage
+            coverages[k, *edge.place] = edge.shaped(edges[palette.name])[0]
+            result[k, :count, *edge.place] = edge.weights
     return result, coverages

@@ -47,7 +47,7 @@ class SwatchPicture:
         self._parts, self._out = list(parts), out
         self._outgrown: list[Part] = []
         self._reshaped: set[int] = set()
-        self._retouched: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        self._retouched: list[tuple[int, np.ndarray, np.ndarray]] = []
         self._factors = np.zeros((len(parts), max((len(part.planes) for part in parts), default=0), 3), np.float32)
         self._moving: list[Entry] = []
         np.clip(start, 0, 1, out=out)
@@ -61,7 +61,7 @@ class SwatchPicture:
             if not changed.any() and not self._reshaped:
                 self._paint_retouched()
                 return self._out
-            self._reshaped |= self._retouched.keys()
+            self._reshaped |= {k for k, _, _ in self._retouched}
             self._retouched.clear()
         for k in self._reshaped:
             changed[k] |= (factors[k] != 0).any(axis=-1) | (self._factors[k] != 0).any(axis=-1)
@@ -82,30 +82,43 @@ class SwatchPicture:
         self._reshaped.add(k)
         self._parts[k] = part
 
-    def retouch(self, k: int, rows: np.ndarray, columns: np.ndarray) -> None:
-        """Say that an object's planes have become others, in place, at pixels [n] of the picture: for the next `paint`."""
-        if k in self._retouched:
-            known = self._retouched[k]
-            rows, columns = np.concatenate([known[0], rows]), np.concatenate([known[1], columns])
-        self._retouched[k] = rows, columns
+    def retouch(self, k: int, pixels: np.ndarray, planes: np.ndarray) -> None:
+        """Say that an object's planes have become others, in place, for the next `paint`.
+
+        Args:
+            k: Its number.
+            pixels: [n], where: running numbers in the box of its part.
+            planes: [M, n], what they are there now.
+        """
+        self._retouched.append((k, pixels, planes))
 
     def _paint_retouched(self) -> None:
         """Write the pixels whose planes have become others, with the factors that there are."""
-        rows, columns = (np.concatenate(each) for each in zip(*self._retouched.values(), strict=True))
+        for k, pixels, planes in self._retouched:
+            part = self._parts[k]
+            rows, columns = np.divmod(pixels, part.columns[1] - part.columns[0])
+            rows += part.rows[0]
+            columns += part.columns[0]
+            colors = np.take(self._start.reshape(3, -1), rows * self._start.shape[2] + columns, axis=1)
+            for other in np.flatnonzero(self._factors.any(axis=(1, 2))):
+                if other == k:
+                    colors += self._factors[k, : len(planes)].T @ planes
+                else:
+                    self._add_at(other, rows, columns, colors)
+            np.maximum(colors, 0, out=colors)
+            np.minimum(colors, 1, out=colors)
+            self._out[rows, columns] = colors.T
         self._retouched.clear()
-        pixels = rows * self._start.shape[2] + columns
-        colors = np.take(self._start.reshape(3, -1), pixels, axis=1)
-        for k, part in enumerate(self._parts):
-            inside = (part.rows[0] <= rows) & (rows < part.rows[1]) & (part.columns[0] <= columns)
-            inside &= columns < part.columns[1]
-            entries = np.flatnonzero(self._factors[k, : len(part.planes)].any(axis=-1))
-            if not (inside.any() and len(entries)):
-                continue
-            width = part.columns[1] - part.columns[0]
-            place = (rows[inside] - part.rows[0]) * width + columns[inside] - part.columns[0]
-            planes = np.stack([part.planes[j].ravel()[place] for j in entries])
-            colors[:, inside] += self._factors[k, entries].T @ planes
-        self._out[rows, columns] = np.clip(colors, 0, 1).T
+
+    def _add_at(self, k: int, rows: np.ndarray, columns: np.ndarray, colors: np.ndarray) -> None:
+        """Add an object's planes times factors to colors [3, n] of pixels of the picture."""
+        part = self._parts[k]
+        inside = (part.rows[0] <= rows) & (rows < part.rows[1])
+        inside &= (part.columns[0] <= columns) & (columns < part.columns[1])
+        entries = np.flatnonzero(self._factors[k, : len(part.planes)].any(axis=-1))
+        place = rows[inside] - part.rows[0], columns[inside] - part.columns[0]
+        planes = np.stack([part.planes[j][place] for j in entries])
+        colors[:, inside] += self._factors[k, entries].T @ planes
 
     def _has_in_box(self, parts: Sequence[Part]) -> bool:
         """Whether parts lie in the box of what moves."""

@@ -97,12 +97,11 @@ def test_a_picture_that_follows_is_the_one_that_is_composed_anew(as_bytes, color
     edge = ObjectEdge(used, kept[0][0], kept[1][0], room, POT.colors, 1.0)
     shapes = [EdgeShape(-3), EdgeShape(2), EdgeShape(feather=9), EdgeShape(-1, 4), EdgeShape()]
     for shape in shapes:
-        own, _, pixels = edge.shaped(shape)
+        _, pixels, changed = edge.shaped(shape)
         if shape is shapes[0]:
-            picture.reshape(0, Part(*((each.start, each.stop) for each in edge.place), own))
+            picture.reshape(0, Part(*((each.start, each.stop) for each in edge.place), edge.weights))
         else:
-            rows, columns = np.divmod(pixels, own.shape[2])
-            picture.retouch(0, rows + edge.place[0].start, columns + edge.place[1].start)
+            picture.retouch(0, pixels, changed)
         factors[0, 1, 0] += 0.01 * colors_move
         live = picture.paint(factors)
         after, _ = reshaped(used, *kept, [POT, MUG], {"pot": shape}, 1.0)
