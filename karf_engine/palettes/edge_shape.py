@@ -8,7 +8,7 @@ Naming: coverage [H, W] in [0, 1], how much of each pixel is the object's; `befo
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import ceil, floor, pi, sin, sqrt
 
@@ -91,33 +91,41 @@ def shaped(coverage: np.ndarray, shape: EdgeShape, scale: float = 1.0, room: np.
         [0.   0.03 0.25 0.75 0.97 1.   1.   1.  ]
     """
     before = np.asarray(coverage, np.float32)
-    if shape.is_neutral:
-        return before.copy()
-    result = np.zeros_like(before)
-    place = grown_box(box_of(before > 0), shape.reach(scale), before.shape)
-    if place is None:
-        return result
-    result[place] = _where_edges_are(before[place], shape, scale)
-    if room is not None:
-        grown = result > before  # few pixels
-        result[grown] = np.minimum(result[grown], np.maximum(before[grown], room[grown]))
+    result = before.copy()
+    if not shape.is_neutral:
+        for place, inside in _where_edges_are(before, shape, scale):
+            if room is not None:
+                np.minimum(inside, np.maximum(before[place], room[place]), out=inside)
+            result[place] = inside
     return result
 
 
-def _where_edges_are(coverage: np.ndarray, shape: EdgeShape, scale: float) -> np.ndarray:
-    """A coverage [H, W] moved and faded, in blocks with what can reach into them; flat parts of these stay as they are."""
+def _where_edges_are(
+    coverage: np.ndarray, shape: EdgeShape, scale: float
+) -> Iterator[tuple[tuple[slice, slice], np.ndarray]]:
+    """Parts of a coverage [H, W] moved and faded: where they are, and what they become. Flat ones are left out."""
     distance, width = shape.choke * scale, shape.feather * scale
-    reach = _reach_of_move(distance) + _reach_of_fade(width)
-    padded, result = np.pad(coverage, reach, mode="edge"), coverage.copy()
-    for top in range(0, len(coverage), BLOCK):
-        for left in range(0, coverage.shape[1], BLOCK):
-            block = result[top : top + BLOCK, left : left + BLOCK]
-            around = padded[top : top + block.shape[0] + 2 * reach, left : left + block.shape[1] + 2 * reach]
+    reach, sides = _reach_of_move(distance) + _reach_of_fade(width), coverage.shape
+    for top in range(0, sides[0], BLOCK):
+        for left in range(0, sides[1], BLOCK):
+            ends = ((top, min(top + BLOCK, sides[0])), (left, min(left + BLOCK, sides[1])))
+            around = _with_margin(coverage, ends, reach)
             rows, columns = (_reached(changes, reach) for changes in _changes_in(around))
             if rows.start < rows.stop and columns.start < columns.stop:
                 part = around[rows.start : rows.stop + 2 * reach, columns.start : columns.stop + 2 * reach]
-                block[rows, columns] = _faded_within(_moved_within(part, distance), width)
-    return result
+                place = slice(top + rows.start, top + rows.stop), slice(left + columns.start, left + columns.stop)
+                yield place, _faded_within(_moved_within(part, distance), width)
+
+
+def _with_margin(values: np.ndarray, ends: tuple[tuple[int, int], tuple[int, int]], margin: int) -> np.ndarray:
+    """The part of [H, W] between rows and columns, with a margin on each side; beyond the border values go on."""
+    inside, beyond = [], []
+    for (first, last), side in zip(ends, values.shape, strict=True):
+        start, stop = max(0, first - margin), min(last + margin, side)
+        inside.append(slice(start, stop))
+        beyond.append((start - first + margin, last + margin - stop))
+    part = values[tuple(inside)]
+    return np.pad(part, beyond, mode="edge") if any(map(any, beyond)) else part
 
 
 def _changes_in(coverage: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
