@@ -105,44 +105,46 @@ def _where_edges_are(
 ) -> Iterator[tuple[tuple[slice, slice], np.ndarray]]:
     """Parts of a coverage [H, W] moved and faded: where they are, and what they become. Flat ones are left out."""
     distance, width = shape.choke * scale, shape.feather * scale
-    reach, sides = _reach_of_move(distance) + _reach_of_fade(width), coverage.shape
-    for top in range(0, sides[0], BLOCK):
-        for left in range(0, sides[1], BLOCK):
-            ends = ((top, min(top + BLOCK, sides[0])), (left, min(left + BLOCK, sides[1])))
-            around = _with_margin(coverage, ends, reach)
-            rows, columns = (_reached(changes, reach) for changes in _changes_in(around))
+    reach = _reach_of_move(distance) + _reach_of_fade(width)
+    for top in range(0, coverage.shape[0], BLOCK):
+        for left in range(0, coverage.shape[1], BLOCK):
+            block = grown_box((slice(top, top + BLOCK), slice(left, left + BLOCK)), 0, coverage.shape)
+            around = grown_box(block, reach, coverage.shape)
+            rows, columns = (
+                _reached(changes, first.start, reach, own)
+                for changes, first, own in zip(_changes_in(coverage[around]), around, block, strict=True)
+            )
             if rows.start < rows.stop and columns.start < columns.stop:
-                part = around[rows.start : rows.stop + 2 * reach, columns.start : columns.stop + 2 * reach]
-                place = slice(top + rows.start, top + rows.stop), slice(left + columns.start, left + columns.stop)
-                yield place, _faded_within(_moved_within(part, distance), width)
-
-
-def _with_margin(values: np.ndarray, ends: tuple[tuple[int, int], tuple[int, int]], margin: int) -> np.ndarray:
-    """The part of [H, W] between rows and columns, with a margin on each side; beyond the border values go on."""
-    inside, beyond = [], []
-    for (first, last), side in zip(ends, values.shape, strict=True):
-        start, stop = max(0, first - margin), min(last + margin, side)
-        inside.append(slice(start, stop))
-        beyond.append((start - first + margin, last + margin - stop))
-    part = values[tuple(inside)]
-    return np.pad(part, beyond, mode="edge") if any(map(any, beyond)) else part
+                part = _with_margin(coverage, (rows, columns), reach)
+                yield (rows, columns), _faded_within(_moved_within(part, distance), width)
 
 
 def _changes_in(coverage: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Whether each row [H] and each column [W] has a pixel that differs from its neighbor, below it or to the right."""
+    """The rows, and the columns, with a pixel that differs from its neighbor, below it or to the right."""
     down, across = coverage[1:] != coverage[:-1], coverage[:, 1:] != coverage[:, :-1]
     rows, columns = across.any(axis=1), down.any(axis=0)
     rows[:-1] |= down.any(axis=1)
     columns[:-1] |= across.any(axis=0)
-    return rows, columns
+    return np.flatnonzero(rows), np.flatnonzero(columns)
 
 
-def _reached(changes: np.ndarray, reach: int) -> slice:
-    """Which rows (or columns) between two margins so wide are at most as far from one with a change, or its neighbor."""
-    places = np.flatnonzero(changes)
-    if not len(places):
-        return slice(0, 0)
-    return slice(max(0, int(places[0]) - 2 * reach), min(len(changes) - 2 * reach, int(places[-1]) + 2))
+def _reached(changes: np.ndarray, first: int, reach: int, own: slice) -> slice:
+    """Which of a block's own rows (or columns) are at most so far from one with a change, counted from the first, or the next."""
+    if not len(changes):
+        return slice(own.start, own.start)
+    return slice(
+        max(own.start, first + int(changes[0]) - reach), min(own.stop, first + int(changes[-1]) + 2 + reach)
+    )
+
+
+def _with_margin(values: np.ndarray, place: tuple[slice, slice], margin: int) -> np.ndarray:
+    """A part of [H, W] with a margin on each side; beyond the border values go on."""
+    inside = grown_box(place, margin, values.shape)
+    beyond = [
+        (each.start - own.start + margin, own.stop + margin - each.stop)
+        for each, own in zip(inside, place, strict=True)
+    ]
+    return np.pad(values[inside], beyond, mode="edge") if any(map(any, beyond)) else values[inside]
 
 
 def moved(coverage: np.ndarray, distance: float) -> np.ndarray:
