@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .added import spread
-from .edge_shape import MOST_CHOKE, MOST_FEATHER, EdgeShape, box_of, grown_box, shaped, shaped_edges
+from .edge_shape import MOST_CHOKE, MOST_FEATHER, EdgeShape, box_of, faded, grown_box, moved, shaped_edges
 from .palette import AddedColor, Palette
 from .star import plain_hull, star_of, weights_in
 
@@ -52,7 +52,9 @@ class ObjectEdge:
         most = EdgeShape(-MOST_CHOKE, MOST_FEATHER).reach(scale)
         self.place = grown_box(box_of(coverage > 0), most, coverage.shape) or (slice(0, 0), slice(0, 0))
         self._base, self._scale = base[self.place].reshape(-1, 3), scale
-        self._before, self._room = np.ascontiguousarray(coverage[self.place]), room[self.place]
+        self._before = np.ascontiguousarray(coverage[self.place])
+        self._most = np.maximum(self._before, room[self.place])
+        self._moved = 0.0, self._before  # the choke of the call before, and the coverage without feather: often only that is dragged
         self._after = self._before
         self._palette, self._added = np.asarray(palette, np.float32), added
         self._star = star_of(self._palette, plain_hull)
@@ -70,7 +72,9 @@ class ObjectEdge:
             Coverage [h, w] float32, in `place`; the pixels [n] of the place, by running number, that differ from those of
             the call before, and their weights [N, n].
         """
-        after = shaped(self._before, shape, self._scale, self._room)
+        if self._moved[0] != shape.choke:
+            self._moved = shape.choke, moved(self._before, shape.choke * self._scale)
+        after = np.minimum(faded(self._moved[1], shape.feather * self._scale), self._most)
         pixels = np.flatnonzero(after != self._after)
         self._after = after
         old, new = self._before.ravel()[pixels], after.ravel()[pixels]

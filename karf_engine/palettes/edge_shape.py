@@ -8,8 +8,9 @@ Naming: coverage [H, W] in [0, 1], how much of each pixel is the object's; `befo
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from math import ceil, floor, pi, sin, sqrt
 
 import numpy as np
@@ -91,50 +92,46 @@ def shaped(coverage: np.ndarray, shape: EdgeShape, scale: float = 1.0, room: np.
         [0.   0.03 0.25 0.75 0.97 1.   1.   1.  ]
     """
     before = np.asarray(coverage, np.float32)
-    result = before.copy()
-    if not shape.is_neutral:
-        for place, inside in _where_edges_are(before, shape, scale):
-            if room is not None:
-                np.minimum(inside, np.maximum(before[place], room[place]), out=inside)
-            result[place] = inside
-    return result
+    after = faded(moved(before, shape.choke * scale), shape.feather * scale)
+    if room is not None:
+        after = np.minimum(after, np.maximum(before, room))
+    return before.copy() if after is before else after
 
 
-def _where_edges_are(
-    coverage: np.ndarray, shape: EdgeShape, scale: float
-) -> Iterator[tuple[tuple[slice, slice], np.ndarray]]:
-    """Parts of a coverage [H, W] moved and faded: where they are, and what they become. Flat ones are left out."""
-    distance, width = shape.choke * scale, shape.feather * scale
-    reach = _reach_of_move(distance) + _reach_of_fade(width)
+def _where_edges_are(coverage: np.ndarray, reach: int, change: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """A coverage [H, W] that is changed where it is not flat within so many pixels.
+
+    Args:
+        coverage: It, float32.
+        reach: On either side of a pixel, as many as the change looks at.
+        change: From a part of it with that margin to this part.
+    """
+    result = coverage.copy()
     for top in range(0, coverage.shape[0], BLOCK):
         for left in range(0, coverage.shape[1], BLOCK):
             block = grown_box((slice(top, top + BLOCK), slice(left, left + BLOCK)), 0, coverage.shape)
             around = grown_box(block, reach, coverage.shape)
+            changing = _changing(coverage[around])
+            if changing is None:
+                continue
             rows, columns = (
-                _reached(changes, first.start, reach, own)
-                for changes, first, own in zip(_changes_in(coverage[around]), around, block, strict=True)
+                slice(max(own.start, first.start + each.start - reach), min(own.stop, first.start + each.stop + reach))
+                for own, first, each in zip(block, around, changing, strict=True)
             )
             if rows.start < rows.stop and columns.start < columns.stop:
-                part = _with_margin(coverage, (rows, columns), reach)
-                yield (rows, columns), _faded_within(_moved_within(part, distance), width)
+                result[rows, columns] = change(_with_margin(coverage, (rows, columns), reach))
+    return result
 
 
-def _changes_in(coverage: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The rows, and the columns, with a pixel that differs from its neighbor, below it or to the right."""
-    down, across = coverage[1:] != coverage[:-1], coverage[:, 1:] != coverage[:, :-1]
-    rows, columns = across.any(axis=1), down.any(axis=0)
-    rows[:-1] |= down.any(axis=1)
-    columns[:-1] |= across.any(axis=0)
-    return np.flatnonzero(rows), np.flatnonzero(columns)
-
-
-def _reached(changes: np.ndarray, first: int, reach: int, own: slice) -> slice:
-    """Which of a block's own rows (or columns) are at most so far from one with a change, counted from the first, or the next."""
-    if not len(changes):
-        return slice(own.start, own.start)
-    return slice(
-        max(own.start, first + int(changes[0]) - reach), min(own.stop, first + int(changes[-1]) + 2 + reach)
-    )
+def _changing(values: np.ndarray) -> tuple[slice, slice] | None:
+    """The box in [H, W] beyond which all is as in the corner on that side, and a pixel more; None where all is alike."""
+    first, last = values[0, 0], values[-1, -1]
+    box = box_of(values != first)
+    if box is None:
+        return None
+    ends = box if first == last else box_of(values != last)
+    rows, columns = (slice(each.start - 1, end.stop + 1) for each, end in zip(box, ends, strict=True))
+    return rows, columns
 
 
 def _with_margin(values: np.ndarray, place: tuple[slice, slice], margin: int) -> np.ndarray:
@@ -156,24 +153,25 @@ def moved(coverage: np.ndarray, distance: float) -> np.ndarray:
         >>> moved(np.array([[0, 0, 1, 1, 1, 1]], np.float32), 1.5)[0].tolist()
         [0.0, 0.0, 0.0, 0.5, 1.0, 1.0]
     """
-    return _moved_within(np.pad(coverage, _reach_of_move(distance), mode="edge"), distance)
+    if not distance:
+        return coverage
+    change = _eroded if distance > 0 else _dilated
+    return _where_edges_are(coverage, _reach_of_disk(abs(distance)), partial(change, distance=abs(distance)))
 
 
-def _reach_of_move(distance: float) -> int:
-    """Pixels on either side of one that a move looks at."""
-    return floor(abs(distance)) + 2 if distance else 0
+def _reach_of_disk(distance: float) -> int:
+    """Pixels on either side of one that `_eroded` looks at."""
+    return floor(distance) + 2
 
 
-def _moved_within(around: np.ndarray, distance: float) -> np.ndarray:
-    """A coverage moved, [H, W], from it and what lies around it within the reach, [H + 2 reach, W + 2 reach]."""
-    if distance < 0:
-        return 1 - _eroded(1 - around, -distance)
-    return _eroded(around, distance) if distance else around
+def _dilated(around: np.ndarray, distance: float) -> np.ndarray:
+    """What `_eroded` makes of what is not covered."""
+    return 1 - _eroded(1 - around, distance)
 
 
 def _eroded(around: np.ndarray, distance: float) -> np.ndarray:
-    """`_moved_within` of a distance above 0."""
-    margin = _reach_of_move(distance)
+    """A coverage [H, W] moved by a distance above 0, from it and what lies around it, [H + 2 reach, W + 2 reach]."""
+    margin = _reach_of_disk(distance)
     around = np.ascontiguousarray(around)
     # pixels of the disk, here also of those just outside: rows from its rim inwards, whose parts get longer
     height, width = len(around) - 2 * margin + 2, around.shape[1] - 2 * margin + 2
@@ -227,12 +225,10 @@ def faded(coverage: np.ndarray, width: float) -> np.ndarray:
         >>> print(faded(np.array([[0, 0, 0, 1, 1, 1]], np.float32), 4)[0].round(2))
         [0.   0.03 0.25 0.75 0.97 1.  ]
     """
-    return _faded_within(np.pad(coverage, _reach_of_fade(width), mode="edge"), width)
-
-
-def _reach_of_fade(width: float) -> int:
-    """Pixels on either side of one that a fade looks at."""
-    return 2 * (_reach_of_box(width / 2) + 1) if width else 0
+    if not width:
+        return coverage
+    reach = 2 * (_reach_of_box(width / 2) + 1)
+    return _where_edges_are(coverage, reach, partial(_boxed_twice, width=width / 2))
 
 
 def _reach_of_box(width: float) -> int:
@@ -240,12 +236,10 @@ def _reach_of_box(width: float) -> int:
     return floor((sqrt(width**2 + 1) - 1) / 2)
 
 
-def _faded_within(around: np.ndarray, width: float) -> np.ndarray:
-    """A coverage faded, [H, W], from it and what lies around it within the reach, [H + 2 reach, W + 2 reach]."""
-    if not width:
-        return around
+def _boxed_twice(around: np.ndarray, width: float) -> np.ndarray:
+    """Two boxes of this width along each axis, which gets shorter by what they look at; in [0, 1]."""
     for axis in (1, 1, 0, 0):
-        around = _boxed(around, width / 2, axis)
+        around = _boxed(around, width, axis)
     np.maximum(around, 0, out=around)
     return np.minimum(around, 1, out=around)
 
