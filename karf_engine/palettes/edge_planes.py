@@ -54,14 +54,15 @@ class ObjectEdge:
         self._base, self._scale = base[self.place].reshape(-1, 3), scale
         self._before = np.ascontiguousarray(coverage[self.place])
         self._most = np.maximum(self._before, room[self.place])
-        self._moved = 0.0, self._before  # the choke of the call before, and the coverage without feather: often only that is dragged
+        self._moved = 0.0, self._before  # the choke of the call before, and what it left: often only feather is dragged
         self._after = self._before
         self._palette, self._added = np.asarray(palette, np.float32), added
         self._star = star_of(self._palette, plain_hull)
         learned = weights[:, *self.place].astype(np.float32)
         self.weights = spread(learned, self._palette, added).copy()
         # of each pixel the weights of a whole one that is covered anew, where known, or else those that it has
-        self._whole = self.weights.reshape(len(self.weights), -1).copy()
+        # [h w, N]: what a pixel has lies together
+        self._whole = self.weights.reshape(len(self.weights), -1).T.copy()
         self._is_known = self._before.ravel() > 0
         self._mixed = self._mixed_pixels(learned.reshape(len(learned), -1))
 
@@ -79,10 +80,10 @@ class ObjectEdge:
         self._after = after
         old, new = self._before.ravel()[pixels], after.ravel()[pixels]
         self._know(pixels[old == 0])
-        own = np.take(self._whole, pixels, axis=1)
+        own = np.ascontiguousarray(self._whole[pixels].T)
         own *= np.divide(np.minimum(old, new), old, out=new.copy(), where=old > 0)
-        is_grown = (new > old) & (old > 0) & (old < FULL)
-        own[:, is_grown] = self._grown(pixels[is_grown], old[is_grown], new[is_grown])
+        grown = np.flatnonzero((new > old) & (old > 0) & (old < FULL))
+        own[:, grown] = self._grown(pixels[grown], old[grown], new[grown])
         for plane, plane_own in zip(self.weights, own, strict=True):  # faster than all at once
             plane.reshape(-1)[pixels] = plane_own
         return after, pixels, own
@@ -100,9 +101,8 @@ class ObjectEdge:
         """Find the weights of what pixels show that the object does not cover: once for each."""
         unknown = pixels[~self._is_known[pixels]]
         if len(unknown):
-            beside = spread(self._weights_of(self._colors(unknown)), self._palette, self._added)
-            for plane, plane_beside in zip(self._whole, beside, strict=True):
-                plane[unknown] = plane_beside
+            beside = self._weights_of(self._colors(unknown))
+            self._whole[unknown] = spread(beside, self._palette, self._added).T
             self._is_known[unknown] = True
 
     def _mixed_pixels(self, learned: np.ndarray) -> _MixedPixels:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from math import ceil, floor, pi, sin, sqrt
+from math import ceil, floor, pi, sqrt
 
 import numpy as np
 
