@@ -1,5 +1,7 @@
 """What the panel and the console say of the running task and of how the last one ended."""
 
+from pathlib import Path
+
 import bpy
 
 from .engine_api import Event, KarfError
@@ -33,6 +35,11 @@ def _add_warning(sentence: str) -> None:
         progress.warnings = f"{progress.warnings}\n{kept(sentence)}".strip()
 
 
+def wrote(folder: Path) -> None:
+    """Files were written there: the panel has a button that opens it."""
+    state().folder = str(folder)
+
+
 def fail(error: KarfError) -> None:
     """Say why something failed, and what can be done."""
     progress = state()
@@ -42,7 +49,8 @@ def fail(error: KarfError) -> None:
 def dismiss() -> None:
     """Clear what the panel says of the last task."""
     progress = state()
-    progress.text = progress.figures = progress.warnings = progress.error = progress.hint = progress.job = ""
+    for name in ("text", "figures", "warnings", "error", "hint", "job", "folder"):
+        setattr(progress, name, "")
 
 
 def show_event(label: str, event: Event, whole: tuple[float, float] | None = None) -> None:

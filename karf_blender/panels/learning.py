@@ -11,7 +11,7 @@ from ..project import disk, moving
 from ..rig import reprojection
 from ..workspace import estimates
 from .seeing import draw_lacking, draw_masks
-from .views import draw_advanced, draw_view
+from .views import draw_advanced
 
 
 def draw_import(layout, context):
@@ -25,17 +25,18 @@ def draw_import(layout, context):
     if not karf.project:
         return
     row = layout.row(align=True)
-    draw_view(row, karf)
-    row.operator("karf.look_through", text="", icon="VIEW_CAMERA")
+    row.operator("karf.look_through", text=karf.active_view, icon="VIEW_CAMERA", translate=False)
     row.prop(karf.looking, "hides_others", text="", icon="HIDE_ON" if karf.looking.hides_others else "HIDE_OFF")
     row.operator("karf.leave_view", text="", icon="LOOP_BACK")
     layout.label(text=count_of_photos(karf.views))
-    draw_reprojection(layout, context.scene)
     row = layout.row(align=True)
     row.prop(karf, "project")
     row.operator("karf.open_folder", text="", icon="FILEBROWSER").folder = "project"
     if bpy.data.filepath and moving.is_hidden(context.scene):
         layout.operator("karf.move_project", icon="FILE_FOLDER")
+    body = draw_advanced(layout, "import")
+    if body is not None:
+        draw_reprojection(body, context.scene)
 
 
 def count_of_photos(views) -> str:
@@ -105,10 +106,8 @@ def draw_segment(layout, context):
     known = disk.contents_of(context.scene)
     if "segmentation" not in known.stages:
         return
-    draw_masks(layout, context)
-    if known.suggested:
-        text = translate("Mark next: {view}", view=known.suggested[0])
-        layout.operator("karf.go_to_suggested", text=text, icon="LIGHT")
+    if not context.scene.karf.objects:  # then step 6 has them
+        draw_masks(layout, context)
     body = draw_advanced(layout, "segment") if known.unsure else None
     if body is not None:
         draw_unsure(body, context, known)
@@ -122,8 +121,9 @@ def draw_unsure(layout, context, known):
             draw_text(layout, translate("{name}: {share} % unsure, where no mark shows it", **shown), "QUESTION")
         else:
             draw_text(layout, translate("{name}: {share} % unsure, where marks and colors differ", **shown), "QUESTION")
-    layout.prop_enum(context.window_manager.karf_seeing, "mode", "UNSURE")
-    draw_lacking(layout, context)
+    if not context.scene.karf.objects:  # then step 6 has it
+        layout.prop_enum(context.window_manager.karf_seeing, "mode", "UNSURE")
+        draw_lacking(layout, context)
 
 
 def draw_palette(layout, context):
