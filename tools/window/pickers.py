@@ -60,10 +60,10 @@ def open_picker(name: str, index: int, is_right: bool | None = None) -> Generato
     The picker lies above the swatch, both left edges in line, or the right ones where the window ends before (None);
     within some pixels of that only Blender knows.
     """
-    field = yield from hands.find(acts.SIDEBAR, swatch(name, index), 0.2)
+    field = yield from hands.find(acts.BESIDE_PICTURE, swatch(name, index), 0.2)
     ends = []
     for step in ((-STEP, 0), (STEP, 0), (0, STEP)):
-        ends.append((yield from hands.edge(acts.SIDEBAR, swatch(name, index), field, step)))
+        ends.append((yield from hands.edge(acts.BESIDE_PICTURE, swatch(name, index), field, step)))
     (left, _), (right, _), (_, top) = ends
     yield from hands.click(field)
     yield 0.3
@@ -93,5 +93,5 @@ def close_picker() -> Wait:
 
 def key_swatch(name: str, index: int) -> Wait:
     """I over a swatch: a keyframe of its color."""
-    place = yield from hands.find(acts.SIDEBAR, swatch(name, index), 0.2)
+    place = yield from hands.find(acts.BESIDE_PICTURE, swatch(name, index), 0.2)
     yield from hands.press("I", place)
