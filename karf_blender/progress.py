@@ -8,6 +8,10 @@ from .engine_api import Event, KarfError
 from .host.words import kept, translate
 
 
+# codes of warnings that stay in the job's record: what was found is used, and there is nothing that an artist could do
+FOR_THE_RECORD = ("convergence",)
+
+
 def state() -> bpy.types.PropertyGroup:
     """The session's `WindowManager.karf_progress`, which the panel shows."""
     return bpy.data.window_managers[0].karf_progress
@@ -69,7 +73,7 @@ def show_event(label: str, event: Event, whole: tuple[float, float] | None = Non
         progress.figures = f"{event['stage']} {event['step']}/{event['total']}{_metrics(event)}"
     elif event.kind == "stage":
         progress.figures = _line(event)
-    elif event.kind == "warning":
+    elif event.kind == "warning" and event.get("code") not in FOR_THE_RECORD:
         _add_warning(event["sentence"])
 
 
