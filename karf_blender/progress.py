@@ -7,7 +7,6 @@ import bpy
 from .engine_api import Event, KarfError
 from .host.words import kept, translate
 
-
 # codes of warnings that stay in the job's record: what was found is used, and there is nothing that an artist could do
 FOR_THE_RECORD = ("convergence",)
 
