@@ -14,10 +14,15 @@ WHEEL = 91, 223  # from the picker's left edge, and from the swatch's upper one,
 STATUS_BAR = 8  # pixels from the window's lower edge
 
 
-def swatch(name: str, index: int) -> str:
-    """The pattern of a swatch's field."""
+def of_object(name: str, part: str) -> str:
+    """The pattern of the field of an object's property."""
     number = desk.scene().karf.objects.find(name)
-    return rf'karf\.objects\[({number}|"{name}")\]\.swatches\[({index}|"[^"]*{index}")\]\.color'
+    return rf'karf\.objects\[({number}|"{name}")\]\.{part}'
+
+
+def swatch(name: str, index: int, part: str = "color") -> str:
+    """The pattern of the field of a swatch's property."""
+    return of_object(name, rf'swatches\[({index}|"[^"]*{index}")\]\.{part}')
 
 
 def color_of(name: str, index: int) -> tuple[float, ...]:
