@@ -15,7 +15,9 @@ from .telling import Chapter
 CHAPTER = Chapter()
 OBJECT = "pot"
 SWATCH_EYE = 0.09  # of the sidebar's width: the eye below an object's first swatch
+METAL = 0.79  # likewise the button of a metal
 BESIDE = 8  # pixels from a field's edge to the button beside it
+FIELD = -150  # from the button of a menu to the fields in it, pixels
 MOST_UNDONE = 12
 BOOK = "name,hex\nSky,#3fa9f5\nLeaf,#3a9d3a\nBrick,#a03c28\nStone,#8a8a86\n"
 
@@ -103,12 +105,12 @@ def edge(story: Story) -> Wait:
 @CHAPTER.step("metal", "mouse: Metal, a swatch dragged, Metal again; keys: Ctrl Z")
 def metal(story: Story) -> Wait:
     picture, swatches = desk.picture(), desk.swatches()
-    yield from hands.press_button(BESIDE_PICTURE, pickers.of_object(OBJECT, "is_metal"), hands.RIGHT)
+    yield from hands.press_button(BESIDE_PICTURE, pickers.of_object(OBJECT, "is_metal"), METAL)
     check(item().is_metal and desk.is_in_step(), "the button does not make it a metal")
     yield from pickers.drag_swatch(story, OBJECT, 1, 6, (20, 40))
     as_metal = desk.picture()
     yield from story.shoot("metal")
-    yield from hands.press_button(BESIDE_PICTURE, pickers.of_object(OBJECT, "is_metal"), hands.RIGHT)
+    yield from hands.press_button(BESIDE_PICTURE, pickers.of_object(OBJECT, "is_metal"), METAL)
     story.note("highlights differ" if desk.picture() != as_metal else "this object's highlights do not differ")
     check(not item().is_metal and desk.is_in_step(), "the button does not make it paint again")
     yield from undo_to(picture, swatches)
@@ -124,7 +126,7 @@ def protect(story: Story) -> Wait:
     yield from menus.choose_below(BESIDE_PICTURE, place, r"karf\.protect_neutrals")
     yield 0.3
     yield from story.shoot("protected")
-    check(len(desk.swatches()[OBJECT]) == 2 * len(swatches[OBJECT]), "there is no swatch for the pigment")
+    check(len(desk.swatches()[OBJECT]) > len(swatches[OBJECT]), "there is no swatch for the pigment")
     check(item().swatches[len(swatches[OBJECT])].protect > 0, "it does not protect neutrals")
     check(desk.is_in_step(), "the picture is not what the swatches say")
     yield from undo_to(picture, swatches)
@@ -156,7 +158,7 @@ def color_names(story: Story) -> Wait:
 def gray_card(story: Story) -> Wait:
     karf = desk.scene().karf
     place = yield from beside_target()
-    field = yield from menus.open_below(BESIDE_PICTURE, place, r"karf\.card")
+    field = yield from menus.open_below(BESIDE_PICTURE, place, r"karf\.card", FIELD)
     yield from hands.press("E", field)
     at = acts.on_photo(*desk.middle_of("mug"))
     yield from hands.move(at)
@@ -173,7 +175,7 @@ def gray_card(story: Story) -> Wait:
 @CHAPTER.step("manual", "mouse: the question mark of a step; script: its window is closed")
 def manual(story: Story) -> Wait:
     manager = bpy.data.window_managers[0]
-    yield from hands.press_button(STEPS, r'karf\.open_manual\(page="render"\)', hands.RIGHT)
+    yield from hands.press_button(STEPS, r"karf\.open_manual\(page=.render.\)", hands.RIGHT)
     yield from until(lambda: len(manager.windows) == 2, "the manual's window", 10)
     yield 1.0
     yield from story.shoot("manual")
