@@ -15,7 +15,7 @@ from .telling import Chapter
 CHAPTER = Chapter()
 OBJECT = "pot"
 SWATCH_EYE = 0.09  # of the sidebar's width: the eye below an object's first swatch
-METAL = 0.79  # likewise the button of a metal
+METAL, RESET = 0.79, 0.72  # likewise the button of a metal, and the one at the end of a row of surfaces
 BESIDE = 8  # pixels from a field's edge to the button beside it
 FIELD = -150  # from the button of a menu to the fields in it, pixels
 MOST_UNDONE = 12
@@ -78,12 +78,12 @@ def surface(story: Story) -> Wait:
     check(seen[0] != picture and seen[1] != seen[0], "the picture does not follow saturation and brightness")
     check(desk.swatches() == swatches, "a surface changes the colors that were chosen")
     reset = rf'karf\.reset_surface\(object_name="{OBJECT}"(, index=1)?\)'
-    yield from hands.press_button(BESIDE_PICTURE, reset, hands.RIGHT)
+    yield from hands.press_button(BESIDE_PICTURE, reset, RESET)
     check(desk.picture() == picture, "the button at the row's end does not bring the picture back")
     yield from hands.press("Z", hands.middle_of(VIEW), ctrl=True)
     yield 0.3
     check(desk.picture() == seen[-1], "undo does not bring the surface back")
-    yield from hands.press_button(BESIDE_PICTURE, reset, hands.RIGHT)
+    yield from hands.press_button(BESIDE_PICTURE, reset, RESET)
     yield from hands.press_button(BESIDE_PICTURE, pickers.of_object(OBJECT, "show_surface"))
 
 
