@@ -40,7 +40,7 @@ def show_text(name: str, content: str) -> bpy.types.Text:
     if not bpy.app.background:
         editor = _text_editor().spaces.active
         editor.text, editor.top = text, 0
-        editor.show_word_wrap = True
+        editor.show_word_wrap, editor.show_syntax_highlight, editor.show_line_numbers = True, False, False
     return text
 
 

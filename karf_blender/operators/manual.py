@@ -1,5 +1,6 @@
 """The manual's pages, which come with the extension: no network is needed, and no other program."""
 
+import re
 from pathlib import Path
 
 import bpy
@@ -11,6 +12,7 @@ from .reporting import reports_errors
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "tasks"
 NAME = "KaRF manual"  # of the text in the file
 PICTURE = "!["  # how a line begins that is a picture, of which there are none here
+MARKUP = re.compile(r"\*\*|(?<=\])\([^)]*\)")  # of bold words, and where links lead
 PAGE_ITEMS = [
     ("learn", "Import and Learn", "From photos to a learned scene"),
     ("mark", "Mark", "Where the objects are in a few photos"),
@@ -41,7 +43,7 @@ class KARF_OT_open_manual(bpy.types.Operator):
 def text_of(page: str) -> str:
     """A page as it is read in a Text Editor. Raises OSError where the extension has lost it."""
     lines = (FOLDER / f"{page}.md").read_text(encoding="utf-8").splitlines()
-    return "\n".join(line for line in lines if not line.startswith(PICTURE))
+    return "\n".join(MARKUP.sub("", line) for line in lines if not line.startswith(PICTURE))
 
 
 CLASSES = (KARF_OT_open_manual,)

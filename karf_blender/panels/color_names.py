@@ -39,6 +39,10 @@ def draw_names(layout, color, object_name, index):
         find = layout.operator("karf.find_color_name", icon="VIEWZOOM")
         find.object_name, find.index = object_name, index
     layout.operator("karf.choose_color_book", icon="FILE_FOLDER")
+
+
+def draw_card(layout, scene):
+    """The gray card: in a panel, since a menu takes the key of the eyedropper for one of its own."""
     layout.prop(scene.karf, "card")
     if any(scene.karf.card) and reference.light(scene) is None:
         layout.label(text="The card is too dark or too bright there", icon="ERROR")

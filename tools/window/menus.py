@@ -52,17 +52,14 @@ def choose_below(where: hands.Where, place: hands.Place, pattern: str) -> Wait:
     yield from hands.click(found)
 
 
-def open_below(
-    where: hands.Where, place: hands.Place, pattern: str, aside: int = STEP // 2
-) -> Generator[float, None, hands.Place]:
-    """Open the menu of a button and put the mouse over what means something, some pixels to the right of the button; returns
-    where that is. Raises NotFound."""
+def open_below(where: hands.Where, place: hands.Place, pattern: str) -> Generator[float, None, hands.Place]:
+    """Open the menu of a button and put the mouse over what means something; returns where that is. Raises NotFound."""
     yield from hands.click(place)
     yield OPENS
     begin, meant = time.monotonic(), []
     for way in (-1, 1):
         for away in range(2 * ROW, LONGEST, ROW):
-            item = place[0] + aside, place[1] + way * away
+            item = place[0] + STEP // 2, place[1] + way * away
             yield from hands.move(item)
             yield SETTLES
             meant.append(hands.meaning(where))
