@@ -98,7 +98,7 @@ class KARF_OT_import_capture(RigOptions, bpy.types.Operator):
         name="Project", subtype="DIR_PATH", description="Empty: beside the .blend", options={"SKIP_SAVE"}
     )
     holdout: IntProperty(
-        name="Hold Out",
+        name="Keep for Testing",
         default=0,
         min=0,
         soft_max=16,

@@ -15,7 +15,7 @@ WIDTH = 420  # width of the dialogs, in pixels at an interface scale of 1
 SPLIT_ITEMS = [
     ("ALL", "All", "All captured views"),
     ("TRAIN", "Learned From", "The views that the scene was learned from"),
-    ("TEST", "Held Out", "The views that were kept out of learning"),
+    ("TEST", "Kept for Testing", "The views that were kept out of learning"),
 ]
 
 

@@ -155,7 +155,9 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
     rig: PointerProperty(name="Rig", type=bpy.types.Object, description="The Empty that holds the captured cameras")
     views: CollectionProperty(type=KARF_PG_view)
     holdout: IntProperty(
-        name="Hold Out", default=-1, description="Every how many-th photo is not learned from; -1: as was learned"
+        name="Keep for Testing",
+        default=-1,
+        description="Every how many-th photo is not learned from; -1: as was learned",
     )
     looking: PointerProperty(type=KARF_PG_looking)
     n_points: IntProperty(name="Points", description="Sparse points of the capture")

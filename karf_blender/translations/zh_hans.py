@@ -203,7 +203,7 @@ TEXTS = {
     "krrish94); empty: learn it": (
         "其他程序用此拍摄训练的 NeRF 检查点，直接作为几何使用（nerf-pytorch、krrish94）；留空：自行学习"
     ),
-    "Hold Out": "留作测试",
+    "Keep for Testing": "留作测试",
     "Keep every so many-th photo out of learning, to measure quality with; 0: learn from all. Where the capture "
     "declares its test photos, those are kept out; a marked photo is learned from in any case": (
         "每隔若干张照片留出一张不参与学习，用来衡量质量；0：全部参与学习。拍摄自带测试照片时留出的是那些；已标记的照片总会参与学习"
@@ -464,7 +464,7 @@ TEXTS = {
     "All captured views": "所有拍摄视图",
     "Learned From": "参与学习的",
     "The views that the scene was learned from": "场景学习所用的视图",
-    "Held Out": "留作测试的",
+    "Kept for Testing": "留作测试的",
     "The views that were kept out of learning": "未参与学习的视图",
     "Names": "名称",
     "Of single views, with commas; empty: all of those above": "单个视图的名称，以逗号分隔；留空：上面所选的全部",
@@ -593,7 +593,7 @@ TEXTS = {
     "Fast learning on the processor (numba)": "在处理器上快速学习 (numba)",
     "Folder of wheels": "wheel 文件夹",
     "Take the packages' files from here, without network": "从这里获取软件包文件，无需网络",
-    "Starter": "启动程序",
+    "Python or uv": "Python 或 uv",
     "A Python, or uv, that makes the environment; empty: Blender's own Python, uv, or any that is found": (
         "用来建立环境的 Python 或 uv；留空：Blender 自带的 Python、uv 或找到的任何一个"
     ),
