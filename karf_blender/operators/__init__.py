@@ -4,6 +4,7 @@ import bpy
 
 from . import (
     adding,
+    calibrating,
     cameras,
     cancel,
     capture,
@@ -45,6 +46,7 @@ FILES = (
     swatches,
     adding,
     color_names,
+    calibrating,
     seeing,
     split_view,
     render,

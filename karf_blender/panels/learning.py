@@ -11,7 +11,7 @@ from ..project import disk, moving
 from ..rig import reprojection
 from ..workspace import estimates
 from .seeing import draw_lacking, draw_masks
-from .views import draw_advanced
+from .views import draw_advanced, draw_space
 
 
 def draw_import(layout, context):
@@ -37,6 +37,7 @@ def draw_import(layout, context):
     body = draw_advanced(layout, "import")
     if body is not None:
         draw_reprojection(body, context.scene)
+        draw_space(body, karf, "photo_space")
 
 
 def count_of_photos(views) -> str:

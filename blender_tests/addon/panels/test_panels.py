@@ -355,9 +355,10 @@ def test_the_words_of_the_field_are_under_advanced(bpy, addon, learned, draw, mo
     left = learned.karf.match.left.add()
     left.name, left.before, left.left = "pot", 9.0, 2.0
     drawn = draw()
-    assert drawn.count("Advanced") == 5
-    after = drawn[drawn.index("karf.learn_all") :]
-    assert after.index("Advanced") < after.index("nerf")
+    assert drawn.count("Advanced") == 6
+    for button, name in (("karf.import_capture", "photo_space"), ("karf.learn_all", "nerf")):
+        after = drawn.index(button)
+        assert after < drawn.index("Advanced", after) < drawn.index(name)
     assert "pot: what is left is visible side by side (2.0, was 9.0)" in drawn
     assert "CIEDE2000" not in " ".join(drawn)
     monkeypatch.setattr(Layout, "panel", lambda self, *_, **__: (self.row(), None))  # folded, as they are at first
