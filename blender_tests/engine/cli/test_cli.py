@@ -20,6 +20,7 @@ from karf_engine.worker.findings import VERDICT, Finding
 
 VERBS = [
     "poses",
+    "inspect",
     "mark",
     "all",
     "geometry",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -51,6 +52,7 @@ class Advice:
     """What to do about a capture.
 
     Attributes:
+        inspection: What it was told by.
         psnr: Predicted for new views of preset `demo`, dB.
         error: Of the prediction, dB, root mean square.
         gain: dB that `more` photos would bring.
@@ -60,6 +62,7 @@ class Advice:
         more: Directions from the scene's middle at which more photos would help most, [k, 3].
     """
 
+    inspection: Inspection
     psnr: float
     error: float
     gain: float
@@ -67,6 +70,23 @@ class Advice:
     sentence: Message
     findings: tuple[Message, ...]
     more: np.ndarray
+
+    def to_json(self) -> dict[str, Any]:
+        """Advice and figures as JSON values."""
+        place = self.inspection.placement
+        return {
+            "psnr": round(self.psnr, 2),
+            "psnr_error": self.error,
+            "is_poor": self.is_poor,
+            "sentence": self.sentence,
+            "findings": list(self.findings),
+            "more": {
+                "gain": round(self.gain, 2),
+                "positions": (place.center + place.radius * self.more).round(6).tolist(),
+                "look_at": place.center.round(6).tolist(),
+            },
+            "figures": self.inspection.to_json(),
+        }
 
 
 def advise(found: Inspection) -> Advice:
@@ -80,7 +100,7 @@ def advise(found: Inspection) -> Advice:
     gain = LINE.gain(placement.spacing, then.spacing)
     is_poor = psnr < BOUNDS.poor
     sentence = _too_few(found, psnr, gain) if is_poor else _enough(found, psnr, gain)
-    return Advice(psnr, LINE.error, gain, is_poor, sentence, tuple(_findings(found)), more)
+    return Advice(found, psnr, LINE.error, gain, is_poor, sentence, tuple(_findings(found)), more)
 
 
 def _too_few(found: Inspection, psnr: float, gain: float) -> Message:

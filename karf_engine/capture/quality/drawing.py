@@ -16,16 +16,16 @@ SIDE, MARGIN, LINE = 720, 60, 22  # pixels
 PAPER, INK, WANTED = (250, 250, 250), (40, 40, 40), (225, 95, 20)
 NEAR_COLOR, FAR_COLOR = np.array([214, 234, 214]), np.array([240, 150, 140])  # of directions, by the nearest camera
 FAR = 25.0  # degrees to the nearest camera that are shown as far
-DOT, SPOT, RING = 5, 7, 11  # pixels: radii of a camera, of a direction, of a proposed place
+DOT, SPOT, RING = 5, 9, 11  # pixels: radii of a camera, of a direction, of a proposed place
 
 
-def draw_map(path: Path, found: Inspection, advice: Advice) -> None:
+def draw_map(path: Path, advice: Advice) -> None:
     """Write the map, as PNG, atomically.
 
     All round, the middle is straight above the scene and the rim is level with it; a capture of one side is drawn as
     azimuth and elevation, as its cameras stand when one looks at the scene between them.
     """
-    place = found.placement
+    found, place = advice.inspection, advice.inspection.placement
     everything = np.concatenate([place.directions, place.wanted, advice.more])
     spots = _scaled(_flat(place, everything))
     cameras, wanted, more = np.split(spots, np.cumsum([len(place.directions), len(place.wanted)]))
