@@ -54,7 +54,7 @@ def _masks(scene: bpy.types.Scene) -> str | None:
 
 
 def _take_answer(shows_map: bool, scene: bpy.types.Scene, values: dict[str, Any]) -> None:
-    messages = [Message.from_json(each) for each in values["messages"]]
+    messages = [Message.from_json(each) for each in values["advice"]]
     scene.karf.advice = "\n".join(map(kept, messages))
     scene.karf.is_poor = values["is_poor"]
     path = folders.project_of(scene).folder / "inspection" / "more_photos.png"

@@ -170,7 +170,7 @@ def inspect(job, options):
     few = {"key": "{count} photos are too few here: take more {where}.", "values": {"count": "3", "where": "above"}}
     blurred = {"key": "Less sharp than the photos beside them: {names}.", "values": {"names": "photo_1"}}
     picture = write_mask(job, np.zeros((4, 6), bool))
-    return {"messages": [few, blurred], "is_poor": options.get("masks") is None, "picture": str(picture)}
+    return {"advice": [few, blurred], "is_poor": options.get("masks") is None, "picture": str(picture)}
 
 
 def misbehave(how, emit):

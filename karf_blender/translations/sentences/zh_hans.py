@@ -2,8 +2,8 @@
 
 TEXTS = {
     # --- a capture before it is learned
-    "{count} photos are too few here: new views will have about {psnr} dB, which is fog. {more} more where the picture shows it would give about {gain} dB; the widest hole is {hole} degrees, {where}.": (
-        "这里 {count} 张照片太少：新视图约为 {psnr} dB，会是一片雾。在图中所示处补拍 {more} 张可提高约 {gain} dB；最大的空缺为 {hole} 度，{where}。"
+    "{count} photos are too few here: new views will be soft or foggy, about {psnr} dB. {more} more where the picture shows it would give about {gain} dB; the widest hole is {hole} degrees, {where}.": (
+        "这里 {count} 张照片太少：新视图会模糊或像雾，约为 {psnr} dB。在图中所示处补拍 {more} 张可提高约 {gain} dB；最大的空缺为 {hole} 度，{where}。"
     ),
     "{count} photos: new views will have about {psnr} dB (give or take {error}). {more} more would give about {gain} dB; the widest hole is {hole} degrees, {where}.": (
         "{count} 张照片：新视图约为 {psnr} dB（误差约 {error}）。补拍 {more} 张可提高约 {gain} dB；最大的空缺为 {hole} 度，{where}。"

@@ -33,7 +33,7 @@ class Bounds:
         thin: Share of an object.
     """
 
-    poor: float = 26.0
+    poor: float = 26.5
     more: int = 10
     blurred: float = 0.65
     stops: float = 0.3
@@ -92,7 +92,7 @@ class Advice:
 def advise(found: Inspection) -> Advice:
     """What an inspection means."""
     placement = found.placement
-    psnr = LINE.psnr(found.plainness, placement.spacing, found.agreed)
+    psnr = LINE.psnr(found.agreed, found.is_matte)
     more = placement.more(BOUNDS.more)
     then = placement
     for direction in more:
@@ -105,7 +105,7 @@ def advise(found: Inspection) -> Advice:
 
 def _too_few(found: Inspection, psnr: float, gain: float) -> Message:
     return Message(
-        "{count} photos are too few here: new views will have about {psnr} dB, which is fog. {more} more where the picture "
+        "{count} photos are too few here: new views will be soft or foggy, about {psnr} dB. {more} more where the picture "
         "shows it would give about {gain} dB; the widest hole is {hole} degrees, {where}.",
         **_figures(found, psnr, gain),
     )

@@ -1,4 +1,4 @@
-"""What single photos tell: how sharp each is against those beside it, how much fine detail, how thin what is marked."""
+"""What single photos tell: how sharp each is against those beside it, and how thin what is marked."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 
 FINE, COARSE = 1.0, 3.0  # pixels: the bands of detail whose ratio says how sharp a photo is
-DETAIL = 160  # pixels of the picture's width for one of blur: what a field of that many voxels cannot show
 THIN = 3  # pixels: what is narrower is thin
 
 
@@ -38,15 +37,6 @@ def against_neighbors(values: np.ndarray, pairs: Sequence[tuple[int, int]]) -> n
         beside[a].append(values[b])
         beside[b].append(values[a])
     return np.array([value / np.median(others or [value]) for value, others in zip(values, beside, strict=True)])
-
-
-def plainness(pictures: Sequence[np.ndarray]) -> float:
-    """PSNR of all photos against themselves blurred by one voxel's width, dB: low where all is fine detail."""
-    errors = []
-    for picture in pictures:
-        color = picture.astype(np.float32) / 255
-        errors.append(((color - cv2.GaussianBlur(color, (0, 0), color.shape[1] / DETAIL)) ** 2).mean())
-    return float(-10 * np.log10(np.mean(errors) + 1e-6))
 
 
 def thin_share(mask: np.ndarray) -> float:

@@ -16,7 +16,7 @@ def inspect(session: Session, options: dict[str, Any]) -> dict[str, Any]:
         options: `capture`; and `holdout` and `masks` where there are such, as of the command.
 
     Returns:
-        `messages`, the sentence and the findings, see `Message.to_json`; `is_poor`; and `picture`, the path of the map of
+        `advice`, the sentence and the findings, see `Message.to_json`; `is_poor`; and `picture`, the path of the map of
         what to shoot more.
 
     Raises:
@@ -31,4 +31,4 @@ def inspect(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     picture = session.file("more_photos.png")
     draw_map(picture, advice)
     messages = [each.to_json() for each in (advice.sentence, *advice.findings)]
-    return {"messages": messages, "is_poor": advice.is_poor, "picture": str(picture)}
+    return {"advice": messages, "is_poor": advice.is_poor, "picture": str(picture)}
