@@ -92,7 +92,7 @@ class Advice:
 def advise(found: Inspection) -> Advice:
     """What an inspection means."""
     placement = found.placement
-    psnr = LINE.psnr(found.agreed, found.is_matte)
+    psnr = LINE.psnr(found.agreed, found.plainness, found.is_matte)
     more = placement.more(BOUNDS.more)
     then = placement
     for direction in more:

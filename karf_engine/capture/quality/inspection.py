@@ -36,6 +36,7 @@ class Inspection:
         placement: Where the cameras stand.
         sharpness: Of each photo that was opened against those beside it, [o]; 1 is as sharp.
         exposures: Of each of these, [o, 3], stops of red, green and blue against the mean.
+        plainness: See `photos.plainness`, dB.
         is_matte: Whether nothing is behind the objects.
         agreed: Share of what looks alike in neighboring photos that the cameras agree with, in [0, 1].
         poor_pairs: Share of the pairs that share next to nothing, in [0, 1].
@@ -50,6 +51,7 @@ class Inspection:
     placement: Placement
     sharpness: np.ndarray
     exposures: np.ndarray
+    plainness: float
     is_matte: bool
     agreed: float
     poor_pairs: float
@@ -68,6 +70,7 @@ class Inspection:
             "widest_hole_degrees": round(width, 1),
             "sharpness": dict(zip(names, self.sharpness.round(3).tolist(), strict=True)),
             "exposure_stops": dict(zip(names, self.exposures.round(3).tolist(), strict=True)),
+            "plainness_db": round(self.plainness, 2),
             "is_matte": self.is_matte,
             "matches_agreed": round(self.agreed, 3),
             "pairs_that_share_little": round(self.poor_pairs, 3),
@@ -109,6 +112,7 @@ def inspect_capture(capture: Capture, masks: Path | None = None) -> Inspection:
         placement=placement,
         sharpness=photos.against_neighbors(np.array([photos.sharpness(each) for each in pictures]), pairs),
         exposures=matches.exposures(len(images), pairs, found.stops),
+        plainness=photos.plainness(pictures),
         is_matte=all(image.alpha is not None for image in images),
         agreed=float(found.agreed.sum() / max(1, found.tried.sum())),
         poor_pairs=float((found.agreed < matches.FEW).mean()),

@@ -16,6 +16,7 @@ from ..camera import Camera
 
 OPEN_GAP = 120.0  # degrees
 ROUND, HIGH = 72, 12  # how many directions are looked at, around and upwards
+TURNED = 0.2  # how much cameras must turn about a common up, of 1 / sqrt 2, for it to be told by their turning
 FEWEST_POINTS = 30  # by which the scene's middle is told
 
 
@@ -81,14 +82,27 @@ def place(cameras: Sequence[Camera], points: np.ndarray) -> Placement:
     positions = np.stack([camera.position for camera in cameras])
     axes = -np.stack([camera.camera_to_world[:3, 2] for camera in cameras])
     center = np.median(points, axis=0) if len(points) >= FEWEST_POINTS else looked_at(positions, axes)
-    up = np.sum([camera.camera_to_world[:3, 1] for camera in cameras], axis=0)
-    up = up / np.linalg.norm(up) if np.linalg.norm(up) > 1e-6 * len(cameras) else np.array([0.0, 0.0, 1.0])
+    up = common_up(np.stack([camera.camera_to_world[:3, :3] for camera in cameras]))
     away = positions - center
     distances = np.linalg.norm(away, axis=1)
     directions = away / np.maximum(distances, 1e-9)[:, None]
     bare = Placement(center, up, float(np.median(distances)), directions, directions, False)
     wanted, is_open = _gone_round(bare)
     return replace(bare, wanted=wanted, is_open=is_open)
+
+
+def common_up(rotations: np.ndarray) -> np.ndarray:
+    """The direction that is up for all cameras, [3], unit: at right angles to what is right of each, where they turn.
+
+    Args:
+        rotations: [n, 3, 3], camera to world.
+    """
+    above = rotations[:, :, 1].mean(0)
+    _, sizes, across = np.linalg.svd(rotations[:, :, 0], full_matrices=True)
+    turns = len(rotations) > 2 and sizes[1] > TURNED * np.sqrt(len(rotations))
+    up = across[2] * np.sign(across[2] @ above) if turns else above
+    length = np.linalg.norm(up)
+    return up / length if length > 1e-6 else np.array([0.0, 0.0, 1.0])
 
 
 def looked_at(positions: np.ndarray, axes: np.ndarray) -> np.ndarray:

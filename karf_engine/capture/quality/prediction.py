@@ -17,6 +17,8 @@ class PsnrLine:
         start: dB.
         of_agreed: dB, from no match between neighboring photos that the cameras agree with to all.
         of_matte: dB, where nothing is behind the objects; told by two scenes.
+        beyond: dB by which it exceeds `photos.plainness` at most: detail finer than voxels is not learned. The most that one
+            of these captures did; without it real photos, which are full of detail, are expected to come out far too well.
         error: dB, root mean square where each scene is predicted from the others.
         of_spacing: dB for each doubling of the degrees from a new view to the nearest photo, within one scene.
         free: Degrees up to which a new view is near enough.
@@ -25,22 +27,25 @@ class PsnrLine:
     start: float = 13.8
     of_agreed: float = 24.5
     of_matte: float = 5.6
+    beyond: float = 4.0
     error: float = 2.8
     of_spacing: float = -6.3
     free: float = 4.0
 
-    def psnr(self, agreed: float, is_matte: bool) -> float:
+    def psnr(self, agreed: float, plainness: float, is_matte: bool) -> float:
         """What is expected, dB.
 
         Args:
             agreed: Share of the matches that the cameras agree with, in [0, 1].
+            plainness: Of the photos, dB.
             is_matte: Whether the photos have a matte.
 
         Examples:
-            >>> PsnrLine().psnr(0.8, False)
-            33.4
+            >>> PsnrLine().psnr(0.8, 32.0, False), PsnrLine().psnr(0.8, 25.0, False)
+            (33.4, 29.0)
         """
-        return round(self.start + self.of_agreed * agreed + self.of_matte * is_matte, 3)
+        on_line = self.start + self.of_agreed * agreed + self.of_matte * is_matte
+        return round(min(on_line, plainness + self.beyond), 3)
 
     def gain(self, spacing: float, then: float) -> float:
         """What nearer photos bring, dB.
