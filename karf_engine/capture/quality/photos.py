@@ -60,4 +60,4 @@ def thin_share(mask: np.ndarray) -> float:
     """
     area = int(np.count_nonzero(mask))
     opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((THIN, THIN), np.uint8))
-    return 1 - np.count_nonzero(opened) / area if area else 0.0
+    return 1 - int(np.count_nonzero(opened)) / area if area else 0.0
