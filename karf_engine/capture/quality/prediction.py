@@ -11,7 +11,7 @@ class PsnrLine:
     """Held-out PSNR of the voxels by preset `demo`, dB, of two figures that are known before anything is learned.
 
     The constants were fitted to 25 captures of 12 scenes: the demo, drawn seeds 0 to 7 and 20 to 22, and 13 of these
-    with 12 to 22 of their photos (`tools/scenes/predictions.py`; docs/benchmark.md says what it is worth elsewhere).
+    with 12 to 22 of their photos (`tools/scenes/inspections.py`; docs/benchmark.md says what it is worth elsewhere).
 
     Attributes:
         start: dB.

@@ -1,6 +1,6 @@
 """What is expected of a capture before it is learned, beside what is then reached.
 
-    .venv/engine/bin/python -m tools.scenes.predictions CAPTURES [SCENE ...] --out OUT [--photos N] [--holdout 8]
+    .venv/engine/bin/python -m tools.scenes.inspections CAPTURES [SCENE ...] --out OUT [--photos N] [--holdout 8]
 
 CAPTURES/<scene> are captures with test photos, or of which every so many-th is held out. The geometry of each is learned
 into OUT by the preset `demo`, with N of its training photos in even steps (all where N is 0), and rendered in the test
