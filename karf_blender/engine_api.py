@@ -38,6 +38,7 @@ from ..karf_engine.io.options import Options, bounds_of
 from ..karf_engine.palettes.added import palettes_with, pigment_of_swatch, proposed, solve_set, spread, spread_objects
 from ..karf_engine.palettes.color_books import SUFFIXES as BOOK_SUFFIXES
 from ..karf_engine.palettes.color_books import ColorBook, nearest_names, read_color_book
+from ..karf_engine.palettes.color_chart import ChartFit, fit_photo
 from ..karf_engine.palettes.color_text import color_to_text, colors_of_text
 from ..karf_engine.palettes.colorways.planned import PlannedColorway, plan_colorways
 from ..karf_engine.palettes.colorways.reached import dominant_color, reached_by, reached_color
@@ -132,6 +133,7 @@ __all__ = [
     "Camera",
     "Cancelled",
     "Capture",
+    "ChartFit",
     "ColorBook",
     "ColorHistogram",
     "DataError",
@@ -178,6 +180,7 @@ __all__ = [
     "error_from_code",
     "file_name",
     "find_header",
+    "fit_photo",
     "folder_line",
     "hex_to_rgb",
     "hold_out",

@@ -15,9 +15,12 @@ from karf_engine.capture import write_cameras
 from karf_engine.capture.capture import View
 from karf_engine.cli import main
 from karf_engine.errors import BadRequest, Cancelled, DataError
+from karf_engine.io.color import ciede2000, srgb_to_lab
 from karf_engine.io.images import read_photo
 from karf_engine.palettes.colorways.planned import plan_colorways
 from karf_engine.palettes.edit_files import write_edit
+from karf_engine.palettes.palette import hex_to_rgb, rgb_to_hex
+from karf_engine.palettes.reference_light import ReferenceLight
 from karf_engine.project import Project
 
 SHEET = """colorway,object,hex,lab
@@ -165,6 +168,25 @@ def test_any_camera_shows_the_colorways_too(learned, sheet, tmp_path):
     write_cameras(tmp_path / "path.json", [View(f"frame_{i}", f"frame_{i}", camera, None, "train") for i in range(2)])
     assert main(command(learned.project, sheet, tmp_path / "out", views=str(tmp_path / "path.json"))) == 0
     assert sorted(path.name for path in (tmp_path / "out" / "Green").iterdir()) == ["frame_0.png", "frame_1.png"]
+
+
+def test_with_a_gray_card_wanted_and_reached_are_told_under_daylight(learned, sheet, tmp_path):
+    sheet.write_text("colorway,object,hex\nBrown,block,#806050\n")
+    card = "#a08060"
+    assert main(command(learned.project, sheet, tmp_path / "out", "--card", card)) == 0
+    light = ReferenceLight.of_card(hex_to_rgb(card))
+    seen = rgb_to_hex(light.photographed(hex_to_rgb("#806050")))
+    sheet.write_text(f"colorway,object,hex\nBrown,block,{seen}\n")
+    assert main(command(learned.project, sheet, tmp_path / "seen")) == 0
+    named, shown = (table(tmp_path / folder)["Brown", "block"] for folder in ("out", "seen"))
+    assert (named["wanted"], shown["wanted"]) == ("#806050", seen)
+    for column in ("predicted", "reached"):
+        under = hex_to_rgb(named[column])
+        np.testing.assert_allclose(light.photographed(under), hex_to_rgb(shown[column]), atol=3 / 255)
+        left = ciede2000(srgb_to_lab(under), srgb_to_lab(hex_to_rgb("#806050")))
+        assert float(named[f"{column}_ciede2000"]) == pytest.approx(left, abs=0.6)  # of colors rounded to 8 bits
+    with (tmp_path / "out" / "views.csv").open(newline="") as stream:
+        assert {row["wanted"] for row in csv.DictReader(stream)} == {"#806050"}
 
 
 def test_an_unknown_object_is_named_with_its_line(learned, sheet, tmp_path):
