@@ -9,6 +9,7 @@ from ..host.words import translate
 from ..preferences import state
 from ..project import disk, moving
 from ..rig import reprojection
+from ..tasks import queries
 from ..workspace import estimates
 from .seeing import draw_lacking, draw_masks
 from .views import draw_advanced, draw_space
@@ -29,6 +30,7 @@ def draw_import(layout, context):
     row.prop(karf.looking, "hides_others", text="", icon="HIDE_ON" if karf.looking.hides_others else "HIDE_OFF")
     row.operator("karf.leave_view", text="", icon="LOOP_BACK")
     layout.label(text=count_of_photos(karf.views))
+    draw_advice(layout, karf)
     row = layout.row(align=True)
     row.prop(karf, "project")
     row.operator("karf.open_folder", text="", icon="FILEBROWSER").folder = "project"
@@ -48,6 +50,18 @@ def count_of_photos(views) -> str:
     return f"{len(views)} photos: {n_train} to learn, {len(views) - n_train} to test"
 
 
+def draw_advice(layout, karf):
+    """What the engine says of the capture, and the way to ask it."""
+    layout.operator("karf.check_capture", icon="VIEWZOOM")
+    if queries.is_waiting("inspect"):
+        layout.label(text="The engine is at work", icon="SORTTIME")
+        return
+    sentence, *findings = karf.advice.splitlines() or [""]
+    draw_text(layout, sentence, "ERROR" if karf.is_poor else "INFO")
+    for finding in findings:
+        draw_text(layout, finding, "DOT")
+
+
 def draw_reprojection(layout, scene):
     """The sparse points, and how far they are from where the photo that is looked through shows them."""
     if not scene.karf.n_points:
@@ -65,6 +79,8 @@ def draw_reprojection(layout, scene):
 
 def draw_learn(layout, context):
     """Step 2."""
+    if context.scene.karf.is_poor:
+        draw_text(layout, context.scene.karf.advice.splitlines()[0], "ERROR")
     layout.prop(context.scene.karf, "preset")
     if context.scene.karf.project:
         draw_engine(layout)

@@ -197,6 +197,8 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         "green where they agree, red from 4 pixels on",
         update=_overlay_switched,
     )
+    advice: StringProperty(description="What the engine says of the capture, a line each; empty: it was not checked")
+    is_poor: BoolProperty(description="Whether the engine advises to take more photos before it is learned")
     active_view: StringProperty(name="View", description="The captured view that is shown", update=_view_chosen)
     objects: CollectionProperty(type=KARF_PG_object)
     looks: CollectionProperty(type=KARF_PG_look)

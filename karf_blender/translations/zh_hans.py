@@ -150,6 +150,12 @@ TEXTS = {
     "Sparse points of the capture": "拍摄的稀疏点",
     "Split": "划分",
     "train, val or test": "train、val 或 test",
+    "Check Capture": "检查拍摄",
+    "Look for blurred photos, drifting exposure, holes and poor poses before anything is learned, and show where more photos would help": (
+        "在学习之前查找模糊的照片、漂移的曝光、视角空缺和不佳的位姿，并显示在哪里补拍照片会有帮助"
+    ),
+    "What the engine says of the capture, a line each; empty: it was not checked": "引擎对拍摄的评价，每行一条；为空：未检查",
+    "Whether the engine advises to take more photos before it is learned": "引擎是否建议在学习之前补拍照片",
     "Look Through": "透过相机查看",
     "Look through the active view's camera, with its photo's size as the scene's until the view is left": (
         "透过当前视图的相机查看；在离开视图之前，场景采用其照片的尺寸"
