@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -58,13 +59,11 @@ class ObjectEdge:
         self._after = self._before
         self._palette, self._added = np.asarray(palette, np.float32), added
         self._star = star_of(self._palette, plain_hull)
-        learned = weights[:, *self.place].astype(np.float32)
-        self.weights = spread(learned, self._palette, added).copy()
-        # of each pixel the weights of a whole one that is covered anew, where known, or else those that it has
-        # [h w, N]: what a pixel has lies together
+        self._learned = weights[:, *self.place].astype(np.float32)
+        self.weights = spread(self._learned, self._palette, added).copy()
+        # [h w, N], of a pixel together: the weights that it has, or where none is covered those that it had if all were
         self._whole = self.weights.reshape(len(self.weights), -1).T.copy()
         self._is_known = self._before.ravel() > 0
-        self._mixed = self._mixed_pixels(learned.reshape(len(learned), -1))
 
     def shaped(self, shape: EdgeShape) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Let `weights` be those of the object with an edge of this shape.
@@ -83,7 +82,8 @@ class ObjectEdge:
         own = np.ascontiguousarray(self._whole[pixels].T)
         own *= np.divide(np.minimum(old, new), old, out=new.copy(), where=old > 0)
         grown = np.flatnonzero((new > old) & (old > 0) & (old < FULL))
-        own[:, grown] = self._grown(pixels[grown], old[grown], new[grown])
+        if len(grown):
+            own[:, grown] = self._grown(pixels[grown], old[grown], new[grown])
         for plane, plane_own in zip(self.weights, own, strict=True):  # faster than all at once
             plane.reshape(-1)[pixels] = plane_own
         return after, pixels, own
@@ -105,9 +105,10 @@ class ObjectEdge:
             self._whole[unknown] = spread(beside, self._palette, self._added).T
             self._is_known[unknown] = True
 
-    def _mixed_pixels(self, learned: np.ndarray) -> _MixedPixels:
-        """What is the same of mixed pixels whatever they grow to, from their weights [M, h w]."""
-        before = self._before.ravel()
+    @cached_property
+    def _mixed(self) -> _MixedPixels:
+        """What is the same of mixed pixels whatever they grow to."""
+        before, learned = self._before.ravel(), self._learned.reshape(len(self._learned), -1)
         pixels = np.flatnonzero((before > 0) & (before < FULL))
         old, weights = before[pixels, None], learned[:, pixels]
         own = weights.T @ self._palette

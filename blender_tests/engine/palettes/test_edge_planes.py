@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from karf_engine.palettes.added import spread
 from karf_engine.palettes.compositing import Planes, delta_composite, stack_palettes
 from karf_engine.palettes.edge_planes import ObjectEdge, reshaped
 from karf_engine.palettes.edge_shape import EdgeShape
-from karf_engine.palettes.palette import Palette
+from karf_engine.palettes.palette import AddedColor, Palette
 from karf_engine.palettes.swatch_picture import Part, photo_plus_change
 
 RED, GRAY, BLUE = np.array([0.8, 0.2, 0.2]), np.array([0.5, 0.5, 0.5]), np.array([0.2, 0.2, 0.8])
@@ -95,7 +96,7 @@ def test_a_picture_that_follows_is_the_one_that_is_composed_anew(as_bytes, color
     kept = planes.palette_weights.astype(np.float32), planes.probabilities.astype(np.float32)
     room = 1 - kept[1][1]
     edge = ObjectEdge(used, kept[0][0], kept[1][0], room, POT.colors, 1.0)
-    shapes = [EdgeShape(-3), EdgeShape(2), EdgeShape(feather=9), EdgeShape(-1, 4), EdgeShape()]
+    shapes = [EdgeShape(-3), EdgeShape(2), EdgeShape(feather=9), EdgeShape(-1, 4), EdgeShape(-1, 7), EdgeShape()]
     for shape in shapes:
         _, pixels, changed = edge.shaped(shape)
         if shape is shapes[0]:
@@ -109,6 +110,18 @@ def test_a_picture_that_follows_is_the_one_that_is_composed_anew(as_bytes, color
         np.testing.assert_allclose(live, anew, atol=1e-6)
         factors[0, 2, 1] += 0.02 * colors_move  # another color moves alone, so that the next shape begins anew
         picture.paint(factors)
+
+
+def test_weights_are_spread_over_the_sets_of_added_colors_whatever_the_edge():
+    base, weights, coverage = scene()
+    added = [AddedColor(np.array([0.7, 0.3, 0.3], np.float32), 0.3), AddedColor(GRAY.astype(np.float32), 0.5)]
+    shown = base, weights[0], coverage[0], 1 - coverage[1], POT.colors, 1.0
+    plain, with_sets = ObjectEdge(*shown), ObjectEdge(*shown, added)
+    for shape in (EdgeShape(-3), EdgeShape(2, 5), EdgeShape(-1, 9), EdgeShape()):
+        for edge in (plain, with_sets):
+            edge.shaped(shape)
+        np.testing.assert_allclose(with_sets.weights, spread(plain.weights, POT.colors, added), atol=1e-5)
+    assert with_sets.weights[3:].any()
 
 
 def test_an_object_that_is_nowhere_stays_nowhere():

@@ -5,6 +5,7 @@ from math import cos, radians, sin
 
 import numpy as np
 import pytest
+from scipy.ndimage import map_coordinates
 
 from karf_engine.errors import BadRequest
 from karf_engine.palettes import edge_shape
@@ -55,6 +56,20 @@ def test_a_soft_edge_stays_as_soft_as_it_was(degrees):
     before = straight_edge(degrees, softness=6)
     for choke in (1.5, -3):
         assert steepest(moved(before, choke)) == pytest.approx(steepest(before), rel=0.03)
+
+
+@pytest.mark.parametrize("distance", [0.4, 1, 1.7, 3.2])
+def test_a_moved_edge_is_the_least_of_a_disk_and_of_points_on_its_rim(distance):
+    soft = np.random.default_rng(2).random((30, 40)).astype(np.float32)
+    soft[8:20, 10:28] = 1
+    pixels = np.argwhere(np.hypot(*np.mgrid[-4:5, -4:5]) <= distance) - 4
+    turns = np.arange(edge_shape.DIRECTIONS) * 2 * np.pi / edge_shape.DIRECTIONS
+    rim = distance * np.stack([np.sin(turns), np.cos(turns)], axis=1)
+    places = np.mgrid[:30, :40]
+    seen = [
+        map_coordinates(soft, places + offset[:, None, None], order=1, mode="nearest") for offset in (*pixels, *rim)
+    ]
+    np.testing.assert_allclose(moved(soft, distance), np.min(seen, axis=0), atol=1e-5)
 
 
 def test_whole_pixels_keep_a_hard_edge_hard():
