@@ -38,6 +38,7 @@ from ..karf_engine.io.options import Options, bounds_of
 from ..karf_engine.palettes.added import palettes_with, pigment_of_swatch, proposed, solve_set, spread, spread_objects
 from ..karf_engine.palettes.color_books import SUFFIXES as BOOK_SUFFIXES
 from ..karf_engine.palettes.color_books import ColorBook, nearest_names, read_color_book
+from ..karf_engine.palettes.color_chart import ChartFit, fit_photo
 from ..karf_engine.palettes.color_text import color_to_text, colors_of_text
 from ..karf_engine.palettes.colorways.planned import PlannedColorway, plan_colorways
 from ..karf_engine.palettes.colorways.reached import dominant_color, reached_by, reached_color
@@ -45,6 +46,7 @@ from ..karf_engine.palettes.colorways.reached import shown as shown_colors
 from ..karf_engine.palettes.compositing import Planes, read_planes, stack_palettes
 from ..karf_engine.palettes.edge_planes import ObjectEdge, reshaped
 from ..karf_engine.palettes.edge_shape import MOST_CHOKE, MOST_FEATHER, EdgeShape
+from ..karf_engine.palettes.edges_in_space import Borders
 from ..karf_engine.palettes.edit_files import edit_from_json, edit_to_json, write_edit
 from ..karf_engine.palettes.matching.becomes import (
     match_becomes,
@@ -129,9 +131,11 @@ __all__ = [
     "WARNING",
     "AddedColor",
     "BadRequest",
+    "Borders",
     "Camera",
     "Cancelled",
     "Capture",
+    "ChartFit",
     "ColorBook",
     "ColorHistogram",
     "DataError",
@@ -178,6 +182,7 @@ __all__ = [
     "error_from_code",
     "file_name",
     "find_header",
+    "fit_photo",
     "folder_line",
     "hex_to_rgb",
     "hold_out",

@@ -4,6 +4,7 @@
     cache        an iteration of F_w on the surface cache against one on 192 samples a ray, at width 256
     compositing  a swatch change on cached planes, the arithmetic alone
     swatch       the same in Blender, from setting the swatch to the pixels in the image
+    controls     likewise every control of an object and its swatch by itself, and some with all others in use
     geometry     a scene learned by torch and by the compiled kernels: held-out PSNR over seconds, and milliseconds an
                  iteration; of --capture DIR ..., else of the demo, with --preset
     stages       seconds and peak memory of each stage: of --project DIR, else of the demo, learned for this
@@ -35,11 +36,30 @@ from tools.dev import ROOT, python_of
 from tools.speed.machine import machine
 from tools.speed.rows import Row, print_rows
 
-NAMES = ("kan", "cache", "compositing", "swatch", "geometry", "stages", "photos", "preview", "splats", "detail")
+NAMES = (
+    "kan",
+    "cache",
+    "compositing",
+    "swatch",
+    "controls",
+    "geometry",
+    "stages",
+    "photos",
+    "preview",
+    "splats",
+    "detail",
+)
 LONG = ("geometry", "stages", "photos", "preview", "splats", "detail")
 SWATCH_TARGETS_MS = {(800, 800): 16.0, (1920, 1080): 33.0}  # by size: one picture of sixty a second, or of thirty
-SWATCH_WAYS = ((), ("--surface",))  # its color is dragged, or its gloss
+SWATCH_WAYS = ((), ("--drag", "gloss"))  # its color is dragged, or its gloss
 SWATCH_CASES = ((1, 1), (1, 5), (3, 1))  # objects, swatches of the first that differ; 5 are all but black
+ALL = ("--with", "all")
+CONTROL_WAYS = (  # what is dragged, and what is set before
+    *(("--drag", name) for name in ("color", "saturation", "brightness", "gloss", "choke", "feather")),
+    *(("--drag", "color", "--with", name) for name in ("choke", "metal", "added", "protect")),
+    ("--drag", "choke", "--with", "feather"),
+    *(("--drag", name, *ALL) for name in ("color", "gloss", "choke", "feather")),
+)
 STAGES = ("geometry", "segmentation", "palette", "recoloring", "splats")
 
 
@@ -65,6 +85,7 @@ def main() -> None:
         "cache": bench_cache,
         "compositing": bench_compositing,
         "swatch": bench_swatch,
+        "controls": bench_controls,
         "geometry": bench_geometry,
         "stages": bench_stages,
         "photos": bench_photos,
@@ -118,20 +139,32 @@ def bench_swatch(options: argparse.Namespace) -> list[Row]:
     cases = product(SWATCH_TARGETS_MS.items(), SWATCH_CASES, ("delta", "paper"), SWATCH_WAYS)
     for (size, target), case, compositing, way in cases:
         chosen = dict(zip(("width", "height", "objects", "edited"), (*size, *case), strict=True))
-        command = [
-            python_of("blender"),
-            ROOT / "tools" / "speed" / "blender_swatch.py",
-            "--compositing",
-            compositing,
-            *way,
-        ]
-        command += [text for name, value in chosen.items() for text in (f"--{name}", str(value))]
-        done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
-        # Blender prints lines of its own before
-        figures = json.loads(done.stdout.splitlines()[-1])
+        given = [text for name, value in chosen.items() for text in (f"--{name}", str(value))]
+        figures = swatch_figures(["--compositing", compositing, *way, *given])
         rows.append(figures | {"target_ms": target, "met": figures["median_ms"] <= target})
     print_rows(rows)
     return rows
+
+
+def bench_controls(options: argparse.Namespace) -> list[Row]:
+    """Median milliseconds of each control, without those that Blender takes for the picture's upload: the extension's own."""
+    rows = []
+    for (size, target), way in product(SWATCH_TARGETS_MS.items(), CONTROL_WAYS):
+        given = ["--island", "--repeat", "16", "--width", str(size[0]), "--height", str(size[1])]
+        figures = swatch_figures([*given, *way])
+        own = round(figures["median_ms"] - figures["upload_ms"], 1)
+        told = {name: figures[name] for name in ("width", "drag", "median_ms", "first_ms", "upload_ms")}
+        told["with"] = " ".join(figures["used"]) or "-"
+        rows.append(told | {"own_ms": own, "target_ms": target, "ratio": round(own / target, 2), "met": own <= target})
+    print_rows(rows)
+    return rows
+
+
+def swatch_figures(given: list[str]) -> Row:
+    """What `speed/blender_swatch.py` measures with these arguments."""
+    command = [python_of("blender"), ROOT / "tools" / "speed" / "blender_swatch.py", *given]
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
+    return json.loads(done.stdout.splitlines()[-1])  # Blender prints lines of its own before
 
 
 def bench_geometry(options: argparse.Namespace) -> list[Row]:

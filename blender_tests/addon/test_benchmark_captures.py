@@ -124,6 +124,31 @@ def test_a_seed_gives_a_capture_laid_out_like_the_others_whose_edits_change_what
     assert make(bpy, tmp_path, *arguments) == f"{folder}: there already"
 
 
+def test_a_seed_s_scene_of_thin_parts_tells_them_and_its_rough_masks_cover_them(bpy, tmp_path):
+    arguments = ("--thin-seeds", "903", "--size", "48", *TINY[2:])
+    make(bpy, tmp_path, *arguments)
+    folder = tmp_path / "thin_903"
+    names = json.loads((folder / "labels" / "names.json").read_text())
+    (marked,) = {path.name for name in names for path in (folder / "coarse_masks" / "one" / name).iterdir()}
+    assert len(list((folder / "train").iterdir())) == 4 and len(list((folder / "test").iterdir())) == 1
+    labels = iio.imread(folder / "labels" / "train" / marked, mode="P")
+    assert set(np.unique(labels)) == {0, 1, 2}
+    for name, number in names.items():
+        rays = iio.imread(folder / "thin" / name / "train" / marked) > 0
+        assert rays.shape == (3 * 48, 3 * 48) and 0 < rays.mean() < 0.05
+        assert (labels[rays[1::3, 1::3]] == number).all()
+        covered = rays.reshape(48, 3, 48, 3).mean((1, 3))
+        mask = iio.imread(folder / "coarse_masks" / "one" / name / marked) > 0
+        assert mask[covered >= 0.5].all()
+        whole = iio.imread(folder / "coverage" / name / "train" / marked) / 255
+        assert (whole >= covered - 0.003).all() and (whole - covered).max() == 1  # there is a body too
+    change = np.abs(
+        iio.imread(folder / "recolor" / "all" / "train" / marked).astype(int) - iio.imread(folder / "train" / marked)
+    ).max(-1)
+    assert np.median(change[labels > 0]) > 10 > np.median(change[labels == 0])
+    assert make(bpy, tmp_path, *arguments) == f"{folder}: there already"
+
+
 def test_a_scene_of_packaging_tells_its_print_and_edits_change_nothing_else(bpy, tmp_path):
     make(bpy, tmp_path, "packaging", "--size", "72", "--views", "4+1", "--samples", "2", "--threads", "1")
     folder = tmp_path / "packaging"

@@ -12,8 +12,10 @@ import numpy as np
 from ..engine_api import DataError, ObjectLayers
 from ..host import compat
 from ..nodes import drivers, sockets
+from ..pictures import images
 from . import group
 
+LINEAR = "Linear Rec.709"  # what Blender calls the space of layers whose space is not named
 COMBINED = "Combined"  # Blender's name for the channels R, G and B
 
 
@@ -23,6 +25,7 @@ def build(
     filepath: str,
     objects: Sequence[ObjectLayers],
     edited: Mapping[str, np.ndarray],
+    space: str = "",
 ) -> bpy.types.Node:
     """Recolor a layered picture in the scene's compositor; built anew, its nodes are the same ones with new values.
 
@@ -32,6 +35,7 @@ def build(
         filepath: The same as the .blend stores it.
         objects: Its layers.
         edited: Palettes [M, 3] that sockets begin with, by the object's name; others begin as learned.
+        space: Color space of the picture, where Blender knows it; empty: linear Rec. 709.
 
     Returns:
         The group's node.
@@ -41,7 +45,7 @@ def build(
     """
     tree, name = compat.compositing_tree(scene), node_name(path.stem)
     picture = _node(tree, f"{name} Layers", "CompositorNodeImage", (-700, 0))
-    picture.image = _load(path, filepath)
+    picture.image = _load(path, filepath, space)
     node = _node(tree, name, "CompositorNodeGroup", (-300, 0))
     node.width = 200
     targets = [link.to_socket for link in node.outputs[0].links] if node.outputs else []
@@ -79,10 +83,12 @@ def _node(tree: bpy.types.NodeTree, name: str, kind: str, location: tuple[float,
     return node
 
 
-def _load(path: Path, filepath: str) -> bpy.types.Image:
+def _load(path: Path, filepath: str, space: str) -> bpy.types.Image:
     """The picture as the disk has it now."""
     image = bpy.data.images.load(str(path), check_existing=True)
     image.filepath = filepath
+    if images.knows_space(space or LINEAR):
+        image.colorspace_settings.name = space or LINEAR
     image.reload()
     return image
 

@@ -4,6 +4,7 @@ import bpy
 
 from . import (
     adding,
+    calibrating,
     cameras,
     cancel,
     capture,
@@ -43,6 +44,7 @@ FILES = (
     swatches,
     adding,
     color_names,
+    calibrating,
     seeing,
     split_view,
     render,

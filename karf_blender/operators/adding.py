@@ -135,10 +135,9 @@ def _draw_loupe() -> None:
 def _place_in_picture(context: bpy.types.Context, mouse: tuple[int, int]) -> tuple[float, float]:
     """Where the mouse is in the picture, from its lower left corner to its upper right one; beside it, out of 0 to 1."""
     for region in _pictures(context):
-        x, y = mouse[0] - region.x, mouse[1] - region.y
-        if 0 <= x < region.width and 0 <= y < region.height:
-            left, bottom, right, top = drawn_over.picture_in(region)
-            return (x - left) / max(1, right - left), (y - bottom) / max(1, top - bottom)
+        place = drawn_over.place_under(region, mouse)
+        if place is not None:
+            return place
     return -1.0, -1.0
 
 

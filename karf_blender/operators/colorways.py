@@ -8,6 +8,7 @@ from bpy.props import StringProperty
 from .. import steps
 from ..host.words import translate, translate_report
 from ..pictures import chips
+from ..swatches import reference
 from ..tasks import runner
 from .reporting import PaletteStep, reports_errors
 
@@ -105,7 +106,7 @@ def show_predictions(context, sheet):
     shown = context.window_manager.karf_colorways
     shown.colors.clear()
     for plan in planned:
-        for prediction in plan.predictions:
+        for prediction in (each.under(reference.light(context.scene)) for each in plan.predictions):
             item = shown.colors.add()
             item.colorway, item.object = plan.colorway.name, prediction.target_color.name
             item.wanted, item.reached = prediction.target, prediction.reached

@@ -39,6 +39,16 @@ def draw_names(layout, color, object_name, index):
         find = layout.operator("karf.find_color_name", icon="VIEWZOOM")
         find.object_name, find.index = object_name, index
     layout.operator("karf.choose_color_book", icon="FILE_FOLDER")
+    draw_light(layout, scene)
+
+
+def draw_light(layout, scene):
+    """What says under which light the photos were taken."""
+    layout.operator("karf.pick_chart", icon="EYEDROPPER")
+    if reference.has_chart(scene):
+        text = translate("Color chart: {number} left of CIEDE2000", number=f"{scene.karf.chart_left:.1f}")
+        layout.operator("karf.remove_chart", text=text, icon="X")
+        return
     layout.prop(scene.karf, "card")
     if any(scene.karf.card) and reference.light(scene) is None:
         layout.label(text="The card is too dark or too bright there", icon="ERROR")

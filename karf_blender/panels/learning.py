@@ -11,7 +11,7 @@ from ..project import disk, moving
 from ..rig import reprojection
 from ..workspace import estimates
 from .seeing import draw_lacking, draw_masks
-from .views import draw_advanced, draw_view
+from .views import draw_advanced, draw_space, draw_view
 
 
 def draw_import(layout, context):
@@ -36,6 +36,9 @@ def draw_import(layout, context):
     row.operator("karf.open_folder", text="", icon="FILEBROWSER").folder = "project"
     if bpy.data.filepath and moving.is_hidden(context.scene):
         layout.operator("karf.move_project", icon="FILE_FOLDER")
+    body = draw_advanced(layout, "import")
+    if body is not None:
+        draw_space(body, karf, "photo_space")
 
 
 def count_of_photos(views) -> str:

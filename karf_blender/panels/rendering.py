@@ -8,6 +8,7 @@ from ..render_engine.compatible import NAME
 from ..surface import splat_objects
 from .preview import draw_live
 from .surface import draw_surface
+from .views import draw_advanced, draw_space
 
 
 def draw_render(layout, context):
@@ -69,6 +70,9 @@ def draw_compositor(layout, karf):
     column = layout.column(align=True)
     column.operator("karf.build_compositor", icon="NODETREE")
     column.operator("karf.build_compositor", text="Build, Follow Swatches", icon="DRIVER").driven = True
+    body = draw_advanced(layout, "compositor")
+    if body is not None:
+        draw_space(body, karf, "layer_space")
 
 
 # name, title, what it draws

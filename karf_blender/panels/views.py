@@ -6,6 +6,13 @@ def draw_view(layout, karf):
     layout.prop_search(karf, "active_view", karf, "views", text="", icon="CAMERA_DATA")
 
 
+def draw_space(layout, karf, name):
+    """A color space by its name, and the configuration that knows it."""
+    column = layout.column(align=True)
+    column.prop(karf, name)
+    column.prop(karf, "ocio")
+
+
 def draw_advanced(layout, step):
     """The body of a step's folded group for what few need, or whose words are those of the field; None while folded."""
     header, body = layout.panel(f"karf_{step}_advanced", default_closed=True)

@@ -28,6 +28,12 @@ def new_image(name: str, width: int, height: int) -> bpy.types.Image:
     return image
 
 
+def knows_space(name: str) -> bool:
+    """Whether Blender's color management has a space of this name."""
+    spaces = bpy.types.Image.bl_rna.properties["colorspace_settings"].fixed_type.properties["name"].enum_items
+    return name in spaces
+
+
 def fit(image: bpy.types.Image, width: int, height: int) -> None:
     """Give an image this size; editors that show it keep it."""
     if tuple(image.size) != (width, height):

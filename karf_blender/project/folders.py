@@ -8,7 +8,7 @@ import bpy
 from ... import __package__ as extension
 from ..engine_api import BadRequest, Project
 
-PATH_PROPERTIES = ("project", "capture", "masks", "out", "frames", "nerf")
+PATH_PROPERTIES = ("project", "capture", "masks", "out", "frames", "nerf", "ocio")
 
 
 def absolute(stored: str, blend: str | None = None) -> Path:
@@ -47,6 +47,11 @@ def out_folder(scene: bpy.types.Scene) -> Path:
 def nerf_of(scene: bpy.types.Scene) -> str:
     """Whole path of the chosen pretrained NeRF; empty where the geometry is learned."""
     return str(absolute(scene.karf.nerf)) if scene.karf.nerf else ""
+
+
+def ocio_of(scene: bpy.types.Scene) -> str:
+    """Whole path of the chosen OpenColorIO configuration; empty for the engine's."""
+    return str(absolute(scene.karf.ocio)) if scene.karf.ocio else ""
 
 
 def default_project(capture: Path) -> Path:

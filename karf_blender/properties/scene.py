@@ -1,7 +1,16 @@
 """What the .blend keeps of a scene's project: Scene.karf."""
 
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
 
 from ..engine_api import COMPOSITING_MODES, PRESETS
 from ..host.compat import PATH_OPTIONS
@@ -140,11 +149,32 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         description="Checkpoint of a NeRF that another program has trained on this capture, taken as the geometry "
         "(nerf-pytorch, krrish94); empty: learn it",
     )
+    photo_space: StringProperty(
+        name="Photo Space",
+        description="Color space that the photos' files are in, by its OpenColorIO name, as ACEScg; recolored photos are "
+        "written in it. Empty: sRGB, of OpenEXR linear light. The engine needs its extra color",
+    )
+    layer_space: StringProperty(
+        name="Layer Space",
+        description="Color space of the layers' picture, by its OpenColorIO name, as ACEScg. Empty: linear Rec. 709. The "
+        "engine needs its extra color",
+    )
+    ocio: StringProperty(
+        name="Color Config",
+        subtype="FILE_PATH",
+        options=PATH_OPTIONS,
+        description="OpenColorIO configuration of these spaces, config.ocio. Empty: that of the variable OCIO, else the "
+        "engine's own",
+    )
     card: srgb(
         "Gray Card",
         description="What a gray card (L* 50, 18 %) looks like in the photos; pick it in the picture (E). Names and numbers "
         "of colors are then those under daylight. Black: no card",
     )
+    chart: FloatVectorProperty(
+        size=9, description="From linear light under daylight to that in the photos, by a color chart; zeros: no chart"
+    )
+    chart_left: FloatProperty(description="CIEDE2000 that the chart's patches are off in the mean")
     material: BoolProperty(
         name="Material",
         default=True,

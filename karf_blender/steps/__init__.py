@@ -4,6 +4,7 @@ A step that needs the engine returns a `Task`: launch it alongside the interface
 others are done when they return. All raise KarfError for what a user can mend.
 """
 
+from .calibration import pick_chart, remove_chart
 from .cameras import export_cameras, frame_range, import_cameras
 from .capture import SPLAT_VIEWS, find_poses, import_capture, import_splat
 from .colorways import colorways, colorways_folder, predict_colorways
@@ -105,6 +106,7 @@ __all__ = [
     "move_look",
     "move_project",
     "paint_over",
+    "pick_chart",
     "place_layers",
     "place_points",
     "predict_colorways",
@@ -112,6 +114,7 @@ __all__ = [
     "preview_camera",
     "protect_neutrals",
     "put_objects_in",
+    "remove_chart",
     "remove_color",
     "remove_look",
     "remove_object",

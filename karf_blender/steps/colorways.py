@@ -8,20 +8,25 @@ import bpy
 from .. import progress
 from ..engine_api import Message, PlannedColorway, Request, plan_colorways
 from ..project import folders
-from ..swatches import colors
+from ..swatches import colors, reference
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
 from . import requests
+from .edit import save_edit
 
 
 def predict_colorways(scene: bpy.types.Scene, sheet: str | Path) -> tuple[PlannedColorway, ...]:
-    """What each color of a sheet will be, without the engine; locked swatches stay.
+    """What each color of a sheet will be, without the engine; locked swatches stay. By a gray card or a
+    color chart the sheet's colors are those under daylight.
 
     Raises:
         BadRequest: The scene has no project, or that has no palettes.
         DataError: The sheet has a row that is wrong, or a file of the project is damaged.
     """
-    return plan_colorways(folders.project_of(scene), Path(sheet).absolute(), _locked(scene))
+    edges = colors.edges(scene)
+    return plan_colorways(
+        folders.project_of(scene), Path(sheet).absolute(), _locked(scene), reference.light(scene), edges
+    )
 
 
 def _locked(scene: bpy.types.Scene) -> dict[str, list[int]]:
@@ -61,6 +66,13 @@ def colorways(
     out = Path(out).absolute() if out else colorways_folder(scene, sheet)
     locked = [f"{name}/{number}" for name, numbers in _locked(scene).items() for number in numbers]
     options = {"sheet": str(sheet), "views": views, "out": str(out), "locked": locked}
+    light = reference.light(scene)
+    if light is not None:
+        options["light"] = light.matrix.ravel().tolist()
+    if colors.edges(scene):
+        edges = folders.project_of(scene).folder / "colorways_edges.json"
+        save_edit(scene, edges)
+        options["edges"] = str(edges)
     return requests.task(
         scene, "Colorways", ("colorways", options), finish=partial(_say_where, out), result=lambda: planned
     )

@@ -8,6 +8,7 @@ import bpy
 from .. import progress
 from ..compositor import placing
 from ..engine_api import Message, Request, find_header, read_layer_names
+from ..pictures import images
 from ..project import captures, folders
 from ..swatches import colors
 from ..tasks.ownership import Owner
@@ -38,7 +39,7 @@ def build_compositor(
     edit = out / "edit.json" if colors.added_by_object(scene) or colors.edges(scene) else None
     if edit is not None:
         save_edit(scene, edit)
-    job = requests.layers(view, out, edit)
+    job = requests.layers(scene, view, out, edit)
     return requests.task(scene, "Build Compositor", job, finish=finish, result=partial(compositor_node, scene, view))
 
 
@@ -71,12 +72,26 @@ def place_layers(scene: bpy.types.Scene, path: Path, driven: bool = False) -> bp
     """
     objects = read_layer_names(path)
     known = following.known_of(scene, objects)
-    node = placing.build(scene, path, folders.stored(path), objects, following.edited(scene, known))
+    node = placing.build(
+        scene, path, folders.stored(path), objects, following.edited(scene, known), scene.karf.layer_space
+    )
+    _say_space(scene, path)
     if driven:
         following.follow(scene, node, known)
     following.say_others(scene, objects, "layers")
     _say_differences(scene, node, find_header(path).shown)
     return node
+
+
+def _say_space(scene: bpy.types.Scene, path: Path) -> None:
+    """Warn where Blender does not know the layers' color space, so that it takes their picture for another one."""
+    name = scene.karf.layer_space
+    if name and not images.knows_space(name):
+        progress.warn(
+            Message(
+                "Blender knows no color space {name}: choose the one of {path} at its image node.", name=name, path=path
+            )
+        )
 
 
 def _say_differences(scene: bpy.types.Scene, node: bpy.types.Node, size: tuple[int, int]) -> None:

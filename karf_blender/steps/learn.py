@@ -66,6 +66,8 @@ def _geometry(scene: bpy.types.Scene, preset: str, overrides: Sequence[str]) -> 
         "overrides": list(overrides),
         "nerf": folders.nerf_of(scene) or None,
         "holdout": scene.karf.holdout if scene.karf.holdout >= 0 else None,
+        "photo_space": scene.karf.photo_space or None,
+        "ocio": folders.ocio_of(scene) or None,
         "masks": str(folders.absolute(scene.karf.masks)) if scene.karf.masks else None,
     }
 

@@ -111,10 +111,13 @@ def seen(scene: bpy.types.Scene, out: Path) -> tuple[str, dict]:
     return _render(scene.karf.active_view, out=str(out), size="learned", unsure=is_known)
 
 
-def layers(view: str, out: Path, edit: Path | None = None) -> tuple[str, dict]:
-    """The job that writes the layers of a captured view; added colors of an edit get layers of their own, and
-    objects end where its edges do."""
-    return _render(view, out=str(out), layers=True, edit=edit and str(edit))
+def layers(scene: bpy.types.Scene, view: str, out: Path, edit: Path | None = None) -> tuple[str, dict]:
+    """The job that writes the layers of a captured view, in the scene's color space of layers.
+
+    Added colors of an edit get layers of their own, and objects end where its edges do.
+    """
+    spaces = {"layer_space": scene.karf.layer_space or None, "ocio": folders.ocio_of(scene) or None}
+    return _render(view, out=str(out), layers=True, edit=edit and str(edit), **spaces)
 
 
 def _render(views: str, **chosen: Any) -> tuple[str, dict]:

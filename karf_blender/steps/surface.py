@@ -68,6 +68,7 @@ def place_points(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
     palettes = [_as_long_as_swatches(scene, each) for each in palettes]
     ours = {each.name for each in following.known_of(scene, palettes)}
     added = {name: own for name, own in colors.added_by_object(scene).items() if name in ours}
+    points = points.with_edges(palettes, {name: own for name, own in colors.edges(scene).items() if name in ours})
     points, palettes = points.with_added(palettes, added), palettes_with(palettes, added)
     known = following.known_of(scene, palettes)
     is_first = placing.find(scene) is None

@@ -41,6 +41,18 @@ def picture_in(region: bpy.types.Region) -> Rectangle:
     return (*region.view2d.view_to_region(0, 0, clip=False), *region.view2d.view_to_region(1, 1, clip=False))
 
 
+def place_under(region: bpy.types.Region, mouse: tuple[int, int]) -> tuple[float, float] | None:
+    """Where the mouse is in the picture of an Image Editor's main region; None where it is not in the region.
+
+    mouse: in pixels of the window. The picture goes from (0, 0) at its lower left corner to (1, 1).
+    """
+    x, y = mouse[0] - region.x, mouse[1] - region.y
+    if not (0 <= x < region.width and 0 <= y < region.height):
+        return None
+    left, bottom, right, top = picture_in(region)
+    return (x - left) / max(1, right - left), (y - bottom) / max(1, top - bottom)
+
+
 def shows_picture(context: bpy.types.Context) -> bool:
     """Whether the context's editor is an Image Editor that shows the scene's result image, or a followed camera's."""
     space = context.space_data

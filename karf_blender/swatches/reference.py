@@ -1,13 +1,15 @@
-"""The light of a scene beside the reference light of color books, by a gray card that was picked in a photo."""
+"""The light of a scene beside the reference light of color books, by a color chart or a gray card in a photo."""
 
 import bpy
 import numpy as np
 
-from ..engine_api import BadRequest, ReferenceLight
+from ..engine_api import BadRequest, ChartFit, ReferenceLight
 
 
 def light(scene: bpy.types.Scene) -> ReferenceLight | None:
-    """How the scene's light differs from daylight (D65); None where no card was picked, or one that tells nothing."""
+    """How the scene's light differs from daylight (D65), by its chart, else by its card; None where neither tells it."""
+    if has_chart(scene):
+        return ReferenceLight(np.reshape(scene.karf.chart, (3, 3)).astype(np.float64))
     card = np.array(scene.karf.card)
     if not card.any():
         return None
@@ -17,13 +19,24 @@ def light(scene: bpy.types.Scene) -> ReferenceLight | None:
         return None
 
 
+def has_chart(scene: bpy.types.Scene) -> bool:
+    """Whether a color chart was picked."""
+    return any(scene.karf.chart)
+
+
+def set_chart(scene: bpy.types.Scene, fit: ChartFit | None) -> None:
+    """Remember what a color chart says; None: forget it."""
+    scene.karf.chart = np.zeros(9) if fit is None else fit.light.matrix.ravel()
+    scene.karf.chart_left = 0 if fit is None else fit.mean_left
+
+
 def as_named(scene: bpy.types.Scene, color: np.ndarray) -> np.ndarray:
-    """A color of the photos, sRGB [3], as it is under the reference light, in [0, 1]; without a card itself."""
+    """A color of the photos, sRGB [3], as it is under the reference light, in [0, 1]; without card and chart itself."""
     known = light(scene)
     return np.clip(color if known is None else known.reference(color), 0, 1)
 
 
 def as_photographed(scene: bpy.types.Scene, color: np.ndarray) -> np.ndarray:
-    """A color of a book, sRGB [3] in [0, 1], as the photos would show it; without a card itself."""
+    """A color of a book, sRGB [3] in [0, 1], as the photos would show it; without card and chart itself."""
     known = light(scene)
     return color if known is None else known.photographed(color)

@@ -17,7 +17,7 @@ from ..engine_api import (
     DataError,
     EdgeShape,
     KarfError,
-    ObjectEdge,
+    Part,
     Planes,
     SwatchPicture,
     ciede2000,
@@ -52,8 +52,9 @@ class ShownView:
         masks: The objects in them, once they were painted.
         pictures: By compositing, once it was asked for: the picture that follows the swatches, and the RGBA buffer
             [H, W, 4] float32 in Blender's row order that it writes to.
-        edges: Of the picture that adds changes to the photo: its objects whose edges are moved or faded, by name.
         movable: The objects whose edges were changed already, by number.
+        moved: Their parts of the picture that adds changes, by number.
+        edges: Of the picture that adds changes to the photo: its objects whose edges are moved or faded, by name.
         with_edges: By edges, those asked for last: the view whose objects end there.
         with_sets: By added colors, those asked for last: the view whose weights are spread over their sets.
         canvas: Where a picture that is not just the edited one is put together, RGBA as above; None before the first.
@@ -66,8 +67,9 @@ class ShownView:
     is_free: bool = False
     masks: ObjectMasks | None = None
     pictures: dict[str, tuple[SwatchPicture, np.ndarray]] = field(default_factory=dict)
+    movable: dict[int, edges.MovableObject] = field(default_factory=dict)
+    moved: dict[int, Part] = field(default_factory=dict)
     edges: dict[str, EdgeShape] = field(default_factory=dict)
-    movable: dict[int, ObjectEdge] = field(default_factory=dict)
     with_edges: dict[str, "ShownView"] = field(default_factory=dict)
     with_sets: dict[str, "ShownView"] = field(default_factory=dict)
     canvas: np.ndarray | None = None
@@ -138,14 +140,18 @@ class ShownView:
         wanted = colors.edges(scene)
         if view.edges and not wanted:  # begun anew it has the planes' own bits
             view.pictures.pop("delta")
-            view.edges = {}
+            view.edges, view.moved = {}, {}
         for k, name in enumerate(self.planes.objects):
             shape = wanted.get(name, EdgeShape())
             if shape != view.edges.get(name, EdgeShape()):
                 if k not in self.movable:
-                    self.movable[k] = edges.movable(scene, self.planes, k)
-                part = edges.part_of(scene.karf.objects[name], self.movable[k], shape)
-                view._picture("delta")[0].reshape(k, part)
+                    self.movable[k] = edges.MovableObject(scene, self.planes, k)
+                part, *pixels = self.movable[k].shaped(scene.karf.objects[name], shape)
+                if view.moved.get(k) is part:
+                    view._picture("delta")[0].retouch(k, *pixels)
+                else:
+                    view._picture("delta")[0].reshape(k, part)
+                    view.moved[k] = part
                 view.edges[name] = shape
 
     def _picture(self, compositing: str) -> tuple[SwatchPicture, np.ndarray]:

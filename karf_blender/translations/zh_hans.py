@@ -703,6 +703,45 @@ TEXTS = {
     "then those under daylight. Black: no card": (
         "灰卡（L* 50，18 %）在照片中的样子；在图像中拾取（E）。颜色的名称和数值随后是日光下的。黑色：没有灰卡"
     ),
+    "Photo Space": "照片空间",
+    "Layer Space": "图层空间",
+    "Color Config": "色彩配置",
+    "Color space that the photos' files are in, by its OpenColorIO name, as ACEScg; recolored photos are written in it. Empty: "
+    "sRGB, of OpenEXR linear light. The engine needs its extra color": (
+        "照片文件所在的色彩空间，用其 OpenColorIO 名称，如 ACEScg；重新着色的照片以它写出。留空：sRGB，OpenEXR 为线性光。"
+        "引擎需要其附加组件 color"
+    ),
+    "Color space of the layers' picture, by its OpenColorIO name, as ACEScg. Empty: linear Rec. 709. The engine needs its "
+    "extra color": "图层图像的色彩空间，用其 OpenColorIO 名称，如 ACEScg。留空：线性 Rec. 709。引擎需要其附加组件 color",
+    "OpenColorIO configuration of these spaces, config.ocio. Empty: that of the variable OCIO, else the engine's own": (
+        "这些空间的 OpenColorIO 配置 config.ocio。留空：环境变量 OCIO 的配置，否则为引擎自带的配置"
+    ),
+    "Pick Color Chart": "拾取色卡",
+    "Remove Color Chart": "移除色卡",
+    "Corners": "角点",
+    "Image": "图像",
+    "Color chart: {number} left of CIEDE2000": "色卡：剩余 CIEDE2000 {number}",
+    "The chart's patches are off by CIEDE2000 {left} in the mean": "色卡的色块平均相差 CIEDE2000 {left}",
+    "CIEDE2000 that the chart's patches are off in the mean": "色卡色块的平均 CIEDE2000 差异",
+    "From linear light under daylight to that in the photos, by a color chart; zeros: no chart": (
+        "由色卡得出的、从日光下的线性光到照片中线性光的变换；全为零：没有色卡"
+    ),
+    "Click the corners of a color chart (24 patches) in an Image Editor: names of colors are then those under daylight": (
+        "在图像编辑器中点击色卡（24 个色块）的四角：颜色的名称随后是日光下的"
+    ),
+    "Forget the color chart: names and numbers of colors are what photos show, or those of the gray card": (
+        "忘记色卡：颜色的名称和数值是照片所显示的，或灰卡的"
+    ),
+    "Click the outer corner of the brown patch.  Esc: none": "点击棕色色块的外角。  Esc：取消",
+    "Click the outer corner of the bluish green patch, at the end of the brown one's row.  Esc: none": (
+        "点击蓝绿色色块的外角，它在棕色那一行的末端。  Esc：取消"
+    ),
+    "Click the outer corner of the black patch.  Esc: none": "点击黑色色块的外角。  Esc：取消",
+    "Click the outer corner of the white patch.  Esc: none": "点击白色色块的外角。  Esc：取消",
+    "No Image Editor shows a photo.": "没有图像编辑器显示照片。",
+    "Open the photo of the chart in one.": "请在其中打开色卡的照片。",
+    "Open the photo of the chart.": "请打开色卡的照片。",
+    "{name} shows no picture.": "{name} 没有显示图像。",
     "The card is too dark or too bright there": "灰卡在那里太暗或太亮",
     "Silver, foil, paper and gloss stay as they are: colors whose saturation is under this share of the pigment's are not "
     "of it. 0: its hue alone decides": "银色、箔、纸和光泽保持不变：饱和度低于该颜料此比例的颜色不属于它。0：仅由色相决定",

@@ -14,7 +14,7 @@ from ..errors import BadRequest, DataError
 from ..io.arguments import checked
 from ..io.plugins import load_plugin, plugin_names
 from .camera import Camera
-from .capture import Capture, CapturedSplats, SparsePoints, View, hold_out
+from .capture import Capture, CapturedSplats, SparsePoints, View, hold_out, in_space
 from .colmap import is_colmap, read_colmap
 from .llff import is_llff, read_llff
 from .transforms_json import is_nerf_synthetic, is_transforms, read_nerf_synthetic, read_transforms, write_cameras
@@ -28,6 +28,7 @@ __all__ = [
     "SparsePoints",
     "View",
     "hold_out",
+    "in_space",
     "open_capture",
     "register_format",
     "write_cameras",

@@ -10,7 +10,7 @@ import math
 import os
 from collections.abc import Collection, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +18,14 @@ import numpy as np
 
 from ..errors import BadRequest, DataError
 from ..io.arguments import check_choice, check_fields, checked
+from ..io.color_spaces import ColorSpace
 from ..io.names import check_name, check_names
 from .camera import Camera
 from .limits import LARGEST_POSITION, check_camera, read_camera
 
 SCHEMA = "karf-capture/1"
 WITH_SPLATS = "karf-capture/2"  # which readers of the first would pass over, and learn splats of their own
+WITH_SPACES = "karf-capture/3"  # photos in color spaces, whose colors older readers would take for sRGB
 SPLITS = ("train", "val", "test")
 
 
@@ -38,6 +40,7 @@ class View:
         image: Absolute path of the photo; None for a bare camera.
         split: `train`, `val` or `test`.
         depth_bounds: Nearest and farthest depth of what it shows, world units; None where the capture declares none.
+        space: Color space of the photo's file; None: sRGB, of EXR linear light with its primaries.
 
     Example:
         height, width = capture.view("r_003").camera.height, capture.view("r_003").camera.width
@@ -49,6 +52,7 @@ class View:
     image: Path | None
     split: str
     depth_bounds: tuple[float, float] | None = None
+    space: ColorSpace | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -186,6 +190,13 @@ def hold_out(capture: Capture, every: int) -> Capture:
     return replace(with_split(capture, names[::every], "test"), holdout=every)
 
 
+def in_space(capture: Capture, space: ColorSpace | None) -> Capture:
+    """The capture with photos whose files are in this color space; None: in sRGB, or as the capture says."""
+    if space is None:
+        return capture
+    return replace(capture, views=tuple(replace(view, space=space) for view in capture.views))
+
+
 def check_holdout(every: int) -> None:
     """Refuse to hold out every photo, or a negative number. Raises BadRequest."""
     if every < 0 or every == 1:
@@ -232,7 +243,7 @@ def capture_to_json(capture: Capture, folder: Path | None = None) -> dict[str, A
         folder: Where the JSON will lie; None: photos are named by their absolute paths alone.
     """
     return {
-        "schema": SCHEMA if capture.splats is None else WITH_SPLATS,
+        "schema": _schema_of(capture),
         "source": str(capture.source),
         "format": capture.format,
         "remarks": list(capture.remarks),
@@ -250,10 +261,18 @@ def capture_to_json(capture: Capture, folder: Path | None = None) -> dict[str, A
                 "fisheye": view.camera.fisheye,
                 "camera_to_world": view.camera.camera_to_world.tolist(),
                 "depth_bounds": view.depth_bounds,
+                **({} if view.space is None else {"color_space": asdict(view.space)}),
             }
             for view in capture.views
         ],
     }
+
+
+def _schema_of(capture: Capture) -> str:
+    """The oldest schema that says all of a capture."""
+    if any(view.space is not None for view in capture.views):
+        return WITH_SPACES
+    return SCHEMA if capture.splats is None else WITH_SPLATS
 
 
 def capture_from_json(content: Any, path: Path) -> Capture:
@@ -268,8 +287,8 @@ def capture_from_json(content: Any, path: Path) -> Capture:
             impossible.
     """
     schema = content.get("schema") if isinstance(content, dict) else None
-    if schema not in (SCHEMA, WITH_SPLATS):
-        raise DataError(f"{path} has schema {schema!r}, not {WITH_SPLATS}.", "Import the capture again.")
+    if schema not in (SCHEMA, WITH_SPLATS, WITH_SPACES):
+        raise DataError(f"{path} has schema {schema!r}, not {WITH_SPACES}.", "Import the capture again.")
     try:
         views = tuple(_view_from_json(entry, f"{path}, view {n}", path) for n, entry in enumerate(content["views"]))
         source, known_format, remarks = Path(content["source"]), str(content["format"]), map(str, content["remarks"])
@@ -301,7 +320,20 @@ def _view_from_json(entry: dict[str, Any], label: str, path: Path) -> View:
         raise ValueError(f"{label}: its pose, lens or split")
     image = _find_file(path.parent, entry["image"], entry.get("image_from_here"))
     stem, name = check_name(entry["stem"], path, "a photo"), check_name(entry["name"], path, "a view")
-    return View(name, stem, camera, image, entry["split"], _bounds_from_json(entry.get("depth_bounds")))
+    return View(
+        name,
+        stem,
+        camera,
+        image,
+        entry["split"],
+        _bounds_from_json(entry.get("depth_bounds")),
+        space=_space_from_json(entry),
+    )
+
+
+def _space_from_json(entry: dict[str, Any]) -> ColorSpace | None:
+    known = entry.get("color_space")
+    return None if known is None else ColorSpace(str(known["name"]), str(known["config"]))
 
 
 def _splats_to_json(splats: CapturedSplats | None, folder: Path | None) -> dict[str, Any]:

@@ -106,7 +106,7 @@ def load_wanted(view: View, picture: Path, long_side: int) -> np.ndarray:
         DataError: The picture is missing or damaged.
         BadRequest: It has another shape than the view.
     """
-    pixels, camera = read_photo(picture), view.camera.reduced(long_side)
+    pixels, camera = read_photo(picture, space=view.space), view.camera.reduced(long_side)
     height, width = pixels.shape[:2]
     if (width, height) == (view.camera.width, view.camera.height):
         training_image = _load_view(replace(view, image=picture), long_side)
@@ -129,7 +129,7 @@ def photo_of(view: View) -> np.ndarray:
     path = image_of(view)
     size = (view.camera.height, view.camera.width)
     for upright in (True, False):
-        photo = read_photo(path, upright)
+        photo = read_photo(path, upright, view.space)
         if photo.shape[:2] == size:
             return photo
         found, photo = photo.shape, None  # never two of them in memory

@@ -11,7 +11,7 @@ What each color will be is known, and told, before anything is rendered. Writes
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -26,9 +26,14 @@ from ..export.contact_sheet import Line, Row, write_contact_sheet
 from ..export.finished_frames import FinishedFrames, frame_mark, model_mark, view_mark
 from ..palettes.colorways.planned import PlannedColorway, plan_colorways
 from ..palettes.colorways.reached import Prediction
-from ..palettes.palette import rgb_to_hex
+from ..palettes.edge_shape import EdgeShape
+from ..palettes.palette import read_palettes, rgb_to_hex
+from ..palettes.palette_files import read_edit_file
+from ..palettes.reference_light import ReferenceLight
+from ..project import Project
 from ..project.locking import consistent, opened
 from ..recolor.model import Model
+from .calibration import light_of
 from .disputes import Disputes
 from .job import Job, open_job
 from .options.editing import ColorwaysOptions
@@ -41,14 +46,16 @@ MOST_WARNINGS = 5
 def run(options: ColorwaysOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Tell what each colorway reaches, then write it in all views. Raises DataError where the sheet has a wrong row."""
     project = opened(options.project)
-    planned = plan_colorways(project, options.sheet, _locked(options.locked))
-    _tell(planned, emit)
-    write_table(options.out / "colorways.csv", planned)
+    light = light_of(options, emit)
+    edges = _edges(project, options.edges)
+    planned = plan_colorways(project, options.sheet, _locked(options.locked), light, edges)
+    _tell(planned, light, emit)
+    write_table(options.out / "colorways.csv", planned, light=light)
     if not options.predict_only:
         project.require("recoloring")
         with consistent(project):
             job = open_job(options, emit, should_stop)
-            work = _Work(job, Model(project, job.runtime.device), planned, options)
+            work = _Work(job, Model(project, job.runtime.device), planned, options, light)
         work.run()
         job.artifact("contact sheet", options.out / "contact_sheet.png")
     emit("artifact", kind="colorways", path=str(options.out / "colorways.csv"))
@@ -65,10 +72,18 @@ def _locked(swatches: Sequence[str]) -> dict[str, list[int]]:
     return locked
 
 
-def _tell(planned: Sequence[PlannedColorway], emit: Emit) -> None:
+def _edges(project: Project, file: Path | None) -> Mapping[str, EdgeShape]:
+    """The edges of an edit's file; without one none is moved."""
+    if file is None:
+        return {}
+    project.require("palette")
+    return read_edit_file(file, read_palettes(project.checked(project.palette_file))).edges
+
+
+def _tell(planned: Sequence[PlannedColorway], light: ReferenceLight | None, emit: Emit) -> None:
     """Warn of colors that cannot be reached."""
     emit("stage", name="colorways", text=f"{len(planned)} colorways")
-    missed = [(plan.colorway.name, p) for plan in planned for p in plan.predictions if p.reason]
+    missed = [(plan.colorway.name, p.under(light)) for plan in planned for p in plan.predictions if p.reason]
     for name, prediction in missed[:MOST_WARNINGS]:
         sentence = f"{name}, {prediction.target_color.name}: cannot be reached, because {prediction.reason}."
         emit("warning", code="colorway", sentence=f"{sentence} CIEDE2000 {prediction.ciede2000:.1f}.")
@@ -79,8 +94,15 @@ def _tell(planned: Sequence[PlannedColorway], emit: Emit) -> None:
 class _Work:
     """Colorways times views: a view is rendered once for all colorways, and a picture that is finished not again."""
 
-    def __init__(self, job: Job, model: Model, planned: Sequence[PlannedColorway], options: ColorwaysOptions) -> None:
-        self._job, self._model, self._planned, self._out = job, model, planned, options.out
+    def __init__(
+        self,
+        job: Job,
+        model: Model,
+        planned: Sequence[PlannedColorway],
+        options: ColorwaysOptions,
+        light: ReferenceLight | None,
+    ) -> None:
+        self._job, self._model, self._planned, self._out, self._light = job, model, planned, options.out, light
         self._views, self._captured = choose_views(job.capture(), options.views)
         self._finished = FinishedFrames.read(options.out)
         self._mark, self._size = model_mark(job.project, job.settings), options.size
@@ -107,9 +129,9 @@ class _Work:
                 progress.step()
         disputes.tell(self._job.emit)
         self._finished = FinishedFrames.read(self._out)
-        write_table(self._out / "colorways.csv", self._planned, self._reached)
+        write_table(self._out / "colorways.csv", self._planned, self._reached, self._light)
         names = [view.name for view in self._views]
-        write_view_table(self._out / "views.csv", self._planned, names, self._reached_in)
+        write_view_table(self._out / "views.csv", self._planned, names, self._reached_in, self._light)
         self._write_sheet()
 
     def _unfinished(self, view: View) -> dict[str, str]:
@@ -147,17 +169,19 @@ class _Work:
         """The contact sheet, of some views spread over all."""
         count = min(SHEET_VIEWS, len(self._views))
         chosen = [self._views[number * len(self._views) // count] for number in range(count)]
+        is_of_photos = self._captured and self._size != "learned"
+        space = chosen[0].space if is_of_photos else None
         rows = [
-            Row(_label(plan), tuple(self._picture(plan, view) for view in chosen))
+            Row(_label(plan, self._light), tuple(self._picture(plan, view) for view in chosen), space)
             for plan in self._planned[:SHEET_ROWS]
         ]
         write_contact_sheet(self._out / "contact_sheet.png", [view.name for view in chosen], rows)
 
 
-def _label(plan: PlannedColorway) -> tuple[Line, ...]:
+def _label(plan: PlannedColorway, light: ReferenceLight | None) -> tuple[Line, ...]:
     """A colorway's name, and of each object the wanted and the predicted color."""
+    told = [prediction.under(light) for prediction in plan.predictions]
     colors = [
-        Line(f"{p.target_color.name}  {rgb_to_hex(p.reached)}  {p.ciede2000:.1f}", (p.target, p.reached))
-        for p in plan.predictions
+        Line(f"{p.target_color.name}  {rgb_to_hex(p.reached)}  {p.ciede2000:.1f}", (p.target, p.reached)) for p in told
     ]
     return Line(plan.colorway.name), *colors

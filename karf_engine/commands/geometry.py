@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..capture import hold_out, open_capture
+from ..capture import hold_out, in_space, open_capture
 from ..capture.capture import Capture, SparsePoints, capture_to_json, with_split
 from ..capture.poses.triangulation import triangulate
 from ..capture.training_images import TrainingImage
@@ -33,11 +33,13 @@ from ..fields.registry import field_kind
 from ..fields.rendering.rays import PixelDataset
 from ..fields.scene import Scene, psnr_of_views
 from ..fields.task import background_of, build_pixel_dataset, task_of
+from ..io.color_spaces import ColorSpace, color_space
 from ..io.files import write_json
 from ..io.fingerprints import file_digest
 from ..io.images import over, write_png
 from ..project import Project
 from ..project import settings as settings_module
+from ..project.contents import capture_of
 from ..project.locking import opened
 from ..segmentation.coarse_masks import find_masks, marked_views
 from ..splats.depths import points_seen
@@ -59,6 +61,7 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
     capture: what that path holds, for a caller who has it in memory.
     """
     settings = settings_module.with_overrides(settings_module.preset(options.preset), list(options.overrides))
+    space = None if options.photo_space is None else color_space(options.photo_space, options.ocio)
     nerf = options.nerf
     networks = None if nerf is None else read_nerf(nerf)
     capture = capture or open_capture(options.capture)
@@ -69,6 +72,7 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
     project = opened(options.project)
     project.create(str(options.capture.absolute()))
     capture = hold_out(capture, project.holdout() if options.holdout is None else options.holdout)
+    capture = in_space(capture, space or _space_before(project))
     job = make_job(project, options, settings, emit, should_stop)
     with run_stage(job, "geometry", *_inputs(capture, nerf)) as run:
         if run is None:
@@ -91,6 +95,13 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
         write_json(run.output(project.capture_file), capture_to_json(capture, project.folder))
         save_scene(scene, run.output(project.geometry_file))
     job.artifact("geometry", project.geometry_file)
+
+
+def _space_before(project: Project) -> ColorSpace | None:
+    """The color space of the photos that the finished geometry was learned of."""
+    if not project.state_file.exists() or project.finished("geometry") is None:
+        return None
+    return capture_of(project).views[0].space
 
 
 def with_marked(project: Project, capture: Capture, masks: Path | None) -> Capture:

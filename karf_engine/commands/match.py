@@ -18,6 +18,7 @@ from ..palettes.project_edit import ProjectEdit, as_color, edit_of
 from ..palettes.reference_light import ReferenceLight
 from ..project import Project
 from ..project.locking import consistent, opened
+from .calibration import light_of
 from .options.editing import MatchOptions
 
 
@@ -30,7 +31,8 @@ def run(options: MatchOptions, emit: Emit, should_stop: Callable[[], bool]) -> N
     if options.is_of_picture:
         edit = _match_picture(project, options, edit, emit)
     else:
-        pairs = [(source, _in_photos(target, options.card)) for source, target in _pairs(options)]
+        light = light_of(options, emit)
+        pairs = [(source, _in_photos(target, light)) for source, target in _pairs(options)]
         if options.rule == "added":
             for source, target in pairs:
                 edit = edit.add_color(options.object, source, target)
@@ -45,11 +47,9 @@ def _pairs(options: MatchOptions) -> list[tuple[str, str]]:
     return [(options.source, options.target), *options.also]
 
 
-def _in_photos(target: str, card: str | None) -> str:
-    """A target color as photos show it, where a gray card says how these were lit and exposed."""
-    if card is None:
-        return target
-    return rgb_to_hex(ReferenceLight.of_card(as_color(card)).photographed(as_color(target)))
+def _in_photos(target: str, light: ReferenceLight | None) -> str:
+    """A target color as photos show it, where it is meant under a reference light."""
+    return target if light is None else rgb_to_hex(light.photographed(as_color(target)))
 
 
 def _tell(edit: ProjectEdit, name: str, pairs: list[tuple[str, str]], emit: Emit) -> None:

@@ -40,7 +40,7 @@ def run(options: PointsOptions, emit: Emit, should_stop: Callable[[], bool]) -> 
     if is_ply:
         palettes = model.learned_colors
         if edit is not None:
-            points = points.with_added(model.palettes, edit.added)
+            points = points.with_edges(model.palettes, edit.edges).with_added(model.palettes, edit.added)
             palettes = stack_palettes(model.objects, edit.colors)
         write_ply(out, points.positions, points.normals, points.recolored(palettes))
     else:

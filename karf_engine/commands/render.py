@@ -35,6 +35,7 @@ from ..errors import BadRequest
 from ..export.finished_frames import model_mark, pending_frames
 from ..export.frame_files import write_view
 from ..export.frame_options import RenderOptions
+from ..io.color_spaces import color_space
 from ..palettes.palette import Edit, Palette
 from ..palettes.palette_files import read_edit_file
 from ..project.locking import consistent, opened, writing
@@ -48,6 +49,8 @@ def run(options: RenderOptions, emit: Emit, should_stop: Callable[[], bool]) -> 
     """Render the requested views. With planes, which belong to the project, it is held for writing."""
     if options.out is None and not options.planes:
         raise BadRequest("The render stage was given nowhere to write.", "Name a folder with --out.")
+    if options.layer_space is not None:
+        color_space(options.layer_space, options.ocio)  # an unknown one is told before anything is rendered
     project = opened(options.project)
     project.require("geometry")
     with writing(project) if options.planes else nullcontext():

@@ -1,12 +1,12 @@
 """colorways.csv: of each color of each colorway what is wanted, what was predicted, and what was reached; views.csv: what
-was reached in each view, and why not closer."""
+was reached in each view, and why not closer. With a reference light all colors are those under it."""
 
 from __future__ import annotations
 
 import csv
 import io
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from ..io.files import atomic_write
 from ..palettes.colorways.planned import PlannedColorway
 from ..palettes.colorways.reached import Prediction, reason_in_view
 from ..palettes.palette import rgb_to_hex
+from ..palettes.reference_light import ReferenceLight
 
 COLUMNS = ("colorway", "object", "folder", "source", "wanted", "wanted_lab", "predicted", "predicted_ciede2000",
            "reached", "reached_ciede2000", "pixels", "views", "cannot_be_reached_because")  # fmt: skip
@@ -43,6 +44,7 @@ def write_table(
     path: Path,
     planned: Sequence[PlannedColorway],
     measured: Callable[[PlannedColorway, Prediction], Reached | None] | None = None,
+    light: ReferenceLight | None = None,
 ) -> None:
     """Write the table, atomically.
 
@@ -50,12 +52,13 @@ def write_table(
         path: The file.
         planned: The colorways.
         measured: What was measured of a color; without it nothing has been rendered yet, and its columns stay empty.
+        light: Under which the sheet's colors are meant.
     """
     rows = []
     for plan in planned:
         for prediction in plan.predictions:
             found = measured(plan, prediction) if measured else None
-            rows.append([plan.colorway.name, *_cells(plan, prediction), *_measured(prediction, found),
+            rows.append([plan.colorway.name, *_cells(plan, prediction, light), *_measured(prediction, found, light),
                          _reason(prediction, measured is not None and found is None)])  # fmt: skip
     _write(path, COLUMNS, rows)
 
@@ -65,6 +68,7 @@ def write_view_table(
     planned: Sequence[PlannedColorway],
     views: Sequence[str],
     measured: Callable[[PlannedColorway, Prediction, str], Reached | None],
+    light: ReferenceLight | None = None,
 ) -> None:
     """Write what each color has become in each view, atomically.
 
@@ -73,12 +77,13 @@ def write_view_table(
         planned: The colorways.
         views: Names of the views.
         measured: What was measured of a color in a view; None where no pixel surely shows it.
+        light: Under which the sheet's colors are meant.
     """
     _write(
         path,
         VIEW_COLUMNS,
         [
-            [plan.colorway.name, *_view_cells(prediction, view, measured(plan, prediction, view))]
+            [plan.colorway.name, *_view_cells(prediction, view, measured(plan, prediction, view), light)]
             for plan in planned
             for prediction in plan.predictions
             for view in views
@@ -92,22 +97,23 @@ def _write(path: Path, columns: Sequence[str], rows: Sequence[Sequence[str]]) ->
     atomic_write(path, lambda temporary: temporary.write_text(text.getvalue(), encoding="utf-8"))
 
 
-def _view_cells(prediction: Prediction, view: str, found: Reached | None) -> list[str]:
-    name, wanted = prediction.target_color.name, _wanted(prediction)
+def _view_cells(prediction: Prediction, view: str, found: Reached | None, light: ReferenceLight | None) -> list[str]:
+    name, wanted = prediction.target_color.name, _wanted(prediction.under(light))
     if found is None:
         return [name, view, *wanted, "", "", "0", f"this view surely shows no pixel of {name} in this color"]
-    color, difference, pixels, _ = _measured(prediction, found)
+    color, difference, pixels, _ = _measured(prediction, found, light)
     return [name, view, *wanted, color, difference, pixels, reason_in_view(prediction, found.color)]
 
 
-def _cells(plan: PlannedColorway, prediction: Prediction) -> list[str]:
-    predicted = rgb_to_hex(prediction.reached), f"{prediction.ciede2000:.2f}"
+def _cells(plan: PlannedColorway, prediction: Prediction, light: ReferenceLight | None) -> list[str]:
+    told = prediction.under(light)
     return [
         prediction.target_color.name,
         plan.colorway.folder,
         rgb_to_hex(prediction.source),
-        *_wanted(prediction),
-        *predicted,
+        *_wanted(told),
+        rgb_to_hex(told.reached),
+        f"{told.ciede2000:.2f}",
     ]
 
 
@@ -115,11 +121,12 @@ def _wanted(prediction: Prediction) -> tuple[str, str]:
     return rgb_to_hex(prediction.target), _numbers(prediction.target_color.lab)
 
 
-def _measured(prediction: Prediction, found: Reached | None) -> list[str]:
+def _measured(prediction: Prediction, found: Reached | None, light: ReferenceLight | None) -> list[str]:
     if found is None:
         return [""] * 4
-    difference = float(ciede2000(srgb_to_lab(found.color), prediction.target_color.lab))
-    return [rgb_to_hex(found.color), f"{difference:.2f}", str(found.pixels), str(found.views)]
+    told = replace(prediction, reached=found.color).under(light)
+    difference = float(ciede2000(srgb_to_lab(told.reached), told.target_color.lab))
+    return [rgb_to_hex(told.reached), f"{difference:.2f}", str(found.pixels), str(found.views)]
 
 
 def _reason(prediction: Prediction, is_unseen: bool) -> str:

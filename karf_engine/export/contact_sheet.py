@@ -10,6 +10,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from ..io.color import to_bytes
+from ..io.color_spaces import ColorSpace
 from ..io.images import over, read_photo, resize, write_png
 
 THUMBNAIL = 192  # pixels of a picture's longer side
@@ -27,10 +28,11 @@ class Line:
 
 @dataclass(frozen=True)
 class Row:
-    """Lines of the label, and the files of the pictures beside it; None leaves a place empty."""
+    """Lines of the label, and the files of the pictures beside it; None leaves a place empty. space: of these files."""
 
     label: tuple[Line, ...]
     pictures: tuple[Path | None, ...]
+    space: ColorSpace | None = None
 
 
 def write_contact_sheet(path: Path, columns: Sequence[str], rows: Sequence[Row]) -> None:
@@ -46,7 +48,7 @@ def write_contact_sheet(path: Path, columns: Sequence[str], rows: Sequence[Row])
     for row, height in zip(rows, heights, strict=True):
         for number, picture in enumerate(row.pictures):
             if picture is not None:
-                small = _thumbnail(picture)
+                small = _thumbnail(picture, row.space)
                 left = LABEL + number * (THUMBNAIL + GAP)
                 sheet[top : top + len(small), left : left + small.shape[1]] = small
         top += height
@@ -55,9 +57,9 @@ def write_contact_sheet(path: Path, columns: Sequence[str], rows: Sequence[Row])
     write_png(path, np.asarray(drawing))
 
 
-def _thumbnail(path: Path) -> np.ndarray:
+def _thumbnail(path: Path, space: ColorSpace | None) -> np.ndarray:
     """A picture with no side longer than a thumbnail, on white, uint8 [h, w, 3]."""
-    picture = read_photo(path)
+    picture = read_photo(path, space=space)
     if picture.shape[-1] == 4:
         picture = over(picture[..., :3], picture[..., 3])
     factor = THUMBNAIL / max(picture.shape[:2])

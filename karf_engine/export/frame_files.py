@@ -10,6 +10,7 @@ import numpy as np
 
 from ..capture.camera import Camera
 from ..capture.capture import View
+from ..io.color_spaces import ColorSpace, color_space
 from ..io.files import atomic_write
 from ..io.images import write_png
 from ..palettes.added import palettes_with, spread_objects
@@ -76,6 +77,11 @@ class _Files:
         """How the edit moves and fades edges, which layers show too."""
         return {} if self.edit is None else self.edit.edges
 
+    @property
+    def _layer_space(self) -> ColorSpace | None:
+        name = self.options.layer_space
+        return None if name is None else color_space(name, self.options.ocio)
+
     def write_rendering(self) -> None:
         camera = self.model.working_camera(self.view) if self.captured else self.view.camera
         frame = self.model.render(camera, self.model.settings.render.supersampling)
@@ -121,7 +127,7 @@ class _Files:
             palettes = palettes_with(self.model.palettes, self.added)
             weights = spread_objects(frame.palette_weights, self.model.palettes, self.added)
             layers = Layers(palettes, frame.base, frame.probabilities, weights, frame.depth)
-            write_layers(self._path("layers", ".exr"), layers)
+            write_layers(self._path("layers", ".exr"), layers, self._layer_space)
 
     def _photo(self, finished: PhotoView) -> None:
         """The same in the photo's own pixels."""
@@ -133,7 +139,8 @@ class _Files:
             write_photo(self._path("recolor", suffix), finished.recolored(self.edit))
         if self.options.layers:
             depth = self.model.look(self.model.working_camera(self.view)).depth
-            write_layers(self._path("layers", ".exr"), finished.layers(depth, self.added, self.edges))
+            layers = finished.layers(depth, self.added, self.edges)
+            write_layers(self._path("layers", ".exr"), layers, self._layer_space)
 
     def _planes(self, frame: Frame) -> None:
         self.disputed.update(frame.disputed)

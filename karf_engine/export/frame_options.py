@@ -12,6 +12,11 @@ from ..io.options import Options, option
 # of recolored frames that are not of a photo's size, and the endings of their files
 FORMATS = {"png8": ".png", "png16": ".png", "exr16": ".exr", "exr32": ".exr"}
 
+CONFIG = (
+    "OpenColorIO configuration of named color spaces (default: that of the variable OCIO, else the one that comes with the "
+    "package)"
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class FrameOptions(Options):
@@ -32,6 +37,13 @@ class FrameOptions(Options):
     depth: bool = option("write depth/ too", False)
     unsure: bool = option("write unsure/ too: where objects' labels are unsure, white", False)
     layers: bool = option("write layers/ too (OpenEXR for compositors)", False)
+    layer_space: str | None = option(
+        "color space of the layers' base picture, by its name in the OpenColorIO configuration, in 32 bits (default: "
+        "linear Rec. 709, in 16)",
+        None,
+        metavar="NAME",
+    )
+    ocio: str | None = option(CONFIG, None, metavar="FILE")
     overrides: tuple[str, ...] = option(
         "change one setting (see the settings verb; of a learned project those of render), as render.edges=field; may "
         "be repeated",

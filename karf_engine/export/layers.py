@@ -3,7 +3,7 @@
 =============================  =====  ====================================================================
 channels                       type   what
 =============================  =====  ====================================================================
-R, G, B                        half   the base picture, scene-linear
+R, G, B                        half   the base picture, scene-linear; in a named color space float
 <object>_coverage.V            half   how much of each pixel is the object's
 <object>_color_<j>.V           half   the coverage times the share of palette color j; 0 is black
 Depth.Z                        float  along the optical axis, world units, 0 where empty
@@ -11,7 +11,7 @@ CryptoObject00.R .. A, 01, ..  float  mattes of all objects, see `cryptomatte`
 =============================  =====  ====================================================================
 
 The names and the learned colors are in the header, see `export.layer_names`. Scene-linear: the inverse of the piecewise sRGB
-curve (IEC 61966-2-1), as OpenColorIO's texture transform of sRGB gives it, with the primaries of Rec. 709.
+curve (IEC 61966-2-1), as OpenColorIO's texture transform of sRGB gives it, with the primaries of Rec. 709; or the named space.
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ import numpy as np
 import OpenEXR
 
 from ..io.color import srgb_to_linear
+from ..io.color_spaces import ColorSpace
 from ..io.files import atomic_write
+from ..io.images import full_value
 from ..recolor.layers import Layers
 from . import cryptomatte
 from .layer_names import ATTRIBUTE, ObjectLayers, describe_layers, name_layers
@@ -33,9 +35,13 @@ COLORS = (
     "(IEC 61966-2-1; OCIO: sRGB texture to linear Rec. 709). Recolor in sRGB: "
     "linear(clip(srgb(base) + sum of weight * (srgb(new color) - learned color)))"
 )
+COLORS_OF_SPACE = (
+    "R, G, B: in the color space {name} of OpenColorIO, display-referred sRGB (IEC 61966-2-1) converted. Recolor in sRGB: "
+    "clip(srgb(base) + sum of weight * (srgb(new color) - learned color))"
+)
 
 
-def write_layers(path: Path, layers: Layers) -> None:
+def write_layers(path: Path, layers: Layers, space: ColorSpace | None = None) -> None:
     """Write a layered picture, atomically.
 
     Half floats are written from where they are; other arrays are converted, a plane at a time.
@@ -43,6 +49,7 @@ def write_layers(path: Path, layers: Layers) -> None:
     Args:
         path: The file, `*.exr`.
         layers: What to write.
+        space: Of the base picture; None: linear Rec. 709.
 
     Examples:
         >>> import tempfile
@@ -60,18 +67,28 @@ def write_layers(path: Path, layers: Layers) -> None:
     header = {
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
-        "chromaticities": REC709,
-        "colorInteropID": "lin_rec709_scene",
-        "comments": COLORS,
+        **_color_facts(space),
         ATTRIBUTE: describe_layers(objects),
         **cryptomatte.header(names),
     }
-    channels = _planes(objects, layers) | cryptomatte.channels(names, layers.coverage)
+    channels = _planes(objects, layers, space) | cryptomatte.channels(names, layers.coverage)
     atomic_write(path, lambda temporary: OpenEXR.File(header, channels).write(str(temporary)))
 
 
-def _planes(objects: tuple[ObjectLayers, ...], layers: Layers) -> dict[str, np.ndarray]:
-    planes = {letter: _linear(layers.base[..., channel]) for channel, letter in enumerate("RGB")}
+def _color_facts(space: ColorSpace | None) -> dict[str, object]:
+    """What the header says of the base picture's colors."""
+    if space is None:
+        return {"chromaticities": REC709, "colorInteropID": "lin_rec709_scene", "comments": COLORS}
+    known = {"colorInteropID": space.interop_id} if space.interop_id else {}
+    return {**known, "comments": COLORS_OF_SPACE.format(name=space.name)}
+
+
+def _planes(objects: tuple[ObjectLayers, ...], layers: Layers, space: ColorSpace | None) -> dict[str, np.ndarray]:
+    if space is None:
+        planes = {letter: _linear(layers.base[..., channel]) for channel, letter in enumerate("RGB")}
+    else:
+        base = space.from_srgb(layers.base / full_value(layers.base))
+        planes = {letter: np.ascontiguousarray(base[..., channel]) for channel, letter in enumerate("RGB")}
     for k, each in enumerate(objects):
         planes[f"{each.coverage}.V"] = np.ascontiguousarray(layers.coverage[k], np.float16)
         for j, name in enumerate(each.weights):

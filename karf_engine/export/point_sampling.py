@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import torch
 
 from ..capture.capture import View
@@ -13,6 +14,7 @@ from ..fields.rendering.surface_cache import SurfaceCache
 from ..fields.scene_surface import SurfacePoints, surface_points
 from ..heads.rendering import object_samples, weigh_cache
 from ..io.color import to_bytes
+from ..recolor.borders import borders_of
 from ..recolor.model import Model
 from ..segmentation.views import farthest_point_views
 from .scene_points import ScenePoints
@@ -60,13 +62,15 @@ def _described(model: Model, points: SurfacePoints) -> ScenePoints:
     )
     samples = object_samples(model.segmentation, model.scene.field, cache)
     weights = weigh_cache(model.recoloring, samples, cache)
+    shares = samples.rendered[:, 1:].cpu().numpy()
     return ScenePoints(
         tuple(model.objects),
         points.world,
         points.normals,
         points.spacing,
         to_bytes(points.colors),
-        samples.rendered[:, 1:].half().cpu().numpy(),
+        shares.astype(np.float16),
         weights.half().cpu().numpy(),
         model.learned_colors,
+        borders_of(points.world, shares, np.ones(n, bool), model.capture.views),
     )

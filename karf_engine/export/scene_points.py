@@ -14,12 +14,16 @@ import numpy as np
 from ..errors import DataError
 from ..io.files import atomic_write
 from ..io.names import check_names
-from ..io.npz import read_arrays
+from ..io.npz import has_arrays, read_arrays
 from ..palettes.added import palettes_with, spread_objects
 from ..palettes.compositing import delta_composite, stack_palettes
+from ..palettes.edge_shape import EdgeShape, shaped_edges
+from ..palettes.edges_in_space import Borders, shares_with_edges
 from ..palettes.palette import AddedColor, Palette
+from ..palettes.star import plain_hull, star_of, weights_in
 
 NUMBERS = ("positions", "normals", "sizes", "colors", "probabilities", "palette_weights", "learned")
+BORDERS = ("distances", "spacings", "pixels")  # in files behind "border_"
 AGAIN = "Make the points again."
 
 
@@ -36,6 +40,7 @@ class ScenePoints:
         probabilities: [N, K] float16 in [0, 1].
         palette_weights: [N, K, M] float16 in [0, 1], probabilities included.
         learned: Palettes [K, M, 3] float32 sRGB, of which an edit's differ.
+        borders: How far points are from the objects' borders; None of files that older versions wrote.
     """
 
     objects: tuple[str, ...]
@@ -46,6 +51,7 @@ class ScenePoints:
     probabilities: np.ndarray
     palette_weights: np.ndarray
     learned: np.ndarray
+    borders: Borders | None = None
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -55,6 +61,34 @@ class ScenePoints:
         weights = spread_objects(self.palette_weights.transpose(1, 2, 0), palettes, added).transpose(2, 0, 1)
         learned = {each.name: each.colors for each in palettes_with(palettes, added)}
         return replace(self, palette_weights=weights, learned=stack_palettes(self.objects, learned))
+
+    def with_edges(self, palettes: Sequence[Palette], edges: Mapping[str, EdgeShape]) -> ScenePoints:
+        """The points of objects that end as an edit wants; without edges that change, these points. Before `with_added`.
+
+        What an edge newly covers is painted by its own colors.
+
+        Args:
+            palettes: Of the K objects as learned.
+            edges: By object; those without one stay as they are.
+
+        Raises:
+            DataError: The points are of a file that does not say where borders are.
+        """
+        edges = shaped_edges(edges)
+        if not edges:
+            return self
+        if self.borders is None:
+            raise DataError("These surface points do not say how far they are from the objects' borders.", AGAIN)
+        shares = shares_with_edges(self.probabilities, self.borders, self.objects, edges)
+        weights = self.palette_weights.astype(np.float32)
+        for k, palette in enumerate(palettes):
+            if palette.name in edges:
+                before, after, count = self.probabilities[:, k].astype(np.float32), shares[:, k], len(palette.colors)
+                kept = np.divide(np.minimum(before, after), before, out=np.ones_like(before), where=before > 0)
+                weights[:, k] *= kept[:, None]
+                own = weights_in(star_of(palette.colors, plain_hull), self.colors / np.float32(255), count)
+                weights[:, k, :count] += np.maximum(after - before, 0)[:, None] * own
+        return replace(self, probabilities=shares.astype(np.float16), palette_weights=weights.astype(np.float16))
 
     def recolored(self, edited: np.ndarray) -> np.ndarray:
         """Colors with an edit's palettes [K, M, 3], [N, 3] float32 sRGB in [0, 1], by the rule of `delta_composite`.
@@ -87,6 +121,8 @@ def write_points(path: Path, points: ScenePoints) -> None:
         ['colors', 'learned', 'normals', 'objects']
     """
     arrays = {name: getattr(points, name) for name in NUMBERS}
+    if points.borders is not None:
+        arrays |= {f"border_{name}": getattr(points.borders, name) for name in BORDERS}
 
     def write(temporary: Path) -> None:
         np.savez_compressed(temporary, objects=np.array(points.objects, dtype=np.str_), **arrays)
@@ -115,7 +151,17 @@ def read_points(path: Path) -> ScenePoints:
     names = tuple(check_names(np.atleast_1d(objects).tolist(), path, "an object"))
     points = ScenePoints(names, *numbers)
     _check(path, points)
-    return points
+    stored = [f"border_{name}" for name in BORDERS]
+    if not has_arrays(path, stored):
+        return points
+    borders = Borders(*read_arrays(path, stored, "surface points", AGAIN))
+    n, k = points.probabilities.shape
+    arrays = [getattr(borders, name) for name in BORDERS]
+    if [each.shape for each in arrays] != [(n, k), (k,), (k,)] or any(each.dtype.kind != "f" for each in arrays):
+        raise DataError(f"{path} (surface points) has borders of other points.", AGAIN)
+    if np.isnan(borders.distances).any() or not all((each > 0).all() for each in arrays[1:]):
+        raise DataError(f"{path} (surface points) has a border at no distance.", AGAIN)
+    return replace(points, borders=borders)
 
 
 def _check(path: Path, points: ScenePoints) -> None:

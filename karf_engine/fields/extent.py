@@ -53,6 +53,14 @@ def box_round_focus(cameras: list[Camera], reach: float) -> tuple[Tensor, float]
     return center, reach * sorted(half_widths)[len(half_widths) // 2]
 
 
+def upright_axes(cameras: list[Camera]) -> np.ndarray:
+    """Two horizontal directions and up, rows [3, 3], of cameras that are held upright, more or less."""
+    right = np.stack([camera.camera_to_world[:3, 0] for camera in cameras])
+    axes = np.linalg.eigh(right.T @ right)[1].T[::-1].copy()  # the last is the most upright
+    axes[2] *= np.sign(axes[2] @ sum(camera.camera_to_world[:3, 1] for camera in cameras))
+    return axes
+
+
 def middle_pose(cameras: list[Camera]) -> np.ndarray:
     """Camera to world [4, 4] of a camera amid all, oriented as they are on average (LLFF's recentering)."""
     poses = np.stack([camera.camera_to_world for camera in cameras])

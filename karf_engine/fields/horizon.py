@@ -11,7 +11,7 @@ from torch import Tensor
 
 from ..capture.camera import Camera
 from ..capture.capture import SparsePoints
-from .extent import is_reliable
+from .extent import is_reliable, upright_axes
 
 SECTORS = 36  # sectors of the compass
 MARGIN = math.radians(0.5)  # angle above the highest point of a sector, radians
@@ -53,9 +53,7 @@ def horizon_of(cameras: list[Camera], points: SparsePoints | None, center: Tenso
         center: [3], of the ball round what the cameras look at.
         radius: Its radius, world units.
     """
-    right = np.stack([camera.camera_to_world[:3, 0] for camera in cameras])
-    axes = np.linalg.eigh(right.T @ right)[1].T[::-1].copy()  # the last is the most upright
-    axes[2] *= np.sign(axes[2] @ sum(camera.camera_to_world[:3, 1] for camera in cameras))
+    axes = upright_axes(cameras)
     elevations = torch.zeros(SECTORS)
     if points is not None and len(points.view):
         far = np.linalg.norm(points.positions - center.cpu().numpy(), axis=1) > radius

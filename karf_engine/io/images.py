@@ -20,6 +20,7 @@ from PIL import Image
 
 from ..errors import KarfError
 from .color import linear_to_srgb, to_bytes
+from .color_spaces import ColorSpace
 from .failures import is_out_of_memory
 from .files import atomic_write
 from .image_size import MOST_PIXELS, MOST_PIXELS_OF_SMALL, ImageHeader, check_pixels, find_header, unreadable
@@ -33,7 +34,7 @@ cv2.setNumThreads(1)  # its threads would fight torch's for the same cores
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # what matters becomes a DataError
 
 
-def read_photo(path: Path, upright: bool = True) -> np.ndarray:
+def read_photo(path: Path, upright: bool = True, space: ColorSpace | None = None) -> np.ndarray:
     """Read a picture of any kind that Pillow, OpenCV or OpenEXR reads.
 
     Gray and palette pictures become RGB; 16-bit pictures keep their depth. EXR files hold linear light with
@@ -42,6 +43,7 @@ def read_photo(path: Path, upright: bool = True) -> np.ndarray:
     Args:
         path: The file.
         upright: Whether to apply its Exif orientation.
+        space: That the file's colors are in; None: sRGB, of EXR linear light with its primaries.
 
     Returns:
         sRGB float32 [H, W, 3 or 4] in [0, 1]; alpha is straight.
@@ -49,21 +51,31 @@ def read_photo(path: Path, upright: bool = True) -> np.ndarray:
     Raises:
         DataError: The file is missing, damaged, not a picture, or claims more pixels than are read.
     """
-    pixels, header = read_pixels(path, upright)
+    pixels, header = read_pixels(path, upright, space=space)
     colors = _as_colors(pixels)
     is_premultiplied = header.premultiplied and header.kind == "tiff" and header.deep  # Pillow divides by itself
     if is_premultiplied and colors.shape[-1] == 4:
         colors[..., :3] = straight(colors)
+    if space is not None and header.kind != "exr":  # whose light is converted where it is read
+        colors[..., :3] = in_srgb(colors[..., :3], space)
     return colors
 
 
-def read_pixels(path: Path, upright: bool, of_small: int = MOST_PIXELS_OF_SMALL) -> tuple[np.ndarray, ImageHeader]:
+def in_srgb(colors: np.ndarray, space: ColorSpace) -> np.ndarray:
+    """sRGB [..., 3] in [0, 1], clipped, of colors in a space."""
+    return np.clip(space.to_srgb(colors), 0, 1)
+
+
+def read_pixels(
+    path: Path, upright: bool, of_small: int = MOST_PIXELS_OF_SMALL, space: ColorSpace | None = None
+) -> tuple[np.ndarray, ImageHeader]:
     """Pixels as deep as they are stored; of EXR display colors.
 
     Args:
         path: The file.
         upright: Whether to apply its Exif orientation.
         of_small: How many pixels are read of the smallest file.
+        space: That the light of an EXR is in; other pixels stay as they are stored.
 
     Returns:
         Pixels [H, W] or [H, W, C], and the file's header.
@@ -75,7 +87,7 @@ def read_pixels(path: Path, upright: bool, of_small: int = MOST_PIXELS_OF_SMALL)
         header = find_header(path) or ImageHeader(0, 0)  # Pillow knows more kinds than `find_header`
         check_pixels(path, *header.stored, of_small)
         if header.kind == "exr":
-            return _read_exr(path, header), header
+            return _read_exr(path, header, space), header
         pixels = _read_deep(path) if header.deep else _read_plain(path, upright, of_small)
     if header.kind == "tiff":  # decoders always turn these
         orientation = 1 if upright else BACK.get(header.orientation, header.orientation)
@@ -123,8 +135,8 @@ def turned(pixels: np.ndarray, orientation: int) -> np.ndarray:
     return pixels
 
 
-def _read_exr(path: Path, header: ImageHeader) -> np.ndarray:
-    return display_colors(read_light(path, header)[0].astype(np.float32, copy=False))
+def _read_exr(path: Path, header: ImageHeader, space: ColorSpace | None) -> np.ndarray:
+    return display_colors(read_light(path, header)[0].astype(np.float32, copy=False), space)
 
 
 def read_light(path: Path, header: ImageHeader) -> tuple[np.ndarray, str]:
@@ -159,13 +171,16 @@ def read_light(path: Path, header: ImageHeader) -> tuple[np.ndarray, str]:
     return light, name
 
 
-def display_colors(light: np.ndarray) -> np.ndarray:
-    """sRGB float32 [H, W, 3 or 4], clipped, with straight alpha, of premultiplied float32 light [H, W, 1, 3 or 4]."""
+def display_colors(light: np.ndarray, space: ColorSpace | None = None) -> np.ndarray:
+    """sRGB float32 [H, W, 3 or 4], clipped, with straight alpha, of premultiplied float32 light [H, W, 1, 3 or 4].
+
+    space: that the light is in; None: linear, with the primaries of sRGB.
+    """
     light = np.nan_to_num(light, posinf=np.finfo(np.float32).max)
     if light.shape[-1] == 4:
         light[..., :3] = straight(light)
     colors = light[..., :3] if light.shape[-1] > 1 else np.repeat(light, 3, -1)
-    colors = np.clip(linear_to_srgb(np.clip(colors, 0, 1)), 0, 1)
+    colors = np.clip(linear_to_srgb(np.clip(colors, 0, 1)), 0, 1) if space is None else in_srgb(colors, space)
     return np.concatenate([colors, np.clip(light[..., 3:], 0, 1)], -1).astype(np.float32)
 
 

@@ -50,6 +50,12 @@ def read_arrays(path: Path, names: Sequence[str], what: str, hint: str) -> list[
         ) from error
 
 
+def has_arrays(path: Path, names: Sequence[str]) -> bool:
+    """Whether an npz file, of which some arrays were read, has all of these too."""
+    with zipfile.ZipFile(path) as archive:
+        return {f"{name}.npy" for name in names} <= set(archive.namelist())
+
+
 def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
     """One array of numbers or texts, whose header agrees with the length of its member."""
     with archive.open(member) as stream:

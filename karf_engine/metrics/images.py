@@ -11,6 +11,7 @@ from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 from ..io.color import srgb_to_lab
 
+CORRECTION_ROUNDS, CLIPPED = 5, 0.5 / 255  # of the color correction; nearer to 0 or 1 nothing is told
 SSIM_SIGMA, SSIM_RADIUS = 1.5, 5  # the window of scikit-image ends at 3.5 sigma
 
 
@@ -19,6 +20,38 @@ def psnr(first: np.ndarray, second: np.ndarray, mask: np.ndarray | None = None) 
     first, second = _in_mask(first, second, mask)
     with np.errstate(divide="ignore"):
         return float(peak_signal_noise_ratio(first, second, data_range=1))
+
+
+def color_corrected(shown: np.ndarray, photo: np.ndarray) -> np.ndarray:
+    """A rendered picture with the exposure and white balance of its photo, as multinerf and gsplat correct colors.
+
+    Channel by channel a least-squares fit of the photo on products and squares, values and 1 of the picture, over pixels
+    that are not clipped, in five rounds (Mildenhall et al. 2022, `multinerf`, color_correct). The photo itself tells its
+    colors, so nothing is foretold.
+
+    Args:
+        shown: [H, W, 3] sRGB in [0, 1].
+        photo: [H, W, 3], likewise.
+
+    Returns:
+        [H, W, 3] float64 in [0, 1]; a channel that is clipped nearly everywhere stays as it is.
+    """
+    pixels, wanted = (np.array(each, np.float64).reshape(-1, 3) for each in (shown, photo))
+    told = _is_told(pixels) & _is_told(wanted)
+    for _ in range(CORRECTION_ROUNDS):
+        products = [pixels[:, c, None] * pixels[:, c:] for c in range(3)]
+        terms = np.concatenate([*products, pixels, np.ones((len(pixels), 1))], 1)
+        fitted = told & _is_told(pixels)
+        for c in range(3):
+            own = fitted[:, c]
+            if own.sum() >= terms.shape[1]:  # fewer pixels settle nothing
+                pixels[:, c] = (terms @ np.linalg.lstsq(terms[own], wanted[own, c], rcond=None)[0]).clip(0, 1)
+    return pixels.reshape(np.shape(shown))
+
+
+def cc_psnr(shown: np.ndarray, photo: np.ndarray) -> float:
+    """PSNR in dB of a rendered picture [H, W, 3] with its photo's colors (`color_corrected`) and the photo."""
+    return psnr(color_corrected(shown, photo), photo)
 
 
 def mse_outside(first: np.ndarray, second: np.ndarray, mask: np.ndarray) -> float:
@@ -67,6 +100,10 @@ def hue_shift(image: np.ndarray, source: np.ndarray, target: np.ndarray) -> np.n
     hsv = rgb2hsv(np.asarray(image, np.float64))
     hsv[..., 0] = (hsv[..., 0] + rgb2hsv(target)[0] - rgb2hsv(source)[0]) % 1
     return hsv2rgb(hsv)
+
+
+def _is_told(values: np.ndarray) -> np.ndarray:
+    return (values >= CLIPPED) & (values <= 1 - CLIPPED)
 
 
 def _in_mask(first: np.ndarray, second: np.ndarray, mask: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .images import hue_shift, mean_ciede2000, mse_outside, psnr, ssim
+from .images import cc_psnr, hue_shift, mean_ciede2000, mse_outside, psnr, ssim
 from .masks import accuracy, iou, iou_border_excluded
 
 MIN_PIXELS = 60  # pixels of an object below which a view is too weak a test of its mask
@@ -150,7 +150,14 @@ def score_edit(
 
 
 def score_pictures(rendered: list[np.ndarray], photos: list[np.ndarray]) -> dict[str, float]:
-    """PSNR mean and worst, SSIM mean."""
+    """PSNR mean and worst, the same color-corrected (`cc_psnr`), SSIM mean."""
     values = [psnr(a, b) for a, b in zip(rendered, photos, strict=True)]
+    corrected = [cc_psnr(a, b) for a, b in zip(rendered, photos, strict=True)]
     similarity = [ssim(a, b) for a, b in zip(rendered, photos, strict=True)]
-    return {"psnr": float(np.mean(values)), "worst": float(np.min(values)), "ssim": float(np.mean(similarity))}
+    return {
+        "psnr": float(np.mean(values)),
+        "worst": float(np.min(values)),
+        "corrected": float(np.mean(corrected)),
+        "corrected_worst": float(np.min(corrected)),
+        "ssim": float(np.mean(similarity)),
+    }

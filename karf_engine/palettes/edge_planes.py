@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from .edge_shape import EdgeShape, box_of, grown_box, shaped, shaped_edges
+from .edge_shape import MOST_CHOKE, MOST_FEATHER, EdgeShape, box_of, grown_box, shaped, shaped_edges
 from .palette import Palette
 from .star import plain_hull, star_of, weights_in
 
@@ -29,6 +29,9 @@ class ObjectEdge:
         room: [H, W], what other objects leave of each pixel.
         palette: [M, 3] as learned.
         scale: Pixels of this picture for one of the photo at its full size.
+
+    Attributes:
+        place: Rows and columns of the box beyond which no edge reaches.
     """
 
     def __init__(
@@ -43,42 +46,51 @@ class ObjectEdge:
         self._base, self._room, self._scale = base, room, scale
         self._palette = np.asarray(palette, np.float32)
         self._coverage = np.asarray(coverage, np.float32)
-        self._box = box_of(self._coverage > 0) or (slice(0, 0), slice(0, 0))
-        self._weights = weights[:, *self._box].astype(np.float32)
+        most = EdgeShape(-MOST_CHOKE, MOST_FEATHER).reach(scale)
+        self.place = grown_box(box_of(self._coverage > 0), most, self._coverage.shape) or (slice(0, 0), slice(0, 0))
+        self._learned = weights[:, *self.place].astype(np.float32)
+        self._weights, self._moved = self._learned.copy(), np.zeros(0, np.intp)
         self._star = star_of(self._palette, plain_hull)
         # weights of what lies beside the object, by pixel, and where they are known
         self._beside = np.zeros((self._coverage.size, len(self._palette)), np.float32)
         self._is_known = np.zeros(self._coverage.size, bool)
 
-    def shaped(self, shape: EdgeShape) -> tuple[tuple[slice, slice], np.ndarray, np.ndarray]:
-        """The object with an edge of this shape.
+    def shaped(self, shape: EdgeShape) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The object with an edge of this shape, in `place`.
 
         Returns:
-            Rows and columns of the box outside which it is not; in it the weights [M, h, w], and the coverage [h, w], both
-            float32.
+            Weights [M, h, w] and coverage [h, w], both float32, the weights overwritten by the next call; and the pixels
+            [n] of the place, by running number, that differ from those of the call before.
         """
-        place = grown_box(self._box, shape.reach(self._scale), self._coverage.shape)
-        before = self._coverage[place]
-        after = shaped(before, shape, self._scale, self._room[place])
-        kept = np.divide(np.minimum(before, after), before, out=np.ones_like(before), where=before > 0)
-        weights = np.zeros((len(self._weights), *before.shape), np.float32)
-        inner = tuple(
-            slice(own.start - each.start, own.stop - each.start) for own, each in zip(self._box, place, strict=True)
-        )
-        np.multiply(self._weights, kept[inner], out=weights[:, *inner])
-        self._grow(weights.reshape(len(weights), -1), place, before.ravel(), after.ravel())
-        return place, weights, after
+        before = self._coverage[self.place]
+        after = shaped(before, shape, self._scale, self._room[self.place])
+        weights, learned = (each.reshape(len(each), -1) for each in (self._weights, self._learned))
+        is_moved = (after != before).ravel()
+        moved = np.flatnonzero(is_moved)
+        is_moved[self._moved] = True
+        changed, restored = np.flatnonzero(is_moved), self._moved
+        self._moved = moved
+        old, new = before.ravel()[moved], after.ravel()[moved]
+        kept = np.divide(np.minimum(old, new), old, out=np.ones_like(old), where=old > 0)
+        own = np.take(learned, moved, axis=1) * kept
+        is_grown = (new > old) & (old < FULL)
+        own[:, is_grown] = self._grown_weights(own[:, is_grown], moved[is_grown], old[is_grown], new[is_grown])
+        for plane, plane_learned, plane_own in zip(weights, learned, own, strict=True):  # faster than all at once
+            plane[restored] = plane_learned[restored]
+            plane[moved] = plane_own
+        return self._weights, after, changed
 
-    def _grow(self, weights: np.ndarray, place: tuple[slice, slice], before: np.ndarray, after: np.ndarray) -> None:
-        """Change the weights [M, n] of the pixels of a place, in place, where their coverage [n] grows."""
-        width, columns = self._coverage.shape[1], place[1]
-        rows, left = np.divmod(np.flatnonzero((after > before) & (before < FULL)), columns.stop - columns.start)
-        chosen = rows * (columns.stop - columns.start) + left
-        pixels = (rows + place[0].start) * width + left + columns.start
-        is_new = before[chosen] == 0
-        weights[:, chosen[is_new]] = after[chosen[is_new]] * self._weights_beside(pixels[is_new]).T
-        mixed = chosen[~is_new]
-        weights[:, mixed] = self._grown(pixels[~is_new], weights[:, mixed], before[mixed], after[mixed])
+    def _grown_weights(
+        self, weights: np.ndarray, places: np.ndarray, before: np.ndarray, after: np.ndarray
+    ) -> np.ndarray:
+        """Weights [M, n] of pixels whose coverage [n] grows, from those that they had; places: their numbers [n] in `place`."""
+        rows, columns = np.divmod(places, self.place[1].stop - self.place[1].start)
+        pixels = (rows + self.place[0].start) * self._coverage.shape[1] + columns + self.place[1].start
+        is_new = before == 0
+        weights[:, is_new] = after[is_new] * self._weights_beside(pixels[is_new]).T
+        is_mixed = ~is_new
+        weights[:, is_mixed] = self._grown(pixels[is_mixed], weights[:, is_mixed], before[is_mixed], after[is_mixed])
+        return weights
 
     def _colors(self, pixels: np.ndarray) -> np.ndarray:
         """Colors [n, 3] of pixels of the picture, by running number."""
@@ -145,6 +157,6 @@ def reshaped(
         if palette.name in edges:
             count, room = len(palette.colors), 1 - (total - probabilities[k])
             edge = ObjectEdge(base, weights[k, :count], probabilities[k], room, palette.colors, scale)
-            place, planes, coverage = edge.shaped(edges[palette.name])
-            result[k, :count, *place], coverages[k, *place] = planes, coverage
+            planes, coverage, _ = edge.shaped(edges[palette.name])
+            result[k, :count, *edge.place], coverages[k, *edge.place] = planes, coverage
     return result, coverages

@@ -18,7 +18,7 @@ from ..io.arguments import check_fields, check_number
 
 MOST_CHOKE, MOST_FEATHER = 16.0, 64.0
 DIRECTIONS = 16  # in which an edge is moved exactly, between them to 2 % of the way
-BLOCK = 160  # pixels along the side of blocks, of which only those with an edge are computed, in a core's cache
+BLOCK = 256  # pixels along the side of blocks, of which only those with an edge are computed, in a core's cache
 
 
 @dataclass(frozen=True)
@@ -97,22 +97,43 @@ def shaped(coverage: np.ndarray, shape: EdgeShape, scale: float = 1.0, room: np.
     if place is None:
         return result
     result[place] = _where_edges_are(before[place], shape, scale)
-    return result if room is None else np.minimum(result, np.maximum(before, room))
+    if room is not None:
+        grown = result > before  # few pixels
+        result[grown] = np.minimum(result[grown], np.maximum(before[grown], room[grown]))
+    return result
 
 
 def _where_edges_are(coverage: np.ndarray, shape: EdgeShape, scale: float) -> np.ndarray:
-    """A coverage [H, W] moved and faded, in blocks with what can reach into them; flat ones stay as they are."""
-    margin = ceil(abs(shape.choke) * scale) + ceil(shape.feather * scale / 2) + 4
-    padded, result = np.pad(coverage, margin, mode="edge"), coverage.copy()
+    """A coverage [H, W] moved and faded, in blocks with what can reach into them; flat parts of these stay as they are."""
+    reach = ceil(abs(shape.choke) * scale) + ceil(shape.feather * scale / 2) + 4
+    padded, result = np.pad(coverage, reach, mode="edge"), coverage.copy()
     for top in range(0, len(coverage), BLOCK):
         for left in range(0, coverage.shape[1], BLOCK):
             block = result[top : top + BLOCK, left : left + BLOCK]
-            height, width = block.shape
-            around = padded[top : top + height + 2 * margin, left : left + width + 2 * margin]
-            if around.min() != around.max():
-                inside = faded(moved(around, shape.choke * scale), shape.feather * scale)
-                block[:] = inside[margin : margin + height, margin : margin + width]
+            around = padded[top : top + block.shape[0] + 2 * reach, left : left + block.shape[1] + 2 * reach]
+            rows, columns = (_reached(changes, reach) for changes in _changes_in(around))
+            if rows.start < rows.stop and columns.start < columns.stop:
+                part = around[rows.start : rows.stop + 2 * reach, columns.start : columns.stop + 2 * reach]
+                inside = faded(moved(part, shape.choke * scale), shape.feather * scale)
+                block[rows, columns] = inside[reach:-reach, reach:-reach]
     return result
+
+
+def _changes_in(coverage: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Whether each row [H] and each column [W] has a pixel that differs from its neighbor, below it or to the right."""
+    down, across = coverage[1:] != coverage[:-1], coverage[:, 1:] != coverage[:, :-1]
+    rows, columns = across.any(axis=1), down.any(axis=0)
+    rows[:-1] |= down.any(axis=1)
+    columns[:-1] |= across.any(axis=0)
+    return rows, columns
+
+
+def _reached(changes: np.ndarray, reach: int) -> slice:
+    """Which rows (or columns) between two margins so wide are at most as far from one with a change, or its neighbor."""
+    places = np.flatnonzero(changes)
+    if not len(places):
+        return slice(0, 0)
+    return slice(max(0, int(places[0]) - 2 * reach), min(len(changes) - 2 * reach, int(places[-1]) + 2))
 
 
 def moved(coverage: np.ndarray, distance: float) -> np.ndarray:

@@ -142,7 +142,7 @@ class ProjectEdit(Edit):
     def edge(self, name: str, choke: float = 0.0, feather: float = 0.0) -> ProjectEdit:
         """Move and fade an object's edge, in pixels of the photos at their full size; both 0: as it is.
 
-        Points and splats have no pixels, so they ignore it.
+        On splats and points a pixel is a length: what it spans at the object, the median of the photos.
 
         Args:
             name: the object.

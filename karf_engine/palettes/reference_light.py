@@ -1,8 +1,9 @@
-"""Colors under a reference light, and what they look like in the photos: by a gray card that was photographed.
+"""Colors under a reference light, and what they look like in the photos: by a gray card or a color chart in a photo.
 
 A book gives colors as they look under daylight (D65); photos show them under the light of the scene, by the camera's
-exposure and white balance. A card of known gray in one photo tells the ratio of both in each channel of linear light
-(von Kries; an exposure is part of it). It holds where the light falls as on the card.
+exposure, white balance and filters. A card of known gray in one photo tells the ratio of both in each channel of linear
+light (von Kries; an exposure is part of it), a chart (`color_chart`) the whole matrix. Both hold where the light falls as
+on them.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import BadRequest
-from ..io.color import lab_to_srgb, linear_to_srgb, srgb_to_linear
+from ..io.color import lab_to_srgb, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from .palette import BRIGHTEST
 
 CARD_LIGHTNESS = 50.0  # L* of a gray card, which reflects 18 % of the light
@@ -24,10 +25,11 @@ class ReferenceLight:
     """How a scene's light and its photos' exposure differ from the reference light.
 
     Attributes:
-        gains: Linear light in the photos over that under the reference light, [3], > 0.
+        matrix: From linear light under the reference light to that in the photos, [3, 3], invertible; of a gray card it is
+            diagonal.
     """
 
-    gains: np.ndarray
+    matrix: np.ndarray
 
     @classmethod
     def of_card(cls, photographed: np.ndarray, lightness: float = CARD_LIGHTNESS) -> ReferenceLight:
@@ -51,18 +53,30 @@ class ReferenceLight:
                 "The gray card is too dark or too bright in the photo.", "Pick a spot where it is lit, and not clipped."
             )
         card = srgb_to_linear(np.clip(lab_to_srgb(np.array([lightness, 0, 0])), 0, 1))
-        return cls(srgb_to_linear(photographed) / card)
+        return cls(np.diag(srgb_to_linear(photographed) / card))
 
     def photographed(self, color: np.ndarray) -> np.ndarray:
         """What colors under the reference light, sRGB [..., 3] in [0, 1], look like in the photos, in [0, BRIGHTEST]."""
-        return np.minimum(linear_to_srgb(srgb_to_linear(np.asarray(color, np.float64)) * self.gains), BRIGHTEST)
+        return np.minimum(_through(self.matrix, color), BRIGHTEST)
 
     def reference(self, color: np.ndarray) -> np.ndarray:
         """What colors of the photos, sRGB [..., 3] in [0, BRIGHTEST], look like under the reference light, likewise.
 
         Examples:
-            >>> light = ReferenceLight(np.array([2.0, 1.0, 0.5]))
+            >>> light = ReferenceLight(np.diag([2.0, 1.0, 0.5]))
             >>> light.reference(light.photographed(np.array([0.2, 0.4, 0.6]))).round(3).tolist()
             [0.2, 0.4, 0.6]
         """
-        return np.minimum(linear_to_srgb(srgb_to_linear(np.asarray(color, np.float64)) / self.gains), BRIGHTEST)
+        return np.minimum(_through(np.linalg.inv(self.matrix), color), BRIGHTEST)
+
+    def lab_photographed(self, lab: np.ndarray) -> np.ndarray:
+        """What a color under the reference light, CIE L*a*b* [..., 3], is in the photos, even if no picture can show it."""
+        return srgb_to_lab(_through(self.matrix, lab_to_srgb(lab)))
+
+    def lab_reference(self, lab: np.ndarray) -> np.ndarray:
+        """The inverse of `lab_photographed`."""
+        return srgb_to_lab(_through(np.linalg.inv(self.matrix), lab_to_srgb(lab)))
+
+
+def _through(matrix: np.ndarray, color: np.ndarray) -> np.ndarray:
+    return linear_to_srgb(srgb_to_linear(color) @ matrix.T)

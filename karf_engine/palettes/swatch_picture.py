@@ -47,6 +47,7 @@ class SwatchPicture:
         self._parts, self._out = list(parts), out
         self._outgrown: list[Part] = []
         self._reshaped: set[int] = set()
+        self._retouched: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         self._factors = np.zeros((len(parts), max((len(part.planes) for part in parts), default=0), 3), np.float32)
         self._moving: list[Entry] = []
         np.clip(start, 0, 1, out=out)
@@ -55,6 +56,13 @@ class SwatchPicture:
         """The picture with these factors [K, M, 3]: `out`, [H, W, 3] in [0, 1]."""
         factors = np.array(factors, np.float32)
         changed = (factors != self._factors).any(axis=-1)
+        if self._retouched:
+            self._moving = []  # what was summed up may hold planes that are others now
+            if not changed.any() and not self._reshaped:
+                self._paint_retouched()
+                return self._out
+            self._reshaped |= self._retouched.keys()
+            self._retouched.clear()
         for k in self._reshaped:
             changed[k] |= (factors[k] != 0).any(axis=-1) | (self._factors[k] != 0).any(axis=-1)
         moved = [(int(k), int(j)) for k, j in np.argwhere(changed)]
@@ -73,6 +81,31 @@ class SwatchPicture:
         self._outgrown.append(self._parts[k])
         self._reshaped.add(k)
         self._parts[k] = part
+
+    def retouch(self, k: int, rows: np.ndarray, columns: np.ndarray) -> None:
+        """Say that an object's planes have become others, in place, at pixels [n] of the picture: for the next `paint`."""
+        if k in self._retouched:
+            known = self._retouched[k]
+            rows, columns = np.concatenate([known[0], rows]), np.concatenate([known[1], columns])
+        self._retouched[k] = rows, columns
+
+    def _paint_retouched(self) -> None:
+        """Write the pixels whose planes have become others, with the factors that there are."""
+        rows, columns = (np.concatenate(each) for each in zip(*self._retouched.values(), strict=True))
+        self._retouched.clear()
+        pixels = rows * self._start.shape[2] + columns
+        colors = np.take(self._start.reshape(3, -1), pixels, axis=1)
+        for k, part in enumerate(self._parts):
+            inside = (part.rows[0] <= rows) & (rows < part.rows[1]) & (part.columns[0] <= columns)
+            inside &= columns < part.columns[1]
+            entries = np.flatnonzero(self._factors[k, : len(part.planes)].any(axis=-1))
+            if not (inside.any() and len(entries)):
+                continue
+            width = part.columns[1] - part.columns[0]
+            place = (rows[inside] - part.rows[0]) * width + columns[inside] - part.columns[0]
+            planes = np.stack([part.planes[j].ravel()[place] for j in entries])
+            colors[:, inside] += self._factors[k, entries].T @ planes
+        self._out[rows, columns] = np.clip(colors, 0, 1).T
 
     def _has_in_box(self, parts: Sequence[Part]) -> bool:
         """Whether parts lie in the box of what moves."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
@@ -27,6 +27,8 @@ class Frame:
         palette_weights: [K, M, H, W] float32, probabilities times weights (Eq. 9); None before palettes are learned.
         base: [H, W, 3] float32 sRGB in [0, 1], the picture that an edit changes: the photo, or the rendering.
         disputed: objects about which photo and field disagree, so that their edges are the field's.
+        camera: the pinhole from which splats were rendered; None of all else.
+        supersampling: rays a pixel along each side, of splats.
 
     Raises:
         TypeError: a field is of another type.
@@ -42,6 +44,8 @@ class Frame:
     palette_weights: np.ndarray | None
     base: np.ndarray
     disputed: tuple[str, ...] = ()
+    camera: Camera | None = field(default=None, kw_only=True)
+    supersampling: int = field(default=1, kw_only=True)
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -255,7 +255,7 @@ def full_resolution_view(
     Raises:
         DataError: The photo is missing, damaged or of another size than its camera.
     """
-    photo = open_photo(image_of(view))
+    photo = open_photo(image_of(view), view.space)
     orientation, full_size = photo.orientation_for(view.camera), max(photo.size)
     if size != "photo":
         photo = photo.resized(int(size))

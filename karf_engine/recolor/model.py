@@ -7,9 +7,9 @@ everywhere, or where none are learned from F_w: that is what view-consistent mea
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,6 +49,7 @@ from ..project.settings import Settings
 from ..segmentation.doubts import SurfaceDoubts
 from ..splats.files import load_gaussians
 from ..splats.gaussians import Gaussians
+from .borders import EdgedSplats
 from .frames import BAND_RAYS, Frame, averaged, bands_of, joined
 from .full_resolution import PhotoView, dense_weights, full_resolution_view
 from .grain import grain_of, without_grain
@@ -167,17 +168,18 @@ class Model:
         """
         check_number("supersampling", supersampling, 1, MOST_SUPERSAMPLING)
         check_camera(camera, "The camera", "Correct it.")
-        bands = bands_of(camera.without_distortion(), supersampling)
-        render = self._render_pinhole if self.splats is None else self._splat_pinhole
-        frames = [averaged(render(band), supersampling) for band in bands]
-        return frames[0] if len(frames) == 1 else joined(frames)
+        camera = camera.without_distortion()
+        if self.splats is None:
+            return _in_bands(self._render_pinhole, camera, supersampling)
+        frame = _in_bands(self._splat_pinhole, camera, supersampling)
+        return replace(frame, camera=camera, supersampling=supersampling)
 
     def _render_pinhole(self, camera: Camera) -> Frame:
         from_field = self.recoloring is not None
         picture = self.scene.render(camera, WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
         return self.frame_of(picture, picture.color.cpu().numpy(), from_field)
 
-    def _splat_pinhole(self, camera: Camera) -> Frame:
+    def _splat_pinhole(self, camera: Camera, edges: Mapping[str, EdgeShape] | None = None) -> Frame:
         view = _splatted(self.splats, camera)
         is_solid = np.arange(len(self.splats)) < self.splats.n_solid
         values = np.stack([is_solid, np.where(is_solid, view.depths, 0)], 1).astype(np.float32)
@@ -188,7 +190,8 @@ class Model:
         if self.recoloring is None:
             shares = view.blended(self.splat_shares)
             return Frame(picture, shares, None, color)
-        return Frame(picture, *planes_of_view(view, self.splats, self.splat_objects), color)
+        objects = self._edged_splats.objects(edges, {}) if edges else self.splat_objects
+        return Frame(picture, *planes_of_view(view, self.splats, objects), color)
 
     @cached_property
     def splat_shares(self) -> np.ndarray:
@@ -201,6 +204,10 @@ class Model:
     def splat_objects(self) -> tuple[ObjectSplats, ...]:
         """The Gaussians of each object with their palette weights."""
         return splats_of_objects(self.splats, self.splat_shares, self.palettes, {})
+
+    @cached_property
+    def _edged_splats(self) -> EdgedSplats:
+        return EdgedSplats(self.splats, self.splat_shares, self.palettes, self.capture.views)
 
     @checked
     def shown(self, camera: Camera, edit: Edit) -> np.ndarray:
@@ -219,14 +226,13 @@ class Model:
         """
         self._check_edit(edit)
         check_camera(camera, "The camera", "Correct it.")
-        has_pixels = edit.compositing != "delta" or shaped_edges(edit.edges)  # which no change of Gaussians can show
-        if self.splats is None or self.recoloring is None or has_pixels:
+        if self.splats is None or edit.compositing != "delta":  # which no change of Gaussians can show
             return self.composite(self.render(camera), edit)
         return _splatted(self.recolored_splats(edit), camera).picture()
 
     @checked
     def recolored_splats(self, edit: Edit) -> Gaussians:
-        """The splats with an edit baked into their colors; the last one is kept.
+        """The splats with an edit baked into their colors; the last one is kept. Edges are lengths, see `with_edges`.
 
         Raises:
             BadRequest: No splats or no palettes are learned, or the edit composites as the paper does, which no change of
@@ -239,11 +245,14 @@ class Model:
         if edit.compositing != "delta":
             raise BadRequest("An edit that replaces colors cannot be baked into splats.", "Make it one that adds.")
         self._check_edit(edit)
-        asked = repr(edit.added), {name: colors.tobytes() for name, colors in edit.colors.items()}
+        edges, colors = shaped_edges(edit.edges), {name: colors.tobytes() for name, colors in edit.colors.items()}
+        asked = repr(edit.added), repr(edges), colors
         if self._baked[0] != asked:
-            shares, objects = self.splat_shares, self.splat_objects
-            if any(edit.added.values()):
-                objects = splats_of_objects(self.splats, shares, self.palettes, edit.added)
+            objects = self.splat_objects
+            if edges:
+                objects = self._edged_splats.objects(edges, edit.added)
+            elif any(edit.added.values()):
+                objects = splats_of_objects(self.splats, self.splat_shares, self.palettes, edit.added)
             self._baked = asked, recolored(self.splats, objects, self.palettes, edit)
         return self._baked[1]
 
@@ -532,7 +541,8 @@ class Model:
     def with_edges(self, frame: Frame, edges: Mapping[str, EdgeShape]) -> Frame:
         """A frame with palette weights, whose objects end as an edit wants; without edges that change, the frame itself.
 
-        edges: by object, in pixels of the capture's photos; a frame whose long side is shorter than theirs scales them.
+        edges: by object, in pixels of the capture's photos. A frame whose long side is shorter than theirs scales them; of
+            splats, as `render` makes them, they are lengths: what such a pixel spans at the object.
 
         Raises BadRequest for a frame of another model or without palette weights, and for edges of other objects.
         """
@@ -543,6 +553,10 @@ class Model:
             raise BadRequest(f"The edges are of {', '.join(edges):.200}.", f"Objects are: {', '.join(self.objects)}.")
         if not shaped_edges(edges):
             return frame
+        if frame.camera is not None and self.splats is not None:
+            render = partial(self._splat_pinhole, edges=shaped_edges(edges))
+            ended = _in_bands(render, frame.camera, frame.supersampling)
+            return replace(frame, palette_weights=ended.palette_weights, probabilities=ended.probabilities)
         scale = max(frame.base.shape[:2]) / self._photo_side
         shown = frame.base, frame.palette_weights, frame.probabilities
         weights, probabilities = reshaped(*shown, self.palettes, edges, scale)
@@ -578,6 +592,12 @@ def _check_size(size: str | int, names: tuple[str, ...]) -> None:
         check_choice("size", size, names)
     else:
         check_number("size", size, 1)
+
+
+def _in_bands(render: Callable[[Camera], Frame], pinhole: Camera, supersampling: int) -> Frame:
+    """A pinhole's frame, of several rays a pixel, rendered in bands of rows that memory holds."""
+    frames = [averaged(render(band), supersampling) for band in bands_of(pinhole, supersampling)]
+    return frames[0] if len(frames) == 1 else joined(frames)
 
 
 def _splatted(gaussians: Gaussians, camera: Camera) -> SplattedView:

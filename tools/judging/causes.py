@@ -98,20 +98,50 @@ def split_by_cause(model: Model, truth: Truth, frames: Sequence[Frame], edit: Ed
         name: Of the true edit that it is judged by.
     """
     pictures = [model.composite(frame, edit) for frame in frames]
+    return split_in(model, truth, [frame.base for frame in frames], pictures, edit, name)
+
+
+def split_in(
+    model: Model,
+    truth: Truth,
+    photos: list[np.ndarray],
+    pictures: list[np.ndarray],
+    edit: Edit,
+    name: str,
+    within: list[np.ndarray] | None = None,
+) -> dict[str, Causes]:
+    """The same of any test pictures.
+
+    Args:
+        model: As of `split_by_cause`, as are truth, edit and name.
+        truth: Whose masks are as large as the pictures.
+        photos: Before the edit, [H, W, 3] each.
+        pictures: Ours.
+        edit: That made them.
+        name: Of the true edit.
+        within: Of each view the pixels that count, bool [H, W]; None: all.
+    """
+    within = [True] * len(photos) if within is None else within
     found = {}
     for palette in model.palettes:
-        masks = truth.masks("test")[palette.name]
+        masks = [mask & part for mask, part in zip(truth.masks("test")[palette.name], within, strict=True)]
         if palette.name in truth.edits[name]["objects"] and np.any(masks):
-            pixels = _pixels(masks, frames, pictures, truth.recolored(name))
+            pixels = _pixels(masks, truth.masks("test")[palette.name], photos, pictures, truth.recolored(name))
             edited, added = edit.colors[palette.name], edit.added.get(palette.name, ())
             found[palette.name] = pixels.view, _steps(pixels, palette.colors, edited, added)
     found["all"] = tuple(np.concatenate(parts, axis=-1) for parts in zip(*found.values(), strict=True))
     return {key: _causes(*views_and_steps) for key, views_and_steps in found.items()}
 
 
-def _pixels(masks: list[np.ndarray], frames: Sequence[Frame], ours: list[np.ndarray], true: list[np.ndarray]) -> Pixels:
-    photos = [frame.base for frame in frames]
-    coverages = [gaussian_filter(mask.astype(np.float64), EDGE)[..., None] for mask in masks]
+def _pixels(
+    masks: list[np.ndarray],
+    objects: list[np.ndarray],
+    photos: list[np.ndarray],
+    ours: list[np.ndarray],
+    true: list[np.ndarray],
+) -> Pixels:
+    """The pixels of masks, which are all of an object's masks or parts of them."""
+    coverages = [gaussian_filter(mask.astype(np.float64), EDGE)[..., None] for mask in objects]
     inside = (
         np.concatenate([view[mask] for view, mask in zip(views, masks, strict=True)]).astype(np.float64)
         for views in (photos, ours, true, coverages)

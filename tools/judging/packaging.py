@@ -1,6 +1,6 @@
 """Recolored print on packaging: how near letters come to the truth, whether metal and paper stay, what flips between views.
 
-    .venv/engine/bin/python -m tools.judging.packaging CAPTURE PROJECT [--edits EDIT ...] [--sheet FILE.png]
+    .venv/engine/bin/python -m tools.judging.packaging CAPTURE PROJECT [--edits EDIT ...] [--sheet FILE.png] [--causes]
 
 CAPTURE tells which pixels of its test views are colored print, and PROJECT was learned of it. Each edit is told in four
 ways by one color pair an object, read in one training photo (`Truth.color_pair`): `becomes`; a plain drag of the swatch,
@@ -31,6 +31,7 @@ from karf_engine.palettes.object_colors import read_object_colors
 from karf_engine.palettes.palette import PROTECT, Edit
 from karf_engine.recolor.model import Model
 
+from .causes import split_in
 from .drags import edit_by, swatch_of, with_dragged_material
 from .sheets import write_sheet
 from .truth import Truth
@@ -210,6 +211,9 @@ def main() -> None:
     parser.add_argument("capture", type=Path, help="with the truth of its print, laid out like `packaging`")
     parser.add_argument("project", type=Path, help="learned of it")
     parser.add_argument("--edits", nargs="+", metavar="EDIT", help="default: all of the capture")
+    parser.add_argument(
+        "--causes", action="store_true", help="what the letters lack, split by cause (tools.judging.causes)"
+    )
     parser.add_argument("--sheet", type=Path, metavar="FILE.png", help="write each edit's worst view there")
     options = parser.parse_args()
     if not (options.capture / "print").is_dir():
@@ -220,12 +224,25 @@ def main() -> None:
     for name in options.edits or judge.truth.edits:
         print_row(name, "no edit", judge.score(name, judge.photos))
         for way, edit_of in WAYS.items():
-            pictures = judge.recolored(edit_of(judge.model, judge.truth, name))
+            edit = edit_of(judge.model, judge.truth, name)
+            pictures = judge.recolored(edit)
             print_row(name, way, judge.score(name, pictures))
+            if options.causes:
+                print_causes(judge, name, edit, pictures)
             if way == "becomes":
                 rows.append(worst_row(judge, name, pictures))
     if options.sheet:
         write_sheet(options.sheet, rows)
+
+
+def print_causes(judge: Judge, name: str, edit: Edit, pictures: list[np.ndarray]) -> None:
+    """Print what lies between each object's letters and their true recolor."""
+    letters = [region.letters for region in judge.regions(name)]
+    split = split_in(judge.model, judge.truth, judge.photos, pictures, edit, name, letters)
+    for key, causes in split.items():
+        print(
+            f"{key:>18} {'causes':>16} ", *(f"{cause} {value:.2f}" for cause, value in vars(causes).items()), flush=True
+        )
 
 
 def worst_row(judge: Judge, name: str, pictures: list[np.ndarray]) -> list[np.ndarray]:

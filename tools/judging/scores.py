@@ -22,9 +22,11 @@ def stage_summary(project: Project) -> dict:
 
 
 def score_renders(test: TestViews) -> dict[str, float]:
-    """How near the learned scene is to the photos."""
+    """How near the learned scene is to the photos, plainly and color-corrected."""
     scores = score_pictures([frame.color for frame in test.frames], [f.base for f in test.frames])
-    return {"psnr_full": scores["psnr"], "psnr_full_worst": scores["worst"], "ssim_full": scores["ssim"]}
+    names = {"psnr": "psnr_full", "worst": "psnr_full_worst", "ssim": "ssim_full"}
+    names |= {"corrected": "cc_psnr_full", "corrected_worst": "cc_psnr_full_worst"}
+    return {names[key]: value for key, value in scores.items()}
 
 
 def score_objects(test: TestViews, truth: dict[str, list[np.ndarray]], suffix: str = "") -> dict[str, dict[str, float]]:
@@ -61,5 +63,6 @@ def rounded(value):
 def print_common(summary: dict) -> None:
     """Print what both judges know: the render and the masks."""
     print(f"render             {summary['psnr_full']} dB (worst view {summary['psnr_full_worst']})")
+    print(f"color-corrected    {summary['cc_psnr_full']} dB (worst view {summary['cc_psnr_full_worst']})")
     for key in [key for key in summary if key.startswith("iou")]:
         print(f"{key:36} " + "  ".join(f"{name} {value:.3f}" for name, value in summary[key].items()))

@@ -38,3 +38,12 @@ def difference(photo: np.ndarray, masks: np.ndarray, truth: np.ndarray) -> np.nd
 def write_sheet(path: Path, rows: list[list[np.ndarray]]) -> None:
     """Write rows of equally large pictures as one."""
     write_png(path, np.concatenate([np.concatenate(row, 1) for row in rows], 0))
+
+
+def square_of_most(values: np.ndarray, most_side: int) -> tuple[tuple[slice, slice], float]:
+    """The square in which values [H, W] have the largest sum, and that sum; it is `most_side` wide, or as the picture is."""
+    side = min(most_side, *values.shape)
+    sums = np.pad(values.cumsum(0).cumsum(1), ((1, 0), (1, 0)))
+    inside = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
+    top, left = np.unravel_index(inside.argmax(), inside.shape)
+    return (slice(top, top + side), slice(left, left + side)), float(inside.max())

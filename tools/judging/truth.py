@@ -13,6 +13,7 @@ from karf_engine.io.color import srgb_to_linear
 
 DEMO = Path(__file__).resolve().parents[2] / "demo"
 DEPTH_UNIT, NO_DEPTH = 0.001, 65535  # of depth files
+THIN_RAYS = 3  # along a pixel's side in files of thin parts
 CHANGED = 0.06  # a pixel takes part in an edit where the reference recolor differs by more, sRGB
 PAINT_ANGLE = 15.0  # degrees at least between the changes of two paints in linear light
 PAINT_SHARE = 0.1  # of the changed pixels at least, of each paint
@@ -62,6 +63,17 @@ class Truth:
             for path in sorted((self.folder / "print" / kind / "test").glob("*.png"))
         ]
 
+    def thin_rays(self, name: str, split: str, number: int) -> np.ndarray | None:
+        """Which of `THIN_RAYS` x `THIN_RAYS` rays a pixel of one view meet a thin part of an object, bool [3 H, 3 W]; None of
+        captures that do not tell it. number: the view's place in its split."""
+        paths = sorted((self.folder / "thin" / name / split).glob("*.png"))
+        return iio.imread(paths[number]) > 127 if paths else None
+
+    def rough_mask(self, name: str, stem: str) -> np.ndarray | None:
+        """The one rough mask of an object, bool [H, W]; None in photos other than the marked one."""
+        path = self.folder / "coarse_masks" / "one" / name / f"{stem}.png"
+        return iio.imread(path) > 127 if path.is_file() else None
+
     def depths(self) -> list[np.ndarray]:
         """Depth of the test views along the camera's axis, in the capture's unit, float32 [H, W]; 0 where nothing is."""
         steps = [iio.imread(path) for path in sorted((self.folder / "depth" / "test").glob("*.png"))]
@@ -106,8 +118,7 @@ class Truth:
 
     def coarse_mask(self, edit: str, object_name: str) -> np.ndarray:
         """The rough mask of an object in the edit's reference view, bool [H, W]."""
-        view = self.edits[edit]["reference_view"]
-        return iio.imread(self.folder / "coarse_masks" / "one" / object_name / f"{view}.png") > 127
+        return self.rough_mask(object_name, self.edits[edit]["reference_view"])
 
     def write_training_masks(self, folder: Path, count: int | None = None) -> Path:
         """The true masks of `count` training views, evenly chosen (default: all), as MASKS/<object>/<photo stem>.png;

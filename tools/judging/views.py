@@ -112,6 +112,12 @@ def with_model(test: TestViews, model: Model, weights_from: str = "field") -> Te
     return TestViews(model, test.training_images, frames)
 
 
+def project_of(learned: Path, scene: str) -> Path:
+    """A scene's project below a folder of them: LEARNED/<scene>/project, or LEARNED/<scene> itself."""
+    inner = learned / scene / "project"
+    return inner if inner.is_dir() else learned / scene
+
+
 def mask_file(masks: Path, view: View) -> Path:
     """Where an object's true mask of a view is, below the object's folder: in one for each split, or beside all others."""
     of_split = masks / view.split

@@ -23,7 +23,16 @@ Larger test views
   {views} of the test views are {size} x {size} pixels (up to {samples} samples per pixel); all else is as above.
   coverage/<object>/test/   share of each pixel that shows the object, 255 = all: {subpixels} x {subpixels} rays a pixel
 """
-OF_TEST_VIEWS = ("test", "labels/test", "depth/test", "recolor/*/test", "print/*/test", "transforms_test.json")
+OF_TEST_VIEWS = (
+    "test",
+    "labels/test",
+    "depth/test",
+    "recolor/*/test",
+    "print/*/test",
+    "coverage/*/test",
+    "thin/*/test",
+    "transforms_test.json",
+)
 
 
 @dataclass(frozen=True)
@@ -71,7 +80,7 @@ def enlarge_test_views(recipe: Recipe, extent: Extent, full: FullSize, source: P
     bpy.context.scene.cycles.denoising_prefilter = "FAST"  # the accurate one takes longer than the samples
     write_transforms(unfinished, [view for view in views if view.split == "train"] + test, recipe.field_of_view)
     render_photos(unfinished, test, full.samples)
-    render_truth(unfinished, test, recipe.names, full.subpixels)
+    render_truth(unfinished, test, recipe.names, full.subpixels, recipe.thin)
     if recipe.printed:
         render_print(unfinished, test)
     render_edits(recipe, unfinished, test, full.samples)

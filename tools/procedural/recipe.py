@@ -12,7 +12,7 @@ from .cameras import View, write_transforms
 from .files import write_json
 from .masks import draw_masks, reference_view
 from .materials import set_colors
-from .rendering import render_photos, render_print, render_truth, set_up_render
+from .rendering import THIN_SUBPIXELS, render_photos, render_print, render_truth, set_up_render
 
 STEPS = ("photos", "truth", "recolors", "masks")
 
@@ -76,7 +76,7 @@ class Recipe:
     build: adds everything to an empty file. views: numbers of training and test views. names: object with masks -> id.
     flaws: (object, place in its three views) -> deliberate fault of that coarse mask. title, place, about_edits: texts
     of the README. size: pixels of a square photo, where no other is asked for. printed: things have printed materials,
-    and what is colored print of them and what is not is rendered too.
+    and what is colored print of them and what is not is rendered too. thin: things have thin parts, and these too.
     """
 
     title: str
@@ -90,6 +90,7 @@ class Recipe:
     flaws: dict[tuple[str, int], str] = field(default_factory=dict)
     size: int = 160
     printed: bool = False
+    thin: bool = False
 
 
 @dataclass(frozen=True)
@@ -113,11 +114,14 @@ def make_capture(
     bpy.ops.wm.read_factory_settings(use_empty=True)
     recipe.build()
     set_up_render(extent.size, recipe.field_of_view, threads)
+    if recipe.thin:  # with few samples the accurate one takes most of the time
+        bpy.context.scene.cycles.denoising_prefilter = "FAST"
     if "photos" in steps:
         write_transforms(out, views, recipe.field_of_view)
         render_photos(out, views, extent.samples)
     if "truth" in steps:
-        render_truth(out, views, recipe.names)
+        subpixels = THIN_SUBPIXELS if recipe.thin else 1
+        render_truth(out, views, recipe.names, subpixels, recipe.thin)
         if recipe.printed:
             render_print(out, [view for view in views if view.split == "test"])
     if "recolors" in steps:

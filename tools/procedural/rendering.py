@@ -12,11 +12,13 @@ import imageio.v3 as iio
 import numpy as np
 
 from .cameras import View
-from .files import write_json, write_labels, write_png
+from .files import write_json, write_labels, write_mask, write_png
 from .materials import PRINTED, unlit
+from .shapes import THIN_PART
 
 PIXEL_FILTER = 1.5  # width of Cycles' Blackman-Harris filter in photos, pixels
 PRINT_SAMPLES = 32
+THIN_SUBPIXELS = 3  # rays along a pixel's side where thin parts are told
 DEPTH_UNIT = 0.001
 NO_DEPTH = 65535
 
@@ -143,10 +145,11 @@ def render_photos(out: Path, views: list[View], samples: int) -> None:
     print(f"{out}: {len(seconds)} photos, {np.mean(seconds):.2f} s each", flush=True)
 
 
-def render_truth(out: Path, views: list[View], names: dict[str, int], subpixels: int = 1) -> None:
+def render_truth(out: Path, views: list[View], names: dict[str, int], subpixels: int = 1, thin: bool = False) -> None:
     """Render the label image of every view, and the depth image of every test view; ``names``: object name -> id.
 
-    With several ``subpixels``, an odd number, also each object's coverage of the pixels.
+    With several ``subpixels``, an odd number, also each object's coverage of the pixels; with ``thin`` also which rays
+    meet its thin parts.
     """
     write_json(out / "labels" / "names.json", names)
     centers = slice(subpixels // 2, None, subpixels)
@@ -155,7 +158,8 @@ def render_truth(out: Path, views: list[View], names: dict[str, int], subpixels:
         for view in views:
             file = f"{view.split}/{view.stem}.png"
             render_view(view, Path(folder) / "unused.png")
-            ids = np.rint(read_pass(Path(folder), "IndexOB")).astype(np.uint8)
+            index = np.rint(read_pass(Path(folder), "IndexOB")).astype(np.uint8)
+            ids = index % THIN_PART
             depth = read_pass(Path(folder), "Depth")[centers, centers]
             write_labels(out / "labels" / file, ids[centers, centers])
             if view.split == "test":
@@ -163,6 +167,8 @@ def render_truth(out: Path, views: list[View], names: dict[str, int], subpixels:
                 write_png(out / "depth" / file, steps)
             for name, number in names.items() if subpixels > 1 else ():
                 write_png(out / "coverage" / name / file, coverage(ids == number, subpixels))
+            for name, number in names.items() if thin else ():
+                write_mask(out / "thin" / name / file, index == number + THIN_PART)
 
 
 def render_print(out: Path, views: list[View]) -> None:

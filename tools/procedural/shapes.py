@@ -8,6 +8,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
+THIN_PART = 100  # added to the pass index of what is a thin part of a thing
+
 
 def smooth_curve(points, per_span: int = 8) -> np.ndarray:
     """Return the Catmull-Rom curve through ``points`` (N, D) as ((N - 1) * per_span + 1, D)."""

@@ -6,7 +6,8 @@ Every 8th photo is held out where the capture declares none, and judged. MASKS/<
 without the split) are the true masks. One of each object is drawn over as a hasty hand would, and is all that the engine
 sees; the ceiling is the same field trained on the true masks of all training views. Another seed draws other masks: in
 the same OUT only what depends on them is learned again. Without MASKS there are no objects. Splats are also judged as
-exposed as the photos before and after each held-out one.
+exposed as the photos before and after each held-out one, and voxels and splats color-corrected, with each photo's own
+exposure and white balance, by which photos of a real capture differ.
 """
 
 from __future__ import annotations
@@ -25,12 +26,13 @@ from karf_engine.capture.training_images import TrainingImage, undistort
 from karf_engine.compute.progress import TerminalEmit
 from karf_engine.io.files import write_json
 from karf_engine.io.images import read_mask, resize, write_png
+from karf_engine.metrics.images import cc_psnr
 from karf_engine.metrics.masks import iou
-from karf_engine.project import Project
 from karf_engine.project.settings import PRESETS
 from karf_engine.recolor.model import Model
 from karf_engine.segmentation.report import SegmentationReport
 from karf_engine.segmentation.views import farthest_point_views
+from karf_engine.splats.files import load_gaussians
 
 from ..judging import HOLDOUT
 from ..judging.scores import print_common, rounded, score_objects, score_renders, stage_summary
@@ -61,7 +63,7 @@ def judge(options: argparse.Namespace) -> dict[str, Any]:
         for name in test.model.objects
     }
     summary = {"capture": str(options.capture)} | stage_summary(test.model.project)
-    summary |= score_renders(test) | {"splats": score_splats(test.model.project)}
+    summary |= score_renders(test) | {"splats": score_splats(test)}
     if drawn:
         summary |= {"seed": options.seed, "coarse_masks": drawn} | score_masks(options, test, truth)
     write_json(options.out / "summary.json", rounded(summary))
@@ -80,11 +82,26 @@ def learn(options: argparse.Namespace, is_marked: bool) -> Model:
     return karf.load(project)
 
 
-def score_splats(project: Project) -> dict[str, float]:
-    """PSNR of held-out photos as splats show them, mean and worst, and both as exposed as the photos beside them."""
-    names = ("psnr", "psnr_worst", "psnr_exposed", "psnr_exposed_worst")
-    _, learned = (project.finished("splats") or {}).get("held_out", ((), ()))
-    return dict(zip(names, learned, strict=False))
+def score_splats(test: TestViews) -> dict[str, float]:
+    """PSNR of held-out photos as splats show them, mean and worst, as exposed as the photos beside them, and color-corrected."""
+    names, project = ("psnr", "psnr_worst", "psnr_exposed", "psnr_exposed_worst"), test.model.project
+    done = project.finished("splats")
+    if done is None:
+        return {}
+    _, learned = done.get("held_out", ((), ()))
+    return dict(zip(names, learned, strict=False)) | corrected_splats(test)
+
+
+def corrected_splats(test: TestViews) -> dict[str, float]:
+    """PSNR of color-corrected splats in the test views, mean and worst, at the size of the training images."""
+    from karf_engine.splats.rasterizer import splatted  # needs numba
+
+    gaussians = load_gaussians(test.model.project.splats_file)
+    values = [
+        cc_psnr(splatted(gaussians, image.camera).image[..., :3].clip(0, 1), frame.base)
+        for image, frame in zip(test.training_images, test.frames, strict=True)
+    ]
+    return {"cc_psnr": float(np.mean(values)), "cc_psnr_worst": float(np.min(values))}
 
 
 def score_masks(options: argparse.Namespace, test: TestViews, truth: dict[str, list[np.ndarray]]) -> dict[str, Any]:

@@ -36,8 +36,9 @@ from ..judging.edges import BAND, EdgeScore, border_band, mean_scores, score_edg
 from ..judging.matting_ways import WAYS, Evidence, larger_field
 from ..judging.recolors import edit_to_judge
 from ..judging.scores import rounded
-from ..judging.sheets import write_sheet
+from ..judging.sheets import square_of_most, write_sheet
 from ..judging.truth import Truth
+from ..judging.views import project_of
 
 CROP = 192  # pixels, at most
 TITLES = {
@@ -114,12 +115,6 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--larger", type=Path, help="folder of projects that were learned from larger photos")
     parser.add_argument("--rows", nargs="+", choices=tuple(WAYS), default=tuple(WAYS), help="default: all")
     return parser.parse_args()
-
-
-def project_of(learned: Path, scene: str) -> Path:
-    """A scene's project below a folder of them."""
-    inner = learned / scene / "project"
-    return inner if inner.is_dir() else learned / scene
 
 
 def judge(capture: Path, project: Path, larger: Path | None, options: argparse.Namespace) -> dict:
@@ -205,13 +200,9 @@ def crops_of(scene: Scene, view: JudgedView, results: dict[str, Result]) -> dict
         edit = next(edit for edit in scene.edits if k in scene.changed(edit))
         true = view.evidence.coverage[k]
         wrong = np.abs(results["field"].coverage[k] - true) * border_band(true > 0.5)
-        side = min(CROP, *wrong.shape)
-        sums = np.pad(wrong.cumsum(0).cumsum(1), ((1, 0), (1, 0)))
-        in_crop = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
-        top, left = np.unravel_index(in_crop.argmax(), in_crop.shape)
-        here = slice(top, top + side), slice(left, left + side)
+        here, most = square_of_most(wrong, CROP)
         recolors = results["field"].recolored[edit], results["photo"].recolored[edit], view.recolored[edit]
-        crops[name] = Crop(float(in_crop.max()), [picture[here] for picture in (view.evidence.photo / 255, *recolors)])
+        crops[name] = Crop(most, [picture[here] for picture in (view.evidence.photo / 255, *recolors)])
     return crops
 
 

@@ -2,6 +2,7 @@
 
     .venv/blender/bin/python -m tools.scenes.make_captures --out DIR [SCENE ...] [--size N] [--views 40+8]
     .venv/blender/bin/python -m tools.scenes.make_captures --out DIR --seeds 0-7 [--size 160]
+    .venv/blender/bin/python -m tools.scenes.make_captures --out DIR --thin-seeds 0-3 [--size 320] [--full DIR2]
     .venv/blender/bin/python -m tools.scenes.make_captures --out DIR [SCENE ...] --full DIR2 [--full-size 1024]
 
     single   one jug on a table
@@ -14,35 +15,31 @@
              things with print on them, and also which pixels are letters (tools/scenes/packaging.py); 320 pixels
 
 Each is laid out as the demo capture. A scene that DIR has already, of the same arguments, is not made again. The second
-form makes scenes that nobody chose: a seed draws all that is in them (tools/procedural/seeded). The third
-form also copies them to DIR2, with a few test views at a larger size and the coverage of each object there. Needs the
-bpy wheel, numpy and imageio. Everything is procedural and seeded: the same arguments give the same files.
+form makes scenes that nobody chose: a seed draws all that is in them (tools/procedural/seeded). The third draws scenes
+of things with thin parts, and tells which pixels these are. --full also copies captures to DIR2, with a few test views
+at a larger size and the coverage of each object there. Needs the bpy wheel, numpy and imageio. Everything is procedural
+and seeded: the same arguments give the same files.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import os
-import shutil
 import sys
-from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
 from ..procedural import full_size, thin_things, things
 from ..procedural.cameras import dome_views, patch_views
-from ..procedural.files import write_json
+from ..procedural.files import unless_there
 from ..procedural.recipe import Extent, Recipe, TrueEdit, make_capture
-from ..procedural.seeded.recipe import make_drawn_capture
+from .drawn_captures import make_seed_once, make_thin_once
 from .packaging import PACKAGING
 
 RECIPE_VERSION = 1  # goes up with every change to the scenes, so that captures of older ones are made again
-DRAWING_VERSION = 1  # likewise, of the drawn scenes
-SEED_SIZE = 160
-MADE_BY = "made_by.json"
+VIEWS = 40, 8  # training and test views
 FIELD_OF_VIEW = math.radians(38.0)
 ON_TABLE = """\
 the table top is the disk z = 0 of
@@ -215,8 +212,10 @@ def main(argv: list[str] | None = None) -> int:
     options = parse_arguments(argv)
     for seed in options.seeds:
         make_seed_once(seed, options)
-    for scene in options.scenes or (RECIPES if not options.seeds else ()):
-        extent = Extent(options.size or RECIPES[scene].size, *options.views, options.samples)
+    for seed in options.thin_seeds:
+        make_thin_once(seed, options)
+    for scene in options.scenes or (RECIPES if not options.seeds and not options.thin_seeds else ()):
+        extent = Extent(options.size or RECIPES[scene].size, *(options.views or VIEWS), options.samples)
         capture = options.out / scene
         make_once(scene, extent, capture, options.threads)
         if options.full:
@@ -231,8 +230,10 @@ def parse_arguments(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("scenes", nargs="*", metavar="SCENE", help=", ".join(RECIPES))
     parser.add_argument("--out", type=Path, required=True, help="folder of the captures, DIR/<scene>")
     parser.add_argument("--seeds", type=numbers, default=(), metavar="A-B", help="drawn scenes instead: 7, or 0-7")
+    thin = {"type": numbers, "default": (), "metavar": "A-B"}
+    parser.add_argument("--thin-seeds", **thin, help="drawn scenes of things with thin parts instead")
     parser.add_argument("--size", type=int, help="width and height in pixels (default: the scene's own, 160 or 320)")
-    parser.add_argument("--views", type=views, default=(40, 8), metavar="TRAIN+TEST", help="numbers (default: 40+8)")
+    parser.add_argument("--views", type=views, metavar="TRAIN+TEST", help="numbers (default: 40+8; 24+4 of thin parts)")
     parser.add_argument("--samples", type=int, default=24, help="samples per pixel at most (default: %(default)s)")
     parser.add_argument("--threads", type=int, default=2, help="processor threads (default: %(default)s)")
     full_size.add_options(parser)
@@ -260,30 +261,7 @@ def make_once(scene: str, extent: Extent, folder: Path, threads: int) -> None:
     arguments = {"scene": scene, "recipe_version": RECIPE_VERSION} | asdict(extent)
     command = f"python -m tools.scenes.make_captures --out DIR {scene} --size {extent.size}"
     command += f" --views {extent.train}+{extent.test} --samples {extent.samples}"
-    _unless_there(folder, arguments, lambda out: make_capture(RECIPES[scene], extent, out, command, threads))
-
-
-def make_seed_once(seed: int, options: argparse.Namespace) -> None:
-    """Make the capture of a drawn scene, unless it is there."""
-    size, samples = options.size or SEED_SIZE, options.samples
-    arguments = {"seed": seed, "drawing_version": DRAWING_VERSION, "size": size, "samples": samples}
-    command = f"python -m tools.scenes.make_captures --out DIR --seeds {seed} --size {size} --samples {samples}"
-    make = partial(make_drawn_capture, seed, size, samples, command=command, threads=options.threads)
-    _unless_there(options.out / f"seed_{seed:03d}", arguments, make)
-
-
-def _unless_there(folder: Path, arguments: dict, make: Callable[[Path], None]) -> None:
-    """Make a capture, unless ``folder`` has one of the same arguments; it appears there when it is complete."""
-    made_by = folder / MADE_BY
-    if made_by.exists() and json.loads(made_by.read_text(encoding="utf-8")) == arguments:
-        print(f"{folder}: there already")
-        return
-    checkpoint = folder.with_name(f"{folder.name}.unfinished")
-    shutil.rmtree(checkpoint, ignore_errors=True)
-    make(checkpoint)
-    write_json(checkpoint / MADE_BY, arguments)
-    shutil.rmtree(folder, ignore_errors=True)
-    checkpoint.rename(folder)
+    unless_there(folder, arguments, lambda out: make_capture(RECIPES[scene], extent, out, command, threads))
 
 
 if __name__ == "__main__":

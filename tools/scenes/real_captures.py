@@ -123,7 +123,7 @@ def main() -> None:
     judged = {name: read_json(path, "summary") for name, path in summaries.items() if path.exists()}
     made = {"preset": options.preset, "version": karf.__version__}
     write_json(options.out / "real_captures.json", made | {"captures": judged})
-    print("\n" + "\n".join([*picture_rows(judged), "", *mask_rows(judged)]))
+    print("\n" + "\n".join([*picture_rows(judged), "", *corrected_rows(judged), "", *mask_rows(judged)]))
 
 
 def parse_arguments() -> argparse.Namespace:
@@ -197,6 +197,27 @@ def picture_rows(judged: Mapping[str, Mapping[str, Any]]) -> list[str]:
         ]
         pictures = [f"{mean:.1f}, {worst:.1f} dB" for mean, worst in pairs]
         rows.append([name, *pictures, *taken, f"{summary['peak_memory'] / 2**30:.1f} GiB"])
+    return markdown(titles, rows)
+
+
+def corrected_rows(judged: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """How held-out photos are shown, mean and worst, plainly and color-corrected: a table in Markdown.
+
+    Captures that an earlier version judged have no such figures, and no row.
+    """
+    titles = ("capture", "voxels", "voxels, corrected", "splats", "splats, corrected")
+    rows = []
+    for name, summary in judged.items():
+        if "cc_psnr_full" not in summary:
+            continue
+        splats = summary["splats"]
+        pairs = (
+            (summary["psnr_full"], summary["psnr_full_worst"]),
+            (summary["cc_psnr_full"], summary["cc_psnr_full_worst"]),
+            (splats["psnr"], splats["psnr_worst"]),
+            (splats["cc_psnr"], splats["cc_psnr_worst"]),
+        )
+        rows.append([name, *(f"{mean:.1f}, {worst:.1f} dB" for mean, worst in pairs)])
     return markdown(titles, rows)
 
 

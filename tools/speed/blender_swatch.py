@@ -1,9 +1,11 @@
 """How long a swatch edit takes in Blender, from setting the property to the pixels in the image. Prints JSON.
 
     python tools/speed/blender_swatch.py [--width 800] [--height 800] [--colors 6] [--objects 1] [--edited 1]
-        [--compositing delta] [--alone | --surface] [--repeat 40]
+        [--compositing delta] [--alone] [--drag color] [--with NAME ...] [--repeat 40]
 
-Runs under the `bpy` module, or inside Blender after `--python ... --`. Planes are made up: smooth, every pixel touched.
+Runs under the `bpy` module, or inside Blender after `--python ... --`. Planes are made up: smooth, every pixel touched, or
+with `--island` those of an object with soft edges whose box is 80 % of the picture's width and height. `--with` sets other
+controls before, and `all` all of them.
 Times are of this process alone, so that others at work on the machine add little; `upload_ms` is the plain
 `foreach_set` of the same picture, which is Blender's own. Not in the figures: the upload to the graphics card when the
 editor is drawn.
@@ -17,6 +19,7 @@ import statistics
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -25,6 +28,17 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 MODULE = "bl_ext.karf_bench.karf"
 HISTOGRAM_CELLS = 4000  # colors of an object, about as many as the demo's objects have
+# what a share from 0 to 1 of a drag makes of each control
+DRAGGED = {
+    "color": lambda share: (share, 0.5, 1 - share),
+    "saturation": lambda share: 2 * share,
+    "brightness": lambda share: share - 0.5,
+    "gloss": lambda share: share,
+    "choke": lambda share: 6 * share - 3,
+    "feather": lambda share: 1 + 11 * share,
+}
+OF_OBJECT = ("choke", "feather")
+CONTROLS = ("saturation", "brightness", "gloss", "choke", "feather", "metal", "added", "protect")
 
 
 def main() -> None:
@@ -54,7 +68,11 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--edited", type=int, default=1, help="swatches of the first object that differ all the time")
     parser.add_argument("--compositing", choices=("delta", "paper"), default="delta")
     parser.add_argument("--alone", action="store_true", help="without Material: no other swatch follows")
-    parser.add_argument("--surface", action="store_true", help="the gloss is dragged, not the color")
+    parser.add_argument("--island", action="store_true", help="objects end within the picture")
+    parser.add_argument("--drag", choices=tuple(DRAGGED), default="color", help="what is dragged")
+    parser.add_argument(
+        "--with", dest="used", choices=(*CONTROLS, "all"), nargs="*", default=[], help="what is set before"
+    )
     parser.add_argument("--repeat", type=int, default=40)
     return parser.parse_args(arguments)
 
@@ -76,6 +94,10 @@ def show(project: Path, options: argparse.Namespace) -> bpy.types.Scene:
     ]
     weights = np.stack(waves).reshape(options.objects, colors, height, width)
     weights /= weights.sum(axis=(0, 1))
+    if options.island:
+        across, down = np.linspace(-1, 1, width), np.linspace(-1, 1, height)[:, None]
+        inside = np.clip((0.8 - np.hypot(across, down)) * width / 4 + 0.5, 0, 1)  # soft over some two pixels
+        weights *= inside.astype(np.float32)
     base = np.stack([rows, columns, 1 - rows], -1)
     names = tuple(f"object_{k}" for k in range(options.objects))
     compositing = importlib.import_module(f"{MODULE}.karf_engine.palettes.compositing")
@@ -95,6 +117,7 @@ def show(project: Path, options: argparse.Namespace) -> bpy.types.Scene:
     object_colors = importlib.import_module(f"{MODULE}.karf_engine.palettes.object_colors")
     pixels = np.random.default_rng(0).integers(height * width, size=HISTOGRAM_CELLS)
     seen = [weights[k].reshape(colors, -1).T[pixels] for k in range(options.objects)]
+    seen = [np.maximum(own, 1e-6) for own in seen]
     histograms = {
         name: object_colors.ColorHistogram(own @ ramp, np.ones(len(own)), own / own.sum(1, keepdims=True))
         for name, own in zip(names, seen, strict=True)
@@ -107,17 +130,32 @@ def show(project: Path, options: argparse.Namespace) -> bpy.types.Scene:
 
 def edit(scene: bpy.types.Scene, options: argparse.Namespace) -> list[float]:
     """Milliseconds of each swatch edit; its update callback has composited and uploaded when the setting returns."""
-    swatches = scene.karf.objects[0].swatches
+    item = scene.karf.objects[0]
+    swatches = item.swatches
     for index in range(2, options.edited + 1):
         swatches[index].color = (0.3, 0.6, 0.1)
+    use(scene, CONTROLS if "all" in options.used else options.used)
     times = []
     for turn in range(options.repeat):
-        share = turn / options.repeat
-        name, value = ("gloss", share) if options.surface else ("color", (share, 0.5, 1 - share))
+        value = DRAGGED[options.drag](turn / options.repeat)
         start = time.process_time()
-        setattr(swatches[1], name, value)
+        setattr(item if options.drag in OF_OBJECT else swatches[1], options.drag, value)
         times.append((time.process_time() - start) * 1000)
     return times
+
+
+def use(scene: bpy.types.Scene, controls: Sequence[str]) -> None:
+    """Set controls of the first object and its first swatch to what an artist may choose."""
+    item, headless = scene.karf.objects[0], importlib.import_module(f"{MODULE}.karf_blender.headless")
+    if "added" in controls or "protect" in controls:
+        headless.add_color(item.name, (0.5, 0.22, 0.11), (0.2, 0.5, 0.3))
+    for swatch in item.swatches:
+        if swatch.is_added and "protect" in controls:
+            swatch.protect = 0.2
+    item.is_metal = "metal" in controls
+    for name in controls:
+        if name in DRAGGED:
+            setattr(item if name in OF_OBJECT else item.swatches[1], name, DRAGGED[name](0.7))
 
 
 def upload(scene: bpy.types.Scene, options: argparse.Namespace) -> list[float]:

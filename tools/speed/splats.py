@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -32,12 +33,14 @@ def run(project: Path, threads: int) -> tuple[list[Row], list[Row]]:
     views = splats.capture.split("test")
     camera = splats.working_camera((views or splats.capture.views)[0])
     edit = splats.edit() if splats.recoloring else None
+    feathered = (edit.edge(splats.objects[0], 0, 4 + 4 * share) for share in cycle((0.0, 0.5, 1.0)))
     cases = {}
     for side in SIDES:
         factor = side / max(camera.width, camera.height)
         scaled = camera.scaled(round(camera.width * factor), round(camera.height * factor))
         if edit is not None:
             cases["recolored splats", side] = lambda scaled=scaled: splats.shown(scaled, edit)
+            cases["with a dragged feather", side] = lambda scaled=scaled: splats.shown(scaled, next(feathered))
         cases["splats with planes", side] = lambda scaled=scaled: splats.render(scaled)
         if side in FIELD_SIDES:
             cases["field with planes", side] = lambda scaled=scaled: field.render(scaled)

@@ -1,8 +1,9 @@
 """Run by the engine's Python: writes a layered picture of the fake engine's objects, and what the engine makes of it.
 
-FOLDER/layers/photo_0.exr, and FOLDER/truth.npz: `coverage` [2, 30, 40], `edited` [2, 3, 3] and `recolored` [30, 40, 3].
+FOLDER/layers/photo_0.exr, the same in ACEScg as FOLDER/layers/acescg.exr where the engine has OpenColorIO, and FOLDER/truth.npz: `coverage` [2, 30, 40], `edited` [2, 3, 3] and `recolored` [30, 40, 3].
 """
 
+import importlib.util
 import sys
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
 from karf_engine.export.layers import write_layers
+from karf_engine.io.color_spaces import color_space
 from karf_engine.palettes.compositing import delta_composite, stack_palettes
 from karf_engine.palettes.palette import Palette
 from karf_engine.recolor.layers import Layers
@@ -26,7 +28,10 @@ ramp = np.linspace(0, 1, 40)[None, :] * np.linspace(0.5, 1, 30)[:, None]
 coverage = np.stack([ramp, (1 - ramp) * (ramp > 0.25)]).astype(np.float16)
 weights = (shares * coverage[:, None]).astype(np.float16)
 palettes = tuple(Palette(name, np.array(colors, np.float32)) for name, colors in LEARNED.items())
-write_layers(folder / "layers" / "photo_0.exr", Layers(palettes, base, coverage, weights, ramp))
+layers = Layers(palettes, base, coverage, weights, ramp)
+write_layers(folder / "layers" / "photo_0.exr", layers)
+if importlib.util.find_spec("PyOpenColorIO"):
+    write_layers(folder / "layers" / "acescg.exr", layers, color_space("ACEScg"))
 
 learned, edited = (
     stack_palettes(list(LEARNED), {n: np.array(c) for n, c in each.items()}) for each in (LEARNED, EDITED)

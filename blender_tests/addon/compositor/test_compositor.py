@@ -1,5 +1,6 @@
 """The compositor: mattes that Blender's own node reads, and nodes that recompose what the engine recolors."""
 
+import importlib
 import shutil
 import subprocess
 import sys
@@ -48,6 +49,12 @@ def set_edit(addon, scene, truth):
             addon.headless.set_swatch(name, index, colors[index])
 
 
+def set_sockets(addon, node, truth):
+    for name, colors in zip(NAMES, truth["edited"], strict=True):
+        for index in (1, 2):
+            node.inputs[f"{name} {index}"].default_value = (*addon.engine_api.srgb_to_linear(colors[index]), 1)
+
+
 @pytest.mark.parametrize("which, name", list(enumerate(NAMES)))
 def test_blenders_cryptomatte_node_gives_an_objects_coverage(
     bpy, addon, scene, compositor, layers_file, truth, tmp_path, which, name
@@ -64,11 +71,38 @@ def test_blenders_cryptomatte_node_gives_an_objects_coverage(
 def test_the_nodes_recompose_the_engines_picture(bpy, addon, scene, compositor, layers_file, truth, tmp_path):
     """From the file alone: the scene knows nothing of its objects."""
     node = addon.headless.build_compositor(layers=layers_file)
-    for name, colors in zip(NAMES, truth["edited"], strict=True):
-        for index in (1, 2):
-            node.inputs[f"{name} {index}"].default_value = (*addon.engine_api.srgb_to_linear(colors[index]), 1)
+    set_sockets(addon, node, truth)
     picture = as_display(addon, rendered(bpy, addon, scene, tmp_path))
     assert np.abs(picture - truth["recolored"]).max() < 0.5 / 255
+
+
+def test_layers_in_another_color_space_recompose_the_same_picture(
+    bpy, addon, scene, compositor, layers_file, truth, tmp_path
+):
+    path = layers_file.with_name("acescg.exr")
+    if not path.exists():
+        pytest.skip("the engine has no OpenColorIO")
+    scene.karf.layer_space = "ACEScg"
+    node = addon.headless.build_compositor(layers=path)
+    set_sockets(addon, node, truth)
+    picture = as_display(addon, rendered(bpy, addon, scene, tmp_path))
+    assert np.abs(picture - truth["recolored"]).max() < 0.5 / 255
+
+
+def test_a_space_that_blender_does_not_know_is_said(bpy, addon, scene, compositor, layers_file):
+    scene.karf.layer_space = "studio log"
+    addon.headless.build_compositor(layers=layers_file)
+    assert "Blender knows no color space studio log" in addon.progress.state().warnings
+
+
+def test_the_engine_is_asked_for_the_chosen_spaces(bpy, addon, learned, tmp_path):
+    requests = importlib.import_module(addon.steps.__name__ + ".requests")
+    learned.karf.layer_space, learned.karf.photo_space, learned.karf.ocio = "ACEScg", "ACEScct", "/show/config.ocio"
+    _, options = requests.layers(learned, "photo_0", tmp_path)
+    assert (options["layer_space"], options["ocio"]) == ("ACEScg", "/show/config.ocio")
+    learn = importlib.import_module(addon.steps.__name__ + ".learn")
+    _, options = learn._geometry(learned, "", ())
+    assert (options["photo_space"], options["ocio"]) == ("ACEScct", "/show/config.ocio")
 
 
 def test_nodes_that_change_nothing_give_the_base(bpy, addon, scene, compositor, layers_file, tmp_path):

@@ -283,9 +283,10 @@ def test_the_words_of_the_field_are_under_advanced(bpy, addon, learned, draw, mo
     left = learned.karf.match.left.add()
     left.name, left.before, left.left = "pot", 9.0, 2.0
     drawn = draw()
-    assert drawn.count("Advanced") == 3 and drawn.index("karf.learn_all") < drawn.index("Advanced") < drawn.index(
-        "nerf"
-    )
+    assert drawn.count("Advanced") == 5
+    for button, name in (("karf.import_capture", "photo_space"), ("karf.learn_all", "nerf")):
+        after = drawn.index(button)
+        assert after < drawn.index("Advanced", after) < drawn.index(name)
     assert "pot: what is left is visible side by side (2.0, was 9.0)" in drawn
     assert "CIEDE2000" not in " ".join(drawn)
     monkeypatch.setattr(Layout, "panel", lambda self, *_, **__: (self.row(), None))  # folded, as they are at first

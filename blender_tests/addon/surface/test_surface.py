@@ -1,5 +1,6 @@
 """The learned scene as an object: its colors are the engine's, follow the swatches, and go into files as they are."""
 
+import dataclasses
 import json
 import struct
 import subprocess
@@ -254,3 +255,14 @@ def test_objects_of_long_names_keep_their_own_weights(bpy, addon, points):
     data = bpy.data.meshes.new("long")
     assert {data.attributes.new(name, "FLOAT", "FACE").name for name in attributes} == attributes
     assert len(attributes) == 2
+
+
+def test_points_end_where_the_scenes_edges_do(bpy, addon, learned, points, tmp_path):
+    inside = points.probabilities[:, 1] > 0.5
+    distances = np.where(inside, 1, -1)[:, None] * np.ones((1, 2), np.float32)
+    borders = addon.engine_api.Borders(distances.astype(np.float32), np.ones(2, np.float32), np.ones(2, np.float32))
+    addon.engine_api.write_points(tmp_path / "points.npz", dataclasses.replace(points, borders=borders))
+    addon.headless.set_swatch("pot", 1, EDIT["pot", 1])
+    learned.karf.objects["pot"].choke = 2  # further than any point is from the border
+    item = addon.headless.show_scene(points=tmp_path / "points.npz")
+    np.testing.assert_allclose(colors_of(bpy, item) * 255, points.colors, atol=0.01)

@@ -108,10 +108,10 @@ def test_no_more_than_one_full_size_photo_is_held(tmp_path, monkeypatch):
 
     alive, read = [], training_images.read_photo
 
-    def read_alone(path, upright=True):
+    def read_alone(path, *how):
         gc.collect()
         assert not any(reference() is not None for reference in alive)
-        photo = read(path, upright)
+        photo = read(path, *how)
         alive.append(weakref.ref(photo))
         return photo
 

@@ -11,9 +11,11 @@ pytest.importorskip("scipy")
 pytest.importorskip("imageio")
 
 from blender_tests.engine.conftest import run_engine
+from blender_tests.engine.palettes.drawn_chart import CAST, CORNERS, photo_of_chart
 from karf_engine.cli import main, verbs
 from karf_engine.io.images import write_png
 from karf_engine.palettes.palette import hex_to_rgb, rgb_to_hex
+from karf_engine.palettes.project_edit import edit_of
 from karf_engine.palettes.reference_light import ReferenceLight
 from karf_engine.project import Project
 from karf_engine.worker.findings import VERDICT, Finding
@@ -208,6 +210,25 @@ def test_a_gray_card_says_what_a_books_color_looks_like_in_the_photos(learned, t
     seen = rgb_to_hex(light.photographed(hex_to_rgb("#1f5fbf")))
     with_card = edit("card.json", "--to", "#1f5fbf", "--card", "#a08060")
     assert with_card == edit("seen.json", "--to", seen) != edit("plain.json", "--to", "#1f5fbf")
+
+
+def test_a_color_chart_in_a_photo_says_the_same_found_by_itself_or_by_its_corners(learned, tmp_path, capsys):
+    photo, out = tmp_path / "chart.png", tmp_path / "edit.json"
+    write_png(photo, photo_of_chart())
+    pair = "match", learned.project, "--object", "ball", "--from", "#d92619", "--to", "#1f5fbf", "--out", out
+    wanted = edit_of(Project(learned.project)).becomes(
+        "ball", "#d92619", rgb_to_hex(ReferenceLight(CAST).photographed(hex_to_rgb("#1f5fbf")))
+    )
+    corners = ",".join(f"{value:g}" for value in CORNERS.ravel())
+    for words in (), ("--corners", corners):
+        assert main([*map(str, (*pair, "--chart", photo, *words))]) == 0
+        assert "color chart: CIEDE2000 0.1 left in the mean of 23 patches" in "".join(capsys.readouterr())
+        edit = edit_of(Project(learned.project), out)
+        np.testing.assert_allclose(edit.colors["ball"], wanted.colors["ball"], atol=0.02)
+    write_png(photo, np.full((60, 80, 3), 0.5))
+    assert f"No color chart was found in {photo}" in fails(capsys, 2, *pair, "--chart", photo)[0]
+    assert "but no photo of it" in fails(capsys, 2, *pair, "--corners", corners)[0]
+    assert "were given" in fails(capsys, 2, *pair, "--chart", photo, "--card", "#808080")[0]
 
 
 def test_a_damaged_checkpoint_is_named(learned, tmp_path, capsys):

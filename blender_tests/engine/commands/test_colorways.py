@@ -2,6 +2,7 @@
 
 import csv
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,9 +16,12 @@ from karf_engine.capture import write_cameras
 from karf_engine.capture.capture import View
 from karf_engine.cli import main
 from karf_engine.errors import BadRequest, Cancelled, DataError
+from karf_engine.io.color import ciede2000, srgb_to_lab
 from karf_engine.io.images import read_photo
 from karf_engine.palettes.colorways.planned import plan_colorways
 from karf_engine.palettes.edit_files import write_edit
+from karf_engine.palettes.palette import hex_to_rgb, rgb_to_hex
+from karf_engine.palettes.reference_light import ReferenceLight
 from karf_engine.project import Project
 
 SHEET = """colorway,object,hex,lab
@@ -167,6 +171,25 @@ def test_any_camera_shows_the_colorways_too(learned, sheet, tmp_path):
     assert sorted(path.name for path in (tmp_path / "out" / "Green").iterdir()) == ["frame_0.png", "frame_1.png"]
 
 
+def test_with_a_gray_card_wanted_and_reached_are_told_under_daylight(learned, sheet, tmp_path):
+    sheet.write_text("colorway,object,hex\nBrown,block,#806050\n")
+    card = "#a08060"
+    assert main(command(learned.project, sheet, tmp_path / "out", "--card", card)) == 0
+    light = ReferenceLight.of_card(hex_to_rgb(card))
+    seen = rgb_to_hex(light.photographed(hex_to_rgb("#806050")))
+    sheet.write_text(f"colorway,object,hex\nBrown,block,{seen}\n")
+    assert main(command(learned.project, sheet, tmp_path / "seen")) == 0
+    named, shown = (table(tmp_path / folder)["Brown", "block"] for folder in ("out", "seen"))
+    assert (named["wanted"], shown["wanted"]) == ("#806050", seen)
+    for column in ("predicted", "reached"):
+        under = hex_to_rgb(named[column])
+        np.testing.assert_allclose(light.photographed(under), hex_to_rgb(shown[column]), atol=3 / 255)
+        left = ciede2000(srgb_to_lab(under), srgb_to_lab(hex_to_rgb("#806050")))
+        assert float(named[f"{column}_ciede2000"]) == pytest.approx(left, abs=0.6)  # of colors rounded to 8 bits
+    with (tmp_path / "out" / "views.csv").open(newline="") as stream:
+        assert {row["wanted"] for row in csv.DictReader(stream)} == {"#806050"}
+
+
 def test_an_unknown_object_is_named_with_its_line(learned, sheet, tmp_path):
     sheet.write_text(SHEET.replace("block,,70", "lid,,70"))
     with pytest.raises(DataError, match=r"line 3: there is no object 'lid'.*ball, block"):
@@ -188,3 +211,16 @@ def test_predicting_needs_no_tensors(learned, sheet, tmp_path):
     for path in project.folder.glob("*.safetensors"):
         path.unlink()
     assert len(plan_colorways(project, sheet)) == 3
+
+
+def test_colorways_have_the_edges_of_an_edit(learned, sheet, tmp_path):
+    model = karf.load(learned.project, device="cpu")
+    edges = tmp_path / "edges.json"
+    write_edit(edges, model.edit().edge("ball", choke=3, feather=4))
+    out = tmp_path / "out"
+    assert main(command(learned.project, sheet, out, "--edges", edges, views="test_r_0")) == 0
+    planned = {plan.colorway.name: plan.edit for plan in plan_colorways(model.project, sheet)}
+    plain, shaped = planned["Green"], model.edit().edge("ball", choke=3, feather=4).edges
+    view, written = model.capture.view("test_r_0"), read_photo(out / "Green" / "test_r_0.png")
+    np.testing.assert_allclose(written, model.recolor(view, replace(plain, edges=shaped)), atol=0.51 / 255)
+    assert np.abs(written - model.recolor(view, plain)).max() > 0.1

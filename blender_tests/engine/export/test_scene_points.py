@@ -116,3 +116,24 @@ def test_a_file_whose_arrays_contradict_each_other_is_refused(points, tmp_path):
     (tmp_path / "none.npz").write_bytes(b"PK")
     with pytest.raises(DataError, match="surface points"):
         read_points(tmp_path / "none.npz")
+
+
+def test_points_end_where_an_edits_edges_do(points, model):
+    name, k = model.objects[0], 0
+    edges = {name: model.edit().edge(name, choke=3).edges[name]}
+    choked = points.with_edges(model.palettes, edges)
+    grown = points.with_edges(model.palettes, {name: model.edit().edge(name, choke=-3).edges[name]})
+    own = points.probabilities.astype(float)
+    assert choked.probabilities[:, k].sum() < own[:, k].sum() < grown.probabilities[:, k].sum()
+    for each in (choked, grown):
+        np.testing.assert_allclose(each.palette_weights[:, k].sum(1), each.probabilities[:, k], atol=0.01)
+        np.testing.assert_array_equal(each.palette_weights[:, 1:], points.palette_weights[:, 1:])
+    assert points.with_edges(model.palettes, {}) is points
+
+
+def test_points_of_older_versions_are_read_and_say_that_they_know_no_borders(points, model, tmp_path):
+    write_points(tmp_path / "old.npz", replace(points, borders=None))
+    old = read_points(tmp_path / "old.npz")
+    assert old.borders is None
+    with pytest.raises(DataError, match="how far"):
+        old.with_edges(model.palettes, model.edit().edge(model.objects[0], choke=1).edges)

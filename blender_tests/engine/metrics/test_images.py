@@ -25,6 +25,27 @@ def test_psnr_of_a_constant_error_is_its_decibels() -> None:
     assert images.psnr(first, first) == float("inf")
 
 
+def test_color_correction_takes_exposure_and_white_balance_away_and_nothing_else() -> None:
+    random = np.random.default_rng(3)
+    photo = random.uniform(0.2, 0.8, (20, 20, 3))
+    exposed = photo * (1.1, 0.95, 0.8) + 0.02
+    assert images.psnr(exposed, photo) < 25 < 100 < images.cc_psnr(exposed, photo)
+    noise = 0.02 * random.standard_normal(photo.shape)
+    plain = images.psnr(photo + noise, photo)
+    assert plain < images.cc_psnr((photo + noise) * (1.1, 0.95, 0.8), photo) < plain + 1
+
+
+def test_clipped_pixels_do_not_steer_the_color_correction() -> None:
+    photo = np.random.default_rng(4).uniform(0.2, 0.6, (20, 20, 3))
+    clipped = photo.copy()
+    clipped[:2] = 1
+    corrected = images.color_corrected(photo * 0.9, clipped)
+    np.testing.assert_allclose(corrected[2:], photo[2:], atol=1e-6)
+    white = photo.copy()
+    white[..., 2] = 1
+    np.testing.assert_array_equal(images.color_corrected(photo * 0.9, white)[..., 2], photo[..., 2] * 0.9)
+
+
 def test_mse_outside_looks_outside_only() -> None:
     first, mask = np.zeros((2, 2, 3)), np.array([[True, False], [False, False]])
     second = first.copy()

@@ -130,4 +130,6 @@ def test_pictures_are_scored_by_mean_and_worst():
     black = np.zeros((16, 16, 3))
     scores = score_pictures([black + 0.1, black + 0.01], [black, black])
     assert scores["psnr"] == pytest.approx(30) and scores["worst"] == pytest.approx(20)
+    # black photos are clipped, and tell no correction
+    assert scores["corrected"] == scores["psnr"] and scores["corrected_worst"] == scores["worst"]
     assert 0 < scores["ssim"] < 1

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from karf_engine.errors import BadRequest
-from karf_engine.io.color import linear_to_srgb, srgb_to_linear
+from karf_engine.io.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from karf_engine.metrics.images import hue_shift, mean_ciede2000
 from karf_engine.palettes.compositing import delta_composite
 from karf_engine.palettes.extraction.barycentric_weights import star_weights
 from karf_engine.palettes.matching.becomes import match_becomes, match_dragged, match_fewest, nearest_weights
-from karf_engine.palettes.matching.fitting import match_pixels
+from karf_engine.palettes.matching.fitting import match_pixels, match_seen
 from karf_engine.palettes.matching.least_squares import bounded_least_squares
 from karf_engine.palettes.matching.paints import reflection_target
 
@@ -189,6 +189,26 @@ def test_painted_view_is_matched_exactly_where_a_palette_can() -> None:
     edited = match_pixels(weights, weights @ PALETTE, weights @ wanted, PALETTE)
     # the ridge, one thousandth of the counts, holds back a little
     np.testing.assert_allclose(edited, wanted, atol=0.03)
+
+
+def test_what_cannot_be_moved_apart_pulls_less_by_what_is_seen_than_by_squares() -> None:
+    random = np.random.default_rng(8)
+    weights = np.repeat(random.dirichlet(np.ones(4), 60), 2, axis=0)  # pairs of one color, of which one is to stay
+    colors, counts = weights @ PALETTE, np.tile([3.0, 1.0], 60)
+    targets = np.where(np.arange(120)[:, None] % 2, weights @ PALETTE[[0, 2, 3, 1]], colors)
+    means = []
+    for match in (match_pixels, match_seen):
+        edited = match(weights, colors, targets, PALETTE, counts, (2,))
+        np.testing.assert_array_equal(edited[[0, 2]], PALETTE[[0, 2]])
+        shown = np.clip(colors + weights @ (edited - PALETTE), 0, 1)
+        means.append(np.average(ciede2000(srgb_to_lab(shown), srgb_to_lab(targets)), weights=counts))
+    assert means[1] < 0.9 * means[0]
+
+
+def test_what_is_met_keeps_every_bit() -> None:
+    weights = np.random.default_rng(9).dirichlet(np.ones(4), 30)
+    colors = weights @ PALETTE
+    np.testing.assert_array_equal(match_seen(weights, colors, colors, PALETTE, np.ones(30)), PALETTE)
 
 
 def test_counts_weigh_like_repeated_pixels() -> None:

@@ -82,7 +82,8 @@ def test_the_mug_beside_it_is_not_painted():
 
 
 @pytest.mark.parametrize("as_bytes", [True, False])
-def test_a_picture_that_follows_is_the_one_that_is_composed_anew(as_bytes):
+@pytest.mark.parametrize("colors_move", [True, False])
+def test_a_picture_that_follows_is_the_one_that_is_composed_anew(as_bytes, colors_move):
     base, weights, coverage = scene()
     stored = np.rint(255 * base).astype(np.uint8)
     planes = Planes(("pot", "mug"), weights.astype(np.float16), coverage.astype(np.float16), stored)
@@ -96,14 +97,18 @@ def test_a_picture_that_follows_is_the_one_that_is_composed_anew(as_bytes):
     edge = ObjectEdge(used, kept[0][0], kept[1][0], room, POT.colors, 1.0)
     shapes = [EdgeShape(-3), EdgeShape(2), EdgeShape(feather=9), EdgeShape(-1, 4), EdgeShape()]
     for shape in shapes:
-        (rows, columns), own, _ = edge.shaped(shape)
-        picture.reshape(0, Part((rows.start, rows.stop), (columns.start, columns.stop), own))
-        factors[0, 1, 0] += 0.01  # colors may move in the same turn
+        own, _, pixels = edge.shaped(shape)
+        if shape is shapes[0]:
+            picture.reshape(0, Part(*((each.start, each.stop) for each in edge.place), own))
+        else:
+            rows, columns = np.divmod(pixels, own.shape[2])
+            picture.retouch(0, rows + edge.place[0].start, columns + edge.place[1].start)
+        factors[0, 1, 0] += 0.01 * colors_move
         live = picture.paint(factors)
         after, _ = reshaped(used, *kept, [POT, MUG], {"pot": shape}, 1.0)
         anew = delta_composite(stored.astype(np.float32) / 255, after, np.zeros_like(factors), factors)
         np.testing.assert_allclose(live, anew, atol=1e-6)
-        factors[0, 2, 1] += 0.02  # another color moves alone, so that the next shape begins anew
+        factors[0, 2, 1] += 0.02 * colors_move  # another color moves alone, so that the next shape begins anew
         picture.paint(factors)
 
 

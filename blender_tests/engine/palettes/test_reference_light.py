@@ -18,7 +18,7 @@ def seen_under_the_lamp(color):
 
 def test_paints_that_were_photographed_with_a_card_are_known_under_the_reference_light():
     light = ReferenceLight.of_card(seen_under_the_lamp(lab_to_srgb(np.array([50.0, 0, 0]))))
-    np.testing.assert_allclose(light.gains, LAMP, rtol=1e-6)
+    np.testing.assert_allclose(light.matrix, np.diag(LAMP), rtol=1e-6)
     assert mean_ciede2000(light.reference(seen_under_the_lamp(PAINTS)), PAINTS) < 0.01
     assert mean_ciede2000(light.photographed(PAINTS), seen_under_the_lamp(PAINTS)) < 0.01
 
@@ -28,7 +28,7 @@ def test_a_card_of_another_lightness_tells_the_same():
         ReferenceLight.of_card(seen_under_the_lamp(lab_to_srgb(np.array([lightness, 0, 0]))), lightness)
         for lightness in (30.0, 70.0)
     ]
-    np.testing.assert_allclose(cards[0].gains, cards[1].gains, rtol=1e-6)
+    np.testing.assert_allclose(cards[0].matrix, cards[1].matrix, rtol=1e-6)
 
 
 def test_without_a_card_a_warm_light_makes_another_color_of_it():

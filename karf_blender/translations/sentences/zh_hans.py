@@ -216,6 +216,9 @@ TEXTS = {
     ),
     "The compositor recolors {path} by the node {name}.": "合成器用节点 {name} 为 {path} 重新着色。",
     "The compositor's output has other nodes: link {name} where you want it.": "合成器的输出已有其他节点：请将 {name} 连接到所需位置。",
+    "Blender knows no color space {name}: choose the one of {path} at its image node.": (
+        "Blender 没有色彩空间 {name}：请在图像节点上选择 {path} 的色彩空间。"
+    ),
     "The layers have {width} x {height} pixels, the scene renders {own_width} x {own_height}.": (
         "图层为 {width} x {height} 像素，场景渲染 {own_width} x {own_height}。"
     ),

@@ -15,11 +15,48 @@ RULES = ("becomes", "fewest", "added")
 Matrix = tuple[
     float, float, float, float, float, float, float, float, float, float, float, float, float, float, float, float
 ]
+Corners = tuple[float, float, float, float, float, float, float, float]
+Square = tuple[float, float, float, float, float, float, float, float, float]
 PAIR, PICTURE = ("object", "source", "target"), ("view", "picture")
 
 
 @dataclass(frozen=True, kw_only=True)
-class MatchOptions(Options):
+class CalibrationOptions(Options):
+    """Under which light target colors are meant: as photos show them, or under daylight."""
+
+    card: str | None = option(
+        "what a gray card of L* 50 looks like in the photos, #rrggbb: target colors are then those under daylight (D65), "
+        "as books of colors give them",
+        None,
+        metavar="COLOR",
+    )
+    chart: Path | None = option(
+        "the same by a photo with a color chart of 24 patches (ColorChecker Classic), as exposed and lit as the photos",
+        None,
+        metavar="PHOTO",
+    )
+    corners: Corners | None = option(
+        "with chart: u,v of the four corners of its block of patches, in pixels of the photo, round it (default: it is "
+        "looked for)",
+        None,
+        metavar="U,V,...",
+    )
+    light: Square | None = option(
+        "in their place: the matrix, row by row, from linear light under daylight to that in the photos",
+        None,
+        flag=None,
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if sum(each is not None for each in (self.card, self.chart, self.light)) > 1:
+            raise BadRequest("A gray card and a color chart were given.", "Give one of them: the chart says more.")
+        if self.corners is not None and self.chart is None:
+            raise BadRequest("The corners of a color chart were given, but no photo of it.", "Give --chart PHOTO.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatchOptions(CalibrationOptions):
     """Write the edit with which one color of an object becomes another, or a view looks as it was painted."""
 
     command: ClassVar[str] = "match"
@@ -40,12 +77,6 @@ class MatchOptions(Options):
         choices=RULES,
     )
     is_metal: bool = option("with becomes: highlights take the paint's color, and not the light's", False, flag="metal")
-    card: str | None = option(
-        "what a gray card of L* 50 looks like in the photos, #rrggbb: target colors are then those under daylight (D65), "
-        "as books of colors give them",
-        None,
-        metavar="COLOR",
-    )
     view: str | None = option("in place of a color pair: the view that --picture shows", None)
     picture: Path | None = option("this view painted over or graded, of any size", None, metavar="FILE")
     edit: Path | None = option(
@@ -69,7 +100,7 @@ class MatchOptions(Options):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ColorwaysOptions(Options):
+class ColorwaysOptions(CalibrationOptions):
     """Render every colorway of a sheet in every view."""
 
     command: ClassVar[str] = "colorways"
@@ -85,6 +116,9 @@ class ColorwaysOptions(Options):
     size: str | int = option("as for render", "photo")
     predict_only: bool = option("only write colorways.csv: what will be reached", False)
     locked: tuple[str, ...] = option("swatches that stay as learned, each as <object>/<number>", (), flag=None)
+    edges: Path | None = option(
+        "EDIT.json whose objects' choke and feather every colorway of colors has", None, metavar="FILE"
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
+from ...export.frame_options import CONFIG
 from ...io.options import Options, option
 from ...project.settings import PRESETS
 
@@ -35,6 +36,13 @@ class GeometryOptions(Options):
         None,
         metavar="N",
     )
+    photo_space: str | None = option(
+        "color space that the photos' files are in, by its name in the OpenColorIO configuration, as ACEScg; recolored "
+        "photos are written in it (default: as the project was learned, else sRGB, of EXR linear Rec. 709)",
+        None,
+        metavar="NAME",
+    )
+    ocio: str | None = option(CONFIG, None, metavar="FILE")
     masks: Path | None = option("coarse masks, whose photos are learned from in any case", None, metavar="DIR")
 
 

@@ -7,7 +7,10 @@ What makes it clean, by kind of background:
   opaque: otherwise opacity and brightness trade off; half-transparent rays are punished;
 - opaque: the background is a function of direction that only rays through empty space may teach. Where no such ray
   exists it is random, so that what stands there must become opaque; a ray's samples are drawn together. Where the
-  background alone shows a photo's color, opacity costs: fog of that color, which no photo contradicts, clears.
+  background alone shows a photo's color, opacity costs: fog of that color, which no photo contradicts, clears. Where
+  cameras stand far apart (`wide_baseline.py`), the first grid is what could look alike in the photos, and the
+  background is never random, since fog would be made of it; where no photo tells it is what others of the same
+  elevation show.
 """
 
 from __future__ import annotations
@@ -20,9 +23,11 @@ from torch import Tensor, nn
 from ...compute.runtime import Runtime
 from ...project.settings import GeometrySettings, Level
 from ..background import Background
-from ..extent import box_round_focus
+from ..extent import box_round_focus, upright_axes
 from ..rendering.rays import PixelDataset
 from ..spaces import OPAQUE_REACH
+from ..wide_baseline import PARAMETERS as WIDE_BASELINE
+from ..wide_baseline import could_be_solid, is_wide, turned
 from .field import VoxelField
 from .fit import Batch, VoxelFit
 from .renderer import RayBatch, RaySums
@@ -77,12 +82,15 @@ class BoxFit(VoxelFit):
         settings: GeometrySettings,
         runtime: Runtime,
         field: VoxelField,
+        is_wide: bool = False,
     ) -> None:
+        """A fresh fit; is_wide: whether the photos' cameras stand far apart."""
         background = Background().to(runtime.device) if background_kind == "opaque" else None
         super().__init__(dataset, settings, runtime, field, background)
         self.background_kind = background_kind
         self._first_voxel = field.voxel
         self._support = BackgroundSupport(runtime.device)  # learned from the second level on
+        self._upright = torch.from_numpy(upright_axes(dataset.cameras)).float().to(runtime.device) if is_wide else None
 
     def _begin_level(self, level: Level) -> None:
         if self.background is not None:
@@ -109,6 +117,8 @@ class BoxFit(VoxelFit):
             target = target * matte + (1 - matte) * behind
         error = ((sums.color + sums.final_transmittance[:, None] * behind - target) ** 2).mean()
         loss = error + self._regularization(number, sums)
+        if self._upright is not None:
+            loss = loss + WIDE_BASELINE.mean_background * self._background_of_elevation(rays.viewdirs, target, sums)
         if free is not None:
             needless = _needless(backdrop.detach(), target, free)
             loss = loss + FOG_PENALTY * (needless * (1 - sums.final_transmittance)).mean()
@@ -126,11 +136,16 @@ class BoxFit(VoxelFit):
         if backdrop is None:
             plain = torch.full((n_rays, 3), 1.0 if self.background_kind == "white" else 0.0, device=self.runtime.device)
             return torch.where(self.dataset.solid[index, None], self.runtime.rand(n_rays, 3), plain)
-        if free is None:
+        if free is None or self._upright is not None:
             return backdrop
         passes = (sums.final_transmittance.detach() > 1 - 1e-6)[:, None]
         color = torch.where(passes, backdrop, backdrop.detach())
         return torch.where((free > 0)[:, None] | passes, color, self.runtime.rand(n_rays, 3))
+
+    def _background_of_elevation(self, viewdirs: Tensor, target: Tensor, sums: RaySums) -> Tensor:
+        """How far the background in other directions of the same elevations is from what photos show past everything."""
+        elsewhere = self.background(turned(viewdirs, self._upright, self.runtime.rand(len(viewdirs))))
+        return (sums.final_transmittance.detach() * ((elsewhere - target) ** 2).sum(1)).mean()
 
     def _regularization(self, number: int, sums: RaySums) -> Tensor:
         settings = self.recipe
@@ -202,10 +217,13 @@ def start_box_fit(dataset: PixelDataset, background_kind: str, settings: Geometr
     minimum = (center - half_width).float().to(runtime.device)
     voxel = 2 * half_width / n
     occupied = torch.ones(n, n, n, dtype=torch.bool, device=runtime.device)
-    if dataset.alpha is not None:
+    wide = background_kind == "opaque" and is_wide(dataset.cameras, center)
+    if dataset.alpha is not None or wide:
         points = minimum + (torch.nonzero(occupied) + 0.5) * voxel
-        occupied = visual_hull(dataset, points, voxel).view(n, n, n)
-    return BoxFit(dataset, background_kind, settings, runtime, VoxelField(minimum, voxel, occupied, settings.features))
+        possible = could_be_solid(dataset, points, voxel) if wide else visual_hull(dataset, points, voxel)
+        occupied = possible.view(n, n, n)
+    field = VoxelField(minimum, voxel, occupied, settings.features)
+    return BoxFit(dataset, background_kind, settings, runtime, field, wide)
 
 
 def _matte_box(dataset: PixelDataset, center: Tensor, half_width: float) -> tuple[Tensor, float]:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...errors import BadRequest, DataError
 from ...project.folder import Project
+from ..edge_shape import EdgeShape
 from ..object_colors import read_object_colors
 from ..palette import Edit, read_palettes
 from ..palette_files import read_edit_file
+from ..reference_light import ReferenceLight
 from .reached import Prediction, predict
-from .sheet import Colorway, read_sheet
+from .sheet import Colorway, TargetColor, read_sheet
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,11 @@ class PlannedColorway:
 
 
 def plan_colorways(
-    project: Project, sheet: Path, locked: Mapping[str, Sequence[int]] | None = None
+    project: Project,
+    sheet: Path,
+    locked: Mapping[str, Sequence[int]] | None = None,
+    light: ReferenceLight | None = None,
+    edges: Mapping[str, EdgeShape] | None = None,
 ) -> tuple[PlannedColorway, ...]:
     """The colorways of a sheet (see `palettes.colorways.sheet`), each with its edit and what it will reach.
 
@@ -39,6 +45,8 @@ def plan_colorways(
         project: With palettes.
         sheet: CSV or JSON.
         locked: Numbers of swatches that stay as learned, by object; those of an edit are what it says.
+        light: Under which the sheet's colors are meant; None: as photos show them. Predictions are of photos in any case.
+        edges: How the edges of objects are moved and faded, by object; those of an edit are what it says.
 
     Raises:
         BadRequest: The project has no palettes, or not that swatch.
@@ -69,7 +77,7 @@ def plan_colorways(
             continue
         predictions = tuple(
             predict(
-                target_color,
+                _in_photos(target_color, light),
                 palettes[target_color.name],
                 seen[target_color.name],
                 (locked or {}).get(target_color.name, ()),
@@ -77,5 +85,9 @@ def plan_colorways(
             for target_color in colorway.target_colors
         )
         colors = learned | {prediction.target_color.name: prediction.colors for prediction in predictions}
-        planned.append(PlannedColorway(colorway, Edit(colors, "delta"), predictions))
+        planned.append(PlannedColorway(colorway, Edit(colors, "delta", edges=dict(edges or {})), predictions))
     return tuple(planned)
+
+
+def _in_photos(target_color: TargetColor, light: ReferenceLight | None) -> TargetColor:
+    return target_color if light is None else replace(target_color, lab=light.lab_photographed(target_color.lab))

@@ -6,7 +6,7 @@ The color reached is what the source color becomes: the source plus the median c
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from ...io.color import ciede2000, lab_to_srgb, srgb_to_lab
 from ..matching.becomes import match_becomes, mean_weights, near
 from ..object_colors import ColorHistogram
 from ..palette import BRIGHTEST, Palette, rgb_to_hex
+from ..reference_light import ReferenceLight
 from .sheet import TargetColor
 
 TOLERANCE = 2.0  # CIEDE2000 to the target color up to which a color counts as reached
@@ -50,6 +51,14 @@ class Prediction:
     def target(self) -> np.ndarray:
         """The wanted color as near as a picture can show it, sRGB [3]."""
         return np.clip(lab_to_srgb(self.target_color.lab), 0, 1)
+
+    def under(self, light: ReferenceLight | None) -> Prediction:
+        """The same with the wanted and the reached color, and their difference, as they are under a reference light."""
+        if light is None:
+            return self
+        lab, reached = light.lab_reference(self.target_color.lab), light.reference(self.reached)
+        left = float(ciede2000(srgb_to_lab(reached), lab))
+        return replace(self, target_color=replace(self.target_color, lab=lab), reached=reached, ciede2000=left)
 
 
 def dominant_color(seen: ColorHistogram) -> np.ndarray:

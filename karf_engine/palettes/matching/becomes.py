@@ -8,12 +8,12 @@ the palette whose change moves colors to their targets (`fitting`).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
 from ...io.color import srgb_to_lab
-from .fitting import bounds, match_pixels, moved
+from .fitting import bounds, match_pixels, match_seen, moved
 from .paints import angles, is_black, pigment_gate, reflection_target, repainted
 
 OTHER = 0.17  # radians in linear light from which on colors are of different paints
@@ -164,7 +164,7 @@ def match_pigment(
     """
     counts = counts * pigment_gate(colors, source, reach, protect)
     targets = repainted(colors, source, target, np.ones((1, 1)))
-    return _matched(colors, counts, palette_weights, palette, source, target, targets, ())
+    return _matched(colors, counts, palette_weights, palette, source, target, targets, (), match_pixels)
 
 
 def _matched(
@@ -176,6 +176,7 @@ def _matched(
     target: np.ndarray,
     targets: np.ndarray,
     locked: Iterable[int],
+    match: Callable[..., np.ndarray] = match_seen,
 ) -> np.ndarray:
     """The palette [M, 3] that moves colors to their targets, and above all the sources to their own."""
     sources = np.atleast_2d(source)
@@ -183,7 +184,7 @@ def _matched(
     emphasis = EMPHASIS * max(np.sum(counts), 1e-9) / len(sources)  # an object may show nothing like the source
     palette_weights, colors = np.vstack([palette_weights, *own]), np.vstack([colors, sources])
     targets, counts = np.vstack([targets, target]), np.append(counts, [emphasis] * len(sources))
-    return match_pixels(palette_weights, colors, targets, palette, counts, locked)
+    return match(palette_weights, colors, targets, palette, counts, locked)
 
 
 def match_fewest(

@@ -10,11 +10,15 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from ...io.color import ciede2000, srgb_to_lab
 from ..palette import BRIGHTEST
 from .least_squares import bounded_least_squares
 
 STILL = 1e-4  # a move of a swatch under this, 1/40 of a step of 8 bits, is rounding
 RIDGE = 3e-4  # ridge per unit of counts, which keeps swatches still that hardly any pixel uses
+# of `match_seen`, chosen on seeds 0 to 7; more rounds, 6, gain no more than 0.01 CIEDE2000
+ROUNDS = 4
+MET = 2 / 255  # sRGB distance from a target up to which it counts as met
 
 
 def match_pixels(
@@ -49,6 +53,53 @@ def match_pixels(
     """
     lower, upper = bounds(palette, locked, BRIGHTEST)
     change = bounded_least_squares(palette_weights, np.subtract(targets, colors), lower, upper, counts, RIDGE)
+    return moved(palette, change)
+
+
+def match_seen(
+    palette_weights: np.ndarray,
+    colors: np.ndarray,
+    targets: np.ndarray,
+    palette: np.ndarray,
+    counts: np.ndarray,
+    locked: Iterable[int] = (),
+) -> np.ndarray:
+    """As `match_pixels`, but what is least is the sum of differences as they are seen, CIEDE2000, and not of squares in sRGB.
+
+    So colors that the palette cannot move apart (those of two paints, a highlight) do not pull all others off their targets.
+    By least squares that are weighted anew in each round (iteratively reweighted least squares).
+
+    Args:
+        palette_weights: As those of `match_pixels`, like all else.
+        colors: sRGB [n, 3] in [0, 1].
+        targets: sRGB [n, 3] in [0, 1]; a bit beyond counts as the nearest color inside.
+        palette: sRGB [M, 3] in [0, BRIGHTEST].
+        counts: [n], >= 0.
+        locked: Entries that stay as they are.
+
+    Returns:
+        The edited palette [M, 3] float32 in [0, BRIGHTEST].
+
+    Examples:
+        Of three colors that one swatch makes up, two stay; the third, which is to turn blue, is outvoted:
+
+        >>> palette, weights = np.array([[0, 0, 0], [0.5, 0.5, 0.5]], np.float32), np.array([[0.0, 1.0]] * 3)
+        >>> colors, targets = weights @ palette, np.array([[0.5, 0.5, 0.5], [0.5, 0.5, 0.5], [0.2, 0.2, 0.8]])
+        >>> print(match_pixels(weights, colors, targets, palette)[1].round(2))
+        [0.4 0.4 0.6]
+        >>> print(match_seen(weights, colors, targets, palette, np.ones(3))[1].round(2))
+        [0.5 0.5 0.5]
+    """
+    lower, upper = bounds(palette, locked, BRIGHTEST)
+    lab, wanted = srgb_to_lab(np.clip(targets, 0, 1)), np.subtract(targets, colors)
+    weight = np.ones(len(colors))
+    for _ in range(ROUNDS):
+        change = bounded_least_squares(palette_weights, wanted, lower, upper, counts * weight, RIDGE)
+        difference = ciede2000(srgb_to_lab(np.clip(colors + palette_weights @ change, 0, 1)), lab)
+        # a squared distance that is weighted so is the difference itself
+        weight = difference / (((palette_weights @ change - wanted) ** 2).sum(axis=1) + MET**2)
+        if not weight @ counts > 0:  # all is met
+            break
     return moved(palette, change)
 
 

@@ -14,12 +14,14 @@ import numpy as np
 
 from ...capture.camera import Camera, wrong_size
 from ...io.color import srgb_to_linear, to_bytes
+from ...io.color_spaces import ColorSpace
 from ...io.image_size import ImageHeader, find_header
 from ...io.images import (
     BACK,
     decoding,
     display_colors,
     full_value,
+    in_srgb,
     oriented,
     over,
     read_light,
@@ -42,12 +44,14 @@ class StoredPhoto:
         pixels: [H, W, 3 or 4], of an EXR also 1: uint8, uint16, float32 or float16, in the stored grid. EXR: linear
             light with premultiplied alpha, on the display window. Others: sRGB, gray and palettes as three channels.
         channels: Name of the channels that an EXR holds them in; else empty.
+        space: That the stored colors are in; None: as above.
     """
 
     path: Path
     header: ImageHeader
     pixels: np.ndarray
     channels: str = ""
+    space: ColorSpace | None = None
 
     @property
     def size(self) -> tuple[int, int]:
@@ -87,9 +91,10 @@ class StoredPhoto:
         """What the engine sees of some pixels: straight sRGB, float32 [h, w, 3] in [0, 1]."""
         stored = self.pixels[rows, columns]
         if self.is_light:
-            return display_colors(stored.astype(np.float32))[..., :3]
+            return display_colors(stored.astype(np.float32), self.space)[..., :3]
         values = np.clip(stored.astype(np.float32) / full_value(stored), 0, 1)
-        return straight(values) if self.is_premultiplied else values[..., :3]
+        colors = straight(values) if self.is_premultiplied else values[..., :3]
+        return colors if self.space is None else in_srgb(colors, self.space)
 
     def alpha(self, rows: slice = WHOLE, columns: slice = WHOLE) -> np.ndarray | None:
         """Alpha of some pixels, float32 [h, w] in [0, 1]; None where the whole photo is opaque."""
@@ -101,7 +106,7 @@ class StoredPhoto:
     def shown(self, rows: slice = WHOLE, columns: slice = WHOLE) -> np.ndarray:
         """Some pixels as a matte capture shows them, on white: uint8 sRGB [h, w, 3]."""
         stored = self.pixels[rows, columns]
-        if stored.dtype == np.uint8 and self.is_opaque:
+        if stored.dtype == np.uint8 and self.is_opaque and self.space is None:
             return stored[..., :3]
         return to_bytes(over(self.colors(rows, columns), self.alpha(rows, columns)))
 
@@ -119,13 +124,16 @@ class StoredPhoto:
         stored = self.pixels[rows, columns]
         before = self.colors(rows, columns)[touched]
         after = np.clip(before + change[touched], 0, 1)
-        if self.is_light:
-            difference = srgb_to_linear(after) - srgb_to_linear(before)
-        else:
-            difference = (after - before) * full_value(stored)
+        difference = (self._stored_colors(after) - self._stored_colors(before)) * full_value(stored)
         if self.is_premultiplied:
             difference = difference * np.clip(stored[touched][:, 3:].astype(np.float32) / full_value(stored), 0, 1)
         stored[..., :3][touched] = _sum(stored[..., :3][touched], difference)
+
+    def _stored_colors(self, colors: np.ndarray) -> np.ndarray:
+        """sRGB colors [n, 3] as the file has them, its full value being 1."""
+        if self.space is not None:
+            return self.space.from_srgb(colors)
+        return srgb_to_linear(colors) if self.is_light else colors
 
     def resized(self, long_side: int) -> StoredPhoto:
         """The photo reduced so that no side is longer, as deep as it is; itself where it is small enough."""
@@ -143,11 +151,12 @@ class StoredPhoto:
         return replace(self, pixels=whole.astype(self.pixels.dtype))
 
 
-def open_photo(path: Path) -> StoredPhoto:
+def open_photo(path: Path, space: ColorSpace | None = None) -> StoredPhoto:
     """Read a photo as its file holds it.
 
     Args:
         path: PNG, JPEG, WebP, TIFF, BMP, EXR, or what else `images.read_photo` reads.
+        space: That its colors are in; None: sRGB, of EXR linear light with its primaries.
 
     Raises:
         DataError: As `images.read_photo`.
@@ -155,7 +164,7 @@ def open_photo(path: Path) -> StoredPhoto:
     with decoding(path):
         header = find_header(path)
         if header is not None and header.kind == "exr":
-            return StoredPhoto(path, header, *read_light(path, header))
+            return StoredPhoto(path, header, *read_light(path, header), space)
     pixels, header = read_pixels(path, upright=False)
     if pixels.dtype.kind == "i":  # Pillow's 32-bit integers hold 16-bit gray
         pixels = np.clip(pixels, 0, 65535).astype(np.uint16)
@@ -165,7 +174,7 @@ def open_photo(path: Path) -> StoredPhoto:
         pixels = pixels.astype(np.float32)
     if pixels.ndim == 2 or pixels.shape[-1] == 1:
         pixels = np.repeat(np.atleast_3d(pixels), 3, -1)
-    return StoredPhoto(path, header, pixels)
+    return StoredPhoto(path, header, pixels, space=space)
 
 
 def from_camera(grid: np.ndarray, orientation: int) -> np.ndarray:

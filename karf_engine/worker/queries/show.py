@@ -78,7 +78,7 @@ def _bands(model: Model, camera: Camera) -> list[Camera]:
 
 
 def _color(session: Session, model: Model, camera: Camera, edit: Edit | None) -> np.ndarray:
-    if edit is not None and shaped_edges(edit.edges):  # edges reach from band to band
+    if model.splats is None and edit is not None and shaped_edges(edit.edges):  # edges reach from band to band
         return model.composite(_frame(session, model, camera), edit)
     pictures = []
     for band in _bands(model, camera):

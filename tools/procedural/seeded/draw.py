@@ -22,7 +22,16 @@ FORMS = {
     "plant": (0.42, 1.0),
     "cage": (0.36, 0.95),
 }
-THIN = ("plant", "cage")
+THIN_FORMS = {  # the same of forms with a thin part, which only scenes made for them have
+    "bucket": (0.31, 0.95),
+    "mug": (0.50, 0.62),
+    "wheel": (0.50, 1.0),
+    "chair": (0.38, 0.95),
+    "bag": (0.33, 0.90),
+    "cable": (0.55, 0.65),
+    "stalks": (0.40, 1.05),
+}
+EXTENTS = FORMS | THIN_FORMS
 MARKED_MOST = 3
 FEW_PHOTOS, PHOTOS = 14, 36
 FEW_SHARE = 0.2
@@ -104,7 +113,7 @@ def _draw_cameras(place: str, rng: np.random.Generator) -> Cameras:
 def _draw_things(place: str, rng: np.random.Generator) -> tuple[tuple[Thing, ...], str]:
     """Return the things, marked ones first, and how the first of them is beside another that misleads."""
     while True:
-        arrangement = _Arrangement(place, rng)
+        arrangement = Arrangement(place, rng)
         relation = str(rng.choice(RELATIONS))
         try:
             first = arrangement.add(1)
@@ -118,7 +127,7 @@ def _draw_things(place: str, rng: np.random.Generator) -> tuple[tuple[Thing, ...
         return tuple(things), relation
 
 
-def _fill(arrangement: _Arrangement, count: int) -> None:
+def _fill(arrangement: Arrangement, count: int) -> None:
     """Add unmarked things until there are this many, or no more fit."""
     try:
         while len(arrangement.things) < count:
@@ -127,7 +136,7 @@ def _fill(arrangement: _Arrangement, count: int) -> None:
         return
 
 
-def _relate(arrangement: _Arrangement, first: Thing, relation: str) -> None:
+def _relate(arrangement: Arrangement, first: Thing, relation: str) -> None:
     """Add the thing that misleads about the first one."""
     rng = arrangement.rng
     if relation == "same hue":
@@ -144,7 +153,7 @@ def _relate(arrangement: _Arrangement, first: Thing, relation: str) -> None:
         arrangement.enclose(first)
 
 
-class _Arrangement:
+class Arrangement:
     """Things that stand in a place without being in each other."""
 
     def __init__(self, place: str, rng: np.random.Generator) -> None:
@@ -163,10 +172,10 @@ class _Arrangement:
         drawn |= wanted | {"form": form}
         for _ in range(TRIES):
             support = self._supports[rng.integers(len(self._supports))]
-            size = min(drawn["size"], support.headroom / FORMS[form][1])
+            size = min(drawn["size"], support.headroom / EXTENTS[form][1])
             thing = Thing(
                 f"{form}_{len(self.things) + 1}",
-                position=self._spot(support, size * FORMS[form][0], beside),
+                position=self._spot(support, size * EXTENTS[form][0], beside),
                 azimuth=rng.uniform(0, 2 * math.pi),
                 object_id=object_id,
                 **drawn | {"size": size},
@@ -178,7 +187,7 @@ class _Arrangement:
 
     def enclose(self, inner: Thing) -> None:
         """Put a cage of wires round a thing."""
-        size = 1.25 * max(radius_of(inner) / FORMS["cage"][0], inner.size * FORMS[inner.form][1] / FORMS["cage"][1])
+        size = 1.25 * max(radius_of(inner) / FORMS["cage"][0], inner.size * EXTENTS[inner.form][1] / FORMS["cage"][1])
         paint = replace(draw_paint(self.rng), translucency=0.0)
         name, seed = f"cage_{len(self.things) + 1}", int(self.rng.integers(2**31))
         self.things.append(Thing(name, "cage", seed, size, inner.position, 0.0, paint))
@@ -199,7 +208,7 @@ class _Arrangement:
 
 def radius_of(thing: Thing) -> float:
     """Return half of the width of a thing."""
-    return thing.size * FORMS[thing.form][0]
+    return thing.size * EXTENTS[thing.form][0]
 
 
 def _distance(a: Thing, b: Thing) -> float:

@@ -11,6 +11,8 @@ from mathutils import Matrix
 from ..materials import bands, checks, clouds, material, rise
 from ..shapes import box, grid_object, lathe, tube
 from .scene import Paint, Thing
+from .thin_forms import BUILDERS as THIN_BUILDERS
+from .thin_forms import build_thin
 
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 WIRE = 0.011
@@ -21,8 +23,9 @@ def add_thing(thing: Thing) -> None:
     offset = np.random.default_rng((thing.proportions, 1)).uniform(0, 0.3)  # the same on twins
     paint, rng = _material(thing.name, thing.paint, offset), np.random.default_rng(thing.proportions)
     moved = Matrix.Translation(thing.position) @ Matrix.Rotation(thing.azimuth, 4, "Z") @ Matrix.Scale(thing.size, 4)
-    for part in BUILDERS[thing.form](rng, paint):
-        part.name, part.pass_index = thing.name, thing.object_id
+    parts = build_thin(thing.form, rng, paint) if thing.form in THIN_BUILDERS else BUILDERS[thing.form](rng, paint)
+    for part in parts:
+        part.name, part.pass_index = thing.name, thing.object_id and thing.object_id + part.pass_index
         part.matrix_world = moved @ part.matrix_world
 
 

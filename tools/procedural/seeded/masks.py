@@ -5,16 +5,28 @@ from __future__ import annotations
 from itertools import product
 from pathlib import Path
 
+import imageio.v3 as iio
 import numpy as np
 
 from ..cameras import View
-from ..files import write_png
-from ..masks import coarse_mask, intersection_over_union, read_truth, reference_view, signed_distance, visible_shares
+from ..files import write_mask
+from ..masks import (
+    coarse_mask,
+    draw_mask,
+    intersection_over_union,
+    read_truth,
+    reference_view,
+    signed_distance,
+    smooth_noise,
+    visible_shares,
+)
+from ..rendering import THIN_SUBPIXELS, coverage
 
 FLAWS = ("none", "gap", "spill", "side")
 OVERLAPS = (0.60, 0.90)  # IoU with the truth that a mask may have
 SIDE = (0.6, 0.85)  # share of the object that a mask of one side covers
 STRENGTHS, TRIES = (0.5, 1.0, 1.5, 2.0, 3.0), 6
+STROKE = 1.5  # pixels by which a hand's brush is wider than a thin part, in a photo of 320
 SHOWN = 0.5  # of the most that any photo shows of it: an object is drawn where at least so much is seen
 
 
@@ -35,10 +47,35 @@ def draw_hasty_masks(out: Path, views: list[View], names: dict[str, int], seed: 
             flaw = str(rng.choice(FLAWS))
             mask = _hasty_mask(truth, flaw, rng)
             for folder in ("one", "three") if place == 0 else ("three",):
-                path = out / "coarse_masks" / folder / name / f"{view.stem}.png"
-                write_png(path, np.where(mask, 255, 0).astype(np.uint8))
+                write_mask(out / "coarse_masks" / folder / name / f"{view.stem}.png", mask)
             lines.append(f"{name}  {view.stem}  {flaw:5s}  {intersection_over_union(mask, truth):.3f}")
     return "\n".join(lines)
+
+
+def draw_masks_of_thin(out: Path, views: list[View], names: dict[str, int], seed: int) -> str:
+    """Draw ``out/coarse_masks/one`` of every object, in the reference view, and return the table of their overlaps.
+
+    A blob round the whole thing, and a stroke of a wavy brush that follows the thin parts.
+    """
+    view = reference_view(out, views, names)
+    labels, lines = read_truth(out, view), ["object  view   IoU   covers of the thin parts"]
+    for name, object_id in names.items():
+        thin = read_thin(out, view, name)
+        mask = draw_mask(labels, object_id, "none", 100 * seed + object_id)
+        if thin.any():
+            brush = STROKE * len(thin) / 320
+            wave = 0.4 * smooth_noise(np.random.default_rng((seed, object_id)), len(thin), round(12 * len(thin) / 256))
+            mask |= signed_distance(thin) > -brush * (1 + wave)
+        write_mask(out / "coarse_masks" / "one" / name / f"{view.stem}.png", mask)
+        overlap, covered = intersection_over_union(mask, labels == object_id), mask[thin].mean() if thin.any() else 0
+        lines.append(f"{name}  {view.stem}  {overlap:.3f}  {covered:.3f}")
+    return "\n".join(lines)
+
+
+def read_thin(out: Path, view: View, name: str) -> np.ndarray:
+    """Return the pixels half of which a thing's thin parts cover, (H, W) bool."""
+    rays = iio.imread(out / "thin" / name / view.split / f"{view.stem}.png")
+    return coverage(rays > 0, THIN_SUBPIXELS) > 127
 
 
 def _hasty_mask(truth: np.ndarray, flaw: str, rng: np.random.Generator) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -12,12 +13,14 @@ from mathutils import Vector
 
 from ..cameras import View, dome_views, patch_views, path_views
 from ..recipe import Extent, Recipe, TrueEdit, make_capture
+from ..shapes import THIN_PART
 from .draw import draw_scene
 from .forms import add_thing
-from .masks import draw_hasty_masks
+from .masks import draw_hasty_masks, draw_masks_of_thin
 from .photo_flaws import spoil_photos
 from .scene import Cameras, Scene
 from .surroundings import add_surroundings
+from .thin_draw import draw_thin_scene
 
 TEST_VIEWS = 8
 PATCH = (1.8, 1.0)
@@ -45,24 +48,70 @@ Rough masks, drawn by a hasty hand
 {masks}
 """
 
+README_OF_THIN = """\
+Drawn scene of seed {scene.seed} with thin parts: {scene.place}, {scene.light}, {scene.cameras.way}
+================================================================================================
+
+Rendered with Cycles from a procedural scene; public domain (CC0 1.0). Made by
+    {command}
+(bpy {blender}, {size} x {size} pixels, up to {samples} samples per pixel, denoised, view transform Standard).
+
+Laid out as the benchmark's captures, with {train} training photos, and besides
+  thin/<object>/<split>/r_000.png      which of 3 x 3 rays a pixel meet a thin part of the object (3 times the pixels
+                                       a side; 255 where they do)
+  coverage/<object>/<split>/r_000.png  share of each pixel that shows the object, 255 = all
+Beside the first object: {scene.relation}. Training photos have noise of {flaws.noise:.3f}, blur of {flaws.blur:.2f} pixels, and exposures that
+differ by {flaws.drift:.3f} (deviation, deviation, at most); test photos are clean. The edit "all" repaints both marked things.
+
+Things: name, form, size, position, pattern, roughness, translucency, number
+{things}
+
+Rough masks: a blob round the whole thing, and a wavy stroke along its thin parts
+{masks}
+"""
+
 
 def make_drawn_capture(seed: int, size: int, samples: int, out: Path, *, command: str, threads: int) -> None:
     """Render the scene of a seed as a capture into ``out``, ``size`` pixels square."""
     scene = visible_scene(seed)
     recipe, extent = _recipe(scene), Extent(size, scene.cameras.train, TEST_VIEWS, samples)
-    make_capture(recipe, extent, out, command, threads, ("photos", "truth", "recolors"))
-    spoil_photos(out, scene.flaws, seed)
+    _make(scene, recipe, extent, out, command, threads)
     masks = draw_hasty_masks(out, recipe.views(extent.train, extent.test), recipe.names, seed)
+    _write_readme(README, scene, extent, out, command, masks)
+
+
+def make_thin_capture(seed: int, extent: Extent, out: Path, *, command: str, threads: int) -> None:
+    """Render a seed's scene of things with thin parts as a capture into ``out``."""
+    scene, recipe = thin_scene(seed)
+    _make(scene, recipe, extent, out, command, threads)
+    masks = draw_masks_of_thin(out, recipe.views(extent.train, extent.test), recipe.names, seed)
+    _write_readme(README_OF_THIN, scene, extent, out, command, masks)
+
+
+def thin_scene(seed: int) -> tuple[Scene, Recipe]:
+    """Return a seed's scene of things with thin parts, also as what a capture of it shows."""
+    scene = visible_scene(seed, draw_thin_scene)
+    return scene, replace(_recipe(scene), thin=True)
+
+
+def _make(scene: Scene, recipe: Recipe, extent: Extent, out: Path, command: str, threads: int) -> None:
+    make_capture(recipe, extent, out, command, threads, ("photos", "truth", "recolors"))
+    spoil_photos(out, scene.flaws, scene.seed)
+
+
+def _write_readme(readme: str, scene: Scene, extent: Extent, out: Path, command: str, masks: str) -> None:
     facts = {"scene": scene, "flaws": scene.flaws, "command": command, "blender": bpy.app.version_string}
     things = "\n".join(_line(thing) for thing in scene.things)
-    text = README.format(**facts, size=size, samples=samples, things=things, masks=masks)
+    text = readme.format(
+        **facts, size=extent.size, samples=extent.samples, train=extent.train, things=things, masks=masks
+    )
     (out / "README.txt").write_text(text, encoding="utf-8")
 
 
-def visible_scene(seed: int) -> Scene:
+def visible_scene(seed: int, draw: Callable[[int, int], Scene] = draw_scene) -> Scene:
     """Return the first scene of a seed whose marked things are seen well enough in enough photos."""
     attempt = 0
-    while not _shows_marked(scene := draw_scene(seed, attempt)):
+    while not _shows_marked(scene := draw(seed, attempt)):
         attempt += 1
     return scene
 
@@ -120,7 +169,7 @@ def _shares(view: View, scene: Scene) -> list[float]:
     for x in across:
         for y in across:
             hit = bpy.context.scene.ray_cast(graph, origin, rotation @ Vector((x, y, -1.0)))
-            hits.append(hit[4].pass_index if hit[0] else 0)
+            hits.append(hit[4].pass_index % THIN_PART if hit[0] else 0)
     return [hits.count(thing.object_id) / len(hits) for thing in scene.marked]
 
 

@@ -1,0 +1,205 @@
+"""Photos and layers in named color spaces: read as sRGB and written back in their own, to a step of 16 bits."""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("PyOpenColorIO")
+OpenEXR = pytest.importorskip("OpenEXR")
+
+from blender_tests.engine.reference.still_life import camera_at
+from karf_engine.capture import Capture, View, in_space
+from karf_engine.capture.capture import capture_from_json, capture_to_json
+from karf_engine.capture.training_images import photo_of
+from karf_engine.errors import BadRequest, DataError, MissingDependency
+from karf_engine.export.layers import write_layers
+from karf_engine.io import color_spaces
+from karf_engine.io.color import srgb_to_linear
+from karf_engine.io.color_spaces import ColorSpace, color_space
+from karf_engine.io.images import encoded
+from karf_engine.palettes.palette import Palette
+from karf_engine.recolor.layers import Layers
+from karf_engine.recolor.photos import open_photo, write_photo
+
+STEP = 1 / 65535
+SPACES = ("ACEScg", "ACEScct", "Linear Rec.2020", "sRGB Encoded P3-D65", "Gamma 2.2 Encoded AdobeRGB")
+CONFIG = """ocio_profile_version: 2
+roles:
+  scene_linear: plain
+  aces_interchange: plain
+file_rules:
+  - !<Rule> {name: Default, colorspace: plain}
+displays:
+  screen:
+    - !<View> {name: Raw, colorspace: plain}
+colorspaces:
+  - !<ColorSpace>
+    name: plain
+  - !<ColorSpace>
+    name: studio
+    aliases: [the studio]
+    from_scene_reference: !<ExponentTransform> {value: [0.5, 0.5, 0.5, 1]}
+"""
+
+
+@pytest.fixture(autouse=True)
+def own_configuration(monkeypatch):
+    monkeypatch.delenv(color_spaces.VARIABLE, raising=False)
+
+
+def ramp_and_random_colors():
+    """All grays of 16 bits, and random colors of them, many of them saturated."""
+    random = np.random.default_rng(0).integers(0, 65536, (60_000, 3))
+    random[:20_000] = np.where(random[:20_000] < 32768, 0, random[:20_000])
+    random[20_000:30_000] = np.where(random[20_000:30_000] < 32768, 0, 65535)
+    grays = np.repeat(np.arange(65536)[:, None], 3, 1)
+    return np.concatenate([grays, random]).astype(np.float32) / np.float32(65535)
+
+
+@pytest.mark.parametrize("name", SPACES)
+def test_srgb_goes_to_a_space_and_back_within_a_step_of_16_bits(name):
+    space, colors = color_space(name), ramp_and_random_colors()
+    assert np.abs(space.to_srgb(space.from_srgb(colors)) - colors).max() < STEP
+
+
+@pytest.mark.parametrize("name", SPACES)
+def test_what_srgb_holds_of_a_space_comes_back_within_a_step_too(name):
+    space, colors = color_space(name), ramp_and_random_colors()
+    seen = space.to_srgb(colors)
+    is_inside = ((seen >= 0) & (seen <= 1)).all(-1)
+    assert is_inside.sum() > 100
+    assert np.abs(space.from_srgb(seen) - colors)[is_inside].max() < STEP
+
+
+def test_linear_light_is_what_the_engine_makes_of_srgb_itself():
+    colors = ramp_and_random_colors()
+    np.testing.assert_allclose(
+        color_space("Linear Rec.709 (sRGB)").from_srgb(colors), srgb_to_linear(colors), atol=1e-6
+    )
+
+
+def test_known_numbers_of_acescg():
+    """sRGB red in ACEScg, by the matrix of the ACES documents (Bradford's adaptation from D65 to ACES white)."""
+    np.testing.assert_allclose(
+        color_space("ACEScg").from_srgb(np.array([1.0, 0, 0])), [0.6131, 0.0702, 0.0206], atol=2e-4
+    )
+
+
+def words(colors):
+    return np.rint(np.clip(colors, 0, 1) * 65535).astype(np.uint16)
+
+
+def photo_in(path, space, shape=(24, 32)):
+    """A 16-bit photo of random colors in a space, as its file holds them."""
+    stored = np.random.default_rng(1).integers(0, 65536, (*shape, 3), dtype=np.uint16)
+    path.write_bytes(encoded(".png", stored))
+    return stored, View("a", "a", camera_at(0.3, 0.5), path, "train", space=space)
+
+
+def test_photos_are_seen_as_srgb_by_training_and_at_full_size(tmp_path):
+    space = color_space("sRGB Encoded P3-D65")
+    stored, view = photo_in(tmp_path / "a.png", space, (32, 32))
+    expected = np.clip(space.to_srgb(stored / 65535), 0, 1)
+    np.testing.assert_allclose(photo_of(view), expected, atol=1e-6)
+    np.testing.assert_allclose(open_photo(view.image, space).colors(), expected, atol=1e-6)
+    assert np.abs(photo_of(replace(view, space=None)) - expected).max() > 0.05
+
+
+def test_light_of_an_exr_is_converted_before_its_alpha_is_put_back(tmp_path):
+    space, path = color_space("ACEScg"), tmp_path / "a.exr"
+    colors, alpha = np.random.default_rng(2).uniform(0.1, 0.8, (32, 32, 3)), np.full((32, 32, 1), 0.5)
+    light = np.dstack([space.from_srgb(colors) * alpha, alpha]).astype(np.float32)
+    OpenEXR.File({}, {"RGBA": light}).write(str(path))
+    view = View("a", "a", camera_at(0.3, 0.5), path, "train", space=space)
+    np.testing.assert_allclose(photo_of(view)[..., :3], colors, atol=1e-5)
+    photo = open_photo(path, space).copy()
+    photo.change(slice(None), slice(None), np.full((32, 32, 3), 0.1, np.float32))
+    np.testing.assert_allclose(photo.colors(), colors + 0.1, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", SPACES)
+def test_recolored_photos_are_written_in_their_own_space_and_unchanged_pixels_keep_their_bits(tmp_path, name):
+    space = color_space(name)
+    stored, view = photo_in(tmp_path / "a.png", space)
+    photo = open_photo(view.image, space).copy()
+    change = np.zeros((24, 32, 3), np.float32)
+    change[:12] = np.clip(photo.colors()[:12] * 0.5, 0.02, None) * [0.5, -0.5, 0.2]
+    wanted = np.clip(photo.colors() + change, 0, 1)
+    is_shown = ((space.to_srgb(stored / 65535) >= 0) & (space.to_srgb(stored / 65535) <= 1)).all(-1)
+    photo.change(slice(None), slice(None), change)
+    write_photo(tmp_path / "new.png", photo)
+    read = open_photo(tmp_path / "new.png", space)
+    np.testing.assert_array_equal(read.pixels[12:], stored[12:])
+    exact = words(space.from_srgb(wanted))
+    apart = np.abs(read.pixels.astype(int) - exact)[:12][is_shown[:12]]
+    assert apart.max() <= 1
+    # and colors that no sRGB picture shows are changed by as much as the edit changes what is shown of them
+    assert (read.pixels[:12] != stored[:12]).any(-1).mean() > 0.8
+
+
+def test_layers_hold_the_base_picture_in_the_named_space_to_a_step_of_16_bits(tmp_path):
+    base = np.random.default_rng(4).integers(0, 65536, (20, 30, 3), dtype=np.uint16)
+    pot = Palette("pot", np.array([[0, 0, 0], [0.8, 0.2, 0.1]], np.float32))
+    layers = Layers((pot,), base, np.ones((1, 20, 30), np.float16), np.full((1, 2, 20, 30), 0.5, np.float16))
+    space = color_space("ACEScg")
+    write_layers(tmp_path / "a.exr", layers, space)
+    with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
+        light = np.stack([file.channels()[letter].pixels for letter in "RGB"], -1)
+        header = dict(file.header())
+    assert np.abs(space.to_srgb(light) - base / 65535).max() < STEP
+    assert header["colorInteropID"] == "lin_ap1_scene" and "ACEScg" in header["comments"]
+    assert "chromaticities" not in header
+
+
+def test_a_capture_remembers_the_space_of_its_photos_and_one_without_is_as_it_was(tmp_path):
+    _, view = photo_in(tmp_path / "a.png", None)
+    plain = Capture(tmp_path, "llff", (view,))
+    before = capture_to_json(plain)
+    assert before["schema"] == "karf-capture/1" and "color_space" not in before["views"][0]
+    assert in_space(plain, None) is plain
+    space = ColorSpace("studio", "/show/config.ocio")
+    content = capture_to_json(in_space(plain, space))
+    assert content["schema"] == "karf-capture/3"
+    assert capture_from_json(content, tmp_path / "capture.json").views[0].space == space
+
+
+def test_a_configuration_of_ones_own_by_its_path_or_the_environment(tmp_path, monkeypatch):
+    path = tmp_path / "config.ocio"
+    path.write_text(CONFIG)
+    space = color_space("the studio", str(path))
+    assert space == ColorSpace("the studio", str(path))
+    monkeypatch.setenv(color_spaces.VARIABLE, str(path))
+    assert color_space("studio") == ColorSpace("studio", str(path))
+    light = np.array([0.1, 0.4, 0.9])
+    monkeypatch.delenv(color_spaces.VARIABLE)
+    np.testing.assert_allclose(space.to_srgb(np.sqrt(light)), color_space("ACES2065-1").to_srgb(light), atol=1e-5)
+
+
+def test_a_configuration_without_a_way_to_srgb_says_which_roles_it_lacks(tmp_path):
+    path = tmp_path / "config.ocio"
+    path.write_text(CONFIG.replace("  aces_interchange: plain\n", ""))
+    with pytest.raises(BadRequest, match=r"'studio' of the color configuration .* no way to sRGB.*interchange roles"):
+        color_space("studio", str(path))
+
+
+def test_an_unknown_space_is_named_with_the_nearest_ones():
+    with pytest.raises(BadRequest, match=r"no color space 'ACES cg'.*built-in.* Nearest: ACEScg"):
+        color_space("ACES cg")
+
+
+def test_a_configuration_that_cannot_be_read_is_named(tmp_path):
+    path = tmp_path / "broken.ocio"
+    with pytest.raises(DataError, match=r"broken\.ocio cannot be read"):
+        color_space("ACEScg", str(path))
+    path.write_text("ocio_profile_version: 99")
+    with pytest.raises(DataError, match=r"broken\.ocio cannot be read"):
+        color_space("ACEScg", str(path))
+
+
+def test_without_the_package_the_extra_is_named(monkeypatch):
+    color_spaces._config.cache_clear()
+    monkeypatch.setitem(sys.modules, "PyOpenColorIO", None)
+    with pytest.raises(MissingDependency, match=r"opencolorio.*karf\[color\]"):
+        color_space("ACEScg")

@@ -1,0 +1,227 @@
+"""A color chart of 24 patches in a photo: what they look like there, and the reference light that follows from it.
+
+The chart is the ColorChecker Classic as it has been made since November 2014, by the maker's published CIE L*a*b* (white
+D50, 2 degree observer). Its four corners are clicked or found (`recolor.chart_detection`); a homography leads to its patches, whose
+means are taken in linear light. A 3x3 matrix, fitted there by least squares, leads from the photos to the reference.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import BadRequest
+from ..io.color import ciede2000, lab_d50_to_d65, lab_to_srgb, linear_to_srgb, srgb_to_lab, srgb_to_linear
+from .reference_light import CLIPPED, DARKEST, ReferenceLight
+
+# row by row from the brown patch, which is the upper left one where the gray row is below
+PATCHES = (
+    ("dark skin", 37.54, 14.37, 14.92),
+    ("light skin", 64.66, 19.27, 17.50),
+    ("blue sky", 49.32, -3.82, -22.54),
+    ("foliage", 43.46, -12.74, 22.72),
+    ("blue flower", 54.94, 9.61, -24.79),
+    ("bluish green", 70.48, -32.26, -0.37),
+    ("orange", 62.73, 35.83, 56.50),
+    ("purplish blue", 39.43, 10.75, -45.17),
+    ("moderate red", 50.57, 48.64, 16.67),
+    ("purple", 30.10, 22.54, -20.87),
+    ("yellow green", 71.77, -24.13, 58.19),
+    ("orange yellow", 71.51, 18.24, 67.37),
+    ("blue", 28.37, 15.42, -49.80),
+    ("green", 54.38, -39.72, 32.27),
+    ("red", 42.43, 51.05, 28.62),
+    ("yellow", 81.80, 2.67, 80.41),
+    ("magenta", 50.63, 51.28, -14.12),
+    ("cyan", 49.57, -29.71, -28.32),
+    ("white", 95.19, -1.03, 2.93),
+    ("neutral 8", 81.29, -0.57, 0.44),
+    ("neutral 6.5", 66.89, -0.75, -0.06),
+    ("neutral 5", 50.76, -0.13, 0.14),
+    ("neutral 3.5", 35.63, -0.46, -0.48),
+    ("black", 20.64, 0.07, -0.46),
+)
+ROWS, COLUMNS = 4, 6
+PITCH, PATCH = 1.1, 1.0  # from patch to patch, and a patch's side: a tenth of it is the black between two of them
+INNER, SAMPLES = 0.5, 24  # share of a patch's side that is looked at, and points along it: photos blur the borders
+LEAST_PATCHES = 12  # that are neither clipped nor dark, of the 24
+MOST_LEFT = 10.0  # mean CIEDE2000 beyond which what was looked at is no such chart
+MOST_CONDITION = 1e3  # of the matrix: three channels that are nearly one tell no colors
+EVEN = 0.1  # added to a patch's light: its error counts in shares of this sum, or bright patches alone would count
+
+
+@dataclass(frozen=True)
+class ChartFit:
+    """What a photographed chart says.
+
+    Attributes:
+        light: The reference light that follows.
+        left: CIEDE2000 [24] from each patch's published color to what the fit makes of its photo; NaN where it is clipped
+            or too dark to count.
+    """
+
+    light: ReferenceLight
+    left: np.ndarray
+
+    @property
+    def mean_left(self) -> float:
+        """Mean CIEDE2000 of the patches that count."""
+        return float(np.nanmean(self.left))
+
+    def __str__(self) -> str:
+        worst = int(np.nanargmax(self.left))
+        return (
+            f"color chart: CIEDE2000 {self.mean_left:.1f} left in the mean of {int(np.isfinite(self.left).sum())} patches, "
+            f"{self.left[worst]:.1f} at most ({PATCHES[worst][0]})"
+        )
+
+
+def reference_colors() -> np.ndarray:
+    """The patches under daylight (D65), sRGB [24, 3]; cyan lies a little outside of 0..1.
+
+    Examples:
+        >>> reference_colors()[[14, 21]].round(2).tolist()
+        [[0.7, 0.21, 0.22], [0.47, 0.47, 0.47]]
+    """
+    return lab_to_srgb(lab_d50_to_d65(np.array([lab for _, *lab in PATCHES])))
+
+
+def patch_places() -> np.ndarray:
+    """Where the patches are looked at, [24, n, 2]: (x, y) over the chart, 0 to 1 from its upper left to its lower right.
+
+    Examples:
+        >>> patch_places()[0].mean(axis=0).round(2).tolist(), patch_places()[23].mean(axis=0).round(2).tolist()
+        ([0.08, 0.12], [0.92, 0.88])
+    """
+    rows, columns = np.divmod(np.arange(ROWS * COLUMNS), COLUMNS)
+    centers = np.stack([columns, rows], -1) * PITCH + 0.5 * PATCH
+    steps = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
+    within = INNER * PATCH * np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
+    size = PITCH * np.array([COLUMNS - 1, ROWS - 1]) + PATCH
+    return (centers[:, None] + within) / size
+
+
+def homography(corners: np.ndarray) -> np.ndarray:
+    """The 3x3 matrix from the unit square to four corners [4, 2] in a photo, in the order (0, 0), (1, 0), (1, 1), (0, 1).
+
+    Examples:
+        >>> square = np.array([[10.0, 20], [30, 20], [30, 40], [10, 40]])
+        >>> (homography(square) @ [0.5, 0.5, 1]).round(6).tolist()
+        [20.0, 30.0, 1.0]
+    """
+    rows = []
+    for (x, y), (u, v) in zip(((0, 0), (1, 0), (1, 1), (0, 1)), corners, strict=True):
+        rows += [[x, y, 1, 0, 0, 0, -u * x, -u * y], [0, 0, 0, x, y, 1, -v * x, -v * y]]
+    return np.append(np.linalg.solve(np.array(rows), np.ravel(corners)), 1).reshape(3, 3)
+
+
+def patch_colors(photo: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """What the patches look like in a photo: means in linear light, as sRGB [24, 3].
+
+    Args:
+        photo: sRGB [H, W, 3] in [0, 1].
+        corners: Of the block of patches, [4, 2]: (u, v) in pixels from the photo's upper left corner, round the chart from the
+            brown patch's outer corner to the bluish green's, the black's and the white's.
+
+    Raises:
+        BadRequest: The corners are not those of a chart, or beyond the photo.
+
+    Examples:
+        >>> photo = np.full((40, 60, 3), 0.5)
+        >>> patch_colors(photo, np.array([[5, 5], [55, 5], [55, 35], [5, 35]])).round(2)[0].tolist()
+        [0.5, 0.5, 0.5]
+    """
+    check_corners(corners, photo.shape[1], photo.shape[0])
+    places = patch_places()
+    u, v, w = np.einsum("ij,npj->inp", homography(corners), np.dstack([places, np.ones(places.shape[:2])]))
+    columns, rows = (np.floor(each / w).astype(int) for each in (u, v))
+    seen = photo[np.clip(rows, 0, len(photo) - 1), np.clip(columns, 0, photo.shape[1] - 1), :3]
+    return linear_to_srgb(srgb_to_linear(seen).mean(axis=1))
+
+
+def check_corners(corners: np.ndarray, width: int, height: int) -> None:
+    """Refuse four corners [4, 2] that are not those of a convex figure in a photo of this size, by a BadRequest.
+
+    Examples:
+        >>> check_corners(np.array([[5, 5], [55, 5], [55, 35], [5, 35]]), 60, 40)
+        >>> check_corners(np.array([[5, 5], [55, 35], [55, 5], [5, 35]]), 60, 40)
+        Traceback (most recent call last):
+        karf_engine.errors.BadRequest: These four corners are not those of a color chart in the photo. Go round it from patch to patch: brown, bluish green, black, white.
+    """
+    corners = np.asarray(corners, np.float64)
+    edges = np.roll(corners, -1, axis=0) - corners
+    following = np.roll(edges, -1, axis=0)
+    turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+    is_convex = (turns > 1).all() or (turns < -1).all()
+    if not (is_convex and (corners >= 0).all() and (corners <= (width, height)).all()):
+        raise BadRequest(
+            "These four corners are not those of a color chart in the photo.",
+            "Go round it from patch to patch: brown, bluish green, black, white.",
+        )
+
+
+def fit_chart(patches: np.ndarray) -> ChartFit:
+    """The reference light by what a chart's patches look like in the photos, sRGB [24, 3] in [0, 1].
+
+    Raises:
+        BadRequest: Too many of them are clipped or dark, or they are not those of this chart.
+
+    Examples:
+        >>> warm = linear_to_srgb(srgb_to_linear(reference_colors()) * [1.0, 0.8, 0.5])
+        >>> found = fit_chart(np.clip(warm, 0, 1))
+        >>> print(found.light.matrix.round(2) + 0.0)
+        [[1.  0.  0. ]
+         [0.  0.8 0. ]
+         [0.  0.  0.5]]
+    """
+    known = reference_colors()
+    counts = (patches.min(-1) > DARKEST) & (patches.max(-1) < CLIPPED)
+    if counts.sum() < LEAST_PATCHES:
+        raise BadRequest(
+            f"Only {counts.sum()} of the chart's {len(known)} patches are neither too dark nor too bright in the photo.",
+            "Take a photo in which the chart is well lit.",
+        )
+    seen, wanted = srgb_to_linear(patches[counts]), srgb_to_linear(known[counts])
+    weights = 1 / (wanted.mean(-1, keepdims=True) + EVEN)
+    to_reference = np.linalg.lstsq(seen * weights, wanted * weights, rcond=None)[0].T
+    left = np.full(len(known), np.nan)
+    left[counts] = ciede2000(srgb_to_lab(linear_to_srgb(seen @ to_reference.T)), srgb_to_lab(known[counts]))
+    if left[counts].mean() > MOST_LEFT or np.linalg.cond(to_reference) > MOST_CONDITION:
+        raise BadRequest(
+            f"This does not look like a color chart: CIEDE2000 {left[counts].mean():.0f} is left in the mean.",
+            "Begin at the brown patch's corner, then bluish green, black and white.",
+        )
+    return ChartFit(ReferenceLight(np.linalg.inv(to_reference)), left)
+
+
+def fit_photo(photo: np.ndarray, corners: np.ndarray) -> ChartFit:
+    """The reference light by a chart in a photo, from whichever corner the four begin and whichever way round they go.
+
+    Args:
+        photo: sRGB [H, W, 3] in [0, 1].
+        corners: As for `patch_colors`, but for where they begin.
+
+    Raises:
+        BadRequest: As `patch_colors` and `fit_chart`.
+
+    Examples:
+        A chart drawn flat, half as bright as under daylight, of patches 10 pixels wide and 1 apart:
+
+        >>> photo = np.zeros((43, 65, 3))
+        >>> for (row, column), color in zip(np.ndindex(4, 6), srgb_to_linear(reference_colors())):
+        ...     photo[11 * row : 11 * row + 10, 11 * column : 11 * column + 10] = linear_to_srgb(color / 2)
+        >>> photo = photo.clip(0, 1)
+        >>> fit_photo(photo, np.array([[0, 0], [65, 0], [65, 43], [0, 43]])).light.matrix.diagonal().round(2).tolist()
+        [0.5, 0.5, 0.5]
+    """
+    corners, fits, refused = np.asarray(corners, np.float64), [], []
+    for way in (corners, corners[::-1]):
+        for begin in range(4):
+            try:
+                fits.append(fit_chart(patch_colors(photo, np.roll(way, begin, axis=0))))
+            except BadRequest as error:
+                refused.append(error)
+    if not fits:
+        raise refused[0]
+    return min(fits, key=lambda fit: fit.mean_left)
