@@ -1,7 +1,7 @@
 """The Blender side: cameras, swatches and pictures. It runs the engine in its own process and never imports torch."""
 
 from . import operators, panels, preferences, properties, render_engine, translations
-from .host import rendering
+from .host import messages, rendering
 from .marking import following, overlay, tools
 from .nodes import drivers
 from .pictures import chips, settling
@@ -17,6 +17,7 @@ MODULES = (
     translations,
     properties,
     preferences,
+    messages,
     rendering,
     chips,
     settling,

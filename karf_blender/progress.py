@@ -1,9 +1,14 @@
 """What the panel and the console say of the running task and of how the last one ended."""
 
+from pathlib import Path
+
 import bpy
 
 from .engine_api import Event, KarfError
 from .host.words import kept, translate
+
+# codes of warnings that stay in the job's record: what was found is used, and there is nothing that an artist could do
+FOR_THE_RECORD = ("convergence",)
 
 
 def state() -> bpy.types.PropertyGroup:
@@ -33,6 +38,11 @@ def _add_warning(sentence: str) -> None:
         progress.warnings = f"{progress.warnings}\n{kept(sentence)}".strip()
 
 
+def wrote(folder: Path) -> None:
+    """Files were written there: the panel has a button that opens it."""
+    state().folder = str(folder)
+
+
 def fail(error: KarfError) -> None:
     """Say why something failed, and what can be done."""
     progress = state()
@@ -42,7 +52,8 @@ def fail(error: KarfError) -> None:
 def dismiss() -> None:
     """Clear what the panel says of the last task."""
     progress = state()
-    progress.text = progress.figures = progress.warnings = progress.error = progress.hint = progress.job = ""
+    for name in ("text", "figures", "warnings", "error", "hint", "job", "folder"):
+        setattr(progress, name, "")
 
 
 def show_event(label: str, event: Event, whole: tuple[float, float] | None = None) -> None:
@@ -61,7 +72,7 @@ def show_event(label: str, event: Event, whole: tuple[float, float] | None = Non
         progress.figures = f"{event['stage']} {event['step']}/{event['total']}{_metrics(event)}"
     elif event.kind == "stage":
         progress.figures = _line(event)
-    elif event.kind == "warning":
+    elif event.kind == "warning" and event.get("code") not in FOR_THE_RECORD:
         _add_warning(event["sentence"])
 
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         extract_palettes,
         find_poses,
         import_splat,
+        inspect_capture,
         learn,
         learn_geometry,
         learn_recoloring,
@@ -50,6 +51,7 @@ _DEFINES = {
     "api": (
         "find_poses",
         "import_splat",
+        "inspect_capture",
         "mark",
         "learn",
         "learn_geometry",

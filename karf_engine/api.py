@@ -29,6 +29,7 @@ from .commands.options import (
     FarmOptions,
     GeometryOptions,
     ImportSplatOptions,
+    InspectOptions,
     LearnOptions,
     MarkOptions,
     PaletteOptions,
@@ -47,6 +48,7 @@ from .io.options import Options, listed
 
 if TYPE_CHECKING:
     from .capture.capture import Capture
+    from .capture.quality.advice import Advice
     from .recolor.model import Model
 
 PathLike = Path | str
@@ -119,6 +121,32 @@ def import_splat(splat: PathLike, out: PathLike, **options: Any) -> None:
         import_splat("garden.ply", "garden")
     """
     _run(ImportSplatOptions, splat=splat, out=out, **options)
+
+
+@_takes(InspectOptions, is_run=False)
+def inspect_capture(capture: Capture | PathLike, **options: Any) -> Advice:
+    """Look at photos, cameras and masks before anything is learned of them, in seconds; needs no torch.
+
+    Args:
+        capture: What `open_capture` gave, or the path of a capture of any known format.
+
+    Returns:
+        What is expected of it (`psnr`, `is_poor`), in a `sentence`, and what to mend (`findings`); its `inspection` has
+        the figures.
+
+    Raises:
+        KarfError: It has less than three photos, or one is missing or damaged.
+
+    Example:
+        print(inspect_capture("garden", out="inspected").sentence)
+    """
+    given = InspectOptions.of(capture=_path_of(capture), **options)
+    try:
+        from .commands.inspect import look
+    except ModuleNotFoundError as error:
+        raise missing_package(error.name) from error
+    with translated():
+        return look(given)
 
 
 @_takes(MarkOptions, is_run=False)

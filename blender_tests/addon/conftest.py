@@ -19,7 +19,7 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 # the modules that tests use, by their room ("" is karf_blender itself); the fixture `addon` has each by its own name
 MODULES = {
     "": "engine_api headless preferences progress steps",
-    "host": "compat labels rendering windows words",
+    "host": "compat labels messages rendering windows words",
     "engine": "environment examination failures installing probing processes removing report speed worker",
     "engine.managed": "home",
     "preferences": "color_book managing state",
@@ -34,7 +34,7 @@ MODULES = {
     "compositor": "group",
     "nodes": "drivers sockets",
     "surface": "mesh placing splat_objects trees",
-    "operators": "colorways render",
+    "operators": "colorways manual render",
     "panels": "color_names learning seeing sidebar status swatching",
     "workspace": "clicking estimates folding opening own_pictures states statusbar undoing",
 }

@@ -60,6 +60,7 @@ add_strip = _for_scripts(steps.add_strip)
 apply_edit = _for_scripts(steps.apply_edit)
 becomes = _for_scripts(steps.becomes)
 build_compositor = _for_scripts(steps.build_compositor)
+check_capture = _for_scripts(steps.check_capture)
 choose_look = _for_scripts(steps.choose_look)
 colorways = _for_scripts(steps.colorways)
 export_cameras = _for_scripts(steps.export_cameras)
@@ -122,6 +123,7 @@ __all__ = [
     "apply_edit",
     "becomes",
     "build_compositor",
+    "check_capture",
     "choose_look",
     "colorways",
     "engine_files",

@@ -30,3 +30,25 @@ def redraw_sidebars() -> None:
         for region in area.regions:
             if region.type == "UI":
                 region.tag_redraw()
+
+
+def show_text(name: str, content: str) -> bpy.types.Text:
+    """Put a text into the file, in the place of one of this name, and show it in a Text Editor: an open one, else a new
+    window's. In background mode it is not shown."""
+    text = bpy.data.texts.get(name) or bpy.data.texts.new(name)
+    text.from_string(content)
+    if not bpy.app.background:
+        editor = _text_editor().spaces.active
+        editor.text, editor.top = text, 0
+        editor.show_word_wrap, editor.show_syntax_highlight, editor.show_line_numbers = True, False, False
+    return text
+
+
+def _text_editor() -> bpy.types.Area:
+    known = next(areas("TEXT_EDITOR"), None)
+    if known is not None:
+        return known
+    bpy.ops.wm.window_new()
+    area = bpy.context.window_manager.windows[-1].screen.areas[0]
+    area.type = "TEXT_EDITOR"
+    return area

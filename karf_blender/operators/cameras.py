@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from .. import steps
+from .. import progress, steps
 from ..host.words import translate_report
 from .capture import view_from_camera
 from .reporting import reports_errors
@@ -35,7 +35,7 @@ class KARF_OT_export_cameras(bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         scene, path = context.scene, Path(bpy.path.abspath(self.filepath))
-        steps.export_cameras(scene, path)
+        progress.wrote(steps.export_cameras(scene, path).parent)
         count = len(steps.frame_range(scene))
         self.report({"INFO"}, translate_report("Wrote {count} cameras to {path}", count=count, path=path))
         return {"FINISHED"}

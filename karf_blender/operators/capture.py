@@ -45,6 +45,7 @@ def _then_marked(task: Task) -> Task:
 
     def after(request) -> None:
         task.after(request)
+        steps.check_unasked(bpy.context.scene)
         estimates.measure_once()
         opening.set_up(masks.begin_marking, masks.fit_photo)
 
@@ -98,7 +99,7 @@ class KARF_OT_import_capture(RigOptions, bpy.types.Operator):
         name="Project", subtype="DIR_PATH", description="Empty: beside the .blend", options={"SKIP_SAVE"}
     )
     holdout: IntProperty(
-        name="Hold Out",
+        name="Keep for Testing",
         default=0,
         min=0,
         soft_max=16,
@@ -133,6 +134,7 @@ class KARF_OT_import_capture(RigOptions, bpy.types.Operator):
         for remark in capture.remarks:  # a report of it would lie over the window until it is clicked away
             progress.warn(remark)
         view_from_camera(context.area, colored_points=self.points and capture.points is not None)
+        steps.check_unasked(context.scene)
         estimates.measure_once()
         opening.set_up(masks.begin_marking, masks.fit_photo)
         self.report(
@@ -238,6 +240,22 @@ class KARF_OT_import_splat(RigOptions, bpy.types.Operator):
         return {"FINISHED"}
 
 
+class KARF_OT_check_capture(bpy.types.Operator):
+    """Look for blurred photos, drifting exposure, holes and poor poses before anything is learned, and show where more photos would help"""
+
+    bl_idname = "karf.check_capture"
+    bl_label = "Check Capture"
+
+    @classmethod
+    def poll(cls, context):
+        return has_project(cls, context)
+
+    @reports_errors
+    def execute(self, context):
+        steps.check_capture(context.scene)
+        return {"FINISHED"}
+
+
 class KARF_OT_look_through(bpy.types.Operator):
     """Look through the active view's camera, with its photo's size as the scene's until the view is left"""
 
@@ -313,6 +331,7 @@ CLASSES = (
     KARF_OT_import_capture,
     KARF_OT_find_poses,
     KARF_OT_import_splat,
+    KARF_OT_check_capture,
     KARF_OT_look_through,
     KARF_OT_leave_view,
     KARF_FH_capture,

@@ -48,23 +48,8 @@ class KARF_OT_open_log(FailureStep, bpy.types.Operator):
         tail = failures.log_tail(job)
         if not tail:
             raise DataError("The log in {job} is empty, or gone.", "Run the step again.", job=job)
-        text = bpy.data.texts.get(LOG_NAME) or bpy.data.texts.new(LOG_NAME)
-        text.from_string(tail)
-        if not bpy.app.background:
-            editor = _editor().spaces.active
-            editor.text, editor.top = text, 0
+        windows.show_text(LOG_NAME, tail)
         return {"FINISHED"}
-
-
-def _editor() -> bpy.types.Area:
-    """A Text Editor: an open one, else a new window's."""
-    known = next(windows.areas("TEXT_EDITOR"), None)
-    if known is not None:
-        return known
-    bpy.ops.wm.window_new()
-    area = bpy.context.window_manager.windows[-1].screen.areas[0]
-    area.type = "TEXT_EDITOR"
-    return area
 
 
 CLASSES = (KARF_OT_copy_report, KARF_OT_open_log)

@@ -60,7 +60,7 @@ asks. What is there already is checked, finished, repaired or updated"""
         name="Folder of wheels", subtype="DIR_PATH", description="Take the packages' files from here, without network"
     )
     starter: StringProperty(
-        name="Starter", subtype="FILE_PATH",
+        name="Python or uv", subtype="FILE_PATH",
         description="A Python, or uv, that makes the environment; empty: Blender's own Python, uv, or any that is found",
     )  # fmt: skip
 

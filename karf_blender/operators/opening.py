@@ -5,6 +5,7 @@ from pathlib import Path
 import bpy
 from bpy.props import EnumProperty
 
+from .. import progress
 from ..engine_api import BadRequest
 from ..project import folders
 from .reporting import has_project, reports_errors
@@ -13,6 +14,7 @@ FOLDER_ITEMS = [
     ("project", "Project", "All that is learned"),
     ("out", "Output", "Where pictures go"),
     ("frames", "Frames", "What was rendered last"),
+    ("written", "Written", "Where files were written last"),
 ]
 
 
@@ -40,6 +42,8 @@ class KARF_OT_open_folder(bpy.types.Operator):
 def _place_of(scene: bpy.types.Scene, kind: str) -> Path:
     if kind == "project":
         return folders.project_of(scene).folder
+    if kind == "written":
+        return Path(progress.state().folder)
     is_rendered = kind == "frames" and scene.karf.frames
     return folders.absolute(scene.karf.frames) if is_rendered else folders.out_folder(scene)
 

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
-from .. import preferences, steps
+from .. import preferences, progress, steps
 from ..engine_api import FarmOptions, bounds_of
 from ..host.words import translatable, translate_report
 from ..project import folders
@@ -15,7 +15,7 @@ WIDTH = 420  # width of the dialogs, in pixels at an interface scale of 1
 SPLIT_ITEMS = [
     ("ALL", "All", "All captured views"),
     ("TRAIN", "Learned From", "The views that the scene was learned from"),
-    ("TEST", "Held Out", "The views that were kept out of learning"),
+    ("TEST", "Kept for Testing", "The views that were kept out of learning"),
 ]
 
 
@@ -177,6 +177,7 @@ class KARF_OT_farm_bundle(CameraDialog, ProjectSwatchStep, bpy.types.Operator):
         scene = context.scene
         out = folders.absolute(self.directory) if self.directory else None
         bundle = steps.farm_bundle(scene, scene.camera, self.frames(scene), out, self.per_task)
+        progress.wrote(bundle)
         self.report({"INFO"}, translate_report("The job is in {path}", path=bundle))
         return {"FINISHED"}
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
-from .. import steps
+from .. import progress, steps
 from ..host.words import translate_report
 from ..surface import placing
 from ..tasks import runner
@@ -66,6 +66,7 @@ class KARF_OT_export_scene(bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         path = steps.export_scene(context.scene, Path(bpy.path.abspath(self.filepath)), self.shape)
+        progress.wrote(path.parent)
         self.report({"INFO"}, translate_report("Wrote {path}", path=path))
         return {"FINISHED"}
 

@@ -23,11 +23,13 @@ def register():
     bpy.types.UI_MT_button_context_menu.append(swatching.draw_context_menu)
     bpy.types.TOPBAR_MT_window.append(sidebar.draw_in_window_menu)
     menus.register()
+    sidebar.register()
     seeing.register_keys()
 
 
 def unregister():
     """Called when the extension is disabled."""
+    sidebar.unregister()
     menus.unregister()
     bpy.types.TOPBAR_MT_window.remove(sidebar.draw_in_window_menu)
     bpy.types.UI_MT_button_context_menu.remove(swatching.draw_context_menu)

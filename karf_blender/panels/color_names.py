@@ -39,11 +39,10 @@ def draw_names(layout, color, object_name, index):
         find = layout.operator("karf.find_color_name", icon="VIEWZOOM")
         find.object_name, find.index = object_name, index
     layout.operator("karf.choose_color_book", icon="FILE_FOLDER")
-    draw_light(layout, scene)
 
 
 def draw_light(layout, scene):
-    """What says under which light the photos were taken."""
+    """What says under which light the photos were taken: in a panel, since a menu takes the eyedropper's key for its own."""
     layout.operator("karf.pick_chart", icon="EYEDROPPER")
     if reference.has_chart(scene):
         text = translate("Color chart: {number} left of CIEDE2000", number=f"{scene.karf.chart_left:.1f}")

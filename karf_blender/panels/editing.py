@@ -4,6 +4,7 @@ from ..host.labels import draw_text
 from ..host.words import translate
 from ..project import disk
 from ..swatches import object_masks
+from .color_names import draw_light
 from .looks import draw_looks
 from .seeing import ADVANCED_MODES, draw_modes, draw_seeing, how_visible
 from .swatching import draw_object
@@ -40,6 +41,7 @@ def draw_edit(layout, context):
     if body is not None:
         draw_modes(body, context, ADVANCED_MODES)
         body.prop(karf, "compositing", text="Result")
+        draw_light(body, context.scene)
 
 
 def draw_match(layout, karf):

@@ -9,9 +9,10 @@ from ..host.words import translate
 from ..preferences import state
 from ..project import disk, moving
 from ..rig import reprojection
+from ..tasks import queries
 from ..workspace import estimates
 from .seeing import draw_lacking, draw_masks
-from .views import draw_advanced, draw_space, draw_view
+from .views import draw_advanced, draw_space
 
 
 def draw_import(layout, context):
@@ -25,12 +26,11 @@ def draw_import(layout, context):
     if not karf.project:
         return
     row = layout.row(align=True)
-    draw_view(row, karf)
-    row.operator("karf.look_through", text="", icon="VIEW_CAMERA")
+    row.operator("karf.look_through", text=karf.active_view, icon="VIEW_CAMERA", translate=False)
     row.prop(karf.looking, "hides_others", text="", icon="HIDE_ON" if karf.looking.hides_others else "HIDE_OFF")
     row.operator("karf.leave_view", text="", icon="LOOP_BACK")
     layout.label(text=count_of_photos(karf.views))
-    draw_reprojection(layout, context.scene)
+    draw_advice(layout, karf)
     row = layout.row(align=True)
     row.prop(karf, "project")
     row.operator("karf.open_folder", text="", icon="FILEBROWSER").folder = "project"
@@ -38,6 +38,7 @@ def draw_import(layout, context):
         layout.operator("karf.move_project", icon="FILE_FOLDER")
     body = draw_advanced(layout, "import")
     if body is not None:
+        draw_reprojection(body, context.scene)
         draw_space(body, karf, "photo_space")
 
 
@@ -47,6 +48,18 @@ def count_of_photos(views) -> str:
     if n_train == len(views):
         return f"{len(views)} photos, all to learn: new views are not judged"
     return f"{len(views)} photos: {n_train} to learn, {len(views) - n_train} to test"
+
+
+def draw_advice(layout, karf):
+    """What the engine says of the capture, and the way to ask it."""
+    layout.operator("karf.check_capture", icon="VIEWZOOM")
+    if queries.is_waiting("inspect"):
+        layout.label(text="The engine is at work", icon="SORTTIME")
+        return
+    sentence, *findings = karf.advice.splitlines() or [""]
+    draw_text(layout, sentence, "ERROR" if karf.is_poor else "INFO")
+    for finding in findings:
+        draw_text(layout, finding, "DOT")
 
 
 def draw_reprojection(layout, scene):
@@ -66,6 +79,8 @@ def draw_reprojection(layout, scene):
 
 def draw_learn(layout, context):
     """Step 2."""
+    if context.scene.karf.is_poor:
+        draw_text(layout, context.scene.karf.advice.splitlines()[0], "ERROR")
     layout.prop(context.scene.karf, "preset")
     if context.scene.karf.project:
         draw_engine(layout)
@@ -108,10 +123,8 @@ def draw_segment(layout, context):
     known = disk.contents_of(context.scene)
     if "segmentation" not in known.stages:
         return
-    draw_masks(layout, context)
-    if known.suggested:
-        text = translate("Mark next: {view}", view=known.suggested[0])
-        layout.operator("karf.go_to_suggested", text=text, icon="LIGHT")
+    if not context.scene.karf.objects:  # then step 6 has them
+        draw_masks(layout, context)
     body = draw_advanced(layout, "segment") if known.unsure else None
     if body is not None:
         draw_unsure(body, context, known)
@@ -125,8 +138,9 @@ def draw_unsure(layout, context, known):
             draw_text(layout, translate("{name}: {share} % unsure, where no mark shows it", **shown), "QUESTION")
         else:
             draw_text(layout, translate("{name}: {share} % unsure, where marks and colors differ", **shown), "QUESTION")
-    layout.prop_enum(context.window_manager.karf_seeing, "mode", "UNSURE")
-    draw_lacking(layout, context)
+    if not context.scene.karf.objects:  # then step 6 has it
+        layout.prop_enum(context.window_manager.karf_seeing, "mode", "UNSURE")
+        draw_lacking(layout, context)
 
 
 def draw_palette(layout, context):

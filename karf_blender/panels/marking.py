@@ -37,15 +37,20 @@ def draw_masks(layout, context):
     layout.prop(marking, "brush")
     layout.operator_menu_enum("karf.set_volume", "kind", icon="CUBE")
     if "segmentation" in disk.contents_of(scene).stages:
-        row = layout.row(align=True)
-        row.prop(marking, "correct", toggle=True, icon="BRUSH_DATA")
-        row.operator("karf.go_to_suggested", icon="LIGHT")
+        layout.prop(marking, "correct", toggle=True, icon="BRUSH_DATA")
+        layout.operator("karf.go_to_suggested", text=next_to_mark(scene), icon="LIGHT")
     layout.operator("karf.erase_mask", icon="X", text="Erase Correction" if marking.correct else "Erase Mask")
     if state.known().problem:
         draw_text(layout, "Without the engine a box is a rectangle, and clicks do nothing.", "INFO")
     if queries.is_waiting("propose") or queries.is_waiting("correct"):
         layout.label(text="The engine is at work", icon="SORTTIME")
     layout.prop(scene.karf, "masks")
+
+
+def next_to_mark(scene) -> str:
+    """What the button to the view says whose mark would decide most."""
+    suggested = disk.contents_of(scene).suggested
+    return translate("Mark next: {view}", view=suggested[0]) if suggested else translate("Suggested View")
 
 
 def draw_steps(layout, scene):

@@ -21,12 +21,14 @@ def draw_render(layout, context):
     column.operator("karf.render_view", text="This View", icon="IMAGE_DATA")
     column.operator("karf.render_capture", text="Captured Views", icon="RENDERLAYERS")
     column.operator("karf.render_camera", text="Camera's Frames", icon="RENDER_ANIMATION")
-    column.operator("karf.farm_bundle", icon="NETWORK_DRIVE")
     for name, title, draw_group in GROUPS:
         header, body = layout.panel(f"karf_render_{name}", default_closed=name != "views")
         header.label(text=title)
         if body is not None:
             draw_group(body, karf)
+    body = draw_advanced(layout, "render")
+    if body is not None:
+        body.operator("karf.farm_bundle", icon="NETWORK_DRIVE")
 
 
 def draw_views(layout, karf):

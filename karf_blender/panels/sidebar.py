@@ -1,29 +1,58 @@
-"""The steps from capture to picture, one below the other in one panel, the same in both editors.
+"""The steps from capture to picture, one below the other in one panel, each beside what it works on.
 
-Each step's header says how it stands. Steps that are done fold themselves (`workspace.folding`), which only a panel in
-a layout allows: of panels of their own Blender keeps to itself which are open. A step that waits for another is greyed
-out, and its tooltip says for which.
+Marks and swatches are beside the picture, in the Image Editor; the status and the other steps in the 3D View. An editor
+shows a step of the other where the screen has not that one's sidebar, so that nothing stands twice side by side, and
+nothing is missing where an artist has one of them alone.
+
+Each step's header says how it stands, and has a button that opens its page of the manual. Steps that are done fold
+themselves (`workspace.folding`), which only a panel in a layout allows: of panels of their own Blender keeps to itself
+which are open. A step that waits for another is greyed out, and its tooltip says for which.
 """
+
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import bpy
 
+from ..host import messages, windows
 from ..host.labels import draw_text
 from ..host.words import translatable
 from ..workspace import opening, states
 from . import editing, learning, marking, rendering
 from .status import draw_status
 
-# name, title, what it draws
+STEPS, PICTURE = "VIEW_3D", "IMAGE_EDITOR"  # the editors
+
+
+@dataclass(frozen=True)
+class Section:
+    """A step in the sidebar.
+
+    Attributes:
+        name: One of `states.STEPS`.
+        title: Of its header.
+        draw: Draws what is below that.
+        home: The editor that shows it where the screen has both.
+        page: Of the manual, see `operators.manual`.
+    """
+
+    name: str
+    title: str
+    draw: Callable
+    home: str
+    page: str
+
+
 SECTIONS = (
-    ("import", translatable("1  Import"), learning.draw_import),
-    ("learn", translatable("2  Learn Scene"), learning.draw_learn),
-    ("mark", translatable("3  Mark Objects"), marking.draw_masks),
-    ("segment", translatable("4  Segment"), learning.draw_segment),
-    ("palette", translatable("5  Palette"), learning.draw_palette),
-    ("edit", translatable("6  Edit"), editing.draw_edit),
-    ("render", translatable("7  Render"), rendering.draw_render),
+    Section("import", translatable("1  Import"), learning.draw_import, STEPS, "learn"),
+    Section("learn", translatable("2  Learn Scene"), learning.draw_learn, STEPS, "learn"),
+    Section("mark", translatable("3  Mark Objects"), marking.draw_masks, PICTURE, "mark"),
+    Section("segment", translatable("4  Segment"), learning.draw_segment, STEPS, "correct"),
+    Section("palette", translatable("5  Palette"), learning.draw_palette, STEPS, "recolor"),
+    Section("edit", translatable("6  Edit"), editing.draw_edit, PICTURE, "recolor"),
+    Section("render", translatable("7  Render"), rendering.draw_render, STEPS, "render"),
 )
-EDITORS = (("VIEW_3D", "view3d"), ("IMAGE_EDITOR", "image"))
+EDITORS = ((STEPS, "view3d"), (PICTURE, "image"))
 HEADERS = {  # text of a header after the step's title
     states.TO_DO: {"text": ""},
     states.DONE: {"text": "done", "icon": "CHECKMARK"},
@@ -33,19 +62,45 @@ HEADERS = {  # text of a header after the step's title
 
 
 def draw_steps(layout, context):
-    """The status, and all steps."""
-    draw_status(layout, context)
-    folding = context.window_manager.karf_folding
-    for name, title, draw_section in SECTIONS:
-        header, body = layout.panel_prop(folding, f"show_{name}")
-        state = states.state_of(context.scene, name)
-        header.label(text=title)
-        right = header.row()
-        right.alignment = "RIGHT"
-        right.label(**HEADERS[state.kind])
-        if body is not None:
-            draw_text(body, state.reason, "FILE_REFRESH")
-            draw_section(body, context)
+    """What of the status and of all steps is this editor's to show."""
+    if is_here(context, STEPS):
+        draw_status(layout, context)
+    for section in SECTIONS:
+        if is_here(context, section.home):
+            draw_section(layout, context, section)
+        elif section.home == PICTURE:
+            draw_elsewhere(layout, section)
+
+
+def is_here(context, home: str) -> bool:
+    """Whether the editor that is drawn shows what is at home in one of this type: that one, or what stands in for it."""
+    return context.area.type == home or not any(
+        area.type == home and area.spaces.active.show_region_ui for area in context.screen.areas
+    )
+
+
+def draw_section(layout, context, section: Section):
+    """A step: its header, and what is below that unless it is folded."""
+    header, body = layout.panel_prop(context.window_manager.karf_folding, f"show_{section.name}")
+    state = states.state_of(context.scene, section.name)
+    header.label(text=section.title)
+    right = header.row()
+    right.alignment = "RIGHT"
+    right.label(**HEADERS[state.kind])
+    right.operator("karf.open_manual", text="", icon="HELP", emboss=False).page = section.page
+    if body is not None:
+        draw_text(body, state.reason, "FILE_REFRESH")
+        section.draw(body, context)
+
+
+def draw_elsewhere(layout, section: Section):
+    """Where a step is that the list of steps has not: one line in its place."""
+    row = layout.row()
+    row.active = False
+    row.label(text=section.title, icon="BLANK1")
+    right = row.row()
+    right.alignment = "RIGHT"
+    right.label(text="Image Editor", icon="IMAGE_DATA")
 
 
 def make_panel(space: str, editor: str) -> type:
@@ -79,3 +134,20 @@ def draw_in_window_menu(self, context):
 
 
 CLASSES = tuple(make_panel(space, editor) for space, editor in EDITORS)
+# what decides where steps are shown: a sidebar that is opened or closed, an editor that becomes another
+DECIDING = (
+    (bpy.types.SpaceView3D, "show_region_ui"),
+    (bpy.types.SpaceImageEditor, "show_region_ui"),
+    (bpy.types.Area, "ui_type"),
+)
+
+
+def register():
+    """Draw both sidebars again when one of them comes or goes."""
+    for key in DECIDING:
+        messages.listen(key, windows.redraw_sidebars)
+
+
+def unregister():
+    """No longer do so."""
+    messages.forget(windows.redraw_sidebars)

@@ -23,9 +23,12 @@ def draw_status(layout, context):
     row.label(**outcome(context))
     if progress.text or progress.error:
         row.operator("karf.dismiss", text="", icon="X", emboss=False)
-    row = column.row()
-    row.enabled = has_trouble(context) or bool(progress.warnings)
-    row.popover(KARF_PT_message.__name__, text=row_title(context))
+    row = column.row(align=True)
+    messages = row.row(align=True)
+    messages.enabled = has_trouble(context) or bool(progress.warnings)
+    messages.popover(KARF_PT_message.__name__, text=row_title(context))
+    if progress.folder:
+        row.operator("karf.open_folder", text="", icon="FILEBROWSER").folder = "written"
 
 
 def has_trouble(context):

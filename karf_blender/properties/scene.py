@@ -185,7 +185,9 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
     rig: PointerProperty(name="Rig", type=bpy.types.Object, description="The Empty that holds the captured cameras")
     views: CollectionProperty(type=KARF_PG_view)
     holdout: IntProperty(
-        name="Hold Out", default=-1, description="Every how many-th photo is not learned from; -1: as was learned"
+        name="Keep for Testing",
+        default=-1,
+        description="Every how many-th photo is not learned from; -1: as was learned",
     )
     looking: PointerProperty(type=KARF_PG_looking)
     n_points: IntProperty(name="Points", description="Sparse points of the capture")
@@ -195,6 +197,8 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         "green where they agree, red from 4 pixels on",
         update=_overlay_switched,
     )
+    advice: StringProperty(description="What the engine says of the capture, a line each; empty: it was not checked")
+    is_poor: BoolProperty(description="Whether the engine advises to take more photos before it is learned")
     active_view: StringProperty(name="View", description="The captured view that is shown", update=_view_chosen)
     objects: CollectionProperty(type=KARF_PG_object)
     looks: CollectionProperty(type=KARF_PG_look)

@@ -9,14 +9,15 @@ import bpy
 import numpy as np
 
 from ..engine_api import Camera, camera_to_json, srgb_to_linear
-from ..swatches import edits
+from ..swatches import colors, edits
 
 KIND = "show"
 
 
-def options_of(scene: bpy.types.Scene, camera: Camera) -> dict[str, Any]:
-    """The query's options: this camera, with the swatches as they stand in the scene, which may be an evaluated one."""
-    return {"camera": camera_to_json(camera), "edit": edits.edit_option(scene)}
+def options_of(scene: bpy.types.Scene, camera: Camera, edited: edits.Edited = colors.edited) -> dict[str, Any]:
+    """The query's options: this camera, with the swatches as they stand in the scene, which may be an evaluated one, each
+    object's as `edited` says."""
+    return {"camera": camera_to_json(camera), "edit": edits.edit_option(scene, edited)}
 
 
 def arrays_of(answer: dict[str, Any]) -> dict[str, np.ndarray]:

@@ -7,6 +7,7 @@ others are done when they return. All raise KarfError for what a user can mend.
 from .calibration import pick_chart, remove_chart
 from .cameras import export_cameras, frame_range, import_cameras
 from .capture import SPLAT_VIEWS, find_poses, import_capture, import_splat
+from .checking import check_capture, check_unasked
 from .colorways import colorways, colorways_folder, predict_colorways
 from .compositing import build_compositor, compositor_node, place_layers
 from .edit import apply_edit, becomes, match_picture, paint_over, save_edit
@@ -69,6 +70,8 @@ __all__ = [
     "becomes",
     "build_compositor",
     "camera_folder",
+    "check_capture",
+    "check_unasked",
     "choose_look",
     "color_at",
     "colorways",

@@ -66,6 +66,7 @@ def import_capture(
     with shown.batched(scene):
         if not is_known:
             palettes.load_palettes(scene, ())
+            karf.advice, karf.is_poor = "", False
             if karf.capture:  # the masks are of that one's photos
                 karf.masks = ""
         karf.capture = folders.stored(path)

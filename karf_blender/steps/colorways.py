@@ -85,4 +85,5 @@ def colorways_folder(scene: bpy.types.Scene, sheet: Path) -> Path:
 
 def _say_where(out: Path, owner: Owner, request: Request) -> None:
     del owner, request
+    progress.wrote(out)
     progress.warn(Message("Colorways, their table and a contact sheet are in {out}.", out=out))

@@ -45,6 +45,7 @@ def build_compositor(
 
 def _place(path: Path, driven: bool, owner: Owner, request: Request) -> None:
     del request
+    progress.wrote(path.parent)
     scene = requests.find_scene(owner, Message("The layers are in {path}.", path=path))
     if scene is not None:
         node = place_layers(scene, path, driven)

@@ -31,6 +31,7 @@ def save_shown(scene: bpy.types.Scene) -> Path:
     # where the engine writes this view too
     path = folders.out_folder(scene) / "recolor" / f"{scene.karf.active_view}.png"
     images.write_png(path, colors)
+    progress.wrote(path.parent)
     return path
 
 
@@ -166,6 +167,7 @@ def _frames_task(scene: bpy.types.Scene, title: str, job: tuple[str, dict], are_
 
 def _present_frames(folder: Path, are_shown: bool, owner: Owner, request: Request) -> None:
     del request
+    progress.wrote(folder)
     scene = requests.find_scene(owner, Message("The frames are in {folder}.", folder=folder))
     if scene is None:
         return

@@ -82,6 +82,7 @@ def export_splat(
 
     def told(owner: Owner, request) -> None:
         del request
+        progress.wrote(path.parent)
         requests.find_scene(owner, Message("The splats are in {path}.", path=path))
 
     return requests.task(scene, "Export Splat", ("export-splat", options), finish=told, result=lambda: path)

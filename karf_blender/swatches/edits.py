@@ -4,7 +4,7 @@ Swatch 0 of every object is black, frozen and not shown. Colors are sRGB numbers
 a swatch never touched equals its learned color exactly.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from typing import Any
 
@@ -15,16 +15,18 @@ from ..engine_api import BadRequest, EdgeShape, Edit, Surface, color_to_text, co
 from . import colors, groups, material, surfaces
 from .shown import batched, of
 
-
-def current_edit(scene: bpy.types.Scene) -> Edit:
-    """The palettes as the swatches stand now."""
-    edited = {item.name: colors.edited(item) for item in scene.karf.objects}
-    return Edit(edited, scene.karf.compositing, colors.added_by_object(scene), colors.edges(scene))
+Edited = Callable[[bpy.types.PropertyGroup], np.ndarray]  # an object's palette, [M, 3]
 
 
-def edit_option(scene: bpy.types.Scene) -> dict[str, Any] | None:
+def current_edit(scene: bpy.types.Scene, edited: Edited = colors.edited) -> Edit:
+    """The palettes as the swatches stand now, each as `edited` says."""
+    palettes = {item.name: edited(item) for item in scene.karf.objects}
+    return Edit(palettes, scene.karf.compositing, colors.added_by_object(scene), colors.edges(scene))
+
+
+def edit_option(scene: bpy.types.Scene, edited: Edited = colors.edited) -> dict[str, Any] | None:
     """The same for a query, as edit.json; None before there are palettes."""
-    return edit_to_json(current_edit(scene)) if len(scene.karf.objects) else None
+    return edit_to_json(current_edit(scene, edited)) if len(scene.karf.objects) else None
 
 
 def apply_edit(scene: bpy.types.Scene, edit: Edit, is_whole: bool = False) -> None:

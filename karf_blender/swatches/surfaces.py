@@ -10,7 +10,7 @@ from collections.abc import Callable
 import bpy
 import numpy as np
 
-from ..engine_api import ColorHistogram, KarfError, Palette, Surface, match_surface, shown_colors
+from ..engine_api import BRIGHTEST, ColorHistogram, KarfError, Palette, Surface, match_surface, shown_colors
 from . import colors
 
 NUMBERS = ("saturation", "brightness", "gloss")
@@ -65,6 +65,15 @@ def update(scene: bpy.types.Scene, histogram_of: Histogram, known: dict[str, tup
         known[item.name] = _inputs(item)
 
 
+def solved(item: bpy.types.PropertyGroup, histogram_of: Histogram) -> np.ndarray:
+    """As `colors.edited`, with what surfaces add found anew and not kept: while Blender renders nothing can be put into the
+    scene, and keyframed numbers move on. Where nobody has counted the object's colors, as they were kept."""
+    try:
+        return np.clip(colors.chosen(item) + _solved(item, histogram_of), 0, BRIGHTEST)
+    except (KarfError, OSError):
+        return colors.edited(item)
+
+
 def _inputs(item: bpy.types.PropertyGroup) -> tuple:
     """All that an object's shifts are found of, and the shifts."""
     arrays = (colors.stored(item, name).tobytes() for name in ("learned", "color", "shift"))
@@ -82,9 +91,9 @@ def _put_shifts(item: bpy.types.PropertyGroup, shifts: np.ndarray) -> None:
 
 def _solved(item: bpy.types.PropertyGroup, histogram_of: Histogram) -> np.ndarray:
     """What the surfaces of an object's swatches add to its chosen colors, [M, 3]: its learned swatches', and each set's."""
-    chosen = colors.chosen(item)
+    chosen, kept = colors.chosen(item), _kept(item)
     if is_neutral(item):
-        return np.zeros_like(chosen)
+        return kept
     seen, numbers, size = histogram_of(item), np.arange(len(chosen)), colors.size(item)
     if seen.palette_weights.shape[1] != len(chosen):  # the project has learned others since
         return colors.stored(item, "shift")
@@ -93,7 +102,18 @@ def _solved(item: bpy.types.PropertyGroup, histogram_of: Histogram) -> np.ndarra
     for first in range(0, len(chosen), size):
         is_own = (numbers >= first) & (numbers < first + size)
         surfaces = {index: of(item.swatches[index]) for index in numbers[is_own].tolist()}
-        held = [index for index in surfaces if item.swatches[index].locked and surfaces[index].is_identity]
-        pinned = [*numbers[~is_own], *held]
-        shifts += match_surface(visible, seen.counts, seen.palette_weights, chosen, surfaces, pinned) - chosen
+        pinned = [*numbers[~is_own], *(index for index in surfaces if _is_held(item.swatches[index]))]
+        own = kept * is_own[:, None]
+        shifts += match_surface(visible, seen.counts, seen.palette_weights, chosen, surfaces, pinned, own) - chosen
     return shifts
+
+
+def _is_held(swatch: bpy.types.PropertyGroup) -> bool:
+    """Whether surfaces of others must not move a swatch: it is locked, and has none of its own."""
+    return swatch.locked and of(swatch).is_identity
+
+
+def _kept(item: bpy.types.PropertyGroup) -> np.ndarray:
+    """What surfaces have added to swatches before they were locked, [M, 3]: these stay as they are shown."""
+    is_held = np.array([_is_held(swatch) for swatch in item.swatches], bool)
+    return np.where(is_held[:, None], colors.stored(item, "shift"), np.float32(0))

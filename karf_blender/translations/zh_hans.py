@@ -150,6 +150,12 @@ TEXTS = {
     "Sparse points of the capture": "拍摄的稀疏点",
     "Split": "划分",
     "train, val or test": "train、val 或 test",
+    "Check Capture": "检查拍摄",
+    "Look for blurred photos, drifting exposure, holes and poor poses before anything is learned, and show where more photos would help": (
+        "在学习之前查找模糊的照片、漂移的曝光、视角空缺和不佳的位姿，并显示在哪里补拍照片会有帮助"
+    ),
+    "What the engine says of the capture, a line each; empty: it was not checked": "引擎对拍摄的评价，每行一条；为空：未检查",
+    "Whether the engine advises to take more photos before it is learned": "引擎是否建议在学习之前补拍照片",
     "Look Through": "透过相机查看",
     "Look through the active view's camera, with its photo's size as the scene's until the view is left": (
         "透过当前视图的相机查看；在离开视图之前，场景采用其照片的尺寸"
@@ -203,7 +209,7 @@ TEXTS = {
     "krrish94); empty: learn it": (
         "其他程序用此拍摄训练的 NeRF 检查点，直接作为几何使用（nerf-pytorch、krrish94）；留空：自行学习"
     ),
-    "Hold Out": "留作测试",
+    "Keep for Testing": "留作测试",
     "Keep every so many-th photo out of learning, to measure quality with; 0: learn from all. Where the capture "
     "declares its test photos, those are kept out; a marked photo is learned from in any case": (
         "每隔若干张照片留出一张不参与学习，用来衡量质量；0：全部参与学习。拍摄自带测试照片时留出的是那些；已标记的照片总会参与学习"
@@ -464,7 +470,7 @@ TEXTS = {
     "All captured views": "所有拍摄视图",
     "Learned From": "参与学习的",
     "The views that the scene was learned from": "场景学习所用的视图",
-    "Held Out": "留作测试的",
+    "Kept for Testing": "留作测试的",
     "The views that were kept out of learning": "未参与学习的视图",
     "Names": "名称",
     "Of single views, with commas; empty: all of those above": "单个视图的名称，以逗号分隔；留空：上面所选的全部",
@@ -593,7 +599,7 @@ TEXTS = {
     "Fast learning on the processor (numba)": "在处理器上快速学习 (numba)",
     "Folder of wheels": "wheel 文件夹",
     "Take the packages' files from here, without network": "从这里获取软件包文件，无需网络",
-    "Starter": "启动程序",
+    "Python or uv": "Python 或 uv",
     "A Python, or uv, that makes the environment; empty: Blender's own Python, uv, or any that is found": (
         "用来建立环境的 Python 或 uv；留空：Blender 自带的 Python、uv 或找到的任何一个"
     ),
@@ -947,4 +953,27 @@ TEXTS = {
     "What can be done to a look.": "可对造型进行的操作。",
     "What the scene's camera sees in the scene's frames, by every look": "场景相机在场景各帧中所见，按每个造型",
     "{name} had changed since it was kept: undo brings that back": "{name} 保存后有改动：撤销可恢复这些改动",
+    # --- the manual, and where steps and files are
+    "Colorways and Looks": "配色方案与造型",
+    "Composite": "合成",
+    "From and to other programs": "与其他程序之间的导入和导出",
+    "From photos to a learned scene": "从照片到学习好的场景",
+    "Image Editor": "图像编辑器",
+    "Import and Learn": "导入与学习",
+    "Many variants": "许多变体",
+    "Mark": "标记",
+    "Nodes that recolor without the extension": "不需要此扩展即可重新着色的节点",
+    "Open Manual": "打开手册",
+    "Page": "页面",
+    "Read in a Text Editor how this is done, and what each control does": "在文本编辑器中阅读操作方法以及每个控件的作用",
+    "Recolor": "重新着色",
+    "Recolored photos, and what other cameras see": "重新着色的照片，以及其他相机所见",
+    "Show in 3D": "在 3D 中显示",
+    "Splats": "泼溅",
+    "Swatches, and all that changes a color": "色板，以及改变颜色的一切",
+    "The scene as an object": "场景作为物体",
+    "Where files were written last": "上次写入文件的位置",
+    "Where the masks are wrong": "遮罩有误之处",
+    "Where the objects are in a few photos": "物体在几张照片中的位置",
+    "Written": "已写入",
 }

@@ -4,11 +4,8 @@ The message bus reports the user's clicks alone: undo brings the active view bac
 """
 
 import bpy
-from bpy.app.handlers import persistent
 
-from ..host import handlers, rendering, windows
-
-OWNER = object()
+from ..host import messages, rendering, windows
 
 
 def choose_clicked(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> None:
@@ -31,22 +28,11 @@ def _clicked() -> None:
     choose_clicked(window.scene, window.view_layer)
 
 
-@persistent
-def _subscribe(*_):
-    bpy.msgbus.clear_by_owner(OWNER)  # a file that is opened has its own bus
-    bpy.msgbus.subscribe_rna(key=(bpy.types.LayerObjects, "active"), owner=OWNER, args=(), notify=_clicked)
-
-
-HANDLERS = (("load_post", _subscribe),)
-
-
 def register():
     """Called when the extension is enabled."""
-    handlers.add(HANDLERS)
-    _subscribe()
+    messages.listen((bpy.types.LayerObjects, "active"), _clicked)
 
 
 def unregister():
     """Called when the extension is disabled."""
-    bpy.msgbus.clear_by_owner(OWNER)
-    handlers.remove(HANDLERS)
+    messages.forget(_clicked)

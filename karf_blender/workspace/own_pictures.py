@@ -4,12 +4,10 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..engine_api import KarfError
-from ..host import handlers, rendering
+from ..host import handlers, messages, rendering
 from ..pictures import editors
 from ..project import contents
 from ..swatches import shown
-
-OWNER = object()
 
 
 def show_again() -> None:
@@ -48,14 +46,8 @@ def _image_editors(window: bpy.types.Window) -> list[bpy.types.Area]:
     return [area for area in window.screen.areas if area.type == "IMAGE_EDITOR"]
 
 
-def _subscribe() -> None:
-    bpy.msgbus.clear_by_owner(OWNER)  # a file that is opened has its own bus
-    bpy.msgbus.subscribe_rna(key=(bpy.types.Window, "scene"), owner=OWNER, args=(), notify=show_own)
-
-
 @persistent
 def _after_load(*_):
-    _subscribe()
     show_again()
 
 
@@ -65,10 +57,10 @@ HANDLERS = (("load_post", _after_load),)
 def register():
     """Called when the extension is enabled."""
     handlers.add(HANDLERS)
-    _subscribe()
+    messages.listen((bpy.types.Window, "scene"), show_own)
 
 
 def unregister():
     """Called when the extension is disabled."""
-    bpy.msgbus.clear_by_owner(OWNER)
+    messages.forget(show_own)
     handlers.remove(HANDLERS)

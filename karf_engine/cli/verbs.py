@@ -75,6 +75,15 @@ def mark(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def inspect(arguments: argparse.Namespace) -> int:
+    """How good a capture is, in sentences."""
+    from ..commands.inspect import look  # needs numpy, without which `doctor` still has something to say
+
+    advice = look(options_of(arguments))
+    print("\n".join([advice.sentence, *advice.findings]))
+    return 0
+
+
 def write_bundle(arguments: argparse.Namespace) -> int:
     """A job for a render farm."""
     from ..commands.farm import bundle  # needs numpy, without which `doctor` still has something to say
@@ -83,7 +92,7 @@ def write_bundle(arguments: argparse.Namespace) -> int:
     return 0
 
 
-ACTIONS = {"mark": mark, "segmentation": segment, "palette": extract_palettes, "farm": write_bundle}
+ACTIONS = {"inspect": inspect, "mark": mark, "segmentation": segment, "palette": extract_palettes, "farm": write_bundle}
 
 
 def list_settings(_: argparse.Namespace) -> int:

@@ -102,7 +102,8 @@ def spread(weights: np.ndarray, palette: np.ndarray, added: Sequence[AddedColor]
         added: The A added colors.
 
     Returns:
-        [M (1 + A), ...] of the same type, with the same sum; without added colors the weights themselves.
+        [M (1 + A), ...] of the same type; the parts of a weight add up to its very bits, so that sets that are as the
+        swatches are change no picture. Without added colors the weights themselves.
 
     Examples:
         A red and a blue pixel of a pot, of which the blue is taken apart:
@@ -118,14 +119,18 @@ def spread(weights: np.ndarray, palette: np.ndarray, added: Sequence[AddedColor]
     covered = total > 0
     inside = weights[:, covered].astype(np.float32)
     own = np.clip((inside / total[covered]).T @ np.asarray(palette, np.float32), 0, 1)
-    left, sets = np.ones(len(own), np.float32), []
+    left, rest, sets = np.ones(len(own), np.float32), inside[1:], []
+    # the type's numbers up to a weight are multiples of it
+    step = np.maximum(np.spacing(weights[1:, covered]).astype(np.float32), np.finfo(np.float32).tiny)
     for each in reversed(added):
         share = left * pigment_gate(own, each.picked, each.reach, each.protect).astype(np.float32)
         left -= share
-        sets[:0] = [np.zeros_like(share), *(share * inside[1:])]
+        part = np.minimum(np.rint(share * inside[1:] / step) * step, rest)
+        rest = rest - part
+        sets[:0] = [np.zeros_like(share), *part]
     result = np.zeros((len(weights) * (1 + len(added)), *weights.shape[1:]), weights.dtype)
     # black has no set: it is the same in all of them
-    result[:, covered] = [inside[0], *(left * inside[1:]), *sets]
+    result[:, covered] = [inside[0], *rest, *sets]
     return result
 
 

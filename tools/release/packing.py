@@ -24,7 +24,7 @@ def packed_files(root: Path, patterns: Sequence[str]) -> list[str]:
     Args:
         root: The folder.
         patterns: As in `paths_exclude_pattern` of an extension's manifest, which are those of a .gitignore. A slash at
-            the end: folders only; one at the start: in `root` itself only. Else a pattern is that of a name.
+            the end: folders only; one at the start: the whole path from `root`. Else a pattern is that of a name.
 
     Raises:
         SystemExit: A pattern is of a kind that is not known here.
@@ -61,15 +61,17 @@ def _walk(root: Path, folder: PurePosixPath, patterns: Sequence[str]) -> Iterato
 def _matches(path: PurePosixPath, is_folder: bool, pattern: str) -> bool:
     if pattern.endswith("/") and not is_folder:
         return False
-    if pattern.startswith("/") and len(path.parts) > 1:
-        return False
-    return fnmatchcase(path.name, pattern.strip("/"))
+    if not pattern.startswith("/"):
+        return fnmatchcase(path.name, pattern.strip("/"))
+    names = pattern.strip("/").split("/")
+    return len(names) == len(path.parts) and all(map(fnmatchcase, path.parts, names))
 
 
 def _check(pattern: str) -> None:
-    name = pattern.removeprefix("/").removesuffix("/")
-    if not name or "/" in name or name[0] in "!\\" or "**" in name:
+    path = pattern.removeprefix("/").removesuffix("/")
+    names = path.split("/") if pattern.startswith("/") else [path]
+    if not all(names) or "/" in names[-1] or path[0] in "!\\" or "**" in path:
         sys.exit(
             f"error: the manifest leaves out {pattern!r}, a pattern that the build does not know. "
-            "Use a name with * and ?, with a slash before it (at the top only) or behind it (folders only)."
+            "Use a name with * and ?, or with a slash before it a path from the top, and a slash behind it for folders only."
         )

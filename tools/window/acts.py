@@ -17,7 +17,7 @@ from .hands import Wait, Where
 
 TAB = "KaRF"
 FILM_FRAMES = 60
-SIDEBAR = Where("IMAGE_EDITOR")
+STEPS, BESIDE_PICTURE = Where("VIEW_3D"), Where("IMAGE_EDITOR")  # the sidebars, of the steps and of marks and swatches
 PICTURE = Where("IMAGE_EDITOR", "WINDOW")
 TOOLBAR = Where("IMAGE_EDITOR", "TOOLS")
 VIEW = Where("VIEW_3D", "WINDOW")
@@ -112,7 +112,7 @@ def job_begin(press: Wait, operator: str) -> Wait:
 
 def button_job(story: Story, operator: str) -> Wait:
     """Click a button that starts a job, and wait for its end."""
-    yield from job_begin(hands.press_button(SIDEBAR, operator), operator)
+    yield from job_begin(hands.press_button(STEPS, operator), operator)
     yield from hands.move(hands.middle_of(PICTURE))  # a button under the mouse would stay greyed out after the job
     yield from job_end(story)
 
@@ -125,7 +125,7 @@ def open_step(name: str) -> Wait:
 
 def dialog_job(story: Story, operator: str) -> Wait:
     """Click a button that asks in a dialog, take that as it is, and wait for the end of its job."""
-    yield from hands.press_button(SIDEBAR, operator)
+    yield from hands.press_button(STEPS, operator)
     yield 0.5
     yield from story.shoot(f"dialog-{operator.rpartition('.')[2]}")
     take = hands.press("RET", (hands.window().width // 2, hands.window().height // 2))
@@ -197,8 +197,8 @@ def show_tab() -> Wait:
 
 def mark(story: Story, number: int, name: str) -> Wait:
     """Name the object of a number in the list, and paint over it with the brush from the toolbar."""
-    row = yield from hands.find(SIDEBAR, MARKED, 0.2)
-    x, top = yield from hands.edge(SIDEBAR, MARKED, row, (0, 1))
+    row = yield from hands.find(BESIDE_PICTURE, MARKED, 0.2)
+    x, top = yield from hands.edge(BESIDE_PICTURE, MARKED, row, (0, 1))
     yield from hands.write(name, (x, top - number * LIST_ROW - LIST_ROW // 2), ctrl=True)
     item = desk.scene().karf.marking.objects[number]
     check(item.name == name, f"typed {name}, got {item.name}")
@@ -248,16 +248,16 @@ def save_facts(story: Story) -> None:
 
 def open_group(wanted: str) -> Wait:
     """Open the group of step 7 that has a button: a click on each row below the first group that has no button."""
-    _, top = yield from hands.find(SIDEBAR, r"karf\.farm_bundle")
-    x, _ = hands.middle_of(SIDEBAR, hands.COLUMNS[0])
-    for y in range(top - hands.ROW, hands.region_of(SIDEBAR).y + 4 * hands.ROW, -hands.ROW):
+    _, top = yield from hands.find(STEPS, r"karf\.render_camera")
+    x, _ = hands.middle_of(STEPS, hands.COLUMNS[0])
+    for y in range(top - hands.ROW, hands.region_of(STEPS).y + 4 * hands.ROW, -hands.ROW):
         yield from hands.move((x, y))
-        if hands.meaning(SIDEBAR):
+        if hands.meaning(STEPS):
             continue
         yield from hands.click((x, y))
         for below in range(1, 5):
             yield from hands.move((x, y - below * hands.ROW))
-            if re.search(wanted, hands.meaning(SIDEBAR)):
+            if re.search(wanted, hands.meaning(STEPS)):
                 return
         yield from hands.click((x, y))  # it was another group
     raise Broken(f"no group has {wanted}")

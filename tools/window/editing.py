@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from . import acts, desk, hands, pickers
-from .acts import FILM_FRAMES, PICTURE, SIDEBAR, VIEW, Story, check
+from .acts import BESIDE_PICTURE, FILM_FRAMES, PICTURE, VIEW, Story, check
 from .hands import Wait
 from .telling import Chapter
 
@@ -41,13 +41,13 @@ def undo(story: Story) -> Wait:
 )
 def looks(story: Story) -> Wait:
     karf, first = desk.scene().karf, desk.picture()
-    yield from hands.press_button(SIDEBAR, r"karf\.keep_look\(")
+    yield from hands.press_button(BESIDE_PICTURE, r"karf\.keep_look\(")
     yield from pickers.drag_swatch(story, "pot", 1, 6, (40, -35))
     second = desk.picture()
-    yield from hands.press_button(SIDEBAR, r"karf\.keep_look\(\)")
+    yield from hands.press_button(BESIDE_PICTURE, r"karf\.keep_look\(\)")
     check(karf.looks.keys() == ["A", "B"], f"the looks are {karf.looks.keys()}")
     yield from story.shoot("looks")
-    yield from hands.press_button(SIDEBAR, r'karf\.choose_look\(name="A"\)')
+    yield from hands.press_button(BESIDE_PICTURE, r'karf\.choose_look\(name="A"\)')
     check(desk.picture() == first and desk.is_in_step(), "a click on the first look does not bring its picture")
     yield from hands.press("V", hands.middle_of(PICTURE))
     check(desk.picture() == second and karf.look == "B", "V does not flip to the other look")
@@ -64,8 +64,8 @@ def before_and_after(story: Story) -> Wait:
     seen = []
     for way in (
         lambda: hands.press("C", hands.middle_of(PICTURE)),
-        lambda: hands.press_button(SIDEBAR, r'karf\.solo_swatch\(object_name="pot", index=0\)'),
-        lambda: hands.press_button(SIDEBAR, r'karf\.solo_swatch\(object_name="pot"(, index=1)?\)', SWATCH_EYE),
+        lambda: hands.press_button(BESIDE_PICTURE, r'karf\.solo_swatch\(object_name="pot", index=0\)'),
+        lambda: hands.press_button(BESIDE_PICTURE, r'karf\.solo_swatch\(object_name="pot"(, index=1)?\)', SWATCH_EYE),
     ):
         yield from way()
         seen.append(desk.picture())
@@ -78,7 +78,7 @@ def before_and_after(story: Story) -> Wait:
 @CHAPTER.step("add a color", "mouse: the eyedropper, a click on the pot under the loupe; keys: Ctrl Z")
 def add_color(story: Story) -> Wait:
     before, picture = desk.swatches(), desk.picture()
-    yield from hands.press_button(SIDEBAR, r'karf\.add_color\(object_name="pot"')
+    yield from hands.press_button(BESIDE_PICTURE, r'karf\.add_color\(object_name="pot"')
     place = acts.on_photo(*desk.middle_of("pot"))
     yield from hands.move(place)
     yield 0.3

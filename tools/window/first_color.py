@@ -10,7 +10,7 @@ import time
 import bpy
 
 from . import acts, desk, hands, menus, pickers
-from .acts import PICTURE, SIDEBAR, VIEW, Story, check, until
+from .acts import PICTURE, STEPS, VIEW, Story, check, until
 from .hands import Wait
 from .telling import Chapter
 
@@ -52,13 +52,13 @@ def workspace(story: Story) -> Wait:
     yield from menus.choose("TOPBAR_MT_window", r"karf\.open_workspace")
     yield from until(lambda: hands.window().workspace.name == "KaRF", "the workspace", 10)
     yield from until(lambda: acts.editors("IMAGE_EDITOR") == 1, "its Image Editor", 10)
-    yield from until(lambda: hands.region_of(SIDEBAR).active_panel_category == acts.TAB, "the KaRF tab", 10)
+    yield from until(lambda: hands.region_of(STEPS).active_panel_category == acts.TAB, "the KaRF tab", 10)
     yield from story.shoot("workspace")
 
 
 @CHAPTER.step("import", "mouse: Import Capture; path by script, button clicked")
 def import_capture(story: Story) -> Wait:
-    yield from hands.press_button(SIDEBAR, r"karf\.import_capture")
+    yield from hands.press_button(STEPS, r"karf\.import_capture")
     yield from acts.file_browser(story.desk / story.job["capture"])
     karf = desk.scene().karf
     check(len(karf.views) == story.job["views"], f"{len(karf.views)} views, not {story.job['views']}")
@@ -73,7 +73,7 @@ def import_capture(story: Story) -> Wait:
 def choose(story: Story) -> Wait:
     karf = desk.scene().karf
     while karf.preset != story.job["preset"]:
-        place = yield from hands.find(SIDEBAR, r"karf\.preset")
+        place = yield from hands.find(STEPS, r"karf\.preset")
         yield from hands.turn_wheel(place)
     width = width_of_picture()
     while karf.active_view != story.job["view"]:
@@ -101,7 +101,7 @@ def mask_folder() -> str:
 @CHAPTER.step("learn", "mouse: Learn All; script: the file is saved; key: Return, the project moves beside it")
 def learn(story: Story) -> Wait:
     runner, progress = desk.module("tasks.runner"), bpy.data.window_managers[0].karf_progress
-    yield from hands.press_button(SIDEBAR, r"karf\.learn_all")
+    yield from hands.press_button(STEPS, r"karf\.learn_all")
     yield from until(runner.is_running, "the job", 10)
     before, width = hands.interactions(), width_of_picture()
     yield from reach(story, "pressed")

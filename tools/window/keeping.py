@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 
 from . import acts, desk, hands, pickers, remains
-from .acts import FILM_FRAMES, PICTURE, SIDEBAR, VIEW, Story, check, until
+from .acts import BESIDE_PICTURE, FILM_FRAMES, PICTURE, STEPS, VIEW, Story, check, until
 from .hands import Wait
 from .telling import Chapter
 
@@ -56,15 +56,15 @@ def extract_again(story: Story) -> Wait:
     karf.active_view = story.job["masked_view"]
     edited = pickers.color_of("pot", 1)
     yield from acts.open_step("mark")
-    yield from hands.press_button(SIDEBAR, r"karf\.mark\(")
+    yield from hands.press_button(BESIDE_PICTURE, r"karf\.mark\(")
     with hands.inside(PICTURE):
         bpy.ops.image.view_all(fit_view=True)
-    yield from hands.press_button(SIDEBAR, r"karf\.add_object", hands.RIGHT)
+    yield from hands.press_button(BESIDE_PICTURE, r"karf\.add_object", hands.RIGHT)
     yield from acts.mark(story, 2, "apple")
     folding = bpy.data.window_managers[0].karf_folding
     yield from until(lambda: folding.show_segment, "Segment's opening, which is stale,", 10)
     yield from acts.button_job(story, r"karf\.segment\(")
-    yield from hands.press_button(SIDEBAR, r"karf\.extract_palette")
+    yield from hands.press_button(STEPS, r"karf\.extract_palette")
     yield 0.5
     yield from story.shoot("asked")
     # there are edits, and Blender asks first

@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 
 from . import acts, desk, hands, remains
-from .acts import JOB_SECONDS, PICTURE, SIDEBAR, TAB, VIEW, Story, check, until
+from .acts import BESIDE_PICTURE, JOB_SECONDS, PICTURE, STEPS, TAB, VIEW, Story, check, until
 from .hands import Wait, Where
 from .telling import Chapter
 
@@ -64,7 +64,7 @@ def save(story: Story) -> Wait:
 
 @CHAPTER.step("import", "mouse: Import Capture; path by script, button clicked")
 def import_capture(story: Story) -> Wait:
-    yield from hands.press_button(SIDEBAR, r"karf\.import_capture")
+    yield from hands.press_button(STEPS, r"karf\.import_capture")
     yield from acts.file_browser(story.desk / "pots")
     karf = desk.scene().karf
     story.note(f"{len(karf.views)} views, project {karf.project}")
@@ -76,12 +76,12 @@ def import_capture(story: Story) -> Wait:
 
 @CHAPTER.step("learn, cancel", "mouse: Learn Scene with the preset, then the cross")
 def learn_cancel(story: Story) -> Wait:
-    yield from hands.press_button(SIDEBAR, r"karf\.learn_scene")
+    yield from hands.press_button(STEPS, r"karf\.learn_scene")
     progress = bpy.data.window_managers[0].karf_progress
     yield from until(lambda: progress.fraction > 0, "progress", JOB_SECONDS)
     check(any("timer" in line for line in remains.remains(desk.PACKAGE)), "no timer is found: the check is blind")
     yield from story.shoot("learning")
-    yield from hands.press_button(SIDEBAR, r"karf\.cancel", hands.RIGHT)
+    yield from hands.press_button(STEPS, r"karf\.cancel", hands.RIGHT)
     yield from acts.job_end(story, "cancelled")
     check(
         "geometry" not in desk.module("project.contents").finished_stages(desk.scene()),
@@ -102,12 +102,12 @@ def learn(story: Story) -> Wait:
 def mark(story: Story) -> Wait:
     karf = desk.scene().karf
     karf.active_view = story.job["masked_view"]
-    yield from hands.press_button(SIDEBAR, r"karf\.mark\(")
+    yield from hands.press_button(BESIDE_PICTURE, r"karf\.mark\(")
     with hands.inside(PICTURE):
         bpy.ops.image.view_all(fit_view=True)
     yield 0.5
     yield from acts.mark(story, 0, "mug")
-    yield from hands.press_button(SIDEBAR, r"karf\.add_object", hands.RIGHT)
+    yield from hands.press_button(BESIDE_PICTURE, r"karf\.add_object", hands.RIGHT)
     yield from acts.mark(story, 1, "pot")
     counts = desk.module("project.contents").mask_counts(desk.scene())
     check(counts == {"mug": 1, "pot": 1}, f"the masks are {counts}")

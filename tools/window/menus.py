@@ -1,4 +1,4 @@
-"""Menus of Blender's topbar, which Python knows only while they are drawn. Runs inside Blender."""
+"""Menus: of Blender's topbar, which Python knows only while they are drawn, and of buttons. Runs inside Blender."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from .hands import NotFound, Wait
 STEP = 12  # pixels between two looks along the topbar
 ROW = 10  # and down a menu
 OPENS = 0.3  # seconds in which a busy machine has drawn a menu
+LONGEST = 500  # pixels of a menu
+SETTLES = 0.1  # seconds in which an item knows that the mouse is over it
 WIDEST = 400  # pixels from the left in which the menus are
 
 
@@ -44,6 +46,29 @@ def choose(menu: str, pattern: str) -> Wait:
         kind.remove(_see_menu)
 
 
+def choose_below(where: hands.Where, place: hands.Place, pattern: str) -> Wait:
+    """Open the menu of a button and click what does something, wherever the menu opens. Raises NotFound."""
+    found = yield from open_below(where, place, pattern)
+    yield from hands.click(found)
+
+
+def open_below(where: hands.Where, place: hands.Place, pattern: str) -> Generator[float, None, hands.Place]:
+    """Open the menu of a button and put the mouse over what means something; returns where that is. Raises NotFound."""
+    yield from hands.click(place)
+    yield OPENS
+    begin, meant = time.monotonic(), []
+    for way in (-1, 1):
+        for away in range(2 * ROW, LONGEST, ROW):
+            item = place[0] + STEP // 2, place[1] + way * away
+            yield from hands.move(item)
+            yield SETTLES
+            meant.append(hands.meaning(where))
+            if re.search(pattern, meant[-1]):
+                hands.looked(begin)
+                return item
+    raise NotFound(f"no item of the menu is {pattern}; there are {sorted(set(meant))}")
+
+
 def _see_bar(self, context):
     _Seen.area, _Seen.region = context.area, context.region
 
@@ -66,7 +91,7 @@ def _open() -> Generator[float, None, hands.Place]:
 def _click(place: hands.Place, pattern: str) -> Wait:
     x, y = place
     meant = []
-    for below in range(2 * ROW, 500, ROW):
+    for below in range(2 * ROW, LONGEST, ROW):
         yield from hands.move((x + 2 * STEP, y - below))
         meant.append(_meaning())
         if re.search(pattern, meant[-1]):

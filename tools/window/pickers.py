@@ -14,10 +14,15 @@ WHEEL = 91, 223  # from the picker's left edge, and from the swatch's upper one,
 STATUS_BAR = 8  # pixels from the window's lower edge
 
 
-def swatch(name: str, index: int) -> str:
-    """The pattern of a swatch's field."""
+def of_object(name: str, part: str) -> str:
+    """The pattern of the field of an object's property."""
     number = desk.scene().karf.objects.find(name)
-    return rf'karf\.objects\[({number}|"{name}")\]\.swatches\[({index}|"[^"]*{index}")\]\.color'
+    return rf'karf\.objects\[({number}|"{name}")\]\.{part}'
+
+
+def swatch(name: str, index: int, part: str = "color") -> str:
+    """The pattern of the field of a swatch's property."""
+    return of_object(name, rf'swatches\[({index}|"[^"]*{index}")\]\.{part}')
 
 
 def color_of(name: str, index: int) -> tuple[float, ...]:
@@ -60,10 +65,10 @@ def open_picker(name: str, index: int, is_right: bool | None = None) -> Generato
     The picker lies above the swatch, both left edges in line, or the right ones where the window ends before (None);
     within some pixels of that only Blender knows.
     """
-    field = yield from hands.find(acts.SIDEBAR, swatch(name, index), 0.2)
+    field = yield from hands.find(acts.BESIDE_PICTURE, swatch(name, index), 0.2)
     ends = []
     for step in ((-STEP, 0), (STEP, 0), (0, STEP)):
-        ends.append((yield from hands.edge(acts.SIDEBAR, swatch(name, index), field, step)))
+        ends.append((yield from hands.edge(acts.BESIDE_PICTURE, swatch(name, index), field, step)))
     (left, _), (right, _), (_, top) = ends
     yield from hands.click(field)
     yield 0.3
@@ -93,5 +98,5 @@ def close_picker() -> Wait:
 
 def key_swatch(name: str, index: int) -> Wait:
     """I over a swatch: a keyframe of its color."""
-    place = yield from hands.find(acts.SIDEBAR, swatch(name, index), 0.2)
+    place = yield from hands.find(acts.BESIDE_PICTURE, swatch(name, index), 0.2)
     yield from hands.press("I", place)

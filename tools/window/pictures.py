@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from . import acts, desk, hands
-from .acts import FILM_FRAMES, PICTURE, SIDEBAR, Story, check
+from .acts import FILM_FRAMES, PICTURE, STEPS, Story, check
 from .hands import Wait, Where
 from .telling import Chapter
 
@@ -84,7 +84,7 @@ def show_frames(story: Story) -> Wait:
     editor = hands.area_of("IMAGE_EDITOR").spaces.active
     editor.image = desk.scene().karf.result
     yield from acts.open_group(r"karf\.show_frames")
-    yield from hands.press_button(SIDEBAR, r"karf\.show_frames")
+    yield from hands.press_button(STEPS, r"karf\.show_frames")
     yield from story.shoot("frames")
     check(editor.image.source == "SEQUENCE", f"the Image Editor shows {editor.image.name}, {editor.image.source}")
     user = editor.image_user
@@ -94,7 +94,7 @@ def show_frames(story: Story) -> Wait:
 @CHAPTER.step("add strip", "mouse: Add Strip; script: the 3D View becomes a sequencer for a look")
 def add_strip(story: Story) -> Wait:
     scene, compat = desk.scene(), desk.module("host.compat")
-    yield from hands.press_button(SIDEBAR, r"karf\.add_strip", 0.68)
+    yield from hands.press_button(STEPS, r"karf\.add_strip", 0.68)
     (strip,) = compat.strips_of(scene)
     shown = getattr(hands.window().workspace, "sequencer_scene", scene)  # before 5.0 the window's
     check(shown == scene, "the sequencer does not show the scene that has the strip")
@@ -122,15 +122,15 @@ def colorways(story: Story) -> Wait:
     manager, view, sheet = bpy.data.window_managers[0], story.job["masked_view"], story.desk / "catalog.csv"
     sheet.write_text(SHEET)
     yield from acts.open_group(r"karf\.colorways")
-    yield from hands.press_button(SIDEBAR, r"karf\.colorways")
+    yield from hands.press_button(STEPS, r"karf\.colorways")
     yield from acts.file_browser(story.desk, sheet.name)
     yield 0.5
     yield from story.shoot("colorways")
     check(len(manager.karf_colorways.colors) == 3, f"the dialog lists {len(manager.karf_colorways.colors)} colors")
     yield from acts.job_begin(hands.press("RET", hands.middle_of(PICTURE)), "karf.render_colorways")
-    yield from hands.press_button(SIDEBAR, r"karf\.cancel", hands.RIGHT)
+    yield from hands.press_button(STEPS, r"karf\.cancel", hands.RIGHT)
     yield from acts.job_end(story, "cancelled")
-    with hands.inside(SIDEBAR):
+    with hands.inside(STEPS):
         bpy.ops.karf.render_colorways(filepath=str(sheet), views=view)
     yield from acts.job_end(story)
     yield from story.shoot("colorways-written")
@@ -143,11 +143,11 @@ def colorways(story: Story) -> Wait:
 @CHAPTER.step("render looks", "mouse: Render Looks; keys: Esc in its dialog; script: a single view")
 def render_looks(story: Story) -> Wait:
     view = story.job["masked_view"]
-    yield from hands.press_button(SIDEBAR, r"karf\.render_looks")
+    yield from hands.press_button(STEPS, r"karf\.render_looks")
     yield 0.5
     yield from story.shoot("dialog-render_looks")
     yield from hands.press("ESC", hands.middle_of(PICTURE))
-    with hands.inside(SIDEBAR):
+    with hands.inside(STEPS):
         bpy.ops.karf.render_looks(views=view)
     yield from acts.job_end(story)
     folder = desk.module("steps").looks_folder(desk.scene())

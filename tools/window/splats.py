@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from . import acts, desk, hands, pickers
-from .acts import SIDEBAR, Story, check, until
+from .acts import STEPS, Story, check, until
 from .first_color import MASK_SECONDS, OBJECT, TO_BLUE
 from .hands import Wait
 from .telling import Chapter
@@ -36,7 +36,7 @@ def unfold(step: str) -> Wait:
 def export(story: Story, name: str) -> Wait:
     """Export Splat to a file on the desk; returns when it is written."""
     yield from unfold("render")
-    yield from hands.press_button(SIDEBAR, r"karf\.export_splat")
+    yield from hands.press_button(STEPS, r"karf\.export_splat")
     yield from acts.job_begin(acts.file_browser(story.desk, name), "karf.export_splat")
     yield from acts.job_end(story)
     check((story.desk / name).is_file(), f"there is no {name}")
@@ -57,7 +57,7 @@ def leave(story: Story) -> Wait:
 @CHAPTER.step("splat in", "mouse: Import Splat; paths by script, button clicked")
 def come(story: Story) -> Wait:
     yield from unfold("import")
-    yield from hands.press_button(SIDEBAR, r"karf\.import_splat")
+    yield from hands.press_button(STEPS, r"karf\.import_splat")
     yield from until(lambda: acts.editors("FILE_BROWSER") > 0, "the file browser", 10)
     yield 0.5
     hands.area_of("FILE_BROWSER").spaces.active.active_operator.cameras = str(story.desk / CAMERA)

@@ -4,11 +4,11 @@ A step is a generator: it yields the seconds to wait until Blender resumes it. I
 and keys are events in the window; what no event can reach in a sensible time is done by script.
 """
 
-from . import any_view, editing, first_color, keeping, learning, pictures, splats
+from . import any_view, controls, editing, first_color, keeping, learning, pictures, splats
 from .telling import Chapter, Step
 
 CHAPTERS = {
-    "afternoon": (learning, editing, pictures, keeping),
+    "afternoon": (learning, editing, controls, pictures, keeping),
     "first-color": (first_color, any_view, splats),
 }
 

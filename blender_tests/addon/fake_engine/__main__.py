@@ -165,6 +165,14 @@ def harmonics(job, options):
     return write_arrays(job, {"harmonics": colors.reshape(count, -1)}) | {"n_solid": count, "seconds": 0.01}
 
 
+def inspect(job, options):
+    """Three photos are too few, and the second one is blurred."""
+    few = {"key": "{count} photos are too few here: take more {where}.", "values": {"count": "3", "where": "above"}}
+    blurred = {"key": "Less sharp than the photos beside them: {names}.", "values": {"names": "photo_1"}}
+    picture = write_mask(job, np.zeros((4, 6), bool))
+    return {"advice": [few, blurred], "is_poor": options.get("masks") is None, "picture": str(picture)}
+
+
 def misbehave(how, emit):
     if how == "error":
         emit("error", code="data", sentence="photo_7.png is missing.", hint="Find it.")
@@ -361,6 +369,7 @@ QUERIES = {
     "masks": masks,
     "show": show,
     "harmonics": harmonics,
+    "inspect": inspect,
 }  # kind -> function of the job's folder and the options
 
 if __name__ == "__main__":

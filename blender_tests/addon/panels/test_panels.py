@@ -8,18 +8,30 @@ import pytest
 from ..layout import Layout
 from ..surface.splat_objects import make
 
+VIEW, IMAGE = "VIEW_3D", "IMAGE_EDITOR"
+
 
 @pytest.fixture
 def draw(bpy, addon):
-    def draw_all():
+    def draw_all(editor=VIEW, *others):
+        """What the sidebar of an editor draws, beside others on the screen whose sidebars are open."""
         drawn = []
+        areas = [area(each) for each in (editor, *others)]
         context = SimpleNamespace(
-            scene=bpy.context.scene, window_manager=bpy.context.window_manager, screen=SimpleNamespace(areas=[])
+            scene=bpy.context.scene,
+            window_manager=bpy.context.window_manager,
+            area=areas[0],
+            screen=SimpleNamespace(areas=areas),
         )
         addon.sidebar.draw_steps(Layout(bpy, drawn), context)
         return drawn
 
     return draw_all
+
+
+def area(editor, has_sidebar=True):
+    space = SimpleNamespace(show_region_ui=has_sidebar)
+    return SimpleNamespace(type=editor, spaces=SimpleNamespace(active=space))
 
 
 def test_an_empty_file_offers_the_import(draw):
@@ -189,6 +201,66 @@ def test_a_long_side_is_asked_for_where_it_is_chosen(learned, draw_dialog):
     assert "captured_pixels" in draw_dialog("render_capture")
 
 
+# what the steps draw that belongs to the picture, and what does not
+OF_THE_PICTURE = {
+    "KARF_UL_objects",
+    "karf.mark",
+    "color",
+    "KARF_MT_swatch",
+    "karf.keep_look",
+    "karf.show_masks",
+    "mode",
+}
+OF_THE_SCENE = {"karf.import_capture", "karf.learn_all", "karf.segment", "karf.extract_palette", "karf.render_camera"}
+
+
+def test_nothing_stands_twice_side_by_side(addon, learned, draw):
+    addon.folders.project_of(learned).finish("segmentation", "s")
+    left, right = draw(VIEW, IMAGE), draw(IMAGE, VIEW)
+    of_both = {each for each in {*left} & {*right} if "." in each or each.startswith("KARF_")}
+    assert of_both == {"karf.open_manual"}
+    assert {*left} >= OF_THE_SCENE and not {*left} & OF_THE_PICTURE
+    assert {*right} >= OF_THE_PICTURE and not {*right} & OF_THE_SCENE
+    assert "No job is running" in left and "No job is running" not in right
+
+
+@pytest.mark.parametrize("editor", [VIEW, IMAGE])
+def test_an_editor_that_is_alone_has_all_steps(learned, draw, editor):
+    assert {*draw(editor)} >= OF_THE_SCENE | OF_THE_PICTURE
+
+
+def test_an_editor_whose_neighbor_has_put_its_sidebar_away_has_all_steps(addon, learned):
+    screen = SimpleNamespace(areas=[area(VIEW), area(IMAGE, has_sidebar=False)])
+    assert addon.sidebar.is_here(SimpleNamespace(area=screen.areas[0], screen=screen), IMAGE)
+    screen.areas[1].spaces.active.show_region_ui = True
+    assert not addon.sidebar.is_here(SimpleNamespace(area=screen.areas[0], screen=screen), IMAGE)
+
+
+def test_the_3d_view_says_where_the_steps_are_that_it_has_not(learned, draw):
+    assert draw(VIEW, IMAGE).count("Image Editor") == 2
+    assert "Image Editor" not in draw(VIEW)
+
+
+def test_where_files_were_written_the_status_opens_their_folder(bpy, addon, learned, draw, tmp_path):
+    buttons = draw().count("karf.open_folder")
+    addon.progress.wrote(tmp_path)
+    assert draw().count("karf.open_folder") == buttons + 1
+    bpy.ops.karf.dismiss()
+    assert draw().count("karf.open_folder") == buttons
+
+
+def test_every_step_opens_its_page_of_the_manual(bpy, addon):
+    for section in addon.sidebar.SECTIONS:
+        assert bpy.ops.karf.open_manual(page=section.page) == {"FINISHED"}
+        text = bpy.data.texts["KaRF manual"].as_string()
+        assert text.startswith("# ") and not [each for each in ("![", "**", "](") if each in text]
+
+
+def test_the_manual_has_all_pages_of_tasks(bpy, addon):
+    pages = bpy.ops.karf.open_manual.get_rna_type().properties["page"].enum_items.keys()
+    assert sorted(pages) == sorted(file.stem for file in addon.manual.FOLDER.glob("*.md"))
+
+
 def test_both_editors_have_the_panel(bpy, addon):
     assert {panel.bl_space_type for panel in addon.sidebar.CLASSES} == {"VIEW_3D", "IMAGE_EDITOR"}
     assert all(hasattr(bpy.types, panel.__name__) for panel in addon.sidebar.CLASSES)
@@ -283,7 +355,7 @@ def test_the_words_of_the_field_are_under_advanced(bpy, addon, learned, draw, mo
     left = learned.karf.match.left.add()
     left.name, left.before, left.left = "pot", 9.0, 2.0
     drawn = draw()
-    assert drawn.count("Advanced") == 5
+    assert drawn.count("Advanced") == 6
     for button, name in (("karf.import_capture", "photo_space"), ("karf.learn_all", "nerf")):
         after = drawn.index(button)
         assert after < drawn.index("Advanced", after) < drawn.index(name)
@@ -291,7 +363,8 @@ def test_the_words_of_the_field_are_under_advanced(bpy, addon, learned, draw, mo
     assert "CIEDE2000" not in " ".join(drawn)
     monkeypatch.setattr(Layout, "panel", lambda self, *_, **__: (self.row(), None))  # folded, as they are at first
     drawn = draw()
-    assert "nerf" not in drawn and "compositing" not in drawn and "unsure" not in " ".join(drawn)
+    assert not {"nerf", "compositing", "karf.farm_bundle", "show_reprojection"} & {*drawn}
+    assert "unsure" not in " ".join(drawn)
 
 
 def test_apply_stays_in_its_place_whatever_the_colors_are(bpy, addon, learned, draw):

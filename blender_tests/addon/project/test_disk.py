@@ -28,7 +28,7 @@ def context_of(bpy):
         scene=bpy.context.scene,
         window_manager=bpy.context.window_manager,
         screen=SimpleNamespace(areas=[]),
-        area=None,
+        area=SimpleNamespace(type="VIEW_3D"),
     )
 
 

@@ -53,11 +53,24 @@ def test_the_package_holds_what_blenders_own_tool_packs(blenders_tool, package, 
 def test_every_kind_of_pattern_means_what_it_means_to_blenders_tool(blenders_tool, tmp_path):
     from tools.release.packing import packed_files
 
-    for name in ("__init__.py", "out/a.py", "in/out/a.py", "in/b.pyc", ".c", "in/.d/e", "f.zip", "in/f.zip", "out2/a"):
+    for name in (
+        "__init__.py",
+        "out/a.py",
+        "in/out/a.py",
+        "in/b.pyc",
+        ".c",
+        "in/.d/e",
+        "f.zip",
+        "in/f.zip",
+        "out2/a",
+        "in/kept/b",
+        "in/g.md",
+        "in/kept/g.md",
+    ):
         path = tmp_path / "source" / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(name)
-    patterns = ["/out/", "*.pyc", ".*", "/*.zip", "out?/"]
+    patterns = ["/out/", "*.pyc", ".*", "/*.zip", "out?/", "/in/*.md", "/in/out/"]
     manifest = (ROOT / "blender_manifest.toml").read_text().partition("[build]")[0]
     (tmp_path / "source" / "blender_manifest.toml").write_text(
         f"{manifest}[build]\npaths_exclude_pattern = {json.dumps(patterns)}\n"
@@ -65,7 +78,7 @@ def test_every_kind_of_pattern_means_what_it_means_to_blenders_tool(blenders_too
     blenders_tool("build", "--source-dir", tmp_path / "source", "--output-filepath", tmp_path / "packed.zip")
     ours = packed_files(tmp_path / "source", patterns)
     assert ours == sorted(contents(tmp_path / "packed.zip"))
-    assert ours == ["__init__.py", "blender_manifest.toml", "in/f.zip", "in/out/a.py"]
+    assert ours == ["__init__.py", "blender_manifest.toml", "in/f.zip", "in/kept/b", "in/kept/g.md"]
 
 
 def test_the_package_holds_the_extension_and_nothing_else(package):
@@ -73,7 +86,18 @@ def test_the_package_holds_the_extension_and_nothing_else(package):
     assert {"__init__.py", "blender_manifest.toml", "LICENSE", "karf_engine/__init__.py"} <= names
     assert "karf_blender/rig/cameras.py" in names
     tops = {name.partition("/")[0] for name in names}
-    assert tops <= {"__init__.py", "blender_manifest.toml", "LICENSE", "README.md", "karf_engine", "karf_blender"}
+    assert tops <= {
+        "__init__.py",
+        "blender_manifest.toml",
+        "LICENSE",
+        "README.md",
+        "docs",
+        "karf_engine",
+        "karf_blender",
+    }
+    assert {name for name in names if name.startswith("docs/")} == {
+        f"docs/tasks/{page.name}" for page in (ROOT / "docs" / "tasks").iterdir()
+    }
     data = [name for name in names if name.endswith((".pyc", ".png", ".blend", ".npz"))]
     assert data == ["karf_blender/workspace/workspace.blend"]
 

@@ -74,6 +74,20 @@ def test_keyframed_swatches_are_those_of_the_frame(bpy, addon, scene, render):
     np.testing.assert_allclose(reds, [0, 0.5, 1], atol=0.01)
 
 
+def test_keyframed_surfaces_are_those_of_the_frame_also_in_an_animation(bpy, addon, scene, render, monkeypatch):
+    swatch, asked, of = addon.edits.swatch_at(scene, "pot", 1), [], addon.camera_pixels.options_of
+    for frame, saturation in ((1, 1.0), (3, 0.0)):
+        swatch.saturation = saturation
+        swatch.keyframe_insert("saturation", frame=frame)
+    monkeypatch.setattr(
+        addon.camera_pixels, "options_of", lambda *given: asked.append(of(*given)["edit"]) or of(*given)
+    )
+    scene.frame_start, scene.frame_end, scene.render.filepath = 1, 3, f"{addon.folders.project_of(scene).folder}/film_"
+    bpy.ops.render.render(animation=True)
+    first, middle, last = (np.ptp(edit["objects"]["pot"]["colors"][1]) for edit in asked)
+    assert first == pytest.approx(0.7) and first > middle + 0.1 and middle > last + 0.1 and last < 0.03
+
+
 def test_a_transparent_film_has_alpha(scene, render):
     scene.render.film_transparent = True
     combined = render()["Combined"]

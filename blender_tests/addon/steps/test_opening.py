@@ -16,4 +16,8 @@ def test_the_folders_in_which_files_appear_are_opened(bpy, addon, learned, tmp_p
     bpy.ops.karf.open_folder(folder="project")
     frames = addon.headless.render_captured("all", tmp_path / "elsewhere")
     bpy.ops.karf.open_folder(folder="frames")
-    assert opened == [str(addon.folders.project_of(learned).folder), str(frames)]
+    bpy.ops.karf.open_folder(folder="written")
+    assert opened == [str(addon.folders.project_of(learned).folder), str(frames), str(frames)]
+    bpy.ops.karf.export_cameras(filepath=str(tmp_path / "film" / "cameras.json"))
+    bpy.ops.karf.open_folder(folder="written")
+    assert opened[-1] == str(tmp_path / "film")

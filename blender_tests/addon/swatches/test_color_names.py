@@ -150,6 +150,8 @@ def test_a_gray_card_turns_names_into_what_the_photos_show_of_them(bpy, addon, l
 
 def test_a_card_that_tells_nothing_is_said_and_changes_nothing(bpy, addon, learned, book):
     learned.karf.card = (1, 1, 1)
-    assert "The card is too dark or too bright there" in drawn(bpy, addon, "KARF_MT_swatch_names", learned)
+    found = []
+    addon.color_names.draw_light(Layout(bpy, found), learned)
+    assert found[-2:] == ["card", "The card is too dark or too bright there"]
     bpy.ops.karf.use_color_name(object_name="pot", index=1, color_name="Sky")
     assert addon.engine_api.rgb_to_hex(np.array(swatch(learned).color)) == "#3a7fb0"

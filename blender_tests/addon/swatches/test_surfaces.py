@@ -53,6 +53,20 @@ def test_locked_swatches_stay(addon, pot, edited):
     assert is_gray(edited()[2])
 
 
+def test_locking_a_swatch_that_the_surface_of_another_has_moved_changes_no_picture(addon, pot, edited):
+    pot.swatches[1].saturation = 0
+    before = edited()
+    pot.swatches[2].locked = True
+    np.testing.assert_allclose(edited(), before, atol=1e-5)
+    pot.swatches[1].brightness = 0.5
+    assert np.abs(edited()[1] - before[1]).max() > 0.02
+    pot.swatches[1].brightness, pot.swatches[1].saturation = 0, 1
+    np.testing.assert_array_equal(edited()[2], before[2])
+    np.testing.assert_array_equal(edited()[1], addon.colors.chosen(pot)[1])
+    pot.swatches[2].locked = False
+    np.testing.assert_array_equal(edited(), addon.colors.chosen(pot))
+
+
 def test_linked_swatches_share_their_surface(addon, learned, pot, edited):
     addon.steps.link_swatches(learned, ("pot", 3), ("pot", 1))
     pot.swatches[1].saturation = 0.25

@@ -34,6 +34,14 @@ def test_the_timer_runs_a_task_to_its_end_without_blocking(bpy, addon, project_s
     assert progress.warnings == "This is not a real engine."
 
 
+def test_what_an_artist_can_do_nothing_about_stays_in_the_jobs_record(bpy, addon):
+    progress = bpy.context.window_manager.karf_progress
+    for code, sentence in (("convergence", "A residual is left."), ("lacking", "Nothing belongs to 'lid'.")):
+        event = addon.engine_api.Event("warning", 1, 0.0, {"code": code, "sentence": sentence})
+        addon.progress.show_event("Learn All", event)
+    assert progress.warnings == "Nothing belongs to 'lid'."
+
+
 def test_the_timer_shows_a_failed_job_and_ends(bpy, addon, project_scene):
     runner = addon.runner
     runner._begin(failing(addon, project_scene, "error"))

@@ -22,6 +22,7 @@ from karf_engine.worker.findings import VERDICT, Finding
 
 VERBS = [
     "poses",
+    "inspect",
     "mark",
     "all",
     "geometry",

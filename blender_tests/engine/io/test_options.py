@@ -19,6 +19,7 @@ from karf_engine.io.options import Options
 NEEDED = {  # the least that each command takes
     "poses": {"photos": "photos", "out": "out"},
     "import-splat": {"splat": "scene.ply", "out": "out"},
+    "inspect": {"capture": "capture"},
     "mark": {"capture": "capture", "view": "a", "object_name": "pot", "masks": "masks"},
     "all": {"capture": "capture", "project": "project", "masks": "masks"},
     "geometry": {"capture": "capture", "project": "project"},
@@ -34,7 +35,7 @@ NEEDED = {  # the least that each command takes
     "farm": {"source": "project", "out": "out"},
 }
 FUNCTIONS = {
-    "find_poses": "poses", "import_splat": "import-splat", "mark": "mark", "learn": "all", "learn_geometry": "geometry", "segment": "segmentation",
+    "find_poses": "poses", "import_splat": "import-splat", "inspect_capture": "inspect", "mark": "mark", "learn": "all", "learn_geometry": "geometry", "segment": "segmentation",
     "extract_palettes": "palette", "learn_recoloring": "recoloring", "learn_splats": "splats", "render": "render", "colorways": "colorways",
     "write_points": "points", "export_splat": "export-splat", "learning_bundle": "farm",
 }  # fmt: skip

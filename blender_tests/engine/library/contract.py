@@ -326,6 +326,7 @@ def row(**kinds: str) -> dict[str, str]:
 ROWS: dict[str, dict[str, str]] = {
     "find_poses": row(photos="photos", out="new folder"),
     "import_splat": row(splat="splat", out="new folder"),
+    "inspect_capture": row(capture="opened capture"),
     "mark": row(capture="opened capture", view="view name", object_name="new mask", masks="new masks"),
     "learn": row(capture="opened capture", masks="masks", project="new folder"),
     "learn_geometry": row(capture="opened capture", project="new folder"),

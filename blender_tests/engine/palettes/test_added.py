@@ -65,6 +65,15 @@ def test_without_added_colors_all_is_the_same_array(stripes):
     np.testing.assert_array_equal(with_sets(PALETTE, ()), PALETTE)
 
 
+@pytest.mark.parametrize("kind", [np.float16, np.float32])
+def test_the_parts_of_a_weight_add_up_to_its_very_bits(kind):
+    weights = np.random.default_rng(1).dirichlet(np.ones(len(PALETTE)), 500).T.astype(kind)
+    shares = spread(weights, PALETTE, [AddedColor(VIOLET), AddedColor(RED, 0.5)])
+    assert (shares >= 0).all() and (shares[4:] > 0).any()
+    parts = shares.reshape(3, *weights.shape).astype(np.float64)
+    np.testing.assert_array_equal(parts[:, 1:].sum(0), weights[1:].astype(np.float64))
+
+
 def test_weights_are_only_dealt_out_anew(stripes):
     shares = spread(stripes[1], PALETTE, [AddedColor(VIOLET), AddedColor(RED, 0.5)])
     assert shares.shape == (12, 2, 20) and (shares >= 0).all()

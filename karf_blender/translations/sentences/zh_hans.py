@@ -1,6 +1,37 @@
 """Sentences of errors and warnings, in simplified Chinese."""
 
 TEXTS = {
+    # --- a capture before it is learned
+    "{count} photos are too few here: new views will be soft or foggy, about {psnr} dB. {more} more where the picture shows it would give about {gain} dB; the widest hole is {hole} degrees, {where}.": (
+        "这里 {count} 张照片太少：新视图会模糊或像雾，约为 {psnr} dB。在图中所示处补拍 {more} 张可提高约 {gain} dB；最大的空缺为 {hole} 度，{where}。"
+    ),
+    "{count} photos: new views will have about {psnr} dB (give or take {error}). {more} more would give about {gain} dB; the widest hole is {hole} degrees, {where}.": (
+        "{count} 张照片：新视图约为 {psnr} dB（误差约 {error}）。补拍 {more} 张可提高约 {gain} dB；最大的空缺为 {hole} 度，{where}。"
+    ),
+    "above {first} and {second}": "在 {first} 和 {second} 上方",
+    "below {first} and {second}": "在 {first} 和 {second} 下方",
+    "between {first} and {second}": "在 {first} 和 {second} 之间",
+    "Less sharp than the photos beside them: {names}. Take them again, or leave them out.": (
+        "不如相邻照片清晰：{names}。请重拍，或不使用它们。"
+    ),
+    "Exposed otherwise than the rest, by up to {stops} stops: {names}. Lock the exposure.": (
+        "曝光与其余照片不同，最多相差 {stops} 档：{names}。请锁定曝光。"
+    ),
+    "Of another white balance than the rest: {names}. Lock the white balance.": (
+        "白平衡与其余照片不同：{names}。请锁定白平衡。"
+    ),
+    "Photos and camera poses miss each other by {pixels} pixels: find the poses again.": (
+        "照片与相机位姿相差 {pixels} 像素：请重新求解位姿。"
+    ),
+    "{share} % of neighboring photos share too little to be compared: take more between them, of things with texture.": (
+        "{share} % 的相邻照片共有内容太少，无法比较：请在它们之间补拍有纹理的内容。"
+    ),
+    "{share} % of what the photos show is in one or two of them alone, and will be guesswork.": (
+        "照片内容的 {share} % 只出现在一两张照片中，将只能猜测。"
+    ),
+    "{share} % of {name} is thinner than {pixels} pixels: parts of it may be lost. A larger preset, or photos from nearer, would show them.": (
+        "{name} 的 {share} % 细于 {pixels} 像素：部分可能丢失。更大的预设或更近的照片可以显示它们。"
+    ),
     # --- scene, capture, project
     "The scene {name} has no KaRF project.": "场景 {name} 没有 KaRF 项目。",
     "The scene {name} has no active view.": "场景 {name} 没有当前视图。",

@@ -6,7 +6,7 @@ All by COLMAP (Schönberger and Frahm 2016) through pycolmap, in a child process
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -113,13 +113,13 @@ def _match_features(pycolmap: Any, task: _Task) -> None:
     )
 
 
-def neighbor_pairs(cameras: list[Camera]) -> list[tuple[int, int]]:
-    """Pairs of cameras (a < b) that stand near each other and look the same way, about NEIGHBORS for each."""
+def neighbor_pairs(cameras: Sequence[Camera], count: int = NEIGHBORS) -> list[tuple[int, int]]:
+    """Pairs of cameras (a < b) that stand near each other and look the same way, about `count` for each."""
     positions = np.stack([camera.position for camera in cameras])
     axes = np.stack([-camera.camera_to_world[:3, 2] for camera in cameras])
     size = np.median(np.linalg.norm(positions - positions.mean(0), axis=1)) + 1e-12
     away = np.linalg.norm(positions[:, None] - positions, axis=2) / size + TURN * (1 - axes @ axes.T)
-    nearest = away.argsort(1)[:, 1 : NEIGHBORS + 1]
+    nearest = away.argsort(1)[:, 1 : count + 1]
     return sorted({(min(a, int(b)), max(a, int(b))) for a, row in enumerate(nearest) for b in row})
 
 

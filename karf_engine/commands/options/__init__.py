@@ -12,7 +12,7 @@ from typing import Any
 from ...errors import BadRequest
 from ...export.frame_options import RenderOptions
 from ...io.options import Options
-from .capturing import ImportSplatOptions, MarkOptions, PosesOptions
+from .capturing import ImportSplatOptions, InspectOptions, MarkOptions, PosesOptions
 from .editing import ColorwaysOptions, ExportSplatOptions, FarmOptions, MatchOptions, PointsOptions
 from .learning import (
     GeometryOptions,
@@ -29,6 +29,7 @@ COMMANDS: dict[str, type[Options]] = {
     for kind in (
         PosesOptions,
         ImportSplatOptions,
+        InspectOptions,
         MarkOptions,
         LearnOptions,
         GeometryOptions,
@@ -71,6 +72,7 @@ __all__ = [
     "FarmOptions",
     "GeometryOptions",
     "ImportSplatOptions",
+    "InspectOptions",
     "LearnOptions",
     "MarkOptions",
     "MatchOptions",

@@ -71,6 +71,18 @@ class ImportSplatOptions(Options):
 
 
 @dataclass(frozen=True, kw_only=True)
+class InspectOptions(Options):
+    """Say how good a capture is before it is learned, and where more photos would help."""
+
+    command: ClassVar[str] = "inspect"
+
+    capture: Path = option("folder or transforms.json with photos and camera poses", positional=True, metavar="CAPTURE")
+    masks: Path | None = option("folder of rough masks, whose thin parts are told of", None, metavar="DIR")
+    holdout: int = option("leave out every Nth photo, as for geometry", 0, metavar="N")
+    out: Path | None = option("folder for inspection.json and more_photos.png", None, metavar="DIR")
+
+
+@dataclass(frozen=True, kw_only=True)
 class MarkOptions(Options):
     """Write the mask of an object in one photo, from a box, clicks or a lasso."""
 

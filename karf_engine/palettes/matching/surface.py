@@ -74,6 +74,7 @@ def match_surface(
     palette: np.ndarray,
     surfaces: Mapping[int, Surface],
     locked: Iterable[int] = (),
+    moved: np.ndarray | None = None,
 ) -> np.ndarray:
     """The palette with which the paints of some swatches have other surfaces; other paints stay.
 
@@ -86,6 +87,8 @@ def match_surface(
         palette: With which the object has these colors, sRGB [M, 3] in [0, BRIGHTEST].
         surfaces: By the number of the swatch whose paint has it; those of one paint are applied one after the other.
         locked: Entries that stay as they are.
+        moved: What is added to each entry before, [M, 3], where surfaces have moved locked ones that are to stay there: the
+            others make up for it. By default nothing.
 
     Returns:
         The edited palette [M, 3] float32 in [0, BRIGHTEST]; bit by bit the given one where all surfaces are neutral.
@@ -99,13 +102,15 @@ def match_surface(
          [0.35 0.35 0.35]]
     """
     targets, reached = colors, np.zeros(len(colors))
+    moved = np.zeros_like(palette) if moved is None else moved
     for index in sorted(index for index, surface in surfaces.items() if not surface.is_identity):
         gate = _gate(colors, np.clip(palette[index], 0, 1))
         targets = surface_target(targets, counts, gate, surfaces[index])
         reached = np.maximum(reached, gate)
     if not reached.any():
-        return np.array(palette, np.float32)
-    return match_pixels(palette_weights, colors, targets, palette, counts * (1 + HOLD * (1 - reached)), locked)
+        return np.array(palette + moved, np.float32)
+    importance = counts * (1 + HOLD * (1 - reached))
+    return match_pixels(palette_weights, colors + palette_weights @ moved, targets, palette + moved, importance, locked)
 
 
 def surface_target(colors: np.ndarray, counts: np.ndarray, gate: np.ndarray, surface: Surface) -> np.ndarray:

@@ -7,6 +7,7 @@ from typing import Any
 
 from .correct import correct
 from .harmonics import harmonics
+from .inspect import inspect
 from .masks import masks
 from .preview import preview
 from .propose import propose
@@ -17,6 +18,7 @@ from .show import show
 QUERIES: dict[str, Callable[[Session, dict[str, Any]], dict[str, Any]]] = {
     "correct": correct,
     "harmonics": harmonics,
+    "inspect": inspect,
     "masks": masks,
     "preview": preview,
     "propose": propose,

@@ -1,0 +1,162 @@
+"""A capture looked at before it is learned: what is wrong with it is found, named and drawn, and what is right is not scolded."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("scipy")
+pytest.importorskip("imageio")
+cv2 = pytest.importorskip("cv2")
+
+from blender_tests.engine.reference import still_life
+from karf_engine import KarfError, inspect_capture, open_capture
+from karf_engine.capture.quality import matches
+from karf_engine.capture.quality.advice import advise
+from karf_engine.capture.quality.inspection import inspect_capture as inspect_opened
+from karf_engine.capture.quality.placement import place
+from karf_engine.cli import main
+from karf_engine.io.images import read_photo, write_png
+from karf_engine.worker.queries.kinds import QUERIES
+from karf_engine.worker.queries.session import Session
+
+SIZE = 120
+
+
+def textured(points):
+    """A color for each place on a ball: smooth noise, in which features are found."""
+    random = np.random.default_rng(3)
+    waves = random.normal(0, 9, (40, 3)), random.uniform(0, 6, 40), random.uniform(-1, 1, (40, 3))
+    return (0.5 + 0.08 * np.sin(points @ waves[0].T + waves[1]) @ waves[2]).clip(0.05, 0.95)
+
+
+def photo(camera):
+    """The ball of radius 1 about the origin before gray, [H, W, 3]."""
+    origins, along = camera.rays(camera.pixel_centers())
+    along = along / np.linalg.norm(along, axis=1, keepdims=True)
+    middle = -(origins * along).sum(1)
+    inside = 1 - ((origins + middle[:, None] * along) ** 2).sum(1)
+    hit = inside > 0
+    color = np.full((len(along), 3), 0.5)
+    color[hit] = textured(origins[hit] + (middle - np.sqrt(inside.clip(0)))[hit, None] * along[hit])
+    return color.reshape(camera.height, camera.width, 3)
+
+
+def write(folder, cameras, photos):
+    frames = [
+        {"file_path": f"p_{n:02d}.png", "transform_matrix": each.camera_to_world.tolist()}
+        for n, each in enumerate(cameras)
+    ]
+    for n, picture in enumerate(photos):
+        write_png(folder / f"p_{n:02d}.png", picture)
+    lens = {"fl_x": cameras[0].fx, "fl_y": cameras[0].fy, "w": SIZE, "h": SIZE, "cx": SIZE / 2, "cy": SIZE / 2}
+    (folder / "transforms.json").write_text(json.dumps(lens | {"frames": frames}))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def cameras():
+    return [still_life.camera_at(2 * np.pi * n / 20, 0.4, SIZE) for n in range(20)]
+
+
+@pytest.fixture(scope="module")
+def photos(cameras):
+    return [photo(camera) for camera in cameras]
+
+
+@pytest.fixture(scope="module")
+def ring(cameras, photos, tmp_path_factory):
+    return write(tmp_path_factory.mktemp("ring"), cameras, photos)
+
+
+def test_a_good_ring_is_not_scolded(ring):
+    advice = inspect_capture(ring)
+    assert not advice.is_poor and not advice.findings and advice.psnr > 28
+    assert advice.sentence.startswith("20 photos: new views will have about")
+
+
+def test_a_blurred_photo_is_named(cameras, photos, tmp_path):
+    blurred = [cv2.GaussianBlur(each, (0, 0), 2.0) if n == 7 else each for n, each in enumerate(photos)]
+    (finding,) = inspect_capture(write(tmp_path, cameras, blurred)).findings
+    assert finding.values["names"] == "p_07" and "sharp" in finding
+
+
+def test_a_darker_photo_and_a_warmer_one_are_named(cameras, photos, tmp_path):
+    changed = list(photos)
+    changed[3] = photos[3] * 0.75
+    changed[12] = photos[12] * (1.1, 1.0, 0.85)
+    told = {
+        each.key.split(":")[0]: each.values["names"]
+        for each in inspect_capture(write(tmp_path, cameras, changed)).findings
+    }
+    assert told["Exposed otherwise than the rest, by up to {stops} stops"] == "p_03"
+    assert "p_12" in told["Of another white balance than the rest"]
+
+
+def test_exposures_are_those_that_were_given():
+    wanted = np.array([[0.5, 0.4, 0.6], [-0.2, 0.0, -0.1], [-0.3, -0.4, -0.5]])
+    pairs = [(0, 1), (1, 2), (0, 2)]
+    stops = np.array([wanted[b] - wanted[a] for a, b in pairs])
+    np.testing.assert_allclose(matches.exposures(3, pairs, stops), wanted, atol=1e-3)
+
+
+def test_the_widest_hole_is_where_photos_were_left_out(cameras):
+    left = [camera for n, camera in enumerate(cameras) if n not in (4, 5, 6)]
+    placement = place(left, np.zeros((0, 3)))
+    width, middle = placement.hole
+    assert width == pytest.approx(72 * np.cos(0.4), rel=0.1)  # four steps of 18 degrees, on a circle above the ground
+    gone = cameras[5].position / np.linalg.norm(cameras[5].position)
+    assert middle @ gone > np.cos(np.radians(6))
+    assert placement.beside_hole() in ([3, 4], [4, 3])
+
+
+def test_more_photos_go_into_the_holes_and_narrow_them(cameras):
+    placement = place(cameras[:12], np.zeros((0, 3)))
+    then = placement
+    for direction in placement.more(4):
+        then = then.and_at(direction)
+    assert then.spacing < 0.9 * placement.spacing and then.hole[0] < placement.hole[0]
+
+
+def test_a_capture_of_one_side_is_not_asked_to_go_round(cameras):
+    placement = place(cameras[:6], np.zeros((0, 3)))
+    assert placement.is_open and placement.hole[0] < 25
+    assert not place(cameras, np.zeros((0, 3))).is_open
+
+
+def test_wrong_poses_cost_the_agreement(ring):
+    capture = open_capture(ring)
+    moved = np.random.default_rng(0).permutation(len(capture.views))
+    mixed = tuple(replace(view, camera=capture.views[n].camera) for view, n in zip(capture.views, moved, strict=True))
+    right, wrong = (inspect_opened(each) for each in (capture, replace(capture, views=mixed)))
+    assert wrong.agreed < 0.5 < 0.7 < right.agreed and advise(wrong).is_poor
+
+
+def test_thin_marks_are_named(ring, tmp_path):
+    for name, width in (("wire", 2), ("pot", 40)):
+        mask = np.zeros((SIZE, SIZE), bool)
+        mask[20:100, 30 : 30 + width] = True
+        write_png(tmp_path / name / "p_01.png", mask)
+    (finding,) = inspect_capture(ring, masks=tmp_path).findings
+    assert finding.values["name"] == "wire" and finding.values["share"] == "100"
+
+
+def test_command_and_query_say_the_same_and_write_the_map(ring, tmp_path, capsys):
+    assert main(["inspect", str(ring), "--out", str(tmp_path)]) == 0
+    printed = capsys.readouterr().out.splitlines()
+    content = json.loads((tmp_path / "inspection.json").read_text())
+    assert printed == [content["sentence"], *content["findings"]] and len(content["figures"]["sharpness"]) == 20
+    answer = QUERIES["inspect"](Session(tmp_path), {"capture": str(ring)})
+    assert len(answer["advice"]) == len(printed) and not answer["is_poor"]
+    drawn = read_photo(tmp_path / "more_photos.png")
+    orange = (drawn[..., 0] - drawn[..., 2] > 0.6).sum()
+    assert (read_photo(Path(answer["picture"])) == drawn).all() and orange > 500
+
+
+@pytest.mark.parametrize("wrong", ["two photos", "no masks"])
+def test_what_cannot_be_inspected_is_told(ring, cameras, photos, tmp_path, wrong):
+    with pytest.raises(KarfError, match=r"has 2 photos|is no folder of masks"):
+        inspect_capture(write(tmp_path, cameras[:2], photos[:2]) if wrong == "two photos" else ring,
+                        masks=None if wrong == "two photos" else tmp_path / "none")  # fmt: skip
