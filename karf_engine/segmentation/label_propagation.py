@@ -23,7 +23,8 @@ kept from running away:
 - An object's colors fade with the distance to its seeds, and in the end only parts connected to its seeds remain.
 
 In the end patches in doubt follow what surrounds them: the system is solved once more with the labels themselves as
-unary terms, as sure as their margins. A point that would change alone stays: that is how thin ends and rims erode.
+unary terms, as sure as their margins. A point that would change alone stays: that is how thin ends and rims erode. So does one of
+which masks and colors say the same.
 """
 
 from __future__ import annotations
@@ -59,6 +60,8 @@ class PropagationParameters:
         fade_strength: Taken off the log density at twice that distance. Not varied on record.
         patch_confidence: Of labels without a doubt, as patches follow what surrounds them. Not varied on record.
         least_patch_confidence: Of labels in full doubt, likewise. Not varied on record.
+        agreed: A point is in no patch where the masks' confidence times the margin of its color label is more, and both
+            say the same. Not varied on record.
         most_of_object: Share of an object's points; a larger part of it is not a patch: small objects were taken whole.
         together: Share of the ties of a point that changes, that lead to others that do. Set on a scene seen from the
             front alone, where thin ends and rims eroded.
@@ -83,6 +86,7 @@ class PropagationParameters:
     fade_strength: float = 4.5
     patch_confidence: float = 5.0
     least_patch_confidence: float = 0.02
+    agreed: float = 0.3
     most_of_object: float = 0.1
     together: float = 0.5
     reach_radii: float = 4.0
@@ -174,7 +178,8 @@ class _Propagation:
             x = self._smooth(unary / np.maximum(together, 1e-12)[:, None], seed_weight * together, x)
             # not where colors said it: they would confirm themselves, and a neighbor of nearly the object's hue be lost to it
             mixture_weight = reliable
-        x = self._connected(self._with_patches(self._connected(x), seed_weight))
+        agreed = self._agreed(color_labels, reliability)
+        x = self._connected(self._with_patches(self._connected(x), seed_weight, agreed))
         return Labels(x, precision, (of_masks + color_labels + x) / 3)
 
     def _seed_weight(self) -> tuple[np.ndarray, np.ndarray]:
@@ -267,13 +272,20 @@ class _Propagation:
             x /= x.sum(1, keepdims=True)
         return x
 
-    def _with_patches(self, x: np.ndarray, seed_weight: np.ndarray) -> np.ndarray:
-        """Let patches in doubt follow what surrounds them; all other points are as they were."""
+    def _agreed(self, color_labels: np.ndarray, reliability: np.ndarray) -> np.ndarray:
+        """True for the points of which masks and colors say the same, [p]."""
+        label = color_labels.argmax(1)
+        vote = self.seed_targets[np.arange(len(label)), label]
+        sure = np.minimum(self.seed_confidence, 1) * reliability[label] * margin(color_labels)
+        return (vote > PARAMETERS.decided) & (sure > PARAMETERS.agreed)
+
+    def _with_patches(self, x: np.ndarray, seed_weight: np.ndarray, agreed: np.ndarray) -> np.ndarray:
+        """Let patches in doubt follow what surrounds them; all other points, and those `agreed` on, are as they were."""
         solved = self._smooth(
             x, seed_weight * (PARAMETERS.least_patch_confidence + PARAMETERS.patch_confidence * margin(x)), x
         )
         before, after = x.argmax(1), solved.argmax(1)
-        changed = (before != after) & (before * after == 0)  # only the background's colors counted untested
+        changed = (before != after) & (before * after == 0) & ~agreed  # only the background's colors counted untested
         together = changed & (self.graph @ changed >= PARAMETERS.together * np.asarray(self.graph.sum(1)).ravel())
         patch = self._parts(np.where(together, before, -1))
         is_small = np.bincount(patch)[patch] <= PARAMETERS.most_of_object * np.bincount(before)[before]

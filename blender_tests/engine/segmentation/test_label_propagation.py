@@ -284,6 +284,14 @@ def test_a_patch_in_doubt_follows_what_surrounds_it_and_a_point_that_would_chang
     patch = np.linalg.norm(places - [8, 10], axis=1) < 4
     alone = (places == [22, 10]).all(1)
     x = np.where((patch | alone)[:, None], [0.55, 0.45], [0.05, 0.95])
-    found = _Propagation(None, graph, None, None, None, None)._with_patches(x, np.ones(len(x)))
+    found = _Propagation(None, graph, None, None, None, None)._with_patches(x, np.ones(len(x)), np.zeros(len(x), bool))
     assert (found.argmax(1)[patch] == 1).mean() > 0.8
     assert_allclose(found[~patch], x[~patch])
+    kept = _Propagation(None, graph, None, None, None, None)._with_patches(x, np.ones(len(x)), patch)
+    assert_allclose(kept, x)  # masks and colors agree on all of the patch
+
+
+@pytest.mark.parametrize(("confidence", "color", "agreed"), [(1, 0.95, True), (0.1, 0.95, False), (1, 0.05, False)])
+def test_points_are_agreed_on_where_masks_surely_say_what_their_color_says(confidence, color, agreed):
+    propagation = _Propagation(None, None, np.array([[0.0, 1.0]]), np.array([confidence]), None, None)
+    assert propagation._agreed(np.array([[1 - color, color]]), np.ones(2)).tolist() == [agreed]

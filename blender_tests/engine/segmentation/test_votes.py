@@ -45,6 +45,17 @@ def test_small_masks_have_a_narrow_band_so_that_their_middle_still_counts():
     assert mask_confidence({1: mask})[102, 102] == 1
 
 
+def test_the_middle_of_a_thin_handle_counts_as_much_as_the_body():
+    mask = np.zeros((200, 200), bool)
+    mask[50:150, 50:150] = True
+    mask[99:102, 150:190] = True  # three pixels wide: it never leaves the band along the border
+    confidence = mask_confidence({1: mask})
+    assert confidence[100, 160:189].min() >= 0.8
+    assert_allclose(
+        confidence[70, 144:156], np.r_[np.arange(6, 0, -1), np.arange(1, 7)] / 6
+    )  # the body's border is as it was
+
+
 def test_masks_of_everything_or_nothing_have_no_border():
     for fill in (True, False):
         assert (mask_confidence({1: np.full((4, 6), fill)}) == 1).all()
