@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -39,7 +39,6 @@ from ..io.fingerprints import file_digest
 from ..io.images import over, write_png
 from ..project import Project
 from ..project import settings as settings_module
-from ..project.contents import capture_of
 from ..project.locking import opened
 from ..segmentation.coarse_masks import find_masks, marked_views
 from ..splats.depths import points_seen
@@ -79,6 +78,8 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
             project.set_settings(settings_module.to_dict(settings))
             return
         run.summary["holdout"] = capture.holdout
+        if capture.views[0].space is not None:
+            run.summary["color_space"] = asdict(capture.views[0].space)
         capture = with_marked(project, capture, options.masks)
         n_photos = len(capture.split("train"))
         if n_photos < 3:
@@ -98,10 +99,13 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
 
 
 def _space_before(project: Project) -> ColorSpace | None:
-    """The color space of the photos that the finished geometry was learned of."""
-    if not project.state_file.exists() or project.finished("geometry") is None:
-        return None
-    return capture_of(project).views[0].space
+    """The color space of the photos that the finished geometry was learned of.
+
+    Its summary tells, and not the capture's file, which may be damaged: then this stage is what mends it.
+    """
+    finished = project.finished("geometry") if project.state_file.exists() else None
+    known = (finished or {}).get("color_space")
+    return None if known is None else ColorSpace(**known)
 
 
 def with_marked(project: Project, capture: Capture, masks: Path | None) -> Capture:
