@@ -18,7 +18,8 @@ from .views import CachedViews, MaskedViews
 BAND_PIXELS = 6.0  # width of the band along a mask's border, pixels of a photo 200 pixels high
 BAND_OF_RADIUS = 0.35
 WIDTHS = 6  # of a mask that are told apart, from one pixel to the whole band; not varied on record
-NEAR_BODY = 1.5  # radii round a disc's center that count as its width; with 1 corners of rough masks counted too much (drawn seed 7)
+NEAR_BODY = 2.0  # radii round a disc's center that count as its width; 1, 1.5, 3 were measured on drawn seeds 0 to 7 and the demo:
+# with less corners of rough masks count too much (seed 7 loses 0.05 of IoU by 1.5), with 3 nothing is thin
 LEAST_OPACITY = 0.3  # opacity of a ray that votes
 
 
