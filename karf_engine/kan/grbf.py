@@ -255,11 +255,12 @@ class _Gradients(torch.autograd.Function):
         grad_weights, quadratics = weight.new_zeros(n_sums, *weight.shape), u.new_zeros(n_sums)
         share(_fill_gradients, n_sums, x, u, weight, grad_output, recurrence, grad_x, grad_u, grad_weights, quadratics)
         grad_u.mul_(scale * kappa / recurrence.spacing)
-        grad_weight, quadratic = grad_weights.sum(0).mul_(scale), quadratics.sum()
-        # dL/dkappa = -1/2 sum (w - j)^2 E_j. Its part in j^2 needs no bases: summed over rows, E_j is W dL/dW.
-        per_center = (grad_weight * weight).unflatten(1, (n + 1, -1))[:, :n].sum(dim=(0, 2))
-        steps = torch.arange(n, dtype=u.dtype, device=u.device) - recurrence.anchor
-        grad_kappa = -0.5 * (scale * quadratic + steps.square() @ per_center)
+        grad_weight, quadratic = grad_weights.sum(0).mul_(scale), quadratics.double().sum()
+        # dL/dkappa = -1/2 sum (w - j)^2 E_j. Its part in j^2 needs no bases: summed over rows, E_j is W dL/dW. The two parts
+        # nearly cancel, so they are summed in float64
+        per_center = (grad_weight.double() * weight.double()).unflatten(1, (n + 1, -1))[:, :n].sum(dim=(0, 2))
+        steps = torch.arange(n, dtype=torch.float64, device=u.device) - recurrence.anchor
+        grad_kappa = (-0.5 * (scale * quadratic + steps.square() @ per_center)).to(u.dtype)
         return grad_x, grad_u, grad_weight, grad_kappa * (-2 * kappa / bandwidth)
 
     @staticmethod
