@@ -6,9 +6,12 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from blender_tests.engine.reference.still_life import BALL_CENTER, BALL_RADIUS, camera_at, cameras, take_photo
+from karf_engine.compute.runtime import start_runtime
 from karf_engine.fields.extent import upright_axes
 from karf_engine.fields.rendering.rays import PixelDataset
+from karf_engine.fields.voxels.fit_box import start_box_fit
 from karf_engine.fields.wide_baseline import could_be_solid, is_wide, turned
+from karf_engine.project.settings import GeometrySettings
 
 ORIGIN = torch.zeros(3)
 
@@ -54,3 +57,9 @@ def test_turned_directions_keep_their_elevation_whatever_is_up():
     assert torch.allclose(result @ axes[2], viewdirs @ axes[2], atol=1e-6)
     assert torch.allclose(result.norm(dim=1), torch.ones(50), atol=1e-6)
     assert (result - viewdirs).norm(dim=1).max() > 1
+
+
+def test_photos_that_agree_nowhere_leave_everything_possible():
+    colors = [np.full((32, 32, 3), number / 5) for number in range(6)]  # each of another gray
+    dataset, settings = PixelDataset(cameras(6), colors, None, None), GeometrySettings()
+    assert start_box_fit(dataset, "opaque", settings, start_runtime(0, 1, "cpu")).field.occupied.all()

@@ -221,7 +221,8 @@ def start_box_fit(dataset: PixelDataset, background_kind: str, settings: Geometr
     if dataset.alpha is not None or wide:
         points = minimum + (torch.nonzero(occupied) + 0.5) * voxel
         possible = could_be_solid(dataset, points, voxel) if wide else visual_hull(dataset, points, voxel)
-        occupied = possible.view(n, n, n)
+        # photos of very different exposures may agree nowhere
+        occupied = (~possible if wide and not possible.any() else possible).view(n, n, n)
     field = VoxelField(minimum, voxel, occupied, settings.features)
     return BoxFit(dataset, background_kind, settings, runtime, field, wide)
 
