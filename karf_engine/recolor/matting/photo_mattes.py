@@ -220,8 +220,10 @@ def _border_matted(light: np.ndarray, label: np.ndarray) -> np.ndarray:
     unknown = (border & (label < PARAMETERS.certain)) | ((label > PARAMETERS.unsure) & (label < 1 - PARAMETERS.unsure))
     result = np.where(unknown, label, inside.astype(np.float32))
     result[unknown] = closed_form_matting(light, result, unknown)
-    # a line that is all border has no certain pixel to be compared with: only its surroundings would speak
-    thin = inside & unknown & (distance_to(inside & ~unknown) > PARAMETERS.alone)
+    # a line that is all border has no certain pixel to be compared with: only its surroundings would speak;
+    # an object without any certain pixel may be none at all, and is left to them
+    away = distance_to(inside & ~unknown)
+    thin = inside & unknown & np.isfinite(away) & (away > PARAMETERS.alone)
     result[thin] = np.maximum(result, label)[thin]
     return result
 
