@@ -11,7 +11,7 @@ pytest.importorskip("scipy")
 pytest.importorskip("imageio")
 
 from blender_tests.engine.conftest import run_engine
-from blender_tests.engine.palettes.drawn_chart import CAST, CORNERS, photo_of_chart
+from tools.window.drawn_chart import CAST, CORNERS, photo_of_chart
 from karf_engine.cli import main, verbs
 from karf_engine.io.images import write_png
 from karf_engine.palettes.palette import hex_to_rgb, rgb_to_hex

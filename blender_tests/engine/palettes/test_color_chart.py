@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from blender_tests.engine.palettes.drawn_chart import CAST, CORNERS, photo_of_chart
+from tools.window.drawn_chart import CAST, CORNERS, photo_of_chart
 from karf_engine.errors import BadRequest
 from karf_engine.io.color import lab_to_srgb, linear_to_srgb, srgb_to_linear
 from karf_engine.metrics.images import mean_ciede2000
