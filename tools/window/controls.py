@@ -18,6 +18,7 @@ SWATCH_EYE = 0.09  # of the sidebar's width: the eye below an object's first swa
 METAL, RESET = 0.79, 0.72  # likewise the button of a metal, and the one at the end of a row of surfaces
 BESIDE = 8  # pixels from a field's edge to the button beside it
 MOST_UNDONE = 12
+FIND_SECONDS = 120.0  # in which a busy machine has found a chart
 MOST_LEFT = 2.0  # CIEDE2000 of a chart's patches, up to which it counts as a good fit
 BOOK = "name,hex\nSky,#3fa9f5\nLeaf,#3a9d3a\nBrick,#a03c28\nStone,#8a8a86\n"
 
@@ -177,7 +178,8 @@ def gray_card(story: Story) -> Wait:
 
 
 @CHAPTER.step(
-    "color chart", "script: its photo is opened; mouse: Pick Color Chart, four clicks in the photo, Remove Color Chart"
+    "color chart",
+    "script: its photo is opened; mouse: Pick Color Chart, four clicks in the photo, Remove Color Chart, Find Color Chart",
 )
 def color_chart(story: Story) -> Wait:
     karf, editor = desk.scene().karf, hands.area_of("IMAGE_EDITOR").spaces.active
@@ -195,6 +197,12 @@ def color_chart(story: Story) -> Wait:
     check(any(karf.chart) and karf.chart_left < MOST_LEFT, "four clicks do not fit the chart")
     yield from hands.press_button(BESIDE_PICTURE, r"karf\.remove_chart")
     check(not any(karf.chart), "the chart is not removed")
+    yield from hands.press_button(BESIDE_PICTURE, r"karf\.find_chart")
+    yield from until(lambda: any(karf.chart), "the chart that the engine finds", FIND_SECONDS)
+    yield from story.shoot("color-chart-found")
+    story.note(f"found by the engine: {karf.chart_left:.2f}")
+    check(karf.chart_left < MOST_LEFT, "what the engine has found does not fit")
+    yield from hands.press_button(BESIDE_PICTURE, r"karf\.remove_chart")
     editor.image = shown
     yield 0.5
 

@@ -76,11 +76,12 @@ def import_capture(story: Story) -> Wait:
     yield from acts.save_file()
 
 
-@CHAPTER.step("check capture", "mouse: Check Capture in step 1")
+@CHAPTER.step("check capture", "script: step 1 is opened; mouse: Check Capture")
 def check_capture(story: Story) -> Wait:
     karf, queries, checking = desk.scene().karf, desk.module("tasks.queries"), desk.module("steps.checking")
     yield from until(lambda: not queries.is_waiting(checking.KIND), "the check that an import begins", CHECK_SECONDS)
     karf.advice = ""
+    yield from acts.open_step("import")
     yield from hands.press_button(STEPS, r"karf\.check_capture")
     yield from story.shoot("checking")
     yield from until(lambda: bool(karf.advice), "the engine's advice", CHECK_SECONDS)
