@@ -93,11 +93,15 @@ def check_capture(story: Story) -> Wait:
     check(not karf.is_poor, "the demo's capture is called poor")
 
 
-@CHAPTER.step("color space", "mouse: Advanced of step 1, Learn Scene; keys: a color space's name, mistyped, then typed")
+@CHAPTER.step(
+    "color space",
+    "script: steps 1 and 2 are opened; mouse: Advanced, Learn Scene; keys: a color space's name, mistyped, then typed",
+)
 def color_space(story: Story) -> Wait:
     karf, progress = desk.scene().karf, bpy.data.window_managers[0].karf_progress
     project = r"\.karf\.project"
     yield from acts.open_step("import")
+    yield from acts.open_step("learn")
     x, y = yield from hands.edge(STEPS, project, (yield from hands.find(STEPS, project, 0.57)), (0, -4))
     yield from hands.click((x, y - hands.ROW))
     field = yield from hands.find(STEPS, r"karf\.photo_space", 0.68)
