@@ -23,7 +23,7 @@ SCHEMA = "karf-project/1"
 STAGE_ORDER = ("geometry", "segmentation", "palette", "recoloring", "splats")
 STAGE_VERSIONS = {  # of their code: goes up when the same inputs would give another result
     "geometry": 3,
-    "segmentation": 4,
+    "segmentation": 5,
     "palette": 1,
     "recoloring": 1,
     "splats": 2,

@@ -1,6 +1,7 @@
 """Coarse seeds become clean labels, on point clouds whose truth is known."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ pytest.importorskip("scipy")
 
 from karf_engine.io.color import srgb_to_lab
 from karf_engine.segmentation.gaussian_mixtures import class_log_densities
+from karf_engine.segmentation.label_propagation import PARAMETERS as PROPAGATION
 from karf_engine.segmentation.label_propagation import _Propagation, propagate_labels
 from karf_engine.segmentation.neighbor_graph import PARAMETERS, conjugate_gradients, neighbor_graph
 from karf_engine.segmentation.seeds import has_seeds
@@ -109,16 +111,22 @@ def test_a_patterned_object_is_not_eaten_by_the_background(ground_color, random)
     assert (labels.classes[truth == 0] == 0).mean() >= 0.97
 
 
+def unsaid(shape):
+    """A propagation over points [p, K+1] of which masks say nothing."""
+    blank = _Propagation(*[None] * 8)
+    return replace(blank, seed_targets=np.full(shape, 1 / shape[1]), seed_confidence=np.zeros(shape[0]))
+
+
 @pytest.mark.parametrize(("reliability", "confidence"), [([1, 1], 1.6), ([0.5, 1], 0.8), ([1, 0.25], 0.4), ([0, 1], 0)])
 def test_color_moves_a_point_between_two_classes_only_as_far_as_both_are_reliable(reliability, confidence):
     labels, now = np.array([[0.9, 0.1]]), np.array([[0.2, 0.8]])
-    assert _Propagation._color_confidence(None, labels, now, np.array(reliability)) == pytest.approx([confidence])
+    assert unsaid(labels.shape)._color_confidence(labels, now, np.array([reliability])) == pytest.approx([confidence])
 
 
 def test_color_that_favors_the_background_has_no_influence_where_the_runner_up_is_unreliable():
     labels, now = np.array([[0.6, 0.4, 0.0]]), np.array([[0.9, 0.1, 0.0]])
     for reliability in (0, 0.5, 1):
-        given = _Propagation._color_confidence(None, labels, now, np.array([1, reliability, 1]))
+        given = unsaid(labels.shape)._color_confidence(labels, now, np.array([[1, reliability, 1]]))
         assert given == pytest.approx([2 * reliability * 0.2])
 
 
@@ -284,14 +292,37 @@ def test_a_patch_in_doubt_follows_what_surrounds_it_and_a_point_that_would_chang
     patch = np.linalg.norm(places - [8, 10], axis=1) < 4
     alone = (places == [22, 10]).all(1)
     x = np.where((patch | alone)[:, None], [0.55, 0.45], [0.05, 0.95])
-    found = _Propagation(None, graph, None, None, None, None)._with_patches(x, np.ones(len(x)), np.zeros(len(x), bool))
+    found = _Propagation(None, None, graph, None, None, None, None, None)._with_patches(
+        x, np.ones(len(x)), np.zeros(len(x), bool)
+    )
     assert (found.argmax(1)[patch] == 1).mean() > 0.8
     assert_allclose(found[~patch], x[~patch])
-    kept = _Propagation(None, graph, None, None, None, None)._with_patches(x, np.ones(len(x)), patch)
+    kept = _Propagation(None, None, graph, None, None, None, None, None)._with_patches(x, np.ones(len(x)), patch)
     assert_allclose(kept, x)  # masks and colors agree on all of the patch
 
 
 @pytest.mark.parametrize(("confidence", "color", "agreed"), [(1, 0.95, True), (0.1, 0.95, False), (1, 0.05, False)])
 def test_points_are_agreed_on_where_masks_surely_say_what_their_color_says(confidence, color, agreed):
-    propagation = _Propagation(None, None, np.array([[0.0, 1.0]]), np.array([confidence]), None, None)
-    assert propagation._agreed(np.array([[1 - color, color]]), np.ones(2)).tolist() == [agreed]
+    propagation = _Propagation(None, None, None, np.array([[0.0, 1.0]]), np.array([confidence]), None, None, None)
+    assert propagation._agreed(np.array([[1 - color, color]]), np.ones((1, 2))).tolist() == [agreed]
+
+
+def test_what_masks_and_colors_say_alike_counts_many_times():
+    labels, reliable = np.array([[0.1, 0.9]]), np.ones((1, 2))
+    silent = unsaid(labels.shape)
+    agreed = replace(silent, seed_targets=np.array([[0.0, 1.0]]), seed_confidence=np.ones(1))
+    one, many = (each._color_confidence(labels, labels, reliable)[0] for each in (silent, agreed))
+    assert many == pytest.approx((1 + PROPAGATION.agreed_weight) * one)
+
+
+def test_a_twin_far_away_does_not_make_a_color_useless_near_the_object():
+    here, there = np.zeros((50, 3)), np.full((200, 3), 40.0)
+    positions = np.concatenate([here, there])
+    looks_like_it = np.tile([0.0, 1.0], (250, 1))
+    drawn_here = np.where(np.arange(250)[:, None] < 50, [0.0, 1.0], [1.0, 0.0])
+    alike = replace(
+        unsaid((250, 2)), positions=positions, radii=np.ones(1), seed_targets=drawn_here, seed_confidence=np.ones(250)
+    )
+    reliability, precision = alike._color_reliability(looks_like_it)
+    assert precision == pytest.approx([0.2])
+    assert (reliability[:50, 1] == 1).all() and (reliability[50:, 1] == 0).all()
