@@ -61,6 +61,7 @@ apply_edit = _for_scripts(steps.apply_edit)
 becomes = _for_scripts(steps.becomes)
 build_compositor = _for_scripts(steps.build_compositor)
 check_capture = _for_scripts(steps.check_capture)
+find_chart = _for_scripts(steps.find_chart)
 choose_look = _for_scripts(steps.choose_look)
 colorways = _for_scripts(steps.colorways)
 export_cameras = _for_scripts(steps.export_cameras)
@@ -134,6 +135,7 @@ __all__ = [
     "export_splat",
     "extract_palette",
     "farm_bundle",
+    "find_chart",
     "find_poses",
     "follow_splat",
     "import_cameras",

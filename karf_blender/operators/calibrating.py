@@ -34,8 +34,7 @@ class KARF_OT_pick_chart(SwatchStep, bpy.types.Operator):
 
     @reports_errors
     def _wait(self, context):
-        if not any(area.spaces.active.image for area in _editors(context)):
-            raise BadRequest("No Image Editor shows a photo.", "Open the photo of the chart in one.")
+        _photo(context)
         self.clicked = []
         context.window_manager.modal_handler_add(self)
         context.window.cursor_modal_set("CROSSHAIR")
@@ -85,6 +84,18 @@ class KARF_OT_pick_chart(SwatchStep, bpy.types.Operator):
         return {"FINISHED"}
 
 
+class KARF_OT_find_chart(SwatchStep, bpy.types.Operator):
+    """Let the engine look for a color chart (24 patches) in the photo that the Image Editor shows: names of colors are then those under daylight"""
+
+    bl_idname = "karf.find_chart"
+    bl_label = "Find Color Chart"
+
+    @reports_errors
+    def execute(self, context):
+        steps.find_chart(context.scene, _photo(context))
+        return {"FINISHED"}
+
+
 class KARF_OT_remove_chart(SwatchStep, bpy.types.Operator):
     """Forget the color chart: names and numbers of colors are what photos show, or those of the gray card"""
 
@@ -102,6 +113,14 @@ def _editors(context):
     return [area for area in context.screen.areas if area.type == "IMAGE_EDITOR"]
 
 
+def _photo(context):
+    """The image of the first Image Editor that shows one."""
+    shown = next((area.spaces.active.image for area in _editors(context) if area.spaces.active.image), None)
+    if shown is None:
+        raise BadRequest("No Image Editor shows a photo.", "Open the photo of the chart in one.")
+    return shown
+
+
 def _clicked(context, mouse):
     """The name of the image under the mouse, and where in it, from its lower left corner to its upper right one; or None."""
     for area in _editors(context):
@@ -112,4 +131,4 @@ def _clicked(context, mouse):
     return None
 
 
-CLASSES = (KARF_OT_pick_chart, KARF_OT_remove_chart)
+CLASSES = (KARF_OT_pick_chart, KARF_OT_find_chart, KARF_OT_remove_chart)

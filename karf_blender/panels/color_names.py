@@ -9,6 +9,7 @@ from ..host.words import translate
 from ..pictures import chips
 from ..preferences import color_book
 from ..swatches import reference
+from ..tasks import queries
 from .seeing import how_visible
 
 NEAREST = 3  # names that are offered
@@ -43,7 +44,10 @@ def draw_names(layout, color, object_name, index):
 
 def draw_light(layout, scene):
     """What says under which light the photos were taken: in a panel, since a menu takes the eyedropper's key for its own."""
+    layout.operator("karf.find_chart", icon="VIEWZOOM")
     layout.operator("karf.pick_chart", icon="EYEDROPPER")
+    if queries.is_waiting("chart"):
+        layout.label(text="The engine is at work", icon="SORTTIME")
     if reference.has_chart(scene):
         text = translate("Color chart: {number} left of CIEDE2000", number=f"{scene.karf.chart_left:.1f}")
         layout.operator("karf.remove_chart", text=text, icon="X")

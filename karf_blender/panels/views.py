@@ -9,8 +9,9 @@ def draw_view(layout, karf):
 def draw_space(layout, karf, name):
     """A color space by its name, and the configuration that knows it."""
     column = layout.column(align=True)
-    column.prop(karf, name)
-    column.prop(karf, "ocio")
+    for each in (name, "ocio"):
+        column.label(text=karf.bl_rna.properties[each].name)  # above: beside the field a sidebar cuts it off
+        column.prop(karf, each, text="")
 
 
 def draw_advanced(layout, step):

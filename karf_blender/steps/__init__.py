@@ -4,7 +4,7 @@ A step that needs the engine returns a `Task`: launch it alongside the interface
 others are done when they return. All raise KarfError for what a user can mend.
 """
 
-from .calibration import pick_chart, remove_chart
+from .calibration import find_chart, pick_chart, remove_chart
 from .cameras import export_cameras, frame_range, import_cameras
 from .capture import SPLAT_VIEWS, find_poses, import_capture, import_splat
 from .checking import check_capture, check_unasked
@@ -83,6 +83,7 @@ __all__ = [
     "export_splat",
     "extract_palette",
     "farm_bundle",
+    "find_chart",
     "find_poses",
     "flip_looks",
     "follow_splat",

@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from ..engine_api import BadRequest, ChartFit, ReferenceLight
+from ..engine_api import BadRequest, ReferenceLight
 
 
 def light(scene: bpy.types.Scene) -> ReferenceLight | None:
@@ -24,10 +24,16 @@ def has_chart(scene: bpy.types.Scene) -> bool:
     return any(scene.karf.chart)
 
 
-def set_chart(scene: bpy.types.Scene, fit: ChartFit | None) -> None:
-    """Remember what a color chart says; None: forget it."""
-    scene.karf.chart = np.zeros(9) if fit is None else fit.light.matrix.ravel()
-    scene.karf.chart_left = 0 if fit is None else fit.mean_left
+def set_chart(scene: bpy.types.Scene, matrix: np.ndarray, left: float) -> None:
+    """Remember what a color chart says: the light's matrix [3, 3], and what is left of its patches, mean CIEDE2000."""
+    scene.karf.chart = np.ravel(matrix)
+    scene.karf.chart_left = left
+
+
+def forget_chart(scene: bpy.types.Scene) -> None:
+    """Forget the color chart."""
+    scene.karf.chart = np.zeros(9)
+    scene.karf.chart_left = 0
 
 
 def as_named(scene: bpy.types.Scene, color: np.ndarray) -> np.ndarray:

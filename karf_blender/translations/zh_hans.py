@@ -723,6 +723,7 @@ TEXTS = {
         "这些空间的 OpenColorIO 配置 config.ocio。留空：环境变量 OCIO 的配置，否则为引擎自带的配置"
     ),
     "Pick Color Chart": "拾取色卡",
+    "Find Color Chart": "查找色卡",
     "Remove Color Chart": "移除色卡",
     "Corners": "角点",
     "Image": "图像",
@@ -735,6 +736,10 @@ TEXTS = {
     "Click the corners of a color chart (24 patches) in an Image Editor: names of colors are then those under daylight": (
         "在图像编辑器中点击色卡（24 个色块）的四角：颜色的名称随后是日光下的"
     ),
+    "Let the engine look for a color chart (24 patches) in the photo that the Image Editor shows: names of colors are then "
+    "those under daylight": "让引擎在图像编辑器所显示的照片中查找色卡（24 个色块）：颜色的名称随后是日光下的",
+    "{name} has no file.": "{name} 没有文件。",
+    "Save it, or click the corners of the chart.": "请保存它，或点击色卡的四角。",
     "Forget the color chart: names and numbers of colors are what photos show, or those of the gray card": (
         "忘记色卡：颜色的名称和数值是照片所显示的，或灰卡的"
     ),

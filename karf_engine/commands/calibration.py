@@ -43,6 +43,8 @@ def read_chart(path: Path, corners: tuple[float, ...] | None) -> ChartFit:
     found = find_corners(photo) if corners is None else np.reshape(corners, (4, 2))
     if found is None:
         raise BadRequest(
-            f"No color chart was found in {path}.", "Give its four corners in pixels: --corners u,v,u,v,u,v,u,v."
+            "No color chart was found in {path}.",
+            "Click its four corners, or give them in pixels: --corners u,v,u,v,u,v,u,v.",
+            path=path,
         )
     return fit_photo(photo, found)

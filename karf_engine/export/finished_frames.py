@@ -20,7 +20,7 @@ from ..project import STAGE_ORDER, Project
 from ..project.settings import Settings, to_dict
 from .frame_options import RenderOptions
 
-VERSION = 2  # of the renderer: goes up when the same inputs would give other pictures
+VERSION = 3  # of the renderer: goes up when the same inputs would give other pictures
 NOTE = "finished.jsonl"
 # options that say which frames are made, where and how fast, not what is in them
 NOT_OF_A_FRAME = {"project", "views", "first", "last", "count", "edit", "out", "threads", "device", "skip_existing"}

@@ -18,6 +18,8 @@ SWATCH_EYE = 0.09  # of the sidebar's width: the eye below an object's first swa
 METAL, RESET = 0.79, 0.72  # likewise the button of a metal, and the one at the end of a row of surfaces
 BESIDE = 8  # pixels from a field's edge to the button beside it
 MOST_UNDONE = 12
+FIND_SECONDS = 120.0  # in which a busy machine has found a chart
+MOST_LEFT = 2.0  # CIEDE2000 of a chart's patches, up to which it counts as a good fit
 BOOK = "name,hex\nSky,#3fa9f5\nLeaf,#3a9d3a\nBrick,#a03c28\nStone,#8a8a86\n"
 
 
@@ -173,6 +175,36 @@ def gray_card(story: Story) -> Wait:
     story.note(f"the card is {picked}")
     karf.card = 0, 0, 0
     check(any(picked), "no card was picked")
+
+
+@CHAPTER.step(
+    "color chart",
+    "script: its photo is opened; mouse: Pick Color Chart, four clicks in the photo, Remove Color Chart, Find Color Chart",
+)
+def color_chart(story: Story) -> Wait:
+    karf, editor = desk.scene().karf, hands.area_of("IMAGE_EDITOR").spaces.active
+    shown = editor.image
+    editor.image = bpy.data.images.load(str(story.desk / story.job["chart"]))
+    with hands.inside(PICTURE):
+        bpy.ops.image.view_all(fit_view=True)
+    yield 0.5
+    yield from hands.press_button(BESIDE_PICTURE, r"karf\.pick_chart")
+    yield from story.shoot("color-chart-asked")
+    for place in story.job["chart_corners"]:
+        yield from hands.click(acts.on_photo(*place))
+    yield from story.shoot("color-chart")
+    story.note(f"CIEDE2000 {karf.chart_left:.2f} left in the mean")
+    check(any(karf.chart) and karf.chart_left < MOST_LEFT, "four clicks do not fit the chart")
+    yield from hands.press_button(BESIDE_PICTURE, r"karf\.remove_chart")
+    check(not any(karf.chart), "the chart is not removed")
+    yield from hands.press_button(BESIDE_PICTURE, r"karf\.find_chart")
+    yield from until(lambda: any(karf.chart), "the chart that the engine finds", FIND_SECONDS)
+    yield from story.shoot("color-chart-found")
+    story.note(f"found by the engine: {karf.chart_left:.2f}")
+    check(karf.chart_left < MOST_LEFT, "what the engine has found does not fit")
+    yield from hands.press_button(BESIDE_PICTURE, r"karf\.remove_chart")
+    editor.image = shown
+    yield 0.5
 
 
 @CHAPTER.step("manual", "mouse: the question mark of a step; script: its window is closed")

@@ -12,6 +12,8 @@ from .hands import Wait, Where
 from .telling import Chapter
 
 CHAPTER = Chapter()
+CHECK_SECONDS = 300.0  # in which a busy machine has looked at the demo's photos
+SPACE, MISTYPED = "ACEScg", "ACESgc"
 
 
 @CHAPTER.step("install", "script: Install from Disk, the engine's Python in the preferences")
@@ -72,6 +74,49 @@ def import_capture(story: Story) -> Wait:
     check(len(karf.views) == story.job["views"], f"{len(karf.views)} views, not {story.job['views']}")
     check(karf.project == "//pots_karf", f"the project is {karf.project!r}")
     yield from acts.save_file()
+
+
+@CHAPTER.step("check capture", "script: step 1 is opened; mouse: Check Capture")
+def check_capture(story: Story) -> Wait:
+    karf, queries, checking = desk.scene().karf, desk.module("tasks.queries"), desk.module("steps.checking")
+    yield from until(lambda: not queries.is_waiting(checking.KIND), "the check that an import begins", CHECK_SECONDS)
+    karf.advice = ""
+    yield from acts.open_step("import")
+    yield from hands.press_button(STEPS, r"karf\.check_capture")
+    yield from story.shoot("checking")
+    yield from until(lambda: bool(karf.advice), "the engine's advice", CHECK_SECONDS)
+    yield 0.5
+    yield from story.shoot("checked")
+    story.note(karf.advice.splitlines()[0])
+    picture = hands.area_of("IMAGE_EDITOR").spaces.active.image
+    check(picture is not None and picture.name == checking.MAP_NAME, "the map of what to shoot more is not shown")
+    check(not karf.is_poor, "the demo's capture is called poor")
+
+
+@CHAPTER.step(
+    "color space",
+    "script: steps 1 and 2 are opened; mouse: Advanced, Learn Scene; keys: a color space's name, mistyped, then typed",
+)
+def color_space(story: Story) -> Wait:
+    karf, progress = desk.scene().karf, bpy.data.window_managers[0].karf_progress
+    project = r"\.karf\.project"
+    yield from acts.open_step("import")
+    yield from acts.open_step("learn")
+    x, y = yield from hands.edge(STEPS, project, (yield from hands.find(STEPS, project, 0.57)), (0, -4))
+    yield from hands.click((x, y - hands.ROW))
+    field = yield from hands.find(STEPS, r"karf\.photo_space", 0.68)
+    yield from hands.write(MISTYPED, field)
+    check(karf.photo_space == MISTYPED, f"typed {MISTYPED}, got {karf.photo_space!r}")
+    yield from acts.job_begin(hands.press_button(STEPS, r"karf\.learn_scene"), "Learn Scene")
+    yield from until(lambda: not desk.module("tasks.runner").is_running(), "the job's end", JOB_SECONDS)
+    yield from story.shoot("color-space-mistyped")
+    story.note(progress.error)
+    check(MISTYPED in progress.error, f"a color space that there is not leads to {progress.error!r}")
+    yield from hands.write(SPACE, (yield from hands.find(STEPS, r"karf\.photo_space", 0.68)))
+    yield from story.shoot("color-space")
+    check(karf.photo_space == SPACE, f"typed {SPACE}, got {karf.photo_space!r}")
+    karf.photo_space = ""  # the demo's photos are sRGB
+    yield from hands.click((x, y - hands.ROW))
 
 
 @CHAPTER.step("learn, cancel", "mouse: Learn Scene with the preset, then the cross")

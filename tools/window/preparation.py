@@ -13,12 +13,16 @@ from pathlib import Path
 import imageio.v3 as imageio
 import numpy as np
 
+from karf_engine.io.images import write_png
+
 from . import capture
 from .blender import dump
+from .drawn_chart import CORNERS, photo_of_chart
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "demo"
 POTS = "pots"  # the demo's capture on the desk
+CHART = "chart.png"  # a photo of a color chart on it
 MASKED_VIEW = "r_041"
 STROKE_ROWS = 18  # pixels of the photo between two strokes
 TINY = (
@@ -61,6 +65,7 @@ def prepare(out: Path, options: argparse.Namespace) -> None:
         capture.lay_out(options.capture, out / "desk" / options.capture.name)
         return
     capture.lay_out(DEMO, out / "desk" / POTS)
+    write_png(out / "desk" / CHART, photo_of_chart())
     make_decoy(out)
 
 
@@ -99,6 +104,12 @@ def strokes(name: str) -> list[list[tuple[float, float]]]:
     return lines
 
 
+def in_shares(corners: np.ndarray) -> list[list[float]]:
+    """Corners in the chart's photo, in shares of it from the lower left; corners: [4, 2] pixels from its upper left."""
+    height, width = photo_of_chart().shape[:2]
+    return [[float(u) / width, 1 - float(v) / height] for u, v in corners]
+
+
 def afternoon_job() -> dict:
     """What only the afternoon's steps are to know."""
     return {
@@ -106,6 +117,8 @@ def afternoon_job() -> dict:
         "views": sum(len(list((DEMO / name).glob("*.png"))) for name in ("train", "test")),
         "masked_view": MASKED_VIEW,
         "strokes": {name: strokes(name) for name in ("apple", "mug", "pot")},
+        "chart": CHART,
+        "chart_corners": in_shares(CORNERS),
     }
 
 

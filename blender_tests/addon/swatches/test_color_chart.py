@@ -55,6 +55,22 @@ def test_a_chart_goes_before_a_gray_card_and_can_be_removed(bpy, addon, learned,
     np.testing.assert_array_equal(addon.reference.light(learned).matrix, card)
 
 
+def test_the_engine_finds_the_chart_in_the_photo_of_a_picture(bpy, addon, learned, chart, tmp_path):
+    image, _ = chart
+    with pytest.raises(addon.engine_api.BadRequest, match=r"chart\.png has no file"):
+        addon.steps.find_chart(learned, image)
+    image.filepath_raw = str(tmp_path / "chart.png")
+    image.save()
+    addon.headless.find_chart(image)
+    np.testing.assert_allclose(np.reshape(learned.karf.chart, (3, 3)), np.eye(3) / 2)
+    assert learned.karf.chart_left == 0.25
+
+
+def test_in_a_picture_of_karf_it_is_the_active_views_photo(bpy, addon, learned):
+    addon.steps.find_chart(learned, addon.images.new_image("KaRF view", 4, 4))
+    assert learned.karf.chart_left == 0.25
+
+
 def test_what_is_no_chart_is_said_and_forgets_nothing(bpy, addon, learned, chart):
     image, corners = chart
     addon.steps.pick_chart(learned, image, corners)

@@ -11,7 +11,6 @@ pytest.importorskip("scipy")
 pytest.importorskip("imageio")
 
 from blender_tests.engine.conftest import run_engine
-from blender_tests.engine.palettes.drawn_chart import CAST, CORNERS, photo_of_chart
 from karf_engine.cli import main, verbs
 from karf_engine.io.images import write_png
 from karf_engine.palettes.palette import hex_to_rgb, rgb_to_hex
@@ -19,6 +18,7 @@ from karf_engine.palettes.project_edit import edit_of
 from karf_engine.palettes.reference_light import ReferenceLight
 from karf_engine.project import Project
 from karf_engine.worker.findings import VERDICT, Finding
+from tools.window.drawn_chart import CAST, CORNERS, photo_of_chart
 
 VERBS = [
     "poses",

@@ -3,13 +3,16 @@
 import numpy as np
 import pytest
 
-from blender_tests.engine.palettes.drawn_chart import CAST, CORNERS, photo_of_chart
 from karf_engine.errors import BadRequest
 from karf_engine.io.color import lab_to_srgb, linear_to_srgb, srgb_to_linear
+from karf_engine.io.images import write_png
 from karf_engine.metrics.images import mean_ciede2000
 from karf_engine.palettes.color_chart import PATCHES, fit_chart, fit_photo, patch_colors, reference_colors
 from karf_engine.palettes.reference_light import ReferenceLight
 from karf_engine.recolor.chart_detection import find_corners
+from karf_engine.worker.queries.kinds import QUERIES
+from karf_engine.worker.queries.session import Session
+from tools.window.drawn_chart import CAST, CORNERS, photo_of_chart
 
 PAINTS = lab_to_srgb(np.array([[50.0, 40, 20], [30, -10, -30], [60, -20, 40], [70, 5, 60]]))
 
@@ -52,6 +55,16 @@ def test_corners_that_are_some_pixels_off_tell_nearly_the_same(photo):
 def test_a_chart_is_found_by_itself_upright_and_upside_down(begin):
     photo = photo_of_chart(corners=np.roll(CORNERS, begin, axis=0))
     np.testing.assert_allclose(fit_photo(photo, find_corners(photo)).light.matrix, CAST, atol=0.01)
+
+
+def test_a_worker_reads_the_light_off_a_photo_that_is_named(photo, tmp_path):
+    write_png(tmp_path / "chart.png", photo)
+    answer = QUERIES["chart"](Session(tmp_path), {"photo": str(tmp_path / "chart.png")})
+    np.testing.assert_allclose(np.reshape(answer["light"], (3, 3)), CAST, atol=0.01)
+    assert answer["left"] < 1
+    write_png(tmp_path / "wall.png", np.full((200, 300, 3), 0.5))
+    with pytest.raises(BadRequest, match=r"No color chart was found in .*wall\.png"):
+        QUERIES["chart"](Session(tmp_path), {"photo": str(tmp_path / "wall.png")})
 
 
 def test_where_there_is_no_chart_none_is_found():

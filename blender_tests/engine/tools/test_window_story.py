@@ -105,7 +105,14 @@ def test_a_transcript_is_clean_only_where_all_passed_and_nothing_was_found(tmp_p
 def test_the_story_clicks_buttons_that_exist():
     text = _sources("tools/window")
     operators = set(re.findall(r'bl_idname = "karf\.(\w+)"', _sources("karf_blender/operators")))
-    clicked = set(re.findall(r'"karf\\\.(\w+)', text)) - {"card", "marking", "objects", "captured_size", "preset"}
+    clicked = set(re.findall(r'"karf\\\.(\w+)', text)) - {
+        "card",
+        "marking",
+        "objects",
+        "captured_size",
+        "photo_space",
+        "preset",
+    }
     assert clicked and clicked <= operators
     assert len(re.findall(r"^@CHAPTER\.step\(", text, re.MULTILINE)) >= 20
 

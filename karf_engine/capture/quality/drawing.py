@@ -12,11 +12,11 @@ from .advice import Advice
 from .inspection import Inspection
 from .placement import Placement
 
-SIDE, MARGIN, LINE = 720, 60, 22  # pixels
+SIDE, MARGIN, LINE, LETTERS = 720, 60, 30, 19  # pixels: an editor may show the map at half its size
 PAPER, INK, WANTED = (250, 250, 250), (40, 40, 40), (225, 95, 20)
 NEAR_COLOR, FAR_COLOR = np.array([214, 234, 214]), np.array([240, 150, 140])  # of directions, by the nearest camera
 FAR = 25.0  # degrees to the nearest camera that are shown as far
-DOT, SPOT, RING = 5, 9, 11  # pixels: radii of a camera, of a direction, of a proposed place
+DOT, SPOT, RING = 5, 9, 14  # pixels: radii of a camera, of a direction, of a proposed place
 
 
 def draw_map(path: Path, advice: Advice) -> None:
@@ -36,7 +36,7 @@ def draw_map(path: Path, advice: Advice) -> None:
         _disk(draw, spot, SPOT, tuple((NEAR_COLOR + share * (FAR_COLOR - NEAR_COLOR)).astype(int)))
     for spot in cameras:
         _disk(draw, spot, DOT, INK)
-    font = ImageFont.load_default(LINE - 8)
+    font = ImageFont.load_default(LETTERS)
     for number, spot in enumerate(more, 1):
         _disk(draw, spot, RING, WANTED)
         draw.text(tuple(spot), str(number), PAPER, font, anchor="mm")

@@ -58,6 +58,8 @@ class MatteParameters:
         certain: Labels above are not mixtures, however near the border: a stem is all border.
         unsure: Labels at least this far from 0 and 1 are mixtures, however far from the border; set for photos that are
             less sharp than their pixels.
+        alone: Pixels from the object's certain pixels, beyond which a mixture's coverage is at least its label. Chosen
+            on the cables and the wheel of thin scenes 0 and 1.
         least_agreement: IoU of photo and field, below which the field is right.
     """
 
@@ -79,6 +81,7 @@ class MatteParameters:
     border: float = 1.5
     certain: float = 0.99
     unsure: float = 0.3
+    alone: float = 3.0
     least_agreement: float = 0.5
 
 
@@ -217,6 +220,11 @@ def _border_matted(light: np.ndarray, label: np.ndarray) -> np.ndarray:
     unknown = (border & (label < PARAMETERS.certain)) | ((label > PARAMETERS.unsure) & (label < 1 - PARAMETERS.unsure))
     result = np.where(unknown, label, inside.astype(np.float32))
     result[unknown] = closed_form_matting(light, result, unknown)
+    # a line that is all border has no certain pixel to be compared with: only its surroundings would speak;
+    # an object without any certain pixel may be none at all, and is left to them
+    away = distance_to(inside & ~unknown)
+    thin = inside & unknown & np.isfinite(away) & (away > PARAMETERS.alone)
+    result[thin] = np.maximum(result, label)[thin]
     return result
 
 

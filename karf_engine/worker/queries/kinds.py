@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from .chart import chart
 from .correct import correct
 from .harmonics import harmonics
 from .inspect import inspect
@@ -16,6 +17,7 @@ from .show import show
 
 # kind -> function; it returns JSON values, paths as text. What needs torch or more is imported in it
 QUERIES: dict[str, Callable[[Session, dict[str, Any]], dict[str, Any]]] = {
+    "chart": chart,
     "correct": correct,
     "harmonics": harmonics,
     "inspect": inspect,

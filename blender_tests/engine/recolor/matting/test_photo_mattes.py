@@ -12,7 +12,7 @@ from blender_tests.engine.reference.cut_outs import CutOut, canvas, paint
 from karf_engine.io.color import linear_to_srgb, srgb_to_linear, to_bytes
 from karf_engine.metrics.masks import iou
 from karf_engine.recolor.matting.matte import Matte, dense_coverage
-from karf_engine.recolor.matting.photo_mattes import refine_mattes, steps
+from karf_engine.recolor.matting.photo_mattes import cover, refine_mattes, steps
 from karf_engine.recolor.matting.refine import field_mattes
 from karf_engine.recolor.matting.sharpness import sharp_size
 
@@ -89,6 +89,19 @@ def test_a_thin_part_that_the_field_has_lost_grows_back():
     tip = np.s_[0, 24:50]
     assert (scene.coverage[tip] > 0.5).sum() > 40
     assert iou(found(scene)[tip] > 0.5, scene.coverage[tip] > 0.5) > 0.6
+
+
+def test_a_line_that_is_all_border_keeps_what_its_labels_say():
+    """Nothing certain of the object touches it, and the surroundings on both sides are much like it."""
+    line = np.zeros((40, 40), bool)
+    line[4:36, 20] = True
+    photo = np.full((40, 40, 3), GRAY, np.uint8)
+    photo[line] = np.array(GRAY) - 3
+    label = np.where(line, 0.8, 0).astype(np.float32)
+    label[10:20, 2:10] = 1  # the object's body
+    coverage = cover(photo, np.stack([1 - label, label]))[0]
+    assert coverage[line].min() > 0.79
+    assert coverage[:, 22:].max() < 0.5
 
 
 def test_nothing_grows_into_a_neighbor_of_the_same_color_that_the_field_knows():
