@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -26,6 +26,7 @@ from .limits import LARGEST_POSITION, check_camera, read_camera
 SCHEMA = "karf-capture/1"
 WITH_SPLATS = "karf-capture/2"  # which readers of the first would pass over, and learn splats of their own
 WITH_SPACES = "karf-capture/3"  # photos in color spaces, whose colors older readers would take for sRGB
+ALIKE = (1.0, 1.0, 1.0)  # gains of a photo that is exposed as the mean of all
 SPLITS = ("train", "val", "test")
 
 
@@ -41,6 +42,7 @@ class View:
         split: `train`, `val` or `test`.
         depth_bounds: Nearest and farthest depth of what it shows, world units; None where the capture declares none.
         space: Color space of the photo's file; None: sRGB, of EXR linear light with its primaries.
+        gains: How the photo is exposed beside the others: red, green and blue in sRGB by those of their mean exposure.
 
     Example:
         height, width = capture.view("r_003").camera.height, capture.view("r_003").camera.width
@@ -53,6 +55,7 @@ class View:
     split: str
     depth_bounds: tuple[float, float] | None = None
     space: ColorSpace | None = field(default=None, kw_only=True)
+    gains: tuple[float, float, float] = field(default=ALIKE, kw_only=True)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -197,6 +200,14 @@ def in_space(capture: Capture, space: ColorSpace | None) -> Capture:
     return replace(capture, views=tuple(replace(view, space=space) for view in capture.views))
 
 
+def with_gains(capture: Capture, gains: Mapping[str, Sequence[float]]) -> Capture:
+    """The capture with how photos are exposed, by the names of their views; others stay as they are."""
+    known = {name: tuple(float(gain) for gain in each) for name, each in gains.items()}
+    return replace(
+        capture, views=tuple(replace(view, gains=known.get(view.name, view.gains)) for view in capture.views)
+    )
+
+
 def check_holdout(every: int) -> None:
     """Refuse to hold out every photo, or a negative number. Raises BadRequest."""
     if every < 0 or every == 1:
@@ -262,6 +273,7 @@ def capture_to_json(capture: Capture, folder: Path | None = None) -> dict[str, A
                 "camera_to_world": view.camera.camera_to_world.tolist(),
                 "depth_bounds": view.depth_bounds,
                 **({} if view.space is None else {"color_space": asdict(view.space)}),
+                **({} if view.gains == ALIKE else {"gains": list(view.gains)}),
             }
             for view in capture.views
         ],
@@ -328,7 +340,15 @@ def _view_from_json(entry: dict[str, Any], label: str, path: Path) -> View:
         entry["split"],
         _bounds_from_json(entry.get("depth_bounds")),
         space=_space_from_json(entry),
+        gains=_gains_from_json(entry),
     )
+
+
+def _gains_from_json(entry: dict[str, Any]) -> tuple[float, float, float]:
+    red, green, blue = (float(gain) for gain in entry.get("gains", ALIKE))
+    if not all(0 < gain < math.inf for gain in (red, green, blue)):
+        raise ValueError(f"its gains are {(red, green, blue)}")
+    return red, green, blue
 
 
 def _space_from_json(entry: dict[str, Any]) -> ColorSpace | None:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ..capture import hold_out, in_space, open_capture
-from ..capture.capture import Capture, SparsePoints, capture_to_json, with_split
+from ..capture.capture import Capture, SparsePoints, capture_to_json, with_gains, with_split
 from ..capture.poses.triangulation import triangulate
 from ..capture.training_images import TrainingImage
 from ..compute import cores
@@ -90,7 +90,7 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
                 count=n_photos,
             )
         if nerf is None:
-            scene = learn(job, capture, run)
+            scene, capture = learn(job, capture, run)
         else:
             scene = import_scene(job, capture, nerf, networks, run.summary)
         write_json(run.output(project.capture_file), capture_to_json(capture, project.folder))
@@ -129,8 +129,8 @@ def _inputs(capture: Capture, nerf: Path | None) -> list:
     return inputs
 
 
-def learn(job: Job, capture: Capture, run: StageRun) -> Scene:
-    """Fit the field, with previews on the way; what an interrupted run has learned is resumed."""
+def learn(job: Job, capture: Capture, run: StageRun) -> tuple[Scene, Capture]:
+    """Fit the field, with previews on the way, and find how photos are exposed; an interrupted run is resumed."""
     settings = job.settings.geometry
     wait = field_kind(settings.field).prepare(settings, job.runtime.device)
     views = capture.split("train")
@@ -156,7 +156,8 @@ def learn(job: Job, capture: Capture, run: StageRun) -> Scene:
         pixels = typical_pixels_per_voxel(scene.field.space, scene.field.voxel, task.views, task.points)
         run.summary["pixels_per_voxel"] = round(pixels, 2)
         warn_of_lost_detail(job, pixels, task.training_images, task.space)
-    return scene
+        capture = with_gains(capture, {view.name: gains for view, gains in zip(views, fit.gains, strict=True)})
+    return scene, capture
 
 
 def help_to_learn(process_group: ProcessGroup) -> None:

@@ -22,7 +22,7 @@ from ..io.files import read_json, write_json
 SCHEMA = "karf-project/1"
 STAGE_ORDER = ("geometry", "segmentation", "palette", "recoloring", "splats")
 STAGE_VERSIONS = {  # of their code: goes up when the same inputs would give another result
-    "geometry": 3,
+    "geometry": 4,
     "segmentation": 5,
     "palette": 1,
     "recoloring": 1,

@@ -259,7 +259,7 @@ def full_resolution_view(
     orientation, full_size = photo.orientation_for(view.camera), max(photo.size)
     if size != "photo":
         photo = photo.resized(int(size))
-    rendered = from_camera(to_bytes(seen.color), orientation)
+    rendered = from_camera(to_bytes(seen.color * np.float32(view.gains)), orientation)
     seen_objects = [from_camera(own, orientation) for own in seen.probabilities]
     probabilities = np.array(seen_objects).reshape(-1, *rendered.shape[:2])
     shown, scale = photo.shown(), max(photo.size) / full_size

@@ -369,7 +369,8 @@ class Model:
             self.look(self.working_camera(view).without_distortion()),
             over(training_image.color, training_image.alpha),
         )
-        mattes = self._mattes_of(to_bytes(base), seen.probabilities, to_bytes(seen.color))
+        rendered = to_bytes(seen.color * np.float32(view.gains))
+        mattes = self._mattes_of(to_bytes(base), seen.probabilities, rendered)
         coverages = dense_coverage(mattes, base.shape[:2])
         weights = None
         if self.recoloring is not None:

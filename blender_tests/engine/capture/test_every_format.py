@@ -19,7 +19,7 @@ from blender_tests.engine.reference.capture_files import (
     write_transforms,
 )
 from karf_engine.capture import open_capture
-from karf_engine.capture.capture import Capture, CapturedSplats, View, capture_from_json, capture_to_json
+from karf_engine.capture.capture import Capture, CapturedSplats, View, capture_from_json, capture_to_json, with_gains
 from karf_engine.errors import DataError
 
 NAMES = [f"{number:03d}.png" for number in range(9)]
@@ -78,6 +78,18 @@ def test_the_canonical_json_keeps_every_lens(tmp_path, lens):
         assert replace(after, camera=before.camera) == before
         assert_allclose(after.camera.camera_to_world, before.camera.camera_to_world, rtol=0, atol=0)
         assert replace(after.camera, camera_to_world=np.eye(4)) == replace(before.camera, camera_to_world=np.eye(4))
+
+
+def test_the_canonical_json_keeps_exposures_and_names_none_of_photos_exposed_alike(tmp_path):
+    camera = random_rig(5, 1)[0]
+    view = View("v", "v", camera, tmp_path / "v.png", "train")
+    content = capture_to_json(Capture(tmp_path, "colmap", (view,)))
+    assert "gains" not in content["views"][0]
+    exposed = capture_to_json(with_gains(Capture(tmp_path, "colmap", (view,)), {"v": (1.25, 1.0, 0.75)}))
+    assert capture_from_json(exposed, tmp_path / "capture.json").views[0].gains == (1.25, 1.0, 0.75)
+    exposed["views"][0]["gains"] = [1.0, 0.0, 1.0]
+    with pytest.raises(DataError, match="gains"):
+        capture_from_json(exposed, tmp_path / "capture.json")
 
 
 def test_the_canonical_json_finds_the_splats_of_a_folder_that_moved(tmp_path):

@@ -91,6 +91,7 @@ class PixelDataset:
         color: [N, 3] uint8 sRGB.
         alpha: Mattes [N] uint8, or None.
         solid: [N] bool, pixels known to show something opaque, or None.
+        gains: [V, 3] float32, how each training image is exposed beside the others, see `fields.exposures`; 1 until it is known.
         first: [V + 1]; the pixels of training image v are first[v] .. first[v + 1] - 1.
 
     Example:
@@ -121,6 +122,7 @@ class PixelDataset:
         """
         self.cameras = cameras
         self.color = torch.from_numpy(np.concatenate([to_bytes(c).reshape(-1, 3) for c in colors])).to(device)
+        self.gains = torch.ones(len(cameras), 3, device=device)
         self.alpha = (
             None
             if alphas is None
@@ -158,6 +160,15 @@ class PixelDataset:
     def view_of(self, index: Tensor) -> Tensor:
         """Which training image each running index belongs to."""
         return torch.bucketize(index, self.first, right=True) - 1
+
+    def picture(self, number: int) -> np.ndarray:
+        """The training image with this number as it was photographed, [H, W, 3] float32 sRGB in [0, 1]."""
+        camera, pixels = self.cameras[number], self.color[self.first[number] : self.first[number + 1]]
+        return pixels.cpu().numpy().reshape(camera.height, camera.width, 3) / np.float32(255)
+
+    def exposed_alike(self, index: Tensor) -> Tensor:
+        """Colors of the pixels with these running indices in the exposure that photos have in the mean, float sRGB [n, 3]."""
+        return self.color[index].float() / 255 / self.gains[self.view_of(index)]
 
     def rays(self, index: Tensor) -> Rays:
         """Rays through the centers of the pixels with these running indices."""

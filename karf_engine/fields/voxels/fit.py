@@ -19,6 +19,7 @@ from ...compute.runtime import Runtime
 from ...errors import DataError, Diverged
 from ...project.settings import GeometrySettings, Level, OpenSettings
 from ..background import Background
+from ..exposures import photo_gains
 from ..rendering.rays import PixelDataset, Rays
 from ..scene import Scene
 from ..training.checkpoint import Checkpoint
@@ -32,6 +33,7 @@ POINT_MARGIN = 2.0  # voxels; a point's surface is looked for this far round it
 BATCH_RAYS, FEWEST_BATCHES = 8192, 16  # that tell what training rays see
 RAYS_PER_CELL = 0.25  # for pruning: with fewer, fine cells that few photos show are missed by chance, and leave holes
 PRUNED_AT = 256  # cells along the longest side, for which the limits of visibility are meant, and all coarser grids
+COMPARED_AFTER = 1  # number of the level after which photos' exposures are compared: its geometry is fine enough
 OFF_PATH = 3.0  # voxels; an observation whose point lies farther from its own ray is a mistake
 
 
@@ -99,6 +101,11 @@ class VoxelFit:
             self._training_state.done if self._training_state else 0
         )
 
+    @property
+    def gains(self) -> list[list[float]]:
+        """How each photo is exposed beside the others, red, green and blue; 1 where that is not told."""
+        return self.dataset.gains.tolist()
+
     def scenes(self, progress: Progress, checkpoint: Checkpoint | None = None) -> Iterator[Scene]:
         """Run what is left of the fit; the scene as it stands after each level, frozen."""
         if self._training_state is None:
@@ -111,7 +118,10 @@ class VoxelFit:
             level = self.recipe.levels[part.level]
             if part.before + part.iterations == level.iterations:
                 frozen = self.field.requires_grad_(False)  # each part learns a field of its own
-                yield Scene(frozen, self.background, self.background_kind, level.step)
+                scene = Scene(frozen, self.background, self.background_kind, level.step)
+                if part.level == COMPARED_AFTER < len(self.recipe.levels) - 1 and self.background_kind == "opaque":
+                    self.dataset.gains.copy_(torch.from_numpy(photo_gains(scene, self.dataset)))
+                yield scene
 
     def state(self) -> dict[str, Tensor]:
         """All that resuming takes, once the fit has begun."""
@@ -150,8 +160,8 @@ class VoxelFit:
         }
 
     def _own_tensors(self) -> dict[str, Tensor]:
-        """What a subclass knows beside the field and the background, of shapes that never change."""
-        return {}
+        """What is known beside the field and the background, of shapes that never change."""
+        return {"gains": self.dataset.gains}
 
     def _field_like(self, tensors: dict[str, Tensor], voxel: float) -> VoxelField:
         """A field like the present one in the cells of a state, its values not yet filled in."""

@@ -97,7 +97,7 @@ class BoxFit(VoxelFit):
             self._learn_support(level)
 
     def _own_tensors(self) -> dict[str, Tensor]:
-        return {"support": self._support.free}
+        return super()._own_tensors() | {"support": self._support.free}
 
     def _trained_networks(self, field: VoxelField) -> list:
         return super()._trained_networks(field) + (
@@ -107,7 +107,7 @@ class BoxFit(VoxelFit):
     def _batch(self, number: int, level: Level, n_rays: int) -> Batch:
         index = self.dataset.draw(n_rays, self.runtime)
         rays = self.dataset.rays(index)
-        target = self.dataset.color[index].float() / 255
+        target = self.dataset.exposed_alike(index)
         sums = self._renderer.render(RayBatch(rays, level.step, self.runtime.rand(n_rays), number == 0))
         backdrop = None if self.background is None else self.background(rays.viewdirs)
         free = None if number == 0 or backdrop is None else self._support.shares(rays.viewdirs)

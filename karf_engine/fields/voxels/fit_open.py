@@ -79,7 +79,7 @@ class OpenFit(VoxelFit):
         chosen = runtime.randint(max(1, len(self._observations)), n_observed)
         index[n_rays - n_observed :] = self._observations.index[chosen]
         jitter, observed = runtime.rand(n_rays), self._observations.positions[chosen]
-        rays, target = dataset.rays(index), dataset.color[index].float() / 255
+        rays, target = dataset.rays(index), dataset.exposed_alike(index)
         sums = self._renderer.render(RayBatch(rays, level.step, jitter, number == 0, observed))
         # behind everything but the sky it is any color, so that rays must end on something
         behind, passing = runtime.rand(n_rays, 3), settings.transparency * sums.final_transmittance

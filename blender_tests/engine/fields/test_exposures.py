@@ -1,0 +1,114 @@
+"""Exposures of photos are told by places that several show; gloss is none, and photos that agree stay as they are."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from blender_tests.engine.fields.voxels.test_fit import SETTINGS, bank_of
+from blender_tests.engine.reference.still_life import cameras, take_photo
+from karf_engine.compute.progress import Progress
+from karf_engine.compute.runtime import start_runtime
+from karf_engine.fields.exposures import photo_gains
+from karf_engine.fields.rendering.rays import PixelDataset
+from karf_engine.fields.voxels import fit as voxel_fit
+from karf_engine.fields.voxels.fit_box import start_box_fit
+from karf_engine.project.settings import Level
+
+CAMERAS = cameras(24, 48)
+RANDOM = np.random.default_rng(5)
+LOGS = RANDOM.normal(0, 0.08, (24, 1)) + RANDOM.normal(0, 0.04, (24, 1)) * (1, 0, -1)
+LOGS -= LOGS.mean(0)
+
+
+def depth_of_floor(camera):
+    """Depth of the floor z = 0, and where it is seen."""
+    origins, directions = camera.rays(camera.pixel_centers())
+    is_seen = directions[:, 2] < -0.1
+    return np.where(is_seen, -origins[:, 2] / np.where(is_seen, directions[:, 2], -1), 0), is_seen
+
+
+class Floor:
+    """A scene of known geometry."""
+
+    def render(self, camera, _):
+        shape = (camera.height, camera.width)
+        depth, is_seen = (torch.from_numpy(each.reshape(shape)) for each in depth_of_floor(camera))
+        return SimpleNamespace(depth=depth, opacity=is_seen.float())
+
+
+def photographed(gains):
+    """Photos of a floor in soft patches, each with a gain of its own or one for each of its pixels."""
+    photos = []
+    for camera, gain in zip(CAMERAS, gains, strict=True):
+        origins, directions = camera.rays(camera.pixel_centers())
+        x, y, _ = (origins + depth_of_floor(camera)[0][:, None] * directions).T
+        color = 0.4 + 0.15 * np.stack([np.sin(2 * x + y), np.sin(x - 2 * y), np.cos(2 * x)], 1)
+        photos.append((color * gain).reshape(camera.height, camera.width, 3))
+    return PixelDataset(CAMERAS, photos, None)
+
+
+def test_gains_are_found_and_their_geometric_mean_is_1():
+    found = np.log(photo_gains(Floor(), photographed(np.exp(LOGS))))
+    np.testing.assert_allclose(found.mean(0), 0, atol=1e-6)
+    assert np.abs(found - LOGS).mean() < 0.01
+
+
+def test_photos_exposed_alike_have_gains_of_exactly_1():
+    assert (photo_gains(Floor(), photographed(np.ones((24, 3)))) == 1).all()
+
+
+def test_gloss_that_follows_the_direction_is_no_gain():
+    shine = np.array([[0.1 * camera.position[0] / 3.6] * 3 for camera in CAMERAS])
+    assert (photo_gains(Floor(), photographed(np.exp(shine))) == 1).all()
+
+
+def test_what_one_half_of_the_world_tells_is_not_believed():
+    gains = []
+    for camera, logs in zip(CAMERAS, LOGS, strict=True):
+        origins, directions = camera.rays(camera.pixel_centers())
+        places = origins + depth_of_floor(camera)[0][:, None] * directions
+        gains.append(np.exp(logs * np.where(places[:, :1] > 0, 1, -1)))
+    assert (photo_gains(Floor(), photographed(gains)) == 1).all()
+
+
+def test_few_photos_and_scenes_without_a_surface_tell_nothing():
+    dataset = photographed(np.exp(LOGS))
+    few = PixelDataset(CAMERAS[:5], [dataset.picture(n) for n in range(5)], None)
+    assert (photo_gains(Floor(), few) == 1).all()
+    nothing = torch.zeros(48, 48)
+    empty = SimpleNamespace(render=lambda camera, _: SimpleNamespace(depth=nothing, opacity=nothing))
+    assert (photo_gains(empty, dataset) == 1).all()
+
+
+def test_pixels_are_exposed_alike_bit_by_bit_where_gains_are_1():
+    dataset = photographed(np.ones((24, 3)))
+    pixels = torch.tensor([0, int(dataset.first[1])])
+    as_photographed = dataset.color[pixels].float() / 255
+    assert torch.equal(dataset.exposed_alike(pixels), as_photographed)
+    dataset.gains[1] = torch.tensor([2.0, 1.0, 0.5])
+    assert torch.equal(dataset.exposed_alike(pixels)[1], as_photographed[1] / torch.tensor([2.0, 1.0, 0.5]))
+
+
+def test_a_fit_learns_what_follows_from_photos_in_one_exposure_and_resumes_so(monkeypatch):
+    photos = [take_photo(camera, sky=True) for camera in cameras(12)]
+    settings = replace(SETTINGS, levels=(*SETTINGS.levels, Level(36, 60, 0.75)))
+    told = np.full((12, 3), 1.25, np.float32)
+    monkeypatch.setattr(voxel_fit, "photo_gains", lambda *_: told)
+
+    def started():
+        return start_box_fit(bank_of(photos, "opaque"), "opaque", settings, start_runtime(0, threads=1, device="cpu"))
+
+    fit, other = started(), started()
+    scenes = fit.scenes(Progress(lambda *_, **__: None, lambda: False, "geometry", 1))
+    next(scenes)
+    assert fit.gains == np.ones((12, 3)).tolist()
+    before = next(scenes).render(photos[0].camera, 1).color.mean()
+    assert fit.gains == told.tolist()
+    other.resume(fit.state())
+    assert other.gains == told.tolist()
+    after = next(scenes).render(photos[0].camera, 1).color.mean()
+    assert after / before == pytest.approx(1 / 1.25, abs=0.05)
