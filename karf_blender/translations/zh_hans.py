@@ -738,6 +738,8 @@ TEXTS = {
     ),
     "Let the engine look for a color chart (24 patches) in the photo that the Image Editor shows: names of colors are then "
     "those under daylight": "让引擎在图像编辑器所显示的照片中查找色卡（24 个色块）：颜色的名称随后是日光下的",
+    "No color chart was found in {path}.": "在 {path} 中没有找到色卡。",
+    "Click its four corners, or give them in pixels: --corners u,v,u,v,u,v,u,v.": "请点击它的四角，或以像素给出：--corners u,v,u,v,u,v,u,v。",
     "{name} has no file.": "{name} 没有文件。",
     "Save it, or click the corners of the chart.": "请保存它，或点击色卡的四角。",
     "Forget the color chart: names and numbers of colors are what photos show, or those of the gray card": (

@@ -33,6 +33,11 @@ def share_nearby(
         >>> left_and_right = np.array([[0.0, 0, 0], [9, 0, 0]])
         >>> share_nearby(left_and_right, np.full(2, 1e3), np.array([1e3, 0]), 1.0, 0.5, 1.0).round(2).tolist()
         [1.0, 0.0]
+
+        A reach that is far shorter than a cell counts what is in the cell:
+
+        >>> share_nearby(left_and_right, np.full(2, 1e3), np.array([1e3, 0]), 1e-3, 0.5, 1.0).round(2).tolist()
+        [1.0, 0.0]
     """
     least, most = positions.min(0), positions.max(0)
     cell = max(reach / CELLS_IN_REACH, (most - least).max() / MOST_CELLS)
@@ -43,7 +48,7 @@ def share_nearby(
 
     def near(each: np.ndarray) -> np.ndarray:
         sums = np.bincount(place, each, int(shape.prod())).reshape(shape)
-        peak_is_one = (np.sqrt(2 * np.pi) * deviation) ** 3
+        peak_is_one = max(np.sqrt(2 * np.pi) * deviation, 1) ** 3  # a reach within one cell blurs nothing
         return gaussian_filter(sums, deviation, mode="constant", truncate=3).ravel()[place] * peak_is_one
 
     return (near(part) + prior * expected) / (near(weight) + prior)
