@@ -120,7 +120,7 @@ def judge_capture(source: Path, out: Path, options: argparse.Namespace) -> dict[
             ways = {"off": dict.fromkeys(known, (1, 1, 1)), "learned": {}, "known": known}
         for way, gains in ways.items():
             capture = with_gains(model.capture, gains)
-            learned = learn_again(model, out / way, [], STAGES, masks, options.threads, capture)
+            learned = learn_again(model, out / f"with_{way}", [], STAGES, masks, options.threads, capture)
             found[way] = judge(learned, changed, Truth(changed.folder), Truth(source))
     return found
 
