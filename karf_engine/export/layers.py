@@ -10,7 +10,7 @@ Depth.Z                        float  along the optical axis, world units, 0 whe
 CryptoObject00.R .. A, 01, ..  float  mattes of all objects, see `cryptomatte`
 =============================  =====  ====================================================================
 
-The names and the learned colors are in the header, see `export.layer_names`. Scene-linear: the inverse of the piecewise sRGB
+The names, the learned colors and the gains of the photo's exposure are in the header, see `export.layer_names`. Scene-linear: the inverse of the piecewise sRGB
 curve (IEC 61966-2-1), as OpenColorIO's texture transform of sRGB gives it, with the primaries of Rec. 709; or the named space.
 """
 
@@ -33,11 +33,11 @@ REC709 = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
 COLORS = (
     "R, G, B: scene-linear, Rec. 709 primaries, display-referred sRGB undone by the exact piecewise sRGB curve "
     "(IEC 61966-2-1; OCIO: sRGB texture to linear Rec. 709). Recolor in sRGB: "
-    "linear(clip(srgb(base) + sum of weight * (srgb(new color) - learned color)))"
+    "linear(clip(srgb(base) + sum of weight * gains * (srgb(new color) - learned color)))"
 )
 COLORS_OF_SPACE = (
     "R, G, B: in the color space {name} of OpenColorIO, display-referred sRGB (IEC 61966-2-1) converted. Recolor in sRGB: "
-    "clip(srgb(base) + sum of weight * (srgb(new color) - learned color))"
+    "clip(srgb(base) + sum of weight * gains * (srgb(new color) - learned color))"
 )
 
 
@@ -62,7 +62,7 @@ def write_layers(path: Path, layers: Layers, space: ColorSpace | None = None) ->
         ...     print(read_layer_names(path)[0].coverage)
         pot_coverage
     """
-    objects = name_layers(layers.palettes)
+    objects = name_layers(layers.palettes, layers.gains)
     names = [each.name for each in objects]
     header = {
         "compression": OpenEXR.ZIP_COMPRESSION,

@@ -161,7 +161,7 @@ class PhotoView:
                 for plane, share in zip(weights[k], planes, strict=False):  # small palettes have fewer
                     self._as_stored(plane)[rows, columns][inside] = covered[inside] * share
         nearest = (_nearest(*sides) for sides in zip(depth.shape, (height, width), strict=True))
-        return Layers(palettes, base, coverage, weights, depth[np.ix_(*nearest)])
+        return Layers(palettes, base, coverage, weights, depth[np.ix_(*nearest)], self.gains)
 
     def _as_stored(self, plane: np.ndarray) -> np.ndarray:
         """The camera's grid seen as the stored one."""
