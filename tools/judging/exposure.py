@@ -32,11 +32,10 @@ from karf_engine.io.color import ciede2000, srgb_to_lab
 from karf_engine.io.files import write_json
 from karf_engine.metrics.consistency import DepthView, correspond, sampled
 from karf_engine.metrics.images import mean_ciede2000
-from karf_engine.palettes.palette import Edit
-from karf_engine.palettes.project_edit import solve
 from karf_engine.recolor.model import Model
 
 from .exposed_captures import ExposedCapture, exposed
+from .recolors import edit_to_judge
 from .scores import rounded, score_renders
 from .truth import Truth
 from .views import learn_again, render_test_views
@@ -66,7 +65,7 @@ def judge(model: Model, changed: ExposedCapture, truth: Truth, original: Truth) 
         original: Of the capture as it was.
     """
     name = max(truth.edits, key=lambda each: len(truth.edits[each]["objects"]))
-    edit = edit_told(model, truth, name)
+    edit = edit_to_judge(model, truth, name)
     views = [model.capture.view(stem) for stem in changed.recolored]
     gains = [changed.gains[f"train/{stem}"] for stem in changed.recolored]
     recolors = [model.recolor(view, edit) for view in views]
@@ -81,16 +80,6 @@ def judge(model: Model, changed: ExposedCapture, truth: Truth, original: Truth) 
     render = score_renders(render_test_views(model))
     means = (float(np.mean(each)) for each in (between, its_truth, list(to_truth)))
     return Figures(*means, render["psnr_full"], render["cc_psnr_full"])
-
-
-def edit_told(model: Model, truth: Truth, name: str) -> Edit:
-    """The edit of one who knows a color pair of each object, read in the reference photo."""
-    palettes = {palette.name: palette for palette in model.palettes}
-    colors = {key: palette.colors for key, palette in palettes.items()}
-    for key in truth.edits[name]["objects"]:
-        pair = [each[None] for each in truth.color_pair(name, key)]
-        colors[key] = solve(model.project, palettes[key], *pair, "becomes")
-    return Edit(colors, "delta")
 
 
 def between_views(shown: Sequence[DepthView], pictures: Sequence[np.ndarray]) -> float:
