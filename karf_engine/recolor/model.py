@@ -410,11 +410,11 @@ class Model:
         from_field = self.recoloring is not None and weights_from == "field"
         picture = self.scene.render(training_image.camera, WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
         base = over(training_image.color, training_image.alpha)  # on the same ground as a rendering
-        return self.frame_of(picture, base, from_field, training_image.view.gains)
+        return self.frame_of(picture, base, from_field, gains=training_image.view.gains)
 
     @checked
     def frame_of(
-        self, picture: Picture, base: np.ndarray, from_field: bool, gains: tuple[float, float, float] = ALIKE
+        self, picture: Picture, base: np.ndarray, from_field: bool, *, gains: tuple[float, float, float] = ALIKE
     ) -> Frame:
         """The frame of a picture that this scene has rendered: what F_s and the palettes add to it.
 
@@ -432,7 +432,9 @@ class Model:
         if self.recoloring is not None:
             known = samples is not None
             weights = (
-                self.weights_of_field(picture, samples) if known else self.weights_of_colors(base, probabilities, gains)
+                self.weights_of_field(picture, samples)
+                if known
+                else self.weights_of_colors(base, probabilities, gains=gains)
             )
         return Frame(picture, probabilities, weights, base, gains=gains)
 
@@ -452,7 +454,7 @@ class Model:
 
     @checked
     def weights_of_colors(
-        self, base: np.ndarray, probabilities: np.ndarray, gains: tuple[float, float, float] = ALIKE
+        self, base: np.ndarray, probabilities: np.ndarray, *, gains: tuple[float, float, float] = ALIKE
     ) -> np.ndarray:
         """Palette weights [K, M, H, W] of the colors of a picture [H, W, 3], exposed by these gains (`View`), and
         probabilities [K, H, W]. Raises BadRequest for other shapes, and for numbers that are not finite."""

@@ -112,7 +112,8 @@ def with_model(test: TestViews, model: Model, weights_from: str = "field") -> Te
 
     weights_from: F_w (`field`), or the colors of each frame's base (`photo`).
     """
-    frames = [model.frame_of(frame.picture, frame.base, weights_from == "field", frame.gains) for frame in test.frames]
+    from_field = weights_from == "field"
+    frames = [model.frame_of(each.picture, each.base, from_field, gains=each.gains) for each in test.frames]
     return TestViews(model, test.training_images, frames)
 
 
