@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 
 import karf_engine as karf
-from karf_engine.capture.capture import with_gains
+from karf_engine.capture.capture import ALIKE, with_gains
 from karf_engine.io.color import ciede2000, srgb_to_lab
 from karf_engine.io.files import write_json
 from karf_engine.metrics.consistency import DepthView, correspond, sampled
@@ -100,13 +100,12 @@ def judge_capture(source: Path, out: Path, options: argparse.Namespace) -> dict[
     for title, seed in {"alike": None, "changed": options.seed}.items():
         changed = ExposedCapture(source, out / title / "capture", seed)
         project, masks = out / title / "project", changed.folder / "coarse_masks" / "one"
-        if not (project / "geometry.safetensors").exists():
-            karf.learn_geometry(changed.folder, project=project, **run)
+        karf.learn_geometry(changed.folder, project=project, **run)
         model = karf.load(project)
         ways = {"alike": {}}
         if seed is not None:
-            known = changed.known_gains(source)
-            ways = {"off": dict.fromkeys(known, (1, 1, 1)), "learned": {}, "known": known}
+            off = {view.name: ALIKE for view in model.capture.views}
+            ways = {"off": off, "learned": {}, "known": changed.known_gains(source)}
         for way, gains in ways.items():
             capture = with_gains(model.capture, gains)
             learned = learn_again(model, out / f"with_{way}", [], STAGES, masks, options.threads, capture)
