@@ -10,7 +10,7 @@ Pixels are done in bands of rows, so that memory grows with what the files hold 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 
 import numpy as np
@@ -63,7 +63,7 @@ class PhotoView:
     palettes: Sequence[Palette]
     scale: float = 1.0
     grain: float = 0.0
-    gains: tuple[float, float, float] = ALIKE
+    gains: tuple[float, float, float] = field(default=ALIKE, kw_only=True)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -269,7 +269,7 @@ def full_resolution_view(
     probabilities = np.array(seen_objects).reshape(-1, *rendered.shape[:2])
     shown, scale = photo.shown(), max(photo.size) / full_size
     mattes = mattes_of(shown, probabilities, rendered)
-    return PhotoView(photo, orientation, objects, mattes, palettes, scale, grain_of(shown), view.gains)
+    return PhotoView(photo, orientation, objects, mattes, palettes, scale, grain_of(shown), gains=view.gains)
 
 
 def _nearest(few: int, many: int) -> np.ndarray:
