@@ -9,6 +9,7 @@ from pathlib import Path
 import imageio.v3 as iio
 import numpy as np
 
+from karf_engine.errors import BadRequest
 from karf_engine.io.color import linear_to_srgb, srgb_to_linear, to_bytes
 from karf_engine.io.files import write_json
 
@@ -40,7 +41,7 @@ class ExposedCapture:
     """
 
     def __init__(self, source: Path, folder: Path, seed: int | None) -> None:
-        """Make the copy anew. seed: of the gains; None: photos stay as they are."""
+        """Make the copy anew. seed: of the gains; None: photos stay as they are. Raises BadRequest for photos with a matte."""
         shutil.rmtree(folder, ignore_errors=True)
         shutil.copytree(source, folder)
         self.folder = folder
@@ -51,7 +52,10 @@ class ExposedCapture:
         self.gains = dict(zip(photos, drawn, strict=True))
         for photo, gains in self.gains.items():
             for path in (folder / f"{photo}.png", *(folder / "recolor").glob(f"*/{photo}.png")):
-                iio.imwrite(path, to_bytes(exposed(iio.imread(path) / 255, gains)))
+                picture = iio.imread(path) / 255
+                if picture.shape[-1] != len(gains):
+                    raise BadRequest(f"{path} has a matte: such photos have no gains.", "Give another capture.")
+                iio.imwrite(path, to_bytes(exposed(picture, gains)))
         for path, stem in zip(test, self.recolored, strict=True):
             shutil.copy(path, folder / "train" / f"{stem}.png")
             self.gains[f"train/{stem}"] = self.gains[f"test/{path.stem}"]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from karf_engine.capture.camera import Camera
+from karf_engine.errors import BadRequest
 from karf_engine.io.color import ciede2000, srgb_to_lab
 from karf_engine.io.files import write_json
 from karf_engine.metrics.consistency import DepthView
@@ -60,6 +61,12 @@ def test_photos_with_true_recolors_are_learned_from_and_no_marked_one_is_held_ou
     np.testing.assert_array_equal(
         iio.imread(changed.folder / "train" / "t_r_000.png"), iio.imread(source / "test" / "r_000.png")
     )
+
+
+def test_photos_with_a_matte_are_refused(source, tmp_path):
+    iio.imwrite(source / "train" / "r_003.png", np.zeros((12, 12, 4), np.uint8))
+    with pytest.raises(BadRequest, match="has a matte"):
+        ExposedCapture(source, tmp_path / "changed", seed=3)
 
 
 def wall_from(x):
