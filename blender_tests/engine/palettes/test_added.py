@@ -95,10 +95,10 @@ def test_only_the_picked_pigment_changes_and_becomes_what_is_wanted(stripes):
     np.testing.assert_allclose(red, lit(RED), atol=1e-3)
     assert mean_ciede2000(violet, lit(GREEN)) < 2.5
     np.testing.assert_allclose(violet[-1], GREEN, atol=0.02)
-    # the swatches alone cannot do that: they make up the red too, and hold the violet back where it holds
+    # the swatches alone cannot do that: they make up the red too
     becomes = match_becomes(*stripes[2], PALETTE, VIOLET, GREEN)
     plain = delta_composite(stripes[0], stripes[1][None], PALETTE[None], becomes[None])
-    assert np.abs(plain[0] - lit(RED)).max() < 0.1 and mean_ciede2000(plain[1], lit(GREEN)) > 4
+    assert np.abs(plain[0] - lit(RED)).max() > 0.1
 
 
 def test_swatches_no_longer_move_the_picked_pigment(stripes):

@@ -17,6 +17,7 @@ from .fitting import bounds, match_pixels, match_seen, moved
 from .paints import angles, is_black, paints_of, pigment_gate, reflection_target, repainted
 
 OTHER = 0.2  # radians in linear light from which on colors are of different paints; sun and open shade are .12 apart
+REACHED = 0.1  # share of a paint from which on it would be taken along
 NEAR = 5.0  # Lab distance within which a color looks like another one of the same paint
 # weight of the picked colors relative to the whole object: the artist looks at them. By CIEDE2000 what can be met is met with
 # little weight, and more would give all to two picks that no palette can move apart
@@ -52,20 +53,24 @@ def with_held(
 def with_unasked(
     colors: np.ndarray, counts: np.ndarray, source: np.ndarray, target: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Sources and targets [P, 3] with a pair more for each paint of the object that nobody asked to change: it stays as it is.
+    """Sources and targets [P, 3] with a pair more for each paint of the object that nobody asked to change, so that it stays.
+
+    Paints of other hues stay by themselves: their gate is closed.
 
     colors, counts: the object's histogram, [n, 3] and [n]. source, target: [3] or [P, 3].
 
     Examples:
-        A bowl is red and half of it teal; the red is to be blue:
+        A bowl is violet and half of it of a bluer violet; the first is to be green:
 
-        >>> red, blue, teal = np.array([0.8, 0.1, 0.1]), np.array([0.1, 0.2, 0.7]), np.array([0.1, 0.6, 0.6])
-        >>> sources, targets = with_unasked(np.stack([red, teal]), np.ones(2), red, blue)
+        >>> violet, bluer, green = np.array([0.5, 0.3, 0.5]), np.array([0.3, 0.3, 0.6]), np.array([0.1, 0.5, 0.2])
+        >>> sources, targets = with_unasked(np.stack([violet, bluer]), np.ones(2), violet, green)
         >>> sources.tolist(), targets.tolist()
-        ([[0.8, 0.1, 0.1], [0.1, 0.6, 0.6]], [[0.1, 0.2, 0.7], [0.1, 0.6, 0.6]])
+        ([[0.5, 0.3, 0.5], [0.3, 0.3, 0.6]], [[0.1, 0.5, 0.2], [0.3, 0.3, 0.6]])
     """
     sources = np.atleast_2d(source)
-    others = [each for each in paints_of(colors, counts) if angles(sources, each).min() > OTHER and not is_black(each)]
+    paints = paints_of(colors, counts)
+    is_reached = np.max([pigment_gate(paints, each) for each in sources], axis=0) > REACHED
+    others = [each for each in paints[is_reached] if angles(sources, each).min() > OTHER and not is_black(each)]
     return np.stack([*sources, *others]), np.stack([*np.atleast_2d(target), *others])
 
 

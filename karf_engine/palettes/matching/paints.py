@@ -17,8 +17,9 @@ PALE = 5.0  # Lab chroma of a source at which a difference of hue counts half
 SAME = 1e-3  # radians in linear light up to which colors are equal
 GREY_CHROMA, CHROMA_GATE = 6.0, 25.0  # Lab chroma below which a source has no hue; and the gate that then stands in
 LEAST_METAL = 0.02  # linear reflectance that a metal has in every channel: less would make noise of what it mirrors
-GLOSS_COST = 0.4  # penalty of gloss when a color is split into a paint and gloss; white's is 3
+GLOSS_COST = 0.2  # penalty of gloss when a color is split into a paint and gloss; white's is 3
 GLOSS_COST_OF_SEVERAL = 0.1  # the same of several paints, of which the palest takes what is pale
+TRUST = 2.0  # of a paint's mean channel: as much light as tells half of the light's tint
 MIXED = 0.1  # share of all but its first paint from which on a color is a mixture
 CHANNELS = 3
 FAINT = 1e-5  # linear light that is as good as none
@@ -67,30 +68,39 @@ def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray
         >>> [reflection_target(highlight, gold, blue, metal).round(1).tolist() for metal in (False, True)]
         [[[0.7, 0.8, 1.0]], [[0.4, 0.8, 1.0]]]
     """
-    gate = np.max([pigment_gate(colors, each) for each in np.atleast_2d(source)], axis=0)
-    return repainted(colors, source, target, gate, is_metal)
+    light, sources, targets = _linear(colors, source, target)
+    gate = np.max([pigment_gate(colors, each) for each in np.atleast_2d(source)], axis=0)[:, None]
+    change = _change_of_metals if is_metal else _change_of_paints
+    return _shown(light + change(light, sources, targets, gate))
 
 
-def repainted(
-    colors: np.ndarray,
-    source: np.ndarray,
-    target: np.ndarray,
-    gate: np.ndarray | float = 1.0,
-    is_metal: bool = False,
-) -> np.ndarray:
-    """`reflection_target` with any gate [n], how much of each color may change.
+def repainted(colors: np.ndarray, source: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """What each color becomes as far as it holds a pigment, whatever else it holds: c + a (t - r), without gate and tint.
+
+    Arguments, result and errors as those of `reflection_target`, with one source and target [3].
 
     Examples:
-        >>> red, blue, green = np.array([0.7, 0.1, 0.1]), np.array([0.1, 0.2, 0.7]), np.array([[0.1, 0.6, 0.2]])
-        >>> repainted(green, red, blue, np.zeros(1)).round(2).tolist()
-        [[0.1, 0.6, 0.2]]
+        What is half red paint and half silver keeps its silver:
+
+        >>> red, blue, mixed = np.array([0.7, 0.1, 0.1]), np.array([0.1, 0.2, 0.7]), np.array([[0.66, 0.49, 0.49]])
+        >>> repainted(mixed, red, blue).round(1).tolist()
+        [[0.5, 0.5, 0.7]]
     """
+    light, sources, targets = _linear(colors, source, target)
+    shading, _ = split_light(light, sources, GLOSS_COST_OF_SEVERAL)
+    return _shown(light + shading @ (targets - sources))
+
+
+def _linear(colors: np.ndarray, source: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Linear light of colors [n, 3], sources and targets [P, 3]; raises BadRequest for a source that is black."""
     light, sources, targets = (srgb_to_linear(np.atleast_2d(each)) for each in (colors, source, target))
     if any(map(_is_black, sources)):
         raise BadRequest("The source color is black, so its shading cannot be told.", "Pick a lit spot of the object.")
-    gate = np.broadcast_to(gate, len(light))[:, None]
-    change = _change_of_metals if is_metal else _change_of_paints
-    return np.clip(linear_to_srgb(np.maximum(light + change(light, sources, targets, gate), 0)), 0, 1)
+    return light, sources, targets
+
+
+def _shown(light: np.ndarray) -> np.ndarray:
+    return np.clip(linear_to_srgb(np.maximum(light, 0)), 0, 1)
 
 
 def _change_of_paints(light: np.ndarray, sources: np.ndarray, targets: np.ndarray, gate: np.ndarray) -> np.ndarray:
