@@ -2,6 +2,10 @@
 
 A pixel belongs to such a part where the photo has the object's color, the field shows nothing like it thereabouts, and
 the way to the object leads through its color. A neighbor of the same color is not a lost part, for the field shows it.
+
+A part may also be there in the field, and be called something else: a cable before a wall. What tells it from a neighbor of
+the same color is how thin it is. Where a rough mask of this photo covers it, its color need be less sure: a line one pixel
+wide is everywhere mixed with what is behind it.
 """
 
 from __future__ import annotations
@@ -28,6 +32,13 @@ class LostPartParameters:
         unlike: Lab units between a pixel and all that the field shows nearby.
         hardly_like: The same in pixels that are connected with such ones.
         likely: Probability of the object from the color alone.
+        lost: What is then the probability that the pixel is the object's.
+        thin: Half of the width up to which a part is thin, pixels of the field's picture. This and all below were chosen on
+            thin scenes 0 and 1 and drawn seeds 0 to 3 and 5 to 7.
+        thin_likely: As `likely`, of a thin part.
+        thin_held: As `lost`, of a thin part.
+        marked_thin: As `thin`, where a rough mask covers the part.
+        marked_likely: As `thin_likely`, there.
         most: Share of the object's area; an object that lost more has another one before it.
     """
 
@@ -36,13 +47,21 @@ class LostPartParameters:
     unlike: float = 10.0
     hardly_like: float = 4.0
     likely: float = 0.6
+    lost: float = 0.5
+    thin: float = 1.5
+    thin_likely: float = 0.7
+    thin_held: float = 0.8
+    marked_thin: float = 2.0
+    marked_likely: float = 0.25
     most: float = 0.5
 
 
 PARAMETERS = LostPartParameters()
 
 
-def lost_parts(lab: np.ndarray, rendered: np.ndarray, labels: np.ndarray, models: ColorModels) -> np.ndarray:
+def lost_parts(
+    lab: np.ndarray, rendered: np.ndarray, labels: np.ndarray, models: ColorModels, marks: np.ndarray
+) -> np.ndarray:
     """Parts of objects that the field has lost.
 
     Args:
@@ -50,37 +69,58 @@ def lost_parts(lab: np.ndarray, rendered: np.ndarray, labels: np.ndarray, models
         rendered: The scene as the field shows it, [h', w', 3] CIE Lab, on the same grid, smaller.
         labels: [K+1, h, w] of the photo's pixels as they are so far, class 0 being the background.
         models: Colors of the classes.
+        marks: bool [K, h, w], what rough masks of this photo call the objects'; empty where there is none.
 
     Returns:
-        bool [K, h, w].
+        float32 [K, h, w], the probability that a pixel is of a lost part's; 0 in all others.
     """
     scale = lab.shape[0] / rendered.shape[0]
     hard = labels.argmax(0)
-    result = np.zeros((len(labels) - 1, *hard.shape), bool)
-    for k, lost in enumerate(result, start=1):
+    result = np.zeros((len(labels) - 1, *hard.shape), np.float32)
+    for k, (found, mark) in enumerate(zip(result, marks, strict=True), start=1):
         own = hard == k
         if not own.any():
             continue
-        away = distance_to(own)
-        asked = (hard == 0) & (away <= PARAMETERS.reach * scale)
-        like = np.zeros_like(own)
-        like[asked] = _looks_like(k, lab, asked, models)
-        _, parts = cv2.connectedComponents((like | own).astype(np.uint8))
-        like &= np.isin(parts, np.unique(parts[own]))
-        difference = np.zeros(own.shape, np.float32)
-        difference[like] = difference_nearby(lab, rendered, like, PARAMETERS.nearby)
-        _, parts = cv2.connectedComponents((difference > PARAMETERS.hardly_like).astype(np.uint8))
-        like &= np.isin(parts, np.unique(parts[difference > PARAMETERS.unlike]))
-        if like.sum() <= PARAMETERS.most * own.sum():
-            lost[:] = like
+        near = (distance_to(own) <= PARAMETERS.reach * scale) | (distance_to(mark) <= 2 * PARAMETERS.marked_thin * scale)
+        asked = (hard == 0) & near
+        likeness = np.zeros(own.shape, np.float32)
+        likeness[asked] = _likeness(k, lab, asked, models)
+        lost = _not_shown(own, likeness > PARAMETERS.likely, lab, rendered)
+        thin = _thin(own, likeness > PARAMETERS.thin_likely, PARAMETERS.thin * scale)
+        marked = mark & _thin(own, likeness > PARAMETERS.marked_likely, PARAMETERS.marked_thin * scale)
+        thin |= _joined(own, marked)
+        for part, held in ((lost, PARAMETERS.lost), (thin, PARAMETERS.thin_held)):
+            if part.sum() <= PARAMETERS.most * own.sum():
+                found[part] = held
     return result
 
 
-def _looks_like(k: int, lab: np.ndarray, asked: np.ndarray, models: ColorModels) -> np.ndarray:
-    """Whether the colors [n, 3] of the pixels asked for are those of class k, bool [n]."""
+def _likeness(k: int, lab: np.ndarray, asked: np.ndarray, models: ColorModels) -> np.ndarray:
+    """Probability of class k from the colors [n, 3] of the pixels asked for alone, [n]."""
     places = (np.argwhere(asked) + 0.5) / asked.shape
     even = np.ones((models.shares.shape[2], len(places)), np.float32)
-    return posterior(models, lab[asked], places, even)[k] > PARAMETERS.likely
+    return posterior(models, lab[asked], places, even)[k]
+
+
+def _not_shown(own: np.ndarray, like: np.ndarray, lab: np.ndarray, rendered: np.ndarray) -> np.ndarray:
+    """Pixels that look like an object, bool [h, w], hang together with it, and are unlike all that the field shows."""
+    like = _joined(own, like)
+    difference = np.zeros(own.shape, np.float32)
+    difference[like] = difference_nearby(lab, rendered, like, PARAMETERS.nearby)
+    _, parts = cv2.connectedComponents((difference > PARAMETERS.hardly_like).astype(np.uint8))
+    return like & np.isin(parts, np.unique(parts[difference > PARAMETERS.unlike]))
+
+
+def _thin(own: np.ndarray, like: np.ndarray, widest: float) -> np.ndarray:
+    """Pixels that look like an object, bool [h, w], hang together with it, and make nothing wider than twice `widest`."""
+    core = distance_to(~(own | like)) > widest
+    return _joined(own, like & (distance_to(core) > widest))
+
+
+def _joined(own: np.ndarray, like: np.ndarray) -> np.ndarray:
+    """Pixels that look like an object, bool [h, w], and hang together with it."""
+    _, parts = cv2.connectedComponents((like | own).astype(np.uint8))
+    return like & np.isin(parts, np.unique(parts[own]))
 
 
 def difference_nearby(lab: np.ndarray, rendered: np.ndarray, asked: np.ndarray, nearby: int) -> np.ndarray:

@@ -88,13 +88,20 @@ class MatteParameters:
 PARAMETERS = MatteParameters()
 
 
-def refine_mattes(photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray, seed: int = 0) -> list[Matte]:
+def refine_mattes(
+    photo: np.ndarray,
+    probabilities: np.ndarray,
+    rendered: np.ndarray,
+    marks: np.ndarray | None = None,
+    seed: int = 0,
+) -> list[Matte]:
     """Mattes of K objects from the field's soft answer and the photo.
 
     Args:
         photo: uint8 [H, W, 3] sRGB.
         probabilities: [K, h, w] float32 of the objects, of the field, on the photo's own grid, h <= H and w <= W.
         rendered: uint8 [h, w, 3] sRGB, the scene as the field shows it there.
+        marks: bool [K, H, W], rough masks of this photo. They speak of thin parts alone.
         seed: Of the pixels that color models are fitted to.
 
     Returns:
@@ -112,7 +119,7 @@ def refine_mattes(photo: np.ndarray, probabilities: np.ndarray, rendered: np.nda
     for number, size in enumerate(sizes):
         reduced = _resized(photo, size)
         if number == min(PARAMETERS.lost_parts_step, len(sizes) - 1):
-            classes = with_lost_parts(reduced, field, classes, models)
+            classes = with_lost_parts(reduced, field, classes, models, marks)
         classes = sharpen(reduced, classes, models)
     coverage = cover(_resized(photo, classes.shape[1:]), classes)
     disputed = [_disagree(own, mask) for own, mask in zip(coverage, hard_masks(probabilities), strict=True)]
@@ -129,16 +136,22 @@ def _disagree(coverage: np.ndarray, mask: np.ndarray) -> bool:
     return bool((found & mask).sum() < PARAMETERS.least_agreement * (found | mask).sum())
 
 
-def with_lost_parts(photo: np.ndarray, rendered: np.ndarray, classes: np.ndarray, models: ColorModels) -> np.ndarray:
+def with_lost_parts(
+    photo: np.ndarray, rendered: np.ndarray, classes: np.ndarray, models: ColorModels, marks: np.ndarray | None
+) -> np.ndarray:
     """Classes [K+1, H, W] at the size of a photo, uint8 [H, W, 3], where parts that the field has lost are open.
 
-    rendered: CIE Lab [h, w, 3], as the field shows the scene.
+    rendered: CIE Lab [h, w, 3], as the field shows the scene. marks: of `refine_mattes`.
     """
-    width, height = photo.shape[1::-1]
-    classes = np.stack([cv2.resize(plane.astype(np.float32), (width, height)) for plane in classes])
-    for k, lost in enumerate(lost_parts(lab_of(photo), rendered, classes, models), start=1):
+    size = photo.shape[1::-1]
+    classes = np.stack([cv2.resize(plane.astype(np.float32), size) for plane in classes])
+    marked = np.zeros((len(classes) - 1, *photo.shape[:2]), bool)
+    for plane, mark in zip(marked, marks if marks is not None else (), strict=False):
+        plane[:] = cv2.resize(mark.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
+    for k, found in enumerate(lost_parts(lab_of(photo), rendered, classes, models, marked), start=1):
+        lost = found > 0
         classes[:, lost] = 0
-        classes[0][lost] = classes[k][lost] = 0.5
+        classes[0][lost], classes[k][lost] = 1 - found[lost], found[lost]
     return classes
 
 
