@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ..capture.capture import Capture, View, capture_to_json
+from ..capture.mask_names import mask_files
 from ..io.fingerprints import file_digest, fingerprint
 from ..palettes.edge_shape import shaped_edges
 from ..palettes.palette import AddedColor, Edit
@@ -20,7 +21,7 @@ from ..project import STAGE_ORDER, Project
 from ..project.settings import Settings, to_dict
 from .frame_options import RenderOptions
 
-VERSION = 3  # of the renderer: goes up when the same inputs would give other pictures
+VERSION = 4  # of the renderer: goes up when the same inputs would give other pictures
 NOTE = "finished.jsonl"
 # options that say which frames are made, where and how fast, not what is in them
 NOT_OF_A_FRAME = {"project", "views", "first", "last", "count", "edit", "out", "threads", "device", "skip_existing"}
@@ -75,7 +76,10 @@ def model_mark(project: Project, settings: Settings) -> str:
     """A text that changes when anything that is learned of a project does, or how it renders."""
     stages = {stage: project.finished(stage) or {} for stage in STAGE_ORDER}
     learned = {stage: [facts.get("fingerprint"), facts.get("files")] for stage, facts in stages.items()}
-    return fingerprint(VERSION, learned, to_dict(settings.render))
+    masks = {
+        str(path.relative_to(project.masks_folder)): file_digest(path) for path in mask_files(project.masks_folder)
+    }
+    return fingerprint(VERSION, learned, masks, to_dict(settings.render))
 
 
 def view_mark(model: str, view: View, *options: Any) -> str:

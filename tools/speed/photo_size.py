@@ -117,7 +117,7 @@ def photo_view(model: Model, view: View, count: int) -> PhotoView:
     seen = model.look(model.working_camera(view))
     seen = replace(seen, probabilities=seen.probabilities[:count])
     refine = partial(mattes_of, model.settings.render.edges)
-    return full_resolution_view(view, "photo", seen, refine, model.objects[:count], model.palettes[:count])
+    return full_resolution_view(view, "photo", seen, None, refine, model.objects[:count], model.palettes[:count])
 
 
 def other_colors(palettes: Sequence[Palette]) -> Edit:

@@ -3,9 +3,9 @@
 A pixel belongs to such a part where the photo has the object's color, the field shows nothing like it thereabouts, and
 the way to the object leads through its color. A neighbor of the same color is not a lost part, for the field shows it.
 
-A part may also be there in the field, and be called something else: a cable before a wall. What tells it from a neighbor of
-the same color is how thin it is. Where a rough mask of this photo covers it, its color need be less sure: a line one pixel
-wide is everywhere mixed with what is behind it.
+A part may also be there in the field, and be called something else: a cable before a wall. Then a rough mask of this very
+photo tells. What it covers is the object's where that is thin and leads to the object: a hand that spills over spills over
+thick things, too. The color need be less sure there, as a line one pixel wide is everywhere mixed with what is behind it.
 """
 
 from __future__ import annotations
@@ -32,14 +32,12 @@ class LostPartParameters:
         unlike: Lab units between a pixel and all that the field shows nearby.
         hardly_like: The same in pixels that are connected with such ones.
         likely: Probability of the object from the color alone.
-        lost: What is then the probability that the pixel is the object's.
-        thin: Half of the width up to which a part is thin, pixels of the field's picture. This and all below were chosen on
-            thin scenes 0 and 1 and drawn seeds 0 to 3 and 5 to 7.
-        thin_likely: As `likely`, of a thin part.
-        thin_held: As `lost`, of a thin part.
-        marked_thin: As `thin`, where a rough mask covers the part.
-        marked_likely: As `thin_likely`, there.
         most: Share of the object's area; an object that lost more has another one before it.
+        open: Probability that a pixel of a lost part has, before its neighbors are asked.
+        thin: Half of the width up to which a part under a mask is thin, pixels of the field's picture. This and the next two
+            were chosen on thin scenes 0 and 1, and so that masks of drawn seeds 0 to 3 and 5 to 7 do not spill.
+        marked_likely: As `likely`, of a thin part under a mask.
+        marked_open: As `open`, of a thin part under a mask.
     """
 
     reach: float = 32
@@ -47,13 +45,11 @@ class LostPartParameters:
     unlike: float = 10.0
     hardly_like: float = 4.0
     likely: float = 0.6
-    lost: float = 0.5
-    thin: float = 1.5
-    thin_likely: float = 0.7
-    thin_held: float = 0.8
-    marked_thin: float = 2.0
-    marked_likely: float = 0.25
     most: float = 0.5
+    open: float = 0.5
+    thin: float = 2.0
+    marked_likely: float = 0.25
+    marked_open: float = 0.8
 
 
 PARAMETERS = LostPartParameters()
@@ -81,17 +77,15 @@ def lost_parts(
         own = hard == k
         if not own.any():
             continue
-        near = (distance_to(own) <= PARAMETERS.reach * scale) | (distance_to(mark) <= 2 * PARAMETERS.marked_thin * scale)
-        asked = (hard == 0) & near
+        in_reach, widest = distance_to(own) <= PARAMETERS.reach * scale, PARAMETERS.thin * scale
+        asked = (hard == 0) & (in_reach | (distance_to(mark) <= 2 * widest))  # beyond a mask, too: is it thin there?
         likeness = np.zeros(own.shape, np.float32)
         likeness[asked] = _likeness(k, lab, asked, models)
-        lost = _not_shown(own, likeness > PARAMETERS.likely, lab, rendered)
-        thin = _thin(own, likeness > PARAMETERS.thin_likely, PARAMETERS.thin * scale)
-        marked = mark & _thin(own, likeness > PARAMETERS.marked_likely, PARAMETERS.marked_thin * scale)
-        thin |= _joined(own, marked)
-        for part, held in ((lost, PARAMETERS.lost), (thin, PARAMETERS.thin_held)):
+        lost = _not_shown(own, in_reach & (likeness > PARAMETERS.likely), lab, rendered)
+        marked = _joined(own, mark & _thin(own, likeness > PARAMETERS.marked_likely, widest))
+        for part, probability in ((lost, PARAMETERS.open), (marked, PARAMETERS.marked_open)):
             if part.sum() <= PARAMETERS.most * own.sum():
-                found[part] = held
+                found[part] = probability
     return result
 
 
@@ -112,9 +106,9 @@ def _not_shown(own: np.ndarray, like: np.ndarray, lab: np.ndarray, rendered: np.
 
 
 def _thin(own: np.ndarray, like: np.ndarray, widest: float) -> np.ndarray:
-    """Pixels that look like an object, bool [h, w], hang together with it, and make nothing wider than twice `widest`."""
+    """Pixels that look like an object, bool [h, w], and with it make nothing wider than twice `widest`."""
     core = distance_to(~(own | like)) > widest
-    return _joined(own, like & (distance_to(core) > widest))
+    return like & (distance_to(core) > widest)
 
 
 def _joined(own: np.ndarray, like: np.ndarray) -> np.ndarray:

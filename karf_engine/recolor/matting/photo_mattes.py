@@ -101,7 +101,7 @@ def refine_mattes(
         photo: uint8 [H, W, 3] sRGB.
         probabilities: [K, h, w] float32 of the objects, of the field, on the photo's own grid, h <= H and w <= W.
         rendered: uint8 [h, w, 3] sRGB, the scene as the field shows it there.
-        marks: bool [K, H, W], rough masks of this photo. They speak of thin parts alone.
+        marks: bool [K, H', W'], rough masks of this photo, of any size. They speak of thin parts alone.
         seed: Of the pixels that color models are fitted to.
 
     Returns:
@@ -213,19 +213,23 @@ def _present(labels: np.ndarray) -> np.ndarray:
 def cover(photo: np.ndarray, classes: np.ndarray) -> np.ndarray:
     """Coverage [K, h, w] float16 of the objects from labels [K+1, h, w] of the size of the photo, uint8 [h, w, 3]."""
     result = np.zeros((len(classes) - 1, *photo.shape[:2]), np.float16)
+    is_certain = classes[1:].max((1, 2)) >= PARAMETERS.certain
     for tile in tiles(photo.shape[:2], TILE, MARGIN):
         labels = classes[(slice(None), *tile.outer)].astype(np.float32)
         if labels[0].min() == 1:
             continue
         light = LINEAR[photo[tile.outer]]
-        covered = np.stack([_border_matted(light, own) for own in labels[1:]])
+        covered = np.stack([_border_matted(light, *each) for each in zip(labels[1:], is_certain, strict=True)])
         covered /= np.maximum(covered.sum(0), 1)
         result[(slice(None), *tile.place)] = covered[(slice(None), *tile.inner)]
     return result
 
 
-def _border_matted(light: np.ndarray, label: np.ndarray) -> np.ndarray:
-    """Coverage [h, w] of one object: 0 and 1 but along its border, where the colors [h, w, 3], linear, decide."""
+def _border_matted(light: np.ndarray, label: np.ndarray, is_certain: bool) -> np.ndarray:
+    """Coverage [h, w] of one object: 0 and 1 but along its border, where the colors [h, w, 3], linear, decide.
+
+    is_certain: whether some pixel of the photo is certainly the object's, in this tile or another.
+    """
     inside = label > 0.5
     if not inside.any() or inside.all():
         return inside.astype(np.float32)
@@ -236,7 +240,7 @@ def _border_matted(light: np.ndarray, label: np.ndarray) -> np.ndarray:
     # a line that is all border has no certain pixel to be compared with: only its surroundings would speak;
     # an object without any certain pixel may be none at all, and is left to them
     away = distance_to(inside & ~unknown)
-    thin = inside & unknown & np.isfinite(away) & (away > PARAMETERS.alone)
+    thin = inside & unknown & (away > PARAMETERS.alone) & (is_certain | np.isfinite(away))
     result[thin] = np.maximum(result, label)[thin]
     return result
 
