@@ -53,7 +53,7 @@ from .borders import EdgedSplats
 from .frames import BAND_RAYS, Frame, averaged, bands_of, joined
 from .full_resolution import PhotoView, dense_weights, full_resolution_view
 from .grain import grain_of, without_grain
-from .marks import marks_of, straightened
+from .matting.marks import Marks, marks_of, straightened
 from .matting.matte import Matte, dense_coverage, disputed_objects
 from .render_cache import RenderCache
 from .splat_colors import ObjectSplats, planes_of_view, recolored, shares_of_objects, splats_of_objects
@@ -399,7 +399,7 @@ class Model:
         return full_resolution_view(view, size, seen, marks, self._mattes_of, self.objects, self.palettes)
 
     def _mattes_of(
-        self, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray, marks: np.ndarray | None
+        self, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray, marks: Marks
     ) -> list[Matte]:
         edges, seed = self.settings.render.edges, self.settings.seed
         return self._looks.mattes(edges, photo, probabilities, rendered, marks, seed)

@@ -27,6 +27,7 @@ from ..fields.scene import Picture
 from ..io.checkpoints import load_tensors, restoring, save_tensors
 from ..project import Project
 from .frames import Frame
+from .matting.marks import Marks
 from .matting.matte import Matte
 from .matting.refine import mattes_of
 
@@ -67,7 +68,7 @@ class RenderCache:
         photo: np.ndarray,
         probabilities: np.ndarray,
         rendered: np.ndarray,
-        marks: np.ndarray | None,
+        marks: Marks,
         seed: int,
     ) -> list[Matte]:
         """What `recolor.matting.refine.mattes_of` gives for the same arguments; refined ones are taken where they are kept.
@@ -77,12 +78,12 @@ class RenderCache:
         if edges == "field":  # as quick to make as to read
             return mattes_of(edges, photo, probabilities, rendered, marks, seed)
         arrays = [np.ascontiguousarray(array) for array in (photo, probabilities, rendered)]
-        arrays += [] if marks is None else [np.ascontiguousarray(marks)]
-        contents = [[array.shape, array.dtype.str, hashlib.sha256(array).hexdigest()] for array in arrays]
-        path = self._folder / f"{_mark(MATTES, edges, contents)}.safetensors"
+        drawn = [] if marks.drawn is None else [np.ascontiguousarray(marks.drawn)]
+        contents = [[array.shape, array.dtype.str, hashlib.sha256(array).hexdigest()] for array in arrays + drawn]
+        path = self._folder / f"{_mark(MATTES, edges, contents, marks.thin)}.safetensors"
         known = _read_mattes(path, len(probabilities))
         if known is None:
-            known = mattes_of(edges, *arrays, seed=seed)
+            known = mattes_of(edges, *arrays, marks, seed)
             self._keep(path, *_tensors_of(known))
         return known
 

@@ -24,7 +24,7 @@ import karf_engine as karf
 from karf_engine.capture.capture import View
 from karf_engine.io.files import write_json
 from karf_engine.recolor.full_resolution import PhotoView, full_resolution_view
-from karf_engine.recolor.marks import marks_of
+from karf_engine.recolor.matting.marks import marks_of
 from karf_engine.recolor.matting.refine import mattes_of
 from karf_engine.recolor.model import Model
 

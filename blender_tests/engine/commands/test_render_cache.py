@@ -94,9 +94,9 @@ def refined(monkeypatch):
     """The edges that mattes were asked for."""
     edges, mattes_of = [], karf_engine.recolor.render_cache.mattes_of
 
-    def note(wanted, *arrays, seed):
+    def note(wanted, *arrays):
         edges.append(wanted)
-        return mattes_of(wanted, *arrays, seed=seed)
+        return mattes_of(wanted, *arrays)
 
     monkeypatch.setattr(karf_engine.recolor.render_cache, "mattes_of", note)
     return edges

@@ -22,6 +22,7 @@ from karf_engine.io.color import to_bytes
 from karf_engine.io.images import BACK, oriented, read_mask, read_photo
 from karf_engine.metrics.masks import iou
 from karf_engine.recolor.full_resolution import full_resolution_view
+from karf_engine.recolor.matting.marks import Marks
 from karf_engine.recolor.matting.refine import field_mattes
 from karf_engine.recolor.photos import open_photo, write_photo
 
@@ -242,9 +243,9 @@ def test_rough_masks_lie_in_the_grid_of_the_stored_photo(model, photo, tmp_path,
     view = saved(tmp_path / "a.png", photo.color, orientation)
     seen = model.look(model.working_camera(view))
     bright = to_bytes(photo.color)[..., 0] > 127
-    full_resolution_view(view, "photo", seen, bright[None], note, model.objects, model.palettes)
+    full_resolution_view(view, "photo", seen, Marks(bright[None], (False,)), note, model.objects, model.palettes)
     ((shown, marks),) = taken
-    assert_array_equal(marks[0], shown[..., 0] > 127)
+    assert_array_equal(marks.drawn[0], shown[..., 0] > 127)
 
 
 @pytest.fixture

@@ -6,6 +6,8 @@ the way to the object leads through its color. A neighbor of the same color is n
 A part may also be there in the field, and be called something else: a cable before a wall. Then a rough mask of this very
 photo tells. What it covers is the object's where that is thin and leads to the object: a hand that spills over spills over
 thick things, too. The color need be less sure there, as a line one pixel wide is everywhere mixed with what is behind it.
+In other photos nothing tells a cable from a thin neighbor of its color, but that the object has a cable: there thin parts are
+looked for of objects whose masks show one.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import numpy as np
 
 from .color_models import ColorModels, posterior
 from .distances import distance_to
+from .marks import Marks
 
 
 @dataclass(frozen=True)
@@ -34,10 +37,11 @@ class LostPartParameters:
         likely: Probability of the object from the color alone.
         most: Share of the object's area; an object that lost more has another one before it.
         open: Probability that a pixel of a lost part has, before its neighbors are asked.
-        thin: Half of the width up to which a part under a mask is thin, pixels of the field's picture. This and the next two
-            were chosen on thin scenes 0 and 1, and so that masks of drawn seeds 0 to 3 and 5 to 7 do not spill.
+        thin: Half of the width up to which a part is thin, pixels of the field's picture. This and all below were chosen on
+            thin scenes 0 and 1, and so that drawn seeds 0 to 3 and 5 to 7 lose nothing.
+        marked_thin: As `thin`, under a mask.
         marked_likely: As `likely`, of a thin part under a mask.
-        marked_open: As `open`, of a thin part under a mask.
+        thin_open: As `open`, of a thin part.
     """
 
     reach: float = 32
@@ -47,16 +51,17 @@ class LostPartParameters:
     likely: float = 0.6
     most: float = 0.5
     open: float = 0.5
-    thin: float = 2.0
+    thin: float = 1.5
+    marked_thin: float = 2.0
     marked_likely: float = 0.25
-    marked_open: float = 0.8
+    thin_open: float = 0.8
 
 
 PARAMETERS = LostPartParameters()
 
 
 def lost_parts(
-    lab: np.ndarray, rendered: np.ndarray, labels: np.ndarray, models: ColorModels, marks: np.ndarray
+    lab: np.ndarray, rendered: np.ndarray, labels: np.ndarray, models: ColorModels, marks: Marks
 ) -> np.ndarray:
     """Parts of objects that the field has lost.
 
@@ -65,7 +70,7 @@ def lost_parts(
         rendered: The scene as the field shows it, [h', w', 3] CIE Lab, on the same grid, smaller.
         labels: [K+1, h, w] of the photo's pixels as they are so far, class 0 being the background.
         models: Colors of the classes.
-        marks: bool [K, h, w], what rough masks of this photo call the objects'; empty where there is none.
+        marks: What rough masks say to this photo, `drawn` of any size.
 
     Returns:
         float32 [K, h, w], the probability that a pixel is of a lost part's; 0 in all others.
@@ -73,20 +78,35 @@ def lost_parts(
     scale = lab.shape[0] / rendered.shape[0]
     hard = labels.argmax(0)
     result = np.zeros((len(labels) - 1, *hard.shape), np.float32)
-    for k, (found, mark) in enumerate(zip(result, marks, strict=True), start=1):
+    for k, (found, mark, has_thin) in enumerate(zip(result, _drawn(marks, hard), marks.thin, strict=True), start=1):
         own = hard == k
         if not own.any():
             continue
-        in_reach, widest = distance_to(own) <= PARAMETERS.reach * scale, PARAMETERS.thin * scale
+        in_reach, widest = distance_to(own) <= PARAMETERS.reach * scale, PARAMETERS.marked_thin * scale
         asked = (hard == 0) & (in_reach | (distance_to(mark) <= 2 * widest))  # beyond a mask, too: is it thin there?
         likeness = np.zeros(own.shape, np.float32)
         likeness[asked] = _likeness(k, lab, asked, models)
-        lost = _not_shown(own, in_reach & (likeness > PARAMETERS.likely), lab, rendered)
-        marked = _joined(own, mark & _thin(own, likeness > PARAMETERS.marked_likely, widest))
-        for part, probability in ((lost, PARAMETERS.open), (marked, PARAMETERS.marked_open)):
+        like = in_reach & (likeness > PARAMETERS.likely)
+        lost, thin = (
+            _not_shown(own, like, lab, rendered),
+            mark & _thin(own, likeness > PARAMETERS.marked_likely, widest),
+        )
+        if has_thin:
+            thin |= _thin(own, like, PARAMETERS.thin * scale)
+        for part, probability in ((lost, PARAMETERS.open), (_joined(own, thin), PARAMETERS.thin_open)):
             if part.sum() <= PARAMETERS.most * own.sum():
                 found[part] = probability
     return result
+
+
+def _drawn(marks: Marks, labels: np.ndarray) -> np.ndarray:
+    """What is drawn on the photo, bool [K, h, w] at the size of its labels [h, w]."""
+    if marks.drawn is None:
+        return np.zeros((len(marks.thin), *labels.shape), bool)
+    size = labels.shape[::-1]
+    return np.stack(
+        [cv2.resize(own.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0 for own in marks.drawn]
+    )
 
 
 def _likeness(k: int, lab: np.ndarray, asked: np.ndarray, models: ColorModels) -> np.ndarray:

@@ -19,6 +19,7 @@ from .color_models import ColorModels, fit_color_models, posterior
 from .distances import distance_to
 from .foreground import LINEAR, unmixed
 from .lost_parts import difference_nearby, lost_parts
+from .marks import Marks
 from .matte import Matte
 from .sharpness import sharp_size
 from .strays import without_strays
@@ -92,7 +93,7 @@ def refine_mattes(
     photo: np.ndarray,
     probabilities: np.ndarray,
     rendered: np.ndarray,
-    marks: np.ndarray | None = None,
+    marks: Marks | None = None,
     seed: int = 0,
 ) -> list[Matte]:
     """Mattes of K objects from the field's soft answer and the photo.
@@ -101,12 +102,13 @@ def refine_mattes(
         photo: uint8 [H, W, 3] sRGB.
         probabilities: [K, h, w] float32 of the objects, of the field, on the photo's own grid, h <= H and w <= W.
         rendered: uint8 [h, w, 3] sRGB, the scene as the field shows it there.
-        marks: bool [K, H', W'], rough masks of this photo, of any size. They speak of thin parts alone.
+        marks: What rough masks say to the photo, of thin parts alone; None: nothing.
         seed: Of the pixels that color models are fitted to.
 
     Returns:
         One matte for each object.
     """
+    marks = marks or Marks(None, (False,) * len(probabilities))
     probabilities = without_strays(probabilities)
     if not hard_masks(probabilities).any():
         return unmixed(photo, np.zeros_like(probabilities))
@@ -137,18 +139,15 @@ def _disagree(coverage: np.ndarray, mask: np.ndarray) -> bool:
 
 
 def with_lost_parts(
-    photo: np.ndarray, rendered: np.ndarray, classes: np.ndarray, models: ColorModels, marks: np.ndarray | None
+    photo: np.ndarray, rendered: np.ndarray, classes: np.ndarray, models: ColorModels, marks: Marks
 ) -> np.ndarray:
     """Classes [K+1, H, W] at the size of a photo, uint8 [H, W, 3], where parts that the field has lost are open.
 
-    rendered: CIE Lab [h, w, 3], as the field shows the scene. marks: of `refine_mattes`.
+    rendered: CIE Lab [h, w, 3], as the field shows the scene. marks: what rough masks say to the photo.
     """
-    size = photo.shape[1::-1]
-    classes = np.stack([cv2.resize(plane.astype(np.float32), size) for plane in classes])
-    marked = np.zeros((len(classes) - 1, *photo.shape[:2]), bool)
-    for plane, mark in zip(marked, marks if marks is not None else (), strict=False):
-        plane[:] = cv2.resize(mark.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
-    for k, found in enumerate(lost_parts(lab_of(photo), rendered, classes, models, marked), start=1):
+    width, height = photo.shape[1::-1]
+    classes = np.stack([cv2.resize(plane.astype(np.float32), (width, height)) for plane in classes])
+    for k, found in enumerate(lost_parts(lab_of(photo), rendered, classes, models, marks), start=1):
         lost = found > 0
         classes[:, lost] = 0
         classes[0][lost], classes[k][lost] = 1 - found[lost], found[lost]

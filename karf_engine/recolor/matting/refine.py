@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...io.images import resize
+from .marks import Marks
 from .matte import NEGLIGIBLE, Matte
 from .photo_mattes import refine_mattes
 
@@ -14,7 +15,7 @@ def mattes_of(
     photo: np.ndarray,
     probabilities: np.ndarray,
     rendered: np.ndarray,
-    marks: np.ndarray | None = None,
+    marks: Marks | None = None,
     seed: int = 0,
 ) -> list[Matte]:
     """Mattes of the K objects of a photo.
@@ -24,7 +25,7 @@ def mattes_of(
         photo: uint8 sRGB [H, W, 3].
         probabilities: [K, h, w] of each object, in the grid of the photo at any size.
         rendered: uint8 sRGB [h, w, 3], the scene as the field shows it there.
-        marks: bool [K, H', W'], rough masks of this photo in its grid, of any size; None where there are none.
+        marks: What rough masks say to the photo, in its grid; None: nothing.
         seed: Of the colors that are drawn in the photo.
 
     Example:
