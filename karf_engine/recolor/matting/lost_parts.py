@@ -87,10 +87,8 @@ def lost_parts(
         likeness = np.zeros(own.shape, np.float32)
         likeness[asked] = _likeness(k, lab, asked, models)
         like = in_reach & (likeness > PARAMETERS.likely)
-        lost, thin = (
-            _not_shown(own, like, lab, rendered),
-            mark & _thin(own, likeness > PARAMETERS.marked_likely, widest),
-        )
+        lost = _not_shown(own, like, lab, rendered)
+        thin = mark & _thin(own, likeness > PARAMETERS.marked_likely, widest)
         if has_thin:
             thin |= _thin(own, like, PARAMETERS.thin * scale)
         for part, probability in ((lost, PARAMETERS.open), (_joined(own, thin), PARAMETERS.thin_open)):
