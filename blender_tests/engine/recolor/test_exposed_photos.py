@@ -11,6 +11,7 @@ from karf_engine.fields.scene import Picture
 from karf_engine.io.images import write_png
 from karf_engine.recolor.frames import Frame
 from karf_engine.recolor.full_resolution import full_resolution_view
+from karf_engine.recolor.matting.marks import Marks
 
 
 def test_what_the_field_shows_is_exposed_as_the_photo(tmp_path):
@@ -21,9 +22,9 @@ def test_what_the_field_shows_is_exposed_as_the_photo(tmp_path):
     picture = Picture(color, torch.ones(8, 8), torch.ones(8, 8), None)
     frame = Frame(picture, np.zeros((0, 8, 8), np.float32), None, color.numpy())
 
-    def mattes_of(photo, probabilities, rendered):
+    def mattes_of(photo, probabilities, rendered, marks):
         seen.append(rendered[0, 0].tolist())
         return []
 
-    full_resolution_view(view, "photo", frame, mattes_of, [], [])
+    full_resolution_view(view, "photo", frame, Marks(None, ()), mattes_of, [], [])
     assert seen == [[153, 128, 102]]
