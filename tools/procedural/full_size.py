@@ -24,7 +24,7 @@ from .rendering import render_photos, render_print, render_truth, set_up_render
 
 README = """
 Larger test views
-  {views} of the test views are {size} x {size} pixels (up to {samples} samples per pixel); all else is as above.
+  {views} of the test views{marked} are {size} x {size} pixels (up to {samples} samples per pixel); all else is as above.
   coverage/<object>/test/   share of each pixel that shows the object, 255 = all: {subpixels} x {subpixels} rays a pixel
 """
 OF_TEST_VIEWS = (
@@ -91,7 +91,7 @@ def enlarge_test_views(recipe: Recipe, extent: Extent, full: FullSize, source: P
         render_print(unfinished, test)
     render_edits(recipe, unfinished, marked + test, full.samples)
     with (unfinished / "README.txt").open("a", encoding="utf-8") as readme:
-        readme.write(README.format(**vars(full)))
+        readme.write(README.format(**vars(full), marked=" and the marked photo" if marked else ""))
     write_json(unfinished / "full_size.json", vars(full))
     shutil.rmtree(out, ignore_errors=True)
     unfinished.rename(out)

@@ -99,7 +99,10 @@ def has_thin_part(mask: np.ndarray) -> bool:
 
 
 def _is_thin(path: Path) -> bool:
-    file = path.stat()
+    try:
+        file = path.stat()
+    except OSError:  # erased in this moment
+        return False
     return _is_thin_as_of(path, file.st_mtime_ns, file.st_size)
 
 

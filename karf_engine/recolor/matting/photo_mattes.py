@@ -90,11 +90,7 @@ PARAMETERS = MatteParameters()
 
 
 def refine_mattes(
-    photo: np.ndarray,
-    probabilities: np.ndarray,
-    rendered: np.ndarray,
-    marks: Marks | None = None,
-    seed: int = 0,
+    photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray, marks: Marks | None = None, seed: int = 0
 ) -> list[Matte]:
     """Mattes of K objects from the field's soft answer and the photo.
 
