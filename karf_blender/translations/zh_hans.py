@@ -845,6 +845,7 @@ TEXTS = {
     "Ctrl: this is not the object": "Ctrl：这不是该物体",
     "Suggested View": "建议的视图",
     "Mark next: {view}": "下一个标记：{view}",
+    "Any view helps about as much": "标记任何视图的帮助都差不多",
     "{name}: {share} % unsure, where marks and colors differ": "{name}：{share} % 不确定，标记与颜色在那里不一致",
     "{name}: {share} % unsure, where no mark shows it": "{name}：{share} % 不确定，没有标记显示那里",
     "Go to the view whose mark would decide most, as the last segmentation found it; again: to the next best": "转到"

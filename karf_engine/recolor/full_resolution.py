@@ -30,6 +30,7 @@ from ..palettes.palette import AddedColor, Edit, Palette, check_edit
 from .frames import Frame
 from .grain import RADIUS, grain_of, without_grain
 from .layers import Layers
+from .matting.marks import Marks
 from .matting.matte import NEGLIGIBLE, Matte, disputed_objects
 from .matting.shaping import shaped_mattes
 from .photos import StoredPhoto, open_photo
@@ -37,7 +38,8 @@ from .photos.stored import from_camera
 
 BAND_PIXELS = 1 << 19
 LEAST_SCALE = 1e-6
-FindMattes = Callable[[np.ndarray, np.ndarray, np.ndarray], list[Matte]]  # photo, probabilities, rendered
+# of photo, probabilities, rendered picture, marks
+FindMattes = Callable[[np.ndarray, np.ndarray, np.ndarray, Marks], list[Matte]]
 COPIES_BYTES = 400 << 20  # memory for edited photos at once: the weights of a band serve them all
 
 
@@ -245,7 +247,13 @@ class PhotoView:
 
 
 def full_resolution_view(
-    view: View, size: str | int, seen: Frame, mattes_of: FindMattes, objects: Sequence[str], palettes: Sequence[Palette]
+    view: View,
+    size: str | int,
+    seen: Frame,
+    marks: Marks,
+    mattes_of: FindMattes,
+    objects: Sequence[str],
+    palettes: Sequence[Palette],
 ) -> PhotoView:
     """A captured view in its photo's own pixels.
 
@@ -253,7 +261,8 @@ def full_resolution_view(
         view: Of the capture.
         size: `photo`, or a long side in pixels to which the photo is reduced.
         seen: What the field renders, in the grid of the view's camera with its lens, at any size.
-        mattes_of: Mattes from a photo, probabilities and a rendered picture; see `recolor.matting.refine.mattes_of`.
+        marks: What rough masks say to the photo, in the same grid; see `recolor.matting.marks.marks_of`.
+        mattes_of: Mattes from a photo, probabilities, a rendered picture and marks; see `recolor.matting.refine.mattes_of`.
         objects: Names of the K objects that were seen.
         palettes: Of the objects, as learned; empty before palettes are learned.
 
@@ -268,7 +277,9 @@ def full_resolution_view(
     seen_objects = [from_camera(own, orientation) for own in seen.probabilities]
     probabilities = np.array(seen_objects).reshape(-1, *rendered.shape[:2])
     shown, scale = photo.shown(), max(photo.size) / full_size
-    mattes = mattes_of(shown, probabilities, rendered)
+    if marks.drawn is not None:
+        marks = replace(marks, drawn=np.stack([from_camera(own, orientation) for own in marks.drawn]))
+    mattes = mattes_of(shown, probabilities, rendered, marks)
     return PhotoView(photo, orientation, objects, mattes, palettes, scale, grain_of(shown), gains=view.gains)
 
 

@@ -54,6 +54,7 @@ from .borders import EdgedSplats
 from .frames import BAND_RAYS, Frame, averaged, bands_of, joined
 from .full_resolution import PhotoView, dense_weights, full_resolution_view
 from .grain import grain_of, without_grain
+from .matting.marks import Marks, marks_of, straightened
 from .matting.matte import Matte, dense_coverage, disputed_objects
 from .render_cache import RenderCache
 from .splat_colors import ObjectSplats, planes_of_view, recolored, shares_of_objects, splats_of_objects
@@ -371,7 +372,8 @@ class Model:
             over(training_image.color, training_image.alpha),
         )
         rendered = to_bytes(seen.color * np.float32(view.gains))
-        mattes = self._mattes_of(to_bytes(base), seen.probabilities, rendered)
+        marks = straightened(marks_of(self.project.masks_folder, self.objects, view), view.camera)
+        mattes = self._mattes_of(to_bytes(base), seen.probabilities, rendered, marks)
         coverages = dense_coverage(mattes, base.shape[:2])
         weights = None
         if self.recoloring is not None:
@@ -396,10 +398,14 @@ class Model:
         """
         _check_size(size, ("photo",))
         seen = self.look(self.working_camera(view))
-        return full_resolution_view(view, size, seen, self._mattes_of, self.objects, self.palettes)
+        marks = marks_of(self.project.masks_folder, self.objects, view)
+        return full_resolution_view(view, size, seen, marks, self._mattes_of, self.objects, self.palettes)
 
-    def _mattes_of(self, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray) -> list[Matte]:
-        return self._looks.mattes(self.settings.render.edges, photo, probabilities, rendered, self.settings.seed)
+    def _mattes_of(
+        self, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray, marks: Marks
+    ) -> list[Matte]:
+        edges, seed = self.settings.render.edges, self.settings.seed
+        return self._looks.mattes(edges, photo, probabilities, rendered, marks, seed)
 
     @checked
     @translated()

@@ -17,6 +17,7 @@ from karf_engine.io.images import write_png
 from karf_engine.palettes.palette import Edit, Palette
 from karf_engine.recolor.frames import Frame
 from karf_engine.recolor.full_resolution import PhotoView, dense_weights, full_resolution_view
+from karf_engine.recolor.matting.marks import Marks
 from karf_engine.recolor.matting.matte import Matte
 from karf_engine.recolor.photos import StoredPhoto
 from karf_engine.segmentation.views import MaskedViews
@@ -54,11 +55,11 @@ def test_what_the_field_shows_is_exposed_as_the_photo(tmp_path):
     picture = Picture(color, torch.ones(8, 8), torch.ones(8, 8), None)
     frame = Frame(picture, np.zeros((0, 8, 8), np.float32), None, color.numpy())
 
-    def mattes_of(photo, probabilities, rendered):
+    def mattes_of(photo, probabilities, rendered, marks):
         seen.append(rendered[0, 0].tolist())
         return []
 
-    finished = full_resolution_view(view, "photo", frame, mattes_of, [], [])
+    finished = full_resolution_view(view, "photo", frame, Marks(None, ()), mattes_of, [], [])
     assert seen == [[153, 128, 102]]
     assert finished.gains == view.gains
 
