@@ -64,7 +64,7 @@ def dragged(seen: ColorHistogram, palette: np.ndarray, pair: tuple[np.ndarray, n
         reached = np.clip(source + own @ (at(color) - palette), 0, 1)
         return float(np.linalg.norm(srgb_to_lab(reached) - srgb_to_lab(target)))
 
-    start = repainted(palette[index][None], source, target, np.ones((1, 1)))[0]
+    start = repainted(palette[index][None], source, target)[0]
     return at(minimize(distance, start, method="Nelder-Mead", options={"maxfev": 300}).x)
 
 

@@ -193,7 +193,7 @@ def added(model: Model, truth: Truth, name: str, of_swatch: bool = False) -> Edi
             picked = pigment_of_swatch(seen, swatch_of(seen, palette, source))
         color = proposed(seen, picked)
         protect = PROTECT if of_swatch else color.protect
-        wanted = repainted(picked[None], source, target, np.ones((1, 1)))[0]
+        wanted = repainted(picked[None], source, target)[0]
         edit = edit.add_color(key, picked, wanted, color.reach, protect)
     return edit
 

@@ -82,10 +82,13 @@ class Truth:
     def color_pair(self, edit: str, object_name: str) -> tuple[np.ndarray, np.ndarray]:
         """What an eyedropper reads in the one training view whose recolor is known: median color before and after.
 
-        Of the pixels in the object's coarse mask whose paint really changes. [3] each, sRGB.
+        Of the pixels in the object's coarse mask whose paint really changes; of two paints the one that has more of them.
+        [3] each, sRGB.
         """
         before, after = self._changed(edit, object_name)
-        return np.median(before, 0), np.median(after, 0)
+        paint = _paints(srgb_to_linear(after) - srgb_to_linear(before))
+        most = paint == np.bincount(paint).argmax()
+        return np.median(before[most], 0), np.median(after[most], 0)
 
     def paint_pairs(self, edit: str, object_name: str) -> list[tuple[np.ndarray, np.ndarray]]:
         """A color pair for each of an object's paints, as one reads them who clicks on each paint; at most two.

@@ -152,6 +152,55 @@ def test_paints_of_one_thing_are_repainted_together() -> None:
         assert mean_ciede2000(np.median(shown[each], axis=0), target) < 4
 
 
+def two_paints_of_one_hue():
+    """Colors of a bowl that is violet on one half and blue-violet on the other, lit and in the shade; and which are violet."""
+    violet, blue = np.array([0.5, 0.3, 0.5]), np.array([0.32, 0.3, 0.6])
+    shades = np.linspace(0.1, 1, 20)[:, None]
+    light = np.concatenate([shades * srgb_to_linear(violet), shades * srgb_to_linear(blue)])
+    return linear_to_srgb(light), np.arange(40) < 20
+
+
+def test_a_paint_that_nobody_asked_to_change_holds() -> None:
+    colors, is_violet = two_paints_of_one_hue()
+    palette = np.array([[0, 0, 0], [0.55, 0.3, 0.5], [0.3, 0.3, 0.65]], np.float32)
+    weights = star_weights(colors, palette)
+    edited = match_becomes(colors, np.ones(40), weights, palette, colors[19], GREEN)
+    shown = np.clip(colors + weights @ (edited - palette), 0, 1)
+    green = linear_to_srgb(np.linspace(0.1, 1, 20)[:, None] * srgb_to_linear(GREEN))
+    assert mean_ciede2000(shown[is_violet], green) < 4
+    assert mean_ciede2000(shown[~is_violet], colors[~is_violet]) < 4
+    # where both are asked, none holds
+    both = match_becomes(colors, np.ones(40), weights, palette, colors[[19, 39]], np.stack([GREEN, GREEN]))
+    assert mean_ciede2000(np.clip(colors + weights @ (both - palette), 0, 1)[~is_violet], green) < 6
+
+
+def test_what_lies_between_two_paints_is_repainted_as_their_mixture() -> None:
+    light = srgb_to_linear(np.stack([GREEN, RED]))
+    mixed = linear_to_srgb(light.mean(axis=0, keepdims=True))
+    moved = reflection_target(mixed, np.stack([GREEN, RED]), np.stack([GREEN, BLUE]))
+    expected = linear_to_srgb((light[:1] + srgb_to_linear(BLUE)) / 2)
+    assert mean_ciede2000(moved, expected) < 1
+
+
+def test_colored_light_tints_the_new_paint_as_the_old() -> None:
+    warm = np.array([1.2, 1.0, 0.75])
+    shown = linear_to_srgb(warm * srgb_to_linear(CREAM))[None]
+    moved = reflection_target(shown, CREAM, np.array([0.5, 0.6, 0.75]))
+    lit, plain = (linear_to_srgb(light * srgb_to_linear(np.array([[0.5, 0.6, 0.75]]))) for light in (warm, 1.0))
+    assert mean_ciede2000(moved, lit) < 0.85 * mean_ciede2000(plain, lit)
+
+
+def test_two_picks_that_look_alike_do_not_spoil_what_is_not_picked() -> None:
+    palette = np.array([[0, 0, 0], [0.87, 1, 0.92], [0.97, 0.96, 1], [0, 0.68, 0.69]], np.float32)
+    weights = np.random.default_rng(3).dirichlet([3, 5, 2, 1], 300)
+    colors = weights @ palette
+    sources = np.array([[0.596, 0.694, 0.659], [0.573, 0.663, 0.643]])
+    targets = np.array([[0.706, 0.635, 0.522], [0.663, 0.647, 0.494]])
+    edited = match_becomes(colors, np.ones(300), weights, palette, sources, targets)
+    shown = np.clip(colors + weights @ (edited - palette), 0, 1)
+    assert mean_ciede2000(shown, reflection_target(colors, sources, targets)) < 3
+
+
 def test_a_pale_paints_shades_are_paint_and_no_gloss() -> None:
     pale, darker = np.array([0.75, 0.75, 0.85]), np.array([0.5, 0.6, 0.75])
     shades = np.linspace(0.2, 1, 9)[:, None]
@@ -308,8 +357,9 @@ def test_locked_swatches_do_not_follow_a_drag():
 
 
 def metal_and_varnish():
-    """What a metal and a varnished thing show under a light and a dark room, by their own reflectances."""
+    """What a metal shows of a room, by two reflectances: its floor is dark and brown, its ceiling is light and white."""
     room = np.concatenate([np.linspace(0.05, 1.0, 30), np.linspace(1.0, 2.0, 10)])[:, None]
+    room = room ** np.where(room < 1, [0.8, 1.0, 1.3], 1.0)
     blue, gold = srgb_to_linear(np.array([0.35, 0.5, 0.85])), srgb_to_linear(np.array([0.85, 0.65, 0.35]))
     return [np.clip(linear_to_srgb(room * reflectance), 0, 1) for reflectance in (gold, blue)]
 

@@ -14,11 +14,14 @@ import numpy as np
 
 from ...io.color import srgb_to_lab
 from .fitting import bounds, match_pixels, match_seen, moved
-from .paints import angles, is_black, pigment_gate, reflection_target, repainted
+from .paints import angles, is_black, paints_of, pigment_gate, reflection_target, repainted
 
-OTHER = 0.17  # radians in linear light from which on colors are of different paints
+OTHER = 0.2  # radians in linear light from which on colors are of different paints; sun and open shade are .12 apart
+REACHED = 0.1  # share of a paint from which on it would be taken along
 NEAR = 5.0  # Lab distance within which a color looks like another one of the same paint
-EMPHASIS = 10.0  # weight of the picked color relative to the whole object: the artist looks at it
+# weight of the picked colors relative to the whole object: the artist looks at them. By CIEDE2000 what can be met is met with
+# little weight, and more would give all to two picks that no palette can move apart
+EMPHASIS, EMPHASIS_OF_SQUARES = 1.0, 10.0
 
 
 def with_held(
@@ -47,6 +50,30 @@ def with_held(
     return np.stack([source, *kept]), np.stack([target, *kept])
 
 
+def with_unasked(
+    colors: np.ndarray, counts: np.ndarray, source: np.ndarray, target: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sources and targets [P, 3] with a pair more for each paint of the object that nobody asked to change, so that it stays.
+
+    Paints of other hues stay by themselves: their gate is closed.
+
+    colors, counts: the object's histogram, [n, 3] and [n]. source, target: [3] or [P, 3].
+
+    Examples:
+        A bowl is violet and half of it of a bluer violet; the first is to be green:
+
+        >>> violet, bluer, green = np.array([0.5, 0.3, 0.5]), np.array([0.3, 0.3, 0.6]), np.array([0.1, 0.5, 0.2])
+        >>> sources, targets = with_unasked(np.stack([violet, bluer]), np.ones(2), violet, green)
+        >>> sources.tolist(), targets.tolist()
+        ([[0.5, 0.3, 0.5], [0.3, 0.3, 0.6]], [[0.1, 0.5, 0.2], [0.3, 0.3, 0.6]])
+    """
+    sources = np.atleast_2d(source)
+    paints = paints_of(colors, counts)
+    is_reached = np.max([pigment_gate(paints, each) for each in sources], axis=0) > REACHED
+    others = [each for each in paints[is_reached] if angles(sources, each).min() > OTHER and not is_black(each)]
+    return np.stack([*sources, *others]), np.stack([*np.atleast_2d(target), *others])
+
+
 def match_becomes(
     colors: np.ndarray,
     counts: np.ndarray,
@@ -59,7 +86,7 @@ def match_becomes(
 ) -> np.ndarray:
     """The palette with which the source's paint becomes the target's, on the whole object, shading and gloss kept.
 
-    It continues from any edit, where colors and palette are given as that edit shows them.
+    It continues from any edit, where colors and palette are given as that edit shows them. Other paints of the object hold.
 
     Args:
         colors: The object's color histogram, sRGB [n, 3] in [0, 1].
@@ -86,8 +113,10 @@ def match_becomes(
         [[0.  0.  0. ]
          [0.1 0.2 0.7]]
     """
+    if not is_metal:
+        source, target = with_unasked(colors, counts, source, target)
     targets = reflection_target(colors, source, target, is_metal)
-    return _matched(colors, counts, palette_weights, palette, source, target, targets, locked)
+    return _matched(colors, counts, palette_weights, palette, source, target, targets, locked, match_seen, EMPHASIS)
 
 
 def match_dragged(
@@ -163,8 +192,9 @@ def match_pigment(
         [-0.5  0.1  0.6]
     """
     counts = counts * pigment_gate(colors, source, reach, protect)
-    targets = repainted(colors, source, target, np.ones((1, 1)))
-    return _matched(colors, counts, palette_weights, palette, source, target, targets, (), match_pixels)
+    targets = repainted(colors, source, target)
+    given = colors, counts, palette_weights, palette, source, target, targets, ()
+    return _matched(*given, match_pixels, EMPHASIS_OF_SQUARES)
 
 
 def _matched(
@@ -176,14 +206,15 @@ def _matched(
     target: np.ndarray,
     targets: np.ndarray,
     locked: Iterable[int],
-    match: Callable[..., np.ndarray] = match_seen,
+    match: Callable[..., np.ndarray],
+    emphasis: float,
 ) -> np.ndarray:
     """The palette [M, 3] that moves colors to their targets, and above all the sources to their own."""
     sources = np.atleast_2d(source)
     own = [mean_weights(colors, counts, palette_weights, each) for each in sources]
-    emphasis = EMPHASIS * max(np.sum(counts), 1e-9) / len(sources)  # an object may show nothing like the source
+    of_each = emphasis * max(np.sum(counts), 1e-9) / len(sources)  # an object may show nothing like the source
     palette_weights, colors = np.vstack([palette_weights, *own]), np.vstack([colors, sources])
-    targets, counts = np.vstack([targets, target]), np.append(counts, [emphasis] * len(sources))
+    targets, counts = np.vstack([targets, target]), np.append(counts, [of_each] * len(sources))
     return match(palette_weights, colors, targets, palette, counts, locked)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...io.color import ciede2000, srgb_to_lab
-from .becomes import with_held
+from .becomes import with_held, with_unasked
 from .paints import reflection_target
 
 
@@ -45,5 +45,7 @@ def left_of_object(
         9
     """
     pairs = with_held(before, source, target, held)
+    if not is_metal:
+        pairs = with_unasked(before, counts, *pairs)
     left = ciede2000(srgb_to_lab(after), srgb_to_lab(reflection_target(before, *pairs, is_metal)))
     return float(np.average(left, weights=counts))

@@ -27,6 +27,7 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB, Rec. 709
 LIT = 0.98  # share of a paint that is no lighter than its lit parts
 CLIPPED = 0.9  # sRGB from which on a channel of a highlight may be cut off in the photo
 FAINT = 1e-4  # luminance times count of a paint that an object does not show
+GLOSS_COST = 0.1  # penalty of gloss when a color is split into paint and gloss
 HOLD = 3.0  # how much more a color of another paint counts: it is to stay
 
 
@@ -139,7 +140,8 @@ def surface_target(colors: np.ndarray, counts: np.ndarray, gate: np.ndarray, sur
     if weights.sum() <= FAINT:
         return colors
     paint = _paint(light, weights)
-    shading, gloss = split_light(light, paint)
+    shading, gloss = split_light(light, paint[None], GLOSS_COST)
+    shading = shading[:, 0]
     change = (_bent(shading, 1 / paint.max(), surface.brightness) - shading)[:, None] * paint
     change += (surface.gloss - 1) * _gloss_color(light, paint, shading, gloss, counts)
     result = np.maximum(light + change, 0)
