@@ -68,7 +68,8 @@ def _take(job: Job, capture: Capture) -> None:
 
 
 def _learn(job: Job) -> None:
-    from ..splats.fit import SplatFit  # needs numba
+    from ..splats.between import cameras_between, pictures_of  # need numba
+    from ..splats.fit import SplatFit
 
     settings = job.settings.splats
     with run_stage(job, "splats") as run:
@@ -78,10 +79,13 @@ def _learn(job: Job) -> None:
         capture = job.capture()
         views, test = capture.split("train"), capture.split("test")
         scene = load_scene(job.project.checked(job.project.geometry_file), job.runtime.device)
-        progress = job.progress("splats", len(surface_views(views)) + settings.iterations)
+        photos, seed = _photos(views, settings.long_side), job.settings.seed
+        cameras = cameras_between(scene, [photo.camera for photo in photos], seed)
+        progress = job.progress("splats", len(surface_views(views)) + len(cameras) + settings.iterations)
         start = gaussians_of(scene, views, settings.count, settings.degree, progress.step)
+        between = pictures_of(scene, cameras, progress.step)
         take_from_torch()
-        fit = SplatFit(start, _photos(views, settings.long_side), settings.iterations, job.settings.seed)
+        fit = SplatFit(start, photos, settings.iterations, seed, between=between)
         run.checkpoint.follow(fit, progress)
         fit.run(progress, run.checkpoint)
         run.summary["gaussians"] = len(start)

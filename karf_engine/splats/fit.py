@@ -106,6 +106,7 @@ class SplatFit:
         iterations: int,
         seed: int,
         rates: Rates = Rates(),
+        between: Sequence[Photo] = (),
     ) -> None:
         """A fresh fit.
 
@@ -115,11 +116,14 @@ class SplatFit:
             iterations: Photos to show, or windows of them.
             seed: Of their order.
             rates: How fast.
+            between: Pictures of the field, of cameras between the photos; where there are any, every second iteration
+                shows one.
         """
         self.iterations, self.done = iterations, 0
         self._start, self._photos, self._seed = gaussians, photos, seed
         self._exposures = Exposures(len(photos))
         self._halves = [photo.halved() for photo in photos]
+        self._between = between, [picture.halved() for picture in between]
         self._table = gaussians.table.copy()
         self._gradients, self._means, self._squares = (np.zeros_like(self._table) for _ in range(3))
         self._steps = np.zeros(len(gaussians), np.int32)
@@ -161,13 +165,13 @@ class SplatFit:
     def _step(self) -> float:
         """Learn from one photo; its mean squared error."""
         random = np.random.default_rng([self._seed, self.done])
-        photo = self._photo(random)
+        photo, number = self._photo(random)
         # what is behind a matte changes each time: only what is solid can hide it
         background = self._start.background if photo.alpha is None else tuple(random.random(3))
         camera = pinhole(photo.camera, self._start.near, self._start.screen_filter)
         view = SplattedView(self._table, camera, background)
         shown, wanted = view.image[..., :3], photo.over(background)
-        gains = self._gains(photo, shown, wanted)
+        gains = 1 if number is None else self._gains(number, photo, shown, wanted)
         difference = gains * shown - wanted
         if photo.valid is not None:
             difference *= photo.valid[..., None]
@@ -180,35 +184,38 @@ class SplatFit:
         )  # fmt: skip
         return float(np.square(difference).mean())
 
-    def _gains(self, photo: Photo, shown: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-        """How the photo of this iteration is exposed, [3], once the Gaussians have seen all; what has a matte counts as alike."""
-        number = self._number()
-        if self.done >= len(self._photos) and photo.alpha is None:
-            if self.done % len(self._photos) == 0:
+    def _gains(self, number: int, photo: Photo, shown: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+        """How a photo is exposed, [3], once the Gaussians have seen all; what has a matte counts as alike."""
+        looks = self._looks
+        if looks >= len(self._photos) and photo.alpha is None:
+            if looks % len(self._photos) == 0:
                 self._exposures.balance()
             known = slice(None) if photo.valid is None else photo.valid.ravel()
             self._exposures.look(number, shown.reshape(-1, 3)[known], wanted.reshape(-1, 3)[known])
         return self._exposures.gains[number]
 
-    def _number(self) -> int:
-        """Of the photo of this iteration: each once in a round, in an order of its own."""
-        turn, place = divmod(self.done, len(self._photos))
-        return int(np.random.default_rng([self._seed, turn, 1]).permutation(len(self._photos))[place])
+    @property
+    def _looks(self) -> int:
+        """At photos, or at pictures between them, before the one of this iteration."""
+        return self.done // 2 if self._between[0] else self.done
+
+    def _number(self, count: int) -> int:
+        """Of the picture of this iteration, of so many: each once in a round, in an order of its own."""
+        turn, place = divmod(self._looks, count)
+        return int(np.random.default_rng([self._seed, turn, 1]).permutation(count)[place])
 
     def _is_finite(self) -> bool:
         """Whether all numbers are; a Gaussian that is none is not seen, so no picture tells."""
         with np.errstate(all="ignore"):
             return bool(np.isfinite(self._table.sum()))
 
-    def _photo(self, random: np.random.Generator) -> Photo:
-        """The next photo, of a large one a window."""
-        photos = self._photos if self.done >= HALVED * self.iterations else self._halves
-        photo = photos[self._number()]
-        height, width = photo.color.shape[:2]
-        if max(width, height) <= WINDOW:
-            return photo
-        left, top = (int(random.integers(0, max(0, side - WINDOW) + 1)) for side in (width, height))
-        return photo.window(left, top)
+    def _photo(self, random: np.random.Generator) -> tuple[Photo, int | None]:
+        """The next picture, of a large one a window, and the photo's number; None between the photos."""
+        is_between = bool(self._between[0]) and self.done % 2 == 1
+        sizes = self._between if is_between else (self._photos, self._halves)
+        photos = sizes[0 if self.done >= HALVED * self.iterations else 1]
+        number = self._number(len(photos))
+        return _window(photos[number], random), None if is_between else number
 
     def _hold_behind(self) -> None:
         """What is behind keeps its place and shape, and looks the same from everywhere."""
@@ -235,6 +242,15 @@ class SplatFit:
         self.done = whole_number(state, "done", self.iterations)
         for name, each in self._learned().items():
             each[:] = state[name].numpy()
+
+
+def _window(photo: Photo, random: np.random.Generator) -> Photo:
+    """A photo, or of a large one a window at random."""
+    height, width = photo.color.shape[:2]
+    if max(width, height) <= WINDOW:
+        return photo
+    left, top = (int(random.integers(0, max(0, side - WINDOW) + 1)) for side in (width, height))
+    return photo.window(left, top)
 
 
 def _by_column(rates: Rates, n_columns: int) -> np.ndarray:

@@ -66,6 +66,12 @@ def learn(start, photos, iterations, **more):
     return fit.gaussians
 
 
+def spy_on_photos(fit, shown, monkeypatch):
+    """Note the pictures that a fit looks at."""
+    view_of = fit._photo
+    monkeypatch.setattr(fit, "_photo", lambda random: shown.append(view_of(random)[0]) or view_of(random))
+
+
 def error_of(gaussians, photos):
     shown = [splatted(gaussians, photo.camera).image[..., :3] - photo.over(BACKGROUND) for photo in photos]
     return float(np.square(shown).mean())
@@ -106,8 +112,7 @@ def test_the_seed_decides_and_the_cores_do_not():
 def test_every_photo_is_shown_once_before_one_is_shown_again(monkeypatch):
     photos = [photo_of(camera) for camera in CAMERAS]
     fit, shown = SplatFit(unlearned(), photos, 18, 0), []
-    choose = fit._photo
-    monkeypatch.setattr(fit, "_photo", lambda random: shown.append(choose(random)) or shown[-1])
+    spy_on_photos(fit, shown, monkeypatch)
     fit.run(progress())
     places = [photo.camera.camera_to_world[:2, 3].tolist() for photo in shown]
     rounds = [places[first : first + 6] for first in (0, 6, 12)]
@@ -117,8 +122,7 @@ def test_every_photo_is_shown_once_before_one_is_shown_again(monkeypatch):
 
 def test_photos_are_shown_at_half_their_size_first(monkeypatch):
     fit, shown = SplatFit(unlearned(), [photo_of(camera) for camera in CAMERAS], 10, 0), []
-    choose = fit._photo
-    monkeypatch.setattr(fit, "_photo", lambda random: shown.append(choose(random)) or shown[-1])
+    spy_on_photos(fit, shown, monkeypatch)
     fit.run(progress())
     assert [photo.color.shape[:2] for photo in shown] == [(18, 20)] * 6 + [(36, 40)] * 4
     assert {(photo.camera.width, photo.camera.fx) for photo in shown} == {(20, 25.0), (40, 50.0)}
@@ -152,6 +156,34 @@ def test_no_gaussian_becomes_finer_than_the_photos_show():
     learned = learn(start, [photo_of(camera) for camera in CAMERAS], 6)
     pixel = 3 / 50  # of the nearest Gaussian, some three units from the cameras
     assert np.exp(learned.table[:, GROUPS["scales"]]).min() > 0.05 * pixel
+
+
+# ------------------------------------------------------------------------------------------ pictures between the photos
+def test_pictures_between_the_photos_take_turns_with_them(monkeypatch):
+    photos, between = [photo_of(camera) for camera in CAMERAS[:2]], [photo_of(camera) for camera in CAMERAS[2:5]]
+    fit, shown = SplatFit(unlearned(), photos, 12, 0, between=between), []
+    spy_on_photos(fit, shown, monkeypatch)
+    fit.run(progress())
+    places = [tuple(photo.camera.camera_to_world[:2, 3]) for photo in shown]
+    of_cameras = [tuple(camera.camera_to_world[:2, 3]) for camera in CAMERAS]
+    for round_of_photos in (places[0:4:2], places[4:8:2], places[8:12:2]):
+        assert set(round_of_photos) == set(of_cameras[:2])
+    assert set(places[1:6:2]) == set(places[7:12:2]) == set(of_cameras[2:5])
+
+
+def test_what_no_photo_shows_is_learned_from_pictures_between_them():
+    photos, between = [photo_of(CAMERAS[0])], [photo_of(camera) for camera in CAMERAS[1:]]
+    of_photo_alone, of_both = learn(unlearned(), photos, 120), learn(unlearned(), photos, 120, between=between)
+    new = [photo_of(moved(camera_ahead(), 0.5, 0.3))]
+    assert error_of(of_both, new) < 0.3 * error_of(of_photo_alone, new)
+
+
+def test_pictures_between_photos_tell_nothing_of_how_these_are_exposed():
+    photos = [photo_of(camera) for camera in CAMERAS]
+    darker = [replace(photo, color=photo.color // 2) for photo in photos]
+    fit = SplatFit(TRUTH, photos, 36, 0, Rates(*[0.0] * 6), between=darker)
+    fit.run(progress())
+    np.testing.assert_allclose(fit.gains, 1, atol=0.01)
 
 
 # ------------------------------------------------------------------------------------------------ cut-outs, large photos
@@ -217,17 +249,19 @@ def checkpoint(folder, name="unfinished"):
     return Checkpoint(folder / f"{name}.safetensors", "of these inputs", "splats", lambda *_, **__: None)
 
 
-def test_a_fit_that_is_cancelled_again_and_again_ends_where_an_uninterrupted_one_does(tmp_path):
+@pytest.mark.parametrize("n_between", [0, 2])
+def test_a_fit_that_is_cancelled_again_and_again_ends_where_an_uninterrupted_one_does(tmp_path, n_between):
     photos = [*(photo_of(camera) for camera in CAMERAS[:3]), cut_out_of(CAMERAS[3])]
-    whole = learn(unlearned(), photos, 20).table
+    between = [photo_of(camera) for camera in CAMERAS[4 : 4 + n_between]]
+    whole = learn(unlearned(), photos, 20, between=between).table
     for stop, stood in ((7, 8), (5, 14)):  # the step at which it is asked is done
-        fit, saved = SplatFit(unlearned(), photos, 20, 0), checkpoint(tmp_path)
+        fit, saved = SplatFit(unlearned(), photos, 20, 0, between=between), checkpoint(tmp_path)
         with pytest.raises(Cancelled):
             saved.follow(fit, count := progress(stop))
             fit.run(count, saved)
         saved.save()
         assert fit.done == stood
-    fit, saved = SplatFit(unlearned(), photos, 20, 0), checkpoint(tmp_path)
+    fit, saved = SplatFit(unlearned(), photos, 20, 0, between=between), checkpoint(tmp_path)
     saved.follow(fit, progress())
     assert fit.done == 14
     fit.run(progress(), saved)

@@ -1,0 +1,81 @@
+"""Between photos that stand far apart there are cameras which look at the same thing, and the field's pictures."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("numba")
+
+from karf_engine.capture.camera import Camera
+from karf_engine.splats.between import PICTURES, SIDE, cameras_between, pictures_of
+
+MIDDLE = np.array([1.0, 2.0, 0.5])
+
+
+def looking(direction, distance=4.0):
+    """A camera that looks at MIDDLE from a direction, [3]."""
+    back = np.asarray(direction) / np.linalg.norm(direction)
+    right = np.cross([0.0, 0.0, 1.0], back)
+    right /= np.linalg.norm(right)
+    pose = np.eye(4)
+    pose[:3] = np.stack([right, np.cross(back, right), back, MIDDLE + distance * back], 1)
+    return Camera(80, 60, 90.0, 90.0, 40.0, 30.0, pose)
+
+
+def ring(count):
+    """Cameras all round, in two heights."""
+    turns = 2 * np.pi * np.arange(count) / count
+    return [looking((np.cos(turn), np.sin(turn), 0.4 + 0.4 * (number % 2)), 4) for number, turn in enumerate(turns)]
+
+
+def scene(kind="opaque", shade=0.25):
+    """What shows one gray everywhere, and notes from where it was looked at."""
+    looks = []
+
+    def render(camera, n_quantiles):
+        looks.append(camera)
+        return SimpleNamespace(color=torch.full((camera.height, camera.width, 3), shade))
+
+    return SimpleNamespace(background_kind=kind, render=render, looks=looks)
+
+
+def test_there_are_none_where_photos_stand_close_or_are_cut_out():
+    assert len(cameras_between(scene(), ring(10), 0)) == 10 * PICTURES
+    assert cameras_between(scene(), ring(60), 0) == []
+    assert cameras_between(scene("alpha"), ring(10), 0) == []
+    assert cameras_between(scene(), ring(2), 0) == []
+
+
+def test_they_look_at_what_the_photos_look_at_from_no_farther_out():
+    cameras = ring(10)
+    heights = [camera.position[2] for camera in cameras]
+    for number, camera in enumerate(cameras_between(scene(), cameras, 0)):
+        towards = MIDDLE - camera.position
+        assert_allclose(np.linalg.norm(towards), 4, atol=1e-6)
+        assert_allclose(-camera.camera_to_world[:3, 2], towards / 4, atol=1e-6)
+        own = cameras[number // PICTURES]
+        beside = (own.position - MIDDLE) @ (camera.position - MIDDLE) / 16
+        assert beside > np.cos(np.radians(80)), "not on another side than its photo"
+        assert min(heights) - 0.1 < camera.position[2] < max(heights) + 1
+        assert (camera.width, camera.fx) == (own.width, own.fx)
+
+
+def test_the_seed_says_where():
+    first, again, other = (
+        np.stack([each.position for each in cameras_between(scene(), ring(10), seed)]) for seed in (0, 0, 1)
+    )
+    assert_allclose(first, again)
+    assert np.abs(first - other).max() > 0.1
+
+
+def test_their_pictures_are_the_fields_and_no_larger_than_it_is_fine():
+    field, steps = scene(), []
+    large = replace(ring(3)[0], width=2 * SIDE, height=SIDE, fx=600.0, fy=600.0, cx=256.0, cy=128.0)
+    small, halved = pictures_of(field, [ring(3)[1], large], lambda: steps.append(1))
+    assert small.color.shape == (60, 80, 3) and halved.color.shape == (SIDE // 2, SIDE, 3)
+    assert (small.color == 64).all() and small.alpha is None and small.valid is None
+    assert field.looks[1].fx == 300 and halved.camera.width == SIDE and len(steps) == 2
