@@ -131,7 +131,7 @@ class _Work:
                 f"There is no object {unknown[0]!r:.200}.", f"Objects are: {', '.join(self._model.objects)}."
             )
         numbers = [self._model.objects.index(name) for name in self._options.objects]
-        are_of = self._model.splat_shares[:, numbers] > MOSTLY
+        are_of = self._model.splatted.shares[:, numbers] > MOSTLY
         empty = [name for name, rows in zip(self._options.objects, are_of.T, strict=True) if not rows.any()]
         if empty:
             raise BadRequest(
@@ -143,7 +143,7 @@ class _Work:
         """Those that are asked for, of all rows; what an earlier export with more colors has left becomes 0."""
         if not self._options.attributes:
             return {}
-        own = columns_of(self._model.splat_shares, self._model.splat_objects)
+        own = columns_of(self._model.splatted.shares, self._model.splatted.objects)
         foreign = self._original.splats.columns if self._original else {}
         stale = [name for name in foreign if name.startswith(WEIGHT) and name not in own]
         return own | {name: np.zeros_like(foreign[name]) for name in stale}

@@ -50,17 +50,16 @@ from ..project.settings import Settings
 from ..segmentation.doubts import SurfaceDoubts
 from ..splats.files import load_gaussians
 from ..splats.gaussians import Gaussians
-from .borders import EdgedSplats
 from .frames import BAND_RAYS, Frame, averaged, bands_of, joined
 from .full_resolution import PhotoView, dense_weights, full_resolution_view
 from .grain import grain_of, without_grain
 from .matting.marks import Marks, marks_of, straightened
 from .matting.matte import Matte, dense_coverage, disputed_objects
 from .render_cache import RenderCache
-from .splat_colors import ObjectSplats, planes_of_view, recolored, shares_of_objects, splats_of_objects
+from .splatted_scene import SplattedScene, splatted
 
 if TYPE_CHECKING:
-    from ..splats.rasterizer import SplattedView  # needs numba
+    pass  # needs numba
 
 BASES = {"delta": "photo", "paper": "render"}  # default picture that an edit of a captured view changes
 MOST_SUPERSAMPLING = 64
@@ -79,7 +78,7 @@ class Model:
         segmentation: F_s, or None before segmentation.
         palettes: of the objects, in their order; empty before palettes are learned.
         recoloring: F_w, or None before palettes are learned.
-        splats: the scene as Gaussians, from which any camera is rendered; None where they are not learned, the settings
+        splatted: the scene as Gaussians, from which any camera is rendered; None where they are not learned, the settings
             ask for the field, or the package numba is missing.
 
     Example:
@@ -110,13 +109,14 @@ class Model:
             self.palettes = read_palettes(project.checked(project.palette_file), objects=self.objects)
             path, bounds = project.checked(project.recoloring_file), self.segmentation.bounds
             self.recoloring = load_recoloring(path, bounds, n_features, self.palettes, self.device)
-        self.splats: Gaussians | None = None
+        self.splatted: SplattedScene | None = None
         if project.finished("splats") and self.settings.render.source == "splats" and has_kernels():
-            self.splats = load_gaussians(project.checked(project.splats_file))
+            gaussians = load_gaussians(project.checked(project.splats_file))
+            learned = self.scene, self.segmentation, self.palettes
+            self.splatted = SplattedScene(gaussians, *learned, lambda: self.capture.views)
             take_from_torch()  # pictures of splats are made by kernels, whatever the field is computed by
         self._looks = RenderCache(project)
         self._looked: tuple[Any, Frame | None] = (None, None)
-        self._baked: tuple[Any, Gaussians | None] = (None, None)
 
     @classmethod
     @checked
@@ -143,6 +143,11 @@ class Model:
 
     def __repr__(self) -> str:
         return f"Model({self.project.folder}: {', '.join(self.objects) or 'no objects yet'})"
+
+    @property
+    def splats(self) -> Gaussians | None:
+        """The scene as Gaussians, from which any camera is rendered; None where it is rendered from the field."""
+        return None if self.splatted is None else self.splatted.gaussians
 
     @property
     def learned_colors(self) -> np.ndarray:
@@ -173,43 +178,13 @@ class Model:
         camera = camera.without_distortion()
         if self.splats is None:
             return _in_bands(self._render_pinhole, camera, supersampling)
-        frame = _in_bands(self._splat_pinhole, camera, supersampling)
+        frame = _in_bands(self.splatted.frame, camera, supersampling)
         return replace(frame, camera=camera, supersampling=supersampling)
 
     def _render_pinhole(self, camera: Camera) -> Frame:
         from_field = self.recoloring is not None
         picture = self.scene.render(camera, WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
         return self.frame_of(picture, picture.color.cpu().numpy(), from_field)
-
-    def _splat_pinhole(self, camera: Camera, edges: Mapping[str, EdgeShape] | None = None) -> Frame:
-        view = _splatted(self.splats, camera)
-        is_solid = np.arange(len(self.splats)) < self.splats.n_solid
-        values = np.stack([is_solid, np.where(is_solid, view.depths, 0)], 1).astype(np.float32)
-        opacity, depth = view.blended(values)
-        depth = np.divide(depth, opacity, out=np.zeros_like(depth), where=opacity > 0)
-        color = view.picture()
-        picture = Picture(*map(torch.from_numpy, (color, opacity, depth)), None)
-        if self.recoloring is None:
-            shares = view.blended(self.splat_shares)
-            return Frame(picture, shares, None, color)
-        objects = self._edged_splats.objects(edges, {}) if edges else self.splat_objects
-        return Frame(picture, *planes_of_view(view, self.splats, objects), color)
-
-    @cached_property
-    def splat_shares(self) -> np.ndarray:
-        """Probabilities of the objects at each Gaussian, [n, K]."""
-        if self.segmentation is None:
-            return np.zeros((len(self.splats), 0), np.float32)
-        return shares_of_objects(self.splats, self.segmentation, self.scene)
-
-    @cached_property
-    def splat_objects(self) -> tuple[ObjectSplats, ...]:
-        """The Gaussians of each object with their palette weights."""
-        return splats_of_objects(self.splats, self.splat_shares, self.palettes, {})
-
-    @cached_property
-    def _edged_splats(self) -> EdgedSplats:
-        return EdgedSplats(self.splats, self.splat_shares, self.palettes, self.capture.views)
 
     @checked
     def shown(self, camera: Camera, edit: Edit) -> np.ndarray:
@@ -230,7 +205,7 @@ class Model:
         check_camera(camera, "The camera", "Correct it.")
         if self.splats is None or edit.compositing != "delta":  # which no change of Gaussians can show
             return self.composite(self.render(camera), edit)
-        return _splatted(self.recolored_splats(edit), camera).picture()
+        return splatted(self.recolored_splats(edit), camera).picture()
 
     @checked
     def recolored_splats(self, edit: Edit) -> Gaussians:
@@ -247,16 +222,7 @@ class Model:
         if edit.compositing != "delta":
             raise BadRequest("An edit that replaces colors cannot be baked into splats.", "Make it one that adds.")
         self._check_edit(edit)
-        edges, colors = shaped_edges(edit.edges), {name: colors.tobytes() for name, colors in edit.colors.items()}
-        asked = repr(edit.added), repr(edges), colors
-        if self._baked[0] != asked:
-            objects = self.splat_objects
-            if edges:
-                objects = self._edged_splats.objects(edges, edit.added)
-            elif any(edit.added.values()):
-                objects = splats_of_objects(self.splats, self.splat_shares, self.palettes, edit.added)
-            self._baked = asked, recolored(self.splats, objects, self.palettes, edit)
-        return self._baked[1]
+        return self.splatted.recolored(edit)
 
     @checked
     @torch.no_grad()
@@ -264,8 +230,7 @@ class Model:
         """What a camera's pinhole sees behind all that is solid, [H, W, 3] float32 sRGB. Raises DataError where the camera cannot be."""
         check_camera(camera, "The camera", "Correct it.")
         if self.splats is not None:
-            shell = replace(self.splats, table=self.splats.table[self.splats.n_solid :])
-            return _splatted(shell, camera.without_distortion()).picture()
+            return self.splatted.behind(camera.without_distortion())
         rays = camera_rays(camera.without_distortion(), self.device)
         colors = [self.scene.behind(some) for some in rays.viewdirs.split(BAND_RAYS)]
         return torch.cat(colors).cpu().numpy().reshape(camera.height, camera.width, 3)
@@ -572,7 +537,7 @@ class Model:
         if not shaped_edges(edges):
             return frame
         if frame.camera is not None and self.splats is not None:
-            render = partial(self._splat_pinhole, edges=shaped_edges(edges))
+            render = partial(self.splatted.frame, edges=shaped_edges(edges))
             ended = _in_bands(render, frame.camera, frame.supersampling)
             return replace(frame, palette_weights=ended.palette_weights, probabilities=ended.probabilities)
         scale = max(frame.base.shape[:2]) / self._photo_side
@@ -616,9 +581,3 @@ def _in_bands(render: Callable[[Camera], Frame], pinhole: Camera, supersampling:
     """A pinhole's frame, of several rays a pixel, rendered in bands of rows that memory holds."""
     frames = [averaged(render(band), supersampling) for band in bands_of(pinhole, supersampling)]
     return frames[0] if len(frames) == 1 else joined(frames)
-
-
-def _splatted(gaussians: Gaussians, camera: Camera) -> SplattedView:
-    from ..splats.rasterizer import splatted  # needs numba
-
-    return splatted(gaussians, camera)

@@ -67,7 +67,7 @@ def test_an_edit_reaches_the_colors_of_its_object_alone(learned, model, own, edi
     karf.export_splat(learned.project, tmp_path / "blue.ply", edit=edit_file)
     table = read_splats(tmp_path / "blue.ply").table
     rows = changed_rows(table, own.table)
-    of_ball = model.splat_shares[:, model.objects.index("ball")] > 0
+    of_ball = model.splatted.shares[:, model.objects.index("ball")] > 0
     assert rows.any() and not rows[~of_ball].any()
     assert_array_equal(table[:, :COLOR], own.table[:, :COLOR])
 
@@ -85,7 +85,7 @@ def test_other_kinds_of_files_hold_the_same_scene(learned, own, edit_file, tmp_p
 def test_an_object_is_cut_out(learned, model, own, tmp_path):
     karf.export_splat(learned.project, tmp_path / "ball.ply", objects=["ball"])
     table = read_splats(tmp_path / "ball.ply").table
-    mine = model.splat_shares[:, model.objects.index("ball")] > 0.5
+    mine = model.splatted.shares[:, model.objects.index("ball")] > 0.5
     assert 0 < mine.sum() < own.n_solid
     assert_array_equal(table, own.table[mine])
 
@@ -101,8 +101,8 @@ def test_attributes_say_what_each_gaussian_is_of(learned, model, own, tmp_path):
     longest = max(len(palette.colors) for palette in model.palettes)
     assert set(columns) == {"karf_object", "karf_probability", *(f"karf_weight_{n}" for n in range(longest))}
     number = 1 + model.objects.index("ball")
-    mine = model.splat_shares[:, number - 1] > 0.5
-    assert_array_equal(columns["karf_object"] == number, mine & (model.splat_shares.argmax(1) == number - 1))
+    mine = model.splatted.shares[:, number - 1] > 0.5
+    assert_array_equal(columns["karf_object"] == number, mine & (model.splatted.shares.argmax(1) == number - 1))
     weights = np.stack([columns[f"karf_weight_{n}"] for n in range(longest)], 1)
     assert_allclose(weights[columns["karf_object"] > 0].sum(1), 1, atol=1e-5)
     assert not weights[columns["karf_object"] == 0].any()
@@ -113,7 +113,7 @@ def test_a_sheet_gives_a_file_for_each_colorway(learned, model, tmp_path):
     karf.export_splat(learned.project, tmp_path / "scene.ply", sheet=tmp_path / "sheet.csv")
     tables = [read_splats(tmp_path / f"scene_{name}.ply").table for name in ("sea", "rust")]
     assert not (tmp_path / "scene.ply").exists()
-    rows = model.splat_shares[:, model.objects.index("ball")] > 0.5
+    rows = model.splatted.shares[:, model.objects.index("ball")] > 0.5
     sea, rust = (table[rows, COLOR : COLOR + 3].mean(0) for table in tables)
     assert sea[2] > rust[2] and sea[0] < rust[0]
 

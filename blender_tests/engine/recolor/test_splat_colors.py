@@ -12,12 +12,12 @@ pytest.importorskip("numba")
 from blender_tests.engine.conftest import of_field
 from karf_engine.errors import BadRequest
 from karf_engine.metrics.images import psnr
-from karf_engine.palettes.palette import AddedColor, Palette
+from karf_engine.palettes.palette import AddedColor, Edit, Palette
 from karf_engine.project import Project
 from karf_engine.recolor import model as model_module
 from karf_engine.recolor.frames import with_alpha
 from karf_engine.recolor.model import Model
-from karf_engine.recolor.splat_colors import planes_of_view, recolored, splats_of_objects
+from karf_engine.recolor.splat_colors import planes_of_view, recolored, shares_of_objects, splats_of_objects
 from karf_engine.splats.gaussians import Gaussians
 from karf_engine.splats.kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
 from karf_engine.splats.rasterizer import splatted
@@ -102,7 +102,7 @@ def test_an_edit_in_the_colors_is_what_the_planes_composite(model, camera, green
 
 def test_only_the_edited_object_changes(model, green):
     changed = (model.recolored_splats(green).table != model.splats.table).any(1)
-    shares = model.splat_shares
+    shares = model.splatted.shares
     assert changed.any() and (shares[changed, model.objects.index("ball")] > 0).all()
     assert not changed[model.splats.n_solid :].any()
     assert_array_equal(model.recolored_splats(green).table[:, :COLOR], model.splats.table[:, :COLOR])
@@ -117,17 +117,17 @@ def test_shares_are_those_of_f_s_and_nothing_outside_its_boxes(model):
     table = model.splats.table.copy()
     table[::3, :3] += 5
     moved = replace(model.splats, table=table)
-    shares = model_module.shares_of_objects(moved, model.segmentation, model.scene)
+    shares = shares_of_objects(moved, model.segmentation, model.scene)
     centers = model.scene.field.space.to_grid(torch.from_numpy(table[:, :3]))
     inside = model.segmentation.inside(centers).any(1).numpy()
     assert inside.any() and not inside[::3].any()
-    assert_allclose(shares[inside], model.splat_shares[inside], atol=1e-5)
+    assert_allclose(shares[inside], model.splatted.shares[inside], atol=1e-5)
     assert (shares[~inside] == 0).all() and (shares >= 0).all() and (shares.sum(1) <= 1 + 1e-5).all()
 
 
 def test_what_is_behind_is_never_of_an_object(model):
     behind = replace(model.splats, n_behind=len(model.splats))
-    assert not model_module.shares_of_objects(behind, model.segmentation, model.scene).any()
+    assert not shares_of_objects(behind, model.segmentation, model.scene).any()
 
 
 def test_an_edit_that_replaces_colors_cannot_be_baked(model):
@@ -172,7 +172,7 @@ PALETTE = Palette("pot", np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 1]]))
 
 def baked(gaussians, colors, share=1.0):
     objects = splats_of_objects(gaussians, np.full((1, 1), share, np.float32), [PALETTE], {})
-    edit = model_module.Edit({"pot": np.float32(colors)})
+    edit = Edit({"pot": np.float32(colors)})
     return recolored(gaussians, objects, [PALETTE], edit)
 
 
@@ -215,7 +215,7 @@ def test_the_shell_is_behind_and_no_part_of_the_cut_out(model, camera):
     blue[0, COLOR : COLOR + 3] = (np.array([0, 0, 1]) - 0.5) / C0
     table = np.concatenate([model.splats.table, blue])
     own = Model.load(model.project.folder, "cpu")
-    own.splats = replace(model.splats, table=table, n_behind=1)
+    own.splatted.gaussians = replace(model.splats, table=table, n_behind=1)
     frame, plain = own.render(camera), model.render(camera)
     assert_allclose(frame.opacity, plain.opacity, atol=1e-4)
     assert_allclose(frame.depth, plain.depth, atol=1e-3)
